@@ -1,0 +1,31 @@
+# Compiler settings that every target shares, as one interface target.
+
+add_library(etalon_compiler INTERFACE)
+# No fast-math anywhere: NaN must stay visible, and sums must not be reordered behind our back.
+# No contraction: a fused multiply-add in one build and not in the next would change results.
+target_compile_options(etalon_compiler INTERFACE
+    -Wall -Wextra -Wpedantic -Wno-missing-field-initializers -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -ffp-contract=off
+    -pthread   # on every file or none: a precompiled header is refused when it differs
+    $<$<BOOL:${ETALON_WARNINGS_AS_ERRORS}>:-Werror>)
+
+# g++ 12 sees an impossible memcpy inside std::string (its bug 105651): not our warning.
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    target_compile_options(etalon_compiler INTERFACE -Wno-stringop-overflow -Wno-restrict -Wno-array-bounds)
+endif()
+
+if(ETALON_SANITIZE)
+    target_compile_options(etalon_compiler INTERFACE
+        -fsanitize=${ETALON_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+    target_link_options(etalon_compiler INTERFACE -fsanitize=${ETALON_SANITIZE})
+endif()
+
+# ccache is used when it is there. The two sloppiness flags are what it needs for precompiled
+# headers; neither can change what is compiled.
+find_program(CCACHE_PROGRAM ccache)
+if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+    set(CMAKE_CXX_COMPILER_LAUNCHER
+        ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${CCACHE_PROGRAM})
+    if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+        target_compile_options(etalon_compiler INTERFACE -fpch-preprocess)
+    endif()
+endif()

@@ -1,0 +1,30 @@
+# Every library from outside, found once. Required ones stop the configuration; the SDKs of
+# devices are optional: without one its backend is left out, and `etalon devices` says so.
+
+find_package(PkgConfig REQUIRED)
+find_package(Threads REQUIRED)
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(OpenCV 4.5 REQUIRED COMPONENTS core imgproc imgcodecs calib3d features2d)
+find_package(OpenCV 4.5 QUIET OPTIONAL_COMPONENTS aruco objdetect)
+find_package(Ceres REQUIRED)
+find_package(yaml-cpp REQUIRED)
+find_package(nlohmann_json REQUIRED)
+find_package(CLI11 REQUIRED)
+find_package(fmt REQUIRED)
+find_package(TBB REQUIRED)
+pkg_check_modules(APRILTAG REQUIRED IMPORTED_TARGET apriltag)
+
+pkg_check_modules(MODBUS REQUIRED IMPORTED_TARGET libmodbus>=3.1.6)
+pkg_check_modules(ARAVIS IMPORTED_TARGET aravis-0.8)
+
+if(NOT TARGET yaml-cpp::yaml-cpp)
+    add_library(yaml-cpp::yaml-cpp ALIAS yaml-cpp)   # the target's name before yaml-cpp 0.8
+endif()
+
+# OpenCV's headers mix enumerations in ways that C++20 deprecates: included as system headers.
+add_library(etalon_opencv INTERFACE)
+target_include_directories(etalon_opencv SYSTEM INTERFACE ${OpenCV_INCLUDE_DIRS})
+target_link_libraries(etalon_opencv INTERFACE ${OpenCV_LIBS})
+
+set(ETALON_HAVE_ARAVIS ${ARAVIS_FOUND})
+message(STATUS "Aravis (GenICam cameras): ${ARAVIS_FOUND} ${ARAVIS_VERSION}")

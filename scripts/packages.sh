@@ -1,0 +1,59 @@
+# Sourced by demo.sh and test.sh: what the project needs from Debian or Ubuntu, and how it is
+# installed when something is missing. Nothing is fetched or asked when all is there.
+
+build_packages="g++ cmake ninja-build ccache pkg-config libopencv-dev libopencv-contrib-dev \
+    libeigen3-dev libceres-dev libapriltag-dev libaravis-dev libusb-1.0-0-dev libmodbus-dev \
+    libyaml-cpp-dev nlohmann-json3-dev libcli11-dev libfmt-dev libtbb-dev"
+test_packages="libgtest-dev libgmock-dev poppler-utils"
+
+missing_packages() {
+    local package
+    for package in "$@"; do
+        dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' ||
+            echo "$package"
+    done
+}
+
+# install_packages PACKAGE...: as root, else through sudo, else says the exact line and gives up.
+install_packages() {
+    command -v apt-get >/dev/null || {
+        echo "This script installs Debian or Ubuntu packages, and this system has no apt-get." >&2
+        echo "Install the equivalents of: $*" >&2
+        return 3
+    }
+    local missing
+    missing=$(missing_packages "$@")
+    [ -n "$missing" ] || return 0
+    # shellcheck disable=SC2086  # a list of words on purpose
+    set -- $missing
+    local apt="apt-get -q -o DPkg::Lock::Timeout=300"
+    local as_root=""
+    if [ "$(id -u)" -ne 0 ]; then
+        if ! sudo -n true 2>/dev/null && ! { [ -t 0 ] && command -v sudo >/dev/null; }; then
+            echo "These packages are missing and need an administrator:" >&2
+            echo "    apt-get update && apt-get install --no-install-recommends $*" >&2
+            return 3
+        fi
+        as_root=sudo
+    fi
+    echo "== installing $# packages: $*"
+    # shellcheck disable=SC2086
+    $as_root env DEBIAN_FRONTEND=noninteractive $apt update >/dev/null &&
+        $as_root env DEBIAN_FRONTEND=noninteractive $apt install -y --no-install-recommends "$@" \
+            >build/packages.log 2>&1 || {
+        echo "Installing failed; the last lines of build/packages.log:" >&2
+        tail -n 15 build/packages.log >&2
+        return 3
+    }
+}
+
+# build_etalon TARGET...: configures and builds the release preset; quiet unless it fails.
+build_etalon() {
+    echo "== building (log: build/build.log)"
+    if ! { cmake --preset release && cmake --build build/release --target "$@"; } \
+            >build/build.log 2>&1; then
+        echo "The build failed:" >&2
+        grep -E -A 5 'error|Error|FAILED' build/build.log | head -n 40 >&2
+        return 3
+    fi
+}

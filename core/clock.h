@@ -1,0 +1,49 @@
+// Time as the station knows it: one monotonic clock, handed to whatever waits, so that tests run
+// on virtual time and never sleep.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <stop_token>
+
+namespace etalon {
+
+using Instant = std::chrono::steady_clock::time_point;
+using Duration = std::chrono::steady_clock::duration;
+
+class Clock {
+public:
+    virtual ~Clock() = default;
+
+    virtual Instant now() const = 0;
+
+    // Returns at `until`, or at once when a stop is requested. True if the time was reached.
+    virtual bool wait_until(Instant until, std::stop_token stop) = 0;
+
+    bool wait_for(Duration duration, std::stop_token stop) {
+        return wait_until(now() + duration, std::move(stop));
+    }
+};
+
+// The machine's monotonic clock. Safe from every thread.
+class SteadyClock final : public Clock {
+public:
+    Instant now() const override;
+    bool wait_until(Instant until, std::stop_token stop) override;
+};
+
+// Starts at zero and stands still until somebody waits: then it is at once as late as was waited
+// for. Safe from every thread; meant for tests with one.
+class VirtualClock final : public Clock {
+public:
+    Instant now() const override;
+    bool wait_until(Instant until, std::stop_token stop) override;
+    void advance(Duration duration);
+
+private:
+    mutable std::mutex mutex_;
+    Instant now_{};
+};
+
+}  // namespace etalon

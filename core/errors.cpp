@@ -1,0 +1,26 @@
+#include "core/errors.h"
+
+#include <fmt/format.h>
+
+namespace etalon {
+namespace {
+
+std::string config_message(const SourcePlace& place, const std::string& message) {
+    const std::string line = place.line > 0 ? fmt::format(":{}", place.line) : "";
+    const std::string key = place.key.empty() ? "" : fmt::format("{}: ", place.key);
+    return fmt::format("{}{}{}{}{}", place.file, line, place.file.empty() ? "" : ": ", key,
+                       message);
+}
+
+}  // namespace
+
+ConfigError::ConfigError(SourcePlace place, const std::string& message)
+    : Error(config_message(place, message)), place_(std::move(place)) {}
+
+DeviceError::DeviceError(std::string device, std::string request, std::string cause)
+    : Error(device + ": " + request + ": " + cause),
+      device_(std::move(device)),
+      request_(std::move(request)),
+      cause_(std::move(cause)) {}
+
+}  // namespace etalon

@@ -1,0 +1,98 @@
+#include "core/image.h"
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <system_error>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+cv::Mat read_any(const std::filesystem::path& path) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(path, ignored))  // OpenCV would print a warning of its own
+        throw ConfigError({path.string()}, "no such image");
+    cv::Mat image;
+    try {
+        image = cv::imread(path.string(), cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR);
+    } catch (const cv::Exception& error) {
+        throw ConfigError({path.string()}, "cannot be decoded: " + error.err);
+    }
+    if (image.empty())
+        throw ConfigError({path.string()}, "is not an image that can be read");
+    return image;
+}
+
+// Written beside its place and renamed into it, so that no reader ever sees half a file.
+void write_any(const std::filesystem::path& path, const cv::Mat& image) {
+    std::filesystem::path part = path;
+    part.replace_filename("." + path.stem().string() + ".part" + path.extension().string());
+    bool written = false;
+    try {
+        written = cv::imwrite(part.string(), image);
+    } catch (const cv::Exception&) {
+        written = false;  // an extension that OpenCV has no writer for
+    }
+    std::error_code error;
+    if (written)
+        std::filesystem::rename(part, path, error);
+    if (!written || error) {
+        std::error_code ignored;
+        std::filesystem::remove(part, ignored);
+        throw ConfigError({path.string()},
+                          "cannot be written" + (error ? ": " + error.message() : std::string()));
+    }
+}
+
+}  // namespace
+
+const char* name(FrameStatus status) {
+    switch (status) {
+        case FrameStatus::complete:
+            return "complete";
+        case FrameStatus::short_frame:
+            return "short";
+        case FrameStatus::corrupt:
+            return "corrupt";
+        case FrameStatus::lost:
+            return "lost";
+        case FrameStatus::timed_out:
+            return "timed out";
+    }
+    return "unknown";
+}
+
+CodeImage read_image(const std::filesystem::path& path) {
+    cv::Mat image = read_any(path);
+    if (image.channels() == 3)
+        cv::cvtColor(image, image, cv::COLOR_BGR2GRAY);
+    else if (image.channels() == 4)
+        cv::cvtColor(image, image, cv::COLOR_BGRA2GRAY);
+    if (image.type() == CV_8UC1)
+        return {image, 8};
+    if (image.type() == CV_16UC1)
+        return {image, 16};
+    throw ConfigError({path.string()}, "is neither an 8-bit nor a 16-bit image");
+}
+
+void write_image(const std::filesystem::path& path, const CodeImage& image) {
+    write_any(path, image.pixels);
+}
+
+void write_picture(const std::filesystem::path& path, const cv::Mat& bgr) {
+    write_any(path, bgr);
+}
+
+void write_radiance(const std::filesystem::path& path, const Radiance& radiance) {
+    write_any(path, radiance);
+}
+
+Radiance read_radiance(const std::filesystem::path& path) {
+    cv::Mat image = read_any(path);
+    if (image.type() != CV_32FC1)
+        throw ConfigError({path.string()}, "is not a 32-bit float image with one channel");
+    return image;
+}
+
+}  // namespace etalon

@@ -1,0 +1,267 @@
+#include "core/strict_reader.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <cmath>
+#include <functional>
+#include <map>
+#include <set>
+
+#include "core/text.h"
+
+namespace etalon {
+
+struct Value::Shared {
+    std::string file;
+    std::set<std::string> asked;                            // paths that were looked up
+    std::map<std::string, std::vector<std::string>> known;  // per mapping: keys looked for
+};
+
+namespace {
+
+constexpr int max_nodes = 1'000'000;  // an alias bomb expands to more
+
+int line_of(const YAML::Node& node) {
+    return node.Mark().line + 1;
+}
+
+std::string join(const std::string& path, const std::string& key) {
+    return path.empty() ? key : path + "." + key;
+}
+
+std::string item_path(const std::string& path, std::size_t index) {
+    return path + "[" + std::to_string(index) + "]";
+}
+
+YAML::Node parse(const std::string& text, const std::string& file) {
+    try {
+        return YAML::Load(text);
+    } catch (const YAML::Exception& error) {
+        throw ConfigError({file, error.mark.line + 1}, error.msg);
+    }
+}
+
+// Calls visit(path, key node, value node) for every key of every mapping in the tree.
+using Visit = std::function<void(const std::string&, const YAML::Node&, const YAML::Node&)>;
+void visit_keys(const YAML::Node& node, const std::string& path, const std::string& file,
+                int& budget, const Visit& visit) {
+    if (--budget < 0)
+        throw ConfigError({file}, "has more than a million values");
+    if (node.IsMap()) {
+        for (const auto& entry : node) {
+            if (!entry.first.IsScalar())
+                throw ConfigError({file, line_of(entry.first), path}, "a key must be a word");
+            visit(path, entry.first, entry.second);
+            visit_keys(entry.second, join(path, entry.first.Scalar()), file, budget, visit);
+        }
+    } else if (node.IsSequence()) {
+        for (std::size_t i = 0; i < node.size(); ++i)
+            visit_keys(node[i], item_path(path, i), file, budget, visit);
+    }
+}
+
+void refuse_doubled_keys(const YAML::Node& root, const std::string& file) {
+    std::map<std::string, int> first_line;
+    int budget = max_nodes;
+    visit_keys(root, "", file, budget,
+               [&](const std::string& path, const YAML::Node& key, const YAML::Node&) {
+                   const std::string full = join(path, key.Scalar());
+                   const auto [seen, is_new] = first_line.emplace(full, line_of(key));
+                   if (!is_new)
+                       throw ConfigError(
+                           {file, line_of(key), full},
+                           fmt::format("doubled key, first given in line {}", seen->second));
+               });
+}
+
+std::string describe(Range range) {
+    if (range.open_low && std::isinf(range.high))
+        return fmt::format("greater than {}", range.low);
+    if (std::isinf(range.high))
+        return fmt::format("at least {}", range.low);
+    if (std::isinf(range.low))
+        return fmt::format("at most {}", range.high);
+    return fmt::format("between {} and {}", range.low, range.high);
+}
+
+bool contains(Range range, double value) {
+    const bool above = range.open_low ? value > range.low : value >= range.low;
+    return above && value <= range.high;
+}
+
+}  // namespace
+
+Value::Value(std::shared_ptr<YAML::Node> node, std::string path, std::shared_ptr<Shared> shared)
+    : node_(std::move(node)), path_(std::move(path)), shared_(std::move(shared)) {}
+
+Value Value::child(const YAML::Node& node, std::string path) const {
+    return Value(std::make_shared<YAML::Node>(node), std::move(path), shared_);
+}
+
+Value Value::at(std::string_view key) const {
+    if (auto value = find(key))
+        return *value;
+    throw ConfigError({shared_->file, line_of(*node_), join(path_, std::string(key))}, "missing");
+}
+
+std::optional<Value> Value::find(std::string_view key) const {
+    if (!node_->IsMap())
+        fail("must be a mapping (key: value)");
+    const std::string word(key);
+    shared_->known[path_].push_back(word);
+    // Walked by hand: looking up by operator[] would convert keys and could change the node.
+    for (const auto& entry : *node_) {
+        if (entry.first.Scalar() == word) {
+            const std::string path = join(path_, word);
+            shared_->asked.insert(path);
+            return child(entry.second, path);
+        }
+    }
+    return std::nullopt;
+}
+
+std::vector<std::string> Value::keys() const {
+    if (!node_->IsMap())
+        fail("must be a mapping (key: value)");
+    std::vector<std::string> keys;
+    for (const auto& entry : *node_)
+        keys.push_back(entry.first.Scalar());
+    return keys;
+}
+
+std::vector<Value> Value::items() const {
+    if (!node_->IsSequence())
+        fail("must be a list");
+    std::vector<Value> items;
+    for (std::size_t i = 0; i < node_->size(); ++i)
+        items.push_back(child((*node_)[i], item_path(path_, i)));
+    return items;
+}
+
+double Value::number(Range range) const {
+    // yaml-cpp tags quoted scalars with "!", plain ones with "?".
+    if (!node_->IsScalar() || node_->Tag() == "!")
+        fail("must be a number");
+    const auto value = parse_number(node_->Scalar());
+    if (!value)
+        fail(fmt::format("must be a finite number, not '{}'", node_->Scalar()));
+    if (!contains(range, *value))
+        fail(fmt::format("must be {}, not {}", describe(range), *value));
+    return *value;
+}
+
+int Value::integer(int low, int high) const {
+    const double value = number({static_cast<double>(low), static_cast<double>(high)});
+    if (value != std::floor(value))
+        fail(fmt::format("must be a whole number, not {}", value));
+    return static_cast<int>(value);
+}
+
+bool Value::flag() const {
+    const std::string word = text();
+    if (word != "true" && word != "false")
+        fail(fmt::format("must be true or false, not '{}'", word));
+    return word == "true";
+}
+
+std::string Value::text() const {
+    if (!node_->IsScalar())
+        fail("must be a single word or text");
+    return node_->Scalar();
+}
+
+std::string Value::one_of(std::initializer_list<std::string_view> words) const {
+    const std::string word = text();
+    std::string allowed;
+    for (const std::string_view candidate : words) {
+        if (word == candidate)
+            return word;
+        allowed += (allowed.empty() ? "" : ", ") + std::string(candidate);
+    }
+    fail(fmt::format("must be one of {}; not '{}'", allowed, word));
+}
+
+std::vector<double> Value::numbers(std::size_t count, Range range) const {
+    std::vector<double> numbers;
+    for (const Value& item : items())
+        numbers.push_back(item.number(range));
+    if (count != 0 && numbers.size() != count)
+        fail(fmt::format("must have {} numbers, not {}", count, numbers.size()));
+    return numbers;
+}
+
+bool Value::is_mapping() const {
+    return node_->IsMap();
+}
+bool Value::is_list() const {
+    return node_->IsSequence();
+}
+bool Value::is_scalar() const {
+    return node_->IsScalar();
+}
+
+SourcePlace Value::place() const {
+    return {shared_->file, line_of(*node_), path_};
+}
+
+void Value::fail(const std::string& message) const {
+    throw ConfigError(place(), message);
+}
+
+StrictFile::StrictFile(const std::filesystem::path& path, std::string_view kind)
+    : StrictFile(read_text(path), path, kind) {}
+
+StrictFile StrictFile::from_text(const std::string& text, const std::string& name,
+                                 std::string_view kind) {
+    return StrictFile(text, std::filesystem::path(name), kind);
+}
+
+StrictFile::StrictFile(const std::string& text, const std::filesystem::path& path,
+                       std::string_view kind)
+    : path_(path),
+      root_(std::make_shared<YAML::Node>(parse(text, path.string())), "",
+            std::make_shared<Value::Shared>(Value::Shared{path.string(), {}, {}})) {
+    refuse_doubled_keys(*root_.node_, path.string());
+    if (!root_.node_->IsMap())
+        throw ConfigError({path.string(), 1}, fmt::format("must begin with 'etalon: {}'", kind));
+    const Value declared = root_.at("etalon");
+    if (declared.text() != kind)
+        declared.fail(fmt::format("must be '{}', not '{}'", kind, declared.text()));
+}
+
+std::filesystem::path StrictFile::resolve(const std::string& relative) const {
+    return path_.parent_path() / relative;
+}
+
+void StrictFile::finish() const {
+    const Value::Shared& shared = *root_.shared_;
+    int budget = max_nodes;
+    visit_keys(*root_.node_, "", shared.file, budget,
+               [&](const std::string& path, const YAML::Node& key, const YAML::Node&) {
+                   const std::string full = join(path, key.Scalar());
+                   if (shared.asked.contains(full))
+                       return;
+                   const auto known = shared.known.find(path);
+                   const std::string meant =
+                       known == shared.known.end() ? "" : nearest_word(key.Scalar(), known->second);
+                   throw ConfigError({shared.file, line_of(key), full},
+                                     meant.empty() ? "unknown key"
+                                                   : "unknown key; did you mean '" + meant + "'?");
+               });
+}
+
+bool is_etalon_file(const std::filesystem::path& path) {
+    for (const std::string& line : split(read_text(path), '\n')) {
+        const std::string_view text = trimmed(line);
+        if (text.starts_with("etalon:") || text.starts_with("\"etalon\":"))
+            return true;
+        const bool opens_json = text.starts_with("{");
+        if (opens_json && text.find("\"etalon\"") != std::string_view::npos)
+            return true;
+        if (!text.empty() && !text.starts_with("#") && text != "---" && text != "{")
+            return false;
+    }
+    return false;
+}
+
+}  // namespace etalon

@@ -1,0 +1,158 @@
+#include "core/text.h"
+
+#include <charconv>
+#include <fstream>
+#include <numeric>
+#include <sstream>
+#include <system_error>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+constexpr std::uintmax_t max_text_bytes = 64u << 20;
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+    std::vector<std::size_t> row(b.size() + 1);
+    std::iota(row.begin(), row.end(), std::size_t{0});
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        std::size_t diagonal = row[0];
+        row[0] = i + 1;
+        for (std::size_t j = 0; j < b.size(); ++j) {
+            const std::size_t substitution = diagonal + (a[i] == b[j] ? 0 : 1);
+            diagonal = row[j + 1];
+            row[j + 1] = std::min({row[j] + 1, row[j + 1] + 1, substitution});
+        }
+    }
+    return row.back();
+}
+
+template <class Number>
+std::optional<Number> parse_whole(std::string_view text) {
+    text = trimmed(text);
+    if (text.starts_with('+'))
+        text.remove_prefix(1);
+    Number value{};
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size())
+        return std::nullopt;
+    return value;
+}
+
+}  // namespace
+
+std::optional<double> parse_number(std::string_view text) {
+    const auto value = parse_whole<double>(text);
+    return value && std::isfinite(*value) ? value : std::nullopt;
+}
+
+std::optional<long long> parse_integer(std::string_view text) {
+    return parse_whole<long long>(text);
+}
+
+std::vector<double> parse_numbers(std::string_view text, std::size_t count,
+                                  const std::string& place) {
+    std::vector<double> numbers;
+    for (const std::string& part : split(text, ',')) {
+        const auto number = parse_number(part);
+        if (!number)
+            throw ConfigError({place}, fmt::format("'{}' is not a finite number", part));
+        numbers.push_back(*number);
+    }
+    if (numbers.size() != count)
+        throw ConfigError({place}, fmt::format("expected {} numbers separated by commas, got {}",
+                                               count, numbers.size()));
+    return numbers;
+}
+
+std::string_view trimmed(std::string_view text) {
+    constexpr std::string_view blanks = " \t\r\n";
+    const auto first = text.find_first_not_of(blanks);
+    if (first == std::string_view::npos)
+        return {};
+    return text.substr(first, text.find_last_not_of(blanks) - first + 1);
+}
+
+std::vector<std::string> split(std::string_view text, char separator) {
+    std::vector<std::string> parts;
+    for (std::size_t begin = 0;;) {
+        const auto end = text.find(separator, begin);
+        parts.emplace_back(text.substr(begin, end - begin));
+        if (end == std::string_view::npos)
+            return parts;
+        begin = end + 1;
+    }
+}
+
+std::string nearest_word(std::string_view word, const std::vector<std::string>& candidates) {
+    std::string nearest;
+    std::size_t best = word.size() / 2 + 2;  // farther than that is no misspelling
+    for (const std::string& candidate : candidates) {
+        const std::size_t distance = edit_distance(word, candidate);
+        if (distance < best) {
+            best = distance;
+            nearest = candidate;
+        }
+    }
+    return nearest;
+}
+
+std::string exact(double value) {
+    return fmt::format("{}", value);
+}
+
+std::string read_text(const std::filesystem::path& path) {
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(path, error))
+        throw ConfigError({path.string()}, "no such file");
+    if (std::filesystem::file_size(path, error) > max_text_bytes)
+        throw ConfigError({path.string()}, "is larger than 64 MiB");
+    std::ifstream file(path, std::ios::binary);
+    std::ostringstream text;
+    text << file.rdbuf();
+    if (!file)
+        throw ConfigError({path.string()}, "cannot be read");
+    return std::move(text).str();
+}
+
+void write_text(const std::filesystem::path& path, std::string_view text) {
+    std::filesystem::path part = path;
+    part += ".part";
+    std::ofstream file(part, std::ios::binary | std::ios::trunc);
+    file.write(text.data(), static_cast<std::streamsize>(text.size()));
+    file.close();
+    std::error_code error;
+    if (file)
+        std::filesystem::rename(part, path, error);
+    if (!file || error) {
+        std::error_code ignored;
+        std::filesystem::remove(part, ignored);
+        throw ConfigError({path.string()}, "cannot be written");
+    }
+}
+
+std::string escape_html(std::string_view text) {
+    std::string escaped;
+    for (const char c : text) {
+        switch (c) {
+            case '&':
+                escaped += "&amp;";
+                break;
+            case '<':
+                escaped += "&lt;";
+                break;
+            case '>':
+                escaped += "&gt;";
+                break;
+            case '"':
+                escaped += "&quot;";
+                break;
+            default:
+                escaped += c;
+        }
+    }
+    return escaped;
+}
+
+}  // namespace etalon

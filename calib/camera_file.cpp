@@ -1,0 +1,259 @@
+#include "calib/camera_file.h"
+
+#include <Eigen/Eigenvalues>
+#include <numbers>
+
+#include "calib/opencv_file.h"
+#include "calib/parameter_names.h"
+#include "calib/ros_file.h"
+#include "core/strict_reader.h"
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+Intrinsics read_intrinsics(const Value& value) {
+    return {.fx = value.at("fx").number(positive),
+            .fy = value.at("fy").number(positive),
+            .cx = value.at("cx").number(),
+            .cy = value.at("cy").number()};
+}
+
+Distortion read_distortion(const Value& value) {
+    std::array<double, 14> coefficients{};
+    for (std::size_t i = 0; i < coefficients.size(); ++i) {
+        const bool is_tilt = i >= 12;
+        constexpr double right_angle = std::numbers::pi / 2;
+        if (const auto given = value.find(distortion_names[i]))
+            coefficients[i] =
+                given->number(is_tilt ? Range{-right_angle, right_angle} : any_number);
+    }
+    return Distortion::from_opencv_order(coefficients);
+}
+
+std::vector<std::string> read_parameter_order(const Value& value) {
+    std::vector<std::string> order;
+    for (const Value& item : value.items()) {
+        const std::string name = item.text();
+        if (!is_camera_parameter(name))
+            item.fail("is no camera parameter: '" + name + "'");
+        if (std::find(order.begin(), order.end(), name) != order.end())
+            item.fail("is listed twice: '" + name + "'");
+        order.push_back(name);
+    }
+    return order;
+}
+
+// Of the correlations, so that the parameters' units do not matter; -1e-6 leaves room for the
+// rounding of files written with few digits.
+bool is_positive_semidefinite(const Eigen::MatrixXd& matrix) {
+    const Eigen::VectorXd deviations = matrix.diagonal().cwiseSqrt();
+    if (!deviations.allFinite())
+        return false;  // a negative variance
+    Eigen::MatrixXd correlation = matrix;
+    for (Eigen::Index i = 0; i < matrix.rows(); ++i)
+        for (Eigen::Index j = 0; j < matrix.cols(); ++j) {
+            const double scale = deviations(i) * deviations(j);
+            if (scale > 0.0)
+                correlation(i, j) /= scale;
+            else if (matrix(i, j) != 0.0)
+                return false;  // correlated with something known exactly
+        }
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(correlation, Eigen::EigenvaluesOnly);
+    return eigen.info() == Eigen::Success && eigen.eigenvalues().minCoeff() >= -1e-6;
+}
+
+ParameterCovariance read_covariance(const Value& value) {
+    ParameterCovariance covariance;
+    covariance.order = read_parameter_order(value.at("order"));
+    const std::size_t n = covariance.order.size();
+    if (n == 0)
+        value.at("order").fail("must name at least one parameter");
+    const Value lower = value.at("lower");
+    const std::vector<double> entries = lower.numbers(n * (n + 1) / 2);
+    covariance.matrix.resize(n, n);
+    std::size_t next = 0;
+    for (std::size_t row = 0; row < n; ++row)
+        for (std::size_t col = 0; col <= row; ++col)
+            covariance.matrix(row, col) = covariance.matrix(col, row) = entries[next++];
+    if (!is_positive_semidefinite(covariance.matrix))
+        lower.fail("is no covariance: not positive semi-definite");
+    return covariance;
+}
+
+// What the format knows but this version cannot do is refused by name.
+PointSpread read_point_spread(const Value& value) {
+    if (value.is_scalar()) {
+        if (value.text() == "wave")
+            value.fail("'wave' is not available yet; use ideal or gaussian");
+        value.one_of({"ideal"});
+        return {};
+    }
+    if (value.find("measured"))
+        value.fail("'measured' is not available yet; use ideal or gaussian");
+    return {.kind = PointSpread::Kind::gaussian,
+            .sigma_px = value.at("gaussian").at("sigma_px").number(positive)};
+}
+
+double read_focus_distance(const Value& value) {
+    if (value.is_scalar() && value.text() == "infinity")
+        return std::numeric_limits<double>::infinity();
+    return value.number(positive);
+}
+
+// Engraved f-number from whichever is given: N = N_w f / v = N_w / (1 + v / z_f).
+double read_f_number(const Value& lens, double image_distance_mm, double focus_distance_mm) {
+    const auto engraved = lens.find("f_number"), working = lens.find("working_f_number");
+    if (!working)
+        return lens.at("f_number").number(positive);
+    const double from_working =
+        working->number(positive) / (1.0 + image_distance_mm / focus_distance_mm);
+    if (!engraved)
+        return from_working;
+    const double f_number = engraved->number(positive);
+    if (!(std::abs(from_working / f_number - 1.0) <= 1e-6))
+        working->fail(
+            fmt::format("contradicts f_number {}: belongs to {}", f_number, from_working));
+    return f_number;
+}
+
+Lens read_lens(const Value& value, double image_distance_mm) {
+    Lens lens;
+    lens.focus_distance_mm = read_focus_distance(value.at("focus_distance_mm"));
+    lens.f_number = read_f_number(value, image_distance_mm, lens.focus_distance_mm);
+    lens.wavelength_nm = value.at("wavelength_nm").number(positive);
+    if (const auto psf = value.find("psf"))
+        lens.psf = read_point_spread(*psf);
+    return lens;
+}
+
+// CSV `radiance,code`; codes become fractions of full scale.
+std::vector<std::pair<double, double>> read_transfer_table(const std::filesystem::path& path,
+                                                           int full_scale) {
+    std::vector<std::pair<double, double>> table;
+    const std::vector<std::string> lines = split(read_text(path), '\n');
+    if (trimmed(lines.front()) != "radiance,code")
+        throw ConfigError({path.string(), 1}, "must begin with the header radiance,code");
+    for (std::size_t i = 1; i < lines.size(); ++i) {
+        const SourcePlace place{path.string(), static_cast<int>(i) + 1};
+        if (trimmed(lines[i]).empty())
+            continue;
+        const auto cells = split(lines[i], ',');
+        const auto radiance = cells.size() == 2 ? parse_number(cells[0]) : std::nullopt;
+        const auto code = cells.size() == 2 ? parse_number(cells[1]) : std::nullopt;
+        if (!radiance || !code)
+            throw ConfigError(place, "must be two finite numbers");
+        if (*radiance < 0.0 || *code < 0.0 || *code > full_scale)
+            throw ConfigError(
+                place,
+                fmt::format("radiance must be at least 0 and code between 0 and {}", full_scale));
+        const std::pair<double, double> entry(*radiance, *code / full_scale);
+        if (!table.empty() &&
+            (entry.first <= table.back().first || entry.second <= table.back().second))
+            throw ConfigError(place, "must be greater than the line before, in both columns");
+        table.push_back(entry);
+    }
+    if (table.size() < 2)
+        throw ConfigError({path.string()}, "must have at least two lines of numbers");
+    return table;
+}
+
+Transfer read_transfer(const StrictFile& file, const Value& value, int full_scale) {
+    if (value.is_scalar())
+        return {.kind = value.one_of({"linear", "rec709"}) == "linear" ? Transfer::Kind::linear
+                                                                       : Transfer::Kind::rec709};
+    const std::string table = value.at("table").at("file").text();
+    return {.kind = Transfer::Kind::table,
+            .table = read_transfer_table(file.resolve(table), full_scale)};
+}
+
+Sensor read_sensor(const StrictFile& file, const Value& value) {
+    Sensor sensor;
+    const auto number = [&value](const char* key, Range range) {
+        const auto given = value.find(key);
+        return given ? given->number(range) : 0.0;
+    };
+    sensor.pixel_pitch_um = number("pixel_pitch_um", positive);
+    if (const auto bits = value.find("bits"))
+        sensor.bits = bits->integer(1, 16);
+    const int full_scale = (1 << sensor.bits) - 1;
+    if (const auto transfer = value.find("transfer"))
+        sensor.transfer = read_transfer(file, *transfer, full_scale);
+    sensor.black_dn = number("black", {0.0, static_cast<double>(full_scale)});
+    sensor.gain_e_per_dn = number("gain_e_per_dn", non_negative);
+    sensor.read_noise_e = number("read_noise_e", non_negative);
+    if (sensor.read_noise_e > 0.0 && sensor.gain_e_per_dn == 0.0)
+        value.at("read_noise_e").fail("needs gain_e_per_dn to become code values");
+    if (const auto illumination = value.find("illumination"))
+        sensor.cos4_illumination = illumination->at("cos4").flag();
+    return sensor;
+}
+
+// A lens whose numbers overflow or vanish in double precision is no lens.
+void check_lens(const CameraModel& camera, const Value& value) {
+    const ThinLens lens = thin_lens(camera);
+    for (const double length : {lens.image_distance_mm, lens.focal_length_mm,
+                                lens.aperture_diameter_mm, lens.working_f_number})
+        if (!std::isfinite(length) || length <= 0.0)
+            value.fail("describes no lens: a length overflows or vanishes");
+}
+
+CameraModel read_own_camera(const std::filesystem::path& path) {
+    const StrictFile file(path, "camera/1");
+    const Value root = file.root();
+    CameraModel camera;
+    if (const auto serial = root.find("serial"))
+        camera.serial = serial->text();
+    camera.width = root.at("image").at("width").integer(1, 100'000);
+    camera.height = root.at("image").at("height").integer(1, 100'000);
+    camera.intrinsics = read_intrinsics(root.at("intrinsics"));
+    if (const auto distortion = root.find("distortion"))
+        camera.distortion = read_distortion(*distortion);
+    if (const auto covariance = root.find("covariance"))
+        camera.covariance = read_covariance(*covariance);
+    if (const auto sensor = root.find("sensor"))
+        camera.sensor = read_sensor(file, *sensor);
+    if (const auto lens = root.find("lens")) {
+        const double pitch_um = root.at("sensor").at("pixel_pitch_um").number(positive);
+        camera.lens = read_lens(*lens, camera.intrinsics.fx * pitch_um * 1e-3);
+        check_lens(camera, *lens);
+    }
+    file.finish();
+    return camera;
+}
+
+// cv::FileStorage writes one of these beginnings; anything else can only be ROS' plain YAML.
+CameraModel read_foreign_camera(const std::filesystem::path& path) {
+    const std::string text = read_text(path);
+    const std::string_view beginning = trimmed(text);
+    if (beginning.starts_with("%YAML") || beginning.starts_with("<?xml") ||
+        beginning.starts_with("{"))
+        return read_opencv_camera(path);
+    return read_ros_camera(path);
+}
+
+void settle_image_size(CameraModel& camera, const std::filesystem::path& path,
+                       std::optional<cv::Size> known) {
+    const bool in_file = camera.width > 0;
+    if (!in_file && !known)
+        throw ConfigError({path.string(), 0, "image_width"},
+                          "missing, and the image size is not known from elsewhere");
+    if (in_file && known && (camera.width != known->width || camera.height != known->height))
+        throw ConfigError({path.string()},
+                          fmt::format("is for images of {}x{}, not {}x{}", camera.width,
+                                      camera.height, known->width, known->height));
+    if (!in_file) {
+        camera.width = known->width;
+        camera.height = known->height;
+    }
+}
+
+}  // namespace
+
+CameraModel read_camera(const std::filesystem::path& path, std::optional<cv::Size> image_size) {
+    CameraModel camera = is_etalon_file(path) ? read_own_camera(path) : read_foreign_camera(path);
+    settle_image_size(camera, path, image_size);
+    return camera;
+}
+
+}  // namespace etalon

@@ -1,0 +1,108 @@
+// What is known about a camera: intrinsics, OpenCV's 14 distortion coefficients, the lens and the
+// sensor. Plain data; projecting is in calib/projector.h, files in calib/camera_file.h.
+//
+// A camera without lens and sensor sections (an OpenCV or ROS calibration) is a sharp pinhole:
+// nothing about blur or noise is invented for it.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace etalon {
+
+// Pixels; pixel centres at integers, (0, 0) is the centre of the top-left pixel.
+struct Intrinsics {
+    double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
+};
+
+// OpenCV's model, on normalised image coordinates: radial rational (k1..k6), tangential (p1, p2),
+// thin prism (s1..s4) and sensor tilt (tau_x, tau_y, rad).
+struct Distortion {
+    double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0, k4 = 0, k5 = 0, k6 = 0;
+    double s1 = 0, s2 = 0, s3 = 0, s4 = 0, tau_x = 0, tau_y = 0;
+
+    std::array<double, 14> in_opencv_order() const {
+        return {k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y};
+    }
+    static Distortion from_opencv_order(const std::array<double, 14>& c) {
+        return {c[0], c[1], c[2], c[3],  c[4],  c[5],  c[6],
+                c[7], c[8], c[9], c[10], c[11], c[12], c[13]};
+    }
+    bool is_zero() const { return in_opencv_order() == std::array<double, 14>{}; }
+};
+
+// Estimated covariance of some of the parameters, by name ("fx", "k1", ...), symmetric.
+struct ParameterCovariance {
+    std::vector<std::string> order;
+    Eigen::MatrixXd matrix;
+};
+
+// How the lens spreads a point that is in focus.
+struct PointSpread {
+    enum class Kind {
+        ideal,     // Airy pattern of the working f-number
+        gaussian,  // sigma_px, in place of the Airy pattern
+    };
+    Kind kind = Kind::ideal;
+    double sigma_px = 0.0;
+};
+
+// Thin lens with a circular aperture. f_number is the engraved N = f/d.
+struct Lens {
+    double f_number = 0.0;
+    double focus_distance_mm = std::numeric_limits<double>::infinity();  // lens to sharp plane
+    double wavelength_nm = 0.0;
+    PointSpread psf;
+};
+
+// Code value from linear radiance.
+struct Transfer {
+    enum class Kind { linear, rec709, table };
+    Kind kind = Kind::linear;
+    std::vector<std::pair<double, double>> table;  // (radiance, code / full scale), both ascending
+};
+
+struct Sensor {
+    double pixel_pitch_um = 0.0;  // along x; along y it is pixel_pitch_um * fx / fy
+    int bits = 8;                 // 1..16, full scale 2^bits - 1
+    Transfer transfer;
+    double black_dn = 0.0;       // code value without light
+    double gain_e_per_dn = 0.0;  // electrons per code value; 0: no shot noise
+    double read_noise_e = 0.0;   // electrons; with gain 0 it must be 0
+    bool cos4_illumination = false;
+};
+
+struct CameraModel {
+    std::string serial;  // empty: not known
+    int width = 0, height = 0;
+    Intrinsics intrinsics;
+    Distortion distortion;
+    std::optional<ParameterCovariance> covariance;
+    std::optional<Lens> lens;  // present only together with a sensor
+    std::optional<Sensor> sensor;
+};
+
+// The thin lens in numbers, from the image distance that the calibration measured: v = fx * pitch.
+struct ThinLens {
+    double image_distance_mm;     // v
+    double focal_length_mm;       // 1/f = 1/z_f + 1/v
+    double aperture_diameter_mm;  // d = f/N
+    double working_f_number;      // N_w = v/d
+    double inverse_focus_per_mm;  // 1/z_f; 0 when focused at infinity
+};
+
+// Throws NumericalError without lens and sensor sections, or when pitch, f-number or focus distance
+// is not positive. (The focus distance is then always beyond f: 1/z_f = 1/f - 1/v < 1/f.)
+ThinLens thin_lens(const CameraModel& camera);
+
+// Radius in pixels of the blur disk of a point at depth z_mm > 0 along x:
+// fx * d/2 * |1/z - 1/z_f|; along y it is this times fy/fx. Zero for a camera without a lens
+// section. Throws NumericalError when z_mm is not positive.
+double blur_radius_px(const CameraModel& camera, double z_mm);
+
+}  // namespace etalon

@@ -1,0 +1,66 @@
+#include "calib/foreign_camera.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace etalon {
+namespace {
+
+void check_finite(const ForeignMatrix& matrix) {
+    for (const double value : matrix.values)
+        if (!std::isfinite(value))
+            throw ConfigError(matrix.place, "has a number that is not finite");
+}
+
+Intrinsics intrinsics_of(const ForeignMatrix& matrix) {
+    if (matrix.rows != 3 || matrix.cols != 3 || matrix.values.size() != 9)
+        throw ConfigError(matrix.place,
+                          fmt::format("must be a 3x3 matrix, not {}x{} with {} numbers",
+                                      matrix.rows, matrix.cols, matrix.values.size()));
+    check_finite(matrix);
+    const std::vector<double>& m = matrix.values;
+    if (m[1] != 0.0)
+        throw ConfigError(matrix.place,
+                          fmt::format("has a skew of {}, which no model here has", m[1]));
+    if (m[3] != 0.0 || m[6] != 0.0 || m[7] != 0.0 || m[8] != 1.0)
+        throw ConfigError(matrix.place, "must be [fx 0 cx; 0 fy cy; 0 0 1]");
+    if (m[0] <= 0.0 || m[4] <= 0.0)
+        throw ConfigError(matrix.place,
+                          fmt::format("fx and fy must be positive, not {} and {}", m[0], m[4]));
+    return {.fx = m[0], .fy = m[4], .cx = m[2], .cy = m[5]};
+}
+
+Distortion distortion_of(const ForeignMatrix& matrix) {
+    const std::size_t count = matrix.values.size();
+    const bool is_vector = matrix.rows == 1 || matrix.cols == 1;
+    const bool known = count == 4 || count == 5 || count == 8 || count == 12 || count == 14;
+    if (!is_vector || !known)
+        throw ConfigError(matrix.place,
+                          fmt::format("must be a row or column of 4, 5, 8, 12 or 14 coefficients, "
+                                      "not {}x{} with {} numbers",
+                                      matrix.rows, matrix.cols, count));
+    check_finite(matrix);
+    std::array<double, 14> all{};
+    std::copy(matrix.values.begin(), matrix.values.end(), all.begin());
+    return Distortion::from_opencv_order(all);
+}
+
+}  // namespace
+
+CameraModel camera_from_matrices(const ForeignMatrix& camera_matrix,
+                                 const ForeignMatrix& distortion) {
+    CameraModel camera;
+    camera.intrinsics = intrinsics_of(camera_matrix);
+    camera.distortion = distortion_of(distortion);
+    return camera;
+}
+
+int checked_image_side(double value, const SourcePlace& place) {
+    if (!(value >= 1.0 && value <= 100'000.0) || value != std::floor(value))
+        throw ConfigError(
+            place, fmt::format("must be a whole number of 1 to 100000 pixels, not {}", value));
+    return static_cast<int>(value);
+}
+
+}  // namespace etalon

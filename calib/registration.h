@@ -1,0 +1,83 @@
+// Registration: where the stage stands before the camera, and how the marker sits on the carriage.
+//
+//     camera_from_marker(i) = camera_from_base * base_from_carriage(q_i) * carriage_from_marker
+//
+// X = camera_from_base and Y = carriage_from_marker are estimated together from corner pixels by
+// robust weighted least squares, the camera being fixed to the calibration under test. The
+// "robot-world / hand-eye" problem (Zhuang et al. 1994; Tabb & Ahmad Yousef 2017), on pixels.
+//
+// A stage with few axes leaves directions that no observation can determine (gauge freedoms). They
+// are found from the Jacobian, named, and fixed by a stated prior: the carriage_from_marker nearest
+// to the nominal one. The predicted camera_from_marker never depends on that prior.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/projector.h"
+#include "core/rigid.h"
+
+namespace etalon {
+
+using Vector12d = Eigen::Matrix<double, 12, 1>;
+using Matrix12d = Eigen::Matrix<double, 12, 12>;
+
+// What one pose contributes.
+struct RegistrationPose {
+    Rigid base_from_carriage;             // from the axes' read-back positions
+    Rigid camera_from_marker;             // a first estimate; only the seed uses it
+    std::vector<Eigen::Vector2d> pixels;  // where the marker's points were seen
+    double sigma_px = 1.0;                // standard deviation of one coordinate: the weight
+};
+
+// A direction in (X, Y) that leaves every predicted pixel where it is: to first order X moves by
+// left perturbation direction[0..5] and Y by direction[6..11] (rotation rad, translation mm).
+struct GaugeFreedom {
+    std::string name;     // "shift along base z between X and Y"
+    Vector12d direction;  // largest entry of the base-frame motion is 1 (rad or mm)
+};
+
+struct Registration {
+    Rigid camera_from_base;      // X
+    Rigid carriage_from_marker;  // Y
+
+    // Left perturbations of X then of Y, each rotation then translation, for the stated sigma_px
+    // and with the gauge freedoms held at the prior.
+    Matrix12d covariance;
+
+    double residual_rms_px = 0.0;   // over the coordinates, not weighted
+    int down_weighted_points = 0;   // that the robust loss holds for outliers
+    int rank = 0;                   // 12 - freedoms.size()
+    double condition_number = 0.0;  // of the column-scaled Jacobian, determined directions only
+    std::vector<GaugeFreedom> freedoms;
+
+    Rigid camera_from_marker(const Rigid& base_from_carriage) const {
+        return camera_from_base * base_from_carriage * carriage_from_marker;
+    }
+};
+
+// Estimates X and Y. `nominal_carriage_from_marker` fixes the gauge freedoms and nothing else.
+//
+// The seed is linear and needs no particular set of axes; then Levenberg-Marquardt with a Huber
+// loss whose threshold comes from the residuals' median. Single-threaded and repeatable to the bit;
+// some milliseconds for 100 poses.
+//
+// Throws NumericalError for fewer than 4 poses, sizes that do not agree, values that are not
+// finite, a stage that did not move (or moved so little that more than 4 directions are free), a
+// marker that is predicted outside the camera's valid region, and a solution that does not
+// converge.
+Registration register_stage(const Projector& projector,
+                            const std::vector<Eigen::Vector3d>& points_mm,
+                            std::span<const RegistrationPose> poses,
+                            const Rigid& nominal_carriage_from_marker);
+
+// d pixels / d (X, Y) at one pose: 2 rows per point (x, y), 12 columns in the order of
+// Registration::covariance. Throws NumericalError when a point has no projection.
+Eigen::Matrix<double, Eigen::Dynamic, 12> registration_jacobian(
+    const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
+    const Rigid& camera_from_base, const Rigid& base_from_carriage,
+    const Rigid& carriage_from_marker);
+
+}  // namespace etalon

@@ -1,0 +1,24 @@
+// A planar pattern as a grid of rectangular cells of constant radiance: the only geometry that the
+// renderer draws. Tags, chessboards and bitmaps are all made of it.
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+
+namespace etalon {
+
+struct CellGrid {
+    cv::Mat cells;              // CV_32FC1, rows x columns, linear radiance 0..1, row 0 on top
+    Eigen::Vector2d corner_mm;  // marker-frame position of the grid's top-left corner
+    Eigen::Vector2d cell_mm;    // size of a cell along x and y
+
+    int rows() const { return cells.rows; }
+    int columns() const { return cells.cols; }
+
+    // Marker-frame point of grid coordinates (u along x, v along y, in cells from the corner).
+    Eigen::Vector3d point_mm(double u, double v) const {
+        return {corner_mm.x() + u * cell_mm.x(), corner_mm.y() + v * cell_mm.y(), 0.0};
+    }
+};
+
+}  // namespace etalon

@@ -1,0 +1,168 @@
+#include "sim/marker.h"
+
+#include <algorithm>
+#include <string_view>
+
+#include "core/errors.h"
+#include "core/image.h"
+#include "core/text.h"
+#include "sim/tag_pattern.h"
+
+namespace etalon {
+namespace {
+
+constexpr double max_size_mm = 1e6;     // a kilometre: anything above is a slip of the unit
+constexpr int max_board_corners = 500;  // along one side
+
+// The name in its parts: "apriltag:36h11:5@50mm" is kind "apriltag", what "36h11:5", size "50".
+struct Spec {
+    std::string whole, place;
+    std::string kind, what, size;
+
+    [[noreturn]] void fail(const std::string& message) const {
+        throw ConfigError({place, 0, whole}, message);
+    }
+};
+
+Spec take_apart(const std::string& text, const std::string& place) {
+    Spec spec{text, place, {}, {}, {}};
+    const auto colon = text.find(':');
+    const auto at = text.rfind('@');  // a bitmap's path may hold one, too
+    if (colon == std::string::npos || at == std::string::npos || at < colon)
+        spec.fail("a marker is named KIND:WHAT@SIZEmm, for instance apriltag:36h11:5@50mm");
+    spec.kind = text.substr(0, colon);
+    spec.what = text.substr(colon + 1, at - colon - 1);
+    spec.size = text.substr(at + 1);
+    if (!spec.size.ends_with("mm"))
+        spec.fail("the size '" + spec.size + "' must end in mm");
+    spec.size.resize(spec.size.size() - 2);
+    return spec;
+}
+
+double length_mm(const Spec& spec, std::string_view text) {
+    const auto length = parse_number(text);
+    if (!length || *length <= 0.0 || *length > max_size_mm)
+        spec.fail(fmt::format("'{}' is not a length above 0 and up to {} mm", text, max_size_mm));
+    return *length;
+}
+
+// "9x6" as two numbers of whatever `parse` makes of each part.
+template <class Parse>
+auto pair_of(const Spec& spec, const std::string& text, Parse parse) {
+    const std::vector<std::string> parts = split(text, 'x');
+    if (parts.size() != 2)
+        spec.fail("'" + text + "' is not of the form AxB");
+    return std::pair{parse(parts[0]), parse(parts[1])};
+}
+
+std::string did_you_mean(const std::string& word, const std::vector<std::string>& candidates) {
+    const std::string nearest = nearest_word(word, candidates);
+    return nearest.empty() ? std::string() : "; did you mean '" + nearest + "'?";
+}
+
+// Splits "36h11:5" and checks both halves against what the library has.
+void read_family_and_id(const Spec& spec, const char* title, Marker& marker,
+                        const std::vector<std::string>& families,
+                        int (*count)(const std::string&)) {
+    const std::vector<std::string> parts = split(spec.what, ':');
+    if (parts.size() != 2)
+        spec.fail(fmt::format("expected {}:FAMILY:ID@SIZEmm", spec.kind));
+    marker.family = parts[0];
+    if (std::find(families.begin(), families.end(), marker.family) == families.end())
+        spec.fail(fmt::format("unknown {} '{}'{}", title, marker.family,
+                              did_you_mean(marker.family, families)));
+    const auto id = parse_integer(parts[1]);
+    const int ids = count(marker.family);
+    if (!id || *id < 0 || *id >= ids)
+        spec.fail(fmt::format("'{}' is not an id of {}: those are 0 to {}", parts[1], marker.family,
+                              ids - 1));
+    marker.id = static_cast<int>(*id);
+}
+
+void lay_out_tag(const Spec& spec, const TagPattern& pattern, Marker& marker) {
+    cv::Mat turned;
+    cv::flip(pattern.cells, turned, -1);
+    if (cv::countNonZero(turned != pattern.cells) == 0)
+        spec.fail(fmt::format("id {} looks the same after half a turn: its corners have no order",
+                              marker.id));
+    marker.size_mm = length_mm(spec, spec.size);
+    const double cell = marker.size_mm / pattern.reference_cells;
+    const double half = marker.size_mm / 2.0;
+    const double corner = -half - pattern.reference_start * cell;
+    marker.grid = {pattern.cells, {corner, corner}, {cell, cell}};
+    marker.points_mm = {{-half, -half, 0}, {half, -half, 0}, {half, half, 0}, {-half, half, 0}};
+}
+
+Marker parse_apriltag(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::apriltag};
+    read_family_and_id(spec, "AprilTag family", marker, apriltag_families(), apriltag_count);
+    lay_out_tag(spec, apriltag_pattern(marker.family, marker.id), marker);
+    return marker;
+}
+
+Marker parse_aruco(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::aruco};
+    read_family_and_id(spec, "ArUco dictionary", marker, aruco_dictionaries(), aruco_count);
+    lay_out_tag(spec, aruco_pattern(marker.family, marker.id), marker);
+    return marker;
+}
+
+Marker parse_chessboard(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::chessboard};
+    const auto corners = [&](const std::string& text) {
+        const auto number = parse_integer(text);
+        if (!number || *number < 2 || *number > max_board_corners)
+            spec.fail(fmt::format("'{}' is not a number of inner corners: 2 to {}", text,
+                                  max_board_corners));
+        return static_cast<int>(*number);
+    };
+    std::tie(marker.columns, marker.rows) = pair_of(spec, spec.what, corners);
+    marker.size_mm = length_mm(spec, spec.size);
+    const double square = marker.size_mm;
+    // One square more than corners each way, and the white margin of a square's width around.
+    cv::Mat cells(marker.rows + 3, marker.columns + 3, CV_32FC1, cv::Scalar::all(1.0));
+    for (int row = 0; row <= marker.rows; ++row) {
+        for (int column = row % 2; column <= marker.columns; column += 2)
+            cells.at<float>(row + 1, column + 1) = 0.0f;
+    }
+    marker.grid = {cells, {-2.0 * square, -2.0 * square}, {square, square}};
+    for (int row = 0; row < marker.rows; ++row) {
+        for (int column = 0; column < marker.columns; ++column)
+            marker.points_mm.emplace_back(column * square, row * square, 0.0);
+    }
+    return marker;
+}
+
+Marker parse_bitmap(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::bitmap};
+    const auto [width, height] =
+        pair_of(spec, spec.size, [&](const std::string& text) { return length_mm(spec, text); });
+    CodeImage image;
+    try {
+        image = read_image(spec.what);
+    } catch (const ConfigError& error) {
+        spec.fail(error.what());
+    }
+    marker.grid.corner_mm = {-width / 2.0, -height / 2.0};
+    marker.grid.cell_mm = {width / image.pixels.cols, height / image.pixels.rows};
+    image.pixels.convertTo(marker.grid.cells, CV_32F, 1.0 / image.full_scale());
+    return marker;
+}
+
+}  // namespace
+
+Marker parse_marker(const std::string& text, const std::string& place) {
+    const Spec spec = take_apart(text, place);
+    if (spec.kind == "apriltag")
+        return parse_apriltag(spec);
+    if (spec.kind == "aruco")
+        return parse_aruco(spec);
+    if (spec.kind == "chessboard")
+        return parse_chessboard(spec);
+    if (spec.kind == "bitmap")
+        return parse_bitmap(spec);
+    spec.fail("unknown kind of marker '" + spec.kind + "'" +
+              did_you_mean(spec.kind, {"apriltag", "aruco", "chessboard", "bitmap"}));
+}
+
+}  // namespace etalon

@@ -1,0 +1,217 @@
+#include "sim/marker_view.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+
+#include "calib/distortion.h"
+#include "core/errors.h"
+#include "sim/renderer.h"
+
+namespace etalon {
+namespace {
+
+// Bounds are widened by this part of their size, far more than rounding can amount to.
+constexpr double rounding_margin = 1e-9;
+
+// Largest value of g . x over a box.
+double largest_projection(const Eigen::Vector2d& g, const Box& box) {
+    return g.dot(box.centre()) + g.cwiseAbs().dot(box.half());
+}
+
+void check_cells(const cv::Mat& cells) {
+    if (cells.empty() || cells.type() != CV_32FC1)
+        throw NumericalError("the marker's cells must be a non-empty CV_32FC1 matrix");
+    if (!cv::checkRange(cells))
+        throw NumericalError("a cell's radiance is not finite");
+}
+
+Eigen::Matrix3d camera_from_grid(const Scene& scene) {
+    const Eigen::Matrix3d rotation = scene.camera_from_marker.rotation.toRotationMatrix();
+    Eigen::Matrix3d m;
+    m.col(0) = scene.marker.cell_mm.x() * rotation.col(0);
+    m.col(1) = scene.marker.cell_mm.y() * rotation.col(1);
+    m.col(2) = scene.camera_from_marker * scene.marker.point_mm(0, 0);
+    return m;
+}
+
+}  // namespace
+
+// The tilted sensor plane is r3 . p = r33 v with r3 the third row of the tilt's rotation. A sensor
+// point in the direction (x, 1) lies at the depth v r33 / (r3 . (x, 1)), and 1/z_f = 1/f - 1/depth.
+Aperture aperture_of(const CameraModel& camera) {
+    Aperture aperture{0.0, 0.0, Eigen::Vector2d::Zero()};
+    if (!camera.lens)
+        return aperture;
+    const ThinLens lens = thin_lens(camera);
+    aperture.radius_mm = lens.aperture_diameter_mm / 2.0;
+    aperture.inverse_focus_per_mm = lens.inverse_focus_per_mm;
+    const Eigen::Vector3d r3 =
+        tilt_matrix(camera.distortion.tau_x, camera.distortion.tau_y).row(2).transpose();
+    aperture.inverse_focus_slope = -r3.head<2>() / (r3.z() * lens.image_distance_mm);
+    return aperture;
+}
+
+void check_scene(const Scene& scene) {
+    check_cells(scene.marker.cells);
+    const Rigid& pose = scene.camera_from_marker;
+    const Eigen::Vector2d &corner = scene.marker.corner_mm, &cell = scene.marker.cell_mm;
+    if (!pose.translation.allFinite() || !(std::abs(pose.rotation.norm() - 1.0) < 1e-6))
+        throw NumericalError(fmt::format(
+            "not a pose: quaternion of norm {}, translation {}, {}, {} mm", pose.rotation.norm(),
+            pose.translation.x(), pose.translation.y(), pose.translation.z()));
+    if (!corner.allFinite() || !cell.allFinite() || !(cell.minCoeff() > 0.0))
+        throw NumericalError(fmt::format("not a grid: cells of {} x {} mm from ({}, {}) mm",
+                                         cell.x(), cell.y(), corner.x(), corner.y()));
+    if (!std::isfinite(scene.background))
+        throw NumericalError(fmt::format("background radiance {}", scene.background));
+}
+
+MarkerView::MarkerView(const Scene& scene, const Aperture& aperture)
+    : aperture_(aperture), background_(scene.background) {
+    check_scene(scene);
+    columns_ = scene.marker.columns();
+    rows_ = scene.marker.rows();
+    camera_from_grid_ = etalon::camera_from_grid(scene);
+    for (const auto& [u, v] : {std::pair{0, 0}, {columns_, 0}, {0, rows_}, {columns_, rows_}}) {
+        const double z = (camera_from_grid_ * Eigen::Vector3d(u, v, 1)).z();
+        if (!(z > 0.0))
+            throw NumericalError(fmt::format(
+                "a corner of the marker lies at depth {:.6g} mm: not in front of the lens", z));
+    }
+    // Distance of the lens from the marker's plane, positive in front of the marker.
+    const double distance = camera_from_grid_.col(0)
+                                .cross(camera_from_grid_.col(1))
+                                .normalized()
+                                .dot(camera_from_grid_.col(2));
+    if (!(distance > 0.0))
+        throw NumericalError(fmt::format(
+            "the camera sees the marker's back or its edge: plane at distance {:.6g} mm",
+            distance));
+    h_ = camera_from_grid_.inverse();
+    const double cut = h_.row(2).head<2>().norm() * aperture_.radius_mm;
+    if (!h_.allFinite() || !(cut < 1.0))
+        throw NumericalError(fmt::format(
+            "the marker's plane, {:.6g} mm from the lens, cuts the aperture (|a| d/2 = {:.6g})",
+            distance, cut));
+    cells_.assign(static_cast<std::size_t>((columns_ + 2) * (rows_ + 2)), background_);
+    for (int j = 0; j < rows_; ++j)
+        for (int i = 0; i < columns_; ++i)
+            cells_[static_cast<std::size_t>((j + 1) * (columns_ + 2) + i + 1)] =
+                scene.marker.cells.at<float>(j, i);
+}
+
+double MarkerView::contrast() const {
+    double largest = 0.0;
+    for (const double radiance : cells_)
+        largest = std::max(largest, std::abs(radiance - background_));
+    return largest;
+}
+
+double MarkerView::largest_defocus(const Box& box) const {
+    const Eigen::Vector2d g = h_.row(2).head<2>().transpose() - aperture_.inverse_focus_slope;
+    return std::abs(defocus(box.centre())) + g.cwiseAbs().dot(box.half());
+}
+
+double MarkerView::smallest_defocus(const Box& box) const {
+    const Eigen::Vector2d g = h_.row(2).head<2>().transpose() - aperture_.inverse_focus_slope;
+    return std::max(0.0, std::abs(defocus(box.centre())) - g.cwiseAbs().dot(box.half()));
+}
+
+Eigen::Vector2d MarkerView::line_gradient(int axis, int index, const Eigen::Vector2d& l) const {
+    // offset (1 - a.l) + c m.l with offset and c affine in x, m the line's own gradient.
+    const Eigen::Vector3d h = h_.row(axis) - index * h_.row(2);
+    const Eigen::Vector2d a = h_.row(2).head<2>(), m = h.head<2>();
+    return m * (1.0 - a.dot(l)) + (a - aperture_.inverse_focus_slope) * m.dot(l);
+}
+
+// |l c / (1 - a.l)| <= radius |c| / (1 - radius |a|) for every l on the lens.
+Box MarkerView::seen_through_lens(const Box& box) const {
+    const double rho = aperture_.radius_mm;
+    const double reach = rho * largest_defocus(box) / (1.0 - rho * h_.row(2).head<2>().norm());
+    const Eigen::Vector2d scale = box.low.cwiseAbs().cwiseMax(box.high.cwiseAbs());
+    const Eigen::Vector2d margin =
+        Eigen::Vector2d::Constant(reach * (1.0 + rounding_margin) + 1e-15) +
+        rounding_margin * (box.half() + 1e-4 * scale);
+    return {box.low - margin, box.high + margin};
+}
+
+// The marker fills the wedge of pinhole rays with 0 <= u <= columns, 0 <= v <= rows and W > 0, all
+// linear in x: a box on the wrong side of any of them meets only background. This needs no division
+// and holds across the plane's horizon.
+bool MarkerView::misses_marker(const Box& box) const {
+    const auto all_negative = [&](const Eigen::Vector3d& h) {
+        return largest_projection(h.head<2>(), box) + h.z() < 0.0;
+    };
+    const Eigen::Vector3d h0 = h_.row(0), h1 = h_.row(1), h2 = h_.row(2);
+    return all_negative(h2) || all_negative(h0) || all_negative(h1) ||
+           all_negative(columns_ * h2 - h0) || all_negative(rows_ * h2 - h1);
+}
+
+// The inverse depth at which a ray meets the plane is 1/z_f + c / (1 - a.l): whether it can vanish
+// or turn negative for any sensor point of the box and any lens point.
+bool MarkerView::sees_horizon(const Box& box) const {
+    const Eigen::Vector2d& slope = aperture_.inverse_focus_slope;
+    const double focus = aperture_.inverse_focus(box.centre()) - slope.cwiseAbs().dot(box.half());
+    const Eigen::Vector2d g = h_.row(2).head<2>().transpose() - slope;
+    const double c = defocus(box.centre()) - g.cwiseAbs().dot(box.half());
+    const double turn = aperture_.radius_mm * h_.row(2).head<2>().norm();
+    return !(focus + std::min(c / (1.0 - turn), c / (1.0 + turn)) > 0.0);
+}
+
+std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
+    const Box box = seen_through_lens(sensor_box);
+    if (misses_marker(box))
+        return std::nullopt;
+    // u and v are quotients of linear functions: over a box they are largest and smallest at its
+    // corners, as long as the denominator keeps its sign.
+    Eigen::Array2d least = Eigen::Array2d::Constant(std::numeric_limits<double>::infinity());
+    Eigen::Array2d most = -least;
+    for (const auto& [x, y] : {std::pair{box.low.x(), box.low.y()},
+                               {box.high.x(), box.low.y()},
+                               {box.low.x(), box.high.y()},
+                               {box.high.x(), box.high.y()}}) {
+        const Eigen::Vector3d uvw = h_ * Eigen::Vector3d(x, y, 1.0);
+        if (!(uvw.z() > 0.0)) {  // the box of pinhole rays is wider than what the lens sees
+            if (sees_horizon(sensor_box))
+                throw NumericalError(
+                    "the marker's plane reaches its horizon beside the marker: not rendered");
+            return CellRange{-1, columns_, -1, rows_};
+        }
+        least = least.min(uvw.head<2>().array() / uvw.z());
+        most = most.max(uvw.head<2>().array() / uvw.z());
+    }
+    const auto clamped = [](double value, int size) {
+        return static_cast<int>(std::clamp(std::floor(value), -1.0, static_cast<double>(size)));
+    };
+    return CellRange{clamped(least.x(), columns_), clamped(most.x(), columns_),
+                     clamped(least.y(), rows_), clamped(most.y(), rows_)};
+}
+
+std::optional<double> MarkerView::uniform_radiance(const CellRange& range) const {
+    const double first = cell(range.first_column, range.first_row);
+    for (int j = range.first_row; j <= range.last_row; ++j)
+        for (int i = range.first_column; i <= range.last_column; ++i)
+            if (cell(i, j) != first)
+                return std::nullopt;
+    return first;
+}
+
+BlurRange blur_over_marker(const MarkerView& view, const Intrinsics& intrinsics) {
+    double least = std::numeric_limits<double>::infinity(), most = -least;
+    const double columns = view.columns(), rows = view.rows();
+    for (const auto& [u, v] : {std::pair{0.0, 0.0}, {columns, 0.0}, {0.0, rows}, {columns, rows}}) {
+        const Eigen::Vector3d p = view.camera_from_grid() * Eigen::Vector3d(u, v, 1);
+        const double c = view.defocus(p.head<2>() / p.z());
+        least = std::min(least, c);
+        most = std::max(most, c);
+    }
+    const double rho = view.aperture().radius_mm;
+    const double smallest =
+        least <= 0.0 && most >= 0.0 ? 0.0 : std::min(std::abs(least), std::abs(most));
+    return {
+        rho * smallest * std::min(intrinsics.fx, intrinsics.fy),
+        rho * std::max(std::abs(least), std::abs(most)) * std::max(intrinsics.fx, intrinsics.fy)};
+}
+
+}  // namespace etalon

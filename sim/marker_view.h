@@ -1,0 +1,141 @@
+// A marker as one camera's lens meets it: the map from sensor points and lens points to grid cells,
+// and rigorous bounds of what a patch of the sensor can see. Shared by both closed-form methods.
+//
+// Notation (docs/rendering.md). M = [cell_x r1, cell_y r2, corner] takes (u, v, 1) to the camera
+// frame; h0, h1, h2 are the rows of its inverse. For an undistorted sensor point x = (X/Z, Y/Z):
+// W = h2 . (x, 1) is the inverse depth of the marker's plane there, 1/mm; c = W - 1/z_f; and the
+// ray through the lens point l (mm) meets the plane where the pinhole ray x + l c / (1 - a . l)
+// does, with a = (h2x, h2y).
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "calib/camera_model.h"
+#include "core/rigid.h"
+#include "sim/cell_grid.h"
+
+namespace etalon {
+
+struct Scene;
+
+// What of the lens matters to the geometry. 1/z_f is affine in the undistorted sensor point: a
+// tilted sensor (tau_x, tau_y) tilts the plane of sharp focus (Scheimpflug).
+struct Aperture {
+    double radius_mm = 0.0;               // 0: pinhole
+    double inverse_focus_per_mm = 0.0;    // 1/z_f on the axis
+    Eigen::Vector2d inverse_focus_slope;  // d(1/z_f)/dx, 1/mm
+
+    double inverse_focus(const Eigen::Vector2d& x) const {
+        return inverse_focus_per_mm + inverse_focus_slope.dot(x);
+    }
+};
+
+// A pinhole for a camera without a lens section. Throws NumericalError as thin_lens() does.
+Aperture aperture_of(const CameraModel& camera);
+
+// Throws NumericalError, naming the value, when a number in the scene is not finite, a cell has no
+// size, the rotation is not a unit quaternion, or the grid is empty or not CV_32FC1.
+void check_scene(const Scene& scene);
+
+// Axis-parallel box of undistorted sensor points.
+struct Box {
+    Eigen::Vector2d low, high;
+
+    Eigen::Vector2d centre() const { return 0.5 * (low + high); }
+    Eigen::Vector2d half() const { return 0.5 * (high - low); }
+};
+
+// Cells by column and row, both ends included; -1 and the grid's size stand for all background on
+// that side.
+struct CellRange {
+    int first_column, last_column, first_row, last_row;
+
+    bool is_single() const { return first_column == last_column && first_row == last_row; }
+};
+
+// A grid line on the lens: the ray through l sees beyond the line where offset + slope . l >= 0.
+struct LensLine {
+    double offset;
+    Eigen::Vector2d slope;  // 1/mm
+};
+
+// h0, h1, h2 . (x, 1) of a sensor point (u = uvw[0] / uvw[2] on the pinhole ray), and its c.
+struct SensorPoint {
+    Eigen::Vector3d uvw;
+    double defocus;
+};
+
+class MarkerView {
+public:
+    // Throws NumericalError when a corner of the marker is not in front of the lens, the camera
+    // sees the marker's back, or its plane cuts the aperture (|a| d/2 >= 1).
+    MarkerView(const Scene& scene, const Aperture& aperture);
+
+    int columns() const { return columns_; }
+    int rows() const { return rows_; }
+    double background() const { return background_; }
+    // Largest difference of a cell from the background.
+    double contrast() const;
+    const Aperture& aperture() const { return aperture_; }
+    const Eigen::Matrix3d& camera_from_grid() const { return camera_from_grid_; }
+
+    // Radiance of a cell; the background for the indices -1 and columns() or rows().
+    double cell(int column, int row) const {
+        return cells_[static_cast<std::size_t>((row + 1) * (columns_ + 2) + column + 1)];
+    }
+
+    // c = W - 1/z_f: the defocus at a sensor point, 1/mm.
+    double defocus(const Eigen::Vector2d& x) const {
+        return h_(2, 0) * x.x() + h_(2, 1) * x.y() + h_(2, 2) - aperture_.inverse_focus(x);
+    }
+
+    // The largest |c| of a box, and the smallest (0 where it changes sign).
+    double largest_defocus(const Box& box) const;
+    double smallest_defocus(const Box& box) const;
+
+    SensorPoint sensor_point(const Eigen::Vector2d& x) const {
+        const Eigen::Vector3d uvw = h_.leftCols<2>() * x + h_.col(2);
+        return {uvw, uvw.z() - aperture_.inverse_focus(x)};
+    }
+
+    // The line u = index (axis 0) or v = index (axis 1) on the lens, for a sensor point.
+    LensLine lens_line(int axis, int index, const SensorPoint& point) const {
+        const double offset = point.uvw[axis] - index * point.uvw.z();
+        const double mx = h_(axis, 0) - index * h_(2, 0), my = h_(axis, 1) - index * h_(2, 1);
+        return {offset,
+                {point.defocus * mx - offset * h_(2, 0), point.defocus * my - offset * h_(2, 1)}};
+    }
+
+    // d/dx of the line's offset + slope . l for a fixed lens point l: the line is affine in x.
+    Eigen::Vector2d line_gradient(int axis, int index, const Eigen::Vector2d& l) const;
+
+    // Every cell that any ray from the box through the lens can meet. Nothing when all of them meet
+    // the background. Throws NumericalError where the plane's horizon cannot be told from the
+    // marker (the plane almost cuts the lens).
+    std::optional<CellRange> footprint(const Box& box) const;
+
+    // The radiance that all cells of the range share, if they do.
+    std::optional<double> uniform_radiance(const CellRange& range) const;
+
+private:
+    Box seen_through_lens(const Box& box) const;
+    bool misses_marker(const Box& box) const;
+    bool sees_horizon(const Box& sensor_box) const;
+
+    Aperture aperture_;
+    double background_;
+    int columns_, rows_;
+    std::vector<double> cells_;  // with a frame of background
+    Eigen::Matrix3d camera_from_grid_, h_;
+};
+
+// Smallest and largest blur radius over the marker, px (of x and y the smaller and the larger);
+// smallest is 0 when the plane of sharp focus crosses the marker.
+struct BlurRange {
+    double smallest_px, largest_px;
+};
+BlurRange blur_over_marker(const MarkerView& view, const Intrinsics& intrinsics);
+
+}  // namespace etalon

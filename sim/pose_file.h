@@ -1,0 +1,31 @@
+// Poses camera_from_marker as people type them and as files hold them: rotation vector (rad), then
+// translation (mm), in the order rx, ry, rz, tx, ty, tz.
+//
+//   CSV    first line `rx,ry,rz,tx,ty,tz`, then a pose a line
+//   JSON   [[0, 0, 0.5, 10, -7, 500], ...] or [{"rx": 0, "ry": 0, ... "tz": 500}, ...]
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/rigid.h"
+
+namespace etalon {
+
+// A pose as on the command line, "rx,ry,rz,tx,ty,tz"; `place` is the option's name. Throws
+// ConfigError unless it is six finite numbers, the rotation vector no longer than 2 pi (longer ones
+// are degrees typed by mistake) and the translation no longer than a kilometre.
+Rigid parse_pose(const std::string& text, const std::string& place);
+
+// The format follows from the extension, .csv or .json. Throws ConfigError with file and line for
+// whatever is not exactly as above: unknown, doubled and missing keys, an empty list, a blank line
+// between poses, poses that parse_pose() would refuse.
+std::vector<Rigid> read_poses(const std::filesystem::path& path);
+
+// Digits enough to read the same numbers back; rotation vectors are the shortest ones. Replaces the
+// file in one step. Throws ConfigError when it cannot be written or has another extension.
+void write_poses(const std::filesystem::path& path, std::span<const Rigid> camera_from_marker);
+
+}  // namespace etalon

@@ -1,0 +1,215 @@
+#include "sim/sensor_model.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/projector.h"
+#include "core/errors.h"
+#include "core/random.h"
+
+namespace etalon {
+namespace {
+
+// ITU-R BT.709-6, item 1.2.
+constexpr double rec709_slope = 4.5, rec709_break = 0.018;
+constexpr double rec709_scale = 1.099, rec709_offset = 0.099, rec709_exponent = 0.45;
+
+double encode_rec709(double radiance) {
+    if (radiance < rec709_break)
+        return rec709_slope * radiance;
+    return rec709_scale * std::pow(std::min(radiance, 1.0), rec709_exponent) - rec709_offset;
+}
+
+double decode_rec709(double code) {
+    if (code < rec709_slope * rec709_break)
+        return code / rec709_slope;
+    const double power = (std::min(code, 1.0) + rec709_offset) / rec709_scale;
+    return std::max(rec709_break, std::pow(power, 1.0 / rec709_exponent));
+}
+
+using Point = std::pair<double, double>;
+
+// Straight lines through the points (x, y), x ascending: extended below the first, constant above
+// the last.
+template <class X, class Y>
+double interpolate(const std::vector<Point>& table, X x_of, Y y_of, double x) {
+    if (x >= x_of(table.back()))
+        return y_of(table.back());
+    const auto after = std::upper_bound(table.begin() + 1, table.end(), x,
+                                        [&](double a, const Point& b) { return a < x_of(b); });
+    const Point &a = *(after - 1), &b = *after;
+    return y_of(a) + (x - x_of(a)) * (y_of(b) - y_of(a)) / (x_of(b) - x_of(a));
+}
+
+constexpr auto radiance_of = [](const Point& point) { return point.first; };
+constexpr auto value_of = [](const Point& point) { return point.second; };
+
+[[noreturn]] void refuse(const char* key, const std::string& message) {
+    throw ConfigError({"camera", 0, std::string("sensor.") + key}, message);
+}
+
+void check_table(const std::vector<Point>& table) {
+    if (table.size() < 2)
+        refuse("transfer", "a table needs two points at least");
+    for (std::size_t i = 0; i < table.size(); ++i) {
+        const auto [radiance, code] = table[i];
+        if (!(radiance >= 0.0 && radiance <= 1.0 && code >= 0.0 && code <= 1.0))
+            refuse("transfer", fmt::format("table row {} is not within 0..1", i + 1));
+        if (i > 0 && !(radiance > table[i - 1].first && code > table[i - 1].second))
+            refuse("transfer", fmt::format("table row {} does not rise strictly", i + 1));
+    }
+    if (table.front().first != 0.0 || table.back().first != 1.0)
+        refuse("transfer", "a table must reach from radiance 0 to radiance 1");
+}
+
+// Comparisons are written so that NaN fails them.
+void check(const Sensor& sensor) {
+    if (sensor.bits < 1 || sensor.bits > 16)
+        refuse("bits", fmt::format("{} is not within 1..16", sensor.bits));
+    const double full_scale = (1 << sensor.bits) - 1;
+    if (!(sensor.black_dn >= 0.0 && sensor.black_dn < full_scale))
+        refuse("black", fmt::format("{} is not in [0, {})", sensor.black_dn, full_scale));
+    if (!(sensor.gain_e_per_dn >= 0.0 && std::isfinite(sensor.gain_e_per_dn)))
+        refuse("gain_e_per_dn", fmt::format("{} is not a gain", sensor.gain_e_per_dn));
+    if (!(sensor.read_noise_e >= 0.0 && std::isfinite(sensor.read_noise_e)))
+        refuse("read_noise_e", fmt::format("{} is not a noise", sensor.read_noise_e));
+    if (sensor.read_noise_e > 0.0 && sensor.gain_e_per_dn == 0.0)
+        refuse("read_noise_e", "needs gain_e_per_dn: electrons cannot be converted without it");
+    if (sensor.transfer.kind == Transfer::Kind::table)
+        check_table(sensor.transfer.table);
+}
+
+template <class Body>
+void for_each_row(int rows, Body body) {
+    tbb::parallel_for(tbb::blocked_range<int>(0, rows), [&](const tbb::blocked_range<int>& range) {
+        for (int y = range.begin(); y < range.end(); ++y)
+            body(y);
+    });
+}
+
+// The direction (x, y, 1) makes the angle with the axis whose cosine is 1 / sqrt(1 + x^2 + y^2).
+cv::Mat cos4_map(const CameraModel& camera) {
+    const Projector projector(camera);
+    cv::Mat map(camera.height, camera.width, CV_32FC1, cv::Scalar::all(1.0));
+    for_each_row(map.rows, [&](int y) {
+        for (int x = 0; x < map.cols; ++x) {
+            const auto direction = projector.unproject(Eigen::Vector2d(x, y));
+            if (direction)
+                map.at<float>(y, x) =
+                    static_cast<float>(1.0 / std::pow(1.0 + direction->squaredNorm(), 2));
+        }
+    });
+    return map;
+}
+
+void check_radiance(const Radiance& radiance, cv::Size size) {
+    if (radiance.type() != CV_32FC1 || radiance.size() != size)
+        throw NumericalError(
+            fmt::format("the sensor of {} x {} px needs a float image of that "
+                        "size, not {} x {}",
+                        size.width, size.height, radiance.cols, radiance.rows));
+    for (int y = 0; y < radiance.rows; ++y) {
+        const float* row = radiance.ptr<float>(y);
+        for (int x = 0; x < radiance.cols; ++x) {
+            if (!std::isfinite(row[x]))
+                throw NumericalError(
+                    fmt::format("the radiance at pixel ({}, {}) is {}", x, y, row[x]));
+        }
+    }
+}
+
+}  // namespace
+
+double encode(const Transfer& transfer, double radiance) {
+    switch (transfer.kind) {
+        case Transfer::Kind::rec709:
+            return encode_rec709(radiance);
+        case Transfer::Kind::table:
+            return interpolate(transfer.table, radiance_of, value_of, radiance);
+        case Transfer::Kind::linear:
+            break;
+    }
+    return std::min(radiance, 1.0);
+}
+
+double decode(const Transfer& transfer, double code) {
+    switch (transfer.kind) {
+        case Transfer::Kind::rec709:
+            return decode_rec709(code);
+        case Transfer::Kind::table:
+            return interpolate(transfer.table, value_of, radiance_of, code);
+        case Transfer::Kind::linear:
+            break;
+    }
+    return std::min(code, 1.0);
+}
+
+SensorModel::SensorModel(const CameraModel& camera)
+    : sensor_(camera.sensor.value_or(Sensor{})), size_(camera.width, camera.height) {
+    check(sensor_);
+    full_scale_ = (1 << sensor_.bits) - 1;
+    range_ = full_scale_ - sensor_.black_dn;
+    if (sensor_.cos4_illumination)
+        illumination_ = cos4_map(camera);
+}
+
+double SensorModel::code_of(double radiance, const NoiseKey* noise, std::uint64_t pixel) const {
+    double signal_dn = range_ * radiance;
+    if (noise && sensor_.gain_e_per_dn > 0.0) {
+        const double read_dn = sensor_.read_noise_e / sensor_.gain_e_per_dn;
+        const double variance =
+            std::max(signal_dn, 0.0) / sensor_.gain_e_per_dn + read_dn * read_dn;
+        signal_dn += std::sqrt(variance) * RandomStream(noise->seed, noise->frame, pixel).normal();
+    }
+    const double code = sensor_.black_dn + range_ * encode(sensor_.transfer, signal_dn / range_);
+    return std::clamp(std::floor(code + 0.5), 0.0, full_scale_);
+}
+
+CodeImage SensorModel::expose(const Radiance& radiance, std::optional<NoiseKey> noise) const {
+    check_radiance(radiance, size_);
+    CodeImage image{cv::Mat(size_, sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
+    for_each_row(size_.height, [&](int y) {
+        for (int x = 0; x < size_.width; ++x) {
+            const float shade = illumination_.empty() ? 1.0f : illumination_.at<float>(y, x);
+            const std::uint64_t pixel = std::uint64_t(y) * size_.width + x;
+            const double code =
+                code_of(double(radiance.at<float>(y, x)) * shade, noise ? &*noise : nullptr, pixel);
+            if (sensor_.bits > 8)
+                image.pixels.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(code);
+            else
+                image.pixels.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(code);
+        }
+    });
+    return image;
+}
+
+Radiance SensorModel::linear_radiance(const CodeImage& image) const {
+    const int depth = sensor_.bits > 8 ? CV_16UC1 : CV_8UC1;
+    if (image.bits != sensor_.bits || image.pixels.type() != depth)
+        throw NumericalError(
+            fmt::format("an image of {} bits for a sensor of {}", image.bits, sensor_.bits));
+    // Every code value once, then a look-up.
+    std::vector<float> radiance_of_code(static_cast<std::size_t>(full_scale_) + 1);
+    for (std::size_t code = 0; code < radiance_of_code.size(); ++code)
+        radiance_of_code[code] = static_cast<float>(
+            decode(sensor_.transfer, (double(code) - sensor_.black_dn) / range_));
+    Radiance radiance(image.pixels.size(), CV_32FC1);
+    for (int y = 0; y < radiance.rows; ++y) {
+        for (int x = 0; x < radiance.cols; ++x) {
+            const unsigned code = sensor_.bits > 8 ? image.pixels.at<std::uint16_t>(y, x)
+                                                   : image.pixels.at<std::uint8_t>(y, x);
+            if (code >= radiance_of_code.size())
+                throw NumericalError(
+                    fmt::format("pixel ({}, {}) is {}, above the full scale of {} "
+                                "bits",
+                                x, y, code, sensor_.bits));
+            radiance.at<float>(y, x) = radiance_of_code[code];
+        }
+    }
+    return radiance;
+}
+
+}  // namespace etalon

@@ -1,0 +1,128 @@
+#include "sim/undistortion_map.h"
+
+#include <Eigen/LU>
+#include <cmath>
+
+namespace etalon {
+namespace {
+
+constexpr int tile_px = UndistortionMap::tile_px;
+
+// Lagrange's cubic basis on the nodes -1, 0, 1, 2, and its derivative.
+Eigen::Vector4d cubic_weights(double t) {
+    return {-t * (t - 1) * (t - 2) / 6, (t + 1) * (t - 1) * (t - 2) / 2, -(t + 1) * t * (t - 2) / 2,
+            (t + 1) * t * (t - 1) / 6};
+}
+Eigen::Vector4d cubic_slopes(double t) {
+    return {-(3 * t * t - 6 * t + 2) / 6, (3 * t * t - 4 * t - 1) / 2, -(3 * t * t - 2 * t - 2) / 2,
+            (3 * t * t - 1) / 6};
+}
+
+// From values at the nodes -1, 0, 1, 2 to the Bezier control values of the same cubic on [0, 1]:
+// its ends, and a third of its slope there inwards.
+const Eigen::Matrix4d& bezier_from_nodes() {
+    static const Eigen::Matrix4d matrix = [] {
+        Eigen::Matrix4d m = Eigen::Matrix4d::Zero();
+        m(0, 1) = m(3, 2) = 1.0;
+        m.row(1) = m.row(0) + cubic_slopes(0).transpose() / 3.0;
+        m.row(2) = m.row(3) - cubic_slopes(1).transpose() / 3.0;
+        return m;
+    }();
+    return matrix;
+}
+
+int floor_div(int a, int b) {
+    return a >= 0 ? a / b : -((-a + b - 1) / b);
+}
+
+Eigen::Vector2d tile_corner_px(int i, int j) {
+    return {tile_px * i - 0.5, tile_px * j - 0.5};
+}
+
+}  // namespace
+
+UndistortionMap::UndistortionMap(const Projector& projector, int margin_px)
+    : projector_(projector) {
+    const CameraModel& camera = projector_.camera();
+    const int first = floor_div(-margin_px, tile_px);
+    const int right = floor_div(camera.width - 1 + margin_px, tile_px);
+    const int bottom = floor_div(camera.height - 1 + margin_px, tile_px);
+    tiles_ = {first, first, right - first + 1, bottom - first + 1};
+    make_nodes();
+    table_.reserve(static_cast<std::size_t>(tiles_.area()));
+    for (int j = tiles_.y; j < tiles_.br().y; ++j)
+        for (int i = tiles_.x; i < tiles_.br().x; ++i)
+            table_.push_back(make_tile(i, j));
+}
+
+void UndistortionMap::make_nodes() {
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    nodes_.reserve(static_cast<std::size_t>((tiles_.width + 3) * (tiles_.height + 3)));
+    for (int j = tiles_.y - 1; j <= tiles_.br().y + 1; ++j)
+        for (int i = tiles_.x - 1; i <= tiles_.br().x + 1; ++i) {
+            const auto x = projector_.unproject(tile_corner_px(i, j));
+            nodes_.push_back(x ? *x : Eigen::Vector2d(nan, nan));
+        }
+}
+
+UndistortionMap::Nodes UndistortionMap::nodes(int i, int j, int axis) const {
+    Nodes values;
+    for (int row = 0; row < 4; ++row)
+        for (int column = 0; column < 4; ++column)
+            values(row, column) = node(i - 1 + column, j - 1 + row)[axis];
+    return values;
+}
+
+UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) const {
+    const Nodes x = nodes(i, j, 0), y = nodes(i, j, 1);
+    if (x.array().isNaN().all())
+        return {Validity::none, {}};
+    if (x.array().isNaN().any())
+        return {Validity::some, {}};
+    const Eigen::Matrix4d& b = bezier_from_nodes();
+    const Eigen::Matrix4d control_x = b * x * b.transpose(), control_y = b * y * b.transpose();
+    return {Validity::all,
+            {{control_x.minCoeff(), control_y.minCoeff()},
+             {control_x.maxCoeff(), control_y.maxCoeff()}}};
+}
+
+std::optional<MappedPoint> UndistortionMap::exact(const Eigen::Vector2d& pixel) const {
+    const auto x = projector_.unproject(pixel);
+    if (!x)
+        return std::nullopt;
+    const CameraModel& camera = projector_.camera();
+    const Eigen::Matrix2d forward =
+        Eigen::Vector2d(camera.intrinsics.fx, camera.intrinsics.fy).asDiagonal() *
+        distort(camera.distortion, *x).jacobian;
+    return MappedPoint{*x, forward.inverse()};
+}
+
+void UndistortionMap::sample(int i, int j, int n,
+                             std::vector<std::optional<MappedPoint>>& points) const {
+    points.clear();
+    points.reserve(static_cast<std::size_t>(n * n));
+    if (validity(i, j) != Validity::all) {
+        for (int q = 0; q < n * n; ++q) {
+            const Eigen::Vector2d within(q % n + 0.5, q / n + 0.5);
+            points.push_back(exact(tile_corner_px(i, j) + within * (tile_px / double(n))));
+        }
+        return;
+    }
+    const Nodes x = nodes(i, j, 0), y = nodes(i, j, 1);
+    for (int row = 0; row < n; ++row) {
+        const double t = (row + 0.5) / n;
+        const Eigen::Vector4d wt = cubic_weights(t), dt = cubic_slopes(t) / tile_px;
+        const Eigen::Vector4d x_row = x.transpose() * wt, y_row = y.transpose() * wt;
+        const Eigen::Vector4d x_slope = x.transpose() * dt, y_slope = y.transpose() * dt;
+        for (int column = 0; column < n; ++column) {
+            const double s = (column + 0.5) / n;
+            const Eigen::Vector4d ws = cubic_weights(s), ds = cubic_slopes(s) / tile_px;
+            MappedPoint point;
+            point.x << ws.dot(x_row), ws.dot(y_row);
+            point.jacobian << ds.dot(x_row), ws.dot(x_slope), ds.dot(y_row), ws.dot(y_slope);
+            points.push_back(point);
+        }
+    }
+}
+
+}  // namespace etalon

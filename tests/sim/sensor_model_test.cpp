@@ -1,0 +1,215 @@
+#include "sim/sensor_model.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <limits>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+CameraModel camera_of(int width, int height) {
+    CameraModel camera;
+    camera.width = width;
+    camera.height = height;
+    camera.intrinsics = {100.0, 140.0, 3.0, 2.0};
+    return camera;
+}
+
+CameraModel camera_with(const Sensor& sensor, int width = 7, int height = 5) {
+    CameraModel camera = camera_of(width, height);
+    camera.sensor = sensor;
+    return camera;
+}
+
+Radiance uniform(double radiance, int width = 7, int height = 5) {
+    return Radiance(height, width, CV_32FC1, cv::Scalar::all(radiance));
+}
+
+int first_code(const CodeImage& image) {
+    return image.bits > 8 ? image.pixels.at<std::uint16_t>(0, 0)
+                          : image.pixels.at<std::uint8_t>(0, 0);
+}
+
+int code_for(const Sensor& sensor, double radiance) {
+    return first_code(SensorModel(camera_with(sensor)).expose(uniform(radiance)));
+}
+
+TEST(SensorModel, WithoutASensorSectionIsEightBitsLinearAndRoundsHalfUp) {
+    const SensorModel sensor(camera_of(7, 5));
+    // 0.1 * 255 = 25.5 exactly in the real numbers; the float 0.1f lies 1.5e-9 above.
+    for (const auto& [radiance, code] : {std::pair{0.0, 0}, {0.1, 26}, {0.0979, 25}, {1.0, 255}})
+        EXPECT_EQ(first_code(sensor.expose(uniform(radiance))), code) << radiance;
+    EXPECT_EQ(first_code(sensor.expose(uniform(0.5))), 128);  // 127.5, exact in binary
+}
+
+TEST(SensorModel, SaturatesAtBothEndsAsASensorDoes) {
+    EXPECT_EQ(code_for({}, 1.7), 255);
+    EXPECT_EQ(code_for({}, -0.2), 0);
+}
+
+TEST(SensorModel, ReachesFullScaleAtEveryBitDepth) {
+    for (int bits = 1; bits <= 16; ++bits) {
+        Sensor sensor;
+        sensor.bits = bits;
+        EXPECT_EQ(code_for(sensor, 1.0), (1 << bits) - 1);
+        EXPECT_EQ(code_for(sensor, 0.0), 0);
+        EXPECT_EQ(code_for(sensor, 0.5), (1 << (bits - 1)));  // (2^b - 1) / 2, half up
+        const CodeImage image = SensorModel(camera_with(sensor)).expose(uniform(0.3));
+        EXPECT_EQ(image.pixels.type(), bits > 8 ? CV_16UC1 : CV_8UC1);
+        EXPECT_EQ(image.bits, bits);
+    }
+}
+
+TEST(SensorModel, AddsTheBlackLevelBelowAnUnchangedFullScale) {
+    Sensor sensor;
+    sensor.bits = 12;
+    sensor.black_dn = 95.0;
+    EXPECT_EQ(code_for(sensor, 0.0), 95);
+    EXPECT_EQ(code_for(sensor, 1.0), 4095);
+    EXPECT_EQ(code_for(sensor, 0.25), 95 + 1000);
+}
+
+TEST(Rec709, HasTheStandardsValuesAroundItsBreak) {
+    const Transfer curve{Transfer::Kind::rec709, {}};
+    EXPECT_DOUBLE_EQ(encode(curve, 0.0), 0.0);
+    EXPECT_NEAR(encode(curve, 0.018 - 1e-12), 0.081, 1e-9);  // 4.5 * 0.018
+    // 0.018^0.45 = exp(0.45 ln 0.018) = exp(-1.807823) = 0.164011
+    EXPECT_NEAR(encode(curve, 0.018), 1.099 * 0.164011 - 0.099, 1e-6);
+    EXPECT_NEAR(encode(curve, 0.5), 1.099 * 0.7320428 - 0.099, 1e-6);  // 2^-0.45
+    EXPECT_NEAR(encode(curve, 1.0), 1.0, 1e-15);
+    EXPECT_DOUBLE_EQ(decode(curve, 0.0811), 0.018);  // in the gap between the branches
+    EXPECT_DOUBLE_EQ(encode(curve, -0.01), -0.045);
+}
+
+TEST(Transfer, IsInvertedByDecode) {
+    const Transfer table{Transfer::Kind::table, {{0.0, 0.02}, {0.3, 0.5}, {1.0, 0.9}}};
+    for (const Transfer& curve : {Transfer{}, Transfer{Transfer::Kind::rec709, {}}, table}) {
+        for (const double radiance : {-0.03, 0.0, 0.007, 0.0179, 0.0181, 0.3, 0.77, 1.0})
+            EXPECT_NEAR(decode(curve, encode(curve, radiance)), radiance, 1e-12);
+    }
+    EXPECT_DOUBLE_EQ(encode(table, 0.15), 0.26);
+    EXPECT_DOUBLE_EQ(encode(table, 0.65), 0.7);
+    EXPECT_DOUBLE_EQ(encode(table, 1.5), 0.9);
+}
+
+TEST(SensorModel, TakesCodesBackToTheRadianceTheyCameFrom) {
+    for (const auto kind : {Transfer::Kind::linear, Transfer::Kind::rec709}) {
+        Sensor sensor;
+        sensor.bits = 10;
+        sensor.black_dn = 40.0;
+        sensor.transfer.kind = kind;
+        const SensorModel model(camera_with(sensor, 50, 1));
+        Radiance radiance(1, 50, CV_32FC1);
+        for (int x = 0; x < 50; ++x)
+            radiance.at<float>(0, x) = static_cast<float>(x / 49.0);
+        const Radiance back = model.linear_radiance(model.expose(radiance));
+        // Half a code of 983, over the curve's least slope (0.45 * 1.099 = 0.4946 at white).
+        const double tolerance = 0.5 / 983.0 / (kind == Transfer::Kind::linear ? 1.0 : 0.4945);
+        EXPECT_LE(cv::norm(back, radiance, cv::NORM_INF), tolerance + 1e-6);
+    }
+}
+
+TEST(SensorModel, DarkensWithTheFourthPowerOfTheCosine) {
+    Sensor sensor;
+    sensor.cos4_illumination = true;
+    sensor.bits = 16;
+    const SensorModel model(camera_with(sensor));
+    // Pixel (7-1, 5-1) is 3 px right and 2 px below the principal point: x = 0.03, y = 2/140.
+    const double r2 = 0.03 * 0.03 + (2.0 / 140.0) * (2.0 / 140.0);
+    EXPECT_NEAR(model.relative_illumination().at<float>(4, 6), 1.0 / ((1 + r2) * (1 + r2)), 1e-7);
+    EXPECT_EQ(model.relative_illumination().at<float>(2, 3), 1.0f);
+    const CodeImage image = model.expose(uniform(0.8));
+    EXPECT_EQ(image.pixels.at<std::uint16_t>(4, 6),
+              std::floor(0.8f * 65535.0 / ((1 + r2) * (1 + r2)) + 0.5));
+}
+
+struct Moments {
+    double mean, variance;
+};
+
+Moments moments(const cv::Mat& image) {
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(image, mean, deviation);
+    return {mean[0], deviation[0] * deviation[0]};
+}
+
+// n = 60000 pixels. Signal 0.4 * (4095 - 95) = 1600 DN above black; 5 e/DN: shot variance
+// 1600 / 5 = 320 DN^2; read 40 e = 8 DN: 64 DN^2; rounding 1/12: 384.083. The mean's standard
+// deviation is sqrt(384 / n) = 0.080, the variance's 384 sqrt(2 / n) = 2.22: 5 sigma each.
+TEST(SensorNoise, HasTheVarianceOfItsElectrons) {
+    Sensor sensor;
+    sensor.bits = 12;
+    sensor.black_dn = 95.0;
+    sensor.gain_e_per_dn = 5.0;
+    sensor.read_noise_e = 40.0;
+    const SensorModel model(camera_with(sensor, 300, 200));
+    const auto found = moments(model.expose(uniform(0.4, 300, 200), NoiseKey{17, 3}).pixels);
+    EXPECT_NEAR(found.mean, 1695.0, 0.40);
+    EXPECT_NEAR(found.variance, 384.083, 11.1);
+    // In the dark only the read noise is left: 64.083, sd 64 sqrt(2 / n) = 0.37, mean sd 0.033.
+    const auto dark = moments(model.expose(uniform(0.0, 300, 200), NoiseKey{17, 3}).pixels);
+    EXPECT_NEAR(dark.mean, 95.0, 0.17);
+    EXPECT_NEAR(dark.variance, 64.083, 1.85);
+}
+
+// The curve's slope at L = 0.4 is 1.099 * 0.45 * 0.4^-0.55 = 0.81856: noise of 60 DN^2 becomes
+// 0.67004 * 60 = 40.20, plus rounding 0.083. Curvature changes that by under 1 part in 1000
+// (sigma / signal = 0.5 %). Variance sd over 60000 pixels: 40.3 sqrt(2 / n) = 0.233; 5 sigma.
+TEST(SensorNoise, IsShapedByTheTransferCurveThatFollowsIt) {
+    Sensor sensor;
+    sensor.bits = 12;
+    sensor.gain_e_per_dn = 27.3;  // 0.4 * 4095 / 27.3 = 60 DN^2
+    sensor.transfer.kind = Transfer::Kind::rec709;
+    const SensorModel model(camera_with(sensor, 300, 200));
+    const auto found = moments(model.expose(uniform(0.4, 300, 200), NoiseKey{5, 0}).pixels);
+    EXPECT_NEAR(found.variance, 40.29, 1.2);
+}
+
+TEST(SensorNoise, IsTheSameForTheSameKeyAndAnotherForTheNextFrameOrSeed) {
+    Sensor sensor;
+    sensor.gain_e_per_dn = 3.0;
+    const SensorModel model(camera_with(sensor));
+    const auto shot = [&](std::optional<NoiseKey> key) {
+        return model.expose(uniform(0.6), key).pixels;
+    };
+    EXPECT_EQ(cv::countNonZero(shot(NoiseKey{7, 5}) != shot(NoiseKey{7, 5})), 0);
+    EXPECT_GT(cv::countNonZero(shot(NoiseKey{7, 5}) != shot(NoiseKey{7, 6})), 20);
+    EXPECT_GT(cv::countNonZero(shot(NoiseKey{7, 5}) != shot(NoiseKey{8, 5})), 20);
+    EXPECT_EQ(moments(shot({})).variance, 0.0);
+}
+
+TEST(SensorModel, RefusesRadianceThatIsNotANumberOrNotItsSize) {
+    const SensorModel model(camera_of(7, 5));
+    for (const float bad : {std::nanf(""), std::numeric_limits<float>::infinity()}) {
+        Radiance radiance = uniform(0.5);
+        radiance.at<float>(3, 6) = bad;
+        EXPECT_THROW(model.expose(radiance), NumericalError);
+    }
+    EXPECT_THROW(model.expose(uniform(0.5, 5, 7)), NumericalError);
+    EXPECT_THROW(model.expose({}), NumericalError);
+    EXPECT_THROW(model.linear_radiance({cv::Mat(5, 7, CV_16UC1), 12}), NumericalError);
+}
+
+TEST(SensorModel, RefusesASectionThatContradictsItself) {
+    const auto refused = [](auto change) {
+        Sensor sensor;
+        change(sensor);
+        EXPECT_THROW(SensorModel{camera_with(sensor)}, ConfigError);
+    };
+    refused([](Sensor& s) { s.bits = 0; });
+    refused([](Sensor& s) { s.bits = 17; });
+    refused([](Sensor& s) { s.black_dn = 255.0; });
+    refused([](Sensor& s) { s.black_dn = std::nan(""); });
+    refused([](Sensor& s) { s.gain_e_per_dn = -1.0; });
+    refused([](Sensor& s) { s.read_noise_e = 5.0; });
+    refused([](Sensor& s) { s.transfer = {Transfer::Kind::table, {}}; });
+    refused([](Sensor& s) { s.transfer = {Transfer::Kind::table, {{0, 0}, {0.7, 1}}}; });
+    refused([](Sensor& s) { s.transfer = {Transfer::Kind::table, {{0, 0}, {0.7, 0}, {1, 1}}}; });
+    refused([](Sensor& s) { s.transfer = {Transfer::Kind::table, {{0, 0}, {1, 1.2}}}; });
+}
+
+}  // namespace
+}  // namespace etalon

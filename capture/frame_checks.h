@@ -1,0 +1,42 @@
+// The tests that decide whether a frame, and the settings that it is taken with, are what was asked
+// for. Shared by the backends.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <stop_token>
+#include <string>
+
+#include "core/image.h"
+
+namespace etalon {
+
+// Whether frame `id` comes after frame `last` on a GigE Vision stream. Block ids count 1..65535 and
+// wrap to 1, never to 0 (GigE Vision 1.x); an id that is ahead by less than half of that range
+// counts as later. Ids above 65535 (GigE Vision 2 extended ids, USB3 Vision) never wrap.
+bool frame_id_advanced(std::uint64_t last, std::uint64_t id);
+
+// Whether the images' container can hold codes of `bits` bits: 8-bit pixels 1..8, 16-bit 9..16.
+bool bits_fit_depth(int bits, int cv_depth);
+
+// Whether a code value lies above the full scale, which means that the device aligns its codes to
+// the high bits or has more bits than was said. Reads every pixel.
+bool exceeds_full_scale(const CodeImage& image);
+
+// A wish that a device did not fulfil, in the words of a DeviceError.
+struct SettingDifference {
+    std::string request;  // "set gain 2.5 dB"
+    std::string cause;    // "the device uses 2 dB"
+};
+
+// The first of size, exposure and gain that differs: exposure by more than `exposure_step_us`, gain
+// by more than 0.05 dB (cameras' coarsest usual step is 0.1 dB). Wishes of 0 for size and exposure
+// are none.
+std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
+                                                  const CaptureSettings& actual,
+                                                  double exposure_step_us);
+
+// Returns once the clock is past t. Throws Interrupted when a stop is requested.
+void wait_until_after(Clock& clock, Instant t, std::stop_token stop);
+
+}  // namespace etalon

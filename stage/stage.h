@@ -1,0 +1,68 @@
+// A motorised stage: axes that are enabled, homed, moved and stopped. A stage can crush a lens, so:
+//
+//   * nothing moves before enable() and home(), with an alarm, or to outside the soft limits;
+//   * a motion command is never repeated without reading back first;
+//   * destroying the object stops every axis, whatever the reason (best effort, bounded by 2 s,
+//     on a fresh connection when the old one is broken).
+//
+// States: connected -> enabled -> homed <-> moving; an alarm or a lost link leads to faulted, from
+// where only stop() is allowed. One thread owns a stage.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "core/clock.h"
+#include "stage/axes.h"
+
+namespace etalon {
+
+struct AxisStatus {
+    bool enabled = false, homed = false, moving = false, in_position = false;
+    int alarm = 0;          // the controller's code; 0: none
+    double position = 0.0;  // read back, mm or rad
+};
+
+class Stage {
+public:
+    virtual ~Stage() = default;
+
+    virtual const std::vector<Axis>& axes() const = 0;
+
+    virtual void enable(std::stop_token stop) = 0;
+    virtual void home(std::stop_token stop) = 0;
+
+    // Moves all axes together, returns when every one is done and settled. Throws ConfigError for a
+    // target outside the soft limits (before anything moves), DeviceError for an alarm, a lost link
+    // or a move that does not end in time, Interrupted on request; the axes are stopped first.
+    virtual void move(std::span<const double> target, std::stop_token stop) = 0;
+
+    // Read back from the device, mm or rad, one per axis.
+    virtual std::vector<double> position() = 0;
+    virtual std::vector<AxisStatus> status() = 0;
+
+    // Stops every axis. True when the controller confirmed that nothing moves.
+    virtual bool stop() noexcept = 0;
+
+    // The last exchanges with the device, one line each, for the record. Empty where there are
+    // none. Safe from every thread.
+    virtual std::string trace() const { return {}; }
+};
+
+// Where a stage is reached and how it speaks.
+struct StageLink {
+    std::string host = "127.0.0.1";
+    int port = 502;
+    int unit = 1;
+    std::chrono::milliseconds response_timeout{300};
+};
+
+// Opens a Modbus TCP stage that speaks the given profile ("generic", the only one so far).
+// Throws ConfigError for an unknown profile, DeviceError when nobody answers.
+std::unique_ptr<Stage> open_stage(const StageLink& link, const std::string& profile,
+                                  std::vector<Axis> axes, Clock& clock);
+
+}  // namespace etalon

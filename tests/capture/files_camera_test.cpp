@@ -1,0 +1,142 @@
+#include "capture/files_camera.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "core/errors.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+
+class FilesCameraTest : public testing::Test {
+protected:
+    void add(const std::string& file, int width, int height, int type, int value) {
+        ASSERT_TRUE(cv::imwrite((folder_ / file).string(),
+                                cv::Mat(height, width, type, cv::Scalar::all(value))));
+    }
+
+    std::unique_ptr<Camera> armed(const CaptureSettings& settings = {}) {
+        auto camera = open_files_camera(folder_.path(), clock_);
+        camera->configure(settings);
+        camera->arm();
+        return camera;
+    }
+
+    int next_value(Camera& camera) {
+        const Frame frame = camera.frame_after(clock_.now(), 0, {});
+        EXPECT_EQ(frame.status, FrameStatus::complete);
+        return frame.image.pixels.depth() == CV_8U ? frame.image.pixels.at<std::uint8_t>(0, 0)
+                                                   : frame.image.pixels.at<std::uint16_t>(0, 0);
+    }
+
+    TemporaryFolder folder_;
+    VirtualClock clock_;
+};
+
+TEST_F(FilesCameraTest, ShowsTheImagesInTheOrderOfTheirNamesAndThenFails) {
+    add("b.png", 7, 5, CV_8UC1, 20);
+    add("c.tif", 7, 5, CV_8UC1, 30);
+    add("a.PNG", 7, 5, CV_8UC1, 10);
+    std::ofstream(folder_ / "notes.txt") << "no image";
+    auto camera = armed();
+    EXPECT_EQ(next_value(*camera), 10);
+    EXPECT_EQ(next_value(*camera), 20);
+    EXPECT_EQ(next_value(*camera), 30);
+    EXPECT_THROW(camera->frame_after(clock_.now(), 5, {}), DeviceError);
+    EXPECT_EQ(camera->statistics().delivered, 3);
+}
+
+TEST_F(FilesCameraTest, SaysTheSizeOfTheRecording) {
+    add("a.png", 7, 5, CV_8UC1, 10);
+    const CaptureSettings settings = open_files_camera(folder_.path(), clock_)->configure({});
+    EXPECT_EQ(settings.width, 7);
+    EXPECT_EQ(settings.height, 5);
+    EXPECT_EQ(settings.bits, 8);
+}
+
+TEST_F(FilesCameraTest, KeepsAll16BitsOfARecording) {
+    add("a.png", 7, 5, CV_16UC1, 51234);
+    CaptureSettings settings;
+    settings.bits = 16;
+    auto camera = armed(settings);
+    EXPECT_EQ(next_value(*camera), 51234);
+}
+
+TEST_F(FilesCameraTest, DeliversAFrameThatBeganAfterTheMomentAskedFor) {
+    add("a.png", 7, 5, CV_8UC1, 10);
+    auto camera = armed();
+    const Instant t = clock_.now() + 700ms;
+    const Frame frame = camera->frame_after(t, 0, {});
+    EXPECT_GT(frame.exposure_start - frame.exposure_start_uncertainty, t);
+}
+
+TEST_F(FilesCameraTest, RefusesSettingsThatTheRecordingDoesNotHave) {
+    add("a.png", 7, 5, CV_8UC1, 10);
+    auto camera = open_files_camera(folder_.path(), clock_);
+    CaptureSettings swapped, deep, exposed, amplified;
+    swapped.width = 5, swapped.height = 7;
+    deep.bits = 12;
+    exposed.exposure = 5000us;
+    amplified.gain_db = 3.0;
+    for (const CaptureSettings& wrong : {swapped, deep, exposed, amplified})
+        EXPECT_THROW(camera->configure(wrong), DeviceError);
+}
+
+TEST_F(FilesCameraTest, RefusesAnImageOfAnotherSizeThanTheFirst) {
+    add("a.png", 7, 5, CV_8UC1, 10);
+    add("b.png", 5, 7, CV_8UC1, 20);
+    auto camera = armed();
+    EXPECT_EQ(next_value(*camera), 10);
+    EXPECT_THROW(camera->frame_after(clock_.now(), 0, {}), DeviceError);
+}
+
+TEST_F(FilesCameraTest, RefusesCodesAboveTheFullScaleThatWasSaid) {
+    add("a.png", 7, 5, CV_16UC1, 4096);
+    CaptureSettings settings;
+    settings.bits = 12;
+    auto camera = armed(settings);
+    EXPECT_THROW(camera->frame_after(clock_.now(), 0, {}), DeviceError);
+}
+
+TEST_F(FilesCameraTest, NamesTheFileThatIsNoImage) {
+    add("a.png", 7, 5, CV_8UC1, 10);
+    std::ofstream(folder_ / "b.png") << "not a PNG";
+    auto camera = armed();
+    EXPECT_EQ(next_value(*camera), 10);
+    try {
+        camera->frame_after(clock_.now(), 0, {});
+        FAIL() << "no error";
+    } catch (const ConfigError& error) {
+        EXPECT_NE(std::string(error.what()).find("b.png"), std::string::npos);
+    }
+}
+
+TEST_F(FilesCameraTest, RefusesAFolderWithoutImagesAndAMissingOne) {
+    EXPECT_THROW(open_files_camera(folder_.path(), clock_), ConfigError);
+    EXPECT_THROW(open_files_camera(folder_ / "missing", clock_), ConfigError);
+}
+
+TEST_F(FilesCameraTest, GivesNoFrameUnarmed) {
+    add("a.png", 7, 5, CV_8UC1, 10);
+    auto camera = open_files_camera(folder_.path(), clock_);
+    EXPECT_THROW(camera->arm(), DeviceError);
+    camera->configure({});
+    EXPECT_THROW(camera->frame_after(clock_.now(), 0, {}), DeviceError);
+}
+
+TEST_F(FilesCameraTest, StopsWhenAskedTo) {
+    add("a.png", 7, 5, CV_8UC1, 10);
+    auto camera = armed();
+    std::stop_source stop;
+    stop.request_stop();
+    EXPECT_THROW(camera->frame_after(clock_.now(), 0, stop.get_token()), Interrupted);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,80 @@
+#include "capture/frame_checks.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace etalon {
+namespace {
+
+TEST(FrameId, AdvancesWhenItGrows) {
+    EXPECT_TRUE(frame_id_advanced(7, 8));
+    EXPECT_TRUE(frame_id_advanced(7, 12));  // frames between were lost: still later
+}
+
+TEST(FrameId, DoesNotAdvanceWhenTheSameOrAnOlderFrameComesAgain) {
+    EXPECT_FALSE(frame_id_advanced(7, 7));
+    EXPECT_FALSE(frame_id_advanced(12, 7));
+}
+
+TEST(FrameId, WrapsFrom65535To1BecauseZeroIsNoBlockId) {
+    EXPECT_TRUE(frame_id_advanced(65535, 1));
+    EXPECT_TRUE(frame_id_advanced(65530, 5));
+    EXPECT_FALSE(frame_id_advanced(1, 65535));
+    EXPECT_FALSE(frame_id_advanced(5, 65530));
+}
+
+TEST(FrameId, OfAnExtendedStreamNeverWraps) {
+    EXPECT_TRUE(frame_id_advanced(65535, 65536));
+    EXPECT_TRUE(frame_id_advanced(70'000, 5'000'000'000));
+    EXPECT_FALSE(frame_id_advanced(70'000, 5));
+}
+
+TEST(BitDepth, FitsItsContainerOnly) {
+    EXPECT_TRUE(bits_fit_depth(8, CV_8U));
+    EXPECT_TRUE(bits_fit_depth(5, CV_8U));
+    EXPECT_FALSE(bits_fit_depth(9, CV_8U));
+    EXPECT_TRUE(bits_fit_depth(12, CV_16U));
+    EXPECT_FALSE(bits_fit_depth(8, CV_16U));
+    EXPECT_FALSE(bits_fit_depth(17, CV_16U));
+    EXPECT_FALSE(bits_fit_depth(12, CV_32F));
+}
+
+TEST(FullScale, IsExceededByHighAlignedCodes) {
+    CodeImage image{cv::Mat(3, 5, CV_16UC1, cv::Scalar(100)), 12};
+    image.pixels.at<std::uint16_t>(2, 4) = 4095;
+    EXPECT_FALSE(exceeds_full_scale(image));
+    image.pixels.at<std::uint16_t>(2, 4) = 4095 << 4;
+    EXPECT_TRUE(exceeds_full_scale(image));
+}
+
+TEST(SettingDifference, IsFoundInSizeExposureAndGain) {
+    CaptureSettings wanted;
+    wanted.width = 67;
+    wanted.height = 41;
+    wanted.exposure = std::chrono::microseconds(7000);
+    wanted.gain_db = 3.0;
+    EXPECT_FALSE(first_difference(wanted, wanted, 0.5));
+    CaptureSettings narrow = wanted, low = wanted, longer = wanted, loud = wanted, broken = wanted;
+    narrow.width = 64;
+    low.height = 40;
+    longer.exposure += std::chrono::microseconds(5);
+    loud.gain_db = 3.1;
+    broken.gain_db = std::nan("");
+    for (const CaptureSettings& actual : {narrow, low, longer, loud, broken})
+        EXPECT_TRUE(first_difference(wanted, actual, 0.5));
+    EXPECT_EQ(first_difference(wanted, longer, 0.5)->request, "set exposure 7000 us");
+    EXPECT_EQ(first_difference(wanted, longer, 0.5)->cause, "the device uses 7005 us");
+    EXPECT_FALSE(first_difference(wanted, longer, 7.0)) << "within the device's own step";
+}
+
+TEST(SettingDifference, IgnoresWhatWasLeftToTheDevice) {
+    CaptureSettings actual;
+    actual.width = 67;
+    actual.height = 41;
+    actual.exposure = std::chrono::microseconds(7000);
+    EXPECT_FALSE(first_difference({}, actual, 0.5));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,105 @@
+#include "compare/chessboard_corners.h"
+
+#include <limits>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "compare/detector_adaptors.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+// Of the corners of a board, row by row.
+struct Board {
+    std::vector<cv::Point2f> corners;
+    int columns, rows;
+
+    const cv::Point2f& at(int row, int column) const { return corners[row * columns + column]; }
+};
+
+double smallest_spacing(const Board& board) {
+    double smallest = std::numeric_limits<double>::infinity();
+    for (int row = 0; row < board.rows; ++row)
+        for (int column = 0; column < board.columns; ++column) {
+            const cv::Point2f here = board.at(row, column);
+            if (column + 1 < board.columns)
+                smallest = std::min(smallest, cv::norm(board.at(row, column + 1) - here));
+            if (row + 1 < board.rows)
+                smallest = std::min(smallest, cv::norm(board.at(row + 1, column) - here));
+        }
+    return smallest;
+}
+
+// 5 px serve most boards; large squares allow more, against noise and blur; small ones force less.
+int half_window(double spacing_px) {
+    const double wanted = std::max(5.0, spacing_px / 10.0);
+    return std::max(1, static_cast<int>(std::min(wanted, 0.4 * spacing_px)));
+}
+
+// Mirrored orders do not occur on a board seen from the front: rows are then counted from the
+// wrong side.
+void make_right_handed(Board& board) {
+    const cv::Point2f origin = board.at(0, 0);
+    const cv::Point2f along_row = board.at(0, board.columns - 1) - origin;
+    const cv::Point2f down = board.at(board.rows - 1, 0) - origin;
+    if (along_row.cross(down) >= 0.0)
+        return;
+    for (int row = 0; row < board.rows / 2; ++row)
+        std::swap_ranges(board.corners.begin() + row * board.columns,
+                         board.corners.begin() + (row + 1) * board.columns,
+                         board.corners.begin() + (board.rows - 1 - row) * board.columns);
+}
+
+// How much brighter the squares between inner corners are whose row and column add to an even
+// number, at their centres. They are the black ones in sim/marker.h.
+double even_minus_odd(const Board& board, const cv::Mat& pixels) {
+    double sum[2] = {0, 0};
+    int count[2] = {0, 0};
+    for (int row = 0; row + 1 < board.rows; ++row)
+        for (int column = 0; column + 1 < board.columns; ++column) {
+            const cv::Point2f centre =
+                0.25f * (board.at(row, column) + board.at(row, column + 1) +
+                         board.at(row + 1, column) + board.at(row + 1, column + 1));
+            const cv::Point pixel(cvRound(centre.x), cvRound(centre.y));
+            if (!cv::Rect(0, 0, pixels.cols, pixels.rows).contains(pixel))
+                continue;
+            sum[(row + column) % 2] += pixels.at<float>(pixel);
+            ++count[(row + column) % 2];
+        }
+    return sum[0] / std::max(count[0], 1) - sum[1] / std::max(count[1], 1);
+}
+
+}  // namespace
+
+std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image, int columns,
+                                                         int rows) {
+    if (columns < 3 || rows < 3)
+        throw ConfigError({}, fmt::format("a board of {}x{} inner corners cannot be found: 3x3 at "
+                                          "least",
+                                          columns, rows));
+    // Below two pixels a square nothing is seen, and OpenCV would throw.
+    if (std::min(image.pixels.cols, image.pixels.rows) < 2 * (std::min(columns, rows) + 1))
+        return std::nullopt;
+    Board board{{}, columns, rows};
+    if (!cv::findChessboardCorners(as_8_bit(image), {columns, rows}, board.corners,
+                                   cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE))
+        return std::nullopt;
+    make_right_handed(board);
+    cv::Mat pixels;
+    image.pixels.convertTo(pixels, CV_32F);
+    if ((columns + rows) % 2 == 1 && even_minus_odd(board, pixels) > 0.0)
+        std::reverse(board.corners.begin(), board.corners.end());
+
+    ChessboardCorners found;
+    found.smallest_spacing_px = smallest_spacing(board);
+    found.refinement_half_window_px = half_window(found.smallest_spacing_px);
+    const cv::Size window(found.refinement_half_window_px, found.refinement_half_window_px);
+    cv::cornerSubPix(pixels, board.corners, window, {-1, -1},
+                     {cv::TermCriteria::EPS + cv::TermCriteria::MAX_ITER, 100, 1e-4});
+    for (const cv::Point2f& corner : board.corners)
+        found.pixels.emplace_back(corner.x, corner.y);
+    return found;
+}
+
+}  // namespace etalon

@@ -1,0 +1,72 @@
+#include "compare/detector.h"
+
+#include "compare/detector_adaptors.h"
+#include "core/errors.h"
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+std::string detector_of(const Marker& marker, const std::string& place) {
+    switch (marker.kind) {
+        case Marker::Kind::apriltag:
+            return "apriltag";
+        case Marker::Kind::aruco:
+            return "aruco";
+        case Marker::Kind::chessboard:
+            return "chessboard";
+        case Marker::Kind::bitmap:
+            break;
+    }
+    throw ConfigError({place}, "no detector finds " + marker.spec + ": give its poses");
+}
+
+}  // namespace
+
+std::optional<DetectedCorners> Detector::not_found() {
+    failure_ = "marker not found";
+    return std::nullopt;
+}
+
+std::optional<DetectedCorners> Detector::only_one(const std::vector<DetectedCorners>& found) {
+    if (found.empty())
+        return not_found();
+    if (found.size() > 1) {
+        failure_ = fmt::format("marker {} is seen {} times", found[0].id, found.size());
+        return std::nullopt;
+    }
+    failure_.clear();
+    return found[0];
+}
+
+std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& marker,
+                                        const std::string& place) {
+    static const std::vector<std::string> names = {
+        "apriltag", "aruco", "aruco-none", "aruco-contour", "aruco-apriltag", "chessboard", "auto"};
+    const std::string chosen = name == "auto" ? detector_of(marker, place) : name;
+    if (chosen == "apriltag")
+        return make_apriltag_detector(marker, place);
+    if (chosen == "aruco")
+        return make_aruco_detector(marker, ArucoRefinement::subpixel, place);
+    if (chosen == "aruco-none")
+        return make_aruco_detector(marker, ArucoRefinement::none, place);
+    if (chosen == "aruco-contour")
+        return make_aruco_detector(marker, ArucoRefinement::contour, place);
+    if (chosen == "aruco-apriltag")
+        return make_aruco_detector(marker, ArucoRefinement::apriltag, place);
+    if (chosen == "chessboard")
+        return make_chessboard_detector(marker, place);
+    const std::string nearest = nearest_word(name, names);
+    throw ConfigError({place}, fmt::format("there is no detector '{}'{}", name,
+                                           nearest.empty() ? "" : "; is it " + nearest + "?"));
+}
+
+cv::Mat as_8_bit(const CodeImage& image) {
+    if (image.bits == 8 && image.pixels.type() == CV_8UC1)
+        return image.pixels;
+    cv::Mat scaled;
+    image.pixels.convertTo(scaled, CV_8U, 255.0 / image.full_scale());
+    return scaled;
+}
+
+}  // namespace etalon

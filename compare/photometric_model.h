@@ -1,0 +1,55 @@
+// How bright a rendering's black and white are in one photograph, and how much blurrier it is than
+// the rendering: what a calibration does not know and every photograph has anew.
+//
+//     gray(x, y) = black(x, y) + (white(x, y) - black(x, y)) * T((Gaussian(sigma) * radiance)(x,
+//     y))
+//
+// Black and white are planes over the image: seven parameters in all. The Gaussian (*: convolution)
+// stands for what the camera's lens section leaves out; without a lens section it is the whole
+// lens. T is the camera's transfer curve, not fitted; it is taken at radiances 0 to 1 although the
+// scene's own may span less, so that with a curve the half tones along edges are first order only.
+// Photographs are in gray = code value / full scale * 255. Not for clipped photographs: nothing in
+// it saturates.
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+
+#include "calib/camera_model.h"
+#include "core/image.h"
+
+namespace etalon {
+
+struct PhotometricModel {
+    // Level at the image's centre, its change over the image's width and over its height, gray.
+    Eigen::Vector3d black = Eigen::Vector3d::Zero();
+    Eigen::Vector3d white = Eigen::Vector3d::Zero();
+    double psf_sigma_px = 0.0;  // 0 .. 3
+    int pixels = 0;             // that were fitted
+};
+
+inline constexpr double max_psf_sigma_px = 3.0;
+
+// CV_32FC1: code values / full scale * 255.
+cv::Mat gray_of(const CodeImage& image);
+
+// Fits the model on the pixels where `use` (CV_8UC1) equals `fitted`. Robust: Huber's loss, by
+// iteratively reweighted least squares for the levels, inside a search for the width from 0 to 3 px
+// (a grid, then golden section, to 0.002 px). All images have the same size; photo_gray and the
+// radiance are CV_32FC1. Throws NumericalError when sizes or types differ, a fitted pixel is not
+// finite, or the pixels do not determine the six levels (all dark, too few, on one line). About 5
+// ms per 100 000 pixels of the marker's bounding box and width tried, 30 of them. Safe from every
+// thread.
+PhotometricModel fit_photometric_model(const cv::Mat& photo_gray, const Radiance& radiance,
+                                       const Transfer& transfer, const cv::Mat& use, uchar fitted);
+
+// The photograph that the model expects, CV_32FC1, gray, the radiance's size.
+cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
+                       const Transfer& transfer);
+
+// Convolution with the discrete Gaussian exp(-s^2) I_n(s^2) (Lindeberg, "Scale-space for discrete
+// signals", PAMI 1990): its variance is sigma^2 exactly, however small sigma is, where a sampled
+// Gaussian below half a pixel hardly blurs at all. Edges are replicated.
+cv::Mat blurred(const cv::Mat& image, double sigma_px);
+
+}  // namespace etalon

@@ -1,0 +1,100 @@
+#include "compare/pixel_difference.h"
+
+#include "core/errors.h"
+#include "sim/sensor_model.h"
+
+namespace etalon {
+namespace {
+
+constexpr double significance = 3.0;  // standard deviations
+
+// The value that 99 % of the sizes do not exceed.
+double percentile_99(std::vector<double>& sizes) {
+    const auto rank =
+        static_cast<std::ptrdiff_t>(std::ceil(0.99 * static_cast<double>(sizes.size()))) - 1;
+    std::nth_element(sizes.begin(), sizes.begin() + rank, sizes.end());
+    return sizes[static_cast<std::size_t>(rank)];
+}
+
+bool is_significant(double residual, double predicted, const Sensor& sensor) {
+    return std::abs(residual) > significance * noise_gray(sensor, predicted).value_or(0.0);
+}
+
+ResidualStatistics statistics(const PixelDifference& difference, PixelUse use,
+                              const std::optional<Sensor>& sensor) {
+    const bool noise_known = sensor && noise_gray(*sensor, 0.0);
+    std::vector<double> sizes;
+    double sum = 0.0, squares = 0.0;
+    int significant = 0;
+    for (int y = 0; y < difference.use.rows; ++y)
+        for (int x = 0; x < difference.use.cols; ++x) {
+            if (difference.use.at<uchar>(y, x) != use)
+                continue;
+            const double residual = difference.residual.at<float>(y, x);
+            sizes.push_back(std::abs(residual));
+            sum += residual;
+            squares += residual * residual;
+            if (noise_known)
+                significant +=
+                    is_significant(residual, difference.predicted.at<float>(y, x), *sensor);
+        }
+    if (sizes.empty())
+        throw NumericalError("no pixel of the marker is left to be scored");
+    const double count = static_cast<double>(sizes.size());
+    ResidualStatistics result;
+    result.pixels = static_cast<int>(sizes.size());
+    result.mean_gray = sum / count;
+    result.rms_gray = std::sqrt(squares / count);
+    result.worst_gray = *std::max_element(sizes.begin(), sizes.end());
+    result.p99_gray = percentile_99(sizes);
+    if (noise_known)
+        result.significant = significant / count;
+    return result;
+}
+
+// The rendering as the sensor is lit: with relative illumination where the camera has one.
+Radiance at_sensor(const Radiance& radiance, const CameraModel& camera) {
+    if (!camera.sensor || !camera.sensor->cos4_illumination)
+        return radiance;
+    const cv::Mat illumination = SensorModel(camera).relative_illumination();
+    if (illumination.size() != radiance.size())
+        throw NumericalError("the rendering has another size than the camera");
+    return radiance.mul(illumination);
+}
+
+}  // namespace
+
+std::optional<double> noise_gray(const Sensor& sensor, double gray) {
+    if (!(sensor.gain_e_per_dn > 0))
+        return std::nullopt;
+    const double full_scale = (1 << sensor.bits) - 1;
+    const double range = full_scale - sensor.black_dn;
+    const double code = (gray / 255.0 * full_scale - sensor.black_dn) / range;
+    const double linear = decode(sensor.transfer, code);
+    constexpr double step = 1e-4;  // of full scale
+    const double slope =
+        (encode(sensor.transfer, linear + step) - encode(sensor.transfer, linear - step)) /
+        (2.0 * step);
+    const double read_dn = sensor.read_noise_e / sensor.gain_e_per_dn;
+    const double linear_variance =
+        std::max(linear * range, 0.0) / sensor.gain_e_per_dn + read_dn * read_dn;
+    const double rounding = 1.0 / 12.0;  // variance of a rounding error, DN^2
+    return std::sqrt(slope * slope * linear_variance + rounding) * 255.0 / full_scale;
+}
+
+PixelDifference pixel_difference(const CodeImage& photo, const Radiance& radiance,
+                                 const cv::Mat& use, const CameraModel& camera) {
+    const cv::Mat gray = gray_of(photo);
+    const Radiance lit = at_sensor(radiance, camera);
+    const Transfer transfer = camera.sensor ? camera.sensor->transfer : Transfer{};
+    PixelDifference difference;
+    difference.model = fit_photometric_model(gray, lit, transfer, use, pixel_fitted);
+    difference.predicted = predicted_gray(difference.model, lit, transfer);
+    difference.residual = gray - difference.predicted;
+    difference.use = use;
+    difference.fitted = statistics(difference, pixel_fitted, camera.sensor);
+    difference.scored = statistics(difference, pixel_scored, camera.sensor);
+    return difference;
+}
+
+}  // namespace etalon

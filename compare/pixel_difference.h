@@ -1,0 +1,45 @@
+// Photograph minus rendering, pixel by pixel, after the photometric model of this photograph is
+// fitted on one half of the marker's cells; what is reported comes from the other half.
+//
+// Residuals of photographs are in gray = code value / full scale * 255, behind the tone curve.
+#pragma once
+
+#include <optional>
+
+#include "compare/compared_area.h"
+#include "compare/photometric_model.h"
+#include "core/image.h"
+
+namespace etalon {
+
+struct ResidualStatistics {
+    int pixels = 0;
+    double mean_gray = 0.0;   // signed
+    double rms_gray = 0.0;    // about zero
+    double p99_gray = 0.0;    // 99 % of the absolute residuals are at most this
+    double worst_gray = 0.0;  // the largest absolute residual
+    // Share of pixels over three standard deviations of the camera's noise; nothing when the camera
+    // model does not say how much noise there is. 0.0027 would be pure noise.
+    std::optional<double> significant;
+};
+
+struct PixelDifference {
+    PhotometricModel model;
+    cv::Mat predicted;  // CV_32FC1, gray: what the photograph should have been
+    cv::Mat residual;   // CV_32FC1, gray: photograph - predicted, everywhere in the image
+    cv::Mat use;        // CV_8UC1 of PixelUse
+    ResidualStatistics fitted, scored;
+};
+
+// `radiance` is the rendering at the pose under test and `use` that of pixel_uses(). The camera
+// gives the transfer curve, the relative illumination and the noise, as far as it knows them.
+// Throws NumericalError when sizes differ or the model cannot be fitted. Safe from every thread.
+PixelDifference pixel_difference(const CodeImage& photo, const Radiance& radiance,
+                                 const cv::Mat& use, const CameraModel& camera);
+
+// Standard deviation of one pixel's noise in gray at a noise-free value in gray: shot and read
+// noise, taken through the transfer curve's slope, and rounding (EMVA 1288's camera model). Nothing
+// when the sensor section gives no gain.
+std::optional<double> noise_gray(const Sensor& sensor, double gray);
+
+}  // namespace etalon

@@ -1,0 +1,119 @@
+// Everything between "the run has measured" and "the report is written": registration, biases,
+// the field that is judged, its uncertainty budget, error signatures and the verdict.
+//
+//     QualificationInput  what a run measured and what its station declares
+//     qualify()           one pure function; renders through a callback, touches no device or file
+//     Qualification       everything that the report and the record show
+//
+// Method: docs/metrology.md.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/registration.h"
+#include "compare/error_signatures.h"
+#include "compare/limits_file.h"
+#include "compare/pose_bias.h"
+#include "compare/smooth_field.h"
+#include "compare/verdict.h"
+
+namespace etalon {
+
+struct QualificationPose {
+    Rigid base_from_carriage;  // from the axes' read-back positions
+    bool hold_out = false;     // decided before anything is solved
+    // Corners in the photo, mean over the pose's frames; nothing when the marker was not detected.
+    std::optional<std::vector<Eigen::Vector2d>> corners;
+};
+
+// A standard uncertainty that the station declares, with the stage error it belongs to.
+struct DeclaredStageTerm {
+    StageError error;              // any small size; the field is scaled to the uncertainty
+    bool is_linear_scale = false;  // the scale of a linear axis
+    // True: a term of the budget; without a value it is `unknown` and the verdict cannot be PASS.
+    // False: only a signature (squareness that nobody has measured, say).
+    bool in_budget = false;
+    std::optional<double> standard_uncertainty;  // in error.unit
+};
+
+// Random errors of the stage: how far repeated approaches leave the marker's centre apart.
+struct DeclaredRepeatability {
+    std::string axis;
+    // Standard deviation at the marker's centre, mm; of a rotary axis the angle times the distance
+    // of the marker's centre from the axis. Nothing: unknown.
+    std::optional<double> marker_mm;
+};
+
+struct QualificationInput {
+    const CameraModel* camera = nullptr;     // the calibration under test
+    std::vector<Eigen::Vector3d> points_mm;  // of the marker, as its detector reports them
+    std::vector<QualificationPose> poses;
+    Rigid nominal_carriage_from_marker;  // as mounted by design: fixes the gauge freedoms only
+    RenderAndDetect render_and_detect;   // called once per training pose and round, then once per
+                                         // hold-out pose; may throw Interrupted
+    std::vector<DeclaredStageTerm> stage_terms;
+    std::vector<DeclaredRepeatability> repeatability;
+    // Relative standard uncertainty of the marker's printed size. Nothing: unknown.
+    std::optional<double> marker_size_uncertainty;
+    Limits limits;
+    std::uint64_t seed = 1;  // of the simultaneous band's draws
+};
+
+struct QualifiedPose {
+    bool hold_out = false;
+    bool detected = false;  // in the photo
+    bool used = false;      // in the registration (training) or in the field (hold-out)
+    PoseBias bias;          // of training poses B2 alone, for the record; never judged
+};
+
+// One line of the uncertainty budget of the RMS and of the maximum of the position field.
+struct BudgetRow {
+    std::string source;  // "stage scale z", "image noise", "marker print size"
+    std::optional<double> standard_uncertainty;  // of the input, in `unit`; nothing: unknown
+    std::string unit;
+    // Standard uncertainty it gives the judged quantity, mm.
+    std::optional<double> rms_contribution_mm, max_contribution_mm;
+    std::string
+        basis;  // where the value comes from: "declared by the station", "residuals, 96 dof"
+};
+
+struct DetectionCounts {
+    int training = 0, training_detected = 0, hold_out = 0, hold_out_detected = 0;
+    double rate() const;  // of all poses; 0 when there are none
+};
+
+struct Qualification {
+    Outcome verdict = Outcome::inconclusive;
+    std::vector<JudgedQuantity> quantities;  // in the order of the limits file's documentation
+    std::vector<std::string> reasons;        // why the verdict is not PASS, one sentence each
+
+    DetectionCounts detection;
+    std::vector<QualifiedPose> poses;  // in the order of the input
+
+    // Nothing where the run did not get as far: too few detected poses.
+    std::optional<BiasCorrectedRegistration> registration;
+    std::optional<SmoothField> position_field, rotation_field;  // of hold-out B3, camera frame
+    FieldSummary position_summary, rotation_summary;            // over all poses and midpoints
+
+    std::vector<BudgetRow> budget;
+    bool budget_complete = false;  // no row is unknown
+
+    std::vector<ErrorSignature> signatures;
+    std::optional<Explanation> explanation;  // when the verdict is not PASS
+};
+
+// Smallest numbers of detected poses that are judged at all; fewer give SKIPPED quantities and the
+// verdict INCONCLUSIVE.
+inline constexpr int min_training_poses = 8;
+inline constexpr int min_hold_out_poses = 15;
+
+// Throws NumericalError for inconsistent or non-finite input, a stage that did not move, and a
+// registration that does not converge; whatever render_and_detect throws passes through.
+// Single-threaded; its cost is that of the renders.
+Qualification qualify(const QualificationInput& input);
+
+}  // namespace etalon

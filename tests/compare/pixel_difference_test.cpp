@@ -1,0 +1,188 @@
+#include "compare/pixel_difference.h"
+
+#include <gtest/gtest.h>
+
+#include "core/errors.h"
+#include "core/random.h"
+
+namespace etalon {
+namespace {
+
+CameraModel small_camera() {
+    CameraModel camera;
+    camera.width = 320;
+    camera.height = 240;
+    camera.intrinsics = {300.0, 305.0, 161.0, 118.0};
+    camera.distortion.k1 = -0.2;
+    return camera;
+}
+
+Marker board(int columns, int rows, double square) {
+    Marker marker;
+    marker.kind = Marker::Kind::chessboard;
+    marker.columns = columns;
+    marker.rows = rows;
+    marker.size_mm = square;
+    return marker;
+}
+
+// A tag of 8 x 8 cells of 5 mm, its border and its white surroundings included.
+Marker tag() {
+    Marker marker;
+    marker.kind = Marker::Kind::aruco;
+    marker.grid.cells = cv::Mat(8, 8, CV_32FC1, cv::Scalar(0));
+    marker.grid.corner_mm = {-20.0, -20.0};
+    marker.grid.cell_mm = {5.0, 5.0};
+    return marker;
+}
+
+TEST(ComparedArea, OfAChessboardIsItsInnerCornersAndTheMargin) {
+    const ComparedArea area = compared_area(board(9, 6, 25.0), {}, "test");
+    EXPECT_LT((area.low_mm - Eigen::Vector2d(-7.5, -16.25)).norm(), 1e-12);
+    EXPECT_LT((area.high_mm - Eigen::Vector2d(207.5, 141.25)).norm(), 1e-12);
+}
+
+TEST(ComparedArea, OfATagIsItsWholeGrid) {
+    const ComparedArea area = compared_area(tag(), {}, "test");
+    EXPECT_LT((area.low_mm - Eigen::Vector2d(-20, -20)).norm(), 1e-12);
+    EXPECT_LT((area.high_mm - Eigen::Vector2d(20, 20)).norm(), 1e-12);
+}
+
+TEST(ComparedArea, RefusesMarginsThatLeaveNothingOrReachOffTheBoard) {
+    for (const double margin : {-0.5, 1.01, std::nan(""), HUGE_VAL}) {
+        EXPECT_THROW(compared_area(board(9, 6, 25.0), {margin, 0.1}, "test"), ConfigError);
+        EXPECT_THROW(compared_area(board(9, 6, 25.0), {0.1, margin}, "test"), ConfigError);
+    }
+}
+
+// Truth: the pixel's own ray cut with the plane, by solving for the depth.
+TEST(PixelUses, FollowThePlaneThroughDistortionAndTilt) {
+    const Projector projector(small_camera());
+    const ComparedArea area = compared_area(board(5, 4, 10.0), {0.25, 0.5}, "test");
+    const Rigid pose{rotation_from_vector({0.5, -0.3, 0.4}), {-12.0, -8.0, 110.0}};
+    const cv::Mat uses = pixel_uses(projector, pose, area);
+    ASSERT_EQ(uses.size(), cv::Size(320, 240));
+    const Eigen::Vector3d normal = pose.rotation * Eigen::Vector3d::UnitZ();
+    int counted[3] = {0, 0, 0};
+    for (int y = 0; y < 240; ++y)
+        for (int x = 0; x < 320; ++x) {
+            const Eigen::Vector3d ray = projector.unproject({x, y}).value().homogeneous();
+            const Eigen::Vector3d hit = ray * (normal.dot(pose.translation) / normal.dot(ray));
+            const Eigen::Vector3d p_marker = pose.inverse() * hit;
+            const bool inside = p_marker.x() >= -2.5 && p_marker.x() <= 42.5 &&
+                                p_marker.y() >= -5.0 && p_marker.y() <= 35.0 && hit.z() > 0;
+            const int block_x = static_cast<int>(std::floor(p_marker.x() / 20.0));
+            const int block_y = static_cast<int>(std::floor(p_marker.y() / 20.0));
+            const int expected = !inside ? 0 : (block_x + block_y) % 2 == 0 ? 1 : 2;
+            EXPECT_EQ(uses.at<uchar>(y, x), expected) << x << ", " << y;
+            ++counted[uses.at<uchar>(y, x)];
+        }
+    EXPECT_GT(counted[pixel_fitted], 3000);
+    EXPECT_GT(counted[pixel_scored], 3000);
+}
+
+TEST(PixelUses, AreNoneForAMarkerBehindTheCameraEdgeOnOrOutside) {
+    const Projector projector(small_camera());
+    const ComparedArea area = compared_area(tag(), {}, "test");
+    const auto count = [&](const Rigid& pose) {
+        return cv::countNonZero(pixel_uses(projector, pose, area));
+    };
+    EXPECT_GT(count({Eigen::Quaterniond::Identity(), {7, 5, 150}}), 100);
+    EXPECT_EQ(count({Eigen::Quaterniond::Identity(), {7, 5, -150}}), 0);
+    EXPECT_EQ(count({Eigen::Quaterniond::Identity(), {900, 5, 150}}), 0);
+    EXPECT_EQ(count({rotation_from_vector({std::acos(-1.0) / 2, 0, 0}), {0, 0, 150}}), 0);
+}
+
+// A rendering of a checkerboard, good enough for a test: the sign of each pixel's square.
+struct Scene {
+    CameraModel camera = small_camera();
+    Projector projector{camera};
+    Rigid pose{rotation_from_vector({0.3, -0.2, 0.1}), {-25.0, -15.0, 120.0}};
+    ComparedArea area = compared_area(board(6, 5, 10.0), {0.4, 0.4}, "test");
+    cv::Mat use = pixel_uses(projector, pose, area);
+    Radiance radiance{camera.height, camera.width, CV_32FC1, cv::Scalar(1)};
+
+    Scene() {
+        ComparedArea shifted = area;  // blocks of two "cells" of half a square are squares
+        shifted.cell_mm *= 0.5;
+        const cv::Mat squares = pixel_uses(projector, pose, shifted);
+        radiance.setTo(0.0f, squares == 1);
+    }
+
+    CodeImage photo(double noise_gray, int bits) const {
+        PhotometricModel model;
+        model.black = {30.0, 4.0, -6.0};
+        model.white = {190.0, -20.0, 10.0};
+        model.psf_sigma_px = 0.9;
+        cv::Mat gray = predicted_gray(model, radiance, {});
+        RandomStream random(3, 9);
+        for (int y = 0; y < gray.rows; ++y)
+            for (int x = 0; x < gray.cols; ++x)
+                gray.at<float>(y, x) += static_cast<float>(noise_gray * random.normal());
+        CodeImage image{{}, bits};
+        gray.convertTo(image.pixels, bits > 8 ? CV_16U : CV_8U, image.full_scale() / 255.0);
+        return image;
+    }
+};
+
+// Rounding to 8 bits leaves an RMS of 1/sqrt(12) = 0.289 gray, and nothing else is wrong.
+TEST(PixelDifference, LeavesOnlyRoundingWhenTheRenderingIsRight) {
+    const Scene scene;
+    const PixelDifference difference =
+        pixel_difference(scene.photo(0.0, 8), scene.radiance, scene.use, scene.camera);
+    EXPECT_NEAR(difference.scored.rms_gray, 0.289, 0.03);
+    EXPECT_NEAR(difference.scored.mean_gray, 0.0, 0.05);
+    EXPECT_LE(difference.scored.worst_gray, 0.7);
+    EXPECT_FALSE(difference.scored.significant) << "no noise model, no significance";
+    EXPECT_EQ(difference.scored.pixels, cv::countNonZero(scene.use == pixel_scored));
+}
+
+TEST(PixelDifference, FindsAnErrorInTheScoredHalfAlone) {
+    const Scene scene;
+    CodeImage photo = scene.photo(0.0, 8);
+    cv::add(photo.pixels, cv::Scalar(12), photo.pixels, scene.use == pixel_scored);
+    const PixelDifference difference =
+        pixel_difference(photo, scene.radiance, scene.use, scene.camera);
+    EXPECT_NEAR(difference.scored.mean_gray, 12.0, 0.3);
+    EXPECT_NEAR(difference.scored.rms_gray, 12.0, 0.3);
+    EXPECT_NEAR(difference.fitted.mean_gray, 0.0, 0.1);
+}
+
+// Pure noise of the camera's own size: 0.27 % of normal deviates lie beyond three standard
+// deviations. Of about 9 000 scored pixels 24 +- 5: between 0.05 % and 0.6 % by a wide margin.
+TEST(PixelDifference, KnowsNoiseFromSignificantResiduals) {
+    Scene scene;
+    Sensor sensor;
+    sensor.bits = 12;
+    sensor.gain_e_per_dn = 50.0;
+    sensor.read_noise_e = 50.0 * 40.0;  // 40 DN, much more than the shot noise at any level
+    scene.camera.sensor = sensor;
+    const double sigma_gray = 40.0 * 255.0 / 4095.0;
+    const PixelDifference quiet =
+        pixel_difference(scene.photo(sigma_gray, 12), scene.radiance, scene.use, scene.camera);
+    ASSERT_TRUE(quiet.scored.significant);
+    EXPECT_LT(*quiet.scored.significant, 0.006);
+    EXPECT_NEAR(quiet.scored.rms_gray, sigma_gray, 0.1);
+    EXPECT_NEAR(quiet.scored.p99_gray, 2.576 * sigma_gray, 0.4);
+
+    const PixelDifference loud = pixel_difference(scene.photo(3.0 * sigma_gray, 12), scene.radiance,
+                                                  scene.use, scene.camera);
+    EXPECT_NEAR(*loud.scored.significant, 0.317, 0.04) << "beyond one standard deviation";
+}
+
+// 12 bit, 2 electrons a DN, 6 electrons read noise: at 1000 DN above black the variance is
+// 1000 / 2 + 3^2 + 1/12 DN^2.
+TEST(NoiseGray, IsShotReadAndRoundingNoise) {
+    Sensor sensor;
+    sensor.bits = 12;
+    sensor.black_dn = 64.0;
+    sensor.gain_e_per_dn = 2.0;
+    sensor.read_noise_e = 6.0;
+    const double gray = (1000.0 + 64.0) / 4095.0 * 255.0;
+    const double expected = std::sqrt(500.0 + 9.0 + 1.0 / 12.0) / 4095.0 * 255.0;
+    EXPECT_NEAR(noise_gray(sensor, gray).value(), expected, 1e-6);
+    EXPECT_FALSE(noise_gray(Sensor{}, gray));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,83 @@
+// Exact renderings of tags at poses that spread over position, tilt and sub-pixel phase, and how
+// far a detector's corners are from the truth in them.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "calib/projector.h"
+#include "compare/detector.h"
+#include "core/random.h"
+#include "sim/renderer.h"
+#include "sim/sensor_model.h"
+
+namespace etalon::test {
+
+// A sharp linear camera; nothing but geometry and pixels.
+inline CameraModel sharp_camera() {
+    CameraModel camera;
+    camera.width = 640;
+    camera.height = 480;
+    camera.intrinsics = {700.0, 705.0, 321.7, 238.2};
+    return camera;
+}
+
+struct RenderedTag {
+    CodeImage image;
+    std::vector<Eigen::Vector2d> corners;  // the projections of Marker::points_mm
+};
+
+inline RenderedTag render_tag(const Renderer& renderer, const Marker& tag, const Rigid& pose) {
+    const CameraModel& camera = renderer.camera();
+    const Projector projector(camera);
+    RenderedTag result;
+    result.image = SensorModel(camera).expose(renderer.render({tag.grid, pose, 1.0}).radiance);
+    for (const Eigen::Vector3d& point : tag.points_mm)
+        result.corners.push_back(projector.project(pose * point).value());
+    return result;
+}
+
+inline RenderedTag render_tag(const CameraModel& camera, const Marker& tag,
+                              const std::array<double, 6>& pose) {
+    return render_tag(Renderer(camera), tag, rigid_from_vector(Vector6d(pose.data())));
+}
+
+struct Offsets {
+    int detected = 0;
+    Eigen::Vector2d mean = Eigen::Vector2d::Zero();  // found - true, px
+    double inward = 0.0;                             // mean of the part towards the tag's centre
+};
+
+// Tags of about 120 px at `count` poses: tilts to 0.35 rad, any roll, all over the image.
+inline Offsets mean_offset(const CameraModel& camera, const Marker& tag, Detector& detector,
+                           int count) {
+    const Renderer renderer(camera);
+    Offsets offsets;
+    for (int n = 0; n < count; ++n) {
+        RandomStream random(23, 4, static_cast<std::uint64_t>(n));
+        const auto between = [&](double low, double high) {
+            return low + (high - low) * random.uniform();
+        };
+        Vector6d pose;
+        pose << between(-0.35, 0.35), between(-0.35, 0.35), between(-3.1, 3.1), between(-50, 50),
+            between(-30, 30), between(270, 310);
+        const RenderedTag photo = render_tag(renderer, tag, rigid_from_vector(pose));
+        const auto found = detector.detect(photo.image);
+        if (!found)
+            continue;
+        ++offsets.detected;
+        Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+        for (const Eigen::Vector2d& corner : photo.corners)
+            centre += corner / 4.0;
+        for (std::size_t i = 0; i < 4; ++i) {
+            const Eigen::Vector2d error = found->pixels[i] - photo.corners[i];
+            offsets.mean += error;
+            offsets.inward += error.dot((centre - photo.corners[i]).normalized());
+        }
+    }
+    offsets.mean /= 4.0 * std::max(offsets.detected, 1);
+    offsets.inward /= 4.0 * std::max(offsets.detected, 1);
+    return offsets;
+}
+
+}  // namespace etalon::test

@@ -1,0 +1,46 @@
+// Renders the pictures that the twin's camera shows, on a thread of its own: the stage's and the
+// camera's threads answer their protocols meanwhile and only ever look at finished pictures.
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <thread>
+#include <vector>
+
+#include "core/image.h"
+
+namespace etalon {
+
+class Darkroom {
+public:
+    // The picture at the given axis positions. Called on the darkroom's thread; must not throw.
+    using Develop = std::function<Radiance(const std::vector<double>& positions)>;
+
+    // Develops the first picture before it returns.
+    Darkroom(Develop develop, std::vector<double> positions);
+    ~Darkroom();  // waits for the picture in work
+
+    // Whether the picture on show is the one of these positions; if not, it will be the next one
+    // (a newer wish replaces one that is not in work yet). Returns at once. Safe from every thread.
+    bool shows(const std::vector<double>& positions);
+
+    // The last finished picture; its pixels are shared and must not be written. Safe from every
+    // thread.
+    Radiance picture() const;
+
+private:
+    void work(std::stop_token stop);
+
+    Develop develop_;
+    mutable std::mutex mutex_;
+    std::condition_variable_any wished_;
+    std::optional<std::vector<double>> wish_;
+    std::vector<double> shown_positions_;
+    Radiance shown_;
+    std::jthread thread_;  // last: it uses all the others
+};
+
+}  // namespace etalon

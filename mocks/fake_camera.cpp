@@ -1,0 +1,72 @@
+#include "mocks/fake_camera.h"
+
+#include "core/errors.h"
+
+namespace etalon {
+
+void FakeCamera::fail(const std::string& request, const std::string& cause) const {
+    throw DeviceError("camera fake", request, cause);
+}
+
+void FakeCamera::require_alive(const std::string& request) const {
+    if (triggers_left == 0)
+        fail(request, "the camera is lost");
+}
+
+CaptureSettings FakeCamera::configure(const CaptureSettings& wanted) {
+    require_alive("configure");
+    if (armed)
+        fail("configure", "the camera is armed");
+    settings = wanted;
+    if (alter_settings)
+        alter_settings(settings);
+    configured = true;
+    return settings;
+}
+
+void FakeCamera::arm() {
+    require_alive("arm");
+    if (!configured)
+        fail("arm", "the camera is not configured");
+    armed = true;
+}
+
+Frame FakeCamera::frame_after(Instant t, int retries, std::stop_token stop) {
+    if (!armed)
+        fail("take a frame", "the camera is not armed");
+    Frame frame;
+    for (int attempt = 0; attempt <= retries; ++attempt) {
+        if (stop.stop_requested())
+            throw Interrupted();
+        require_alive("take a frame");
+        frame = triggered(t);
+        if (frame.status == FrameStatus::complete) {
+            ++statistics_.delivered;
+            return frame;
+        }
+        ++statistics_.rejected;
+    }
+    return frame;
+}
+
+Frame FakeCamera::triggered(Instant t) {
+    if (clock_.now() <= t)
+        clock_.wait_until(t + Duration(1), {});
+    if (triggers_left > 0)
+        --triggers_left;
+    Frame frame;
+    frame.id = static_cast<std::uint64_t>(++triggers);
+    frame.exposure_start = clock_.now();
+    frame.settings = settings;
+    frame.status = FrameStatus::complete;
+    if (!script.empty()) {
+        frame.status = script.front();
+        script.pop_front();
+    }
+    frame.status_detail = name(frame.status);
+    if (frame.status == FrameStatus::complete)
+        frame.image = picture_(settings);
+    return frame;
+}
+
+}  // namespace etalon

@@ -1,0 +1,169 @@
+#include "mocks/stage_registers.h"
+
+#include <gtest/gtest.h>
+
+#include "stage/modbus_link.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Of the generic profile, as docs/stage.md says them: written out here, not taken from the struct.
+constexpr int move_block = 100, command = 200, watchdog = 201;
+constexpr std::uint16_t enable = 1, home = 2, start = 4, stop = 8, reset = 16;
+constexpr std::uint16_t enabled = 1, homed = 2, moving = 4, in_position = 8, alarm = 16;
+
+std::vector<Axis> two_axes() {
+    return {{.name = "x", .low = -70.0, .high = 500.0, .speed = 100.0},
+            {.name = "rz", .kind = Axis::Kind::rotary, .low = -1.0, .high = 2.0, .speed = 1.0}};
+}
+
+struct Rig {
+    void write(int address, std::vector<std::uint16_t> values) {
+        EXPECT_TRUE(registers.write(address, values));
+    }
+    void home_all() {
+        write(command, {enable});
+        write(command, {enable | home});
+        write(command, {enable});
+        clock.advance(10s);
+    }
+    // 50 mm at 100 mm/s; 5 degrees at 20 degrees per second.
+    void write_move() {
+        const auto [x_high, x_low] = registers_from_int32(500'000);
+        const auto [vx_high, vx_low] = registers_from_int32(1'000'000);
+        const auto [r_high, r_low] = registers_from_int32(500'000);
+        const auto [vr_high, vr_low] = registers_from_int32(2'000'000);
+        write(move_block, {x_high, x_low, vx_high, vx_low, r_high, r_low, vr_high, vr_low});
+    }
+    std::uint16_t status(int axis) { return registers.read(4 * axis, 1)->front(); }
+    std::int32_t position(int axis) {
+        const auto pair = registers.read(4 * axis + 2, 2).value();
+        return int32_from_registers(pair[0], pair[1]);
+    }
+
+    VirtualClock clock;
+    SimulatedStage stage{two_axes(), {}, clock};
+    StageRegisters registers{stage, builtin_stage_profile("generic")};
+};
+
+TEST(StageRegisters, EnableHomeAndMoveByTheDocumentedMap) {
+    Rig rig;
+    EXPECT_EQ(rig.status(0), 0);
+    rig.write(command, {enable});
+    EXPECT_EQ(rig.status(0) & ~in_position, enabled);
+    rig.write(command, {enable | home});
+    EXPECT_EQ(rig.status(1), enabled | moving);
+    rig.clock.advance(10s);
+    EXPECT_EQ(rig.status(1), enabled | homed | in_position);
+    rig.write_move();
+    EXPECT_EQ(rig.status(0), enabled | homed | in_position) << "moved before the start";
+    rig.write(command, {enable});
+    rig.write(command, {enable | start});
+    EXPECT_EQ(rig.status(0), enabled | homed | moving);
+    rig.clock.advance(10s);
+    EXPECT_EQ(rig.status(0), enabled | homed | in_position);
+    EXPECT_EQ(rig.position(0), 500'000);
+    EXPECT_EQ(rig.position(1), 500'000);
+    EXPECT_NEAR(rig.stage.true_positions()[0], 50.0, 1e-9);
+    EXPECT_NEAR(rig.stage.true_positions()[1], 0.0872664625997, 1e-9);  // 5 degrees
+}
+
+TEST(StageRegisters, AStartThatStaysSetStartsOnce) {
+    Rig rig;
+    rig.home_all();
+    rig.write_move();
+    rig.write(command, {enable | start});
+    rig.clock.advance(10s);
+    rig.write(move_block, {0, 0});
+    rig.write(command, {enable | start});
+    EXPECT_FALSE(rig.stage.is_moving());
+    rig.write(command, {enable});
+    rig.write(command, {enable | start});
+    EXPECT_TRUE(rig.stage.is_moving());
+}
+
+TEST(StageRegisters, NothingStartsWhileStopIsSet) {
+    Rig rig;
+    rig.home_all();
+    rig.write_move();
+    rig.write(command, {enable | stop | start});
+    EXPECT_FALSE(rig.stage.is_moving());
+    rig.write(command, {enable | start});
+    EXPECT_FALSE(rig.stage.is_moving()) << "start did not rise";
+}
+
+TEST(StageRegisters, StopHaltsAMove) {
+    Rig rig;
+    rig.home_all();
+    rig.write_move();
+    rig.write(command, {enable | start});
+    rig.clock.advance(200ms);
+    rig.write(command, {enable | start | stop});
+    rig.clock.advance(51ms);
+    EXPECT_EQ(rig.status(0), enabled | homed);
+    EXPECT_LT(rig.position(0), 250'000);
+}
+
+TEST(StageRegisters, ShowAnAlarmAndResetIt) {
+    Rig rig;
+    rig.home_all();
+    rig.stage.raise_alarm(7);
+    EXPECT_TRUE(rig.status(1) & alarm);
+    EXPECT_EQ(rig.registers.read(5, 1)->front(), 7);
+    rig.write(command, {enable | reset});
+    EXPECT_FALSE(rig.status(1) & alarm);
+}
+
+TEST(StageRegisters, TheWatchdogStopsAMoveThatNobodyWatches) {
+    Rig rig;
+    rig.home_all();
+    rig.write_move();
+    rig.write(watchdog, {200});
+    rig.write(command, {enable | start});
+    rig.clock.advance(150ms);
+    rig.write(watchdog, {200});
+    rig.clock.advance(150ms);
+    rig.registers.check_watchdog();
+    EXPECT_EQ(rig.status(0), enabled | homed | moving);
+    rig.clock.advance(51ms);
+    rig.registers.check_watchdog();
+    rig.clock.advance(51ms);
+    EXPECT_EQ(rig.status(0), enabled | homed | alarm);
+    EXPECT_EQ(rig.registers.read(1, 1)->front(), StageAlarm::watchdog);
+}
+
+TEST(StageRegisters, TheWatchdogLeavesAStageAtRestAlone) {
+    Rig rig;
+    rig.home_all();
+    rig.write(watchdog, {300});
+    rig.clock.advance(10s);
+    rig.registers.check_watchdog();
+    EXPECT_EQ(rig.status(0) & alarm, 0);
+}
+
+TEST(StageRegisters, RegistersThatDoNotExistAreRefusedAndNothingIsWritten) {
+    Rig rig;
+    EXPECT_FALSE(rig.registers.read(90, 1));
+    EXPECT_FALSE(rig.registers.read(30, 3)) << "beyond the eighth axis";
+    EXPECT_TRUE(rig.registers.read(30, 2));
+    EXPECT_FALSE(rig.registers.read(65535, 2));
+    EXPECT_FALSE(rig.registers.write(0, std::vector<std::uint16_t>{7})) << "read-only";
+    EXPECT_FALSE(rig.registers.write(131, std::vector<std::uint16_t>{7, 5}));
+    EXPECT_EQ(rig.registers.read(131, 1)->front(), 0);
+    EXPECT_FALSE(rig.registers.write(201, std::vector<std::uint16_t>{7, 5}));
+    EXPECT_EQ(rig.registers.read(201, 1)->front(), 0);
+}
+
+TEST(StageRegisters, DisablingLosesTheHomePosition) {
+    Rig rig;
+    rig.home_all();
+    rig.write(command, {0});
+    EXPECT_EQ(rig.status(0), 0);
+    rig.write(command, {enable});
+    EXPECT_FALSE(rig.status(0) & homed);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,78 @@
+// The program's commands: what each is asked, and the function that carries it out. Only main.cpp
+// knows the command line; the functions return the exit code or throw (core/errors.h).
+//
+// Each prints its stable words and --json on stdout and everything else on stderr.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace etalon {
+
+struct MarkerArguments {
+    std::string marker;         // "apriltag:36h11:5@50mm"
+    std::filesystem::path out;  // .svg, .pdf or .png
+    double dots_per_mm = 40.0;  // of a PNG
+    bool json = false;
+};
+int run_marker(const MarkerArguments& arguments);
+
+struct RenderArguments {
+    std::filesystem::path camera, out;
+    std::string marker;
+    std::string pose;  // "rx,ry,rz,tx,ty,tz"
+    double background = 1.0;
+    std::string method = "auto";  // auto, E, C or reference
+    double tolerance_gray = 0.1;
+    bool linear = false;                      // 32-bit TIFF of radiance
+    std::optional<std::uint64_t> noise_seed;  // shot and read noise of the camera's sensor
+    bool json = false;
+};
+int run_render(const RenderArguments& arguments);
+
+struct CalibrateArguments {
+    std::string board;  // "9x6"
+    double square_mm = 0.0;
+    std::vector<std::filesystem::path> photos;
+    std::filesystem::path out;         // camera.yml
+    std::filesystem::path opencv_out;  // optional: the same as OpenCV YAML
+    bool json = false;
+};
+int run_calibrate(const CalibrateArguments& arguments);
+
+struct DetectArguments {
+    std::string marker;
+    std::filesystem::path camera;
+    std::vector<std::filesystem::path> photos;
+    std::string detector = "auto";
+    bool json = false;
+};
+int run_detect(const DetectArguments& arguments);
+
+struct CompareArguments {
+    std::filesystem::path camera, out;
+    std::string board;  // "9x6" with square_mm, or a marker
+    double square_mm = 0.0;
+    std::string marker;
+    std::string detector = "auto";
+    std::filesystem::path poses;  // optional pose file, one row per photo
+    std::string score_margin;     // "X,Y" in squares
+    std::vector<std::filesystem::path> photos;
+    bool json = false;
+};
+int run_compare(const CompareArguments& arguments);
+
+struct DevicesArguments {
+    bool json = false;
+};
+int run_devices(const DevicesArguments& arguments);
+
+struct QualifyArguments {
+    std::filesystem::path station, out;
+    bool json = false;
+};
+int run_qualify(const QualifyArguments& arguments);
+
+}  // namespace etalon

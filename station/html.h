@@ -1,0 +1,53 @@
+// The building blocks of reports: one self-contained HTML page that opens offline, prints, follows
+// the reader's dark mode and fits a phone as well as a wide screen.
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+namespace etalon {
+
+// Text in: everything that is not named `html` is escaped.
+class HtmlPage {
+public:
+    HtmlPage(std::string title, std::string subtitle);
+
+    // The large banner on top; outcome is PASS, FAIL, INCONCLUSIVE or another word in capitals.
+    void add_verdict(const std::string& outcome, const std::string& sentence);
+
+    void add_heading(const std::string& text);
+    void add_paragraph(const std::string& text);
+    void add_html(std::string html);
+
+    // Short facts side by side: (label, value).
+    void add_facts(const std::vector<std::pair<std::string, std::string>>& facts);
+
+    // A table that scrolls sideways on its own when the page is narrow. Columns that hold only
+    // numbers are aligned right. Cells are text.
+    void add_table(const std::vector<std::string>& header,
+                   const std::vector<std::vector<std::string>>& rows);
+
+    // Figures side by side where there is room; each is an <svg> or <img> element.
+    struct Figure {
+        std::string html;
+        std::string caption;
+    };
+    void add_figures(const std::vector<Figure>& figures);
+
+    // The part that is folded away until the reader opens it.
+    void begin_details(const std::string& summary);
+    void end_details();
+
+    std::string finish() const;
+
+private:
+    std::string title_, subtitle_, body_;
+};
+
+// An <img> with the picture inside it, as PNG (lossless) or as JPEG of the given quality; `alt`
+// says what is seen. The picture is shown without smoothing when it is enlarged.
+std::string embedded_png(const cv::Mat& picture, const std::string& alt);
+std::string embedded_jpeg(const cv::Mat& picture, int quality, const std::string& alt);
+
+}  // namespace etalon

@@ -1,0 +1,310 @@
+// The command line of `etalon`: options in, one function of station/commands.h called, its exit
+// code out. Nothing else happens here.
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+
+#include "capture/camera.h"
+#include "core/errors.h"
+#include "core/text.h"
+#include "core/version.h"
+#include "station/commands.h"
+#include "station/qualify_result.h"
+
+namespace etalon {
+namespace {
+
+constexpr int usage_error = 3;
+constexpr int run_error = 4;
+constexpr int interrupted = 130;
+
+using Run = std::function<int()>;
+
+// A check for options that are numbers: finite, in range, and written as one.
+CLI::Validator number_check(double low, bool low_allowed, double high, const std::string& words) {
+    return CLI::Validator(
+        [=](const std::string& text) -> std::string {
+            const auto value = parse_number(text);
+            const bool fits = value && (low_allowed ? *value >= low : *value > low);
+            return fits && *value <= high ? "" : fmt::format("must be {}, not '{}'", words, text);
+        },
+        "");
+}
+
+CLI::Validator positive_number() {
+    return number_check(0.0, false, std::numeric_limits<double>::max(), "a number above 0");
+}
+
+CLI::Validator share() {
+    return number_check(0.0, true, 1.0, "a number between 0 and 1");
+}
+
+CLI::Validator whole_number() {
+    return CLI::Validator(
+        [](const std::string& text) -> std::string {
+            const auto value = parse_integer(text);
+            return value && *value >= 0 ? ""
+                                        : fmt::format("must be a whole number, not '{}'", text);
+        },
+        "");
+}
+
+// A sub-command whose arguments live as long as its closure.
+template <class Arguments>
+CLI::App* add_command(CLI::App& app, Run& run, const std::shared_ptr<Arguments>& arguments,
+                      int (*command)(const Arguments&), const std::string& name,
+                      const std::string& summary, const std::string& details) {
+    CLI::App* sub = app.add_subcommand(name, summary);
+    sub->footer(details);
+    sub->set_help_flag("-h,--help", "show this help");
+    sub->callback([&run, arguments, command] { run = [=] { return command(*arguments); }; });
+    sub->add_flag("--json", arguments->json, "print the whole result as JSON on stdout");
+    return sub;
+}
+
+constexpr const char* marker_names =
+    "Markers:\n"
+    "  apriltag:36h11:5@50mm   family, id, side of the black square\n"
+    "  aruco:4X4_50:7@50mm     OpenCV's predefined dictionary, id, side\n"
+    "  chessboard:9x6@25mm     inner corners, side of a square\n"
+    "  bitmap:FILE@50x50mm     each pixel a cell, 0..255 = radiance 0..1 (linear)\n";
+
+constexpr const char* pose_words =
+    "A pose is camera_from_marker: the rotation vector (axis times angle) in rad,\n"
+    "then the translation in mm. Camera: x right, y down, z forward. Marker: origin\n"
+    "at its centre (a chessboard's: its first inner corner), x right, y down, z into\n"
+    "the marker: 0,0,0,0,0,300 is a marker seen squarely from 300 mm.\n";
+
+void add_marker_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<MarkerArguments>();
+    CLI::App* sub = add_command(app, run, arguments, run_marker, "marker",
+                                "draw a marker at its true size, ready to print", marker_names);
+    sub->add_option("MARKER", arguments->marker, "what to draw, see below")
+        ->required()
+        ->type_name("");
+    sub->add_option("--out", arguments->out, "file to write: .svg, .pdf or .png")
+        ->required()
+        ->type_name("FILE");
+    sub->add_option("--dots-per-mm", arguments->dots_per_mm, "resolution of a PNG (default 40)")
+        ->check(positive_number())
+        ->type_name("N");
+}
+
+void add_render_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<RenderArguments>();
+    CLI::App* sub = add_command(app, run, arguments, run_render, "render",
+                                "render a marker as a calibrated camera would see it",
+                                std::string(pose_words) + "\n" + marker_names +
+                                    "\nExample:\n  etalon render --camera camera.yml "
+                                    "--marker apriltag:36h11:5@50mm \\\n"
+                                    "      --pose 0.2,-0.1,0,5,7,300 --out render.png\n");
+    sub->add_option("--camera", arguments->camera, "calibration: ours, OpenCV's or ROS'")
+        ->required()
+        ->type_name("FILE");
+    sub->add_option("--marker", arguments->marker, "what to render, see below")
+        ->required()
+        ->type_name("M");
+    sub->add_option("--pose", arguments->pose, "rx,ry,rz,tx,ty,tz: where it is, see below")
+        ->required()
+        ->type_name("P");
+    sub->add_option("--out", arguments->out, ".png or .tiff")->required()->type_name("FILE");
+    sub->add_option("--background", arguments->background,
+                    "radiance around the marker, 0 to 1 (default 1)")
+        ->check(share())
+        ->type_name("B");
+    sub->add_option("--method", arguments->method,
+                    "auto (default), E (exact lens), C (exact area)\n"
+                    "or reference (brute force, slow)")
+        ->check(CLI::IsMember({"auto", "E", "C", "reference"}))
+        ->type_name("NAME");
+    sub->add_option("--tolerance", arguments->tolerance_gray,
+                    "largest error, in 1/255 of full scale (default 0.1)")
+        ->check(positive_number())
+        ->type_name("GRAY");
+    sub->add_flag("--linear", arguments->linear, "write radiance as 32-bit float TIFF");
+    sub->add_option("--noise-seed", arguments->noise_seed,
+                    "add the sensor's shot and read noise, from this seed")
+        ->check(whole_number())
+        ->type_name("N");
+}
+
+void add_calibrate_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<CalibrateArguments>();
+    CLI::App* sub =
+        add_command(app, run, arguments, run_calibrate, "calibrate",
+                    "estimate intrinsics from photographs of a chessboard",
+                    "Prints `RMS x px`. Estimated are fx, fy, cx, cy, k1, k2, p1, p2 and k3.\n\n"
+                    "Example:\n"
+                    "  etalon calibrate --board 9x6 --square-mm 25 left*.jpg --out camera.yml\n");
+    sub->add_option("PHOTOS", arguments->photos, "two or more photographs of the board")
+        ->required()
+        ->type_name("");
+    sub->add_option("--board", arguments->board, "inner corners, columns x rows: 9x6")
+        ->required()
+        ->type_name("CxR");
+    sub->add_option("--square-mm", arguments->square_mm, "side of a square")
+        ->required()
+        ->check(positive_number())
+        ->type_name("MM");
+    sub->add_option("--out", arguments->out, "camera.yml to write")->required()->type_name("FILE");
+    sub->add_option("--opencv-out", arguments->opencv_out, "the same as OpenCV YAML")
+        ->type_name("FILE");
+}
+
+void add_detect_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<DetectArguments>();
+    CLI::App* sub = add_command(app, run, arguments, run_detect, "detect",
+                                "find a marker in photographs, and its pose",
+                                std::string(pose_words) + "\n" + marker_names);
+    sub->add_option("PHOTOS", arguments->photos, "photographs to look at")
+        ->required()
+        ->type_name("");
+    sub->add_option("--marker", arguments->marker, "what to look for, see below")
+        ->required()
+        ->type_name("M");
+    sub->add_option("--camera", arguments->camera, "calibration, for the pose")->type_name("FILE");
+    sub->add_option("--detector", arguments->detector,
+                    "apriltag, aruco, chessboard, or auto: the marker's own")
+        ->type_name("NAME");
+}
+
+void add_compare_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<CompareArguments>();
+    CLI::App* sub =
+        add_command(app, run, arguments, run_compare, "compare",
+                    "compare photographs with renders from a calibration",
+                    "Renders every photograph at its pose and reports how they differ: prints\n"
+                    "`mean residual x gray over n photos`; overlays and residual maps go to DIR.\n"
+                    "Poses are estimated from the photographs unless --poses gives them.\n\n"
+                    "Example:\n"
+                    "  etalon compare --camera camera.yml --board 9x6 --square-mm 25 \\\n"
+                    "      left*.jpg --out differences\n\n" +
+                        std::string(marker_names));
+    sub->add_option("PHOTOS", arguments->photos, "photographs to compare")
+        ->required()
+        ->type_name("");
+    sub->add_option("--camera", arguments->camera, "calibration: ours, OpenCV's or ROS'")
+        ->required()
+        ->type_name("FILE");
+    auto* board = sub->add_option("--board", arguments->board, "inner corners of a chessboard: 9x6")
+                      ->type_name("CxR");
+    auto* square = sub->add_option("--square-mm", arguments->square_mm, "side of its squares")
+                       ->check(positive_number())
+                       ->type_name("MM");
+    auto* marker = sub->add_option("--marker", arguments->marker, "a marker in place of a board")
+                       ->type_name("M");
+    board->needs(square)->excludes(marker);
+    square->needs(board);
+    sub->add_option("--out", arguments->out, "folder to write to")->required()->type_name("DIR");
+    sub->add_option("--poses", arguments->poses,
+                    "CSV with the header rx,ry,rz,tx,ty,tz, one row\nper photograph, or JSON")
+        ->type_name("FILE");
+    sub->add_option("--detector", arguments->detector,
+                    "apriltag, aruco, chessboard, or auto: the marker's own")
+        ->type_name("NAME");
+    sub->add_option("--score-margin", arguments->score_margin,
+                    "how far around a board's inner corners residuals\n"
+                    "count, in squares (default 0.3,0.65)")
+        ->type_name("X,Y");
+}
+
+void add_devices_command(CLI::App& app, Run& run) {
+    add_command(app, run, std::make_shared<DevicesArguments>(), run_devices, "devices",
+                "list cameras, and the backends that are built in",
+                "A backend whose SDK was missing when this program was built is named as left\n"
+                "out, with the reason.\n");
+}
+
+void add_qualify_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<QualifyArguments>();
+    CLI::App* sub =
+        add_command(app, run, arguments, run_qualify, "qualify",
+                    "qualify a camera on a motorised stage: the main job",
+                    "Moves the marker through the planned poses, takes photographs, renders the\n"
+                    "same poses from the camera's calibration and compares. Prints\n"
+                    "`verdict PASS` (FAIL, INCONCLUSIVE) and `report DIR/report.html`. DIR is the\n"
+                    "record: run.json, poses.csv, events.jsonl, frames/, report.html. It must not\n"
+                    "exist or be empty, and keeps what was measured however the run ends.\n"
+                    "Ctrl-C stops the axes and ends the run.\n\n"
+                    "Everything that the run needs is said in station.yaml: examples/demo has one\n"
+                    "with every key explained.\n");
+    sub->add_option("STATION", arguments->station, "station.yaml: devices, marker, plan, limits")
+        ->required()
+        ->type_name("");
+    sub->add_option("--out", arguments->out, "folder of the record")->required()->type_name("DIR");
+}
+
+std::string version_text() {
+    std::string text = fmt::format("etalon {}\n", version);
+    text += "libraries:\n";
+    for (const SoftwareVersion& software : software_versions())
+        if (software.name != "etalon")
+            text += fmt::format("  {:<14}{}\n", software.name, software.version);
+    text += "camera backends:\n";
+    for (const CameraBackend& backend : list_cameras())
+        text += fmt::format("  {:<14}{}{}\n", backend.name,
+                            backend.built_in ? "" : "left out: ", backend.detail);
+    text += "stage backends:\n  modbus-tcp    built in";
+    return text;
+}
+
+void add_commands(CLI::App& app, Run& run) {
+    app.set_help_flag("-h,--help", "show this help");
+    app.set_version_flag("--version", version_text, "show versions and backends");
+    app.get_formatter()->column_width(26);
+    app.get_formatter()->label("SUBCOMMAND", "COMMAND");
+    app.get_formatter()->label("Subcommands", "Commands");
+    app.footer(
+        "Exit codes: 0 PASS or done, 1 FAIL, 2 INCONCLUSIVE, 3 usage or input error,\n"
+        "4 device or run error, 130 interrupted.\n\n"
+        "`etalon COMMAND --help` explains a command.\n");
+    add_qualify_command(app, run);
+    add_compare_command(app, run);
+    add_calibrate_command(app, run);
+    add_render_command(app, run);
+    add_detect_command(app, run);
+    add_marker_command(app, run);
+    add_devices_command(app, run);
+}
+
+// Errors are one line, whatever the message that was thrown.
+int fail(int exit_code, const std::string& message) {
+    std::string line = message;
+    std::replace(line.begin(), line.end(), '\n', ' ');
+    std::fprintf(stderr, "etalon: %s\n", std::string(trimmed(line)).c_str());
+    return exit_code;
+}
+
+int parse_and_run(int argc, char** argv) {
+    CLI::App app("etalon: qualifies calibrated cameras on a motorised stage", "etalon");
+    Run run;
+    add_commands(app, run);
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::Success& request) {  // --help, --version
+        return app.exit(request);
+    } catch (const CLI::ParseError& error) {
+        return fail(usage_error, error.what());
+    }
+    if (!run)
+        return fail(usage_error, "no command given; see `etalon --help`");
+    return run();
+}
+
+}  // namespace
+}  // namespace etalon
+
+int main(int argc, char** argv) {
+    using namespace etalon;
+    // A reader that goes away (`etalon qualify ... | head`) must not end a run with moving axes.
+    std::signal(SIGPIPE, SIG_IGN);
+    try {
+        return parse_and_run(argc, argv);
+    } catch (const ConfigError& error) {
+        return fail(usage_error, error.what());
+    } catch (const Interrupted& error) {
+        return fail(interrupted, error.what());
+    } catch (const std::exception& error) {  // ours, OpenCV's and the standard library's
+        return fail(run_error, error.what());
+    }
+}

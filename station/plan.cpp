@@ -1,0 +1,159 @@
+#include "station/plan.h"
+
+#include "core/errors.h"
+#include "sim/pose_sampling.h"
+
+namespace etalon {
+namespace {
+
+// From trigger to image in hand, beyond the exposure: a guess that only the estimate uses.
+constexpr std::chrono::milliseconds frame_overhead{30};
+
+// Axes whose interval is a point take no dimension of the sequence.
+int dimensions_of(const PlanRequest& request) {
+    return static_cast<int>(
+        std::count_if(request.volume.begin(), request.volume.end(),
+                      [](const PlanRequest::Interval& i) { return i.low < i.high; }));
+}
+
+std::vector<double> target_of(const PlanRequest& request, const std::vector<double>& unit_point) {
+    std::vector<double> target;
+    auto coordinate = unit_point.begin();
+    for (const auto& [low, high] : request.volume)
+        target.push_back(low < high ? low + *coordinate++ * (high - low) : low);
+    return target;
+}
+
+std::vector<PlannedPose> sampled_poses(const PlanRequest& request) {
+    const long hold_out = std::lround(request.hold_out * request.poses);
+    const long training = request.poses - hold_out;
+    if (hold_out < 1 || training < 1)
+        throw ConfigError(request.place,
+                          fmt::format("{} poses with hold_out {} leave {} for "
+                                      "training and {} for hold-out",
+                                      request.poses, request.hold_out, training, hold_out));
+    if (dimensions_of(request) == 0)
+        throw ConfigError(request.place, "no axis moves");
+    const HaltonSequence sequence(dimensions_of(request), request.seed);
+    std::vector<PlannedPose> poses;
+    for (long i = 0; i < request.poses; ++i)
+        poses.push_back(
+            {target_of(request, sequence.point(static_cast<std::uint64_t>(i))), i >= training});
+    return poses;
+}
+
+void require_all_within_limits(const PlanRequest& request, std::span<const Axis> axes,
+                               const std::vector<PlannedPose>& poses) {
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+        SourcePlace place = request.place;
+        place.key += fmt::format(" (pose {})", i + 1);
+        require_within_limits(axes, poses[i].target, place);
+    }
+}
+
+double seconds(Duration duration) {
+    return std::chrono::duration<double>(duration).count();
+}
+
+// Travel times between all poses; row n is the way from where homing is expected to end.
+class TravelTable {
+public:
+    TravelTable(std::span<const Axis> axes, const std::vector<PlannedPose>& poses)
+        : count_(poses.size()), seconds_((count_ + 1) * count_) {
+        std::vector<double> home;
+        for (const Axis& axis : axes)
+            home.push_back(std::clamp(0.0, axis.low, axis.high));
+        for (std::size_t from = 0; from <= count_; ++from)
+            for (std::size_t to = 0; to < count_; ++to)
+                seconds_[from * count_ + to] = seconds(travel_time(
+                    axes, from == count_ ? home : poses[from].target, poses[to].target));
+    }
+    double operator()(std::size_t from, std::size_t to) const {
+        return seconds_[from * count_ + to];
+    }
+    std::size_t home() const { return count_; }
+    std::size_t count() const { return count_; }
+
+private:
+    std::size_t count_;
+    std::vector<double> seconds_;
+};
+
+std::vector<std::size_t> nearest_neighbour_path(const TravelTable& travel) {
+    std::vector<std::size_t> rest(travel.count()), path;
+    for (std::size_t i = 0; i < rest.size(); ++i)
+        rest[i] = i;
+    for (std::size_t at = travel.home(); !rest.empty(); at = path.back()) {
+        const auto nearest = std::min_element(
+            rest.begin(), rest.end(),
+            [&](std::size_t a, std::size_t b) { return travel(at, a) < travel(at, b); });
+        path.push_back(*nearest);
+        rest.erase(nearest);
+    }
+    return path;
+}
+
+// One sweep of 2-opt (Croes 1958): a stretch is walked backwards where that saves time. True if
+// anything changed.
+bool shorten(std::vector<std::size_t>& path, const TravelTable& travel) {
+    bool changed = false;
+    for (std::size_t i = 0; i + 1 < path.size(); ++i) {
+        const std::size_t before = i == 0 ? travel.home() : path[i - 1];
+        for (std::size_t j = i + 1; j < path.size(); ++j) {
+            const bool is_end = j + 1 == path.size();
+            const double now =
+                travel(before, path[i]) + (is_end ? 0.0 : travel(path[j], path[j + 1]));
+            const double then =
+                travel(before, path[j]) + (is_end ? 0.0 : travel(path[i], path[j + 1]));
+            if (then < now - 1e-9) {
+                std::reverse(path.begin() + static_cast<std::ptrdiff_t>(i),
+                             path.begin() + static_cast<std::ptrdiff_t>(j) + 1);
+                changed = true;
+            }
+        }
+    }
+    return changed;
+}
+
+std::vector<std::size_t> short_path(const TravelTable& travel) {
+    constexpr int max_sweeps = 30;  // a handful is enough in practice
+    std::vector<std::size_t> path = nearest_neighbour_path(travel);
+    for (int sweep = 0; sweep < max_sweeps && shorten(path, travel); ++sweep) {
+    }
+    return path;
+}
+
+}  // namespace
+
+Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
+                     std::span<const double> to) {
+    double longest_s = 0.0;
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        longest_s = std::max(longest_s, std::abs(to[i] - from[i]) / axes[i].speed);
+    return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(longest_s));
+}
+
+Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
+               std::chrono::microseconds exposure) {
+    if (request.volume.size() != axes.size())
+        throw ConfigError(request.place, fmt::format("{} intervals for {} axes",
+                                                     request.volume.size(), axes.size()));
+    const std::vector<PlannedPose> poses = sampled_poses(request);
+    require_all_within_limits(request, axes, poses);
+    const TravelTable travel(axes, poses);
+    Plan plan;
+    double travelled_s = 0.0;
+    std::size_t at = travel.home();
+    for (const std::size_t next : short_path(travel)) {
+        travelled_s += travel(at, next);
+        plan.poses.push_back(poses[next]);
+        at = next;
+    }
+    const Duration per_pose = request.settle + request.frames * (exposure + frame_overhead);
+    plan.expected_duration =
+        std::chrono::duration_cast<Duration>(std::chrono::duration<double>(travelled_s)) +
+        request.poses * per_pose;
+    return plan;
+}
+
+}  // namespace etalon

@@ -1,0 +1,41 @@
+// Where the stage goes: poses spread over the volume, split into training and hold-out before
+// anything is measured, in an order that keeps the travel short.
+//
+// Training and hold-out are two consecutive blocks of one digit-scrambled Halton sequence
+// (sim/pose_sampling.h): each block by itself fills the volume evenly, so both are stratified.
+// (Taking every second point of one block instead would leave all hold-out poses in one half of the
+// first axis, because base 2 alternates between the halves.) The path then visits both kinds mixed,
+// and comes to the positions of each axis from both sides.
+#pragma once
+
+#include <chrono>
+#include <span>
+#include <vector>
+
+#include "core/clock.h"
+#include "stage/axes.h"
+#include "station/station_file.h"
+
+namespace etalon {
+
+struct PlannedPose {
+    std::vector<double> target;  // per axis, mm or rad
+    bool hold_out = false;
+};
+
+struct Plan {
+    std::vector<PlannedPose> poses;  // in the order of the run
+    // Travel at the axes' speeds, settling and exposing; without homing and analysis.
+    Duration expected_duration{};
+};
+
+// Deterministic in the request. Throws ConfigError at request.place, naming the axis and the pose,
+// when a pose lies outside a soft limit, and when a split of the poses leaves either side empty.
+Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
+               std::chrono::microseconds exposure);
+
+// Time to go from one position to another with all axes moving together at their speeds.
+Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
+                     std::span<const double> to);
+
+}  // namespace etalon

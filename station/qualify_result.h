@@ -1,0 +1,94 @@
+// Everything that a qualification run produced, as plain data: what run.json, poses.csv and
+// report.html are written from. Times are seconds since the run began, on the station's clock.
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/camera.h"
+#include "compare/pixel_difference.h"
+#include "compare/qualification.h"
+#include "station/plan.h"
+#include "station/station_file.h"
+
+namespace etalon {
+
+// One frame that was asked of the camera. Only complete frames have a file and can have corners.
+struct FrameRecord {
+    std::string file;  // "frames/0007_1.png", in the record folder; empty unless complete
+    FrameStatus status = FrameStatus::timed_out;
+    std::string status_detail;
+    std::uint64_t device_id = 0;
+    double exposure_start_s = 0.0;
+    double exposure_start_uncertainty_s = 0.0;
+    CaptureSettings settings;              // in force during the exposure
+    std::vector<Eigen::Vector2d> corners;  // in the order of Marker::points_mm; empty: not seen
+    std::string detection;                 // why there are no corners; empty when there are
+};
+
+// One pose of the plan that was visited, in the order of the run.
+struct PoseRecord {
+    int index = 0;  // 0-based, names the frames
+    PlannedPose planned;
+    std::vector<double> read_back;  // per axis after settling, mm or rad
+    // Side from which each axis came: +1 upwards, -1 downwards, 0 did not move.
+    std::vector<int> approach;
+    double move_start_s = 0.0, settled_s = 0.0, done_s = 0.0;
+    std::vector<FrameRecord> frames;
+    std::vector<Eigen::Vector2d> corners;  // mean over the frames that saw it; empty: none did
+    int detections = 0;                    // number of such frames
+
+    // After a successful analysis, of hold-out poses: the render at the registered pose, with the
+    // camera's bit depth and transfer and without noise ("renders/0007.png").
+    std::string render_file;
+
+    // Photograph (its first complete frame) minus that render, after a photometric model is fitted;
+    // of hold-out poses after the analysis. Scored on the cells that were not fitted.
+    struct Residual {
+        PhotometricModel model;
+        ResidualStatistics scored;
+    };
+    std::optional<Residual> residual;
+};
+
+enum class RunOutcome { pass, fail, inconclusive, error, aborted };
+const char* name(RunOutcome outcome);  // "PASS", "FAIL", "INCONCLUSIVE", "ERROR", "ABORTED"
+
+// 0, 1, 2, 4 and 130.
+int exit_code(RunOutcome outcome);
+
+struct SoftwareVersion {
+    std::string name, version;  // "OpenCV", "4.6.0"
+};
+std::vector<SoftwareVersion> software_versions();
+
+struct QualifyResult {
+    StationFile station;
+    Plan plan;
+    std::string started_utc;  // "2026-03-07T14:05:09Z"
+    double duration_s = 0.0;
+    CameraIdentity camera;             // as the device says
+    CaptureSettings settings;          // in force
+    CaptureStatistics statistics;      // of the whole run
+    std::vector<std::string> remarks;  // what limited the devices here, one line each
+    std::vector<PoseRecord> poses;     // visited ones only
+    // Nothing when the run ended before; analysis->poses[i] belongs to poses[i].
+    std::optional<Qualification> analysis;
+    RunOutcome outcome = RunOutcome::error;
+    std::string reason;  // of an ERROR or ABORTED run, one line; empty otherwise
+    std::vector<SoftwareVersion> software;
+    std::filesystem::path folder;  // of the record
+};
+
+// Mean over the hold-out poses of the RMS of photograph minus render, in gray = code value / full
+// scale * 255; nothing when none was compared.
+std::optional<double> mean_residual_gray(const QualifyResult& result);
+
+// The pose's first whole photograph, read from the record, with the camera's bits: a file is 8 or
+// 16 bit, whatever the camera has. Throws ConfigError when there is none or it cannot be read.
+CodeImage recorded_photo(const QualifyResult& result, const PoseRecord& pose);
+
+}  // namespace etalon

@@ -1,0 +1,384 @@
+#include "station/run_json.h"
+
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double deg_per_rad = 180.0 / std::numbers::pi;
+
+std::string text_of(const Json& json, int indent) {
+    return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+double seconds(Duration duration) {
+    return std::chrono::duration<double>(duration).count();
+}
+
+// nlohmann writes NaN and infinity as null by itself.
+Json optional_number(const std::optional<double>& value) {
+    return value ? Json(*value) : Json();
+}
+
+template <class Vector>
+Json numbers(const Vector& vector) {
+    return std::vector<double>(vector.data(), vector.data() + vector.size());
+}
+
+Json pose(const Rigid& transform) {
+    return numbers(vector_from_rigid(transform));
+}
+
+Json corners(const std::vector<Eigen::Vector2d>& pixels) {
+    Json list = Json::array();
+    for (const auto& pixel : pixels)
+        list.push_back(numbers(pixel));
+    return list;
+}
+
+double unit_of(const Axis& axis) {
+    return axis.kind == Axis::Kind::rotary ? deg_per_rad : 1.0;
+}
+
+Json settings_json(const CaptureSettings& settings) {
+    return {{"width", settings.width},
+            {"height", settings.height},
+            {"bits", settings.bits},
+            {"exposure_us", settings.exposure.count()},
+            {"gain_db", settings.gain_db}};
+}
+
+Json inputs_json(const StationFile& station) {
+    Json list = Json::array();
+    for (const InputFile& input : station.inputs)
+        list.push_back(
+            {{"role", input.role}, {"path", input.path.string()}, {"sha256", input.sha256}});
+    return list;
+}
+
+Json camera_json(const QualifyResult& result) {
+    const CaptureStatistics& counts = result.statistics;
+    return {{"uri", result.station.camera.uri},
+            {"vendor", result.camera.vendor},
+            {"model", result.camera.model},
+            {"serial", result.camera.serial},
+            {"calibrated_serial", result.station.camera.model.serial},
+            {"settings", settings_json(result.settings)},
+            {"frames_delivered", counts.delivered},
+            {"frames_rejected", counts.rejected},
+            {"missing_packets", counts.missing_packets},
+            {"remarks", result.remarks}};
+}
+
+Json axis_json(const Axis& axis) {
+    const double unit = unit_of(axis);
+    const bool rotary = axis.kind == Axis::Kind::rotary;
+    return {{"name", axis.name},
+            {"kind", rotary ? "rotary" : "linear"},
+            {"unit", rotary ? "deg" : "mm"},
+            {"direction", numbers(axis.direction)},
+            {"point_mm", numbers(axis.point_mm)},
+            {"travel", {axis.low * unit, axis.high * unit}},
+            {"speed", axis.speed * unit},
+            {"scale_uncertainty", optional_number(axis.scale_uncertainty)},
+            {"repeatability", axis.repeatability ? Json(*axis.repeatability * unit) : Json()}};
+}
+
+Json stage_json(const StationStage& stage) {
+    Json axes = Json::array();
+    for (const Axis& axis : stage.axes)
+        axes.push_back(axis_json(axis));
+    return {{"host", stage.link.host},
+            {"port", stage.link.port},
+            {"unit", stage.link.unit},
+            {"profile", stage.profile},
+            {"axes", axes}};
+}
+
+Json plan_json(const StationFile& station, const Plan& plan) {
+    Json volume;
+    for (std::size_t i = 0; i < station.stage.axes.size(); ++i) {
+        const double unit = unit_of(station.stage.axes[i]);
+        volume[station.stage.axes[i].name] = {station.plan.volume[i].low * unit,
+                                              station.plan.volume[i].high * unit};
+    }
+    const auto hold_out = std::count_if(plan.poses.begin(), plan.poses.end(),
+                                        [](const PlannedPose& p) { return p.hold_out; });
+    return {{"volume", volume},
+            {"poses", plan.poses.size()},
+            {"hold_out", hold_out},
+            {"frames", station.plan.frames},
+            {"seed", station.plan.seed},
+            {"settle_ms", station.plan.settle.count()},
+            {"expected_duration_s", seconds(plan.expected_duration)}};
+}
+
+Json measurements_json(const Qualification& analysis) {
+    Json list = Json::array();
+    for (const JudgedQuantity& q : analysis.quantities) {
+        const bool measured = q.outcome != Outcome::skipped;
+        list.push_back({{"name", q.name},
+                        {"unit", q.unit},
+                        {"value", measured ? Json(q.value) : Json()},
+                        {"expanded_uncertainty", measured ? Json(q.expanded_uncertainty) : Json()},
+                        {"coverage_factor", 2},
+                        {"limit", q.limit},
+                        {"outcome", name(q.outcome)},
+                        {"reason", q.reason}});
+    }
+    return list;
+}
+
+Json registration_json(const BiasCorrectedRegistration& corrected) {
+    const Registration& registration = corrected.registration;
+    Json freedoms = Json::array();
+    for (const GaugeFreedom& freedom : registration.freedoms)
+        freedoms.push_back({{"name", freedom.name}, {"direction", numbers(freedom.direction)}});
+    return {{"camera_from_base", pose(registration.camera_from_base)},
+            {"carriage_from_marker", pose(registration.carriage_from_marker)},
+            {"residual_rms_px", registration.residual_rms_px},
+            {"poses_used", corrected.used.size()},
+            {"down_weighted_points", registration.down_weighted_points},
+            {"rounds", corrected.rounds},
+            {"last_change_px", corrected.last_change_px},
+            {"rank", registration.rank},
+            {"condition_number", registration.condition_number},
+            {"freedoms", freedoms}};
+}
+
+Json field_json(const SmoothField& field, const FieldSummary& summary) {
+    return {{"coefficients", numbers(field.coefficients)},
+            {"samples", field.samples},
+            {"degrees_of_freedom", field.degrees_of_freedom},
+            {"down_weighted", field.down_weighted},
+            {"centre_mm", numbers(field.centre_mm)},
+            {"residual_along", field.residual_along},
+            {"residual_across", field.residual_across},
+            {"rms", summary.rms},
+            {"rms_uncertainty", summary.rms_uncertainty},
+            {"noise_rms", summary.noise_rms},
+            {"max", summary.max},
+            {"max_uncertainty", summary.max_uncertainty},
+            {"max_position_mm", numbers(summary.max_position_mm)}};
+}
+
+Json budget_json(const Qualification& analysis) {
+    Json list = Json::array();
+    for (const BudgetRow& row : analysis.budget)
+        list.push_back({{"source", row.source},
+                        {"standard_uncertainty", optional_number(row.standard_uncertainty)},
+                        {"unit", row.unit},
+                        {"rms_contribution_mm", optional_number(row.rms_contribution_mm)},
+                        {"max_contribution_mm", optional_number(row.max_contribution_mm)},
+                        {"basis", row.basis}});
+    return list;
+}
+
+Json signatures_json(const Qualification& analysis) {
+    Json list = Json::array();
+    for (const ErrorSignature& s : analysis.signatures)
+        list.push_back({{"name", s.name},
+                        {"unit", s.unit},
+                        {"size", s.size},
+                        {"before_rms_mm", s.before_rms_mm},
+                        {"before_max_mm", s.before_max_mm},
+                        {"after_rms_mm", s.after_rms_mm},
+                        {"after_max_mm", s.after_max_mm},
+                        {"detectable_size", s.detectable_size},
+                        {"observable", s.observable},
+                        {"reason", s.reason},
+                        {"confounded_with", s.confounded_with}});
+    return list;
+}
+
+void add_analysis(Json& run, const Qualification& analysis) {
+    run["measurements"] = measurements_json(analysis);
+    run["reasons"] = analysis.reasons;
+    if (analysis.explanation)
+        run["explanation"] = {{"text", analysis.explanation->text},
+                              {"group", analysis.explanation->group},
+                              {"cosine", analysis.explanation->cosine},
+                              {"size", analysis.explanation->size},
+                              {"unit", analysis.explanation->unit}};
+    run["detection"] = {{"training", analysis.detection.training},
+                        {"training_detected", analysis.detection.training_detected},
+                        {"hold_out", analysis.detection.hold_out},
+                        {"hold_out_detected", analysis.detection.hold_out_detected},
+                        {"rate", analysis.detection.rate()}};
+    if (analysis.registration)
+        run["registration"] = registration_json(*analysis.registration);
+    if (analysis.position_field)
+        run["position_field_mm"] = field_json(*analysis.position_field, analysis.position_summary);
+    if (analysis.rotation_field)
+        run["rotation_field_rad"] = field_json(*analysis.rotation_field, analysis.rotation_summary);
+    run["budget_complete"] = analysis.budget_complete;
+    run["budget"] = budget_json(analysis);
+    run["gauge_report"] = signatures_json(analysis);
+}
+
+Json software_json(const std::vector<SoftwareVersion>& software) {
+    Json list;
+    for (const SoftwareVersion& item : software)
+        list[item.name] = item.version;
+    return list;
+}
+
+// poses.csv, a group of columns at a time.
+using Row = std::vector<std::string>;
+
+void add_six(Row& row, const std::optional<PoseEstimate>& estimate) {
+    const Vector6d vector =
+        estimate ? vector_from_rigid(estimate->camera_from_marker) : Vector6d::Zero();
+    for (int i = 0; i < 6; ++i)
+        row.push_back(estimate ? exact(vector[i]) : "");
+}
+
+void add_bias(Row& row, const std::optional<PoseError>& bias) {
+    for (int i = 0; i < 3; ++i)
+        row.push_back(bias ? exact(bias->translation_mm[i]) : "");
+    for (int i = 0; i < 3; ++i)
+        row.push_back(bias ? exact(bias->rotation_rad[i] * 1000.0) : "");
+}
+
+Row csv_header(const std::vector<Axis>& axes) {
+    Row header = {"pose", "split"};
+    for (const char* prefix : {"commanded_", "read_back_", "approach_"})
+        for (const Axis& axis : axes) {
+            const bool is_length = prefix != std::string("approach_");
+            const char* unit = axis.kind == Axis::Kind::rotary ? "_deg" : "_mm";
+            header.push_back(prefix + axis.name + (is_length ? unit : ""));
+        }
+    for (const char* column :
+         {"frames", "detections", "move_start_s", "settled_s", "done_s", "used"})
+        header.emplace_back(column);
+    for (const char* group : {"photo_", "render_", "predicted_"})
+        for (const char* column : {"rx", "ry", "rz", "tx", "ty", "tz"})
+            header.push_back(std::string(group) + column);
+    for (const char* group : {"b1_", "b2_", "b3_"})
+        for (const char* column : {"x_mm", "y_mm", "z_mm", "rx_mrad", "ry_mrad", "rz_mrad"})
+            header.push_back(std::string(group) + column);
+    for (const char* column : {"residual_rms_gray", "residual_p99_gray", "psf_sigma_px"})
+        header.emplace_back(column);
+    return header;
+}
+
+// Photograph minus render, of hold-out poses.
+void add_residual(Row& row, const std::optional<PoseRecord::Residual>& residual) {
+    row.push_back(residual ? exact(residual->scored.rms_gray) : "");
+    row.push_back(residual ? exact(residual->scored.p99_gray) : "");
+    row.push_back(residual ? exact(residual->model.psf_sigma_px) : "");
+}
+
+void add_analysis_columns(Row& row, const QualifiedPose* qualified) {
+    if (!qualified) {
+        row.resize(row.size() + 1 + 3 * 6 + 3 * 6);
+        return;
+    }
+    row.emplace_back(qualified->used ? "1" : "0");
+    add_six(row, qualified->bias.photo);
+    add_six(row, qualified->bias.render);
+    const Vector6d predicted = vector_from_rigid(qualified->bias.predicted);
+    for (int i = 0; i < 6; ++i)
+        row.push_back(exact(predicted[i]));
+    add_bias(row, qualified->bias.b1);
+    add_bias(row, qualified->bias.b2);
+    add_bias(row, qualified->bias.b3);
+}
+
+Row csv_row(const PoseRecord& record, const std::vector<Axis>& axes,
+            const QualifiedPose* qualified) {
+    Row row = {std::to_string(record.index), record.planned.hold_out ? "hold-out" : "training"};
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        row.push_back(exact(record.planned.target[i] * unit_of(axes[i])));
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        row.push_back(exact(record.read_back[i] * unit_of(axes[i])));
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        row.push_back(std::to_string(record.approach[i]));
+    row.push_back(std::to_string(record.frames.size()));
+    row.push_back(std::to_string(record.detections));
+    for (const double time_s : {record.move_start_s, record.settled_s, record.done_s})
+        row.push_back(fmt::format("{:.6f}", time_s));
+    add_analysis_columns(row, qualified);
+    add_residual(row, record.residual);
+    return row;
+}
+
+}  // namespace
+
+std::string run_json(const QualifyResult& result) {
+    const StationFile& station = result.station;
+    Json run = {{"etalon", "run/1"},
+                {"outcome", name(result.outcome)},
+                {"reason", result.reason},
+                {"started_utc", result.started_utc},
+                {"duration_s", result.duration_s},
+                {"station", station.id},
+                {"marker", station.marker.spec},
+                {"detector", station.detector},
+                {"background", station.background},
+                {"white_level", station.white_level},
+                {"carriage_from_marker_nominal", pose(station.carriage_from_marker_nominal)},
+                {"marker_size_uncertainty", optional_number(station.marker_size_uncertainty)},
+                {"limits", station.limits.id},
+                {"inputs", inputs_json(station)},
+                {"camera", camera_json(result)},
+                {"stage", stage_json(station.stage)},
+                {"plan", plan_json(station, result.plan)},
+                {"poses_visited", result.poses.size()}};
+    if (result.analysis)
+        add_analysis(run, *result.analysis);
+    run["mean_residual_gray"] = optional_number(mean_residual_gray(result));
+    run["software"] = software_json(result.software);
+    return text_of(run, 2) + "\n";
+}
+
+std::string state_event(double time_s, const std::string& state, const std::string& detail) {
+    return text_of({{"t", time_s}, {"event", state}, {"detail", detail}}, -1);
+}
+
+std::string frame_event(int pose_index, const FrameRecord& frame) {
+    return text_of({{"t", frame.exposure_start_s},
+                    {"event", "frame"},
+                    {"pose", pose_index},
+                    {"file", frame.file},
+                    {"status", name(frame.status)},
+                    {"status_detail", frame.status_detail},
+                    {"device_id", frame.device_id},
+                    {"exposure_start_uncertainty_s", frame.exposure_start_uncertainty_s},
+                    {"settings", settings_json(frame.settings)},
+                    {"detection", frame.detection},
+                    {"corners", corners(frame.corners)}},
+                   -1);
+}
+
+std::string pose_event(const PoseRecord& record) {
+    return text_of({{"t", record.done_s},
+                    {"event", "pose"},
+                    {"pose", record.index},
+                    {"hold_out", record.planned.hold_out},
+                    {"commanded", record.planned.target},
+                    {"read_back", record.read_back},
+                    {"approach", record.approach},
+                    {"move_start_s", record.move_start_s},
+                    {"settled_s", record.settled_s},
+                    {"detections", record.detections},
+                    {"corners", corners(record.corners)}},
+                   -1);
+}
+
+std::string poses_csv(const QualifyResult& result) {
+    const std::vector<Axis>& axes = result.station.stage.axes;
+    std::string csv = fmt::format("{}\n", fmt::join(csv_header(axes), ","));
+    for (std::size_t i = 0; i < result.poses.size(); ++i) {
+        const QualifiedPose* qualified = result.analysis ? &result.analysis->poses.at(i) : nullptr;
+        csv += fmt::format("{}\n", fmt::join(csv_row(result.poses[i], axes, qualified), ","));
+    }
+    return csv;
+}
+
+}  // namespace etalon

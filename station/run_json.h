@@ -1,0 +1,25 @@
+// The texts of a record: run.json, the lines of events.jsonl, and poses.csv.
+//
+// Numbers are written so that they read back as the same double. What is unknown, infinite or not
+// measured is null in JSON and empty in CSV. Bytes that are not UTF-8 are replaced.
+#pragma once
+
+#include <string>
+
+#include "station/qualify_result.h"
+
+namespace etalon {
+
+// `etalon: run/1`, indented, keys in a fixed order. Also what --json prints.
+std::string run_json(const QualifyResult& result);
+
+// One line each, without its end. Times are seconds since the run began.
+std::string state_event(double time_s, const std::string& state, const std::string& detail);
+std::string frame_event(int pose, const FrameRecord& frame);
+std::string pose_event(const PoseRecord& pose);
+
+// One row per visited pose. Linear axes in mm, rotary axes in deg; poses as rotation vector (rad)
+// and translation (mm); biases in mm (camera frame) and mrad (marker frame).
+std::string poses_csv(const QualifyResult& result);
+
+}  // namespace etalon

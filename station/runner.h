@@ -1,0 +1,34 @@
+// A qualification run from the plan to the written record: move, settle, photograph, detect; then
+// the analysis (compare/qualification.h) and the report.
+//
+// Whatever happens after the first motion, the axes are stopped and what was measured is on disk.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <stop_token>
+
+#include "station/progress.h"
+#include "station/qualify_result.h"
+
+namespace etalon {
+
+// How the run gets its devices; tests give it mocks.
+struct DeviceOpeners {
+    std::function<std::unique_ptr<Camera>()> camera;
+    std::function<std::unique_ptr<Stage>()> stage;
+};
+
+// Runs on the calling thread, which owns both devices throughout. The result says how the run
+// ended: ERROR with the reason when a device, the disk or a computation failed, ABORTED when `stop`
+// was requested.
+//
+// Throws only before anything has moved or was written: ConfigError for a plan outside the soft
+// limits, an unusable folder, or a device whose serial number is not the calibration's; what the
+// openers throw.
+QualifyResult run_qualification(const StationFile& station, const std::filesystem::path& folder,
+                                const DeviceOpeners& open, Clock& clock, Progress& progress,
+                                std::stop_token stop);
+
+}  // namespace etalon

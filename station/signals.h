@@ -1,0 +1,31 @@
+// Ctrl-C and kill, turned into a stop request. One thread takes the signals; nobody else is ever
+// interrupted, so files and devices are left in order by the normal unwinding.
+#pragma once
+
+#include <atomic>
+#include <csignal>
+#include <stop_token>
+#include <thread>
+
+namespace etalon {
+
+// From construction to destruction, SIGINT and SIGTERM request a stop of `source` instead of ending
+// the process; further ones change nothing, so that an impatient second Ctrl-C cannot skip stopping
+// the axes. Construct it before any other thread is started: threads inherit the blocked signals.
+// They stay blocked afterwards, for the short rest of the program. One per process.
+class StopOnSignals {
+public:
+    explicit StopOnSignals(std::stop_source source);
+    ~StopOnSignals();
+    StopOnSignals(const StopOnSignals&) = delete;
+    StopOnSignals& operator=(const StopOnSignals&) = delete;
+
+private:
+    void wait(std::stop_source source);
+
+    sigset_t signals_{};
+    std::atomic<bool> ending_ = false;
+    std::thread thread_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,337 @@
+#include "station/svg_plot.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+constexpr double left = 62, right = 14, top = 26, bottom = 44;  // margins, px
+
+const char* css_class(Ink ink) {
+    switch (ink) {
+        case Ink::blue:
+            return "blue";
+        case Ink::orange:
+            return "orange";
+        case Ink::green:
+            return "green";
+        case Ink::red:
+            return "red";
+        case Ink::gray:
+            return "gray";
+    }
+    return "gray";
+}
+
+// The step of 1, 2 or 5 times a power of ten that gives at most `most` ticks.
+double tick_step(double low, double high, int most) {
+    const double raw = (high - low) / most;
+    const double power = std::pow(10.0, std::floor(std::log10(raw)));
+    for (const double factor : {1.0, 2.0, 5.0})
+        if (factor * power >= raw)
+            return factor * power;
+    return 10.0 * power;
+}
+
+std::vector<double> ticks(double low, double high, int most) {
+    const double step = tick_step(low, high, most);
+    std::vector<double> values;
+    for (double tick = std::ceil(low / step) * step; tick <= high + 1e-9 * step; tick += step)
+        values.push_back(std::abs(tick) < 1e-9 * step ? 0.0 : tick);
+    return values;
+}
+
+std::string title(const std::string& note) {
+    return note.empty() ? "" : "<title>" + escape_html(note) + "</title>";
+}
+
+constexpr const char* stand_alone_style =
+    "<style>svg.plot{font:12px system-ui,sans-serif;background:#fff;color:#222}"
+    ".plot .grid{stroke:#ddd}.plot .axis{stroke:#888;fill:none}.plot text{fill:currentColor}"
+    ".blue{--ink:#0072b2}.orange{--ink:#e69f00}.green{--ink:#009e73}.red{--ink:#d55e00}"
+    ".gray{--ink:#888}.plot .mark{fill:var(--ink)}.plot .stroke{stroke:var(--ink);fill:none}"
+    ".plot .area{fill:var(--ink);opacity:.2}</style>";
+
+}  // namespace
+
+struct SvgPlot::Extent {
+    double low = std::numeric_limits<double>::infinity();
+    double high = -std::numeric_limits<double>::infinity();
+
+    void include(double value) {
+        if (!std::isfinite(value))
+            return;
+        low = std::min(low, value);
+        high = std::max(high, value);
+    }
+    // Never empty, and a little larger than the data.
+    Extent padded() const {
+        if (!(low <= high))
+            return {0.0, 1.0};
+        const double room = high > low ? 0.05 * (high - low) : std::max(1e-9, 0.1 * std::abs(low));
+        return {low - room, high + room};
+    }
+};
+
+struct SvgPlot::Frame {
+    Extent x, y;
+    double width, height;  // of the inner area, px
+    bool y_down;
+
+    double px(double value) const { return left + width * (value - x.low) / (x.high - x.low); }
+    double py(double value) const {
+        const double along = (value - y.low) / (y.high - y.low);
+        return top + height * (y_down ? along : 1.0 - along);
+    }
+    void equalise_scales();
+};
+
+SvgPlot::SvgPlot(std::string x_label, std::string y_label)
+    : x_label_(std::move(x_label)), y_label_(std::move(y_label)) {}
+
+void SvgPlot::set_size(int width, int height) {
+    width_ = width;
+    height_ = height;
+}
+
+void SvgPlot::set_image_axes() {
+    image_axes_ = true;
+}
+
+void SvgPlot::set_y_range(double low, double high) {
+    y_range_ = {low, high};
+}
+
+void SvgPlot::add_points(std::span<const double> xs, std::span<const double> ys, Ink ink,
+                         const std::string& name, const std::vector<std::string>& notes) {
+    layers_.push_back({Layer::Kind::points,
+                       {xs.begin(), xs.end()},
+                       {ys.begin(), ys.end()},
+                       {},
+                       {},
+                       ink,
+                       name,
+                       notes});
+}
+
+void SvgPlot::add_line(std::span<const double> xs, std::span<const double> ys, Ink ink,
+                       const std::string& name) {
+    layers_.push_back(
+        {Layer::Kind::line, {xs.begin(), xs.end()}, {ys.begin(), ys.end()}, {}, {}, ink, name, {}});
+}
+
+void SvgPlot::add_band(std::span<const double> xs, std::span<const double> lows,
+                       std::span<const double> highs, Ink ink, const std::string& name) {
+    layers_.push_back({Layer::Kind::band,
+                       {xs.begin(), xs.end()},
+                       {lows.begin(), lows.end()},
+                       {highs.begin(), highs.end()},
+                       {},
+                       ink,
+                       name,
+                       {}});
+}
+
+void SvgPlot::add_bars(const std::vector<std::string>& categories, std::span<const double> values,
+                       Ink ink) {
+    categories_ = categories;
+    std::vector<double> places(values.size());
+    for (std::size_t i = 0; i < places.size(); ++i)
+        places[i] = static_cast<double>(i);
+    layers_.push_back(
+        {Layer::Kind::bars, places, {values.begin(), values.end()}, {}, {}, ink, "", categories});
+}
+
+void SvgPlot::add_arrows(std::span<const double> xs, std::span<const double> ys,
+                         std::span<const double> dxs, std::span<const double> dys, Ink ink,
+                         const std::string& name, const std::vector<std::string>& notes) {
+    layers_.push_back({Layer::Kind::arrows,
+                       {xs.begin(), xs.end()},
+                       {ys.begin(), ys.end()},
+                       {dxs.begin(), dxs.end()},
+                       {dys.begin(), dys.end()},
+                       ink,
+                       name,
+                       notes});
+}
+
+void SvgPlot::add_level(double y, Ink ink, const std::string& label) {
+    layers_.push_back({Layer::Kind::level, {}, {y}, {}, {}, ink, label, {}});
+}
+
+void SvgPlot::Layer::include_in(Extent& x, Extent& y) const {
+    for (std::size_t i = 0; i < ys.size(); ++i) {
+        y.include(ys[i]);
+        if (i < xs.size())
+            x.include(xs[i]);
+        if (kind == Kind::band)
+            y.include(us[i]);
+        if (kind == Kind::arrows) {
+            x.include(xs[i] + us[i]);
+            y.include(ys[i] + vs[i]);
+        }
+    }
+    if (kind == Kind::bars) {
+        y.include(0.0);
+        x.include(-0.6);
+        x.include(static_cast<double>(xs.size()) - 0.4);
+    }
+}
+
+// Widens the extent that has room to spare until both scales are equal.
+void SvgPlot::Frame::equalise_scales() {
+    const double scale = std::max((x.high - x.low) / width, (y.high - y.low) / height);
+    const auto widen = [scale](Extent& extent, double pixels) {
+        const double middle = 0.5 * (extent.low + extent.high);
+        extent = {middle - 0.5 * scale * pixels, middle + 0.5 * scale * pixels};
+    };
+    widen(x, width);
+    widen(y, height);
+}
+
+SvgPlot::Frame SvgPlot::frame() const {
+    Extent x, y;
+    for (const Layer& layer : layers_)
+        layer.include_in(x, y);
+    Frame frame{x.padded(), y.padded(), width_ - left - right, height_ - top - bottom, image_axes_};
+    if (y_range_)
+        frame.y = {y_range_->first, y_range_->second};
+    if (image_axes_)
+        frame.equalise_scales();
+    return frame;
+}
+
+std::string SvgPlot::axes(const Frame& f) const {
+    std::string text;
+    const double x0 = left, x1 = left + f.width, y0 = top, y1 = top + f.height;
+    for (const double tick : ticks(f.y.low, f.y.high, 6)) {
+        const double y = f.py(tick);
+        text += fmt::format("<line class='grid' x1='{}' x2='{}' y1='{:.1f}' y2='{:.1f}'/>", x0, x1,
+                            y, y);
+        text += fmt::format("<text x='{}' y='{:.1f}' text-anchor='end'>{:.4g}</text>", x0 - 6,
+                            y + 4, tick);
+    }
+    if (categories_.empty()) {
+        for (const double tick : ticks(f.x.low, f.x.high, 8)) {
+            const double x = f.px(tick);
+            text += fmt::format("<line class='grid' y1='{}' y2='{}' x1='{:.1f}' x2='{:.1f}'/>", y0,
+                                y1, x, x);
+            text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{:.4g}</text>", x,
+                                y1 + 16, tick);
+        }
+    }
+    for (std::size_t i = 0; i < categories_.size(); ++i)
+        text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{}</text>",
+                            f.px(static_cast<double>(i)), y1 + 16, escape_html(categories_[i]));
+    text += fmt::format("<rect class='axis' x='{}' y='{}' width='{}' height='{}'/>", x0, y0,
+                        f.width, f.height);
+    text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{}</text>", 0.5 * (x0 + x1),
+                        height_ - 8, escape_html(x_label_));
+    text += fmt::format(
+        "<text transform='translate(14 {:.1f}) rotate(-90)' text-anchor='middle'>{}</text>",
+        0.5 * (y0 + y1), escape_html(y_label_));
+    return text;
+}
+
+std::string SvgPlot::mark(const Layer& layer, std::size_t i, const Frame& f) const {
+    const double x = f.px(layer.xs[i]), y = f.py(layer.ys[i]);
+    const std::string note = title(i < layer.notes.size() ? layer.notes[i] : std::string());
+    if (layer.kind == Layer::Kind::points)
+        return fmt::format("<circle class='mark' cx='{:.1f}' cy='{:.1f}' r='3'>{}</circle>", x, y,
+                           note);
+    if (layer.kind == Layer::Kind::bars) {
+        const double zero = f.py(0.0), half = 0.36 * (f.px(1.0) - f.px(0.0));
+        return fmt::format(
+            "<rect class='mark' x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}'>{}</rect>",
+            x - half, std::min(y, zero), 2 * half, std::abs(zero - y), note);
+    }
+    return fmt::format(
+        "<g><path class='stroke' stroke-width='1.5' d='M{:.1f} {:.1f}L{:.1f} {:.1f}'/>"
+        "<circle class='mark' cx='{:.1f}' cy='{:.1f}' r='2.5'/>{}</g>",
+        x, y, f.px(layer.xs[i] + layer.us[i]), f.py(layer.ys[i] + layer.vs[i]), x, y, note);
+}
+
+std::string SvgPlot::marks(const Layer& layer, const Frame& f) const {
+    std::string text;
+    for (std::size_t i = 0; i < layer.xs.size(); ++i)
+        if (std::isfinite(layer.xs[i]) && std::isfinite(layer.ys[i]))
+            text += mark(layer, i, f);
+    return text;
+}
+
+std::string SvgPlot::path(const Layer& layer, const Frame& f) const {
+    std::string path;
+    const auto append = [&](double x, double y) {
+        if (std::isfinite(x) && std::isfinite(y))
+            path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", f.px(x), f.py(y));
+    };
+    for (std::size_t i = 0; i < layer.xs.size(); ++i)
+        append(layer.xs[i], layer.ys[i]);
+    if (layer.kind == Layer::Kind::line)
+        return "<path class='stroke' stroke-width='1.8' d='" + path + "'/>";
+    for (std::size_t i = layer.xs.size(); i-- > 0;)
+        append(layer.xs[i], layer.us[i]);
+    return "<path class='area' d='" + path + "Z'/>";
+}
+
+std::string SvgPlot::level(const Layer& layer, const Frame& f) const {
+    const double y = f.py(layer.ys[0]), end = left + f.width;
+    return fmt::format(
+        "<line class='stroke' stroke-dasharray='6 4' stroke-width='1.5' x1='{}' x2='{}' "
+        "y1='{:.1f}' y2='{:.1f}'/><text x='{}' y='{:.1f}' text-anchor='end'>{}</text>",
+        left, end, y, y, end - 4, y - 5, escape_html(layer.name));
+}
+
+std::string SvgPlot::layer(const Layer& layer, const Frame& f) const {
+    std::string shapes;
+    switch (layer.kind) {
+        case Layer::Kind::points:
+        case Layer::Kind::bars:
+        case Layer::Kind::arrows:
+            shapes = marks(layer, f);
+            break;
+        case Layer::Kind::line:
+        case Layer::Kind::band:
+            shapes = path(layer, f);
+            break;
+        case Layer::Kind::level:
+            shapes = level(layer, f);
+            break;
+    }
+    return fmt::format("<g class='{}'>{}</g>", css_class(layer.ink), shapes);
+}
+
+std::string SvgPlot::legend() const {
+    std::string text;
+    double x = left;
+    for (const Layer& layer : layers_) {
+        if (layer.name.empty() || layer.kind == Layer::Kind::level)
+            continue;
+        text += fmt::format(
+            "<g class='{}'><rect class='mark' x='{:.1f}' y='8' width='10' height='10' rx='2'/></g>"
+            "<text x='{:.1f}' y='17'>{}</text>",
+            css_class(layer.ink), x, x + 15, escape_html(layer.name));
+        x += 30 + 6.6 * static_cast<double>(layer.name.size());
+    }
+    return text;
+}
+
+std::string SvgPlot::svg(bool stand_alone) const {
+    const Frame f = frame();
+    std::string text = fmt::format(
+        "<svg class='plot' {}viewBox='0 0 {} {}' role='img' aria-label='{} against {}'>{}",
+        stand_alone ? "xmlns='http://www.w3.org/2000/svg' " : "", width_, height_,
+        escape_html(y_label_), escape_html(x_label_), stand_alone ? stand_alone_style : "");
+    text += axes(f);
+    for (const Layer& each : layers_)
+        text += layer(each, f);
+    return text + legend() + "</svg>";
+}
+
+}  // namespace etalon

@@ -1,0 +1,150 @@
+// The built program as a user meets it: exit codes, one-line errors, nothing half-written.
+#include <gmock/gmock.h>
+#include <sys/wait.h>
+
+#include "core/image.h"
+#include "tests/station/stations.h"
+
+namespace etalon {
+namespace {
+
+using testing::EndsWith;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+struct Finished {
+    int exit_code = -1;
+    std::string out, err;
+};
+
+Finished etalon_with(const TemporaryFolder& folder, const std::string& arguments) {
+    const std::string command = fmt::format("cd '{}' && '{}/etalon' {} > out.txt 2> err.txt",
+                                            (folder / "").string(), ETALON_BINARY_DIR, arguments);
+    const int status = std::system(command.c_str());
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text(folder / "out.txt"),
+            read_text(folder / "err.txt")};
+}
+
+void expect_one_line_error(const Finished& finished, int exit_code, const std::string& message) {
+    EXPECT_EQ(finished.exit_code, exit_code) << finished.err;
+    EXPECT_THAT(finished.err, StartsWith("etalon: "));
+    EXPECT_THAT(finished.err, HasSubstr(message));
+    EXPECT_EQ(std::count(finished.err.begin(), finished.err.end(), '\n'), 1) << finished.err;
+    EXPECT_EQ(finished.out, "");
+}
+
+TEST(CommandLine, HelpFits80ColumnsAndNamesEveryCommand) {
+    const TemporaryFolder folder;
+    const std::string main_help = etalon_with(folder, "--help").out;
+    for (const char* command :
+         {"", "qualify", "compare", "calibrate", "render", "detect", "marker", "devices"}) {
+        EXPECT_THAT(main_help, HasSubstr(command));
+        const Finished help = etalon_with(folder, std::string(command) + " --help");
+        EXPECT_EQ(help.exit_code, 0);
+        EXPECT_EQ(help.err, "");
+        for (const std::string& line : split(help.out, '\n'))
+            EXPECT_LE(line.size(), 80u) << line;
+    }
+}
+
+TEST(CommandLine, VersionNamesLibrariesAndBackends) {
+    const TemporaryFolder folder;
+    const Finished version = etalon_with(folder, "--version");
+    EXPECT_EQ(version.exit_code, 0);
+    for (const char* word : {"etalon ", "OpenCV ", "libmodbus ", "genicam ", "modbus-tcp "})
+        EXPECT_THAT(version.out, HasSubstr(word));
+}
+
+TEST(CommandLine, UsageErrorsAreOneLineAndExitCode3) {
+    const TemporaryFolder folder;
+    expect_one_line_error(etalon_with(folder, ""), 3, "no command given");
+    expect_one_line_error(etalon_with(folder, "qualfy"), 3, "qualfy");
+    expect_one_line_error(etalon_with(folder, "qualify"), 3, "required");
+    expect_one_line_error(etalon_with(folder, "qualify a.yaml --ot x"), 3, "");
+    expect_one_line_error(
+        etalon_with(folder, "calibrate a.png --board 9x6 --square-mm nan --out c.yml"), 3,
+        "--square-mm: must be a number above 0, not 'nan'");
+    expect_one_line_error(etalon_with(folder, "calibrate a.png --board 9x6 --square-mm -1 --out c"),
+                          3, "--square-mm");
+}
+
+TEST(CommandLine, RenderRefusesBadInputAndWritesNothing) {
+    const TemporaryFolder folder;
+    write_station(folder);
+    const std::string render = "render --out r.png --camera camera.yml ";
+    const auto refused = [&](const std::string& rest, const std::string& message) {
+        expect_one_line_error(etalon_with(folder, render + rest), 3, message);
+        EXPECT_FALSE(std::filesystem::exists(folder / "r.png")) << rest;
+    };
+    refused("--marker apriltag:36h11:5@50mm --pose 0,0,0,0,0", "--pose");
+    refused("--marker apriltag:36h11:5@50mm --pose 0,0,0,0,0,nan", "--pose");
+    refused("--marker apriltag:36h12:5@50mm --pose 0,0,0,0,0,300", "36h12");
+    refused("--marker aruco:4X4_51:5@50mm --pose 0,0,0,0,0,300", "4X4_51");
+    refused("--marker apriltag:36h11:5@50mm --pose 0,0,0,0,0,300 --background 1.5", "--background");
+}
+
+TEST(CommandLine, NamesTheLineAndKeyOfABadCameraFile) {
+    const TemporaryFolder folder;
+    write_station(folder);
+    const auto refused = [&](const std::string& what, const std::string& by,
+                             const std::string& message) {
+        write_text(folder / "camera.yml", replaced(camera_text, what, by));
+        expect_one_line_error(
+            etalon_with(folder,
+                        "render --camera camera.yml --marker apriltag:36h11:5@50mm "
+                        "--pose 0,0,0,0,0,300 --out r.png"),
+            3, message);
+        EXPECT_FALSE(std::filesystem::exists(folder / "r.png")) << by;
+    };
+    refused("fx: 275.0", "fx: .nan", "camera.yml:4: intrinsics.fx: ");
+    refused("fx: 275.0, ", "", "intrinsics.fx: missing");
+    refused("distortion:", "distorsion:", "camera.yml:5: distorsion: unknown key");
+    refused("cx: 158.3", "cx: 158.3, cx: 158.3", "intrinsics.cx: doubled key");
+    refused("distortion: {k1: -0.05}",
+            "lens: {f_number: 0, focus_distance_mm: 300, wavelength_nm: 550}\n"
+            "sensor: {pixel_pitch_um: 5}",
+            "camera.yml:5: lens.f_number: ");
+}
+
+TEST(CommandLine, QualifyRefusesBadInputBeforeAnythingIsTouched) {
+    const TemporaryFolder folder;
+    const auto refused = [&](const std::string& what, const std::string& by,
+                             const std::string& message) {
+        write_station(folder, replaced(station_text, what, by));
+        expect_one_line_error(etalon_with(folder, "qualify station.yaml --out record"), 3, message);
+        EXPECT_FALSE(std::filesystem::exists(folder / "record")) << by;
+    };
+    refused("frames: 2", "frames: two", "station.yaml:28: plan.frames: must be a finite number");
+    refused("y: [-40, 45]", "y: [-40, 56]", "station.yaml:25: plan.volume.y: ");
+    refused("calibration: camera.yml", "calibration: c.yml",
+            "station.yaml:5: camera.calibration: ");
+    expect_one_line_error(etalon_with(folder, "qualify nothing.yaml --out record"), 3,
+                          "nothing.yaml: no such file");
+}
+
+TEST(CommandLine, QualifyRefusesAFolderWithSomethingInIt) {
+    const TemporaryFolder folder;
+    write_station(folder);
+    std::filesystem::create_directories(folder / "record");
+    write_text(folder / "record/other.txt", "precious");
+    const Finished finished = etalon_with(folder, "qualify station.yaml --out record");
+    EXPECT_EQ(finished.exit_code, 3);
+    EXPECT_THAT(finished.err, EndsWith("etalon: --out: record is not empty\n"));
+    EXPECT_EQ(read_text(folder / "record/other.txt"), "precious");
+}
+
+// Nobody listens on port 9 of the loopback interface.
+TEST(CommandLine, ADeviceThatDoesNotAnswerIsExitCode4) {
+    const TemporaryFolder folder;
+    write_image(folder / "a.png", {cv::Mat(240, 320, CV_8UC1, cv::Scalar(9)), 8});
+    const std::string text =
+        replaced(replaced(station_text, "uri: \"genicam:127.0.0.1\"", "uri: \"files:.\""),
+                 "port: 1599", "port: 9");
+    write_station(folder, text);
+    const Finished finished = etalon_with(folder, "qualify station.yaml --out record");
+    EXPECT_EQ(finished.exit_code, 4) << finished.err;
+    EXPECT_FALSE(std::filesystem::exists(folder / "record"));
+}
+
+}  // namespace
+}  // namespace etalon

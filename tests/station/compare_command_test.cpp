@@ -1,0 +1,186 @@
+// `etalon compare` and `etalon detect` on photographs that were rendered from the same calibration.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "core/errors.h"
+#include "core/text.h"
+#include "sim/marker.h"
+#include "sim/renderer.h"
+#include "sim/sensor_model.h"
+#include "station/commands.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+constexpr const char* camera_text =
+    "etalon: camera/1\n"
+    "image: {width: 320, height: 240}\n"
+    "intrinsics: {fx: 400, fy: 402, cx: 161, cy: 118}\n"
+    "distortion: {k1: -0.1}\n";
+constexpr const char* tag_name = "apriltag:36h11:5@50mm";
+
+class CompareCommand : public testing::Test {
+protected:
+    void SetUp() override {
+        write_text(folder_ / "camera.yml", camera_text);
+        camera_.width = 320;
+        camera_.height = 240;
+        camera_.intrinsics = {400, 402, 161, 118};
+        camera_.distortion.k1 = -0.1;
+    }
+
+    fs::path photo_of_tag(const std::string& name, double x_mm) {
+        const Marker tag = parse_marker(tag_name, "test");
+        const Rigid pose{rotation_from_vector({0.2, -0.15, 0.1}), {x_mm, 5.0, 210.0}};
+        const Renderer renderer(camera_);
+        const fs::path path = folder_ / name;
+        write_image(path,
+                    SensorModel(camera_).expose(renderer.render({tag.grid, pose, 1.0}).radiance));
+        return path;
+    }
+    fs::path empty_photo(const std::string& name, int width, int height) {
+        const fs::path path = folder_ / name;
+        write_image(path, {cv::Mat(height, width, CV_8UC1, cv::Scalar(128)), 8});
+        return path;
+    }
+    CompareArguments arguments(std::vector<fs::path> photos) const {
+        CompareArguments result;
+        result.camera = folder_ / "camera.yml";
+        result.out = folder_ / "out";
+        result.marker = tag_name;
+        result.photos = std::move(photos);
+        return result;
+    }
+    std::string message_of(const CompareArguments& wrong) const {
+        try {
+            run_compare(wrong);
+        } catch (const Error& error) {
+            EXPECT_FALSE(fs::exists(wrong.out)) << "nothing half-written";
+            return error.what();
+        }
+        return "no error";
+    }
+
+    CameraModel camera_;
+    TemporaryFolder folder_;
+};
+
+TEST_F(CompareCommand, WritesAReportAndPrintsTheMeanResidual) {
+    const auto wanted = arguments({photo_of_tag("a.png", 7.0), photo_of_tag("b.png", -9.0)});
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_compare(wanted), 0);
+    const std::string printed = testing::internal::GetCapturedStdout();
+    EXPECT_THAT(printed, HasSubstr(" gray over 2 photos\n"));
+    EXPECT_THAT(printed, HasSubstr("report " + (wanted.out / "report.html").string() + "\n"));
+    const std::string report = read_text(wanted.out / "report.html");
+    EXPECT_THAT(report, HasSubstr("a.png"));
+    EXPECT_THAT(report, HasSubstr("data:image/"));
+    EXPECT_THAT(report, testing::Not(HasSubstr("src=\"http"))) << "opens offline";
+    EXPECT_EQ(read_image(wanted.out / "01-a-overlay.png").pixels.size(), cv::Size(320, 240));
+    EXPECT_EQ(read_image(wanted.out / "02-b-residual.png").pixels.size(), cv::Size(320, 240));
+    EXPECT_EQ(split(std::string(trimmed(read_text(wanted.out / "comparison.csv"))), '\n').size(),
+              3u);
+}
+
+// The detector's own error moves the rendering by a few hundredths of a pixel, which on edges of
+// 255 gray leaves a gray or two; a wrong half pixel would leave tens.
+TEST_F(CompareCommand, FindsAlmostNothingBetweenTwoRenderings) {
+    auto wanted = arguments({photo_of_tag("a.png", 7.0)});
+    wanted.json = true;
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_compare(wanted), 0);
+    const std::string json = testing::internal::GetCapturedStdout();
+    const auto at = json.find("\"mean_residual_gray\": ");
+    ASSERT_NE(at, std::string::npos) << json;
+    EXPECT_LT(std::stod(json.substr(at + 22)), 4.0);
+}
+
+TEST_F(CompareCommand, TakesPosesFromAFileInsteadOfADetector) {
+    auto wanted = arguments({photo_of_tag("a.png", 7.0)});
+    wanted.poses = folder_ / "poses.csv";
+    write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n0.2,-0.15,0.1,7,5,210\n");
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_compare(wanted), 0);
+    EXPECT_THAT(testing::internal::GetCapturedStdout(),
+                testing::StartsWith("mean residual 0."));  // rounding of the photo, 0.3 gray
+}
+
+TEST_F(CompareCommand, CountsAPhotographWithoutItsMarker) {
+    const auto wanted =
+        arguments({photo_of_tag("a.png", 7.0), empty_photo("nothing.png", 320, 240)});
+    testing::internal::CaptureStdout();
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(run_compare(wanted), 0);
+    EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("over 1 photos"));
+    const std::string notes = testing::internal::GetCapturedStderr();
+    EXPECT_THAT(notes, HasSubstr("nothing.png: marker not found"));
+    EXPECT_THAT(notes, HasSubstr("1 of 2 photographs could not be compared"));
+    EXPECT_THAT(read_text(wanted.out / "report.html"), HasSubstr("marker not found"));
+    EXPECT_THAT(read_text(wanted.out / "comparison.csv"),
+                HasSubstr("nothing.png,marker not found"));
+}
+
+TEST_F(CompareCommand, FailsWhenNoPhotographShowsTheMarker) {
+    const auto hopeless = arguments({empty_photo("nothing.png", 320, 240)});
+    EXPECT_THROW(run_compare(hopeless), NumericalError);
+    EXPECT_THAT(message_of(hopeless), HasSubstr("nothing.png: marker not found"));
+}
+
+TEST_F(CompareCommand, NamesPhotographAndCalibrationWhenTheirSizesDiffer) {
+    const auto wrong = arguments({photo_of_tag("a.png", 7.0), empty_photo("large.png", 640, 480)});
+    EXPECT_THROW(run_compare(wrong), ConfigError);
+    const std::string message = message_of(wrong);
+    EXPECT_THAT(message, HasSubstr("large.png: is 640 x 480 px"));
+    EXPECT_THAT(message, HasSubstr("camera.yml is for 320 x 240 px"));
+}
+
+TEST_F(CompareCommand, RefusesContradictoryArgumentsBeforeItWritesAnything) {
+    const auto good = arguments({photo_of_tag("a.png", 7.0)});
+    auto both = good;
+    both.board = "9x6";
+    EXPECT_THAT(message_of(both), HasSubstr("--board"));
+    auto no_square = good;
+    no_square.marker.clear();
+    no_square.board = "9x6";
+    EXPECT_THAT(message_of(no_square), HasSubstr("--square-mm"));
+    auto margin = good;
+    margin.score_margin = "0.3,0.3";
+    EXPECT_THAT(message_of(margin), HasSubstr("--score-margin"));
+    auto no_photo = good;
+    no_photo.photos = {folder_ / "missing.png"};
+    EXPECT_THAT(message_of(no_photo), HasSubstr("missing.png: no such image"));
+    auto behind = good;
+    behind.poses = folder_ / "poses.csv";
+    write_text(behind.poses, "rx,ry,rz,tx,ty,tz\n0,0,0,7,5,-210\n");
+    EXPECT_THAT(message_of(behind), HasSubstr("pose 1: the marker is behind the camera"));
+    write_text(behind.poses, "rx,ry,rz,tx,ty,tz\n0,0,0,7,5,210\n0,0,0,7,5,220\n");
+    EXPECT_THAT(message_of(behind), HasSubstr("holds 2 poses for 1 photographs"));
+    auto onto_a_file = good;
+    onto_a_file.out = folder_ / "camera.yml";
+    EXPECT_THROW(run_compare(onto_a_file), ConfigError);
+}
+
+TEST_F(CompareCommand, DetectPrintsThePoseOfEachPhotograph) {
+    DetectArguments wanted;
+    wanted.marker = tag_name;
+    wanted.camera = folder_ / "camera.yml";
+    wanted.photos = {photo_of_tag("a.png", 7.0), empty_photo("nothing.png", 320, 240)};
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_detect(wanted), 0);
+    const std::string table = testing::internal::GetCapturedStdout();
+    EXPECT_THAT(table, HasSubstr("a.png"));
+    EXPECT_THAT(table, HasSubstr("nothing.png marker not found"));
+    wanted.json = true;
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_detect(wanted), 0);
+    EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("\"reprojection_rms_px\""));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,172 @@
+#include "station/plan.h"
+
+#include <gtest/gtest.h>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+Axis axis(const std::string& name, double low, double high, double speed) {
+    Axis result;
+    result.name = name;
+    result.low = low;
+    result.high = high;
+    result.speed = speed;
+    return result;
+}
+
+const std::vector<Axis> axes = {axis("x", -130, 120, 70), axis("y", -90, 95, 50),
+                                axis("z", 0, 400, 110)};
+
+PlanRequest request() {
+    PlanRequest wanted;
+    wanted.volume = {{-120, 110}, {-80, 90}, {50, 350}};
+    wanted.poses = 75;
+    wanted.hold_out = 0.533;  // 40 of 75
+    wanted.frames = 3;
+    wanted.seed = 5;
+    wanted.settle = std::chrono::milliseconds(70);
+    wanted.place = {"station.yaml", 17, "plan.volume"};
+    return wanted;
+}
+
+Plan plan_of(const PlanRequest& wanted) {
+    return make_plan(wanted, axes, std::chrono::milliseconds(5));
+}
+
+TEST(Plan, FillsTheVolumeAndStaysInside) {
+    const PlanRequest wanted = request();
+    const Plan plan = plan_of(wanted);
+    ASSERT_EQ(plan.poses.size(), 75u);
+    for (std::size_t k = 0; k < axes.size(); ++k) {
+        const auto [low, high] = wanted.volume[k];
+        double smallest = high, largest = low;
+        for (const PlannedPose& pose : plan.poses) {
+            smallest = std::min(smallest, pose.target[k]);
+            largest = std::max(largest, pose.target[k]);
+        }
+        EXPECT_GE(smallest, low);
+        EXPECT_LE(largest, high);
+        EXPECT_LT(smallest, low + 0.1 * (high - low)) << axes[k].name;
+        EXPECT_GT(largest, high - 0.1 * (high - low)) << axes[k].name;
+    }
+}
+
+// Low discrepancy: of n points about n/2 lie in each half of each axis, in both splits. A Halton
+// block of 35 or more points misses that by less than 4 in bases 2, 3 and 5.
+TEST(Plan, SpreadsTrainingAndHoldOutEachOverTheWholeVolume) {
+    const PlanRequest wanted = request();
+    const Plan plan = plan_of(wanted);
+    for (const bool hold_out : {false, true}) {
+        int total = 0;
+        std::vector<int> low_half(axes.size());
+        for (const PlannedPose& pose : plan.poses) {
+            if (pose.hold_out != hold_out)
+                continue;
+            ++total;
+            for (std::size_t k = 0; k < axes.size(); ++k)
+                low_half[k] += pose.target[k] < (wanted.volume[k].low + wanted.volume[k].high) / 2;
+        }
+        EXPECT_EQ(total, hold_out ? 40 : 35);
+        for (std::size_t k = 0; k < axes.size(); ++k)
+            EXPECT_NEAR(low_half[k], total / 2.0, 4.0) << axes[k].name << hold_out;
+    }
+}
+
+TEST(Plan, MixesTrainingAndHoldOutInTime) {
+    const Plan plan = plan_of(request());
+    for (std::size_t begin = 0; begin + 15 <= plan.poses.size(); begin += 15) {
+        int hold_out = 0;
+        for (std::size_t i = begin; i < begin + 15; ++i)
+            hold_out += plan.poses[i].hold_out;
+        EXPECT_GE(hold_out, 2) << "poses from " << begin;
+        EXPECT_LE(hold_out, 13) << "poses from " << begin;
+    }
+}
+
+TEST(Plan, ComesToEachAxisFromBothSides) {
+    const Plan plan = plan_of(request());
+    for (std::size_t k = 0; k < axes.size(); ++k) {
+        int upwards = 0, downwards = 0;
+        for (std::size_t i = 1; i < plan.poses.size(); ++i) {
+            if (!plan.poses[i].hold_out)
+                continue;
+            const double step = plan.poses[i].target[k] - plan.poses[i - 1].target[k];
+            (step > 0 ? upwards : downwards) += 1;
+        }
+        EXPECT_GE(upwards, 8) << axes[k].name;
+        EXPECT_GE(downwards, 8) << axes[k].name;
+    }
+}
+
+double travelled_s(const std::vector<PlannedPose>& poses) {
+    double sum = 0.0;
+    for (std::size_t i = 1; i < poses.size(); ++i)
+        sum +=
+            std::chrono::duration<double>(travel_time(axes, poses[i - 1].target, poses[i].target))
+                .count();
+    return sum;
+}
+
+TEST(Plan, TravelsLessThanHalfOfWhatARandomOrderWould) {
+    const Plan plan = plan_of(request());
+    // A random order: every pose to the one half the plan further on.
+    std::vector<PlannedPose> shuffled;
+    for (std::size_t i = 0; i < plan.poses.size(); ++i)
+        shuffled.push_back(plan.poses[i * 37 % plan.poses.size()]);
+    EXPECT_LT(travelled_s(plan.poses), 0.5 * travelled_s(shuffled));
+}
+
+TEST(Plan, IsTheSameForTheSameSeedAndAnotherForAnother) {
+    PlanRequest wanted = request();
+    const Plan first = plan_of(wanted), again = plan_of(wanted);
+    wanted.seed = 6;
+    const Plan other = plan_of(wanted);
+    for (std::size_t i = 0; i < first.poses.size(); ++i)
+        EXPECT_EQ(first.poses[i].target, again.poses[i].target);
+    EXPECT_NE(first.poses[0].target, other.poses[0].target);
+}
+
+TEST(Plan, KeepsAnAxisThatIsNotToMoveWhereItIs) {
+    PlanRequest wanted = request();
+    wanted.volume[1] = {17, 17};
+    for (const PlannedPose& pose : plan_of(wanted).poses)
+        EXPECT_EQ(pose.target[1], 17);
+}
+
+TEST(Plan, RefusesAPoseOutsideTheSoftLimitsNamingAxisAndPose) {
+    PlanRequest wanted = request();
+    wanted.volume[1].high = 300;
+    try {
+        plan_of(wanted);
+        FAIL() << "accepted";
+    } catch (const ConfigError& error) {
+        const std::string message = error.what();
+        EXPECT_EQ(message.rfind("station.yaml:17: plan.volume (pose ", 0), 0u) << message;
+        EXPECT_NE(message.find("y"), std::string::npos) << message;
+    }
+}
+
+TEST(Plan, RefusesASplitWithAnEmptySide) {
+    PlanRequest wanted = request();
+    wanted.poses = 3;
+    wanted.hold_out = 0.1;
+    EXPECT_THROW(plan_of(wanted), ConfigError);
+}
+
+// x: 70 mm at 70 mm/s, y: 100 mm at 50 mm/s, z: 55 mm at 110 mm/s, together: the slowest counts.
+TEST(Plan, TakesTheSlowestAxisForTheTravelTime) {
+    const std::vector<double> from = {0, 0, 0}, to = {70, -100, 55};
+    EXPECT_EQ(travel_time(axes, from, to), std::chrono::seconds(2));
+}
+
+TEST(Plan, ExpectsAtLeastTravelSettlingAndExposures) {
+    const Plan plan = plan_of(request());
+    const double least_s = travelled_s(plan.poses) + 75 * (0.070 + 3 * 0.005);
+    EXPECT_GT(std::chrono::duration<double>(plan.expected_duration).count(), least_s);
+    EXPECT_LT(std::chrono::duration<double>(plan.expected_duration).count(), 2 * least_s);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,102 @@
+#!/usr/bin/env bash
+# How often the demo's plan and limits give the right verdict: runs the whole station against the
+# twin over the real protocols, with nothing wrong and with one error injected, each for a number of
+# seeds of the twin's noise, and prints a table. Exit 0 when every row keeps its promise.
+#
+#     tests/evidence/verdicts.sh [SEEDS] [CASE...]
+#
+# SEEDS defaults to 20 (half an hour on two cores); cases default to all:
+#     true         camera and stage as declared         PASS, at most one run in 20 otherwise
+#     focal        focal length 0.5 % off               FAIL in the same share, group named
+#     k1           k1 10 % off                          FAIL in the same share, group named
+#     scale-x, -y, -z   stage scale 0.2 % off           never PASS
+#     reference    true, frames from the reference integrator (one seed): as `true`
+#     reference-focal, reference-k1                     the same with the error: as above
+# Each run has a network namespace of its own where that is permitted, so that all cores work.
+set -euo pipefail
+project=$(cd "$(dirname "$0")/../.." && pwd)
+bin=${ETALON_BIN:-$project/build/release}
+seeds=${1:-20}
+[ $# -eq 0 ] || shift
+[ $# -gt 0 ] || set -- true focal k1 scale-x scale-y scale-z reference reference-focal reference-k1
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+isolate=""
+jobs=1
+if unshare -n ip link set lo up 2>/dev/null; then
+    isolate="unshare -n"
+    jobs=$(nproc)
+fi
+
+edit_of() {  # the sed expression that injects a case's error into twin.yaml
+    case $1 in
+        true) echo '' ;;
+        focal) echo 's/focal_length_percent: 0/focal_length_percent: 0.5/' ;;
+        k1) echo 's/k1_percent: 0/k1_percent: 10/' ;;
+        scale-[xyz]) echo "/^ *${1#scale-}: *{scale_ppm/s/scale_ppm: 0/scale_ppm: 2000/" ;;
+        reference) echo 's/method: auto/method: reference/' ;;
+        reference-*) echo "$(edit_of reference);$(edit_of "${1#reference-}")" ;;
+        *) echo "unknown case $1" >&2; return 3 ;;
+    esac
+}
+
+expected_of() {
+    case $1 in
+        true | reference) echo PASS ;;
+        focal | k1 | reference-focal | reference-k1) echo FAIL ;;
+        *) echo 'not PASS' ;;
+    esac
+}
+
+# One run, in its own network: prints "VERDICT<tab>group".
+cat >"$work/run.sh" <<'RUN'
+set -u
+bin=$1 folder=$2 seed=$3 out=$4
+ip link set lo up 2>/dev/null
+"$bin/etalon-twin" "$folder/twin.yaml" --seed "$seed" --ready-file "$out.ready" \
+    >"$out.twin" 2>&1 &
+twin=$!
+for _ in $(seq 300); do [ -e "$out.ready" ] && break; sleep 0.1; done
+status=0
+"$bin/etalon" qualify "$folder/station.yaml" --out "$out" --json >"$out.json" 2>"$out.log" || status=$?
+kill $twin 2>/dev/null; wait $twin 2>/dev/null
+[ $status -le 2 ] || { echo "ERROR	$(tail -n 1 "$out.log")"; exit 0; }
+verdict=$(sed -n 's/^  "outcome": "\(.*\)",*$/\1/p' "$out.json" | head -n 1)
+group=$(sed -n 's/^ *"text": "\(.*\)",*$/\1/p' "$out.json" | head -n 1)
+printf '%s\t%s\n' "$verdict" "$group"
+rm -rf "$out"
+RUN
+
+status=0
+printf '%-16s %-9s %5s %5s %5s %6s   %s\n' case expected PASS FAIL INCON. ERROR 'group named (runs)'
+for name in "$@"; do
+    cp -r "$project/examples/demo" "$work/$name"
+    # A stage ten times as fast: travel is the longest part of a run and changes no figure of it.
+    sed -i -E 's/(speed|speed_deg): ([0-9]+)/\1: \20/' "$work/$name/twin.yaml" "$work/$name/station.yaml"
+    cp "$work/$name/twin.yaml" "$work/$name/twin-before.yaml"
+    sed -i "$(edit_of "$name")" "$work/$name/twin.yaml"
+    if [ "$name" != true ] && cmp -s "$work/$name/twin-before.yaml" "$work/$name/twin.yaml"; then
+        echo "the edit of case $name changed nothing in twin.yaml" >&2
+        exit 3
+    fi
+    runs=$seeds
+    case $name in reference*) runs=1 ;; esac
+    seq "$runs" | xargs -P "$jobs" -I{} $isolate bash "$work/run.sh" "$bin" "$work/$name" {} \
+        "$work/$name-{}" >"$work/$name.tsv"
+    count() { cut -f 1 "$work/$name.tsv" | grep -cx "$1" || true; }
+    pass=$(count PASS) fail=$(count FAIL)
+    groups=$(cut -f 2 "$work/$name.tsv" | grep . | sort | uniq -c | sort -rn |
+        sed 's/^ *\([0-9]*\) \(.*\)/\2 (\1)/' | paste -sd ';' || true)
+    printf '%-16s %-9s %5d %5d %5d %6d   %s\n' "$name" "$(expected_of "$name")" "$pass" "$fail" \
+        "$(count INCONCLUSIVE)" "$(count ERROR)" "$groups"
+    grep '^ERROR' "$work/$name.tsv" >&2 || true
+    allowed=$((runs / 20))
+    case $(expected_of "$name") in
+        PASS) [ "$pass" -ge $((runs - allowed)) ] || status=1 ;;
+        FAIL) [ "$fail" -ge $((runs - allowed)) ] && [ -n "$groups" ] || status=1 ;;
+        *) [ "$pass" -eq 0 ] && [ "$(count ERROR)" -eq 0 ] || status=1 ;;
+    esac
+done
+[ $status -eq 0 ] && echo "every case keeps its promise" || echo "NOT every case keeps its promise"
+exit $status

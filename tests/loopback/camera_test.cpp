@@ -1,0 +1,372 @@
+// The GenICam backend against a GigE Vision camera on 127.0.0.1: real protocols, real sockets, the
+// machine's stock receive buffer.
+#include "capture/camera.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <future>
+#include <mutex>
+#include <set>
+
+#include "core/errors.h"
+#include "core/random.h"
+#include "mocks/gige_camera.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+
+// A picture whose every pixel can be told from its neighbours and from other `number`s.
+CodeImage picture(int width, int height, int bits, int number) {
+    CodeImage image{cv::Mat(height, width, bits <= 8 ? CV_8UC1 : CV_16UC1), bits};
+    RandomStream random(7, static_cast<std::uint32_t>(number));
+    const auto mask = static_cast<std::uint32_t>(image.full_scale());
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            if (bits <= 8)
+                image.pixels.at<std::uint8_t>(y, x) =
+                    static_cast<std::uint8_t>(random.bits() & mask);
+            else
+                image.pixels.at<std::uint16_t>(y, x) =
+                    static_cast<std::uint16_t>(random.bits() & mask);
+    return image;
+}
+
+bool same(const cv::Mat& a, const cv::Mat& b) {
+    return a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0.0;
+}
+
+// A camera on loopback that shows the picture that was put before it last.
+struct Rig {
+    explicit Rig(const GigeCameraOptions& options)
+        : options_(options),
+          shown_(picture(options.width, options.height, options.bits, 0)),
+          device_(std::make_unique<GigeCamera>(options, [this](const CaptureSettings& settings) {
+              const std::lock_guard lock(mutex_);
+              asked_ = settings;
+              return shown_;
+          })) {}
+
+    void show(const CodeImage& image) {
+        const std::lock_guard lock(mutex_);
+        shown_ = image;
+    }
+    CodeImage shown() {
+        const std::lock_guard lock(mutex_);
+        return shown_;
+    }
+    CaptureSettings asked() {
+        const std::lock_guard lock(mutex_);
+        return asked_;
+    }
+
+    std::unique_ptr<Camera> open(CameraLink link = {}) {
+        return open_camera("genicam:127.0.0.1", link, clock_);
+    }
+    CaptureSettings settings() const {
+        CaptureSettings settings;
+        settings.width = options_.width;
+        settings.height = options_.height;
+        settings.bits = options_.bits;
+        return settings;
+    }
+    std::unique_ptr<Camera> armed(CameraLink link = {}) {
+        auto camera = open(link);
+        camera->configure(settings());
+        camera->arm();
+        return camera;
+    }
+
+    SteadyClock clock_;
+    GigeCameraOptions options_;
+    std::mutex mutex_;
+    CodeImage shown_;
+    CaptureSettings asked_;
+    std::unique_ptr<GigeCamera> device_;  // last: its thread uses the others
+};
+
+GigeCameraOptions small(int bits = 8) {
+    GigeCameraOptions options;
+    options.width = 67;
+    options.height = 41;
+    options.bits = bits;
+    return options;
+}
+
+TEST(GenicamCamera, HandsOverThePixelsByteForByte) {
+    for (const int bits : {8, 12}) {
+        Rig rig(small(bits));
+        auto camera = rig.armed();
+        const Frame frame = camera->frame_after(rig.clock_.now(), 5, {});
+        ASSERT_EQ(frame.status, FrameStatus::complete) << frame.status_detail;
+        EXPECT_EQ(frame.image.bits, bits);
+        EXPECT_TRUE(same(frame.image.pixels, rig.shown().pixels)) << bits << " bits";
+    }
+}
+
+TEST(GenicamCamera, PassesFramesOf512x384WholeWithTheStockReceiveBuffer) {
+    Rig rig(GigeCameraOptions{});
+    auto camera = rig.armed();
+    for (int i = 0; i < 20; ++i) {
+        rig.show(picture(512, 384, 8, i));
+        const Frame frame = camera->frame_after(rig.clock_.now(), 5, {});
+        ASSERT_EQ(frame.status, FrameStatus::complete) << frame.status_detail;
+        ASSERT_TRUE(same(frame.image.pixels, rig.shown().pixels));
+    }
+}
+
+TEST(GenicamCamera, ShowsWhatWasThereAfterTheMomentAskedFor) {
+    Rig rig(small());
+    auto camera = rig.armed();
+    for (int i = 1; i <= 30; ++i) {
+        rig.show(picture(67, 41, 8, i));
+        const Instant t = rig.clock_.now();
+        const Frame frame = camera->frame_after(t, 5, {});
+        ASSERT_EQ(frame.status, FrameStatus::complete) << frame.status_detail;
+        EXPECT_GT(frame.exposure_start - frame.exposure_start_uncertainty, t);
+        EXPECT_LT(frame.exposure_start, rig.clock_.now());
+        ASSERT_TRUE(same(frame.image.pixels, rig.shown().pixels)) << "picture " << i;
+    }
+}
+
+// A frame that comes after its time-out shows an old position. It must not be taken for the answer
+// to the next trigger.
+TEST(GenicamCamera, DoesNotTakeALateFrameForTheAnswerToTheNextTrigger) {
+    SteadyClock clock;
+    std::promise<void> release;
+    std::shared_future<void> released(release.get_future());
+    std::atomic<bool> dawdle = false;
+    std::atomic<int> number = 10;
+    GigeCamera device(small(), [&, released](const CaptureSettings&) {
+        const CodeImage seen = picture(67, 41, 8, number);  // the exposure
+        if (dawdle)
+            released.wait();
+        return seen;
+    });
+    CameraLink link;
+    link.frame_timeout = 100ms;
+    auto camera = open_camera("genicam:127.0.0.1", link, clock);
+    camera->configure({});
+    camera->arm();
+    dawdle = true;
+    EXPECT_EQ(camera->frame_after(clock.now(), 0, {}).status, FrameStatus::timed_out);
+    number = 20;
+    release.set_value();
+    const Frame frame = camera->frame_after(clock.now(), 5, {});
+    ASSERT_EQ(frame.status, FrameStatus::complete) << frame.status_detail;
+    EXPECT_TRUE(same(frame.image.pixels, picture(67, 41, 8, 20).pixels));
+}
+
+TEST(GenicamCamera, TakesTheWrapOfTheFrameCounterForNoLoss) {
+    Rig rig(small());  // the fake camera counts from about 65400 on
+    auto camera = rig.armed();
+    std::set<std::uint64_t> ids;
+    for (int i = 0; i < 180; ++i)
+        ids.insert(camera->frame_after(rig.clock_.now(), 0, {}).id);
+    EXPECT_EQ(ids.size(), 180u);
+    EXPECT_LT(*ids.begin(), 180u) << "the counter did not wrap";
+    EXPECT_EQ(camera->statistics().delivered, 180);
+    EXPECT_EQ(camera->statistics().rejected, 0);
+}
+
+TEST(GenicamCamera, PutsTheSettingsInForceAndReadsThemBack) {
+    Rig rig(small());
+    auto camera = rig.open();
+    CaptureSettings wanted = rig.settings();
+    wanted.exposure = 7000us;
+    wanted.gain_db = 5.0;
+    const CaptureSettings actual = camera->configure(wanted);
+    EXPECT_EQ(actual.width, 67);
+    EXPECT_EQ(actual.height, 41);
+    EXPECT_EQ(actual.exposure, 7000us);
+    EXPECT_EQ(actual.gain_db, 5.0);
+    camera->arm();
+    const Frame frame = camera->frame_after(rig.clock_.now(), 5, {});
+    EXPECT_EQ(frame.settings.exposure, 7000us);
+    EXPECT_EQ(rig.asked().exposure, 7000us);
+    EXPECT_EQ(rig.asked().gain_db, 5.0);
+}
+
+TEST(GenicamCamera, LeavesTheDevicesOwnSizeAndExposureWhenNoneIsAsked) {
+    Rig rig(small());
+    const CaptureSettings actual = rig.open()->configure({});
+    EXPECT_EQ(actual.width, 67);
+    EXPECT_EQ(actual.height, 41);
+    EXPECT_EQ(actual.exposure, 10000us);  // the fake camera's default
+}
+
+TEST(GenicamCamera, RefusesWhatTheDeviceCannotDoAndNamesIt) {
+    Rig rig(small());
+    auto camera = rig.open();
+    CaptureSettings too_wide = rig.settings(), too_long = too_wide, between_steps = too_wide,
+                    too_deep = too_wide;
+    too_wide.width = 68;
+    too_long.exposure = 11s;
+    between_steps.gain_db = 2.5;
+    too_deep.bits = 17;
+    const std::vector<std::pair<CaptureSettings, std::string>> cases{{too_wide, "68x41"},
+                                                                     {too_long, "11000000 us"},
+                                                                     {between_steps, "2.5 dB"},
+                                                                     {too_deep, "17"}};
+    for (const auto& [settings, word] : cases) {
+        try {
+            camera->configure(settings);
+            ADD_FAILURE() << word << " was accepted";
+        } catch (const DeviceError& error) {
+            EXPECT_NE(std::string(error.what()).find(word), std::string::npos) << error.what();
+        }
+        EXPECT_THROW(camera->arm(), DeviceError) << "armed after " << word << " was refused";
+    }
+}
+
+TEST(GenicamCamera, NeverHandsOnAFrameOfAnotherSize) {
+    Rig rig(small());
+    auto camera = rig.armed();
+    rig.device_->change_size_unasked(67, 40);
+    const Frame frame = camera->frame_after(rig.clock_.now(), 2, {});
+    EXPECT_EQ(frame.status, FrameStatus::short_frame) << frame.status_detail;
+    EXPECT_TRUE(frame.image.pixels.empty());
+    EXPECT_EQ(camera->statistics().rejected, 3);
+    EXPECT_EQ(camera->statistics().delivered, 0);
+}
+
+TEST(GenicamCamera, TriggersAgainWhenPacketsAreLostAndHandsOnOnlyWholeFrames) {
+    GigeCameraOptions options = small();
+    options.width = 151;  // 12 kB: leader, 9 packets, trailer
+    options.height = 80;
+    options.packet_loss = 0.02;
+    Rig rig(options);
+    CameraLink link;
+    link.frame_timeout = 300ms;
+    auto camera = rig.armed(link);
+    // The chance that 60 frames of 11 packets lose none is 0.98^660 = 2e-6; that one of them fails
+    // 13 times in a row, with a chance of 0.2 each, 60 * 8e-10.
+    for (int i = 0; i < 60; ++i) {
+        rig.show(picture(151, 80, 8, i));
+        const Frame frame = camera->frame_after(rig.clock_.now(), 12, {});
+        ASSERT_EQ(frame.status, FrameStatus::complete) << frame.status_detail;
+        ASSERT_TRUE(same(frame.image.pixels, rig.shown().pixels));
+    }
+    EXPECT_EQ(camera->statistics().delivered, 60);
+    EXPECT_GT(camera->statistics().rejected, 0);
+}
+
+TEST(GenicamCamera, ReturnsABadFrameWithItsStatusWhenTheRetriesAreUsedUp) {
+    GigeCameraOptions options = small();
+    options.packet_loss = 0.5;  // the 4 packets of a frame all arrive with a chance of 0.06
+    Rig rig(options);
+    CameraLink link;
+    link.frame_timeout = 300ms;
+    auto camera = rig.open(link);
+    camera->configure(rig.settings());
+    Frame frame;
+    frame.status = FrameStatus::complete;
+    // Arming needs some sign of a first frame in 3 tries: 0.9 chance. 8 rounds without a bad frame
+    // are less likely than 0.2^8 = 3e-6.
+    for (int round = 0; round < 8 && frame.status == FrameStatus::complete; ++round) {
+        try {
+            camera->arm();
+            frame = camera->frame_after(rig.clock_.now(), 0, {});
+        } catch (const DeviceError&) {
+            continue;
+        }
+        camera->disarm();
+    }
+    EXPECT_NE(frame.status, FrameStatus::complete);
+    EXPECT_FALSE(frame.status_detail.empty());
+    EXPECT_TRUE(frame.image.pixels.empty());
+}
+
+TEST(GenicamCamera, EndsInAnErrorWithinSecondsWhenTheDeviceDies) {
+    Rig rig(small());
+    auto camera = rig.armed();
+    ASSERT_EQ(camera->frame_after(rig.clock_.now(), 5, {}).status, FrameStatus::complete);
+    rig.device_.reset();
+    const Instant died = rig.clock_.now();
+    EXPECT_THROW(camera->frame_after(died, 100, {}), DeviceError);
+    EXPECT_LT(rig.clock_.now() - died, 5s);
+    const Instant noticed = rig.clock_.now();
+    EXPECT_THROW(camera->frame_after(noticed, 100, {}), DeviceError);
+    camera->disarm();
+    camera.reset();
+    EXPECT_LT(rig.clock_.now() - noticed, 3s);
+}
+
+TEST(GenicamCamera, DisarmsWithinSecondsWhenTheDeviceDiedUnnoticed) {
+    Rig rig(small());
+    auto camera = rig.armed();
+    rig.device_.reset();
+    const Instant died = rig.clock_.now();
+    camera->disarm();
+    camera.reset();
+    EXPECT_LT(rig.clock_.now() - died, 3s);
+}
+
+TEST(GenicamCamera, StopsWaitingWhenAskedTo) {
+    Rig rig(small());
+    auto camera = rig.armed();
+    std::stop_source stop;
+    stop.request_stop();
+    EXPECT_THROW(camera->frame_after(rig.clock_.now() + 1h, 5, stop.get_token()), Interrupted);
+}
+
+TEST(GenicamCamera, CanBeArmedAgainAfterDisarming) {
+    Rig rig(small());
+    auto camera = rig.armed();
+    for (int i = 0; i < 3; ++i) {
+        camera->disarm();
+        EXPECT_THROW(camera->frame_after(rig.clock_.now(), 0, {}), DeviceError);
+        camera->arm();
+        EXPECT_EQ(camera->frame_after(rig.clock_.now(), 5, {}).status, FrameStatus::complete);
+    }
+}
+
+TEST(GenicamCamera, IsRefusedWhileAnotherProgramControlsIt) {
+    Rig rig(small());
+    auto camera = rig.open();
+    EXPECT_THROW(rig.open(), DeviceError);
+    EXPECT_EQ(camera->identity().model, "Fake");
+    EXPECT_EQ(camera->identity().serial, "TWIN");
+}
+
+TEST(GenicamCamera, SaysWithinSecondsThatNobodyAnswers) {
+    SteadyClock clock;
+    const Instant before = clock.now();
+    EXPECT_THROW(open_camera("genicam:127.0.0.1", {}, clock), DeviceError);
+    EXPECT_LT(clock.now() - before, 5s);
+}
+
+TEST(ListCameras, NamesEveryBackendAndFindsTheCameraOnLoopback) {
+    Rig rig(small());
+    std::set<std::string> names, found;
+    for (const CameraBackend& backend : list_cameras()) {
+        names.insert(backend.name);
+        EXPECT_FALSE(backend.detail.empty());
+        for (const CameraIdentity& camera : backend.cameras)
+            found.insert(camera.uri);
+    }
+    EXPECT_EQ(names, (std::set<std::string>{"files", "genicam", "libcamera", "v4l2"}));
+    EXPECT_TRUE(found.count("genicam:Aravis-Fake-TWIN"));
+}
+
+TEST(GigeCamera, RefusesAPortThatIsTaken) {
+    Rig rig(small());
+    EXPECT_THROW(Rig second(small()), DeviceError);
+}
+
+TEST(GigeCamera, RefusesOptionsThatMakeNoCamera) {
+    const auto source = [](const CaptureSettings&) { return CodeImage{}; };
+    GigeCameraOptions none = small(), deep = small(), nameless = small(), lossy = small();
+    none.width = 0;
+    deep.bits = 17;
+    nameless.serial = "sixteen letters!";
+    lossy.packet_loss = 1.5;
+    for (const GigeCameraOptions& wrong : {none, deep, nameless, lossy})
+        EXPECT_THROW(GigeCamera(wrong, source), ConfigError);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,67 @@
+// One of the built programs as a child process, for tests of what its user sees.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <csignal>
+#include <string>
+#include <vector>
+
+namespace etalon {
+
+// A child process with its stdout and stderr in one pipe; ended and reaped on destruction.
+class Program {
+public:
+    Program(const std::string& name, std::vector<std::string> arguments) {
+        std::array<int, 2> ends{};
+        EXPECT_EQ(pipe(ends.data()), 0);
+        posix_spawn_file_actions_t actions;
+        posix_spawn_file_actions_init(&actions);
+        posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
+        posix_spawn_file_actions_adddup2(&actions, ends[1], STDERR_FILENO);
+        posix_spawn_file_actions_addclose(&actions, ends[0]);
+        std::string program = ETALON_BINARY_DIR "/" + name;
+        std::vector<char*> argv{program.data()};
+        for (std::string& argument : arguments)
+            argv.push_back(argument.data());
+        argv.push_back(nullptr);
+        EXPECT_EQ(posix_spawn(&process_, argv[0], &actions, nullptr, argv.data(), environ), 0);
+        posix_spawn_file_actions_destroy(&actions);
+        close(ends[1]);
+        output_ = ends[0];
+    }
+    ~Program() {
+        if (process_ > 0) {
+            kill(process_, SIGKILL);
+            exit_code();
+        }
+        close(output_);
+    }
+    Program(const Program&) = delete;
+    Program& operator=(const Program&) = delete;
+
+    // The next line of its output; what there is if it ends without one.
+    std::string line() {
+        std::string text;
+        for (char c = 0; read(output_, &c, 1) == 1 && c != '\n';)
+            text += c;
+        return text;
+    }
+    void send(int signal) { kill(process_, signal); }
+    int exit_code() {
+        int status = 0;
+        waitpid(process_, &status, 0);
+        process_ = 0;
+        return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    }
+
+private:
+    pid_t process_ = 0;
+    int output_ = -1;
+};
+
+}  // namespace etalon

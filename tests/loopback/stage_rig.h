@@ -1,0 +1,68 @@
+// A simulated stage behind a real server on 127.0.0.1, for the loopback tests of the stage.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "mocks/modbus_stage_server.h"
+#include "mocks/simulated_stage.h"
+#include "stage/modbus_stage.h"
+
+namespace etalon {
+
+// Of the generic profile (docs/stage.md).
+constexpr int command_register = 200;
+constexpr std::uint16_t enable_bit = 1, home_bit = 2, start_bit = 4, stop_bit = 8;
+
+// x: 200 mm/s over 700 mm; rz: 2 rad/s.
+inline std::vector<Axis> fast_axes() {
+    return {{.name = "x", .low = -7.0, .high = 700.0, .speed = 200.0},
+            {.name = "rz", .kind = Axis::Kind::rotary, .low = -1.0, .high = 2.0, .speed = 2.0}};
+}
+
+inline bool gives(const ModbusRequest& request, std::uint16_t bit) {
+    return !request.values.empty() && request.address == command_register &&
+           (request.values[0] & bit) != 0;
+}
+
+class StageRig {
+public:
+    // The long time-out is for tests that lose nothing: they shall pass on a busy machine.
+    explicit StageRig(std::chrono::milliseconds response_timeout = std::chrono::seconds(2))
+        : timeout_(response_timeout) {}
+
+    StageLink link() const { return {"127.0.0.1", server->port(), 1, timeout_}; }
+
+    std::unique_ptr<ModbusStage> connect() {
+        return std::make_unique<ModbusStage>(link(), profile, fast_axes(), clock);
+    }
+    std::unique_ptr<ModbusStage> connect_and_home() {
+        auto stage = connect();
+        stage->enable({});
+        stage->home({});
+        return stage;
+    }
+
+    int count_writes(std::uint16_t bit) const {
+        int count = 0;
+        for (const ModbusRequest& request : server->writes())
+            count += gives(request, bit);
+        return count;
+    }
+
+    // Whether x is on its way beyond `position` mm: where scripts begin their faults.
+    bool is_beyond(double position) const {
+        return simulation.is_moving() && simulation.true_positions()[0] > position;
+    }
+
+    SteadyClock clock;
+    StageProfile profile = builtin_stage_profile("generic");
+    SimulatedStage simulation{fast_axes(), {.homing = std::chrono::milliseconds(30)}, clock};
+    std::unique_ptr<ModbusStageServer> server =
+        std::make_unique<ModbusStageServer>(simulation, profile);
+
+private:
+    std::chrono::milliseconds timeout_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,381 @@
+// The client of a Modbus stage against a real server: what it does, and that whatever fails, the
+// axes stop and the error comes in time.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <future>
+#include <thread>
+
+#include "tests/loopback/stage_rig.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Runs `act`, which must fail with a DeviceError, and returns its text.
+template <class Act>
+std::string device_error_of(Act act) {
+    try {
+        act();
+    } catch (const DeviceError& error) {
+        return error.what();
+    }
+    return "no error";
+}
+
+bool has(const std::string& text, const std::string& part) {
+    return text.find(part) != std::string::npos;
+}
+
+TEST(ModbusStage, EnablesHomesMovesAndReadsBack) {
+    StageRig rig;
+    auto stage = rig.connect();
+    EXPECT_FALSE(stage->status()[0].enabled);
+    stage->enable({});
+    EXPECT_TRUE(stage->status()[1].enabled);
+    EXPECT_FALSE(stage->status()[1].homed);
+    stage->home({});
+    EXPECT_TRUE(stage->status()[1].homed);
+    stage->move(std::vector{7.1234, -0.25}, {});
+    const std::vector<double> position = stage->position();
+    EXPECT_NEAR(position[0], 7.1234, 0.5e-4);  // half a count
+    EXPECT_NEAR(position[1], -0.25, 0.5 * 1.8e-7);
+    EXPECT_NEAR(rig.simulation.true_positions()[0], 7.1234, 0.5e-4);
+    for (const AxisStatus& axis : stage->status())
+        EXPECT_TRUE(axis.enabled && axis.homed && axis.in_position && !axis.moving);
+    stage->move(std::vector{5.0, 0.125}, {});
+    EXPECT_NEAR(stage->position()[0], 5.0, 1e-9);
+    EXPECT_EQ(rig.count_writes(start_bit), 2);
+}
+
+TEST(ModbusStage, IsOpenedByTheNameOfItsProfile) {
+    StageRig rig;
+    const auto stage = open_stage(rig.link(), "generic", fast_axes(), rig.clock);
+    EXPECT_EQ(stage->axes().size(), 2U);
+    EXPECT_THROW(open_stage(rig.link(), "nobody's", fast_axes(), rig.clock), ConfigError);
+}
+
+TEST(ModbusStage, CommandsNothingBeforeItIsToldTo) {
+    StageRig rig;
+    rig.connect()->status();
+    EXPECT_TRUE(rig.server->writes().empty());
+}
+
+TEST(ModbusStage, MovesNothingBeforeEnableAndHome) {
+    StageRig rig;
+    auto stage = rig.connect();
+    EXPECT_TRUE(has(device_error_of([&] { stage->home({}); }), "the axes are not enabled"));
+    EXPECT_TRUE(has(device_error_of([&] {
+                        stage->move(std::vector{7.0, 0.5}, {});
+                    }),
+                    "the axes are not homed"));
+    EXPECT_TRUE(rig.server->writes().empty());
+    stage->enable({});
+    EXPECT_TRUE(has(device_error_of([&] {
+                        stage->move(std::vector{7.0, 0.5}, {});
+                    }),
+                    "the axes are not homed"));
+    EXPECT_EQ(rig.count_writes(start_bit), 0);
+}
+
+TEST(ModbusStage, WritesNothingForATargetOutsideTheSoftLimits) {
+    StageRig rig;
+    auto stage = rig.connect_and_home();
+    const std::size_t before = rig.server->writes().size();
+    EXPECT_THROW(stage->move(std::vector{7.0, 2.001}, {}), ConfigError);
+    EXPECT_THROW(stage->move(std::vector{-7.001, 0.5}, {}), ConfigError);
+    EXPECT_THROW(stage->move(std::vector{7.0}, {}), ConfigError);
+    EXPECT_THROW(stage->move(std::vector{std::nan(""), 0.5}, {}), ConfigError);
+    EXPECT_EQ(rig.server->writes().size(), before);
+    stage->move(std::vector{7.0, 0.5}, {});  // it is still in order
+}
+
+TEST(ModbusStage, AnAlarmInMidMoveStopsTheAxesWithTheNextRequest) {
+    StageRig rig;
+    auto stage = rig.connect_and_home();
+    std::vector<ModbusRequest> after_alarm;
+    std::atomic<bool> raised = false;
+    rig.server->set_script([&](const ModbusRequest& request) {
+        if (raised)
+            after_alarm.push_back(request);
+        else if (request.values.empty() && rig.is_beyond(20.0)) {
+            rig.simulation.raise_alarm(17);
+            raised = true;  // this very poll shows it
+        }
+        return ModbusReaction{};
+    });
+    const std::string error = device_error_of([&] { stage->move(std::vector{600.0, 1.0}, {}); });
+    EXPECT_TRUE(has(error, "move: axis x: alarm 17; the axes were stopped")) << error;
+    EXPECT_FALSE(rig.simulation.is_moving());
+    rig.server->set_script({});
+    ASSERT_FALSE(after_alarm.empty());
+    EXPECT_TRUE(gives(after_alarm.front(), stop_bit));
+    EXPECT_TRUE(has(device_error_of([&] { stage->move(std::vector{7.0, 0.5}, {}); }), "faulted"));
+}
+
+TEST(ModbusStage, ResetsAnOldAlarmWhenEnabledButNotOneThatStays) {
+    StageRig rig;
+    rig.simulation.raise_alarm(StageAlarm::watchdog);
+    auto stage = rig.connect();
+    EXPECT_EQ(stage->status()[0].alarm, StageAlarm::watchdog);
+    stage->enable({});
+    EXPECT_EQ(stage->status()[0].alarm, 0);
+
+    rig.profile.limits.enable = 50ms;
+    rig.server->set_script([&](const ModbusRequest&) {
+        rig.simulation.raise_alarm(5);
+        return ModbusReaction{};
+    });
+    auto again = rig.connect();
+    const std::string error = device_error_of([&] { again->enable({}); });
+    EXPECT_TRUE(has(error, "reset the alarms: not done after 50 ms")) << error;
+}
+
+// The bus is dead for good: three polls of 100 ms with their pauses, then two seconds of trying to
+// stop. Meanwhile the controller's own watchdog stops the axes.
+TEST(ModbusStage, ASilentBusEndsInTimeAndTheWatchdogStopsTheAxes) {
+    StageRig rig(100ms);
+    auto stage = rig.connect_and_home();
+    std::atomic<bool> silent = false;
+    rig.server->set_script([&](const ModbusRequest&) {
+        silent = silent || rig.is_beyond(10.0);
+        return ModbusReaction{.carry_out = !silent, .reply = !silent};
+    });
+    const Instant start = rig.clock.now();
+    const std::string error = device_error_of([&] { stage->move(std::vector{690.0, 1.0}, {}); });
+    EXPECT_TRUE(has(error, "no answer within 100 ms; the stop was NOT confirmed")) << error;
+    EXPECT_LT(rig.clock.now() - start, 3500ms);
+    EXPECT_FALSE(rig.simulation.is_moving());
+    EXPECT_EQ(rig.simulation.status()[0].alarm, StageAlarm::watchdog);
+    EXPECT_LT(rig.simulation.true_positions()[0], 600.0);
+    rig.server->set_script({});
+}
+
+// Three polls and the first stop are lost; then the bus is back.
+TEST(ModbusStage, ConfirmsTheStopOverAFreshConnectionWhenTheBusIsBack) {
+    StageRig rig(100ms);
+    auto stage = rig.connect_and_home();
+    int lost = 0;
+    rig.server->set_script([&](const ModbusRequest&) {
+        if (lost == 4 || (lost == 0 && !rig.is_beyond(10.0)))
+            return ModbusReaction{};
+        ++lost;
+        return ModbusReaction{.carry_out = false, .reply = false};
+    });
+    const std::string error = device_error_of([&] { stage->move(std::vector{690.0, 1.0}, {}); });
+    EXPECT_TRUE(has(error, "no answer within 100 ms; the axes were stopped")) << error;
+    EXPECT_FALSE(rig.simulation.is_moving());
+    EXPECT_LT(rig.simulation.true_positions()[0], 600.0);
+    EXPECT_TRUE(gives(rig.server->writes().back(), stop_bit));
+}
+
+TEST(ModbusStage, AServerKilledInMidMoveIsAnErrorInTime) {
+    StageRig rig(100ms);
+    auto stage = rig.connect_and_home();
+    std::promise<void> under_way;
+    bool told = false;
+    rig.server->set_script([&](const ModbusRequest&) {
+        if (!told && rig.is_beyond(10.0)) {
+            told = true;
+            under_way.set_value();
+        }
+        return ModbusReaction{};
+    });
+    std::jthread killer([&, killed = under_way.get_future()]() mutable {
+        killed.wait();
+        rig.server.reset();
+    });
+    const Instant start = rig.clock.now();
+    const std::string error = device_error_of([&] { stage->move(std::vector{690.0, 1.0}, {}); });
+    EXPECT_TRUE(has(error, "the stop was NOT confirmed")) << error;
+    EXPECT_LT(rig.clock.now() - start, 3500ms);
+}
+
+TEST(ModbusStage, SurvivesAConnectionClosedByTheDevice) {
+    StageRig rig;
+    auto stage = rig.connect_and_home();
+    int closed = 0;
+    rig.server->set_script([&](const ModbusRequest& request) {
+        const bool now = closed < 2 && request.values.empty() && rig.is_beyond(10.0);
+        closed += now;
+        return ModbusReaction{.carry_out = !now, .reply = !now, .close = now};
+    });
+    stage->move(std::vector{70.0, 0.5}, {});
+    EXPECT_EQ(closed, 2);
+    EXPECT_NEAR(stage->position()[0], 70.0, 1e-9);
+    rig.server->close_connections();
+    EXPECT_NEAR(stage->position()[1], 0.5, 1e-6);
+}
+
+TEST(ModbusStage, StopsTheAxesWhenDestroyedInMidMove) {
+    StageRig rig;
+    auto stage = rig.connect_and_home();
+    rig.simulation.start({690.0, 1.0}, {200.0, 2.0});
+    EXPECT_TRUE(stage->status()[0].moving);
+    stage.reset();
+    EXPECT_FALSE(rig.simulation.is_moving());
+    EXPECT_LT(rig.simulation.true_positions()[0], 600.0);
+    EXPECT_TRUE(rig.simulation.status()[0].enabled) << "a vertical axis would drop";
+}
+
+TEST(ModbusStage, StopsTheAxesWhenInterruptedAndCanGoOn) {
+    StageRig rig;
+    auto stage = rig.connect_and_home();
+    std::stop_source interrupt;
+    rig.server->set_script([&](const ModbusRequest&) {
+        if (rig.is_beyond(10.0))
+            interrupt.request_stop();
+        return ModbusReaction{};
+    });
+    EXPECT_THROW(stage->move(std::vector{690.0, 1.0}, interrupt.get_token()), Interrupted);
+    EXPECT_FALSE(rig.simulation.is_moving());
+    stage->move(std::vector{7.0, 0.5}, {});
+    EXPECT_NEAR(stage->position()[0], 7.0, 1e-9);
+}
+
+// The reply to the first request comes when its time is long over and the axis elsewhere.
+TEST(ModbusStage, ALateReplyIsNeverTakenForANewValue) {
+    StageRig rig(100ms);
+    auto stage = rig.connect_and_home();
+    stage->move(std::vector{3.0, 0.0}, {});
+    int requests = 0;
+    rig.server->set_script([&](const ModbusRequest&) {
+        ++requests;
+        if (requests == 1)
+            return ModbusReaction{.delay = 150ms};
+        if (requests == 2) {
+            rig.simulation.start({5.0, 0.0}, {200.0, 2.0});
+            while (rig.simulation.is_moving())
+                rig.clock.wait_for(1ms, {});
+            return ModbusReaction{.delay = 30ms};
+        }
+        return ModbusReaction{};
+    });
+    EXPECT_NEAR(stage->position()[0], 5.0, 1e-9);
+    EXPECT_EQ(requests, 2);
+    EXPECT_NEAR(stage->position()[0], 5.0, 1e-9);
+}
+
+TEST(ModbusStage, AStartWhoseReplyIsLostIsReadBackAndNotRepeated) {
+    StageRig rig(100ms);
+    auto stage = rig.connect_and_home();
+    bool dropped = false;
+    rig.server->set_script([&](const ModbusRequest& request) {
+        const bool drop = !dropped && gives(request, start_bit);
+        dropped = dropped || drop;
+        return ModbusReaction{.reply = !drop};
+    });
+    stage->move(std::vector{70.0, 0.5}, {});
+    EXPECT_TRUE(dropped);
+    EXPECT_EQ(rig.count_writes(start_bit), 1);
+    EXPECT_NEAR(stage->position()[0], 70.0, 1e-9);
+}
+
+TEST(ModbusStage, AStartThatIsLostIsGivenAgainAfterReadingBack) {
+    StageRig rig(100ms);
+    auto stage = rig.connect_and_home();
+    bool lost = false;
+    std::vector<ModbusRequest> after;
+    rig.server->set_script([&](const ModbusRequest& request) {
+        if (lost)
+            after.push_back(request);
+        const bool lose = !lost && gives(request, start_bit);
+        lost = lost || lose;
+        return ModbusReaction{.carry_out = !lose, .reply = !lose};
+    });
+    stage->move(std::vector{70.0, 0.5}, {});
+    rig.server->set_script({});
+    EXPECT_EQ(rig.count_writes(start_bit), 1);
+    ASSERT_GE(after.size(), 2U);
+    EXPECT_TRUE(after[0].values.empty() && after[0].address == command_register);
+    EXPECT_TRUE(gives(after[1], start_bit));
+}
+
+TEST(ModbusStage, AStuckAxisEndsTheMoveInTimeAndStopped) {
+    StageRig rig;
+    rig.profile.limits.move_margin = 200ms;
+    auto stage = rig.connect_and_home();
+    rig.simulation.jam(0);
+    const Instant start = rig.clock.now();
+    const std::string error = device_error_of([&] { stage->move(std::vector{20.0, 0.5}, {}); });
+    // The longer way is the turn: 0.5 rad at 2 rad/s, times 1.5, plus 200 ms.
+    EXPECT_TRUE(has(error,
+                    "move: not done after 575 ms: x at 0.0000 mm and moving, rz at 28.6479 deg; "
+                    "the axes were stopped"))
+        << error;
+    EXPECT_LT(rig.clock.now() - start, 2s);
+    EXPECT_FALSE(rig.simulation.is_moving());
+}
+
+// A controller whose status bits say "there" all the time: the position has the last word.
+TEST(ModbusStage, BelievesInPositionOnlyAtThePosition) {
+    StageRig rig;
+    rig.profile.status_bits.in_position = rig.profile.status_bits.homed;
+    rig.profile.status_bits.moving = 9;  // never set
+    auto stage = rig.connect();
+    stage->enable({});
+    stage->home({});
+    while (rig.simulation.is_moving())
+        rig.clock.wait_for(1ms, {});
+    stage->move(std::vector{70.0, 0.5}, {});
+    EXPECT_NEAR(rig.simulation.true_positions()[0], 70.0, 1e-3);
+}
+
+TEST(ModbusStage, ASecondClientMayWatchAMove) {
+    StageRig rig;
+    auto stage = rig.connect_and_home();
+    auto watcher = rig.connect();
+    std::jthread mover([&] { stage->move(std::vector{70.0, 0.5}, {}); });
+    double last = 0.0;
+    bool saw_motion = false;
+    while (last < 69.9999) {
+        const auto status = watcher->status();
+        EXPECT_GE(status[0].position, last - 1e-9);
+        EXPECT_LE(status[0].position, 70.0001);
+        saw_motion = saw_motion || status[0].moving;
+        last = status[0].position;
+    }
+    EXPECT_TRUE(saw_motion);
+    watcher.reset();  // a watcher stops nothing
+    mover.join();
+    EXPECT_EQ(rig.count_writes(stop_bit), 0);
+}
+
+TEST(ModbusStage, NobodyAnsweringIsADeviceErrorThatSaysWho) {
+    StageRig rig;
+    const StageLink link = rig.link();
+    rig.server.reset();
+    const std::string error = device_error_of(
+        [&] { ModbusStage(link, builtin_stage_profile("generic"), fast_axes(), rig.clock); });
+    EXPECT_EQ(error, "stage 127.0.0.1:" + std::to_string(link.port) +
+                         " unit 1: read registers 0..7: cannot connect: Connection refused");
+}
+
+TEST(ModbusStage, RefusesAxesAndLinksThatDoNotFitTheProfile) {
+    StageRig rig;
+    const auto open = [&](StageLink link, std::vector<Axis> axes) {
+        ModbusStage(link, rig.profile, std::move(axes), rig.clock);
+    };
+    EXPECT_THROW(open(rig.link(), {}), ConfigError);
+    EXPECT_THROW(open(rig.link(), std::vector<Axis>(9, fast_axes()[0])), ConfigError);
+    auto too_long = fast_axes();
+    too_long[0].high = 300'000.0;  // 3e9 counts
+    EXPECT_THROW(open(rig.link(), too_long), ConfigError);
+    StageLink bad = rig.link();
+    bad.unit = 250;
+    EXPECT_THROW(open(bad, fast_axes()), ConfigError);
+    bad = rig.link();
+    bad.port = 70000;
+    EXPECT_THROW(open(bad, fast_axes()), ConfigError);
+}
+
+TEST(ModbusStage, TellsItsLastExchanges) {
+    StageRig rig;
+    auto stage = rig.connect_and_home();
+    EXPECT_TRUE(has(stage->trace(), "write register 200 = 0003")) << stage->trace();
+    EXPECT_TRUE(has(stage->trace(), "read registers 0..7 = 000b 0000 0000 0000 000b"));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,160 @@
+// The whole twin through the station's own device code: what the camera delivers is what an
+// in-process rendering says the stage's position must show.
+#include "mocks/twin.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "capture/camera.h"
+#include "core/errors.h"
+#include "stage/profile.h"
+#include "stage/stage.h"
+#include "tests/mocks/twin_folder.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr double deg = std::numbers::pi / 180.0;
+
+struct Station {
+    explicit Station(const Twin& twin) {
+        StageLink link;
+        link.port = twin.stage_port();
+        stage = open_stage(link, "generic", axes, clock);
+        camera = open_camera("genicam:127.0.0.1", {}, clock);
+    }
+
+    void prepare(std::chrono::microseconds exposure, double gain_db = 0.0) {
+        CaptureSettings settings;
+        settings.exposure = exposure;
+        settings.gain_db = gain_db;
+        camera->configure(settings);
+        camera->arm();
+    }
+    void home() {
+        stage->enable({});
+        stage->home({});
+    }
+    CodeImage frame() {
+        const Frame taken = camera->frame_after(clock.now(), 10, {});
+        EXPECT_EQ(taken.status, FrameStatus::complete) << taken.status_detail;
+        return taken.image;
+    }
+
+    SteadyClock clock;
+    std::vector<Axis> axes = read_axes_of_twin();
+    std::unique_ptr<Stage> stage;
+    std::unique_ptr<Camera> camera;
+
+private:
+    static std::vector<Axis> read_axes_of_twin() {
+        return read_twin_file(TwinFolder().file("twin.yaml")).axes;
+    }
+};
+
+// Mean of (code - expected)^2 / variance over the pixels that are neither dark nor saturated: 1 if
+// the picture is the expected one, with the noise that the sensor section says. Expected code
+// 255 L; variance 255 L / gain + (read / gain)^2 + 1/12 of the rounding, gain 40, read noise 20.
+double chi_square(const CodeImage& image, const Radiance& radiance, int& pixels) {
+    double sum = 0.0;
+    pixels = 0;
+    for (int y = 0; y < radiance.rows; ++y)
+        for (int x = 0; x < radiance.cols; ++x) {
+            const double expected = 255.0 * static_cast<double>(radiance.at<float>(y, x));
+            if (expected < 15.0 || expected > 240.0)
+                continue;
+            const double variance = expected / 40.0 + 0.25 + 1.0 / 12.0;
+            sum += std::pow(image.pixels.at<std::uint8_t>(y, x) - expected, 2.0) / variance;
+            ++pixels;
+        }
+    return sum / pixels;
+}
+
+// Standard deviation of that mean over n normal deviates is sqrt(2 / n): 0.010 for the at least
+// 18000 pixels here. Four of them, and as much again for the rounding that is not quite uniform.
+constexpr double chi_square_tolerance = 0.08;
+
+TEST(Twin, ShowsThePositionThatTheStageTrulyHas) {
+    const TwinFolder folder;
+    Twin twin(read_twin_file(folder.file("twin.yaml")));
+    Station station(twin);
+    station.home();
+    station.prepare(4500us);
+    const std::vector<std::vector<double>> targets{
+        {7.0, 5.0 * deg}, {-21.0, -12.0 * deg}, {7.0, 5.0 * deg}};
+    Radiance before = twin.picture() * 0.9;
+    for (const std::vector<double>& target : targets) {
+        station.stage->move(target, {});
+        const CodeImage image = station.frame();
+        const std::vector<double> position = twin.stage().true_positions();
+        const Radiance expected =
+            twin.physics().radiance(base_from_carriage(twin.stage().axes(), position)) * 0.9;
+        int pixels = 0;
+        EXPECT_NEAR(chi_square(image, expected, pixels), 1.0, chi_square_tolerance);
+        EXPECT_GT(pixels, 15000);
+        EXPECT_GT(chi_square(image, before, pixels), 5.0) << "the picture before fits as well";
+        before = expected;
+    }
+}
+
+TEST(Twin, PutsItsErrorsBetweenTheTruthAndWhatTheStationReads) {
+    const TwinFolder folder;
+    Twin twin(read_twin_file(folder.file("twin.yaml")));
+    EXPECT_NEAR(twin.physics().camera().intrinsics.fx, 190 * 1.005, 1e-9);
+    EXPECT_NEAR(twin.physics().camera().intrinsics.fy, 187 * 1.005, 1e-9);
+    Station station(twin);
+    station.home();
+    station.stage->move(std::vector<double>{20.0, 0.0}, {});
+    EXPECT_NEAR(station.stage->position()[0], 20.0, 0.002);
+    EXPECT_NEAR(twin.stage().true_positions()[0], 20.0 * 1.002, 0.002);  // came from below
+}
+
+TEST(Twin, IsExposedInProportionToTimeAndGain) {
+    const TwinFolder folder;
+    Twin twin(read_twin_file(folder.file("twin.yaml")));
+    Station station(twin);
+    const cv::Rect corner(2, 2, 12, 12);  // background, radiance 0.6
+    const auto mean_at = [&](std::chrono::microseconds exposure, double gain_db) {
+        station.prepare(exposure, gain_db);
+        const double mean = cv::mean(station.frame().pixels(corner))[0];
+        station.camera->disarm();
+        return mean;
+    };
+    // 144 pixels with a standard deviation of at most 2.5: five standard errors are 1.0.
+    EXPECT_NEAR(mean_at(2500us, 0.0), 255 * 0.6 * 0.5, 1.0);
+    EXPECT_NEAR(mean_at(5000us, 0.0), 255 * 0.6, 1.0);
+    EXPECT_NEAR(mean_at(2500us, 6.0), 255 * 0.3 * std::pow(10.0, 0.3), 1.0);
+    EXPECT_EQ(mean_at(20000us, 0.0), 255.0);
+}
+
+TEST(Twin, GivesEveryFrameItsOwnNoise) {
+    const TwinFolder folder;
+    Twin twin(read_twin_file(folder.file("twin.yaml")));
+    Station station(twin);
+    station.prepare(5000us);
+    const CodeImage first = station.frame(), second = station.frame();
+    EXPECT_GT(cv::norm(first.pixels, second.pixels, cv::NORM_L1), 1000.0);
+}
+
+TEST(Twin, RefusesAStagePortThatIsTaken) {
+    const TwinFolder folder;
+    TwinFile file = read_twin_file(folder.file("twin.yaml"));
+    SteadyClock clock;
+    SimulatedStage other_stage(file.axes, {}, clock);
+    const ModbusStageServer other(other_stage, builtin_stage_profile("generic"), 0);
+    file.stage_port = other.port();
+    EXPECT_THROW(Twin twin(file), DeviceError);
+}
+
+TEST(Twin, RefusesACameraPortThatIsTaken) {
+    const TwinFolder folder;
+    const TwinFile file = read_twin_file(folder.file("twin.yaml"));
+    const Twin first(file);
+    EXPECT_THROW(Twin second(file), DeviceError);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -53,8 +53,8 @@ BenchmarkScene make_scene(const std::string& name, const CameraModel& camera, do
     // The size in a tag's name is that of its black square: 0.8 of the grid.
     const std::string spec = fmt::format("apriltag:36h11:0@{}mm", exact(0.8 * grid_mm));
     BenchmarkScene result{name, camera, {}};
-    result.scene.marker = parse_marker(spec, "benchmark scene " + name).grid;
-    result.scene.camera_from_marker = tag_pose(camera, z_mm, pixel);
+    result.scene.markers = {{parse_marker(spec, "benchmark scene " + name).grid,
+                             tag_pose(camera, z_mm, pixel)}};
     return result;
 }
 

@@ -6,7 +6,6 @@
 
 #include "calib/distortion.h"
 #include "core/errors.h"
-#include "sim/renderer.h"
 
 namespace etalon {
 namespace {
@@ -26,12 +25,25 @@ void check_cells(const cv::Mat& cells) {
         throw NumericalError("a cell's radiance is not finite");
 }
 
-Eigen::Matrix3d camera_from_grid(const Scene& scene) {
-    const Eigen::Matrix3d rotation = scene.camera_from_marker.rotation.toRotationMatrix();
+void check_marker(const PlacedMarker& marker) {
+    check_cells(marker.grid.cells);
+    const Rigid& pose = marker.camera_from_marker;
+    const Eigen::Vector2d &corner = marker.grid.corner_mm, &cell = marker.grid.cell_mm;
+    if (!pose.translation.allFinite() || !(std::abs(pose.rotation.norm() - 1.0) < 1e-6))
+        throw NumericalError(fmt::format(
+            "not a pose: quaternion of norm {}, translation {}, {}, {} mm", pose.rotation.norm(),
+            pose.translation.x(), pose.translation.y(), pose.translation.z()));
+    if (!corner.allFinite() || !cell.allFinite() || !(cell.minCoeff() > 0.0))
+        throw NumericalError(fmt::format("not a grid: cells of {} x {} mm from ({}, {}) mm",
+                                         cell.x(), cell.y(), corner.x(), corner.y()));
+}
+
+Eigen::Matrix3d camera_from_grid(const PlacedMarker& marker) {
+    const Eigen::Matrix3d rotation = marker.camera_from_marker.rotation.toRotationMatrix();
     Eigen::Matrix3d m;
-    m.col(0) = scene.marker.cell_mm.x() * rotation.col(0);
-    m.col(1) = scene.marker.cell_mm.y() * rotation.col(1);
-    m.col(2) = scene.camera_from_marker * scene.marker.point_mm(0, 0);
+    m.col(0) = marker.grid.cell_mm.x() * rotation.col(0);
+    m.col(1) = marker.grid.cell_mm.y() * rotation.col(1);
+    m.col(2) = marker.camera_from_marker * marker.grid.point_mm(0, 0);
     return m;
 }
 
@@ -53,26 +65,17 @@ Aperture aperture_of(const CameraModel& camera) {
 }
 
 void check_scene(const Scene& scene) {
-    check_cells(scene.marker.cells);
-    const Rigid& pose = scene.camera_from_marker;
-    const Eigen::Vector2d &corner = scene.marker.corner_mm, &cell = scene.marker.cell_mm;
-    if (!pose.translation.allFinite() || !(std::abs(pose.rotation.norm() - 1.0) < 1e-6))
-        throw NumericalError(fmt::format(
-            "not a pose: quaternion of norm {}, translation {}, {}, {} mm", pose.rotation.norm(),
-            pose.translation.x(), pose.translation.y(), pose.translation.z()));
-    if (!corner.allFinite() || !cell.allFinite() || !(cell.minCoeff() > 0.0))
-        throw NumericalError(fmt::format("not a grid: cells of {} x {} mm from ({}, {}) mm",
-                                         cell.x(), cell.y(), corner.x(), corner.y()));
+    for (const PlacedMarker& marker : scene.markers)
+        check_marker(marker);
     if (!std::isfinite(scene.background))
         throw NumericalError(fmt::format("background radiance {}", scene.background));
 }
 
-MarkerView::MarkerView(const Scene& scene, const Aperture& aperture)
-    : aperture_(aperture), background_(scene.background) {
-    check_scene(scene);
-    columns_ = scene.marker.columns();
-    rows_ = scene.marker.rows();
-    camera_from_grid_ = etalon::camera_from_grid(scene);
+MarkerView::MarkerView(const PlacedMarker& marker, double background, const Aperture& aperture)
+    : aperture_(aperture), background_(background) {
+    columns_ = marker.grid.columns();
+    rows_ = marker.grid.rows();
+    camera_from_grid_ = etalon::camera_from_grid(marker);
     for (const auto& [u, v] : {std::pair{0, 0}, {columns_, 0}, {0, rows_}, {columns_, rows_}}) {
         const double z = (camera_from_grid_ * Eigen::Vector3d(u, v, 1)).z();
         if (!(z > 0.0))
@@ -98,7 +101,7 @@ MarkerView::MarkerView(const Scene& scene, const Aperture& aperture)
     for (int j = 0; j < rows_; ++j)
         for (int i = 0; i < columns_; ++i)
             cells_[static_cast<std::size_t>((j + 1) * (columns_ + 2) + i + 1)] =
-                scene.marker.cells.at<float>(j, i);
+                marker.grid.cells.at<float>(j, i);
 }
 
 double MarkerView::contrast() const {

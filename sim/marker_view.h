@@ -13,12 +13,9 @@
 #include <vector>
 
 #include "calib/camera_model.h"
-#include "core/rigid.h"
-#include "sim/cell_grid.h"
+#include "sim/scene.h"
 
 namespace etalon {
-
-struct Scene;
 
 // What of the lens matters to the geometry. 1/z_f is affine in the undistorted sensor point: a
 // tilted sensor (tau_x, tau_y) tilts the plane of sharp focus (Scheimpflug).
@@ -36,7 +33,7 @@ struct Aperture {
 Aperture aperture_of(const CameraModel& camera);
 
 // Throws NumericalError, naming the value, when a number in the scene is not finite, a cell has no
-// size, the rotation is not a unit quaternion, or the grid is empty or not CV_32FC1.
+// size, a rotation is not a unit quaternion, or a grid is empty or not CV_32FC1.
 void check_scene(const Scene& scene);
 
 // Axis-parallel box of undistorted sensor points.
@@ -71,7 +68,7 @@ class MarkerView {
 public:
     // Throws NumericalError when a corner of the marker is not in front of the lens, the camera
     // sees the marker's back, or its plane cuts the aperture (|a| d/2 >= 1).
-    MarkerView(const Scene& scene, const Aperture& aperture);
+    MarkerView(const PlacedMarker& marker, double background, const Aperture& aperture);
 
     int columns() const { return columns_; }
     int rows() const { return rows_; }

@@ -30,6 +30,31 @@ Eigen::Vector2d concentric_disk(double u, double v) {
     return {radius * std::cos(angle), radius * std::sin(angle)};
 }
 
+struct Hit {
+    double depth, radiance;
+};
+
+// A marker in whose own frame rays are traced.
+struct TracedMarker {
+    const CellGrid& grid;
+    Eigen::Matrix3d rotation;
+    Eigen::Vector3d translation;  // of marker_from_camera
+
+    // Where the ray start + depth * by_depth meets the marker's front, if it does.
+    std::optional<Hit> hit(const Eigen::Vector3d& start, const Eigen::Vector3d& by_depth) const {
+        const Eigen::Vector3d from = rotation * start + translation, along = rotation * by_depth;
+        const bool towards_front = from.z() < 0.0 && along.z() > 0.0;
+        if (!towards_front)
+            return std::nullopt;
+        const double depth = -from.z() / along.z();
+        const double u = (from.x() + depth * along.x() - grid.corner_mm.x()) / grid.cell_mm.x();
+        const double v = (from.y() + depth * along.y() - grid.corner_mm.y()) / grid.cell_mm.y();
+        if (!(u >= 0.0 && v >= 0.0 && u < grid.columns() && v < grid.rows()))
+            return std::nullopt;
+        return Hit{depth, grid.cells.at<float>(static_cast<int>(v), static_cast<int>(u))};
+    }
+};
+
 // A pixel that has a ray, with the linear start for Newton's method around it.
 struct PixelRay {
     cv::Point pixel;
@@ -51,9 +76,12 @@ public:
           options_(options),
           projector_(camera),
           aperture_(aperture_of(camera)),
-          points_(options.samples_per_scramble),
-          marker_from_camera_(scene.camera_from_marker.inverse()),
-          rotation_(marker_from_camera_.rotation.toRotationMatrix()) {
+          points_(options.samples_per_scramble) {
+        for (const PlacedMarker& marker : scene.markers) {
+            const Rigid marker_from_camera = marker.camera_from_marker.inverse();
+            markers_.push_back({marker.grid, marker_from_camera.rotation.toRotationMatrix(),
+                                marker_from_camera.translation});
+        }
         if (camera.lens)
             spread_.emplace(camera);
     }
@@ -146,19 +174,15 @@ private:
         const double inverse_focus = aperture_.inverse_focus(x);
         const Eigen::Vector3d by_depth(x.x() - l.x() * inverse_focus, x.y() - l.y() * inverse_focus,
                                        1.0);
-        const Eigen::Vector3d from =
-            rotation_ * Eigen::Vector3d(l.x(), l.y(), 0.0) + marker_from_camera_.translation;
-        const Eigen::Vector3d along = rotation_ * by_depth;
-        const bool towards_front = from.z() < 0.0 && along.z() > 0.0;
-        if (!towards_front)
-            return scene_.background;
-        const double depth = -from.z() / along.z();
-        const CellGrid& grid = scene_.marker;
-        const double u = (from.x() + depth * along.x() - grid.corner_mm.x()) / grid.cell_mm.x();
-        const double v = (from.y() + depth * along.y() - grid.corner_mm.y()) / grid.cell_mm.y();
-        const bool hit = u >= 0.0 && v >= 0.0 && u < grid.columns() && v < grid.rows();
-        return hit ? grid.cells.at<float>(static_cast<int>(v), static_cast<int>(u))
-                   : scene_.background;
+        double nearest = std::numeric_limits<double>::infinity();
+        double seen = scene_.background;
+        for (const TracedMarker& marker : markers_)
+            if (const auto hit = marker.hit(Eigen::Vector3d(l.x(), l.y(), 0.0), by_depth);
+                hit && hit->depth < nearest) {
+                nearest = hit->depth;
+                seen = hit->radiance;
+            }
+        return seen;
     }
 
     const CameraModel& camera_;
@@ -168,8 +192,7 @@ private:
     Aperture aperture_;
     std::optional<PointSpreadSampler> spread_;
     SobolPoints points_;
-    Rigid marker_from_camera_;
-    Eigen::Matrix3d rotation_;
+    std::vector<TracedMarker> markers_;
 };
 
 void check(const CameraModel& camera, const Scene& scene, const ReferenceOptions& options) {

@@ -84,6 +84,8 @@ RenderSampling choose_sampling(const BlurRange& blur, double contrast, const Ima
         choose_lens_points(sharp_up_to, sampling);
         plan.lens_points = std::max(1, sampling.lens_rings * sampling.lens_spokes);
     }
+    if (options.samples_per_side > 0)
+        sampling.k = options.samples_per_side;
     plan.points_per_pixel_side = sampling.k;
     plan.exact_lens_from_px = sampling.exact_lens_from_px;
     choose_tail(contrast, filter, options.tolerance_gray, plan);

@@ -207,7 +207,8 @@ cv::Mat reference_difference(const CameraModel& camera, const Scene& scene,
 
 RenderedImage Renderer::render(const Scene& scene, const RenderOptions& options) const {
     const cv::Rect region = checked_region(cache_->camera, options);
-    const MarkerView view(scene, cache_->aperture);
+    check_scene(scene);
+    const MarkerView view(scene.markers.at(0), scene.background, cache_->aperture);
     const BlurRange blur = blur_over_marker(view, cache_->camera.intrinsics);
     const RenderSampling chosen = choose_sampling(blur, view.contrast(), cache_->filter, options);
 

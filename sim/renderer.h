@@ -15,19 +15,12 @@
 
 #include "calib/camera_model.h"
 #include "core/image.h"
-#include "core/rigid.h"
-#include "sim/cell_grid.h"
+#include "sim/scene.h"
 
 namespace etalon {
 
 class MarkerView;
 struct RenderSampling;
-
-struct Scene {
-    CellGrid marker;
-    Rigid camera_from_marker;
-    double background = 1.0;  // radiance everywhere outside the grid
-};
 
 enum class RenderMethod { automatic, exact_lens, exact_area, reference };
 
@@ -35,6 +28,8 @@ struct RenderOptions {
     RenderMethod method = RenderMethod::automatic;
     // Largest error aimed at, in gray = 1/255 of linear full scale.
     double tolerance_gray = 0.1;
+    // Forces k of the closed-form methods, 1..32; 0: chosen from bounds.
+    int samples_per_side = 0;
     // Part of the image to render; empty: all of it. The rest of the result is background.
     cv::Rect region;
     // Of RenderMethod::reference: at most this many samples a pixel, a power of two of at least 8;

@@ -32,8 +32,8 @@ Radiance TwinPhysics::radiance(const Rigid& base_from_carriage) const {
     const Rigid camera_from_marker =
         scene_.camera_from_base * base_from_carriage * scene_.carriage_from_marker;
     try {
-        return renderer_.render({scene_.marker, camera_from_marker, scene_.background}, options_)
-            .radiance;
+        const Scene seen{{{scene_.marker, camera_from_marker}}, scene_.background};
+        return renderer_.render(seen, options_).radiance;
     } catch (const NumericalError&) {
         return Radiance(camera().height, camera().width, CV_32FC1, cv::Scalar(scene_.background));
     }

@@ -167,7 +167,7 @@ void compare_photo(const CompareArguments& arguments, const Job& job, const Rend
     RenderOptions options;
     options.region = surroundings(use, 20);
     const RenderedImage rendered =
-        renderer.render({job.marker.grid, photo.camera_from_marker, 1.0}, options);
+        renderer.render({{{job.marker.grid, photo.camera_from_marker}}, 1.0}, options);
     const PixelDifference difference = pixel_difference(image, rendered.radiance, use, job.camera);
     photo.model = difference.model;
     photo.fitted = difference.fitted;

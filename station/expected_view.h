@@ -24,7 +24,8 @@ public:
 
     // The picture in front of the sensor. Throws what Renderer::render throws.
     Radiance radiance_at(const Rigid& camera_from_marker) const {
-        const RenderedImage rendered = renderer_.render({marker_, camera_from_marker, background_});
+        const RenderedImage rendered =
+            renderer_.render({{{marker_, camera_from_marker}}, background_});
         return rendered.radiance * white_level_;
     }
     CodeImage codes_of(const Radiance& radiance) const { return sensor_.expose(radiance); }

@@ -54,17 +54,20 @@ void check_pose(const Scene& scene, const std::string& pose) {
         throw ConfigError({"--pose"}, fmt::format("{}: {}", pose, message));
     };
     int behind = 0;
-    for (const int u : {0, scene.marker.columns()}) {
-        for (const int v : {0, scene.marker.rows()})
-            behind += (scene.camera_from_marker * scene.marker.point_mm(u, v)).z() <= 0.0;
+    for (const int u : {0, scene.markers.front().grid.columns()}) {
+        for (const int v : {0, scene.markers.front().grid.rows()})
+            behind += (scene.markers.front().camera_from_marker *
+                       scene.markers.front().grid.point_mm(u, v))
+                          .z() <= 0.0;
     }
     if (behind == 4)
         fail("the marker is behind the camera (z points forward)");
     if (behind > 0)
         fail("the marker reaches behind the camera");
     // The marker's z points into the marker, away from whoever sees its front.
-    const Eigen::Vector3d inward = scene.camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
-    if (inward.dot(scene.camera_from_marker.translation) <= 0.0)
+    const Eigen::Vector3d inward =
+        scene.markers.front().camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
+    if (inward.dot(scene.markers.front().camera_from_marker.translation) <= 0.0)
         fail("the camera sees the marker's back or its edge");
 }
 
@@ -75,8 +78,9 @@ Scene read_scene(const RenderArguments& arguments) {
     if (!(arguments.tolerance_gray > 0.0 && std::isfinite(arguments.tolerance_gray)))
         throw ConfigError({"--tolerance"},
                           fmt::format("{} is not a tolerance", arguments.tolerance_gray));
-    const Scene scene{parse_marker(arguments.marker, "--marker").grid,
-                      parse_pose(arguments.pose, "--pose"), arguments.background};
+    const Scene scene{
+        {{parse_marker(arguments.marker, "--marker").grid, parse_pose(arguments.pose, "--pose")}},
+        arguments.background};
     check_pose(scene, arguments.pose);
     return scene;
 }
@@ -132,7 +136,7 @@ void write(const RenderArguments& arguments, const CameraModel& camera, const Ra
 
 void print_json(const RenderArguments& arguments, const CameraModel& camera, const Scene& scene,
                 const Outcome& outcome) {
-    const Vector6d pose = vector_from_rigid(scene.camera_from_marker);
+    const Vector6d pose = vector_from_rigid(scene.markers.front().camera_from_marker);
     ordered_json json = {
         {"etalon", "render/1"},
         {"file", arguments.out.string()},

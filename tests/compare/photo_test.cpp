@@ -69,7 +69,7 @@ double mean_residual(const std::string& side) {
         const auto pose = estimate_pose(projector, board.points_mm, set.corners[i]).value();
         const cv::Mat use = pixel_uses(projector, pose.camera_from_marker, area);
         const Radiance radiance =
-            renderer.render({board.grid, pose.camera_from_marker, 1.0}).radiance;
+            renderer.render({{{board.grid, pose.camera_from_marker}}, 1.0}).radiance;
         sum += pixel_difference(set.photos[i], radiance, use, set.camera).scored.rms_gray;
     }
     return sum / static_cast<double>(set.photos.size());

@@ -31,7 +31,7 @@ inline RenderedTag render_tag(const Renderer& renderer, const Marker& tag, const
     const CameraModel& camera = renderer.camera();
     const Projector projector(camera);
     RenderedTag result;
-    result.image = SensorModel(camera).expose(renderer.render({tag.grid, pose, 1.0}).radiance);
+    result.image = SensorModel(camera).expose(renderer.render({{{tag.grid, pose}}, 1.0}).radiance);
     for (const Eigen::Vector3d& point : tag.points_mm)
         result.corners.push_back(projector.project(pose * point).value());
     return result;

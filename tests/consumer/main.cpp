@@ -13,7 +13,7 @@ int main() {
     const etalon::Marker marker = etalon::parse_marker("apriltag:36h11:5@50mm", "consumer");
     const etalon::Rigid camera_from_marker{Eigen::Quaterniond::Identity(), {0.0, 0.0, 120.0}};
     const etalon::Radiance image =
-        etalon::Renderer(camera).render({marker.grid, camera_from_marker}).radiance;
+        etalon::Renderer(camera).render({{{marker.grid, camera_from_marker}}}).radiance;
     double darkest = 1.0;
     cv::minMaxLoc(image, &darkest);
     return image.cols == 64 && image.rows == 48 && darkest < 0.5 ? 0 : 1;

@@ -15,11 +15,11 @@ std::vector<cv::Rect> comparison_windows(const BenchmarkScene& scene, int side) 
                                       {9.0, 9.0}, {5.0, 10.6}, {-6.0, 3.0}};
     const cv::Rect image(0, 0, scene.camera.width - side, scene.camera.height - side);
     const Projector projector(scene.camera);
-    const Eigen::Vector3d centre = scene.scene.camera_from_marker.translation;
+    const Eigen::Vector3d centre = scene.scene.markers[0].camera_from_marker.translation;
     std::vector<cv::Rect> windows;
     for (const Eigen::Vector2d& place : places) {
-        Eigen::Vector3d p =
-            scene.scene.camera_from_marker * scene.scene.marker.point_mm(place.x(), place.y());
+        Eigen::Vector3d p = scene.scene.markers[0].camera_from_marker *
+                            scene.scene.markers[0].grid.point_mm(place.x(), place.y());
         auto pixel = projector.project(p);
         const auto inside = [&] {
             return pixel && image.contains(cv::Point(static_cast<int>(pixel->x()) - side / 2,

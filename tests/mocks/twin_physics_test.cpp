@@ -49,7 +49,7 @@ TEST(TwinPhysics, PutsErrorsIntoTheParametersTheyName) {
 
 TEST(TwinPhysics, ChainsCameraBaseCarriageAndMarker) {
     const TwinPhysics physics(camera_with_noise(), scene(), RenderMethod::automatic, 7);
-    Scene expected{scene().marker, moved(7.0 - 12.0, -5.0 + 4.0, 330.0), 0.6};
+    Scene expected{{{scene().marker, moved(7.0 - 12.0, -5.0 + 4.0, 330.0)}}, 0.6};
     const Radiance rendered = Renderer(camera_with_noise()).render(expected).radiance;
     const Radiance shown = physics.radiance(moved(-12.0, 4.0, 30.0));
     EXPECT_LT(cv::norm(shown, rendered, cv::NORM_INF), 1e-6);

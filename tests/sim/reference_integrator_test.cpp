@@ -64,11 +64,11 @@ TEST(ReferenceIntegrator, GivesAPinholesPixelItsArea) {
     camera.width = 20;
     camera.height = 16;
     camera.intrinsics = {400.0, 300.0, 9.0, 7.0};
-    Scene scene;
-    scene.marker.cells = cv::Mat::zeros(1, 1, CV_32FC1);
-    scene.marker.cell_mm = {100.0, 100.0};
-    scene.marker.corner_mm = {0.2, -40.0};  // from pixel x = 9 + 400 * 0.2 / 200 = 9.4 on
-    scene.camera_from_marker.translation = {0.0, 0.0, 200.0};
+    Scene scene{{PlacedMarker{}}};
+    scene.markers[0].grid.cells = cv::Mat::zeros(1, 1, CV_32FC1);
+    scene.markers[0].grid.cell_mm = {100.0, 100.0};
+    scene.markers[0].grid.corner_mm = {0.2, -40.0};  // from pixel x = 9 + 400 * 0.2 / 200 = 9.4 on
+    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, 200.0};
     scene.background = 0.9;
     const auto pixels = integrate_reference(camera, scene, {{9, 7}, {8, 7}, {10, 7}});
     EXPECT_NEAR(pixels[0].mean, 0.9 * 0.9, 1e-3);

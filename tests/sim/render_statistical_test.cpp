@@ -53,7 +53,7 @@ BenchmarkScene odd_scene(const std::string& name) {
     if (name == "gray background")
         scene.scene.background = 0.37;
     if (name == "small tag")
-        scene.scene.marker.cell_mm *= 0.15;
+        scene.scene.markers[0].grid.cell_mm *= 0.15;
     if (name == "no lens")
         camera.lens.reset();
     if (name == "tilted sensor")

@@ -31,22 +31,23 @@ CameraModel with_lens(PointSpread spread = {PointSpread::Kind::gaussian, 0.7}) {
 
 // Black left of x = edge_mm, white right of it, far beyond the image on every side.
 Scene half_plane(double edge_mm, double z_mm) {
-    Scene scene;
-    scene.marker.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
-    scene.marker.cell_mm = {2000.0, 4000.0};
-    scene.marker.corner_mm = {edge_mm - 2000.0, -2000.0};
-    scene.camera_from_marker.translation = {0.0, 0.0, z_mm};
+    Scene scene{{PlacedMarker{}}};
+    scene.markers[0].grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
+    scene.markers[0].grid.cell_mm = {2000.0, 4000.0};
+    scene.markers[0].grid.corner_mm = {edge_mm - 2000.0, -2000.0};
+    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, z_mm};
     return scene;
 }
 
 // A rectangle of 4 x 3 cells in front of the camera, tilted.
 Scene small_marker() {
-    Scene scene;
-    scene.marker.cells = (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
-    scene.marker.cell_mm = {7.0, 5.0};
-    scene.marker.corner_mm = {-14.0, -7.5};
-    scene.camera_from_marker.rotation = rotation_from_vector({0.3, -0.4, 0.2});
-    scene.camera_from_marker.translation = {3.0, -2.0, 250.0};
+    Scene scene{{PlacedMarker{}}};
+    scene.markers[0].grid.cells =
+        (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
+    scene.markers[0].grid.cell_mm = {7.0, 5.0};
+    scene.markers[0].grid.corner_mm = {-14.0, -7.5};
+    scene.markers[0].camera_from_marker.rotation = rotation_from_vector({0.3, -0.4, 0.2});
+    scene.markers[0].camera_from_marker.translation = {3.0, -2.0, 250.0};
     return scene;
 }
 
@@ -117,21 +118,21 @@ TEST(Renderer, FindsTheDiffractionTailsAsymptote) {
 TEST(Renderer, KeepsTheEnergyOfASmallMarker) {
     // A black marker of 4.2 x 3 mm at 200 mm, square to the axis, covers 8.4 x 6 px; blur and
     // spread only move its darkness about.
-    Scene scene;
-    scene.marker.cells = cv::Mat::zeros(1, 1, CV_32FC1);
-    scene.marker.cell_mm = {4.2, 3.0};
-    scene.marker.corner_mm = {-1.7, -1.9};
-    scene.camera_from_marker.translation = {0.3, 0.2, 200.0};
+    Scene scene{{PlacedMarker{}}};
+    scene.markers[0].grid.cells = cv::Mat::zeros(1, 1, CV_32FC1);
+    scene.markers[0].grid.cell_mm = {4.2, 3.0};
+    scene.markers[0].grid.corner_mm = {-1.7, -1.9};
+    scene.markers[0].camera_from_marker.translation = {0.3, 0.2, 200.0};
     const auto image = Renderer(with_lens()).render(scene).radiance;
     EXPECT_NEAR(cv::sum(1.0 - image)[0], 8.4 * 6.0, 0.02);
 }
 
 TEST(Renderer, SeesAMarkerSmallerThanAPixel) {
-    Scene scene;
-    scene.marker.cells = cv::Mat::zeros(2, 3, CV_32FC1);
-    scene.marker.cell_mm = {0.05, 0.04};  // 0.3 x 0.16 px in all
-    scene.marker.corner_mm = {0.01, 0.02};
-    scene.camera_from_marker.translation = {0.0, 0.0, 200.0};
+    Scene scene{{PlacedMarker{}}};
+    scene.markers[0].grid.cells = cv::Mat::zeros(2, 3, CV_32FC1);
+    scene.markers[0].grid.cell_mm = {0.05, 0.04};  // 0.3 x 0.16 px in all
+    scene.markers[0].grid.corner_mm = {0.01, 0.02};
+    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, 200.0};
     for (const CameraModel& camera : {pinhole(), with_lens()}) {
         const auto image = Renderer(camera).render(scene).radiance;
         EXPECT_NEAR(cv::sum(1.0 - image)[0], 0.3 * 0.16, 2e-4);
@@ -142,9 +143,10 @@ TEST(Renderer, ShiftsByWholePixelsWithTheMarker) {
     for (const CameraModel& camera : {pinhole(), with_lens({PointSpread::Kind::ideal, 0.0})}) {
         const Renderer renderer(camera);
         Scene scene = small_marker();
-        scene.camera_from_marker.rotation = rotation_from_vector({0.0, 0.0, 0.3});
+        scene.markers[0].camera_from_marker.rotation = rotation_from_vector({0.0, 0.0, 0.3});
         const auto first = renderer.render(scene).radiance;
-        scene.camera_from_marker.translation += Eigen::Vector3d(7.0, -5.0, 0.0) * 250.0 / 400.0;
+        scene.markers[0].camera_from_marker.translation +=
+            Eigen::Vector3d(7.0, -5.0, 0.0) * 250.0 / 400.0;
         const auto second = renderer.render(scene).radiance;
         const cv::Rect here(20, 20, 50, 40), there(27, 15, 50, 40);
         // The far tail's blocks do not move along: a few thousandths of a gray.
@@ -163,7 +165,7 @@ TEST(Renderer, WithAPinpricksApertureIsThePinhole) {
 
 TEST(Renderer, OfAUniformSceneIsUniform) {
     Scene scene = small_marker();
-    scene.marker.cells.setTo(0.625f);
+    scene.markers[0].grid.cells.setTo(0.625f);
     scene.background = 0.625;
     const auto image = Renderer(with_lens({PointSpread::Kind::ideal, 0.0})).render(scene).radiance;
     EXPECT_EQ(largest_difference(image, cv::Mat(image.size(), CV_32FC1, cv::Scalar(0.625))), 0.0);
@@ -171,7 +173,7 @@ TEST(Renderer, OfAUniformSceneIsUniform) {
 
 TEST(Renderer, InsideALargeCellShowsItsRadiance) {
     Scene scene = half_plane(-1000.0, 250.0);
-    scene.marker.cells.at<float>(0, 1) = 0.25f;
+    scene.markers[0].grid.cells.at<float>(0, 1) = 0.25f;
     const auto image = Renderer(with_lens()).render(scene).radiance;
     EXPECT_NEAR(image.at<float>(35, 47), 0.25, 1e-6);
 }
@@ -180,7 +182,7 @@ TEST(Renderer, IsLinearInTheRadiances) {
     const Renderer renderer(with_lens({PointSpread::Kind::ideal, 0.0}));
     Scene scene = small_marker();
     const auto full = renderer.render(scene).radiance;
-    scene.marker.cells = 0.3 + 0.2 * scene.marker.cells;
+    scene.markers[0].grid.cells = 0.3 + 0.2 * scene.markers[0].grid.cells;
     scene.background = 0.5;
     const auto faint = renderer.render(scene).radiance;
     EXPECT_LT(largest_difference(faint, 0.3 + 0.2 * full), 0.01 * gray);
@@ -212,7 +214,7 @@ TEST(Renderer, MixesItsMethodsWhereThePlaneOfFocusCrossesTheMarker) {
     camera.lens->f_number = 0.3;
     const Renderer renderer(camera);
     Scene scene = small_marker();
-    scene.camera_from_marker.translation.z() = 151.0;
+    scene.markers[0].camera_from_marker.translation.z() = 151.0;
     const auto mixed = renderer.render(scene);
     EXPECT_EQ(mixed.plan.min_blur_radius_px, 0.0);
     EXPECT_GT(mixed.plan.max_blur_radius_px, 0.3);
@@ -232,21 +234,26 @@ TEST(Renderer, RefusesWhatItCannotRender) {
         EXPECT_THROW(renderer.render(scene), NumericalError);
     };
     const double nan = std::nan(""), infinity = std::numeric_limits<double>::infinity();
-    refused([](Scene& s) { s.camera_from_marker.translation.z() = -250.0; });
-    refused([](Scene& s) { s.camera_from_marker.translation.z() = 0.0; });
-    refused([](Scene& s) { s.camera_from_marker.translation.z() = 5.0; });  // a corner behind
-    refused([&](Scene& s) { s.camera_from_marker.translation.x() = nan; });
-    refused([&](Scene& s) { s.camera_from_marker.translation.y() = infinity; });
-    refused([](Scene& s) { s.camera_from_marker.rotation.coeffs() *= 2.0; });
-    refused([](Scene& s) { s.camera_from_marker.rotation = rotation_from_vector({0, 3.0, 0}); });
-    refused([&](Scene& s) { s.marker.cells.at<float>(1, 2) = static_cast<float>(nan); });
-    refused([](Scene& s) { s.marker.cell_mm.x() = 0.0; });
-    refused([](Scene& s) { s.marker.cells = cv::Mat(); });
+    refused([](Scene& s) { s.markers[0].camera_from_marker.translation.z() = -250.0; });
+    refused([](Scene& s) { s.markers[0].camera_from_marker.translation.z() = 0.0; });
+    refused([](Scene& s) {
+        s.markers[0].camera_from_marker.translation.z() = 5.0;
+    });  // a corner behind
+    refused([&](Scene& s) { s.markers[0].camera_from_marker.translation.x() = nan; });
+    refused([&](Scene& s) { s.markers[0].camera_from_marker.translation.y() = infinity; });
+    refused([](Scene& s) { s.markers[0].camera_from_marker.rotation.coeffs() *= 2.0; });
+    refused([](Scene& s) {
+        s.markers[0].camera_from_marker.rotation = rotation_from_vector({0, 3.0, 0});
+    });
+    refused([&](Scene& s) { s.markers[0].grid.cells.at<float>(1, 2) = static_cast<float>(nan); });
+    refused([](Scene& s) { s.markers[0].grid.cell_mm.x() = 0.0; });
+    refused([](Scene& s) { s.markers[0].grid.cells = cv::Mat(); });
     refused([&](Scene& s) { s.background = nan; });
     // Seen edge-on, the marker's plane passes through the aperture.
     refused([](Scene& s) {
-        s.camera_from_marker.rotation = rotation_from_vector({0, std::numbers::pi / 2 - 0.001, 0});
-        s.camera_from_marker.translation.x() = 0.0;
+        s.markers[0].camera_from_marker.rotation =
+            rotation_from_vector({0, std::numbers::pi / 2 - 0.001, 0});
+        s.markers[0].camera_from_marker.translation.x() = 0.0;
     });
 }
 

@@ -40,8 +40,8 @@ protected:
         const Rigid pose{rotation_from_vector({0.2, -0.15, 0.1}), {x_mm, 5.0, 210.0}};
         const Renderer renderer(camera_);
         const fs::path path = folder_ / name;
-        write_image(path,
-                    SensorModel(camera_).expose(renderer.render({tag.grid, pose, 1.0}).radiance));
+        write_image(
+            path, SensorModel(camera_).expose(renderer.render({{{tag.grid, pose}}, 1.0}).radiance));
         return path;
     }
     fs::path empty_photo(const std::string& name, int width, int height) {

@@ -33,6 +33,12 @@ public:
     const cv::Rect& tiles() const { return tiles_; }
     int k() const { return sampling_.k; }
 
+    // Whether a tile has values of its own; if not, the one value that it has throughout; if so,
+    // its (4 k)^2 values row by row.
+    bool refined(int i, int j) const { return !tile(i, j).values.empty(); }
+    float constant_value(int i, int j) const { return tile(i, j).constant; }
+    const float* values(int i, int j) const { return tile(i, j).values.data(); }
+
     // Whether every tile of this part has one and the same value, and which.
     std::optional<float> constant(const cv::Rect& part) const;
 

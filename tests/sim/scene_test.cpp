@@ -1,0 +1,171 @@
+#include "sim/scene.h"
+
+#include <gmock/gmock.h>
+
+#include <numbers>
+
+#include "core/errors.h"
+#include "sim/renderer.h"
+#include "sim/scene_render.h"
+
+namespace etalon {
+namespace {
+
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+// One pixel per mm at 100 mm.
+CameraModel pinhole() {
+    CameraModel camera;
+    camera.width = 120;
+    camera.height = 90;
+    camera.intrinsics = {100.0, 100.0, 59.5, 44.5};
+    return camera;
+}
+
+// The same with an aperture of 5 mm, focused at 100 mm.
+CameraModel with_lens() {
+    CameraModel camera = pinhole();
+    Lens lens;
+    lens.focus_distance_mm = 100.0;
+    lens.f_number = 2.0 * 100.0 / 110.0;  // f = 9.09 mm: d = 5 mm
+    lens.wavelength_nm = 550.0;
+    camera.lens = lens;
+    camera.sensor.emplace().pixel_pitch_um = 100.0;
+    return camera;
+}
+
+CellGrid grid(int columns, int rows, double cell_mm, double radiance = 0.0) {
+    return {cv::Mat(rows, columns, CV_32FC1, cv::Scalar(radiance)),
+            {-columns * cell_mm / 2.0, -rows * cell_mm / 2.0},
+            {cell_mm, cell_mm}};
+}
+
+Rigid at(double x, double y, double z, const Eigen::Vector3d& turn = Eigen::Vector3d::Zero()) {
+    return {rotation_from_vector(turn), {x, y, z}};
+}
+
+std::string complaint(const Scene& scene, const CameraModel& camera) {
+    try {
+        check_no_occlusion(scene, camera);
+    } catch (const NumericalError& error) {
+        return error.what();
+    }
+    return "";
+}
+
+TEST(SceneOcclusion, RefusesMarkersThatOverlapAtDifferentDepthsByNumber) {
+    // 20 mm at 100 mm and 40 mm at 200 mm are 20 px each, here 19 px apart.
+    const PlacedMarker near{grid(4, 4, 5.0), at(0, 0, 100)}, far{grid(4, 4, 10.0), at(38, 3, 200)};
+    const PlacedMarker away{grid(2, 2, 5.0), at(-40, -20, 100)};
+    EXPECT_THAT(complaint({{away, near, far}}, pinhole()), HasSubstr("markers 2 and 3 overlap"));
+}
+
+TEST(SceneOcclusion, AcceptsMarkersThatAreApartInTheImageAndRefusesThemForTheirBlur) {
+    // 21 px between the centres leave 1 px; at 200 mm a point of the second is a disk of radius
+    // 100 px/mm * 2.5 mm * (1/100 - 1/200) = 1.25 px.
+    const Scene scene{{{grid(4, 4, 5.0), at(0, 0, 100)}, {grid(4, 4, 10.0), at(42, 3, 200)}}};
+    ASSERT_NEAR(blur_radius_px(with_lens(), 200.0), 1.25, 1e-9);
+    EXPECT_EQ(complaint(scene, pinhole()), "");
+    EXPECT_NE(complaint(scene, with_lens()), "");
+    const Scene wider{{scene.markers[0], {grid(4, 4, 10.0), at(42.6, 3, 200)}}};
+    EXPECT_EQ(complaint(wider, with_lens()), "");
+}
+
+TEST(SceneOcclusion, FindsTheSlantedLineBetweenTwoDiamonds) {
+    // Squares of 20 px turned by 45 degrees: their bounding boxes overlap, they do not.
+    const Eigen::Vector3d turn(0, 0, std::numbers::pi / 4.0);
+    const PlacedMarker one{grid(4, 4, 5.0), at(0, 0, 100, turn)};
+    const auto other = [&](double shift) {
+        return PlacedMarker{grid(4, 4, 10.0), at(2 * shift, 2 * shift, 200, turn)};
+    };
+    EXPECT_EQ(complaint({{one, other(14.2)}}, pinhole()), "");
+    EXPECT_NE(complaint({{one, other(14.1)}}, pinhole()), "");
+}
+
+TEST(SceneOcclusion, AcceptsPiecesOfOnePlaneThatTouchAndRefusesThoseThatOverlap) {
+    const Rigid board = at(3, -5, 150, {0.5, -0.3, 0.2});
+    const auto piece = [&](double x, double y) {
+        return PlacedMarker{grid(4, 3, 5.0), board * at(x, y, 0)};
+    };
+    EXPECT_EQ(complaint({{piece(0, 0), piece(20, 0), piece(0, 15), piece(20, 15)}}, with_lens()),
+              "");
+    EXPECT_NE(complaint({{piece(0, 0), piece(19.99, 0)}}, with_lens()), "");
+    PlacedMarker lifted = piece(20, 0);
+    lifted.camera_from_marker = board * at(20, 0, 0.01);
+    EXPECT_NE(complaint({{piece(0, 0), lifted}}, with_lens()), "");
+}
+
+TEST(SceneOcclusion, RefusesAMarkerBehindTheLensByNumber) {
+    EXPECT_THAT(
+        complaint({{{grid(4, 4, 5.0), at(0, 0, 100)}, {grid(4, 4, 5.0), at(0, 0, -9)}}}, pinhole()),
+        HasSubstr("marker 2 reaches behind the lens"));
+}
+
+// Cells of every radiance, asymmetric.
+CellGrid pattern() {
+    CellGrid cells = grid(7, 5, 4.0);
+    for (int j = 0; j < 5; ++j)
+        for (int i = 0; i < 7; ++i)
+            cells.cells.at<float>(j, i) = static_cast<float>((3 * i + 5 * j) % 11) / 10.0f;
+    return cells;
+}
+
+double largest_gray(const cv::Mat& a, const cv::Mat& b) {
+    return cv::norm(a, b, cv::NORM_INF) * 255.0;
+}
+
+TEST(SceneRender, AUniformImageIsTheUniformBackground) {
+    const Renderer renderer(with_lens());
+    Scene scene{{{pattern(), at(4, -3, 130, {0.3, 0.2, -0.4})}}, 0.7};
+    RenderOptions options;
+    options.tolerance_gray = 0.004;
+    const cv::Mat background(90, 120, CV_32FC1, cv::Scalar(0.7));
+    const cv::Mat over = render_over(renderer, scene, background, options).radiance;
+    EXPECT_LE(largest_gray(over, renderer.render(scene, options).radiance), 0.01);
+}
+
+TEST(SceneRender, StripesStayAsTheyAreBesideTheMarkerAndVanishBehindIt) {
+    cv::Mat stripes(90, 120, CV_32FC1);
+    for (int x = 0; x < 120; ++x)
+        stripes.col(x).setTo(x % 5 < 2 ? 0.9 : 0.15);
+    const Renderer renderer(pinhole());
+    const Scene scene{{{pattern(), at(4, -3, 100)}}};
+    const RenderedImage over = render_over(renderer, scene, stripes);
+    // 28 x 20 px around (63.5, 41.5): columns 50..77 and rows 32..51 but for the border.
+    cv::Mat marker(90, 120, CV_8UC1, cv::Scalar(0));
+    marker(cv::Rect(49, 31, 30, 22)).setTo(1);
+    cv::Mat difference = cv::abs(over.radiance - stripes);
+    EXPECT_EQ(cv::norm(difference, cv::NORM_INF, marker == 0), 0.0);
+    const cv::Rect inside(50, 32, 28, 20);
+    EXPECT_LE(largest_gray(over.radiance(inside), renderer.render(scene).radiance(inside)), 0.1);
+}
+
+TEST(SceneRender, RefusesABackgroundOfAnotherSizeOrThatIsNotFinite) {
+    const Renderer renderer(pinhole());
+    const Scene scene{{{pattern(), at(4, -3, 100)}}};
+    EXPECT_THAT([&] { render_over(renderer, scene, cv::Mat::zeros(120, 90, CV_32FC1)); },
+                ThrowsMessage<NumericalError>(HasSubstr("90 x 120")));
+    EXPECT_THROW(render_over(renderer, scene, cv::Mat::zeros(90, 120, CV_8UC1)), NumericalError);
+    cv::Mat holed = cv::Mat::zeros(90, 120, CV_32FC1);
+    holed.at<float>(7, 5) = std::nanf("");
+    EXPECT_THROW(render_over(renderer, scene, holed), NumericalError);
+}
+
+TEST(SceneRender, ACodeImageIsExposedToItselfAgain) {
+    CameraModel camera = with_lens();
+    camera.sensor->bits = 10;
+    camera.sensor->black_dn = 17;
+    camera.sensor->transfer.kind = Transfer::Kind::rec709;
+    camera.sensor->illumination.kind = Illumination::Kind::cos4;
+    const SensorModel sensor(camera);
+    cv::Mat codes(90, 120, CV_16UC1);
+    for (int y = 0; y < 90; ++y)
+        for (int x = 0; x < 120; ++x)
+            codes.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>((x * 7 + y * 5) % 1023);
+    const Radiance radiance = background_from({codes, 10}, sensor);
+    EXPECT_LE(cv::norm(sensor.expose(radiance).pixels, codes, cv::NORM_INF), 1.0);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -81,16 +81,35 @@ ParameterCovariance read_covariance(const Value& value) {
     return covariance;
 }
 
-// What the format knows but this version cannot do is refused by name.
-PointSpread read_point_spread(const Value& value) {
-    if (value.is_scalar()) {
-        if (value.text() == "wave")
-            value.fail("'wave' is not available yet; use ideal or gaussian");
-        value.one_of({"ideal"});
-        return {};
-    }
-    if (value.find("measured"))
-        value.fail("'measured' is not available yet; use ideal or gaussian");
+// A radial profile, `etalon: psf/1`.
+std::vector<std::pair<double, double>> read_profile(const std::filesystem::path& path) {
+    const StrictFile file(path, "psf/1");
+    const Value radius = file.root().at("radius_px"), density = file.root().at("density");
+    const std::vector<double> radii = radius.numbers(0, non_negative);
+    if (radii.size() < 4)
+        radius.fail("needs at least 4 radii");
+    const std::vector<double> densities = density.numbers(radii.size(), non_negative);
+    file.finish();
+    if (radii.front() != 0.0)
+        radius.fail("must begin with 0");
+    for (std::size_t i = 1; i < radii.size(); ++i)
+        if (!(radii[i] > radii[i - 1]))
+            radius.fail(fmt::format("must ascend: {} after {}", radii[i], radii[i - 1]));
+    if (std::all_of(densities.begin(), densities.end(), [](double d) { return d == 0.0; }))
+        density.fail("holds no energy");
+    std::vector<std::pair<double, double>> profile;
+    for (std::size_t i = 0; i < radii.size(); ++i)
+        profile.emplace_back(radii[i], densities[i]);
+    return profile;
+}
+
+PointSpread read_point_spread(const StrictFile& file, const Value& value) {
+    if (value.is_scalar())
+        return {.kind = value.one_of({"ideal", "wave"}) == "ideal" ? PointSpread::Kind::ideal
+                                                                   : PointSpread::Kind::wave};
+    if (const auto measured = value.find("measured"))
+        return {.kind = PointSpread::Kind::measured,
+                .profile = read_profile(file.resolve(measured->at("file").text()))};
     return {.kind = PointSpread::Kind::gaussian,
             .sigma_px = value.at("gaussian").at("sigma_px").number(positive)};
 }
@@ -117,13 +136,22 @@ double read_f_number(const Value& lens, double image_distance_mm, double focus_d
     return f_number;
 }
 
-Lens read_lens(const Value& value, double image_distance_mm) {
+Lens read_lens(const StrictFile& file, const Value& value, const CameraModel& camera) {
     Lens lens;
-    lens.focus_distance_mm = read_focus_distance(value.at("focus_distance_mm"));
-    lens.f_number = read_f_number(value, image_distance_mm, lens.focus_distance_mm);
+    if (camera.projection == Projection::telecentric) {
+        lens.focus_distance_mm = value.at("focus_distance_mm").number(positive);
+        lens.object_na = value.at("object_na").number({0.0, 1.0, true});
+        if (lens.object_na == 1.0)
+            value.at("object_na").fail("must be less than 1");
+    } else {
+        const double image_distance_mm =
+            camera.intrinsics.fx * camera.sensor->pixel_pitch_um * 1e-3;
+        lens.focus_distance_mm = read_focus_distance(value.at("focus_distance_mm"));
+        lens.f_number = read_f_number(value, image_distance_mm, lens.focus_distance_mm);
+    }
     lens.wavelength_nm = value.at("wavelength_nm").number(positive);
     if (const auto psf = value.find("psf"))
-        lens.psf = read_point_spread(*psf);
+        lens.psf = read_point_spread(file, *psf);
     return lens;
 }
 
@@ -167,7 +195,40 @@ Transfer read_transfer(const StrictFile& file, const Value& value, int full_scal
             .table = read_transfer_table(file.resolve(table), full_scale)};
 }
 
-Sensor read_sensor(const StrictFile& file, const Value& value) {
+Illumination read_illumination(const Value& value, Projection projection) {
+    Illumination illumination;
+    const auto cos4 = value.find("cos4"), polynomial = value.find("polynomial");
+    if (cos4 && polynomial)
+        polynomial->fail("excludes cos4: it is the whole relative illumination");
+    if (polynomial) {
+        illumination.kind = Illumination::Kind::polynomial;
+        const std::vector<double> coefficients = polynomial->numbers(3);
+        std::copy(coefficients.begin(), coefficients.end(), illumination.polynomial.begin());
+    } else if (value.at("cos4").flag()) {
+        if (projection == Projection::telecentric)
+            cos4->fail("belongs to a perspective camera: a telecentric one has no field angle");
+        illumination.kind = Illumination::Kind::cos4;
+    }
+    return illumination;
+}
+
+void read_mosaic(const Value& value, Sensor& sensor) {
+    if (const auto mosaic = value.find("mosaic")) {
+        const std::string word = mosaic->one_of({"RGGB", "BGGR", "GRBG", "GBRG"});
+        sensor.mosaic = word == "RGGB"   ? Mosaic::rggb
+                        : word == "BGGR" ? Mosaic::bggr
+                        : word == "GRBG" ? Mosaic::grbg
+                                         : Mosaic::gbrg;
+    }
+    if (const auto response = value.find("channel_response")) {
+        if (sensor.mosaic == Mosaic::none)
+            response->fail("needs a mosaic");
+        const std::vector<double> channels = response->numbers(3, positive);
+        std::copy(channels.begin(), channels.end(), sensor.channel_response.begin());
+    }
+}
+
+Sensor read_sensor(const StrictFile& file, const Value& value, Projection projection) {
     Sensor sensor;
     const auto number = [&value](const char* key, Range range) {
         const auto given = value.find(key);
@@ -185,17 +246,50 @@ Sensor read_sensor(const StrictFile& file, const Value& value) {
     if (sensor.read_noise_e > 0.0 && sensor.gain_e_per_dn == 0.0)
         value.at("read_noise_e").fail("needs gain_e_per_dn to become code values");
     if (const auto illumination = value.find("illumination"))
-        sensor.cos4_illumination = illumination->at("cos4").flag();
+        sensor.illumination = read_illumination(*illumination, projection);
+    read_mosaic(value, sensor);
     return sensor;
+}
+
+void check_illumination(const CameraModel& camera, const Value& sensor) {
+    if (camera.sensor->illumination.kind != Illumination::Kind::polynomial)
+        return;
+    const double least = least_polynomial_illumination(camera);
+    if (!(least > 0.0))
+        sensor.at("illumination")
+            .at("polynomial")
+            .fail(fmt::format("falls to {} within the image", least));
 }
 
 // A lens whose numbers overflow or vanish in double precision is no lens.
 void check_lens(const CameraModel& camera, const Value& value) {
-    const ThinLens lens = thin_lens(camera);
-    for (const double length : {lens.image_distance_mm, lens.focal_length_mm,
-                                lens.aperture_diameter_mm, lens.working_f_number})
+    const bool is_telecentric = camera.projection == Projection::telecentric;
+    std::vector<double> lengths{working_f_number(camera)};
+    if (is_telecentric) {
+        const TelecentricLens lens = telecentric_lens(camera);
+        lengths.insert(lengths.end(), {lens.magnification, lens.cone_tangent});
+    } else {
+        const ThinLens lens = thin_lens(camera);
+        lengths.insert(lengths.end(),
+                       {lens.image_distance_mm, lens.focal_length_mm, lens.aperture_diameter_mm});
+    }
+    for (const double length : lengths)
         if (!std::isfinite(length) || length <= 0.0)
             value.fail("describes no lens: a length overflows or vanishes");
+}
+
+Projection read_projection(const Value& root) {
+    const auto word = root.find("projection");
+    const bool is_telecentric =
+        word && word->one_of({"perspective", "telecentric"}) == "telecentric";
+    return is_telecentric ? Projection::telecentric : Projection::perspective;
+}
+
+void check_distortion(const CameraModel& camera, const Value& distortion) {
+    if (camera.projection == Projection::telecentric)
+        for (const char* key : {"tau_x", "tau_y"})
+            if (const auto tilt = distortion.find(key); tilt && tilt->number() != 0.0)
+                tilt->fail("belongs to a perspective camera");
 }
 
 CameraModel read_own_camera(const std::filesystem::path& path) {
@@ -206,16 +300,21 @@ CameraModel read_own_camera(const std::filesystem::path& path) {
         camera.serial = serial->text();
     camera.width = root.at("image").at("width").integer(1, 100'000);
     camera.height = root.at("image").at("height").integer(1, 100'000);
+    camera.projection = read_projection(root);
     camera.intrinsics = read_intrinsics(root.at("intrinsics"));
-    if (const auto distortion = root.find("distortion"))
+    if (const auto distortion = root.find("distortion")) {
         camera.distortion = read_distortion(*distortion);
+        check_distortion(camera, *distortion);
+    }
     if (const auto covariance = root.find("covariance"))
         camera.covariance = read_covariance(*covariance);
-    if (const auto sensor = root.find("sensor"))
-        camera.sensor = read_sensor(file, *sensor);
+    if (const auto sensor = root.find("sensor")) {
+        camera.sensor = read_sensor(file, *sensor, camera.projection);
+        check_illumination(camera, *sensor);
+    }
     if (const auto lens = root.find("lens")) {
-        const double pitch_um = root.at("sensor").at("pixel_pitch_um").number(positive);
-        camera.lens = read_lens(*lens, camera.intrinsics.fx * pitch_um * 1e-3);
+        root.at("sensor").at("pixel_pitch_um").number(positive);
+        camera.lens = read_lens(file, *lens, camera);
         check_lens(camera, *lens);
     }
     file.finish();

@@ -13,6 +13,10 @@
 //     sensor: {pixel_pitch_um: 8.3, bits: 8, transfer: linear, black: 0, gain_e_per_dn: 0,
 //              read_noise_e: 0, illumination: {cos4: true}}        # optional
 //
+// and, less common: projection: telecentric (fx, fy in px/mm; the lens has object_na in place of
+// f_number), psf: {measured: {file: psf.yml}} or wave, illumination: {polynomial: [c1, c2, c3]},
+// mosaic: RGGB, channel_response: [r, g, b]. What they mean: docs/files.md.
+//
 // f_number is the engraved one; working_f_number may stand instead, or beside it if both agree to
 // 1e-6. focus_distance_mm may be the word infinity. psf: ideal or {gaussian: {sigma_px: 0.7}}.
 // transfer: linear, rec709 or {table: {file: t.csv}}, a path relative to the camera file, to a CSV
@@ -36,7 +40,8 @@ CameraModel read_camera(const std::filesystem::path& path,
                         std::optional<cv::Size> image_size = std::nullopt);
 
 // Writes camera.yml so that reading gives the same doubles; a transfer table goes into a CSV beside
-// it (camera.yml -> camera.transfer.csv). Throws ConfigError when a file cannot be written.
+// it (camera.yml -> camera.transfer.csv), a measured point spread too (camera.psf.yml). Throws
+// ConfigError when a file cannot be written.
 void write_camera(const std::filesystem::path& path, const CameraModel& camera);
 
 }  // namespace etalon

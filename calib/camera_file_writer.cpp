@@ -40,16 +40,40 @@ std::string covariance_lines(const ParameterCovariance& covariance) {
     return text + "]\n";
 }
 
-std::string lens_lines(const Lens& lens) {
+std::string point_spread_word(const PointSpread& psf, const std::filesystem::path& profile) {
+    switch (psf.kind) {
+        case PointSpread::Kind::ideal:
+            return "ideal";
+        case PointSpread::Kind::wave:
+            return "wave";
+        case PointSpread::Kind::gaussian:
+            return "{gaussian: {sigma_px: " + exact(psf.sigma_px) + "}}";
+        case PointSpread::Kind::measured:
+            break;
+    }
+    return "{measured: {file: " + quoted(profile.filename().string()) + "}}";
+}
+
+void write_profile(const std::filesystem::path& path, const PointSpread& psf) {
+    std::string radii, densities;
+    for (const auto& [radius, density] : psf.profile) {
+        radii += (radii.empty() ? "" : ", ") + exact(radius);
+        densities += (densities.empty() ? "" : ", ") + exact(density);
+    }
+    write_text(path, "etalon: psf/1\nradius_px: [" + radii + "]\ndensity: [" + densities + "]\n");
+}
+
+std::string lens_lines(const CameraModel& camera, const std::filesystem::path& profile) {
+    const Lens& lens = *camera.lens;
     const std::string focus =
         std::isinf(lens.focus_distance_mm) ? "infinity" : exact(lens.focus_distance_mm);
-    const std::string psf = lens.psf.kind == PointSpread::Kind::ideal
-                                ? "ideal"
-                                : "{gaussian: {sigma_px: " + exact(lens.psf.sigma_px) + "}}";
+    const std::string aperture = camera.projection == Projection::telecentric
+                                     ? "object_na: " + exact(lens.object_na)
+                                     : "f_number: " + exact(lens.f_number);
     return fmt::format(
-        "lens:\n  f_number: {}\n  focus_distance_mm: {}\n  wavelength_nm: {}\n"
+        "lens:\n  {}\n  focus_distance_mm: {}\n  wavelength_nm: {}\n"
         "  psf: {}\n",
-        exact(lens.f_number), focus, exact(lens.wavelength_nm), psf);
+        aperture, focus, exact(lens.wavelength_nm), point_spread_word(lens.psf, profile));
 }
 
 // A code value that reads back as exactly this fraction of full scale, where there is one.
@@ -81,6 +105,31 @@ std::string transfer_word(const Transfer& transfer, const std::filesystem::path&
     return "{table: {file: " + quoted(table.filename().string()) + "}}";
 }
 
+std::string exact_list(const std::array<double, 3>& values) {
+    return fmt::format("[{}, {}, {}]", exact(values[0]), exact(values[1]), exact(values[2]));
+}
+
+std::string illumination_line(const Illumination& illumination) {
+    switch (illumination.kind) {
+        case Illumination::Kind::cos4:
+            return "  illumination: {cos4: true}\n";
+        case Illumination::Kind::polynomial:
+            return "  illumination: {polynomial: " + exact_list(illumination.polynomial) + "}\n";
+        case Illumination::Kind::uniform:
+            break;
+    }
+    return "";
+}
+
+std::string mosaic_lines(const Sensor& sensor) {
+    constexpr std::array<const char*, 5> names{"", "RGGB", "BGGR", "GRBG", "GBRG"};
+    if (sensor.mosaic == Mosaic::none)
+        return "";
+    return fmt::format("  mosaic: {}\n  channel_response: {}\n",
+                       names[static_cast<std::size_t>(sensor.mosaic)],
+                       exact_list(sensor.channel_response));
+}
+
 std::string sensor_lines(const Sensor& sensor, const std::filesystem::path& table) {
     std::string text = "sensor:\n";
     if (sensor.pixel_pitch_um > 0.0)
@@ -90,29 +139,33 @@ std::string sensor_lines(const Sensor& sensor, const std::filesystem::path& tabl
         "  read_noise_e: {}\n",
         sensor.bits, transfer_word(sensor.transfer, table), exact(sensor.black_dn),
         exact(sensor.gain_e_per_dn), exact(sensor.read_noise_e));
-    if (sensor.cos4_illumination)
-        text += "  illumination: {cos4: true}\n";
-    return text;
+    return text + illumination_line(sensor.illumination) + mosaic_lines(sensor);
 }
 
 }  // namespace
 
 void write_camera(const std::filesystem::path& path, const CameraModel& camera) {
     const Intrinsics& i = camera.intrinsics;
-    std::filesystem::path table = path;
+    std::filesystem::path table = path, profile = path;
     table.replace_extension(".transfer.csv");
+    profile.replace_extension(".psf.yml");
     std::string text = "etalon: camera/1\n";
     if (!camera.serial.empty())
         text += "serial: " + quoted(camera.serial) + "\n";
     text += fmt::format("image: {{width: {}, height: {}}}\n", camera.width, camera.height);
+    if (camera.projection == Projection::telecentric)
+        text += "projection: telecentric\n";
     text += fmt::format("intrinsics: {{fx: {}, fy: {}, cx: {}, cy: {}}}\n", exact(i.fx),
                         exact(i.fy), exact(i.cx), exact(i.cy));
     if (!camera.distortion.is_zero())
         text += distortion_lines(camera.distortion);
     if (camera.covariance)
         text += covariance_lines(*camera.covariance);
-    if (camera.lens)
-        text += lens_lines(*camera.lens);
+    if (camera.lens) {
+        text += lens_lines(camera, profile);
+        if (camera.lens->psf.kind == PointSpread::Kind::measured)
+            write_profile(profile, camera.lens->psf);
+    }
     if (camera.sensor) {
         text += sensor_lines(*camera.sensor, table);
         if (camera.sensor->transfer.kind == Transfer::Kind::table)

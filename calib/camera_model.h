@@ -15,7 +15,14 @@
 
 namespace etalon {
 
-// Pixels; pixel centres at integers, (0, 0) is the centre of the top-left pixel.
+// How the chief rays reach the camera.
+enum class Projection {
+    perspective,  // through one point, the lens: normalised image coordinates are (X/Z, Y/Z)
+    telecentric,  // parallel to the axis (object-space telecentric): they are (X, Y) in mm
+};
+
+// Pixels; pixel centres at integers, (0, 0) is the centre of the top-left pixel. Of a telecentric
+// camera fx and fy are px per mm.
 struct Intrinsics {
     double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
 };
@@ -42,22 +49,28 @@ struct ParameterCovariance {
     Eigen::MatrixXd matrix;
 };
 
-// How the lens spreads a point that is in focus.
+// How the lens spreads a point. Radii in px along x.
 struct PointSpread {
     enum class Kind {
-        ideal,     // Airy pattern of the working f-number
-        gaussian,  // sigma_px, in place of the Airy pattern
+        ideal,     // Airy pattern of the working f-number, and geometric defocus
+        gaussian,  // sigma_px, in place of the Airy pattern, and geometric defocus
+        measured,  // the profile, in place of the Airy pattern and of defocus
+        wave,      // wave-optical: diffraction and defocus together
     };
     Kind kind = Kind::ideal;
     double sigma_px = 0.0;
+    // (radius, energy per area), radii ascending from 0, joined by straight lines, nothing beyond
+    // the last. The density's scale does not matter: the energy is taken as 1.
+    std::vector<std::pair<double, double>> profile = {};
 };
 
-// Thin lens with a circular aperture. f_number is the engraved N = f/d.
+// A thin lens with a circular aperture, or a telecentric one.
 struct Lens {
-    double f_number = 0.0;
+    double f_number = 0.0;  // perspective: the engraved N = f/d
     double focus_distance_mm = std::numeric_limits<double>::infinity();  // lens to sharp plane
     double wavelength_nm = 0.0;
     PointSpread psf;
+    double object_na = 0.0;  // telecentric: sine of the half angle of the cone of rays
 };
 
 // Code value from linear radiance.
@@ -67,6 +80,21 @@ struct Transfer {
     std::vector<std::pair<double, double>> table;  // (radiance, code / full scale), both ascending
 };
 
+// Part of the light that reaches a pixel, relative to the axis.
+struct Illumination {
+    enum class Kind {
+        uniform,
+        cos4,        // of the field angle
+        polynomial,  // 1 + c1 r^2 + c2 r^4 + c3 r^6, r from the principal point (cx, cy) in units
+                     // of half the image's diagonal, hypot(width, height) / 2 px
+    };
+    Kind kind = Kind::uniform;
+    std::array<double, 3> polynomial = {};
+};
+
+// Colour filters on the pixels, by the first two pixels of the first two rows.
+enum class Mosaic { none, rggb, bggr, grbg, gbrg };
+
 struct Sensor {
     double pixel_pitch_um = 0.0;  // along x; along y it is pixel_pitch_um * fx / fy
     int bits = 8;                 // 1..16, full scale 2^bits - 1
@@ -74,12 +102,17 @@ struct Sensor {
     double black_dn = 0.0;       // code value without light
     double gain_e_per_dn = 0.0;  // electrons per code value; 0: no shot noise
     double read_noise_e = 0.0;   // electrons; with gain 0 it must be 0
-    bool cos4_illumination = false;
+    Illumination illumination = {};
+    Mosaic mosaic = Mosaic::none;
+    // Signal of the red, green and blue pixels for a gray radiance under the light in use, relative
+    // to the radiance; only with a mosaic.
+    std::array<double, 3> channel_response = {1.0, 1.0, 1.0};
 };
 
 struct CameraModel {
     std::string serial;  // empty: not known
     int width = 0, height = 0;
+    Projection projection = Projection::perspective;
     Intrinsics intrinsics;
     Distortion distortion;
     std::optional<ParameterCovariance> covariance;
@@ -96,13 +129,45 @@ struct ThinLens {
     double inverse_focus_per_mm;  // 1/z_f; 0 when focused at infinity
 };
 
-// Throws NumericalError without lens and sensor sections, or when pitch, f-number or focus distance
-// is not positive. (The focus distance is then always beyond f: 1/z_f = 1/f - 1/v < 1/f.)
+// Throws NumericalError for a telecentric camera, without lens and sensor sections, or when pitch,
+// f-number or focus distance is not positive. (The focus distance is then always beyond f:
+// 1/z_f = 1/f - 1/v < 1/f.)
 ThinLens thin_lens(const CameraModel& camera);
 
+// The telecentric lens in numbers: magnification m = fx * pitch.
+struct TelecentricLens {
+    double magnification;
+    double cone_tangent;      // of the half angle of the cone of rays, tan(asin(object_na))
+    double working_f_number;  // N_w = m / (2 object_na)
+    double focus_distance_mm;
+};
+
+// Throws NumericalError for a perspective camera, without lens and sensor sections, for a tilted
+// sensor (tau_x, tau_y describe a perspective one), or when pitch or focus distance is not positive
+// and finite or object_na not in (0, 1).
+TelecentricLens telecentric_lens(const CameraModel& camera);
+
+// Of either lens; throws as they do.
+double working_f_number(const CameraModel& camera);
+
 // Radius in pixels of the blur disk of a point at depth z_mm > 0 along x:
-// fx * d/2 * |1/z - 1/z_f|; along y it is this times fy/fx. Zero for a camera without a lens
-// section. Throws NumericalError when z_mm is not positive.
+// fx * d/2 * |1/z - 1/z_f|, telecentric fx * tan(asin(object_na)) * |z - z_f|; along y it is this
+// times fy/fx. Zero for a camera without a lens section, or with a measured point spread, which
+// holds its blur. Throws NumericalError when z_mm is not positive.
 double blur_radius_px(const CameraModel& camera, double z_mm);
+
+// 1 + c1 s + c2 s^2 + c3 s^3 at the squared radius s >= 0 (see Illumination).
+double polynomial_illumination(const std::array<double, 3>& coefficients, double s);
+
+// The squared radius of a pixel position in the units of that polynomial.
+double illumination_radius_squared(const CameraModel& camera, const Eigen::Vector2d& pixel);
+
+// The polynomial's smallest value over the image, pixels' outer corners included: at one of the
+// ends or where the cubic's derivative vanishes. NaN when a coefficient is.
+double least_polynomial_illumination(const CameraModel& camera);
+
+// For what is written for perspective cameras only. Throws NumericalError, naming `purpose`, for a
+// telecentric one.
+void require_perspective(const CameraModel& camera, const char* purpose);
 
 }  // namespace etalon

@@ -186,6 +186,7 @@ CameraModel read_opencv_camera(const std::filesystem::path& path) {
 }
 
 void write_opencv_camera(const std::filesystem::path& path, const CameraModel& camera) {
+    require_perspective(camera, "an OpenCV calibration file");
     const Intrinsics& i = camera.intrinsics;
     const auto coefficients = camera.distortion.in_opencv_order();
     int count = 14;

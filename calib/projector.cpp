@@ -17,7 +17,29 @@ const CameraModel& checked(const CameraModel& camera) {
     for (const double coefficient : camera.distortion.in_opencv_order())
         if (!std::isfinite(coefficient))
             throw NumericalError("a distortion coefficient is not finite");
+    const bool is_tilted = camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0;
+    if (camera.projection == Projection::telecentric && is_tilted)
+        throw NumericalError("tau_x and tau_y belong to a perspective camera, not a telecentric");
     return camera;
+}
+
+// d (normalised coordinates) / d (X, Y, Z).
+struct Normalised {
+    Eigen::Vector2d point;
+    Eigen::Matrix<double, 2, 3> jacobian;
+};
+
+Normalised normalised(Projection projection, const Eigen::Vector3d& p) {
+    Normalised result;
+    if (projection == Projection::telecentric) {
+        result.point = p.head<2>();
+        result.jacobian << 1, 0, 0, 0, 1, 0;
+    } else {
+        result.point = p.head<2>() / p.z();
+        result.jacobian << 1, 0, -result.point.x(), 0, 1, -result.point.y();
+        result.jacobian /= p.z();
+    }
+    return result;
 }
 
 constexpr double tolerance = 1e-12;       // asked of the result
@@ -52,8 +74,8 @@ bool Projector::is_valid(const Eigen::Vector2d& undistorted) const {
 std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d& p_camera) const {
     if (!(p_camera.z() > 0.0))
         return std::nullopt;
-    const Eigen::Vector2d undistorted = p_camera.head<2>() / p_camera.z();
-    const auto d = distorted(undistorted);
+    const Normalised undistorted = normalised(camera_.projection, p_camera);
+    const auto d = distorted(undistorted.point);
     if (!d)
         return std::nullopt;
     const Intrinsics& i = camera_.intrinsics;
@@ -61,10 +83,8 @@ std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d&
     result.pixel << i.fx * d->point.x() + i.cx, i.fy * d->point.y() + i.cy;
     if (!result.pixel.allFinite())
         return std::nullopt;
-    Eigen::Matrix<double, 2, 3> of_division;
-    of_division << 1, 0, -undistorted.x(), 0, 1, -undistorted.y();
     result.jacobian =
-        Eigen::Vector2d(i.fx, i.fy).asDiagonal() * (d->jacobian * (of_division / p_camera.z()));
+        Eigen::Vector2d(i.fx, i.fy).asDiagonal() * (d->jacobian * undistorted.jacobian);
     return result;
 }
 

@@ -1,9 +1,10 @@
 // Projection of camera-frame points to pixels with its Jacobian, and the exact inverse.
 //
-// OpenCV's model: x = X/Z, y = Y/Z, then radial (rational), tangential, thin prism and tilt. It is
-// used only in the region around the optical axis where it is invertible (calib/valid_region.h);
-// outside, two rays share a pixel or a pole lies between. There nothing is guessed: the functions
-// return nothing.
+// OpenCV's model: x = X/Z, y = Y/Z (of a telecentric camera X and Y in mm, the same at every
+// depth: its distortion coefficients are per mm^2, mm^4, ...), then radial (rational), tangential,
+// thin prism and tilt. It is used only in the region around the optical axis where it is invertible
+// (calib/valid_region.h); outside, two rays share a pixel or a pole lies between. There nothing is
+// guessed: the functions return nothing.
 //
 // Immutable after construction, safe from every thread. Construction costs 0.05 ms for a purely
 // radial distortion and some milliseconds otherwise (the border of the valid region is searched in
@@ -26,8 +27,8 @@ struct Projected {
 
 class Projector {
 public:
-    // Throws NumericalError when an intrinsic or a coefficient is not finite, or fx or fy is not
-    // positive.
+    // Throws NumericalError when an intrinsic or a coefficient is not finite, fx or fy is not
+    // positive, or a telecentric camera has a sensor tilt (tau_x, tau_y: a perspective model).
     explicit Projector(const CameraModel& camera);
 
     // Nothing when the point is not in front of the camera (z <= 0), outside the valid region, or
@@ -35,9 +36,9 @@ public:
     std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& p_camera) const;
     std::optional<Projected> project_with_jacobian(const Eigen::Vector3d& p_camera) const;
 
-    // Undistorted normalised coordinates (X/Z, Y/Z) of a pixel: Newton's method, damped and kept
-    // inside the valid region, until the distorted point is right to 1e-12 (relative to its radius
-    // plus a pixel). Nothing when the pixel has no preimage there (this costs some us).
+    // Undistorted normalised coordinates (X/Z, Y/Z), or (X, Y), of a pixel: Newton's method, damped
+    // and kept inside the valid region, until the distorted point is right to 1e-12 (relative to
+    // its radius plus a pixel). Nothing when the pixel has no preimage there (this costs some us).
     std::optional<Eigen::Vector2d> unproject(const Eigen::Vector2d& pixel) const;
 
     // Whether an undistorted normalised point is inside the valid region.

@@ -384,6 +384,7 @@ Registration register_stage(const Projector& projector,
                             const std::vector<Eigen::Vector3d>& points_mm,
                             std::span<const RegistrationPose> poses,
                             const Rigid& nominal_carriage_from_marker) {
+    require_perspective(projector.camera(), "registration");
     require_usable(points_mm, poses, nominal_carriage_from_marker);
     require_motion(poses);
     const RobustSolution solution = robust_solution(projector, points_mm, poses, seed(poses));

@@ -89,6 +89,7 @@ ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
 
 cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,
                    const ComparedArea& area) {
+    require_perspective(projector.camera(), "comparing a photo with a rendering");
     cv::Mat uses(projector.camera().height, projector.camera().width, CV_8UC1,
                  cv::Scalar(pixel_outside));
     // [r1 r2 t] takes (X, Y, 1) on the marker to the ray times its depth; the inverse takes a ray

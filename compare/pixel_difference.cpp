@@ -52,14 +52,14 @@ ResidualStatistics statistics(const PixelDifference& difference, PixelUse use,
     return result;
 }
 
-// The rendering as the sensor is lit: with relative illumination where the camera has one.
+// The rendering as the sensor responds to it: relative illumination and colour filters.
 Radiance at_sensor(const Radiance& radiance, const CameraModel& camera) {
-    if (!camera.sensor || !camera.sensor->cos4_illumination)
+    const cv::Mat response = SensorModel(camera).relative_response();
+    if (response.empty())
         return radiance;
-    const cv::Mat illumination = SensorModel(camera).relative_illumination();
-    if (illumination.size() != radiance.size())
+    if (response.size() != radiance.size())
         throw NumericalError("the rendering has another size than the camera");
-    return radiance.mul(illumination);
+    return radiance.mul(response);
 }
 
 }  // namespace

@@ -175,6 +175,7 @@ bool same_pose(const Rigid& a, const Rigid& b) {
 
 std::optional<PoseEstimate> estimate_pose(const Projector& projector, const Points& points_mm,
                                           const Pixels& pixels) {
+    require_perspective(projector.camera(), "estimating a marker's pose");
     const std::size_t count = points_mm.size();
     if (count < 4 || pixels.size() != count || !all_finite(points_mm) || !all_finite(pixels) ||
         !span_a_plane(points_mm))

@@ -47,20 +47,43 @@ Eigen::Matrix3d camera_from_grid(const PlacedMarker& marker) {
     return m;
 }
 
+// Perspective divides by Z; telecentric rays keep their X and Y.
+Eigen::Matrix3d sensor_from_grid(Projection projection, const Eigen::Matrix3d& camera_from_grid) {
+    Eigen::Matrix3d m = camera_from_grid;
+    if (projection == Projection::telecentric)
+        m.row(2) << 0, 0, 1;
+    return m;
+}
+
+// How far before the marker's plane the lens is, mm; telecentric: the cosine between the plane's
+// normal and the chief rays. Positive in front of the marker.
+double frontness(Projection projection, const Eigen::Matrix3d& camera_from_grid) {
+    const Eigen::Vector3d normal =
+        camera_from_grid.col(0).cross(camera_from_grid.col(1)).normalized();
+    return projection == Projection::telecentric ? normal.z() : normal.dot(camera_from_grid.col(2));
+}
+
 }  // namespace
 
 // The tilted sensor plane is r3 . p = r33 v with r3 the third row of the tilt's rotation. A sensor
 // point in the direction (x, 1) lies at the depth v r33 / (r3 . (x, 1)), and 1/z_f = 1/f - 1/depth.
 Aperture aperture_of(const CameraModel& camera) {
-    Aperture aperture{0.0, 0.0, Eigen::Vector2d::Zero()};
+    Aperture aperture{.projection = camera.projection};
     if (!camera.lens)
         return aperture;
+    const bool has_blur = camera.lens->psf.kind != PointSpread::Kind::measured;
+    if (camera.projection == Projection::telecentric) {
+        const TelecentricLens lens = telecentric_lens(camera);
+        aperture.radius_mm = has_blur ? lens.cone_tangent : 0.0;
+        aperture.focus_on_axis = lens.focus_distance_mm;
+        return aperture;
+    }
     const ThinLens lens = thin_lens(camera);
-    aperture.radius_mm = lens.aperture_diameter_mm / 2.0;
-    aperture.inverse_focus_per_mm = lens.inverse_focus_per_mm;
+    aperture.radius_mm = has_blur ? lens.aperture_diameter_mm / 2.0 : 0.0;
+    aperture.focus_on_axis = lens.inverse_focus_per_mm;
     const Eigen::Vector3d r3 =
         tilt_matrix(camera.distortion.tau_x, camera.distortion.tau_y).row(2).transpose();
-    aperture.inverse_focus_slope = -r3.head<2>() / (r3.z() * lens.image_distance_mm);
+    aperture.focus_slope = -r3.head<2>() / (r3.z() * lens.image_distance_mm);
     return aperture;
 }
 
@@ -82,21 +105,22 @@ MarkerView::MarkerView(const PlacedMarker& marker, double background, const Aper
             throw NumericalError(fmt::format(
                 "a corner of the marker lies at depth {:.6g} mm: not in front of the lens", z));
     }
-    // Distance of the lens from the marker's plane, positive in front of the marker.
-    const double distance = camera_from_grid_.col(0)
-                                .cross(camera_from_grid_.col(1))
-                                .normalized()
-                                .dot(camera_from_grid_.col(2));
+    const double distance = frontness(aperture.projection, camera_from_grid_);
     if (!(distance > 0.0))
         throw NumericalError(fmt::format(
-            "the camera sees the marker's back or its edge: plane at distance {:.6g} mm",
-            distance));
-    h_ = camera_from_grid_.inverse();
-    const double cut = h_.row(2).head<2>().norm() * aperture_.radius_mm;
-    if (!h_.allFinite() || !(cut < 1.0))
+            "the camera sees the marker's back or its edge ({:.6g} before its plane)", distance));
+    sensor_from_grid_ = etalon::sensor_from_grid(aperture.projection, camera_from_grid_);
+    h_ = sensor_from_grid_.inverse();
+    if (aperture.projection == Projection::telecentric) {
+        h_.row(2) << 0, 0, 1;  // without rounding: no horizon
+        e_ = (camera_from_grid_.row(2) * h_).transpose();
+    } else {
+        e_ = h_.row(2).transpose();
+    }
+    const double cut = turn().norm() * aperture_.radius_mm;
+    if (!h_.allFinite() || !e_.allFinite() || !(cut < 1.0))
         throw NumericalError(fmt::format(
-            "the marker's plane, {:.6g} mm from the lens, cuts the aperture (|a| d/2 = {:.6g})",
-            distance, cut));
+            "the marker's plane cuts the aperture or the cone of rays (|a| d/2 = {:.6g})", cut));
     cells_.assign(static_cast<std::size_t>((columns_ + 2) * (rows_ + 2)), background_);
     for (int j = 0; j < rows_; ++j)
         for (int i = 0; i < columns_; ++i)
@@ -112,26 +136,25 @@ double MarkerView::contrast() const {
 }
 
 double MarkerView::largest_defocus(const Box& box) const {
-    const Eigen::Vector2d g = h_.row(2).head<2>().transpose() - aperture_.inverse_focus_slope;
-    return std::abs(defocus(box.centre())) + g.cwiseAbs().dot(box.half());
+    return std::abs(defocus(box.centre())) + defocus_slope().cwiseAbs().dot(box.half());
 }
 
 double MarkerView::smallest_defocus(const Box& box) const {
-    const Eigen::Vector2d g = h_.row(2).head<2>().transpose() - aperture_.inverse_focus_slope;
-    return std::max(0.0, std::abs(defocus(box.centre())) - g.cwiseAbs().dot(box.half()));
+    return std::max(0.0,
+                    std::abs(defocus(box.centre())) - defocus_slope().cwiseAbs().dot(box.half()));
 }
 
 Eigen::Vector2d MarkerView::line_gradient(int axis, int index, const Eigen::Vector2d& l) const {
     // offset (1 - a.l) + c m.l with offset and c affine in x, m the line's own gradient.
     const Eigen::Vector3d h = h_.row(axis) - index * h_.row(2);
-    const Eigen::Vector2d a = h_.row(2).head<2>(), m = h.head<2>();
-    return m * (1.0 - a.dot(l)) + (a - aperture_.inverse_focus_slope) * m.dot(l);
+    const Eigen::Vector2d m = h.head<2>();
+    return m * (1.0 - turn().dot(l)) + defocus_slope() * m.dot(l);
 }
 
 // |l c / (1 - a.l)| <= radius |c| / (1 - radius |a|) for every l on the lens.
 Box MarkerView::seen_through_lens(const Box& box) const {
     const double rho = aperture_.radius_mm;
-    const double reach = rho * largest_defocus(box) / (1.0 - rho * h_.row(2).head<2>().norm());
+    const double reach = rho * largest_defocus(box) / (1.0 - rho * turn().norm());
     const Eigen::Vector2d scale = box.low.cwiseAbs().cwiseMax(box.high.cwiseAbs());
     const Eigen::Vector2d margin =
         Eigen::Vector2d::Constant(reach * (1.0 + rounding_margin) + 1e-15) +
@@ -139,7 +162,7 @@ Box MarkerView::seen_through_lens(const Box& box) const {
     return {box.low - margin, box.high + margin};
 }
 
-// The marker fills the wedge of pinhole rays with 0 <= u <= columns, 0 <= v <= rows and W > 0, all
+// The marker fills the wedge of chief rays with 0 <= u <= columns, 0 <= v <= rows and W > 0, all
 // linear in x: a box on the wrong side of any of them meets only background. This needs no division
 // and holds across the plane's horizon.
 bool MarkerView::misses_marker(const Box& box) const {
@@ -152,14 +175,14 @@ bool MarkerView::misses_marker(const Box& box) const {
 }
 
 // The inverse depth at which a ray meets the plane is 1/z_f + c / (1 - a.l): whether it can vanish
-// or turn negative for any sensor point of the box and any lens point.
+// or turn negative for any sensor point of the box and any lens point. Perspective only: a
+// telecentric camera has no horizon.
 bool MarkerView::sees_horizon(const Box& box) const {
-    const Eigen::Vector2d& slope = aperture_.inverse_focus_slope;
-    const double focus = aperture_.inverse_focus(box.centre()) - slope.cwiseAbs().dot(box.half());
-    const Eigen::Vector2d g = h_.row(2).head<2>().transpose() - slope;
-    const double c = defocus(box.centre()) - g.cwiseAbs().dot(box.half());
-    const double turn = aperture_.radius_mm * h_.row(2).head<2>().norm();
-    return !(focus + std::min(c / (1.0 - turn), c / (1.0 + turn)) > 0.0);
+    const double focus =
+        aperture_.focus(box.centre()) - aperture_.focus_slope.cwiseAbs().dot(box.half());
+    const double c = defocus(box.centre()) - defocus_slope().cwiseAbs().dot(box.half());
+    const double bend = aperture_.radius_mm * turn().norm();
+    return !(focus + std::min(c / (1.0 - bend), c / (1.0 + bend)) > 0.0);
 }
 
 std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
@@ -175,7 +198,7 @@ std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
                                {box.low.x(), box.high.y()},
                                {box.high.x(), box.high.y()}}) {
         const Eigen::Vector3d uvw = h_ * Eigen::Vector3d(x, y, 1.0);
-        if (!(uvw.z() > 0.0)) {  // the box of pinhole rays is wider than what the lens sees
+        if (!(uvw.z() > 0.0)) {  // the box of chief rays is wider than what the lens sees
             if (sees_horizon(sensor_box))
                 throw NumericalError(
                     "the marker's plane reaches its horizon beside the marker: not rendered");
@@ -204,8 +227,7 @@ BlurRange blur_over_marker(const MarkerView& view, const Intrinsics& intrinsics)
     double least = std::numeric_limits<double>::infinity(), most = -least;
     const double columns = view.columns(), rows = view.rows();
     for (const auto& [u, v] : {std::pair{0.0, 0.0}, {columns, 0.0}, {0.0, rows}, {columns, rows}}) {
-        const Eigen::Vector3d p = view.camera_from_grid() * Eigen::Vector3d(u, v, 1);
-        const double c = view.defocus(p.head<2>() / p.z());
+        const double c = view.defocus(view.sensor_point_of(u, v));
         least = std::min(least, c);
         most = std::max(most, c);
     }

@@ -1,14 +1,18 @@
 // A marker as one camera's lens meets it: the map from sensor points and lens points to grid cells,
 // and rigorous bounds of what a patch of the sensor can see. Shared by both closed-form methods.
 //
-// Notation (docs/rendering.md). M = [cell_x r1, cell_y r2, corner] takes (u, v, 1) to the camera
-// frame; h0, h1, h2 are the rows of its inverse. For an undistorted sensor point x = (X/Z, Y/Z):
-// W = h2 . (x, 1) is the inverse depth of the marker's plane there, 1/mm; c = W - 1/z_f; and the
-// ray through the lens point l (mm) meets the plane where the pinhole ray x + l c / (1 - a . l)
-// does, with a = (h2x, h2y).
+// Notation (docs/rendering.md). A sensor point x is where the chief ray passes: undistorted
+// normalised coordinates, (X/Z, Y/Z), or (X, Y) in mm for a telecentric camera. The homography from
+// the grid (u, v, 1) to x has the inverse rows h0, h1, h2, and e . (x, 1) over the plane is
+//     perspective   inverse depth, 1/mm   (e = h2)
+//     telecentric   depth, mm             (h2 = (0, 0, 1))
+// c = e . (x, 1) - focus, with the focus in the same terms (1/z_f, or z_f), is the defocus. The ray
+// through the lens point l meets the plane where the chief ray x + l c / (1 - a . l) does, with
+// a = (ex, ey); l is in mm, telecentric the tangents of the ray's angles.
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <optional>
 #include <vector>
 
@@ -17,19 +21,19 @@
 
 namespace etalon {
 
-// What of the lens matters to the geometry. 1/z_f is affine in the undistorted sensor point: a
+// What of the lens matters to the geometry. The focus is affine in the undistorted sensor point: a
 // tilted sensor (tau_x, tau_y) tilts the plane of sharp focus (Scheimpflug).
 struct Aperture {
-    double radius_mm = 0.0;               // 0: pinhole
-    double inverse_focus_per_mm = 0.0;    // 1/z_f on the axis
-    Eigen::Vector2d inverse_focus_slope;  // d(1/z_f)/dx, 1/mm
+    Projection projection = Projection::perspective;
+    double radius_mm = 0.0;      // 0: pinhole; telecentric: of the cone of rays 1 mm from its tip
+    double focus_on_axis = 0.0;  // 1/z_f, 1/mm; telecentric: z_f, mm
+    Eigen::Vector2d focus_slope = Eigen::Vector2d::Zero();  // d focus / dx
 
-    double inverse_focus(const Eigen::Vector2d& x) const {
-        return inverse_focus_per_mm + inverse_focus_slope.dot(x);
-    }
+    double focus(const Eigen::Vector2d& x) const { return focus_on_axis + focus_slope.dot(x); }
 };
 
-// A pinhole for a camera without a lens section. Throws NumericalError as thin_lens() does.
+// A pinhole for a camera without a lens section, and for one whose measured point spread holds all
+// its blur. Throws NumericalError as thin_lens() and telecentric_lens() do.
 Aperture aperture_of(const CameraModel& camera);
 
 // Throws NumericalError, naming the value, when a number in the scene is not finite, a cell has no
@@ -58,7 +62,7 @@ struct LensLine {
     Eigen::Vector2d slope;  // 1/mm
 };
 
-// h0, h1, h2 . (x, 1) of a sensor point (u = uvw[0] / uvw[2] on the pinhole ray), and its c.
+// h0, h1, h2 . (x, 1) of a sensor point (u = uvw[0] / uvw[2] on the chief ray), and its c.
 struct SensorPoint {
     Eigen::Vector3d uvw;
     double defocus;
@@ -67,7 +71,8 @@ struct SensorPoint {
 class MarkerView {
 public:
     // Throws NumericalError when a corner of the marker is not in front of the lens, the camera
-    // sees the marker's back, or its plane cuts the aperture (|a| d/2 >= 1).
+    // sees the marker's back, or its plane cuts the aperture (|a| d/2 >= 1: some ray of a sensor
+    // point runs along the plane or meets its back).
     MarkerView(const PlacedMarker& marker, double background, const Aperture& aperture);
 
     int columns() const { return columns_; }
@@ -78,14 +83,27 @@ public:
     const Aperture& aperture() const { return aperture_; }
     const Eigen::Matrix3d& camera_from_grid() const { return camera_from_grid_; }
 
+    // Rows h0, h1, h2, and e.
+    const Eigen::Matrix3d& h() const { return h_; }
+    const Eigen::Vector3d& depth_row() const { return e_; }
+    // a: what turns a ray's step on the plane by its lens point; in units of 1/l.
+    Eigen::Vector2d turn() const { return e_.head<2>(); }
+    // d c / d x.
+    Eigen::Vector2d defocus_slope() const { return turn() - aperture_.focus_slope; }
+
+    // The sensor point whose chief ray meets the grid at (u, v).
+    Eigen::Vector2d sensor_point_of(double u, double v) const {
+        return (sensor_from_grid_ * Eigen::Vector3d(u, v, 1.0)).hnormalized();
+    }
+
     // Radiance of a cell; the background for the indices -1 and columns() or rows().
     double cell(int column, int row) const {
         return cells_[static_cast<std::size_t>((row + 1) * (columns_ + 2) + column + 1)];
     }
 
-    // c = W - 1/z_f: the defocus at a sensor point, 1/mm.
+    // c at a sensor point; 1/mm, telecentric mm.
     double defocus(const Eigen::Vector2d& x) const {
-        return h_(2, 0) * x.x() + h_(2, 1) * x.y() + h_(2, 2) - aperture_.inverse_focus(x);
+        return e_.x() * x.x() + e_.y() * x.y() + e_.z() - aperture_.focus(x);
     }
 
     // The largest |c| of a box, and the smallest (0 where it changes sign).
@@ -93,8 +111,7 @@ public:
     double smallest_defocus(const Box& box) const;
 
     SensorPoint sensor_point(const Eigen::Vector2d& x) const {
-        const Eigen::Vector3d uvw = h_.leftCols<2>() * x + h_.col(2);
-        return {uvw, uvw.z() - aperture_.inverse_focus(x)};
+        return {h_.leftCols<2>() * x + h_.col(2), defocus(x)};
     }
 
     // The line u = index (axis 0) or v = index (axis 1) on the lens, for a sensor point.
@@ -102,7 +119,7 @@ public:
         const double offset = point.uvw[axis] - index * point.uvw.z();
         const double mx = h_(axis, 0) - index * h_(2, 0), my = h_(axis, 1) - index * h_(2, 1);
         return {offset,
-                {point.defocus * mx - offset * h_(2, 0), point.defocus * my - offset * h_(2, 1)}};
+                {point.defocus * mx - offset * e_.x(), point.defocus * my - offset * e_.y()}};
     }
 
     // d/dx of the line's offset + slope . l for a fixed lens point l: the line is affine in x.
@@ -113,19 +130,23 @@ public:
     // marker (the plane almost cuts the lens).
     std::optional<CellRange> footprint(const Box& box) const;
 
+    // Whether some ray from the box may run along the plane or meet its back: footprint() may then
+    // throw, and only a smaller box can tell.
+    bool sees_horizon(const Box& box) const;
+
     // The radiance that all cells of the range share, if they do.
     std::optional<double> uniform_radiance(const CellRange& range) const;
 
 private:
     Box seen_through_lens(const Box& box) const;
     bool misses_marker(const Box& box) const;
-    bool sees_horizon(const Box& sensor_box) const;
 
     Aperture aperture_;
     double background_;
     int columns_, rows_;
     std::vector<double> cells_;  // with a frame of background
-    Eigen::Matrix3d camera_from_grid_, h_;
+    Eigen::Matrix3d camera_from_grid_, sensor_from_grid_, h_;
+    Eigen::Vector3d e_;
 };
 
 // Smallest and largest blur radius over the marker, px (of x and y the smaller and the larger);

@@ -10,7 +10,8 @@ namespace etalon {
 
 class PointSpreadSampler {
 public:
-    // Of the camera's lens section, which must exist.
+    // Of the camera's lens section, which must exist, with one pattern for the whole image (not the
+    // wave-optical model).
     explicit PointSpreadSampler(const CameraModel& camera);
 
     struct Radius {
@@ -26,9 +27,20 @@ public:
     double radius_of(double energy) const;
 
 private:
-    bool is_airy_;
+    void tabulate_airy();
+    void tabulate_profile(const std::vector<std::pair<double, double>>& profile);
+    void make_guide();
+    // The interval of energy_ that holds this energy, and how far into it.
+    struct Position {
+        std::size_t index;
+        double part;
+    };
+    Position position_of(double energy) const;
+
+    PointSpread::Kind kind_;
     double scale_px_;             // lambda N_w, or sigma
-    std::vector<double> energy_;  // within x = i * step, of the Airy pattern
+    std::vector<double> energy_;  // within x = i * step of the Airy pattern, or within radius_
+    std::vector<double> radius_;  // of a profile, px
     std::vector<int> guide_;      // first index of energy_ to look at, by energy
 };
 

@@ -168,17 +168,32 @@ private:
         return projector_.unproject(pixel);
     }
 
-    // Along the ray through the lens point l the camera-frame point at depth z is
-    // (z x + l (1 - z / z_f), z): it passes l at depth 0 and the focus plane at z_f x.
+    // A ray's camera-frame point at depth z is from + z along.
+    struct Ray {
+        Eigen::Vector3d from, along;
+    };
+
+    // Perspective: (z x + l (1 - z / z_f), z) passes l at depth 0 and the focus plane at z_f x.
+    // Telecentric: (x + l (z - z_f), z), l the tangents of the ray's angles.
+    Ray ray_through(const Eigen::Vector2d& x, const Eigen::Vector2d& l) const {
+        const double focus = aperture_.focus(x);
+        Ray ray{Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitZ()};
+        if (camera_.projection == Projection::telecentric) {
+            ray.from.head<2>() = x - focus * l;
+            ray.along.head<2>() = l;
+        } else {
+            ray.from.head<2>() = l;
+            ray.along.head<2>() = x - focus * l;
+        }
+        return ray;
+    }
+
     double radiance(const Eigen::Vector2d& x, const Eigen::Vector2d& l) const {
-        const double inverse_focus = aperture_.inverse_focus(x);
-        const Eigen::Vector3d by_depth(x.x() - l.x() * inverse_focus, x.y() - l.y() * inverse_focus,
-                                       1.0);
+        const Ray ray = ray_through(x, l);
         double nearest = std::numeric_limits<double>::infinity();
         double seen = scene_.background;
         for (const TracedMarker& marker : markers_)
-            if (const auto hit = marker.hit(Eigen::Vector3d(l.x(), l.y(), 0.0), by_depth);
-                hit && hit->depth < nearest) {
+            if (const auto hit = marker.hit(ray.from, ray.along); hit && hit->depth < nearest) {
                 nearest = hit->depth;
                 seen = hit->radiance;
             }

@@ -80,6 +80,21 @@ void check(const Sensor& sensor) {
         refuse("read_noise_e", "needs gain_e_per_dn: electrons cannot be converted without it");
     if (sensor.transfer.kind == Transfer::Kind::table)
         check_table(sensor.transfer.table);
+    for (const double response : sensor.channel_response)
+        if (!(response > 0.0 && std::isfinite(response)))
+            refuse("channel_response", fmt::format("{} is not a response", response));
+}
+
+void check_illumination(const CameraModel& camera) {
+    const Illumination& illumination = camera.sensor->illumination;
+    if (illumination.kind == Illumination::Kind::cos4 &&
+        camera.projection == Projection::telecentric)
+        refuse("illumination", "cos4: a telecentric camera has no field angle");
+    if (illumination.kind != Illumination::Kind::polynomial)
+        return;
+    const double least = least_polynomial_illumination(camera);
+    if (!(least > 0.0))
+        refuse("illumination", fmt::format("the polynomial falls to {} within the image", least));
 }
 
 template <class Body>
@@ -103,6 +118,42 @@ cv::Mat cos4_map(const CameraModel& camera) {
         }
     });
     return map;
+}
+
+cv::Mat polynomial_map(const CameraModel& camera) {
+    cv::Mat map(camera.height, camera.width, CV_32FC1);
+    for_each_row(map.rows, [&](int y) {
+        for (int x = 0; x < map.cols; ++x)
+            map.at<float>(y, x) = static_cast<float>(
+                polynomial_illumination(camera.sensor->illumination.polynomial,
+                                        illumination_radius_squared(camera, {x, y})));
+    });
+    return map;
+}
+
+cv::Mat illumination_map(const CameraModel& camera) {
+    switch (camera.sensor->illumination.kind) {
+        case Illumination::Kind::cos4:
+            return cos4_map(camera);
+        case Illumination::Kind::polynomial:
+            return polynomial_map(camera);
+        case Illumination::Kind::uniform:
+            break;
+    }
+    return {};
+}
+
+// Multiplies the channels' response into the map; an empty one stands for 1.
+void apply_mosaic(const Sensor& sensor, cv::Size size, cv::Mat& map) {
+    const auto& response = sensor.channel_response;
+    if (sensor.mosaic == Mosaic::none || response == std::array{1.0, 1.0, 1.0})
+        return;
+    if (map.empty())
+        map = cv::Mat(size, CV_32FC1, cv::Scalar(1.0));
+    for (int y = 0; y < map.rows; ++y)
+        for (int x = 0; x < map.cols; ++x)
+            map.at<float>(y, x) *= static_cast<float>(
+                response[static_cast<std::size_t>(channel_of_pixel(sensor.mosaic, x, y))]);
 }
 
 void check_radiance(const Radiance& radiance, cv::Size size) {
@@ -147,13 +198,24 @@ double decode(const Transfer& transfer, double code) {
     return std::min(code, 1.0);
 }
 
+Channel channel_of_pixel(Mosaic mosaic, int x, int y) {
+    const bool green_first = mosaic == Mosaic::grbg || mosaic == Mosaic::gbrg;
+    if (mosaic == Mosaic::none || ((x + y) % 2 != 0) != green_first)
+        return Channel::green;
+    const bool red_row_first = mosaic == Mosaic::rggb || mosaic == Mosaic::grbg;
+    return (y % 2 == 0) == red_row_first ? Channel::red : Channel::blue;
+}
+
 SensorModel::SensorModel(const CameraModel& camera)
     : sensor_(camera.sensor.value_or(Sensor{})), size_(camera.width, camera.height) {
     check(sensor_);
     full_scale_ = (1 << sensor_.bits) - 1;
     range_ = full_scale_ - sensor_.black_dn;
-    if (sensor_.cos4_illumination)
-        illumination_ = cos4_map(camera);
+    if (!camera.sensor)
+        return;
+    check_illumination(camera);
+    response_ = illumination_map(camera);
+    apply_mosaic(sensor_, size_, response_);
 }
 
 double SensorModel::code_of(double radiance, const NoiseKey* noise, std::uint64_t pixel) const {
@@ -173,10 +235,10 @@ CodeImage SensorModel::expose(const Radiance& radiance, std::optional<NoiseKey> 
     CodeImage image{cv::Mat(size_, sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
     for_each_row(size_.height, [&](int y) {
         for (int x = 0; x < size_.width; ++x) {
-            const float shade = illumination_.empty() ? 1.0f : illumination_.at<float>(y, x);
+            const float response = response_.empty() ? 1.0f : response_.at<float>(y, x);
             const std::uint64_t pixel = std::uint64_t(y) * size_.width + x;
-            const double code =
-                code_of(double(radiance.at<float>(y, x)) * shade, noise ? &*noise : nullptr, pixel);
+            const double code = code_of(double(radiance.at<float>(y, x)) * response,
+                                        noise ? &*noise : nullptr, pixel);
             if (sensor_.bits > 8)
                 image.pixels.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(code);
             else

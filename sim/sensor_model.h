@@ -1,8 +1,9 @@
 // The sensor behind the lens: code values from linear radiance, and back for the comparison.
 //
 // Order of operations, for a pixel of radiance L (1 = full scale F = 2^bits - 1):
-//   1. relative illumination   L cos^4(field angle), if the camera's sensor section says so
-//   2. linear signal           s = (F - black) L, in linear code values (DN) above black
+//   1. relative response       L q: q the relative illumination (cos^4 of the field angle, or the
+//                              measured polynomial) times the response of the pixel's channel
+//   2. linear signal           s = (F - black) L q, in linear code values (DN) above black
 //   3. noise, only with a key  s + n, var n = max(s, 0) / gain + (read_noise / gain)^2   [DN^2]
 //   4. transfer curve          T((s + n) / (F - black))
 //   5. black level             c = black + (F - black) T, so that no light gives exactly `black`
@@ -12,7 +13,9 @@
 // 25 electrons) is not drawn. EMVA 1288's linear camera model has the same terms (there the
 // quantisation's variance 1/12 is written out; here it arises by itself).
 //
-// Exposure is not here: whoever exposes longer scales the radiance.
+// Exposure is not here: whoever exposes longer scales the radiance, expose(radiance * factor).
+// A mosaic's image is the raw one: one value a pixel, of the channel that channel_of_pixel() tells,
+// with that channel's signal and noise. Nothing is interpolated.
 #pragma once
 
 #include <cstdint>
@@ -31,6 +34,10 @@ namespace etalon {
 double encode(const Transfer& transfer, double radiance);
 double decode(const Transfer& transfer, double code);
 
+// The colour filter on the pixel (x, y), x and y >= 0; green without a mosaic.
+enum class Channel { red, green, blue };
+Channel channel_of_pixel(Mosaic mosaic, int x, int y);
+
 // What the noise of an image is a pure function of, together with the pixel.
 struct NoiseKey {
     std::uint64_t seed = 0;
@@ -42,8 +49,10 @@ struct NoiseKey {
 class SensorModel {
 public:
     // Throws ConfigError when the sensor section contradicts itself: bits outside 1..16, black not
-    // in [0, full scale), negative gain or noise, read noise without gain, or a table that does not
-    // rise strictly from radiance 0 to 1 with codes in [0, 1].
+    // in [0, full scale), negative gain or noise, read noise without gain, a table that does not
+    // rise strictly from radiance 0 to 1 with codes in [0, 1], an illumination polynomial that is
+    // not positive all over the image, cos^4 of a telecentric camera, or a channel without
+    // response.
     // With cos^4 illumination it unprojects every pixel once: about 0.2 us of CPU time each.
     explicit SensorModel(const CameraModel& camera);
 
@@ -52,15 +61,15 @@ public:
     // Throws NumericalError for another size or type and for a pixel that is not finite.
     CodeImage expose(const Radiance& radiance, std::optional<NoiseKey> noise = {}) const;
 
-    // Steps 6 to 2 undone: radiance at the sensor (relative illumination stays in). Codes below
+    // Steps 6 to 2 undone: radiance at the sensor (relative response stays in). Codes below
     // black give negative radiance, and a saturated code 1, which is then only a lower bound.
     // The image must have the sensor's bit depth (NumericalError otherwise), and may be of any
     // size.
     Radiance linear_radiance(const CodeImage& image) const;
 
-    // cos^4 of the field angle by pixel, CV_32FC1; empty when the sensor section asks for none.
-    // Where the distortion model has no ray (the renderer's mask says where) it is 1.
-    const cv::Mat& relative_illumination() const { return illumination_; }
+    // q by pixel, CV_32FC1; empty when it is 1 everywhere. Where the distortion model has no ray
+    // (the renderer's mask says where) cos^4 is taken as 1.
+    const cv::Mat& relative_response() const { return response_; }
 
     int bits() const { return sensor_.bits; }
 
@@ -70,7 +79,7 @@ private:
     Sensor sensor_;
     cv::Size size_;
     double full_scale_, range_;  // F and F - black, DN
-    cv::Mat illumination_;
+    cv::Mat response_;
 };
 
 }  // namespace etalon

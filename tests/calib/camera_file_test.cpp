@@ -82,7 +82,7 @@ TEST(CameraFile, ReadsEveryKey) {
     EXPECT_EQ(camera.sensor->black_dn, 3);
     EXPECT_EQ(camera.sensor->gain_e_per_dn, 2.5);
     EXPECT_EQ(camera.sensor->read_noise_e, 7);
-    EXPECT_TRUE(camera.sensor->cos4_illumination);
+    EXPECT_EQ(camera.sensor->illumination.kind, Illumination::Kind::cos4);
 }
 
 TEST(CameraFile, LeavesOutWhatTheFileLeavesOut) {
@@ -96,7 +96,7 @@ TEST(CameraFile, LeavesOutWhatTheFileLeavesOut) {
     EXPECT_EQ(with_lens.lens->psf.kind, PointSpread::Kind::ideal);
     EXPECT_EQ(with_lens.sensor->bits, 8);
     EXPECT_EQ(with_lens.sensor->transfer.kind, Transfer::Kind::linear);
-    EXPECT_FALSE(with_lens.sensor->cos4_illumination);
+    EXPECT_EQ(with_lens.sensor->illumination.kind, Illumination::Kind::uniform);
 }
 
 TEST(CameraFile, WorkingFNumberBecomesTheEngravedOne) {
@@ -125,9 +125,6 @@ TEST(CameraFile, NamesFileLineAndKeyOfWhatItRefuses) {
                "lens: {f_number: 2.8, focus_distance_mm: 150, wavelength_nm: 650, psf: " + psf +
                "}\nsensor: {pixel_pitch_um: 8.3}\n";
     };
-    EXPECT_THAT(error_of(lens("wave")), HasSubstr("case.yml:4: lens.psf: 'wave' is not available"));
-    EXPECT_THAT(error_of(lens("{measured: {file: psf.yml}}")),
-                HasSubstr("case.yml:4: lens.psf: 'measured' is not available"));
     EXPECT_THAT(error_of(lens("{gaussian: {sigma_px: 0}}")),
                 HasSubstr("case.yml:4: lens.psf.gaussian.sigma_px: must be greater than 0"));
     EXPECT_THAT(error_of(lens("round")), HasSubstr("case.yml:4: lens.psf: must be one of ideal"));
@@ -216,7 +213,7 @@ TEST(CameraFile, WritesWhatReadsBackToTheLastBit) {
     camera.sensor->black_dn = 5;
     camera.sensor->gain_e_per_dn = 0.3;
     camera.sensor->read_noise_e = 1.7;
-    camera.sensor->cos4_illumination = true;
+    camera.sensor->illumination.kind = Illumination::Kind::cos4;
     write_camera(temporary("written.yml"), camera);
     const CameraModel back = read_camera(temporary("written.yml"));
     expect_same(back, camera);
@@ -233,7 +230,109 @@ TEST(CameraFile, WritesWhatReadsBackToTheLastBit) {
     EXPECT_EQ(back.sensor->black_dn, camera.sensor->black_dn);
     EXPECT_EQ(back.sensor->gain_e_per_dn, camera.sensor->gain_e_per_dn);
     EXPECT_EQ(back.sensor->read_noise_e, camera.sensor->read_noise_e);
-    EXPECT_TRUE(back.sensor->cos4_illumination);
+    EXPECT_EQ(back.sensor->illumination.kind, Illumination::Kind::cos4);
+}
+
+const std::string telecentric_head =
+    "etalon: camera/1\nimage: {width: 640, height: 480}\nprojection: telecentric\n"
+    "intrinsics: {fx: 8.2, fy: 7.9, cx: 319.5, cy: 239.5}\n";
+
+TEST(CameraFile, ReadsATelecentricCamera) {
+    const CameraModel camera =
+        read(telecentric_head +
+             "lens: {object_na: 0.03, focus_distance_mm: 150, wavelength_nm: 650, psf: wave}\n"
+             "sensor: {pixel_pitch_um: 5, illumination: {polynomial: [-0.2, 0.1, -0.05]},"
+             " mosaic: GRBG, channel_response: [0.6, 1, 0.45]}\n");
+    EXPECT_EQ(camera.projection, Projection::telecentric);
+    EXPECT_EQ(camera.lens->object_na, 0.03);
+    EXPECT_EQ(camera.lens->psf.kind, PointSpread::Kind::wave);
+    EXPECT_EQ(camera.sensor->illumination.kind, Illumination::Kind::polynomial);
+    EXPECT_EQ(camera.sensor->illumination.polynomial, (std::array{-0.2, 0.1, -0.05}));
+    EXPECT_EQ(camera.sensor->mosaic, Mosaic::grbg);
+    EXPECT_EQ(camera.sensor->channel_response, (std::array{0.6, 1.0, 0.45}));
+    write_camera(temporary("telecentric.yml"), camera);
+    const CameraModel back = read_camera(temporary("telecentric.yml"));
+    expect_same(back, camera);
+    EXPECT_EQ(back.projection, Projection::telecentric);
+    EXPECT_EQ(back.lens->object_na, camera.lens->object_na);
+    EXPECT_EQ(back.lens->focus_distance_mm, camera.lens->focus_distance_mm);
+    EXPECT_EQ(back.lens->psf.kind, PointSpread::Kind::wave);
+    EXPECT_EQ(back.sensor->illumination.kind, Illumination::Kind::polynomial);
+    EXPECT_EQ(back.sensor->illumination.polynomial, camera.sensor->illumination.polynomial);
+    EXPECT_EQ(back.sensor->mosaic, Mosaic::grbg);
+    EXPECT_EQ(back.sensor->channel_response, camera.sensor->channel_response);
+    EXPECT_THROW(write_opencv_camera(temporary("opencv.yml"), camera), NumericalError);
+}
+
+TEST(CameraFile, RefusesWhatATelecentricCameraCannotHave) {
+    const std::string sensor = "sensor: {pixel_pitch_um: 5}\n";
+    const auto lens = [&](const std::string& keys) {
+        return telecentric_head + "lens: {" + keys + ", wavelength_nm: 650}\n" + sensor;
+    };
+    EXPECT_THAT(error_of(lens("f_number: 2.8, focus_distance_mm: 150")),
+                HasSubstr("case.yml:5: lens.object_na: missing"));
+    EXPECT_THAT(error_of(lens("object_na: 0.03, focus_distance_mm: 150, f_number: 2.8")),
+                HasSubstr("lens.f_number: unknown key"));
+    EXPECT_THAT(error_of(lens("object_na: 1, focus_distance_mm: 150")),
+                HasSubstr("case.yml:5: lens.object_na: must be less than 1"));
+    EXPECT_THAT(error_of(lens("object_na: 0.03, focus_distance_mm: infinity")),
+                HasSubstr("case.yml:5: lens.focus_distance_mm: "));
+    EXPECT_THAT(error_of(telecentric_head + "distortion: {k1: 1e-4, tau_y: 0.1}\n"),
+                HasSubstr("case.yml:5: distortion.tau_y: belongs to a perspective camera"));
+    EXPECT_THAT(error_of(telecentric_head + "sensor: {illumination: {cos4: true}}\n"),
+                HasSubstr("case.yml:5: sensor.illumination.cos4: belongs to a perspective camera"));
+    EXPECT_THAT(error_of(head + "projection: fisheye\n"),
+                HasSubstr("case.yml:4: projection: must be one of perspective"));
+}
+
+TEST(CameraFile, ReadsAMeasuredPointSpreadAndWritesItBack) {
+    written("psf.yml", "etalon: psf/1\nradius_px: [0, 0.5, 1.25, 3]\ndensity: [4, 3, 0.7, 0]\n");
+    const CameraModel camera =
+        read(head +
+             "lens: {f_number: 2.8, focus_distance_mm: 150, wavelength_nm: 650,"
+             " psf: {measured: {file: psf.yml}}}\nsensor: {pixel_pitch_um: 8.3}\n");
+    const std::vector<std::pair<double, double>> profile{{0, 4}, {0.5, 3}, {1.25, 0.7}, {3, 0}};
+    EXPECT_EQ(camera.lens->psf.kind, PointSpread::Kind::measured);
+    EXPECT_EQ(camera.lens->psf.profile, profile);
+    write_camera(temporary("written.yml"), camera);
+    EXPECT_EQ(read_camera(temporary("written.yml")).lens->psf.profile, profile);
+}
+
+TEST(CameraFile, RefusesAMeasuredPointSpreadByLineAndKey) {
+    const auto error = [](const std::string& radii, const std::string& densities) {
+        written("psf.yml", "etalon: psf/1\nradius_px: " + radii + "\ndensity: " + densities + "\n");
+        return error_of(head +
+                        "lens: {f_number: 2.8, focus_distance_mm: 150, wavelength_nm: 650,"
+                        " psf: {measured: {file: psf.yml}}}\nsensor: {pixel_pitch_um: 8.3}\n");
+    };
+    EXPECT_THAT(error("[0, 1, 2]", "[3, 2, 1]"), HasSubstr("psf.yml:2: radius_px: needs at least"));
+    EXPECT_THAT(error("[0.1, 1, 2, 3]", "[3, 2, 1, 0]"),
+                HasSubstr("psf.yml:2: radius_px: must begin with 0"));
+    EXPECT_THAT(error("[0, 1, 1, 3]", "[3, 2, 1, 0]"),
+                HasSubstr("psf.yml:2: radius_px: must ascend: 1 after 1"));
+    EXPECT_THAT(error("[0, 1, 2, 3]", "[3, 2, 1]"), HasSubstr("psf.yml:3: density: "));
+    EXPECT_THAT(error("[0, 1, 2, 3]", "[3, 2, -1, 0]"), HasSubstr("psf.yml:3: density"));
+    EXPECT_THAT(error("[0, 1, 2, 3]", "[3, .nan, 1, 0]"), HasSubstr("psf.yml:3: density"));
+    EXPECT_THAT(error("[0, 1, 2, 3]", "[0, 0, 0, 0]"),
+                HasSubstr("psf.yml:3: density: holds no energy"));
+}
+
+TEST(CameraFile, RefusesIlluminationAndMosaicByLineAndKey) {
+    const auto error = [](const std::string& keys) {
+        return error_of(head + "sensor: {" + keys + "}\n");
+    };
+    EXPECT_THAT(error("illumination: {cos4: true, polynomial: [0, 0, 0]}"),
+                HasSubstr("case.yml:4: sensor.illumination.polynomial: excludes cos4"));
+    EXPECT_THAT(error("illumination: {polynomial: [-0.2, 0.1]}"),
+                HasSubstr("case.yml:4: sensor.illumination.polynomial"));
+    // 1 - 3 s + 2.1 s^2 is 1 at 0 and 0.1 at 1, but negative between: -0.0714 at s = 0.714.
+    EXPECT_THAT(error("illumination: {polynomial: [-3, 2.1, 0]}"),
+                HasSubstr("case.yml:4: sensor.illumination.polynomial: falls to -0.0714"));
+    EXPECT_THAT(error("mosaic: RGBG"), HasSubstr("case.yml:4: sensor.mosaic: must be one of RGGB"));
+    EXPECT_THAT(error("channel_response: [1, 1, 1]"),
+                HasSubstr("case.yml:4: sensor.channel_response: needs a mosaic"));
+    EXPECT_THAT(error("mosaic: RGGB, channel_response: [1, 0, 1]"),
+                HasSubstr("case.yml:4: sensor.channel_response[1]: must be greater than 0"));
 }
 
 TEST(OpenCvFile, WritesWhatReadsBackToTheLastBit) {

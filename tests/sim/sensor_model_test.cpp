@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <random>
 
 #include "core/errors.h"
 
@@ -114,13 +115,13 @@ TEST(SensorModel, TakesCodesBackToTheRadianceTheyCameFrom) {
 
 TEST(SensorModel, DarkensWithTheFourthPowerOfTheCosine) {
     Sensor sensor;
-    sensor.cos4_illumination = true;
+    sensor.illumination.kind = Illumination::Kind::cos4;
     sensor.bits = 16;
     const SensorModel model(camera_with(sensor));
     // Pixel (7-1, 5-1) is 3 px right and 2 px below the principal point: x = 0.03, y = 2/140.
     const double r2 = 0.03 * 0.03 + (2.0 / 140.0) * (2.0 / 140.0);
-    EXPECT_NEAR(model.relative_illumination().at<float>(4, 6), 1.0 / ((1 + r2) * (1 + r2)), 1e-7);
-    EXPECT_EQ(model.relative_illumination().at<float>(2, 3), 1.0f);
+    EXPECT_NEAR(model.relative_response().at<float>(4, 6), 1.0 / ((1 + r2) * (1 + r2)), 1e-7);
+    EXPECT_EQ(model.relative_response().at<float>(2, 3), 1.0f);
     const CodeImage image = model.expose(uniform(0.8));
     EXPECT_EQ(image.pixels.at<std::uint16_t>(4, 6),
               std::floor(0.8f * 65535.0 / ((1 + r2) * (1 + r2)) + 0.5));
@@ -209,6 +210,98 @@ TEST(SensorModel, RefusesASectionThatContradictsItself) {
     refused([](Sensor& s) { s.transfer = {Transfer::Kind::table, {{0, 0}, {0.7, 1}}}; });
     refused([](Sensor& s) { s.transfer = {Transfer::Kind::table, {{0, 0}, {0.7, 0}, {1, 1}}}; });
     refused([](Sensor& s) { s.transfer = {Transfer::Kind::table, {{0, 0}, {1, 1.2}}}; });
+}
+
+// Half the diagonal of an 8 x 6 px image is 5 px: r is the distance from (cx, cy) in units of it.
+CameraModel shaded(const std::array<double, 3>& polynomial) {
+    CameraModel camera;
+    camera.width = 8;
+    camera.height = 6;
+    camera.intrinsics = {10.0, 10.0, 3.0, 2.0};
+    camera.sensor = Sensor{.bits = 16};
+    camera.sensor->illumination = {Illumination::Kind::polynomial, polynomial};
+    return camera;
+}
+
+TEST(SensorModel, MultipliesAMeasuredIllumination) {
+    const SensorModel model(shaded({-0.31, 0.12, -0.05}));
+    for (const auto& [x, y] : {std::pair{3, 2}, {7, 5}, {0, 4}}) {
+        const double s = ((x - 3.0) * (x - 3.0) + (y - 2.0) * (y - 2.0)) / 25.0;
+        const double expected = 1.0 - 0.31 * s + 0.12 * s * s - 0.05 * s * s * s;
+        EXPECT_NEAR(model.relative_response().at<float>(y, x), expected, 1e-7);
+        const Radiance radiance(6, 8, CV_32FC1, cv::Scalar(0.8));
+        EXPECT_EQ(model.expose(radiance).pixels.at<std::uint16_t>(y, x),
+                  std::floor(65535 * double(0.8f) * static_cast<float>(expected) + 0.5));
+    }
+}
+
+TEST(SensorModel, RefusesAnIlluminationThatVanishesInTheImage) {
+    // Farthest is the corner (7.5, 5.5): s = 1.3. The least value of the whole square, by search.
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> coefficient(-4.0, 4.0);
+    int refused = 0;
+    for (int n = 0; n < 300; ++n) {
+        const std::array<double, 3> c{coefficient(random), coefficient(random),
+                                      coefficient(random)};
+        double least = 1.0;
+        for (int i = 0; i <= 20000; ++i)
+            least = std::min(least, polynomial_illumination(c, 1.3 * i / 20000.0));
+        const CameraModel camera = shaded(c);
+        EXPECT_NEAR(least_polynomial_illumination(camera), least, 1e-6);
+        refused += least <= 0.0;
+        if (least <= 0.0) {
+            EXPECT_THROW(SensorModel{camera}, ConfigError);
+        }
+    }
+    EXPECT_GT(refused, 50);
+    EXPECT_LT(refused, 250);
+    EXPECT_THROW(SensorModel{shaded({std::nan(""), 0.0, 0.0})}, ConfigError);
+    EXPECT_NO_THROW(SensorModel{shaded({0.0, 0.0, 0.0})});
+}
+
+TEST(SensorModel, KnowsTheColourOfEveryPixelOfAMosaic) {
+    const auto word = [](Mosaic mosaic) {
+        std::string letters;
+        for (int y = 2; y < 4; ++y)
+            for (int x = 4; x < 6; ++x)
+                letters += "RGB"[static_cast<int>(channel_of_pixel(mosaic, x, y))];
+        return letters;
+    };
+    EXPECT_EQ(word(Mosaic::rggb), "RGGB");
+    EXPECT_EQ(word(Mosaic::bggr), "BGGR");
+    EXPECT_EQ(word(Mosaic::grbg), "GRBG");
+    EXPECT_EQ(word(Mosaic::gbrg), "GBRG");
+}
+
+TEST(SensorModel, GivesEachChannelItsSignalAndItsNoise) {
+    CameraModel camera;
+    camera.width = 200;
+    camera.height = 200;
+    camera.sensor = Sensor{.bits = 12, .black_dn = 64.0, .gain_e_per_dn = 2.0};
+    camera.sensor->mosaic = Mosaic::gbrg;
+    camera.sensor->channel_response = {0.5, 1.0, 0.25};
+    const SensorModel model(camera);
+    const Radiance radiance(200, 200, CV_32FC1, cv::Scalar(0.6));
+    const CodeImage clean = model.expose(radiance), noisy = model.expose(radiance, NoiseKey{5, 1});
+    const double range = 4095.0 - 64.0;
+    EXPECT_EQ(clean.pixels.at<std::uint16_t>(0, 0), std::round(64 + range * 0.6));         // green
+    EXPECT_EQ(clean.pixels.at<std::uint16_t>(0, 1), std::round(64 + range * 0.6 * 0.25));  // blue
+    EXPECT_EQ(clean.pixels.at<std::uint16_t>(1, 0), std::round(64 + range * 0.6 * 0.5));   // red
+    EXPECT_EQ(clean.pixels.at<std::uint16_t>(3, 5), std::round(64 + range * 0.6));         // green
+    // Photon noise: variance = signal / gain. 10 000 blue pixels: 1.4 % standard error.
+    double squares = 0.0;
+    for (int y = 0; y < 200; y += 2)
+        for (int x = 1; x < 200; x += 2)
+            squares +=
+                std::pow(noisy.pixels.at<std::uint16_t>(y, x) - (64 + range * 0.6 * 0.25), 2);
+    EXPECT_NEAR(squares / 1e4, range * 0.6 * 0.25 / 2.0 + 1.0 / 12.0, 0.06 * range * 0.6 * 0.125);
+}
+
+TEST(SensorModel, RefusesAChannelWithoutResponse) {
+    CameraModel camera = shaded({0.0, 0.0, 0.0});
+    camera.sensor->mosaic = Mosaic::rggb;
+    camera.sensor->channel_response = {1.0, 1.0, -0.1};
+    EXPECT_THROW(SensorModel{camera}, ConfigError);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 
 #include "core/errors.h"
 #include "core/text.h"
-#include "tests/evidence/render_comparison.h"
+#include "sim/render_comparison.h"
 
 namespace etalon {
 namespace {

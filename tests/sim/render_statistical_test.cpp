@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/evidence/render_comparison.h"
+#include "sim/render_comparison.h"
 
 namespace etalon {
 namespace {

@@ -19,18 +19,24 @@ struct MarkerArguments {
 };
 int run_marker(const MarkerArguments& arguments);
 
+// One image, or with a pose file an image set: out is then a folder.
 struct RenderArguments {
     std::filesystem::path camera, out;
-    std::string marker;
-    std::string pose;  // "rx,ry,rz,tx,ty,tz"
-    double background = 1.0;
-    std::string method = "auto";  // auto, E, C or reference
+    std::vector<std::string> markers;
+    std::vector<std::string> poses;  // "rx,ry,rz,tx,ty,tz", one a marker
+    std::filesystem::path
+        pose_file;                 // a set: camera_from_scene by image, `poses` place the markers
+    std::string background = "1";  // a radiance, or an image file
+    std::string method = "auto";   // auto, E, C or reference
     double tolerance_gray = 0.1;
+    double exposure = 1.0;                    // factor on the radiance before the sensor
     bool linear = false;                      // 32-bit TIFF of radiance
     std::optional<std::uint64_t> noise_seed;  // shot and read noise of the camera's sensor
+    bool explain = false;                     // print the plan
     bool json = false;
 };
 int run_render(const RenderArguments& arguments);
+int run_render_set(const RenderArguments& arguments);  // with a pose file
 
 struct CalibrateArguments {
     std::string board;  // "9x6"

@@ -20,23 +20,14 @@ constexpr int interrupted = 130;
 
 using Run = std::function<int()>;
 
-// A check for options that are numbers: finite, in range, and written as one.
-CLI::Validator number_check(double low, bool low_allowed, double high, const std::string& words) {
+CLI::Validator positive_number() {
     return CLI::Validator(
-        [=](const std::string& text) -> std::string {
+        [](const std::string& text) -> std::string {
             const auto value = parse_number(text);
-            const bool fits = value && (low_allowed ? *value >= low : *value > low);
-            return fits && *value <= high ? "" : fmt::format("must be {}, not '{}'", words, text);
+            return value && *value > 0.0 ? ""
+                                         : fmt::format("must be a number above 0, not '{}'", text);
         },
         "");
-}
-
-CLI::Validator positive_number() {
-    return number_check(0.0, false, std::numeric_limits<double>::max(), "a number above 0");
-}
-
-CLI::Validator share() {
-    return number_check(0.0, true, 1.0, "a number between 0 and 1");
 }
 
 CLI::Validator whole_number() {
@@ -90,27 +81,42 @@ void add_marker_command(CLI::App& app, Run& run) {
         ->type_name("N");
 }
 
+constexpr const char* render_details =
+    "\nSeveral markers: repeat --marker and --pose; one must not hide another.\n\n"
+    "With --poses the scene is rendered from every pose of a file (CSV with the\n"
+    "header rx,ry,rz,tx,ty,tz, or JSON) into the folder --out, in parallel. A row is\n"
+    "the scene's pose; --pose then says where a marker is in the scene and may be\n"
+    "left out for one marker. The same command again renders only what is missing;\n"
+    "poses that cannot be rendered are listed in images.jsonl and counted.\n\n"
+    "Examples:\n"
+    "  etalon render --camera camera.yml --marker apriltag:36h11:5@50mm \\\n"
+    "      --pose 0.2,-0.1,0,5,7,300 --out render.png\n"
+    "  etalon render --camera camera.yml --marker apriltag:36h11:5@50mm \\\n"
+    "      --poses poses.csv --out images\n";
+
 void add_render_command(CLI::App& app, Run& run) {
     auto arguments = std::make_shared<RenderArguments>();
     CLI::App* sub = add_command(app, run, arguments, run_render, "render",
-                                "render a marker as a calibrated camera would see it",
-                                std::string(pose_words) + "\n" + marker_names +
-                                    "\nExample:\n  etalon render --camera camera.yml "
-                                    "--marker apriltag:36h11:5@50mm \\\n"
-                                    "      --pose 0.2,-0.1,0,5,7,300 --out render.png\n");
+                                "render markers as a calibrated camera would see them",
+                                std::string(pose_words) + "\n" + marker_names + render_details);
     sub->add_option("--camera", arguments->camera, "calibration: ours, OpenCV's or ROS'")
         ->required()
         ->type_name("FILE");
-    sub->add_option("--marker", arguments->marker, "what to render, see below")
+    sub->add_option("--marker", arguments->markers, "what to render, see below")
         ->required()
+        ->allow_extra_args(false)
         ->type_name("M");
-    sub->add_option("--pose", arguments->pose, "rx,ry,rz,tx,ty,tz: where it is, see below")
-        ->required()
+    sub->add_option("--pose", arguments->poses, "rx,ry,rz,tx,ty,tz: where it is, see below")
+        ->allow_extra_args(false)
         ->type_name("P");
-    sub->add_option("--out", arguments->out, ".png or .tiff")->required()->type_name("FILE");
+    sub->add_option("--poses", arguments->pose_file, "render a set: an image for every pose")
+        ->type_name("FILE");
+    sub->add_option("--out", arguments->out, ".png or .tiff; of a set: the folder")
+        ->required()
+        ->type_name("FILE");
     sub->add_option("--background", arguments->background,
-                    "radiance around the marker, 0 to 1 (default 1)")
-        ->check(share())
+                    "radiance around the markers, 0 to 1 (default 1),\n"
+                    "or an image of the camera without them")
         ->type_name("B");
     sub->add_option("--method", arguments->method,
                     "auto (default), E (exact lens), C (exact area)\n"
@@ -121,11 +127,16 @@ void add_render_command(CLI::App& app, Run& run) {
                     "largest error, in 1/255 of full scale (default 0.1)")
         ->check(positive_number())
         ->type_name("GRAY");
+    sub->add_option("--exposure", arguments->exposure,
+                    "factor on the radiance, background included\n(default 1)")
+        ->check(positive_number())
+        ->type_name("X");
     sub->add_flag("--linear", arguments->linear, "write radiance as 32-bit float TIFF");
     sub->add_option("--noise-seed", arguments->noise_seed,
                     "add the sensor's shot and read noise, from this seed")
         ->check(whole_number())
         ->type_name("N");
+    sub->add_flag("--explain", arguments->explain, "print what was left out, and by which bound");
 }
 
 void add_calibrate_command(CLI::App& app, Run& run) {

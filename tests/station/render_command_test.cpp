@@ -30,8 +30,8 @@ protected:
         write_image(folder_ / "cells.png", {cells_, 8});
         write_text(folder_ / "camera.yml", pinhole);
         arguments_.camera = folder_ / "camera.yml";
-        arguments_.marker = "bitmap:" + (folder_ / "cells.png").string() + "@30x20mm";
-        arguments_.pose = "0,0,0,7,-5,100";
+        arguments_.markers = {"bitmap:" + (folder_ / "cells.png").string() + "@30x20mm"};
+        arguments_.poses = {"0,0,0,7,-5,100"};
         arguments_.out = folder_ / "out.png";
     }
 
@@ -90,7 +90,7 @@ TEST_F(RenderCommand, WritesLinearRadianceAsFloat) {
 }
 
 TEST_F(RenderCommand, PaintsTheBackgroundAsTold) {
-    arguments_.background = 0.6;
+    arguments_.background = "0.6";
     EXPECT_EQ(rendered().pixels.at<std::uint8_t>(3, 70), 153);
 }
 
@@ -101,8 +101,8 @@ TEST_F(RenderCommand, GivesTheSameImageByEveryMethod) {
                "intrinsics: {fx: 100, fy: 100, cx: 11, cy: 7}\n"
                "lens: {f_number: 8, focus_distance_mm: 90, wavelength_nm: 600}\n"
                "sensor: {pixel_pitch_um: 50}\n");
-    arguments_.marker = "bitmap:" + (folder_ / "cells.png").string() + "@12x9mm";
-    arguments_.pose = "0.3,0.1,-0.2,1,-1,110";
+    arguments_.markers = {"bitmap:" + (folder_ / "cells.png").string() + "@12x9mm"};
+    arguments_.poses = {"0.3,0.1,-0.2,1,-1,110"};
     std::vector<cv::Mat> images;
     for (const char* method : {"auto", "E", "C", "reference"}) {
         arguments_.method = method;
@@ -142,19 +142,84 @@ TEST_F(RenderCommand, SaysInJsonWhatItDid) {
     run_render(arguments_);
     const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
     EXPECT_EQ(json["etalon"], "render/1");
-    EXPECT_EQ(json["camera_from_marker"], nlohmann::json({0.0, 0.0, 0.0, 7.0, -5.0, 100.0}));
+    ASSERT_EQ(json["markers"].size(), 1u);
+    EXPECT_EQ(json["markers"][0]["camera_from_marker"],
+              nlohmann::json({0.0, 0.0, 0.0, 7.0, -5.0, 100.0}));
     EXPECT_EQ(json["bits"], 8);
     EXPECT_EQ(json["pixels_without_ray"], 0);
-    EXPECT_NE(json["plan"], "");
+    EXPECT_NE(json["plan"]["summary"], "");
+}
+
+TEST_F(RenderCommand, ScalesTheRadianceByTheExposure) {
+    arguments_.background = "0.6";
+    arguments_.exposure = 1.3;
+    const cv::Mat image = rendered().pixels;
+    EXPECT_EQ(image.at<std::uint8_t>(3, 70), 199);   // 0.6 * 255 * 1.3 = 198.9
+    EXPECT_EQ(image.at<std::uint8_t>(20, 47), 66);   // 51 * 1.3 = 66.3
+    EXPECT_EQ(image.at<std::uint8_t>(30, 57), 255);  // 204 * 1.3 saturates
+}
+
+TEST_F(RenderCommand, PutsTheMarkerBeforeAnImage) {
+    write_text(arguments_.camera, std::string(pinhole) +
+                                      "sensor: {pixel_pitch_um: 5, bits: 8, transfer: rec709, "
+                                      "black: 9, illumination: {cos4: true}}\n");
+    cv::Mat stripes(60, 80, CV_8UC1);
+    for (int x = 0; x < 80; ++x)
+        stripes.col(x).setTo(x % 7 < 3 ? 30 : 170);
+    write_image(folder_ / "stripes.png", {stripes, 8});
+    const cv::Mat uniform = rendered().pixels;
+    arguments_.background = (folder_ / "stripes.png").string();
+    const cv::Mat image = rendered().pixels;
+    for (int y = 0; y < 60; ++y)
+        for (int x = 0; x < 80; ++x) {
+            const bool inside = x >= 32 && x < 62 && y >= 15 && y < 35;
+            ASSERT_NEAR(image.at<std::uint8_t>(y, x), (inside ? uniform : stripes).at<uchar>(y, x),
+                        inside ? 1.0 : 0.0)
+                << "pixel " << x << ", " << y;
+        }
+}
+
+TEST_F(RenderCommand, RefusesABackgroundThatIsNotTheCameras) {
+    write_image(folder_ / "turned.png", {cv::Mat(80, 60, CV_8UC1, cv::Scalar(5)), 8});
+    write_image(folder_ / "deep.png", {cv::Mat(60, 80, CV_16UC1, cv::Scalar(5)), 16});
+    arguments_.background = (folder_ / "turned.png").string();
+    EXPECT_THAT(complaint(), HasSubstr("has 60 x 80 px, the camera 80 x 60"));
+    arguments_.background = (folder_ / "deep.png").string();
+    EXPECT_THAT(complaint(), HasSubstr("--background: a 16-bit file does not hold codes of"));
+    write_text(arguments_.camera, std::string(pinhole) + noisy_12_bits);
+    write_image(folder_ / "deep.png", {cv::Mat(60, 80, CV_16UC1, cv::Scalar(4096)), 16});
+    EXPECT_THAT(complaint(), HasSubstr("code 4096 is above the sensor's full scale 4095"));
+    arguments_.background = (folder_ / "nowhere.png").string();
+    EXPECT_THAT(complaint(), HasSubstr("--background: '"));
+}
+
+TEST_F(RenderCommand, ExplainsThePlanWithin80Columns) {
+    arguments_.explain = true;
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_render(arguments_), 0);
+    const std::string text = testing::internal::GetCapturedStdout();
+    EXPECT_THAT(text, testing::EndsWith("\n"));
+    EXPECT_GT(text.size(), 20u);
+    for (const std::string& line : split(text, '\n'))
+        EXPECT_LE(line.size(), 80u) << line;
+}
+
+TEST_F(RenderCommand, PairsMarkersWithPosesAndRefusesOnesThatHideEachOther) {
+    arguments_.markers.push_back("apriltag:36h11:5@8mm");
+    EXPECT_THAT(complaint(), HasSubstr("--pose: 1 for 2 markers"));
+    arguments_.poses.push_back("0,0,0,9,-6,90");
+    EXPECT_THAT(complaint(), HasSubstr("markers 1 and 2 overlap"));
+    arguments_.poses.back() = "0,0,0,-20,-6,90";
+    EXPECT_EQ(run_render(arguments_), 0);
 }
 
 TEST_F(RenderCommand, RefusesAMarkerThatCannotBeSeen) {
-    arguments_.pose = "0,0,0,7,-5,-100";
+    arguments_.poses = {"0,0,0,7,-5,-100"};
     EXPECT_THAT(complaint(), HasSubstr("--pose: 0,0,0,7,-5,-100: the marker is behind the camera"));
-    arguments_.pose = "0,1.5,0,0,0,5";
+    arguments_.poses = {"0,1.5,0,0,0,5"};
     EXPECT_THAT(complaint(), HasSubstr("reaches behind the camera"));
-    arguments_.pose = "0,3.1,0,7,-5,100";
-    EXPECT_THAT(complaint(), HasSubstr("marker's back"));
+    arguments_.poses = {"0,3.1,0,7,-5,100"};
+    EXPECT_THAT(complaint(), HasSubstr("from its back"));
 }
 
 TEST_F(RenderCommand, RefusesArgumentsByTheirName) {
@@ -165,13 +230,15 @@ TEST_F(RenderCommand, RefusesArgumentsByTheirName) {
         EXPECT_THAT(complaint(), HasSubstr(words));
     };
     using Arguments = RenderArguments;
-    refuses([](Arguments& a) { a.pose = "0,0,0,nan,0,100"; }, "--pose: 'nan'");
-    refuses([](Arguments& a) { a.pose = "0,0,100"; }, "--pose: expected 6 numbers");
-    refuses([](Arguments& a) { a.marker = "aruco:4X4_51:7@5mm"; }, "--marker: aruco:4X4_51:7@5mm");
+    refuses([](Arguments& a) { a.poses = {"0,0,0,nan,0,100"}; }, "--pose: 'nan'");
+    refuses([](Arguments& a) { a.poses = {"0,0,100"}; }, "--pose: expected 6 numbers");
+    refuses([](Arguments& a) { a.markers = {"aruco:4X4_51:7@5mm"}; },
+            "--marker: aruco:4X4_51:7@5mm");
     refuses([](Arguments& a) { a.method = "D"; }, "--method: 'D'");
-    refuses([](Arguments& a) { a.background = 1.5; }, "--background: 1.5");
-    refuses([](Arguments& a) { a.background = std::nan(""); }, "--background");
+    refuses([](Arguments& a) { a.background = "1.5"; }, "--background: 1.5");
+    refuses([](Arguments& a) { a.background = "nan"; }, "--background");
     refuses([](Arguments& a) { a.tolerance_gray = 0.0; }, "--tolerance");
+    refuses([](Arguments& a) { a.exposure = -1.5; }, "--exposure");
     refuses([](Arguments& a) { a.out.replace_extension(".jpg"); }, "--out");
     refuses([](Arguments& a) { a.linear = true; }, "--out: linear radiance");
     refuses([](Arguments& a) { a.noise_seed = 5; }, "--noise-seed");

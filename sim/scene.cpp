@@ -55,28 +55,47 @@ bool apart(const Outline& a, const Outline& b, double allowed_overlap) {
     return false;
 }
 
-// The undistorted sensor points whose rays can meet a marker lie in the hull of these disks. A
-// point p of the marker is met by the rays of a disk around p = (X/Z, Y/Z) of the radius
-// d/2 |1/Z - 1/z_f|: affine over the marker's image within the bars, thus convex, and nowhere
-// outside the hull of the corners' disks. With a tilted sensor 1/z_f changes within the disk, by at
-// most d/2 |slope| times its radius: hence the denominator. Telecentric the same with (X, Y) and
-// tangents.
-Outline seen_outline(const PlacedMarker& marker, const Aperture& aperture, std::size_t number) {
-    const double shrink = 1.0 - aperture.radius_mm * aperture.focus_slope.norm();
-    const bool telecentric = aperture.projection == Projection::telecentric;
-    const auto corners = corners_mm(marker.grid);
+// A marker's corners as the lens centre sees them: undistorted (x, y), and the inverse depth by
+// which they move when seen from another point of the lens; telecentric (X, Y) and the depth.
+using Corners = std::array<Eigen::Vector3d, 4>;
+
+Corners seen_corners(const PlacedMarker& marker, Projection projection, std::size_t number) {
+    Corners seen = corners_mm(marker.grid);
+    for (Eigen::Vector3d& corner : seen) {
+        corner = marker.camera_from_marker * corner;
+        if (!(corner.z() > 0.0))
+            throw NumericalError(fmt::format("marker {} reaches behind the lens (depth {:.6g} mm)",
+                                             number, corner.z()));
+        if (projection == Projection::perspective)
+            corner = {corner.x() / corner.z(), corner.y() / corner.z(), 1.0 / corner.z()};
+    }
+    return seen;
+}
+
+Outline outline_in_focus_at(double focus, const Corners& seen, double lens_radius) {
     Outline outline;
     for (std::size_t i = 0; i < 4; ++i) {
-        const Eigen::Vector3d p = marker.camera_from_marker * corners[i];
-        if (!(p.z() > 0.0 && shrink > 0.0))
-            throw NumericalError(
-                fmt::format("marker {} reaches behind the lens (depth {:.6g} mm)", number, p.z()));
-        const double depth = telecentric ? p.z() : 1.0 / p.z();
-        outline.corners[i] = telecentric ? p.head<2>() : Eigen::Vector2d(p.head<2>() / p.z());
-        outline.radius[i] =
-            aperture.radius_mm * std::abs(depth - aperture.focus(outline.corners[i])) / shrink;
+        outline.corners[i] = seen[i].head<2>();
+        outline.radius[i] = lens_radius * std::abs(seen[i].z() - focus);
     }
     return outline;
+}
+
+// A ray is told by its lens point and by where it meets some plane across the axis, in focus or
+// not. Rays that meet the marker's point at (x, y) with the inverse depth w cross the plane of
+// inverse depth `focus` within d/2 |w - focus| of (x, y): a disk whose radius is convex over the
+// marker's image, so that all disks lie in the hull of the corners'. Where the hulls of two markers
+// are apart for one such plane, no ray meets both. The plane between the markers is a good one.
+bool no_ray_meets_both(const Corners& a, const Corners& b, double lens_radius) {
+    double low = a[0].z(), high = low;
+    for (const Corners* corners : {&a, &b})
+        for (const Eigen::Vector3d& corner : *corners) {
+            low = std::min(low, corner.z());
+            high = std::max(high, corner.z());
+        }
+    const double focus = 0.5 * (low + high);
+    return apart(outline_in_focus_at(focus, a, lens_radius),
+                 outline_in_focus_at(focus, b, lens_radius), 0.0);
 }
 
 // Size on the marker of a part of a pixel at its nearest corner, mm.
@@ -105,14 +124,15 @@ bool side_by_side(const PlacedMarker& a, const PlacedMarker& b, double seam) {
 }  // namespace
 
 void check_no_occlusion(const Scene& scene, const CameraModel& camera) {
-    const Aperture aperture = aperture_of(camera);
-    std::vector<Outline> seen;
+    const double lens_radius = aperture_of(camera).radius_mm;
+    std::vector<Corners> seen;
     for (const PlacedMarker& marker : scene.markers)
-        seen.push_back(seen_outline(marker, aperture, seen.size() + 1));
+        seen.push_back(seen_corners(marker, camera.projection, seen.size() + 1));
     for (std::size_t j = 1; j < seen.size(); ++j)
         for (std::size_t i = 0; i < j; ++i)
-            if (!apart(seen[i], seen[j], 0.0) && !side_by_side(scene.markers[i], scene.markers[j],
-                                                               seam_mm(scene.markers[i], camera)))
+            if (!no_ray_meets_both(seen[i], seen[j], lens_radius) &&
+                !side_by_side(scene.markers[i], scene.markers[j],
+                              seam_mm(scene.markers[i], camera)))
                 throw NumericalError(fmt::format(
                     "the images of markers {} and {} overlap, and the markers do not lie side by "
                     "side in one plane: one may hide the other",

@@ -23,9 +23,10 @@ struct Scene {
 
 // The closed-form methods add up the markers' differences from the background. That is right where
 // no ray through the lens meets two markers. It holds for markers side by side in one plane
-// (touching allowed: a board in pieces), and for those whose images, each grown by its own blur, do
-// not overlap. Any other pair is refused, even where neither hides the other: the test is rigorous,
-// not sharp. Seams of up to 2e-5 px, from rounded poses, are let pass (0.005 gray).
+// (touching allowed: a board in pieces), and for those whose images are farther apart than the lens
+// can look behind the nearer one's edge; at equal depths that is nothing, however blurred they are.
+// Any other pair is refused: rigorous, but a few pairs are refused that do not hide each other.
+// Seams of up to 2e-5 px, from rounded poses, are let pass (0.005 gray).
 // The scene must have passed check_scene() (sim/marker_view.h). A few ms for 100 markers.
 // Throws NumericalError that names both markers, counted from 1, or one that reaches behind the
 // lens.

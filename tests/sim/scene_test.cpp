@@ -5,6 +5,8 @@
 #include <numbers>
 
 #include "core/errors.h"
+#include "core/random.h"
+#include "sim/marker_view.h"
 #include "sim/renderer.h"
 #include "sim/scene_render.h"
 
@@ -61,15 +63,21 @@ TEST(SceneOcclusion, RefusesMarkersThatOverlapAtDifferentDepthsByNumber) {
     EXPECT_THAT(complaint({{away, near, far}}, pinhole()), HasSubstr("markers 2 and 3 overlap"));
 }
 
-TEST(SceneOcclusion, AcceptsMarkersThatAreApartInTheImageAndRefusesThemForTheirBlur) {
-    // 21 px between the centres leave 1 px; at 200 mm a point of the second is a disk of radius
-    // 100 px/mm * 2.5 mm * (1/100 - 1/200) = 1.25 px.
+TEST(SceneOcclusion, RefusesWhereTheLensSeesBehindAnEdge) {
+    // 21 px between the centres leave 1 px. A lens of 2.5 mm radius sees 100 px/mm * 2.5 mm *
+    // (1/100 - 1/200) = 1.25 px behind the edge of the nearer one.
     const Scene scene{{{grid(4, 4, 5.0), at(0, 0, 100)}, {grid(4, 4, 10.0), at(42, 3, 200)}}};
-    ASSERT_NEAR(blur_radius_px(with_lens(), 200.0), 1.25, 1e-9);
     EXPECT_EQ(complaint(scene, pinhole()), "");
     EXPECT_NE(complaint(scene, with_lens()), "");
     const Scene wider{{scene.markers[0], {grid(4, 4, 10.0), at(42.6, 3, 200)}}};
     EXPECT_EQ(complaint(wider, with_lens()), "");
+}
+
+TEST(SceneOcclusion, DoesNotMindBlurThatMarkersShare) {
+    // 0.1 px apart and both blurred by 1.25 px, but at nearly the same depth.
+    const Scene scene{{{grid(4, 4, 10.0), at(0, 0, 200)}, {grid(4, 4, 10.0), at(40.4, 3, 201)}}};
+    ASSERT_NEAR(blur_radius_px(with_lens(), 200.0), 1.25, 1e-9);
+    EXPECT_EQ(complaint(scene, with_lens()), "");
 }
 
 TEST(SceneOcclusion, FindsTheSlantedLineBetweenTwoDiamonds) {
@@ -96,10 +104,75 @@ TEST(SceneOcclusion, AcceptsPiecesOfOnePlaneThatTouchAndRefusesThoseThatOverlap)
     EXPECT_NE(complaint({{piece(0, 0), lifted}}, with_lens()), "");
 }
 
+TEST(SceneOcclusion, FollowsTheConeOfATelecentricLens) {
+    CameraModel camera = with_lens();
+    camera.projection = Projection::telecentric;
+    camera.intrinsics.fx = camera.intrinsics.fy = 2.0;
+    camera.lens->object_na = 0.06;  // tangent 0.0601: 0.601 mm from 10 mm away
+    const auto beside = [](double x) {
+        return Scene{{{grid(4, 4, 2.5), at(0, 0, 100)}, {grid(4, 4, 2.5), at(x, 1, 110)}}};
+    };
+    EXPECT_EQ(complaint(beside(10.61), camera), "");
+    EXPECT_NE(complaint(beside(10.59), camera), "");
+}
+
 TEST(SceneOcclusion, RefusesAMarkerBehindTheLensByNumber) {
     EXPECT_THAT(
         complaint({{{grid(4, 4, 5.0), at(0, 0, 100)}, {grid(4, 4, 5.0), at(0, 0, -9)}}}, pinhole()),
         HasSubstr("marker 2 reaches behind the lens"));
+}
+
+// Whether some ray through the lens, aimed at the first marker, meets both. Independent of the test
+// under trial: points on the first marker and on the lens, the ray between them followed on.
+bool some_ray_meets_both(const Scene& scene, const Aperture& aperture, RandomStream& random) {
+    const auto& [a, b] = std::pair(scene.markers[0], scene.markers[1]);
+    const Rigid b_from_camera = b.camera_from_marker.inverse();
+    for (int i = 0; i < 3000; ++i) {
+        const Eigen::Vector3d p =
+            a.camera_from_marker *
+            a.grid.point_mm(random.uniform() * a.grid.columns(), random.uniform() * a.grid.rows());
+        const double radius = aperture.radius_mm * std::sqrt(random.uniform());
+        const double angle = 2.0 * std::numbers::pi * random.uniform();
+        const Eigen::Vector3d l(radius * std::cos(angle), radius * std::sin(angle), 0.0);
+        const Eigen::Vector3d from = b_from_camera * l, along = b_from_camera * p - from;
+        const Eigen::Vector3d hit = from - from.z() / along.z() * along;
+        const Eigen::Vector2d cell =
+            (hit.head<2>() - b.grid.corner_mm).cwiseQuotient(b.grid.cell_mm);
+        if (cell.minCoeff() >= 0.0 && cell.x() < b.grid.columns() && cell.y() < b.grid.rows())
+            return true;
+    }
+    return false;
+}
+
+// Accepted are only scenes without such a ray, and few are refused without one.
+TEST(SceneOcclusion, AgreesWithRaysThroughTheLensOfATiltedSensor) {
+    CameraModel camera = with_lens();
+    camera.distortion.tau_x = 0.15;
+    camera.distortion.tau_y = -0.1;
+    const Aperture aperture = aperture_of(camera);
+    RandomStream random(7, 5);
+    const auto between = [&](double low, double high) {
+        return low + (high - low) * random.uniform();
+    };
+    int accepted = 0, refused = 0, refused_in_vain = 0;
+    for (int i = 0; i < 200; ++i) {
+        Scene scene;
+        for (int m = 0; m < 2; ++m)
+            scene.markers.push_back({grid(3, 2, between(2.0, 8.0)),
+                                     at(between(-20, 20), between(-20, 20), between(60, 200),
+                                        {between(-0.8, 0.8), between(-0.8, 0.8), between(-3, 3)})});
+        const bool meets_both = some_ray_meets_both(scene, aperture, random);
+        if (complaint(scene, camera).empty()) {
+            ++accepted;
+            EXPECT_FALSE(meets_both) << "scene " << i;
+        } else {
+            ++refused;
+            refused_in_vain += !meets_both;
+        }
+    }
+    EXPECT_GT(accepted, 50);
+    EXPECT_GT(refused, 50);
+    EXPECT_LT(refused_in_vain, refused / 5);
 }
 
 // Cells of every radiance, asymmetric.

@@ -1,0 +1,94 @@
+#include "sim/tile_patch.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace etalon {
+namespace {
+
+// A range of consecutive lines of one direction.
+struct LineRange {
+    std::size_t first, last;  // one past the end
+
+    LineRange(std::size_t from, std::size_t count)
+        : first(from), last(std::min(from + TilePatch::capacity, count)) {}
+};
+
+// The largest magnitude, over the tile, that the terms beyond a total degree can add up to.
+float largest_beyond(const std::array<float, 16>& polynomial, std::size_t degree) {
+    constexpr std::array<float, 7> largest{1.0f,      1.0f / 2,  1.0f / 4, 1.0f / 8,
+                                           1.0f / 16, 1.0f / 32, 1.0f / 64};
+    float sum = 0.0f;
+    for (std::size_t j = 0; j < 4; ++j)
+        for (std::size_t i = 0; i < 4; ++i)
+            if (i + j > degree)
+                sum += std::abs(polynomial[4 * j + i]) * largest[i + j];
+    return sum;
+}
+
+// The derivatives of a bicubic polynomial, times `scale`.
+void differentiate(const std::array<float, 16>& c, float scale, std::array<float, 16>& by_s,
+                   std::array<float, 16>& by_t) {
+    for (std::size_t j = 0; j < 4; ++j)
+        for (std::size_t i = 0; i < 4; ++i) {
+            const float scaled = scale * c[4 * j + i];
+            if (i > 0)
+                by_s[4 * j + i - 1] = static_cast<float>(i) * scaled;
+            if (j > 0)
+                by_t[4 * (j - 1) + i] = static_cast<float>(j) * scaled;
+        }
+}
+
+}  // namespace
+
+TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column,
+                          std::size_t first_row) {
+    const LineRange columns(first_column, geometry.columns.size());
+    const LineRange rows(first_row, geometry.rows.size());
+    const auto mixed = [&](std::size_t row, std::size_t column) {
+        return geometry.mixed[row * geometry.columns.size() + column];
+    };
+    TilePatch patch;
+    std::array<std::size_t, TilePatch::capacity> kept;  // column lines
+    for (std::size_t i = columns.first; i < columns.last; ++i) {
+        const float contrast = first_row == 0 ? geometry.column_contrast[i] : 0.0f;
+        bool used = contrast != 0.0f;
+        for (std::size_t j = rows.first; j < rows.last && !used; ++j)
+            used = mixed(j, i) != 0.0f;
+        if (!used)
+            continue;
+        kept[patch.column_count] = i;
+        patch.columns[patch.column_count++] = {geometry.columns[i], contrast};
+    }
+    for (std::size_t j = rows.first; j < rows.last; ++j) {
+        const float contrast = first_column == 0 ? geometry.row_contrast[j] : 0.0f;
+        bool used = contrast != 0.0f;
+        for (std::size_t i = 0; i < patch.column_count; ++i) {
+            patch.mixed[patch.row_count][i] = mixed(j, kept[i]);
+            used = used || mixed(j, kept[i]) != 0.0f;
+        }
+        if (used)
+            patch.rows[patch.row_count++] = {geometry.rows[j], contrast};
+    }
+    return patch;
+}
+
+int significant_degree(const TileGeometry& geometry) {
+    for (const std::size_t degree : {2, 3})
+        if (largest_beyond(geometry.dx, degree) + largest_beyond(geometry.dy, degree) < 1e-7f)
+            return static_cast<int>(degree);
+    return 6;
+}
+
+PartShapes part_shapes(const TileGeometry& geometry, int n) {
+    PartShapes shapes;
+    const float scale = 1.0f / static_cast<float>(n);
+    differentiate(geometry.dx, scale, shapes.x_by_s, shapes.x_by_t);
+    differentiate(geometry.dy, scale, shapes.y_by_s, shapes.y_by_t);
+    shapes.turn = std::hypot(geometry.turn_x, geometry.turn_y);
+    // D + w . l = D (1 - turn . l) + blur (gradient . l)
+    shapes.steepest = 1.0f + shapes.turn + std::hypot(geometry.blur_slope_x, geometry.blur_slope_y);
+    return shapes;
+}
+
+}  // namespace etalon

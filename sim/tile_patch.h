@@ -1,0 +1,45 @@
+// At most 32 x 32 lines of a tile, without those that change nothing: what the vector code of
+// sim/tile_kernel.cpp works on, so that its memory is fixed however fine the grid is. The sum over
+// a tile's patches is the sum over its lines and crossings.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "sim/tile_kernel.h"
+
+namespace etalon {
+
+struct PatchLine {
+    TileLine line;
+    float contrast;
+};
+
+struct TilePatch {
+    static constexpr std::size_t capacity = 32;
+
+    std::size_t column_count = 0, row_count = 0;
+    std::array<PatchLine, capacity> columns, rows;
+    std::array<std::array<float, capacity>, capacity> mixed;  // [row][column]
+};
+
+// The patch of the column lines from `first_column` and the row lines from `first_row` on. Only
+// the first patch of a column (row) has its contrast.
+TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column,
+                          std::size_t first_row);
+
+// The total degree, 2, 3 or 6, beyond which the polynomials of dx and dy have no term larger than
+// single precision's rounding of a few px.
+int significant_degree(const TileGeometry& geometry);
+
+// The shapes of a tile's n x n parts: their sides, in px, as polynomials of s and t in the order of
+// TileGeometry; and bounds of how a line changes across them.
+struct PartShapes {
+    std::array<float, 16> x_by_s{}, y_by_s{}, x_by_t{}, y_by_t{};
+    float turn;      // |turn|
+    float steepest;  // the largest |gradient| by (dx, dy) of D + w . l
+};
+
+PartShapes part_shapes(const TileGeometry& geometry, int n);
+
+}  // namespace etalon

@@ -1,0 +1,301 @@
+#include "sim/core_filter.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <bit>
+#include <memory>
+
+#include "sim/tile_samples.h"
+
+namespace etalon {
+
+int floor_div(int a, int b) {
+    return a >= 0 ? a / b : -((b - 1 - a) / b);
+}
+
+cv::Rect cells_of(const cv::Rect& pixels, int size) {
+    if (pixels.empty())
+        return {};
+    const cv::Point first(floor_div(pixels.x, size), floor_div(pixels.y, size));
+    const cv::Point last(floor_div(pixels.br().x - 1, size), floor_div(pixels.br().y - 1, size));
+    return {first, last + cv::Point(1, 1)};
+}
+
+cv::Rect grown(const cv::Rect& rect, int x, int y) {
+    return {rect.x - x, rect.y - y, rect.width + 2 * x, rect.height + 2 * y};
+}
+
+namespace {
+
+// Outputs are made in blocks; neighbouring blocks that are not constant, up to a strip's width,
+// share one window of samples.
+constexpr int block = 16, strip = 4 * block;
+
+// From the left end of a window's tiles to the first output's margin: less than a tile's outputs,
+// which are four at most.
+constexpr int slack = 4;
+
+std::size_t length(std::ptrdiff_t n) {
+    return static_cast<std::size_t>(n);
+}
+
+}  // namespace
+
+FilterKernel::FilterKernel(int k, const cv::Mat& weights)
+    : k_(k), reach_x_((weights.cols - k) / 2), reach_y_((weights.rows - k) / 2) {
+    const int n = weights.cols, before = k * margin_x() - reach_x_;
+    const int padding = (MirroredKernel::rows_at_once - 1) * k;
+    const auto offset = [&](int column) {
+        const int sample = before + column;
+        return std::ptrdiff_t{sample % k} * phase_stride() + sample / k;
+    };
+    for (int i = 0; 2 * i < n; ++i) {
+        left_.push_back(offset(i));
+        right_.push_back(offset(n - 1 - i));
+    }
+    const std::size_t pairs = left_.size();
+    weights_.resize(length(weights.rows + 2 * padding) * pairs);
+    float* to = &weights_[length(padding) * pairs];
+    for (int row = 0; row < weights.rows; ++row)
+        for (int i = 0; 2 * i < n; ++i) {
+            const auto* from = weights.ptr<double>(row);
+            const double pair = from[i] + from[n - 1 - i];
+            *to++ = static_cast<float>(2 * i == n - 1 ? 0.5 * from[i] : 0.5 * pair);
+        }
+    energy_ = cv::sum(weights)[0];
+}
+
+int FilterKernel::phase_stride() const {
+    return strip + 2 * margin_x() + 2 * slack;
+}
+
+MirroredKernel FilterKernel::view() const {
+    return {k_,           k_ + 2 * reach_y_, static_cast<int>(left_.size()),
+            left_.data(), right_.data(),     weights_.data()};
+}
+
+TileMap::TileMap(const cv::Rect& tiles)
+    : tiles_(tiles), values_(length(tiles.area())), refined_(length(tiles.area())) {}
+
+void TileMap::finish() {
+    counted_ = grown(tiles_, 1, 1);
+    const auto width = length(counted_.width), own_width = length(tiles_.width);
+    counts_.assign((width + 1) * length(counted_.height + 1), 0);
+    // A row of tiles with the zeros beyond its ends, and the row above.
+    std::vector<float> here(width), above(width);
+    std::vector<unsigned char> refined(width);
+    for (std::size_t j = 0; j < length(counted_.height); ++j) {
+        const bool own = j > 0 && j <= length(tiles_.height);
+        std::fill(here.begin(), here.end(), 0.0f);
+        std::fill(refined.begin(), refined.end(), 0);
+        if (own) {
+            std::copy_n(&values_[(j - 1) * own_width], own_width, here.begin() + 1);
+            std::copy_n(&refined_[(j - 1) * own_width], own_width, refined.begin() + 1);
+        }
+        const int* last = &counts_[j * (width + 1)];
+        int* sums = &counts_[(j + 1) * (width + 1)];
+        int row = 0;
+        float left = 0.0f;
+        for (std::size_t i = 0; i < width; ++i) {
+            row += (here[i] != left) | (here[i] != above[i]) | (refined[i] != 0);
+            sums[i + 1] = last[i + 1] + row;
+            left = here[i];
+        }
+        here.swap(above);
+    }
+}
+
+bool TileMap::is_constant(const cv::Rect& part) const {
+    const cv::Rect inside = part & counted_;
+    if (inside.empty())
+        return true;
+    const auto sum = [&](int x, int y) {
+        return counts_[length(y - counted_.y) * length(counted_.width + 1) +
+                       length(x - counted_.x)];
+    };
+    const cv::Point a = inside.tl(), b = inside.br();
+    return sum(b.x, b.y) - sum(a.x, b.y) - sum(b.x, a.y) + sum(a.x, a.y) == 0;
+}
+
+namespace {
+
+// The work of one thread: fills and filters blocks.
+class BlockFilter {
+public:
+    BlockFilter(const SampleField& field, const FilterKernel& kernel, const cv::Rect& region,
+                cv::Mat& out)
+        : field_(field),
+          kernel_(kernel),
+          region_(region),
+          out_(out),
+          outputs_per_tile_(field.side / kernel.k()),
+          tile_shift_(std::countr_zero(static_cast<unsigned>(outputs_per_tile_))),
+          window_rows_(block * kernel.k() + 2 * kernel.reach_y()),
+          stride_(std::ptrdiff_t{kernel.k()} * kernel.phase_stride()),
+          window_(new float[length(window_rows_ * stride_)]) {}
+
+    // Outputs `left` ... `right` - 1 of a row of blocks; both multiples of the block's side.
+    void filter_row(int left, int right, int top) {
+        for (int x = left; x < right;) {
+            int end = x;
+            while (end < right && end < x + strip && !is_constant(end, top))
+                end += block;
+            if (end == x)
+                fill({x, top, block, block}), x += block;
+            else
+                filter({x, top, end - x, block}), x = end;
+        }
+    }
+
+private:
+    cv::Rect tiles_seen(const cv::Rect& outputs) const {
+        const int x = outputs.x - kernel_.margin_x(), y = outputs.y - kernel_.margin_y();
+        const int last_x = outputs.br().x - 1 + kernel_.margin_x();
+        const int last_y = outputs.br().y - 1 + kernel_.margin_y();
+        const int left = x >> tile_shift_, top = y >> tile_shift_;
+        return {left, top, (last_x >> tile_shift_) - left + 1, (last_y >> tile_shift_) - top + 1};
+    }
+
+    bool is_constant(int x, int y) const {
+        return field_.map.is_constant(tiles_seen({x, y, block, block}));
+    }
+
+    void fill(const cv::Rect& outputs) {
+        const cv::Rect part = outputs & region_;
+        const auto own = cells_of(part, outputs_per_tile_);
+        const float value = field_.map.at(own.tl()) * static_cast<float>(kernel_.energy());
+        if (value == 0.0f)
+            return;
+        add_constant(value, part.width, part.height,
+                     out_.ptr<float>(part.y - region_.y) + (part.x - region_.x),
+                     static_cast<std::ptrdiff_t>(out_.step1()));
+    }
+
+    void filter(const cv::Rect& outputs) {
+        const float* window = gather(outputs);
+        const cv::Rect part = outputs & region_;
+        if (part == outputs) {
+            float* to = out_.ptr<float>(part.y - region_.y) + (part.x - region_.x);
+            add_convolved(kernel_.view(), window, stride_, part.width, part.height, to,
+                          static_cast<std::ptrdiff_t>(out_.step1()));
+            return;
+        }
+        float result[block * strip] = {};
+        add_convolved(kernel_.view(), window, stride_, outputs.width, outputs.height, result,
+                      strip);
+        for (int y = part.y; y < part.br().y; ++y) {
+            const float* from = result + (y - outputs.y) * strip + (part.x - outputs.x);
+            float* to = out_.ptr<float>(y - region_.y) + (part.x - region_.x);
+            for (int x = 0; x < part.width; ++x)
+                to[x] += from[x];
+        }
+    }
+
+    // Copies the samples that these outputs see into the window, phase by phase, and returns where
+    // its rows begin for the kernel.
+    const float* gather(const cv::Rect& outputs) {
+        switch (outputs_per_tile_) {
+            case 4:
+                return gather_tiles<4>(outputs);
+            case 2:
+                return gather_tiles<2>(outputs);
+            default:
+                return gather_plain(outputs);
+        }
+    }
+
+    // Of tiles with n outputs a side. The window's rows begin at the left end of the first tile.
+    template <int n>
+    const float* gather_tiles(const cv::Rect& outputs) {
+        const int side = field_.side, k = kernel_.k();
+        const int top = outputs.y * k - kernel_.reach_y(), bottom = top + window_rows_;
+        const cv::Rect seen = tiles_seen(outputs);
+        for (int j = floor_div(top, side); j * side < bottom; ++j) {
+            const int first = std::max(top, j * side), last = std::min(bottom, (j + 1) * side);
+            float* to = &window_[length((first - top) * stride_)];
+            for (int i = seen.x; i < seen.br().x; ++i, to += n) {
+                const float* from = field_.samples({i, j});
+                if (!from)
+                    fill_rows<n>(field_.map.at({i, j}), last - first, to);
+                else if constexpr (n == 4)
+                    split_phases(from + (first - j * side) * side, k, last - first,
+                                 kernel_.phase_stride(), stride_, to);
+                else  // only with k = 1
+                    for (int row = first; row < last; ++row)
+                        std::copy_n(from + (row - j * side) * n, n, to + (row - first) * stride_);
+            }
+        }
+        return &window_[length(outputs.x - kernel_.margin_x() - seen.x * n)];
+    }
+
+    template <int n>
+    void fill_rows(float value, int rows, float* to) const {
+        for (int row = 0; row < rows; ++row, to += stride_)
+            for (int q = 0; q < kernel_.k(); ++q)
+                std::fill_n(to + q * kernel_.phase_stride(), n, value);
+    }
+
+    // Of a field with one sample per tile.
+    const float* gather_plain(const cv::Rect& outputs) {
+        const cv::Rect seen = grown(outputs, kernel_.reach_x(), kernel_.reach_y());
+        const cv::Rect inside = seen & field_.map.tiles();
+        for (int y = seen.y; y < seen.br().y; ++y) {
+            float* to = &window_[length((y - seen.y) * stride_)];
+            if (inside.empty() || y < inside.y || y >= inside.br().y) {
+                std::fill_n(to, seen.width, 0.0f);
+                continue;
+            }
+            std::fill_n(to, inside.x - seen.x, 0.0f);
+            std::copy_n(field_.map.from({inside.x, y}), inside.width, to + inside.x - seen.x);
+            std::fill(to + inside.br().x - seen.x, to + seen.width, 0.0f);
+        }
+        return window_.get();
+    }
+
+    const SampleField& field_;
+    const FilterKernel& kernel_;
+    cv::Rect region_;
+    cv::Mat& out_;
+    int outputs_per_tile_, tile_shift_, window_rows_;  // 4, 2 or 1 outputs, and its logarithm
+    std::ptrdiff_t stride_;
+    std::unique_ptr<float[]> window_;
+};
+
+}  // namespace
+
+void add_filtered(const SampleField& field, const FilterKernel& kernel, const cv::Rect& region,
+                  cv::Mat& out) {
+    const int n = field.side / kernel.k();
+    const cv::Rect own(field.map.tiles().x * n, field.map.tiles().y * n,
+                       field.map.tiles().width * n, field.map.tiles().height * n);
+    const cv::Rect reached = grown(own, kernel.margin_x(), kernel.margin_y()) & region;
+    if (own.empty() || reached.empty())
+        return;
+    const cv::Rect blocks = cells_of(reached, block);
+    tbb::parallel_for(tbb::blocked_range<int>(blocks.y, blocks.br().y), [&](const auto& rows) {
+        BlockFilter filter(field, kernel, region, out);
+        for (int j = rows.begin(); j < rows.end(); ++j)
+            filter.filter_row(blocks.x * block, blocks.br().x * block, j * block);
+    });
+}
+
+void add_core(const TileSamples& samples, const FilterKernel& core, const cv::Rect& region,
+              cv::Mat& difference) {
+    const cv::Rect tiles = samples.tiles_off_background();
+    TileMap map(tiles);
+    std::vector<const float*> values(static_cast<std::size_t>(tiles.area()));
+    for (int j = tiles.y; j < tiles.br().y; ++j)
+        for (int i = tiles.x; i < tiles.br().x; ++i)
+            if (samples.refined(i, j)) {
+                map.set(i, j, 0.0f, true);
+                values[map.index(i, j)] = samples.values(i, j);
+            } else {
+                map.set(i, j, samples.constant_value(i, j));
+            }
+    map.finish();
+    const SampleField field{map, UndistortionMap::tile_px * samples.k(), &values};
+    add_filtered(field, core, region, difference);
+}
+
+}  // namespace etalon

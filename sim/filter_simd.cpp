@@ -1,0 +1,257 @@
+// Vectors stand in an array here, which those of unknown size cannot.
+#undef HWY_DISABLED_TARGETS
+#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "sim/filter_simd.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#include "sim/filter_simd.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace etalon::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using Vector16 = hn::CappedTag<float, 16>;
+
+// Four output rows of two vectors: eight sums run side by side and hide each other's latency.
+HWY_ATTR void add_wide(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
+                       float* out, std::ptrdiff_t out_stride) {
+    const Vector16 d;
+    const std::ptrdiff_t n = static_cast<std::ptrdiff_t>(hn::Lanes(d));
+    const std::ptrdiff_t step = std::ptrdiff_t{kernel.k} * kernel.pairs;
+    auto a0 = hn::Zero(d), a1 = a0, b0 = a0, b1 = a0, c0 = a0, c1 = a0, e0 = a0, e1 = a0;
+    for (int r = 0; r < kernel.rows + 3 * kernel.k; ++r, window += stride) {
+        const float* w = kernel.weights + r * std::ptrdiff_t{kernel.pairs};
+        for (int p = 0; p < kernel.pairs; ++p, ++w) {
+            const float *left = window + kernel.left[p], *right = window + kernel.right[p];
+            const auto s0 = hn::Add(hn::LoadU(d, left), hn::LoadU(d, right));
+            const auto s1 = hn::Add(hn::LoadU(d, left + n), hn::LoadU(d, right + n));
+            const auto wa = hn::Set(d, w[3 * step]), wb = hn::Set(d, w[2 * step]);
+            const auto wc = hn::Set(d, w[step]), we = hn::Set(d, w[0]);
+            a0 = hn::MulAdd(s0, wa, a0);
+            a1 = hn::MulAdd(s1, wa, a1);
+            b0 = hn::MulAdd(s0, wb, b0);
+            b1 = hn::MulAdd(s1, wb, b1);
+            c0 = hn::MulAdd(s0, wc, c0);
+            c1 = hn::MulAdd(s1, wc, c1);
+            e0 = hn::MulAdd(s0, we, e0);
+            e1 = hn::MulAdd(s1, we, e1);
+        }
+    }
+    const auto add = [&](auto v, float* to)
+                         HWY_ATTR { hn::StoreU(hn::Add(v, hn::LoadU(d, to)), d, to); };
+    add(a0, out), add(a1, out + n), out += out_stride;
+    add(b0, out), add(b1, out + n), out += out_stride;
+    add(c0, out), add(c1, out + n), out += out_stride;
+    add(e0, out), add(e1, out + n);
+}
+
+// Four output rows of one vector.
+HWY_ATTR void add_narrow(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
+                         float* out, std::ptrdiff_t out_stride) {
+    const Vector16 d;
+    const std::ptrdiff_t step = std::ptrdiff_t{kernel.k} * kernel.pairs;
+    auto a = hn::Zero(d), b = a, c = a, e = a;
+    for (int r = 0; r < kernel.rows + 3 * kernel.k; ++r, window += stride) {
+        const float* w = kernel.weights + r * std::ptrdiff_t{kernel.pairs};
+        for (int p = 0; p < kernel.pairs; ++p, ++w) {
+            const auto s = hn::Add(hn::LoadU(d, window + kernel.left[p]),
+                                   hn::LoadU(d, window + kernel.right[p]));
+            a = hn::MulAdd(s, hn::Set(d, w[3 * step]), a);
+            b = hn::MulAdd(s, hn::Set(d, w[2 * step]), b);
+            c = hn::MulAdd(s, hn::Set(d, w[step]), c);
+            e = hn::MulAdd(s, hn::Set(d, w[0]), e);
+        }
+    }
+    const auto add = [&](auto v) HWY_ATTR {
+        hn::StoreU(hn::Add(v, hn::LoadU(d, out)), d, out);
+        out += out_stride;
+    };
+    add(a), add(b), add(c), add(e);
+}
+
+HWY_ATTR void AddConvolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
+                           int width, int height, float* out, std::ptrdiff_t out_stride) {
+    const int n = static_cast<int>(hn::Lanes(Vector16()));
+    for (int x = 0; x < width;) {
+        const bool wide = x + 2 * n <= width;
+        for (int y = 0; y < height; y += MirroredKernel::rows_at_once) {
+            const float* from = window + y * kernel.k * stride + x;
+            float* to = out + y * out_stride + x;
+            if (wide)
+                add_wide(kernel, from, stride, to, out_stride);
+            else
+                add_narrow(kernel, from, stride, to, out_stride);
+        }
+        x += wide ? 2 * n : n;
+    }
+}
+
+HWY_ATTR void SplitPhases(const float* from, int k, int rows, std::ptrdiff_t phase,
+                          std::ptrdiff_t window_stride, float* to) {
+    const hn::CappedTag<float, 4> d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    hn::Vec<decltype(d)> v[4];
+    for (int row = 0; row < rows; ++row, from += 4 * k, to += window_stride)
+        for (int x = 0; x < 4; x += n) {
+            const float* at = from + k * x;
+            if (k == 1)
+                v[0] = hn::LoadU(d, at);
+            else if (k == 2)
+                hn::LoadInterleaved2(d, at, v[0], v[1]);
+            else if (k == 3)
+                hn::LoadInterleaved3(d, at, v[0], v[1], v[2]);
+            else if (k == 4)
+                hn::LoadInterleaved4(d, at, v[0], v[1], v[2], v[3]);
+            for (int q = 0; q < k; ++q)
+                if (k <= 4)
+                    hn::StoreU(v[q], d, to + q * phase + x);
+                else
+                    for (int i = 0; i < n; ++i)
+                        to[q * phase + x + i] = at[k * i + q];
+        }
+}
+
+HWY_ATTR void AverageParts(const float* values, int k, float averages[16]) {
+    const hn::CappedTag<float, 4> d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    for (int y = 0; y < 4; ++y, values += 4 * k * k) {
+        float sums[4] = {};
+        for (int x = 0; x < 4 * k; x += n) {
+            auto column = hn::LoadU(d, values + x);
+            for (int row = 1; row < k; ++row)
+                column = hn::Add(column, hn::LoadU(d, values + row * 4 * k + x));
+            float columns[4];
+            hn::StoreU(column, d, columns);
+            for (int i = 0; i < n; ++i)
+                sums[(x + i) / k] += columns[i];
+        }
+        for (int x = 0; x < 4; ++x)
+            averages[4 * y + x] = sums[x] / static_cast<float>(k * k);
+    }
+}
+
+HWY_ATTR void AddConstant(float value, int width, int height, float* out, std::ptrdiff_t stride) {
+    const Vector16 d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    for (int y = 0; y < height; ++y, out += stride) {
+        int x = 0;
+        for (; x + n <= width; x += n)
+            hn::StoreU(hn::Add(hn::Set(d, value), hn::LoadU(d, out + x)), d, out + x);
+        for (; x < width; ++x)
+            out[x] += value;
+    }
+}
+
+HWY_ATTR void SumSixRows(const float* const rows[6], const float weights[6], int width,
+                         float* out) {
+    const Vector16 d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    int x = 0;
+    for (; x + n <= width; x += n) {
+        auto sum = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, rows[0] + x));
+        for (int q = 1; q < 6; ++q)
+            sum = hn::MulAdd(hn::Set(d, weights[q]), hn::LoadU(d, rows[q] + x), sum);
+        hn::StoreU(sum, d, out + x);
+    }
+    const hn::CappedTag<float, 1> one;
+    for (; x < width; ++x) {  // the same operations, so that a pixel does not depend on its place
+        auto sum = hn::Mul(hn::Set(one, weights[0]), hn::LoadU(one, rows[0] + x));
+        for (int q = 1; q < 6; ++q)
+            sum = hn::MulAdd(hn::Set(one, weights[q]), hn::LoadU(one, rows[q] + x), sum);
+        hn::StoreU(sum, one, out + x);
+    }
+}
+
+// Fine samples before and behind the coarse samples at `at`, to be interleaved.
+template <class D, class V>
+HWY_ATTR void interpolate(D d, const float* at, const float* weights, V& even, V& odd) {
+    const auto c0 = hn::LoadU(d, at - 3), c1 = hn::LoadU(d, at - 2), c2 = hn::LoadU(d, at - 1);
+    const auto c3 = hn::LoadU(d, at), c4 = hn::LoadU(d, at + 1), c5 = hn::LoadU(d, at + 2);
+    const auto c6 = hn::LoadU(d, at + 3);
+    const auto w0 = hn::Set(d, weights[0]), w1 = hn::Set(d, weights[1]);
+    const auto w2 = hn::Set(d, weights[2]), w3 = hn::Set(d, weights[3]);
+    const auto w4 = hn::Set(d, weights[4]), w5 = hn::Set(d, weights[5]);
+    even = hn::MulAdd(w1, c1, hn::Mul(w0, c0));
+    odd = hn::MulAdd(w1, c5, hn::Mul(w0, c6));
+    even = hn::MulAdd(w3, c3, hn::MulAdd(w2, c2, even));
+    odd = hn::MulAdd(w3, c3, hn::MulAdd(w2, c4, odd));
+    even = hn::MulAdd(w5, c5, hn::MulAdd(w4, c4, even));
+    odd = hn::MulAdd(w5, c1, hn::MulAdd(w4, c2, odd));
+}
+
+HWY_ATTR void AddInterpolated(const float* coarse, const float weights[6], int first, int last,
+                              float* out) {
+    const Vector16 d;
+    const hn::CappedTag<float, 1> one;
+    const int n = static_cast<int>(hn::Lanes(d));
+    int f = first;
+    const auto add_one = [&]() HWY_ATTR {
+        hn::Vec<decltype(one)> even, odd;
+        interpolate(one, coarse + (f >> 1), weights, even, odd);
+        float* to = out + f - first;
+        hn::StoreU(hn::Add((f & 1) != 0 ? odd : even, hn::LoadU(one, to)), one, to);
+        ++f;
+    };
+    if ((f & 1) != 0 && f < last)
+        add_one();
+    for (; f + 2 * n <= last; f += 2 * n) {
+        hn::Vec<Vector16> even, odd;
+        interpolate(d, coarse + (f >> 1), weights, even, odd);
+        float fine[32];
+        hn::StoreInterleaved2(even, odd, d, fine);
+        float* to = out + f - first;
+        hn::StoreU(hn::Add(hn::LoadU(d, fine), hn::LoadU(d, to)), d, to);
+        hn::StoreU(hn::Add(hn::LoadU(d, fine + n), hn::LoadU(d, to + n)), d, to + n);
+    }
+    while (f < last)
+        add_one();
+}
+
+}  // namespace etalon::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+
+namespace etalon {
+
+HWY_EXPORT(AddConvolved);
+HWY_EXPORT(SplitPhases);
+HWY_EXPORT(AverageParts);
+HWY_EXPORT(AddConstant);
+HWY_EXPORT(SumSixRows);
+HWY_EXPORT(AddInterpolated);
+
+void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t window_stride,
+                   int width, int height, float* out, std::ptrdiff_t out_stride) {
+    HWY_DYNAMIC_DISPATCH(AddConvolved)
+    (kernel, window, window_stride, width, height, out, out_stride);
+}
+
+void split_phases(const float* from, int k, int rows, std::ptrdiff_t phase_stride,
+                  std::ptrdiff_t window_stride, float* to) {
+    HWY_DYNAMIC_DISPATCH(SplitPhases)(from, k, rows, phase_stride, window_stride, to);
+}
+
+void average_parts(const float* values, int k, float averages[16]) {
+    HWY_DYNAMIC_DISPATCH(AverageParts)(values, k, averages);
+}
+
+void add_constant(float value, int width, int height, float* out, std::ptrdiff_t out_stride) {
+    HWY_DYNAMIC_DISPATCH(AddConstant)(value, width, height, out, out_stride);
+}
+
+void sum_six_rows(const float* const rows[6], const float weights[6], int width, float* out) {
+    HWY_DYNAMIC_DISPATCH(SumSixRows)(rows, weights, width, out);
+}
+
+void add_interpolated(const float* coarse, const float weights[6], int first, int last,
+                      float* out) {
+    HWY_DYNAMIC_DISPATCH(AddInterpolated)(coarse, weights, first, last, out);
+}
+
+}  // namespace etalon
+
+#endif  // HWY_ONCE

@@ -1,0 +1,49 @@
+// The inner loops of the image filter, vectorised with Google Highway: the best instruction set of
+// the machine is chosen at run time. Plain arrays only, so that the file that is compiled once per
+// instruction set stays small. Each result is one sum in a fixed order.
+#pragma once
+
+#include <cstddef>
+
+namespace etalon {
+
+// A kernel with its own mirror image from left to right, on rows of samples that are stored phase
+// by phase: sample k x + q of a row lies at q * phase_stride + x. Two samples with the same weight
+// make a pair and are added first.
+struct MirroredKernel {
+    static constexpr int rows_at_once = 4;  // output rows
+
+    int k;                        // samples per output step
+    int rows;                     // of weights
+    int pairs;                    // per row
+    const std::ptrdiff_t* left;   // offsets of the pair's samples within a row, for output 0
+    const std::ptrdiff_t* right;  //
+    const float* weights;         // rows x pairs, with (rows_at_once - 1) k rows of zeros before
+                                  // and behind
+};
+
+// out(y, x) += the sum of kernel row q and pair p of weight * (left sample + right sample) in the
+// window's row k y + q. `width` a multiple of 16, `height` of rows_at_once.
+void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t window_stride,
+                   int width, int height, float* out, std::ptrdiff_t out_stride);
+
+// Four outputs' samples of each row, 4 k values, phase by phase:
+// to[q * phase_stride + x] = from[k x + q].
+void split_phases(const float* from, int k, int rows, std::ptrdiff_t phase_stride,
+                  std::ptrdiff_t window_stride, float* to);
+
+// Averages of k x k values, 4 x 4 of them: values of 4 k rows and columns.
+void average_parts(const float* values, int k, float averages[16]);
+
+// out(y, x) += value.
+void add_constant(float value, int width, int height, float* out, std::ptrdiff_t out_stride);
+
+// out[x] = sum of weights[n] * rows[n][x] over six rows.
+void sum_six_rows(const float* const rows[6], const float weights[6], int width, float* out);
+
+// Interpolation up by two, for the fine samples first ... last - 1: fine sample 2 i lies a quarter
+// of a step before coarse sample i, 2 i + 1 a quarter behind it. out[f - first] += the sum of
+// weights[n] * coarse[i - 3 + n], for odd ones its mirror image.
+void add_interpolated(const float* coarse, const float weights[6], int first, int last, float* out);
+
+}  // namespace etalon

@@ -1,0 +1,30 @@
+// The tail of the diffraction pattern: what a marker adds to pixels from some to thousands of
+// pixels away, a few grays beside an edge and tenths of a gray far from it. Rings of radii, each
+// twice as wide as the one before, are filtered on averages over squares twice as large; the sums
+// are interpolated (6-point Lagrange) from each grid to the next finer one, down to the pixels.
+#pragma once
+
+#include "sim/image_filter.h"
+#include "sim/tail_sources.h"
+
+namespace etalon {
+
+// One per camera. Safe from every thread.
+class TailPyramid {
+public:
+    // Both must outlive it.
+    TailPyramid(const ImageFilter& filter, const Projector& projector);
+
+    // Adds to `difference` (CV_32FC1, the region's size, radiance minus background) the tail of
+    // everything within `reach_px` (infinity included) of a pixel. The samples must cover the
+    // region and ImageFilter::reach_px() around it, best in multiples of 8 px. Pixels farther from
+    // the marker are not touched. Parallel, and the same bytes for any number of threads.
+    void add(const TileSamples& samples, const MarkerView& marker, double reach_px,
+             const cv::Rect& region, cv::Mat& difference) const;
+
+private:
+    const ImageFilter& filter_;
+    SquareCorners corners_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,213 @@
+#include "sim/tail_sources.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+namespace etalon {
+namespace {
+
+constexpr int tile_px = UndistortionMap::tile_px;
+constexpr int tile_shift = 2;    // a tile is one square
+constexpr int square_shift = 3;  // the finest grid outside the sampled tiles
+
+// Averages of a refined tile: 16 pixels, then 4 halves.
+constexpr int pixels_of_tile = 16, finer_of_tile = 20;
+
+cv::Rect scaled(const cv::Rect& rect, int factor) {
+    return {rect.x * factor, rect.y * factor, rect.width * factor, rect.height * factor};
+}
+
+bool contains(const cv::Rect& outer, const cv::Rect& inner) {
+    return (outer & inner) == inner;
+}
+
+// The smallest rectangle of pixels that surely holds the marker's image, blur included; the whole
+// of `limit` where the marker reaches beyond the valid region. Between the points an edge bulges by
+// less than the margin.
+cv::Rect marker_box(const MarkerView& marker, const Projector& projector, const cv::Rect& limit) {
+    constexpr int points_per_edge = 32;
+    constexpr double bulge_px = 16.0;
+    Eigen::Array2d low = Eigen::Array2d::Constant(1e9), high = -low;
+    for (int n = 0; n < 4 * points_per_edge; ++n) {
+        const double along = (n % points_per_edge) / double(points_per_edge);
+        const double s[] = {along, 1.0, 1.0 - along, 0.0};
+        const double t[] = {0.0, along, 1.0, 1.0 - along};
+        const int edge = n / points_per_edge;
+        const Eigen::Vector3d p =
+            marker.camera_from_grid() *
+            Eigen::Vector3d(s[edge] * marker.columns(), t[edge] * marker.rows(), 1.0);
+        const auto pixel = projector.project(p);
+        if (!pixel)
+            return limit;
+        low = low.min(pixel->array());
+        high = high.max(pixel->array());
+    }
+    const BlurRange blur = blur_over_marker(marker, projector.camera().intrinsics);
+    const double margin = 2.0 * blur.largest_px + bulge_px;
+    const auto clamped = [](double v) { return static_cast<int>(std::clamp(v, -1e8, 1e8)); };
+    const cv::Point from(clamped(low.x() - margin), clamped(low.y() - margin));
+    const cv::Point to(clamped(high.x() + margin), clamped(high.y() + margin));
+    return cv::Rect(from, to) & limit;
+}
+
+// Averages of a refined tile's samples over its pixels and halves; returns the tile's.
+float average_tile(const float* values, int k, float* finer) {
+    average_parts(values, k, finer);
+    float sum = 0.0f;
+    for (int q = 0; q < 4; ++q) {
+        const float* first = finer + q / 2 * 2 * tile_px + q % 2 * 2;
+        const float half = 0.25f * (first[0] + first[1] + first[tile_px] + first[tile_px + 1]);
+        finer[pixels_of_tile + q] = half;
+        sum += half;
+    }
+    return 0.25f * sum;
+}
+
+}  // namespace
+
+std::optional<SquareCorners::Corners> SquareCorners::of(int shift, int i, int j) const {
+    const Table& known = table(shift);
+    Corners result;
+    for (int q = 0; q < 4; ++q) {
+        const cv::Point node(i + q % 2, j + q / 2);
+        auto& x = result[static_cast<std::size_t>(q)];
+        if (known.nodes.contains(node))
+            x = known.points[static_cast<std::size_t>((node.y - known.nodes.y) * known.nodes.width +
+                                                      node.x - known.nodes.x)];
+        else
+            x = point_at(shift, node);
+        if (!x.allFinite())
+            return std::nullopt;
+    }
+    return result;
+}
+
+Eigen::Vector2d SquareCorners::point_at(int shift, const cv::Point& node) const {
+    const double g = std::ldexp(1.0, shift);
+    const auto x = projector_.unproject({g * node.x - 0.5, g * node.y - 0.5});
+    return x ? *x : Eigen::Vector2d::Constant(std::nan(""));
+}
+
+const SquareCorners::Table& SquareCorners::table(int shift) const {
+    constexpr int margin = 32;  // squares beyond the image that rings and interpolation see
+    Table& result = tables_[static_cast<std::size_t>(shift)];
+    std::call_once(result.once, [&] {
+        const cv::Rect image(0, 0, projector_.camera().width, projector_.camera().height);
+        const cv::Rect nodes = grown(cells_of(image, 1 << shift), margin, margin);
+        result.points.resize(static_cast<std::size_t>(nodes.area()));
+        for (int n = 0; n < nodes.area(); ++n) {
+            const cv::Point node(n % nodes.width, n / nodes.width);
+            result.points[static_cast<std::size_t>(n)] = point_at(shift, nodes.tl() + node);
+        }
+        result.nodes = nodes;
+    });
+    return result;
+}
+
+TailSources::TailSources(const TileSamples& samples, const MarkerView& marker,
+                         const SquareCorners& corners, const cv::Rect& limit)
+    : samples_(samples), marker_(marker), corners_(corners) {
+    pixels_ = scaled(samples.tiles_off_background(), tile_px);
+    const cv::Rect box = marker_box(marker, corners.projector(), limit);
+    if (!contains(scaled(samples.tiles(), tile_px), box))
+        pixels_ = pixels_.empty() ? box : pixels_ | box;
+    pixels_ &= limit;
+}
+
+void TailSources::average(const std::vector<cv::Rect>& needed) {
+    squares_.assign(needed.size(), TileMap({}));
+    // Tiles are needed where the finer grids are, too, and wherever there are samples.
+    average_tiles(grown(needed[tile_shift], 2, 2) | samples_.tiles());
+    average_squares(needed);
+    fill_tiles_outside();
+    for (TileMap& squares : squares_)
+        squares.finish();
+}
+
+void TailSources::average_tiles(const cv::Rect& needed_tiles) {
+    TileMap& tiles = squares_[tile_shift];
+    tiles = TileMap(cells_of(pixels_, tile_px) & needed_tiles);
+    const cv::Rect inside = tiles.tiles() & samples_.tiles();
+    of_tile_.assign(static_cast<std::size_t>(tiles.tiles().area()), nullptr);
+    int refined = 0;
+    for (int j = inside.y; j < inside.br().y; ++j)
+        for (int i = inside.x; i < inside.br().x; ++i)
+            refined += samples_.refined(i, j);
+    finer_.resize(static_cast<std::size_t>(refined * finer_of_tile));
+    float* next = finer_.data();
+    for (int j = inside.y; j < inside.br().y; ++j)
+        for (int i = inside.x; i < inside.br().x; ++i) {
+            if (!samples_.refined(i, j)) {
+                tiles.set(i, j, samples_.constant_value(i, j));
+                continue;
+            }
+            tiles.set(i, j, average_tile(samples_.values(i, j), samples_.k(), next), true);
+            of_tile_[tiles.index(i, j)] = next;
+            next += finer_of_tile;
+        }
+}
+
+// Each square from the four finer ones where all of them are known, otherwise through the lens.
+void TailSources::average_squares(const std::vector<cv::Rect>& needed) {
+    for (std::size_t n = square_shift; n < needed.size(); ++n) {
+        const int shift = static_cast<int>(n);
+        const TileMap& finer = squares_[n - 1];
+        const cv::Rect known = shift == square_shift ? samples_.tiles() : needed[n - 1];
+        const cv::Rect cells = cells_of(pixels_, 1 << shift) & needed[n];
+        squares_[n] = TileMap(cells);
+        tbb::parallel_for(tbb::blocked_range<int>(cells.y, cells.br().y), [&](const auto& rows) {
+            LensAverage lens_average(marker_);
+            for (int j = rows.begin(); j < rows.end(); ++j)
+                for (int i = cells.x; i < cells.br().x; ++i) {
+                    const int x = 2 * i, y = 2 * j;
+                    const float mean =
+                        contains(known, {x, y, 2, 2})
+                            ? 0.25f * (finer.at({x, y}) + finer.at({x + 1, y}) +
+                                       finer.at({x, y + 1}) + finer.at({x + 1, y + 1}))
+                            : lens_mean(shift, i, j, lens_average);
+                    squares_[n].set(i, j, mean);
+                }
+        });
+    }
+}
+
+void TailSources::fill_tiles_outside() {
+    TileMap& tiles = squares_[tile_shift];
+    const cv::Rect all = tiles.tiles();
+    if (contains(samples_.tiles(), all))
+        return;
+    for (int j = all.y; j < all.br().y; ++j)
+        for (int i = all.x; i < all.br().x; ++i)
+            if (!samples_.tiles().contains({i, j}))
+                tiles.set(i, j, squares_[square_shift].at({i >> 1, j >> 1}));
+}
+
+// Of 4 x 4 lens averages; their points are interpolated between the square's corners.
+float TailSources::lens_mean(int shift, int i, int j, LensAverage& lens_average) const {
+    const auto corners = corners_.of(shift, i, j);
+    if (!corners)
+        return 0.0f;
+    const auto& [a, b, c, d] = *corners;
+    const Box box{a.cwiseMin(b).cwiseMin(c).cwiseMin(d), a.cwiseMax(b).cwiseMax(c).cwiseMax(d)};
+    const auto range = marker_.footprint(box);
+    if (!range)
+        return 0.0f;
+    if (const auto uniform = marker_.uniform_radiance(*range))
+        return static_cast<float>(*uniform - marker_.background());
+    double sum = 0.0;
+    for (int q = 0; q < 16; ++q) {
+        const double s = (q % 4 + 0.5) / 4.0, t = (q / 4 + 0.5) / 4.0;
+        const Eigen::Vector2d x = (1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d);
+        if (const auto seen = marker_.footprint({x, x}))
+            sum += lens_average.at(x, *seen) - marker_.background();
+    }
+    return static_cast<float>(sum / 16.0);
+}
+
+SampleField TailSources::field(int shift) const {
+    if (shift >= tile_shift)
+        return {squares_[static_cast<std::size_t>(shift)]};
+    return {squares_[tile_shift], tile_px >> shift, &of_tile_, shift == 0 ? 0 : pixels_of_tile};
+}
+
+}  // namespace etalon

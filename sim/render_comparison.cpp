@@ -96,9 +96,12 @@ double square(double x) {
     return x * x;
 }
 
-// Mean square over the profiles of the displacement that the errors amount to.
-double mean_square_shift(std::span<const double> errors, const RenderTruth& truth) {
-    double sum = 0.0;
+// Mean squares over the profiles: of the displacement that the errors amount to, and of its noise.
+struct ShiftSquares {
+    double shift = 0.0, noise = 0.0;
+};
+ShiftSquares mean_square_shift(std::span<const double> errors, const RenderTruth& truth) {
+    ShiftSquares sum;
     std::size_t first = 0, profiles = 0;
     for (const ComparisonWindow& window : truth.windows) {
         const auto width = static_cast<std::size_t>(window.pixels.width);
@@ -106,14 +109,19 @@ double mean_square_shift(std::span<const double> errors, const RenderTruth& trut
         const bool rows = window.profiles == ComparisonWindow::Profiles::rows;
         const std::size_t count = rows ? height : width, length = rows ? width : height;
         for (std::size_t p = 0; p < count && window.shift_px_per_gray > 0.0; ++p, ++profiles) {
-            double light = 0.0;
-            for (std::size_t i = 0; i < length; ++i)
-                light += errors[first + (rows ? p * width + i : i * width + p)];
-            sum += square(light * window.shift_px_per_gray);
+            double light = 0.0, variance = 0.0;
+            for (std::size_t i = 0; i < length; ++i) {
+                const std::size_t pixel = first + (rows ? p * width + i : i * width + p);
+                light += errors[pixel];
+                variance += square(truth.values[pixel].standard_error / gray);
+            }
+            sum.shift += square(light * window.shift_px_per_gray);
+            sum.noise += variance * square(window.shift_px_per_gray);
         }
         first += width * height;
     }
-    return profiles > 0 ? sum / static_cast<double>(profiles) : 0.0;
+    const double count = static_cast<double>(std::max<std::size_t>(1, profiles));
+    return {sum.shift / count, sum.noise / count};
 }
 
 double percentile(std::vector<double> values, double part) {
@@ -127,6 +135,10 @@ double percentile(std::vector<double> values, double part) {
 
 double RenderComparison::corrected_rms_gray() const {
     return std::sqrt(std::max(0.0, square(rms_gray) - square(reference_rms_gray)));
+}
+
+double RenderComparison::corrected_shift_px() const {
+    return std::sqrt(std::max(0.0, square(edge_shift_px) - square(reference_shift_px)));
 }
 
 std::vector<ComparisonWindow> comparison_windows(const CameraModel& camera, const Scene& scene,
@@ -174,7 +186,9 @@ RenderComparison compare_with_truth(std::span<const double> radiance, const Rend
     result.reference_rms_gray = std::sqrt(result.reference_rms_gray);
     result.p99_gray = percentile(sizes, 0.99);
     result.max_gray = *std::max_element(sizes.begin(), sizes.end());
-    result.edge_shift_px = std::sqrt(mean_square_shift(errors, truth));
+    const ShiftSquares shifts = mean_square_shift(errors, truth);
+    result.edge_shift_px = std::sqrt(shifts.shift);
+    result.reference_shift_px = std::sqrt(shifts.noise);
     return result;
 }
 

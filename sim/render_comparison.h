@@ -51,11 +51,13 @@ struct RenderComparison {
     double max_gray = 0.0;            // largest
     double max_sigmas = 0.0;          // largest excess of |render - reference| over 0.1 gray, in
                                       // standard errors of the reference
-    double edge_shift_px = 0.0;       // RMS over the profiles; the reference's noise included
+    double edge_shift_px = 0.0;       // RMS over the profiles
+    double reference_shift_px = 0.0;  // of that, what the reference's standard error amounts to
     RenderPlan plan;                  // of compare_with_reference()
 
-    // What remains of the RMS when the reference's own noise is taken off.
+    // What remains of the RMS values when the reference's own noise is taken off.
     double corrected_rms_gray() const;
+    double corrected_shift_px() const;
 };
 
 // `radiance`: one value per pixel of the truth; or an image that has them.

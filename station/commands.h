@@ -38,6 +38,18 @@ struct RenderArguments {
 int run_render(const RenderArguments& arguments);
 int run_render_set(const RenderArguments& arguments);  // with a pose file
 
+struct BenchArguments {
+    std::vector<std::string> scenes;  // by name (sim/benchmark_scenes.h); none: all eight
+    std::filesystem::path out;        // folder for bench.csv, table.md, bench.svg, bench.json
+    std::optional<int> poses;         // of the cloud: 200, quick 5; 0: no cloud
+    std::optional<int> throughput;    // frames: 10000, quick 40; 0: none
+    int reference_samples = 0;        // in each of 16 scrambles; 0: the plan's own
+    bool quick = false;               // few settings and samples: a trial of the command
+    bool check = false;               // exit code 1 when a promised figure is missed
+    bool json = false;
+};
+int run_bench(const BenchArguments& arguments);
+
 struct CalibrateArguments {
     std::string board;  // "9x6"
     double square_mm = 0.0;

@@ -139,6 +139,34 @@ void add_render_command(CLI::App& app, Run& run) {
     sub->add_flag("--explain", arguments->explain, "print what was left out, and by which bound");
 }
 
+void add_bench_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<BenchArguments>();
+    CLI::App* sub =
+        add_command(app, run, arguments, run_bench, "bench",
+                    "measure the renderer: error against run time",
+                    "Every method and setting on eight scenes and a cloud of poses against the\n"
+                    "reference integrator, and frames per second beside the published method.\n"
+                    "About six minutes on two cores. Explained in docs/performance.md.\n\n"
+                    "Example:\n  etalon bench --scene webcam-500 --poses 0 --out bench\n");
+    sub->add_option("--scene", arguments->scenes, "a scene; may be repeated (default: all)")
+        ->type_name("NAME");
+    sub->add_option("--out", arguments->out, "folder for bench.csv, table.md, bench.svg")
+        ->type_name("DIR");
+    sub->add_option("--poses", arguments->poses, "poses of the cloud (default 200; 0: none)")
+        ->check(whole_number())
+        ->type_name("N");
+    sub->add_option("--throughput", arguments->throughput,
+                    "frames to render in memory (default 10000; 0: none)")
+        ->check(whole_number())
+        ->type_name("N");
+    sub->add_option("--reference-samples", arguments->reference_samples,
+                    "in each of 16 scrambles (default 16384)")
+        ->check(whole_number())
+        ->type_name("N");
+    sub->add_flag("--quick", arguments->quick, "few settings and samples, to try the command");
+    sub->add_flag("--check", arguments->check, "exit code 1 when a promised figure is missed");
+}
+
 void add_calibrate_command(CLI::App& app, Run& run) {
     auto arguments = std::make_shared<CalibrateArguments>();
     CLI::App* sub =
@@ -276,6 +304,7 @@ void add_commands(CLI::App& app, Run& run) {
     add_detect_command(app, run);
     add_marker_command(app, run);
     add_devices_command(app, run);
+    add_bench_command(app, run);
 }
 
 // Errors are one line, whatever the message that was thrown.

@@ -104,26 +104,35 @@ void SvgPlot::set_image_axes() {
     image_axes_ = true;
 }
 
+void SvgPlot::set_log_axes() {
+    log_axes_ = true;
+}
+
+// Along an axis: the values, or their logarithms.
+std::vector<double> SvgPlot::placed(std::span<const double> values) const {
+    std::vector<double> result(values.begin(), values.end());
+    if (log_axes_)
+        for (double& value : result)
+            value = std::log10(value);
+    return result;
+}
+
+std::string SvgPlot::tick_label(double tick) const {
+    return log_axes_ ? fmt::format("{:.2g}", std::pow(10.0, tick)) : fmt::format("{:.4g}", tick);
+}
+
 void SvgPlot::set_y_range(double low, double high) {
     y_range_ = {low, high};
 }
 
 void SvgPlot::add_points(std::span<const double> xs, std::span<const double> ys, Ink ink,
                          const std::string& name, const std::vector<std::string>& notes) {
-    layers_.push_back({Layer::Kind::points,
-                       {xs.begin(), xs.end()},
-                       {ys.begin(), ys.end()},
-                       {},
-                       {},
-                       ink,
-                       name,
-                       notes});
+    layers_.push_back({Layer::Kind::points, placed(xs), placed(ys), {}, {}, ink, name, notes});
 }
 
 void SvgPlot::add_line(std::span<const double> xs, std::span<const double> ys, Ink ink,
                        const std::string& name) {
-    layers_.push_back(
-        {Layer::Kind::line, {xs.begin(), xs.end()}, {ys.begin(), ys.end()}, {}, {}, ink, name, {}});
+    layers_.push_back({Layer::Kind::line, placed(xs), placed(ys), {}, {}, ink, name, {}});
 }
 
 void SvgPlot::add_band(std::span<const double> xs, std::span<const double> lows,
@@ -162,7 +171,7 @@ void SvgPlot::add_arrows(std::span<const double> xs, std::span<const double> ys,
 }
 
 void SvgPlot::add_level(double y, Ink ink, const std::string& label) {
-    layers_.push_back({Layer::Kind::level, {}, {y}, {}, {}, ink, label, {}});
+    layers_.push_back({Layer::Kind::level, {}, placed({&y, 1}), {}, {}, ink, label, {}});
 }
 
 void SvgPlot::Layer::include_in(Extent& x, Extent& y) const {
@@ -214,16 +223,16 @@ std::string SvgPlot::axes(const Frame& f) const {
         const double y = f.py(tick);
         text += fmt::format("<line class='grid' x1='{}' x2='{}' y1='{:.1f}' y2='{:.1f}'/>", x0, x1,
                             y, y);
-        text += fmt::format("<text x='{}' y='{:.1f}' text-anchor='end'>{:.4g}</text>", x0 - 6,
-                            y + 4, tick);
+        text += fmt::format("<text x='{}' y='{:.1f}' text-anchor='end'>{}</text>", x0 - 6, y + 4,
+                            tick_label(tick));
     }
     if (categories_.empty()) {
         for (const double tick : ticks(f.x.low, f.x.high, 8)) {
             const double x = f.px(tick);
             text += fmt::format("<line class='grid' y1='{}' y2='{}' x1='{:.1f}' x2='{:.1f}'/>", y0,
                                 y1, x, x);
-            text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{:.4g}</text>", x,
-                                y1 + 16, tick);
+            text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{}</text>", x,
+                                y1 + 16, tick_label(tick));
         }
     }
     for (std::size_t i = 0; i < categories_.size(); ++i)

@@ -25,6 +25,9 @@ public:
     void set_size(int width, int height);
     // Equal scales on both axes (maps), y growing downwards as in an image.
     void set_image_axes();
+    // Both axes logarithmic, for points, lines and levels that are added afterwards; coordinates
+    // that are not positive are left out.
+    void set_log_axes();
     // Fixed ends of an axis; otherwise they follow the data.
     void set_y_range(double low, double high);
 
@@ -63,6 +66,8 @@ private:
     };
     struct Frame;  // the map from data to picture
 
+    std::vector<double> placed(std::span<const double> values) const;
+    std::string tick_label(double tick) const;
     Frame frame() const;
     std::string axes(const Frame& frame) const;
     std::string layer(const Layer& layer, const Frame& frame) const;
@@ -74,7 +79,7 @@ private:
 
     std::string x_label_, y_label_;
     int width_ = 640, height_ = 320;
-    bool image_axes_ = false;
+    bool image_axes_ = false, log_axes_ = false;
     std::optional<std::pair<double, double>> y_range_;
     std::vector<std::string> categories_;
     std::vector<Layer> layers_;

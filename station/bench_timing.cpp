@@ -1,0 +1,60 @@
+#include "station/bench_timing.h"
+
+#include <time.h>
+
+#include <fstream>
+#include <vector>
+
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+constexpr std::size_t repetitions = 7;
+constexpr double budget_ms = 3000.0;
+
+double clock_ms(clockid_t clock) {
+    timespec t;
+    clock_gettime(clock, &t);
+    return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
+}
+
+double run_ms(const std::function<void()>& work) {
+    const double start = thread_cpu_ms();
+    work();
+    return thread_cpu_ms() - start;
+}
+
+}  // namespace
+
+double thread_cpu_ms() {
+    return clock_ms(CLOCK_THREAD_CPUTIME_ID);
+}
+
+double process_cpu_ms() {
+    return clock_ms(CLOCK_PROCESS_CPUTIME_ID);
+}
+
+double peak_memory_mib() {
+    std::ifstream status("/proc/self/status");
+    for (std::string word; status >> word;)
+        if (double kib = 0.0; word == "VmHWM:" && status >> kib)
+            return kib / 1024.0;
+    return 0.0;
+}
+
+double median_cpu_ms(const std::function<void()>& work) {
+    const double first = run_ms(work);
+    if (first > budget_ms)
+        return first;
+    std::vector<double> times;
+    double total = 0.0;
+    while (times.size() < repetitions && (times.empty() || total < budget_ms)) {
+        times.push_back(run_ms(work));
+        total += times.back();
+    }
+    std::sort(times.begin(), times.end());
+    return times[times.size() / 2];
+}
+
+}  // namespace etalon

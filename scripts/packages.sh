@@ -4,7 +4,7 @@
 build_packages="g++ cmake ninja-build ccache pkg-config libopencv-dev libopencv-contrib-dev \
     libeigen3-dev libceres-dev libapriltag-dev libaravis-dev libusb-1.0-0-dev libmodbus-dev \
     libyaml-cpp-dev nlohmann-json3-dev libcli11-dev libfmt-dev libhwy-dev libtbb-dev"
-test_packages="libgtest-dev libgmock-dev poppler-utils"
+test_packages="libbenchmark-dev libgtest-dev libgmock-dev poppler-utils"
 
 missing_packages() {
     local package

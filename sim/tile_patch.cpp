@@ -1,7 +1,11 @@
 #include "sim/tile_patch.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+
+#include "core/errors.h"
 
 namespace etalon {
 namespace {
@@ -40,6 +44,19 @@ void differentiate(const std::array<float, 16>& c, float scale, std::array<float
 }
 
 }  // namespace
+
+TilePositions::TilePositions(int n) : n_(n) {
+    if (n < 4 || n % 4 != 0)
+        throw NumericalError(fmt::format("{} x {} points in a tile: not a multiple of 4", n, n));
+    for (int block_y = 0; block_y < n; block_y += 4)
+        for (int block_x = 0; block_x < n; block_x += 4)
+            for (int i = 0; i < 16; ++i) {
+                s_.push_back((static_cast<float>(block_x + i % 4) + 0.5f) / static_cast<float>(n) -
+                             0.5f);
+                t_.push_back((static_cast<float>(block_y + i / 4) + 0.5f) / static_cast<float>(n) -
+                             0.5f);
+            }
+}
 
 TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column,
                           std::size_t first_row) {

@@ -3,6 +3,7 @@
 // a tile's patches is the sum over its lines and crossings.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -27,6 +28,19 @@ struct TilePatch {
 // the first patch of a column (row) has its contrast.
 TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column,
                           std::size_t first_row);
+
+// Fills the n x n values with the base and calls add(patch) for every patch of the tile.
+template <class Add>
+void sum_patches(const TileGeometry& tile, int n, float* values, Add add) {
+    std::fill_n(values, n * n, tile.base);
+    // One patch at least in each direction: there may be lines of the other alone.
+    for (std::size_t j = 0; j == 0 || j < tile.rows.size(); j += TilePatch::capacity)
+        for (std::size_t i = 0; i == 0 || i < tile.columns.size(); i += TilePatch::capacity) {
+            const TilePatch patch = make_tile_patch(tile, i, j);
+            if (patch.column_count + patch.row_count > 0)
+                add(patch);
+        }
+}
 
 // The total degree, 2, 3 or 6, beyond which the polynomials of dx and dy have no term larger than
 // single precision's rounding of a few px.

@@ -1,0 +1,166 @@
+// Compiled once for each instruction set: foreach_target.h includes this file again and again, with
+// another HWY_NAMESPACE each time.
+#undef HWY_DISABLED_TARGETS
+#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "sim/tile_lens_kernel.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include <hwy/highway.h>
+
+#include "sim/tile_patch.h"
+#include "sim/tile_vectors-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace etalon::HWY_NAMESPACE {
+namespace {
+
+// ---- E: the aperture, a unit disk
+
+// A line on the disk for each point of a vector: the part normal . l + offset >= 0. See
+// sim/disk_area.h.
+struct Chord {
+    HWY_ALIGN float normal_x[block], normal_y[block], offset[block];  // offset within [-1, 1]
+    HWY_ALIGN float half_length[block], half_angle[block], area[block];
+    bool crosses;  // some point's aperture; else only `area` is there, 0 or 1
+};
+
+HWY_INLINE Mask is_cut(const Chord& chord) {
+    return hn::Lt(hn::Abs(load(chord.offset)), all(1.0f));
+}
+
+// acos(x) / sqrt(1 - x) on [0, 1]: minimax (Remez) for acos, 6e-7 rad.
+constexpr float arc_cosine[] = {1.57079569f,     -0.2145428168f, 0.08817105367f,
+                                -0.04592722905f, 0.02062006212f, -0.004911174695f};
+// asin(x) / x by x^2 on [0, 1/2]: minimax for asin, 3e-7 rad.
+constexpr float arc_sine[] = {0.999994359f,   0.1669592553f,   0.07070499958f,
+                              0.07104289101f, -0.04452862232f, 0.1111271978f};
+
+// Fills in what follows from the offset t. Computed for the smaller part, x = |t|, whose area
+// (acos x - x sqrt(1 - x^2)) / pi has no cancellation worth mentioning.
+HWY_INLINE void cut_disk(Vector t, Chord& chord) {
+    const Vector x = hn::Abs(t), one = all(1.0f);
+    const Vector root = hn::Sqrt(one - x);
+    const Vector half_length = root * hn::Sqrt(one + x);
+    const Vector angle = root * polynomial<5>(arc_cosine, x);
+    const Vector area = hn::ZeroIfNegative(hn::NegMulAdd(x, half_length, angle)) * all(1.0f / pi);
+    const Mask major = hn::Gt(t, hn::Zero(tag));
+    store(t, chord.offset);
+    store(half_length, chord.half_length);
+    store(hn::IfThenElse(major, all(pi) - angle, angle), chord.half_angle);
+    store(hn::IfThenElse(major, one - area, area), chord.area);
+}
+
+HWY_INLINE void cut_aperture(const TileGeometry& tile, const TileLine& line, Vector dx, Vector dy,
+                             Vector blur, Chord& chord) {
+    const Vector offset = distance(line, dx, dy);
+    const Vector slope_x = hn::NegMulAdd(all(tile.turn_x), offset, blur * all(line.gradient_x));
+    const Vector slope_y = hn::NegMulAdd(all(tile.turn_y), offset, blur * all(line.gradient_y));
+    const Vector square = hn::MulAdd(slope_x, slope_x, slope_y * slope_y);
+    chord.crosses = !hn::AllFalse(tag, hn::Lt(offset * offset, square));
+    if (!chord.crosses) {
+        store(hn::IfThenElseZero(hn::Ge(offset, hn::Zero(tag)), all(1.0f)), chord.area);
+        return;
+    }
+    // A point without blur has slope 0: its large quotient becomes a sharp step by the clamp.
+    const Vector inverse = inverse_root(square + all(tiny));
+    store(slope_x * inverse, chord.normal_x);
+    store(slope_y * inverse, chord.normal_y);
+    cut_disk(hn::Clamp(offset * inverse, all(-1.0f), all(1.0f)), chord);
+}
+
+// The angle, 0 to pi, with this sine (not negative) and cosine; accurate at every angle.
+HWY_INLINE Vector angle_of(Vector sine, Vector cosine) {
+    const Vector side = hn::Abs(cosine), smaller = hn::Min(sine, side);
+    const Vector arc = smaller * polynomial<5>(arc_sine, smaller * smaller);
+    const Vector acute = hn::IfThenElse(hn::Lt(sine, side), arc, all(0.5f * pi) - arc);
+    return hn::IfThenElse(hn::Lt(cosine, hn::Zero(tag)), all(pi) - acute, acute);
+}
+
+// The fraction of the disk beyond both chords: disk_wedge_area() of sim/disk_area.cpp. Mirrored
+// chords have the same areas, so that only the sine's magnitude matters.
+HWY_INLINE Vector overlap_of(const Chord& a, const Chord& b) {
+    const Vector ax = load(a.normal_x), ay = load(a.normal_y), bx = load(b.normal_x),
+                 by = load(b.normal_y);
+    const Vector cosine = hn::MulAdd(ax, bx, ay * by);
+    const Vector sine = hn::Abs(hn::MulSub(ax, by, ay * bx));
+    const Vector turn = angle_of(sine, cosine);
+    const Vector angle_a = load(a.half_angle), angle_b = load(b.half_angle);
+    const Vector length_a = load(a.half_length), length_b = load(b.half_length);
+    const Vector t_a = load(a.offset), t_b = load(b.offset);
+
+    // Where the chords cross, along each of them; the second from the first.
+    const Vector along_a =
+        hn::Clamp(hn::MulSub(t_a, cosine, t_b) / (sine + all(tiny)), hn::Neg(length_a), length_a);
+    const Vector along_b =
+        hn::Clamp(hn::MulAdd(t_a, sine, along_a * cosine), hn::Neg(length_b), length_b);
+    const Vector twice =
+        angle_a + angle_b - turn + hn::MulAdd(t_a, length_a - along_a, t_b * (length_b + along_b));
+
+    // Where they do not: the parts lie apart or cover the disk, or one holds the other.
+    const Vector area_a = load(a.area), area_b = load(b.area);
+    const Vector least = least_overlap(area_a, area_b), most = largest_overlap(area_a, area_b);
+    const Vector opposed = hn::Abs(angle_a + angle_b - all(pi)) - (all(pi) - turn);
+    const Vector nested = hn::Abs(angle_a - angle_b) - turn;
+    const Vector uncrossed = hn::IfThenElse(hn::Ge(opposed, nested), least, most);
+    const Mask crossed = hn::Lt(hn::Max(opposed, nested), hn::Zero(tag));
+    return hn::Clamp(hn::IfThenElse(crossed, twice * all(0.5f / pi), uncrossed), least, most);
+}
+
+HWY_INLINE Vector lens_average(const TileGeometry& tile, const TilePatch& patch, Vector dx,
+                               Vector dy) {
+    Chord columns[TilePatch::capacity], rows[TilePatch::capacity];
+    const Vector blur = blur_at(tile, dx, dy);
+    for (std::size_t i = 0; i < patch.column_count; ++i)
+        cut_aperture(tile, patch.columns[i].line, dx, dy, blur, columns[i]);
+    for (std::size_t j = 0; j < patch.row_count; ++j)
+        cut_aperture(tile, patch.rows[j].line, dx, dy, blur, rows[j]);
+    return sum_of_cells(patch, columns, rows);
+}
+
+void add_lens_averages(const TileGeometry& tile, const TilePatch& patch,
+                       const TilePositions& positions, float* values) {
+    const auto n = static_cast<std::size_t>(positions.n());
+    const int degree = significant_degree(tile);
+    for (std::size_t index = 0; index < n * n / block; ++index) {
+        HWY_ALIGN float sums[block];
+        for (std::size_t lane = 0; lane < block; lane += hn::Lanes(tag)) {
+            const Vector s = hn::LoadU(tag, positions.s() + block * index + lane);
+            const Vector t = hn::LoadU(tag, positions.t() + block * index + lane);
+            const Vector dx = bicubic(tile.dx, degree, s, t), dy = bicubic(tile.dy, degree, s, t);
+            store(lens_average(tile, patch, dx, dy), sums + lane);
+        }
+        add_block(sums, index, n, values);
+    }
+}
+
+const char* target_name() {
+    return hwy::TargetName(HWY_TARGET);
+}
+
+}  // namespace
+}  // namespace etalon::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace etalon {
+namespace {
+
+HWY_EXPORT(add_lens_averages);
+HWY_EXPORT(target_name);
+
+}  // namespace
+
+void exact_lens_samples(const TileGeometry& geometry, const TilePositions& positions,
+                        float* values) {
+    sum_patches(geometry, positions.n(), values, [&](const TilePatch& patch) {
+        HWY_DYNAMIC_DISPATCH(add_lens_averages)(geometry, patch, positions, values);
+    });
+}
+
+const char* tile_kernel_target() {
+    return HWY_DYNAMIC_DISPATCH(target_name)();
+}
+
+}  // namespace etalon
+#endif

@@ -1,6 +1,6 @@
 // From samples of the aperture average to pixels: convolution with (pixel box * point spread),
-// split by radius into a core, filtered at k samples per pixel, and the diffraction tail, filtered
-// on coarser grids (1 px; 8 px).
+// split by radius into a core, filtered at k samples per pixel, and rings of the diffraction tail,
+// each twice as wide as the one before and filtered on a grid twice as coarse.
 //
 // Weights by product integration: the samples are interpolated by the 6-point Lagrange kernel and
 // the interpolant is integrated against the kernel. Each level's weights sum to the energy that its
@@ -14,22 +14,11 @@
 #include <utility>
 
 #include "calib/camera_model.h"
+#include "sim/core_filter.h"
 #include "sim/diffraction.h"
+#include "sim/sampling.h"
 
 namespace etalon {
-
-enum class SampleKind {
-    point,  // values at the centres of a pixel's k x k parts
-    box,    // averages over them
-};
-
-// Weights for the samples around one output pixel: pixel p is the sum over the samples
-// k p - reach ... k p + k - 1 + reach of each direction.
-struct CoreKernel {
-    int k = 1;
-    int reach_x = 0, reach_y = 0;  // samples beyond the pixel's own
-    cv::Mat weights;               // CV_32FC1, (2 reach_y + k) x (2 reach_x + k)
-};
 
 // Smooth ring of radii: 0 up to rise_from, 1 from rise_to to fall_from, 0 from fall_to.
 struct RadialWindow {
@@ -41,40 +30,44 @@ struct RadialWindow {
 // Safe from every thread.
 class ImageFilter {
 public:
-    static constexpr int block_px = 8;  // grid of the far tail
-
     // No lens section: pixels are box averages, no tail.
     explicit ImageFilter(const CameraModel& camera);
 
     bool has_point_spread() const { return psf_.has_value(); }
-    bool has_near_tail() const { return near_.has_value(); }
-    bool has_far_tail() const { return far_.has_value(); }
-    // How far from a pixel the near tail reaches, px along x and y (the larger).
-    int near_reach_px() const;
-    // The same for everything but the far tail.
+    const PointSpreadFunction* point_spread() const { return psf_ ? &*psf_ : nullptr; }
+    bool has_tail() const { return psf_ && psf_->is_airy(); }
+
+    // On samples at k per pixel.
+    const FilterKernel& core(int k, SampleKind kind) const;
+
+    // The tail's level n = 0, 1, ... works on averages over 2^level_shift(n) px squares.
+    int level_shift(int n) const { return first_shift_ + n; }
+    // Its kernel there (k = 1); the result is the pixel average's at the squares' centres.
+    const FilterKernel& ring(int n) const;
+    // Core and the levels below `count` hold the whole pattern up to this radius, px along x.
+    double radius_held(int count) const { return std::ldexp(1.5 * split_px_, count); }
+
+    // How far around a pixel the core and a ring on pixel averages look, px.
     int reach_px() const;
 
-    const CoreKernel& core(int k, SampleKind kind) const;
-
-    // Odd-sized CV_32FC1 kernel on pixel averages; needs has_near_tail().
-    const cv::Mat& near_kernel() const;
-
-    // The same on averages over blocks of 8 x 8 px, out to `reach_px`; needs has_far_tail().
-    cv::Mat far_kernel(double reach_px) const;
-
-    // Radius beyond which this small part of a point's energy lies, px along x.
-    double radius_of_tail(double energy) const { return psf_->radius_of_tail(energy); }
+    // The tail beyond this radius (px along x) changes no pixel by more than `allowed_gray`,
+    // whatever is where: all of it is the difference `contrast` over `area_px` pixels at most.
+    // From the smaller of two bounds, the energy beyond r and the area times the largest density
+    // beyond r. 0 when the core's part is enough. Airy only.
+    double tail_reach_px(double contrast, double area_px, double allowed_gray) const;
 
 private:
-    std::optional<PointSpreadFunction> psf_;
-    double pitch_y_ = 1.0;  // a pixel's height in units of its width
-    std::optional<RadialWindow> core_, near_, far_;
-    mutable std::mutex mutex_;
-    mutable std::map<std::pair<int, SampleKind>, std::unique_ptr<const CoreKernel>> cores_;
-    mutable cv::Mat near_kernel_;
-};
+    FilterKernel make_core(int k, SampleKind kind) const;
+    FilterKernel make_ring(int n) const;
 
-// Convolution with a kernel of odd size, zero outside `image` (CV_32FC1), same size. By FFT.
-cv::Mat convolve(const cv::Mat& image, const cv::Mat& kernel);
+    std::optional<PointSpreadFunction> psf_;
+    double pitch_y_ = 1.0;   // a pixel's height in units of its width
+    double split_px_ = 1.0;  // s: the core ends between 1.5 s and 3 s
+    int first_shift_ = 0;    // the first ring's grid
+    RadialWindow core_{-1, -1, 0, 0};
+    mutable std::mutex mutex_;
+    mutable std::map<std::pair<int, SampleKind>, std::unique_ptr<const FilterKernel>> cores_;
+    mutable std::map<int, std::unique_ptr<const FilterKernel>> rings_;
+};
 
 }  // namespace etalon

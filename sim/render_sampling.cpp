@@ -1,116 +1,213 @@
 #include "sim/render_sampling.h"
 
-#include <array>
+#include <algorithm>
+#include <limits>
+#include <numbers>
 
 #include "core/errors.h"
+#include "sim/tile_evaluator.h"
 
 namespace etalon {
 namespace {
 
-// From this blur radius on, exact lens averages at points are cheaper than exact areas, and their
-// samples so close that the blur disk cannot fall between them.
-constexpr double exact_lens_from_px = 0.14;
-// Samples per pixel side of exact_area for a maximum error of 0.1 gray.
-constexpr int area_samples = 9;
+// How the tolerance is shared out. What is left is for the filter's weights and single precision.
+constexpr double share_of_sampling = 0.7;
+constexpr double share_of_lens = 0.1;
+constexpr double share_of_diffraction = 0.05;
+constexpr double share_of_tail = 0.1;
 
-struct Step {
-    double from_px;  // smallest blur radius
-    int count;
+// More samples than these a side cost more than they are worth; a tolerance that needs them is
+// refused.
+constexpr int most_points = 32, most_boxes = 48;
+// Below this blur two rims lie within a sample, whatever k.
+constexpr double least_blur_for_points_px = 0.02;
+// Where the plane of focus crosses the marker: from this blur on, 2 x 2 lens averages per box are
+// better than lens points.
+constexpr double mixed_from_px = 0.14;
+
+struct Choice {
+    int k = 0;  // 0: none is enough
+    double gray = 0.0;
 };
 
-// Samples per pixel side of exact_lens for a maximum error of 0.1 gray (docs/rendering.md).
-int lens_samples(double blur_px) {
-    static constexpr std::array<Step, 6> steps{
-        {{4.0, 2}, {2.0, 3}, {0.8, 4}, {0.4, 6}, {0.25, 8}, {0.0, 11}}};
-    for (const Step& step : steps)
-        if (blur_px >= step.from_px)
-            return step.count;
-    return steps.back().count;
+template <class Bound>
+Choice least_k(int most, double allowed_gray, const Bound& bound) {
+    for (int k = 1; k <= most; ++k)
+        if (const double gray = bound(k); gray <= allowed_gray)
+            return {k, gray};
+    return {};
 }
 
-// The error falls at least with the third power of k: a larger tolerance saves samples, a smaller
-// one costs them.
-int scaled(int k, double tolerance_gray) {
-    const double factor = std::cbrt(0.1 / tolerance_gray);
-    return std::clamp(static_cast<int>(std::ceil(k * factor - 1e-9)), 1, 32);
+bool kept(const RenderOptions& options, Omission what) {
+    return std::find(options.keep.begin(), options.keep.end(), what) != options.keep.end();
 }
 
-void choose_lens_points(double blur_px, Sampling& sampling) {
-    if (blur_px < 0.03)
-        return;  // the lens centre alone
-    sampling.lens_rings = blur_px < 0.15 ? 2 : blur_px < 0.5 ? 3 : 4;
-    sampling.lens_spokes = blur_px < 0.15 ? 6 : blur_px < 0.5 ? 12 : 24;
-}
+class Chooser {
+public:
+    Chooser(const ImageExtremes& image, const ImageFilter& filter, const SamplingBound& bound,
+            const RenderOptions& options)
+        : image_(image), filter_(filter), bound_(bound), options_(options) {
+        chosen_.plan.tolerance_gray = options.tolerance_gray;
+        chosen_.plan.min_blur_radius_px = image.blur.smallest_px;
+        chosen_.plan.max_blur_radius_px = image.blur.largest_px;
+        chosen_.plan.method = options.method;
+    }
 
-RenderMethod choose_method(const BlurRange& blur, const ImageFilter& filter) {
-    if (!filter.has_point_spread())
-        return RenderMethod::exact_area;
-    return blur.smallest_px >= exact_lens_from_px ? RenderMethod::exact_lens
-                                                  : RenderMethod::exact_area;
-}
+    RenderSampling choose() {
+        if (options_.method == RenderMethod::reference)
+            return chosen_;
+        leave_out_diffraction();
+        leave_out_lens();
+        choose_method();
+        choose_tail();
+        return chosen_;
+    }
 
-void choose_tail(double contrast, const ImageFilter& filter, double tolerance_gray,
-                 RenderPlan& plan) {
-    const double allowed = 0.1 * tolerance_gray / (255.0 * std::max(contrast, 1e-9));
-    plan.near_tail = filter.has_near_tail();
-    if (!filter.has_far_tail())
-        return;
-    plan.far_tail_reach_px = filter.radius_of_tail(allowed);
-    plan.omitted_tail_gray = 0.1 * tolerance_gray;
-}
+private:
+    double allowed(double share) const { return share * options_.tolerance_gray; }
+
+    void leave_out(Omission what, const std::string& why, double gray) {
+        chosen_.plan.left_out.push_back({what, why, gray});
+    }
+
+    void leave_out_diffraction() {
+        chosen_.with_spread = filter_.has_point_spread();
+        if (!chosen_.with_spread)
+            return leave_out(Omission::diffraction, "the camera states no lens", 0.0);
+        const double gray = image_.step * bound_.of_no_spread();
+        if (gray > allowed(share_of_diffraction) || kept(options_, Omission::diffraction))
+            return;
+        chosen_.with_spread = false;
+        leave_out(Omission::diffraction,
+                  fmt::format("a step of {:.3g} keeps its shape to {:.2g} gray", image_.step, gray),
+                  gray);
+    }
+
+    // A disk of radius R moves an edge's profile f by less than R^2 / 8 |f''|, and f'' of a box
+    // average is no more than the peak of the line spread; without a spread, by the corner of the
+    // box's profile, 2 R / (3 pi).
+    double gray_without_lens(double blur_px) const {
+        const double by_spread = blur_px * blur_px / 8.0 * bound_.line_spread_peak();
+        const double by_corner = 2.0 * blur_px / (3.0 * std::numbers::pi);
+        return 255.0 * image_.step *
+               (chosen_.with_spread ? std::min(by_spread, by_corner) : by_corner);
+    }
+
+    void leave_out_lens() {
+        double& sharp_up_to = chosen_.sampling.sharp_up_to_px;
+        if (kept(options_, Omission::lens))
+            return;
+        const double gray = allowed(share_of_lens);
+        sharp_up_to = gray / (255.0 * image_.step * 2.0 / (3.0 * std::numbers::pi));
+        if (chosen_.with_spread)
+            sharp_up_to =
+                std::max(sharp_up_to,
+                         std::sqrt(8.0 * gray / (255.0 * image_.step * bound_.line_spread_peak())));
+        if (image_.blur.largest_px <= sharp_up_to)
+            leave_out(Omission::lens,
+                      fmt::format("blur radius at most {:.2g} px", image_.blur.largest_px),
+                      gray_without_lens(image_.blur.largest_px));
+    }
+
+    Choice of_points() const {
+        const double blur = image_.blur.smallest_px;
+        if (blur < least_blur_for_points_px)
+            return {};
+        return least_k(most_points, allowed(share_of_sampling),
+                       [&](int k) { return image_.step * bound_.of_points(k, blur); });
+    }
+    Choice of_boxes() const {
+        return least_k(most_boxes, allowed(share_of_sampling),
+                       [&](int k) { return image_.step * gray_of_boxes(k); });
+    }
+    double gray_of_boxes(int k) const { return chosen_.with_spread ? bound_.of_boxes(k) : 0.0; }
+
+    bool is_mixed() const {
+        return options_.method == RenderMethod::automatic && image_.blur.largest_px > mixed_from_px;
+    }
+
+    // Evaluations per pixel where an edge is.
+    double cost_of_boxes(const Choice& boxes) const {
+        const double blur = image_.blur.largest_px;
+        const int points =
+            is_mixed() ? 4 : lens_rule(blur, chosen_.sampling.sharp_up_to_px).points();
+        return static_cast<double>(boxes.k) * boxes.k * points;
+    }
+
+    void choose_method() {
+        const bool automatic = options_.method == RenderMethod::automatic;
+        Choice points, boxes;
+        if (options_.method != RenderMethod::exact_area)
+            points = of_points();
+        if (options_.method != RenderMethod::exact_lens)
+            boxes = of_boxes();
+        bool by_points = options_.method == RenderMethod::exact_lens;
+        if (automatic)
+            by_points =
+                points.k > 0 && (boxes.k == 0 || points.k * points.k < cost_of_boxes(boxes));
+        if (options_.samples_per_side > 0)
+            (by_points ? points : boxes) = forced(by_points);
+        if ((by_points ? points : boxes).k == 0)
+            refuse(by_points);
+        by_points ? take_points(points) : take_boxes(boxes);
+    }
+
+    Choice forced(bool by_points) const {
+        const int k = options_.samples_per_side;
+        const double blur = std::max(image_.blur.smallest_px, least_blur_for_points_px);
+        return {k, image_.step * (by_points ? bound_.of_points(k, blur) : gray_of_boxes(k))};
+    }
+
+    [[noreturn]] void refuse(bool by_points) const {
+        throw NumericalError(fmt::format(
+            "{} cannot meet a tolerance of {:.3g} gray for a blur radius from {:.3g} px on: more "
+            "than {} samples a pixel side",
+            by_points ? "exact lens averages (E)" : "exact areas (C)", options_.tolerance_gray,
+            image_.blur.smallest_px, by_points ? most_points : most_boxes));
+    }
+
+    void take(const Choice& choice, RenderMethod method, SampleKind kind) {
+        chosen_.plan.method = method;
+        chosen_.plan.points_per_pixel_side = chosen_.sampling.k = choice.k;
+        chosen_.plan.sampling_gray = choice.gray;
+        chosen_.sampling.kind = kind;
+    }
+    void take_points(const Choice& points) {
+        take(points, RenderMethod::exact_lens, SampleKind::point);
+    }
+    void take_boxes(const Choice& boxes) {
+        take(boxes, RenderMethod::exact_area, SampleKind::box);
+        if (is_mixed())
+            chosen_.sampling.exact_lens_from_px = mixed_from_px;
+    }
+
+    void choose_tail() {
+        if (!chosen_.with_spread || !filter_.has_tail())
+            return;
+        const double gray = allowed(share_of_tail);
+        RenderPlan& plan = chosen_.plan;
+        plan.tail_reach_px = kept(options_, Omission::tail)
+                                 ? std::numeric_limits<double>::infinity()
+                                 : filter_.tail_reach_px(image_.contrast, image_.area_px, gray);
+        if (std::isfinite(plan.tail_reach_px))
+            leave_out(Omission::tail,
+                      fmt::format("beyond {:.0f} px, a marker of {:.0f} px^2 at contrast {:.2g}",
+                                  plan.tail_reach_px, image_.area_px, image_.contrast),
+                      gray);
+    }
+
+    const ImageExtremes& image_;
+    const ImageFilter& filter_;
+    const SamplingBound& bound_;
+    const RenderOptions& options_;
+    RenderSampling chosen_;
+};
 
 }  // namespace
 
-RenderSampling choose_sampling(const BlurRange& blur, double contrast, const ImageFilter& filter,
-                               const RenderOptions& options) {
-    RenderSampling chosen;
-    RenderPlan& plan = chosen.plan;
-    Sampling& sampling = chosen.sampling;
-    const bool automatic = options.method == RenderMethod::automatic;
-    plan.method = automatic ? choose_method(blur, filter) : options.method;
-    plan.min_blur_radius_px = blur.smallest_px;
-    plan.max_blur_radius_px = blur.largest_px;
-    if (plan.method == RenderMethod::reference)
-        return chosen;
-    if (plan.method == RenderMethod::exact_lens) {
-        sampling.kind = SampleKind::point;
-        sampling.k = scaled(lens_samples(blur.smallest_px), options.tolerance_gray);
-    } else {
-        sampling.kind = SampleKind::box;
-        sampling.k = filter.has_point_spread() ? scaled(area_samples, options.tolerance_gray) : 1;
-        double sharp_up_to = blur.largest_px;
-        if (automatic && blur.largest_px > exact_lens_from_px)
-            sharp_up_to = sampling.exact_lens_from_px = exact_lens_from_px;
-        choose_lens_points(sharp_up_to, sampling);
-        plan.lens_points = std::max(1, sampling.lens_rings * sampling.lens_spokes);
-    }
-    if (options.samples_per_side > 0)
-        sampling.k = options.samples_per_side;
-    plan.points_per_pixel_side = sampling.k;
-    plan.exact_lens_from_px = sampling.exact_lens_from_px;
-    choose_tail(contrast, filter, options.tolerance_gray, plan);
-    return chosen;
-}
-
-std::string RenderPlan::describe() const {
-    if (method == RenderMethod::reference)
-        return fmt::format("reference integrator, blur radius {:.3g} to {:.3g} px",
-                           min_blur_radius_px, max_blur_radius_px);
-    const char* names[] = {"automatic", "exact lens averages", "exact areas"};
-    std::string text = fmt::format("{}, {} x {} samples/px", names[static_cast<int>(method)],
-                                   points_per_pixel_side, points_per_pixel_side);
-    if (method == RenderMethod::exact_area)
-        text += fmt::format(", {} lens points", lens_points);
-    if (std::isfinite(exact_lens_from_px))
-        text += fmt::format(" (exact lens averages from {} px of blur)", exact_lens_from_px);
-    text +=
-        fmt::format(", blur radius {:.3g} to {:.3g} px", min_blur_radius_px, max_blur_radius_px);
-    if (far_tail_reach_px > 0.0)
-        text += fmt::format(", diffraction to {:.0f} px (beyond: {:.2g} gray)", far_tail_reach_px,
-                            omitted_tail_gray);
-    else
-        text += near_tail ? ", wide point spread" : ", no diffraction tail";
-    return text;
+RenderSampling choose_sampling(const ImageExtremes& image, const ImageFilter& filter,
+                               const SamplingBound& bound, const RenderOptions& options) {
+    return Chooser(image, filter, bound, options).choose();
 }
 
 }  // namespace etalon

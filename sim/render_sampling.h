@@ -1,22 +1,32 @@
-// The choice of method and sampling for an image, from bounds on its blur and on its diffraction
-// tail.
+// The choice of method and sampling for a marker's image, from bounds on its blur and on what the
+// point spread leaves of an edge.
 #pragma once
 
 #include "sim/image_filter.h"
 #include "sim/marker_view.h"
 #include "sim/renderer.h"
-#include "sim/tile_samples.h"
+#include "sim/sampling.h"
+#include "sim/sampling_bound.h"
 
 namespace etalon {
 
 struct RenderSampling {
     RenderPlan plan;
     Sampling sampling;
+    bool with_spread = true;  // false: pixels are box averages
 };
 
-// `contrast` is the largest difference of a cell from the background.
+// What of a marker's image the choice depends on.
+struct ImageExtremes {
+    BlurRange blur;
+    double step;      // largest difference of two neighbouring cells
+    double contrast;  // largest difference of a cell from the background
+    double area_px;   // of the marker's image, at least
+};
+
+// Throws NumericalError when the method that the options force cannot meet their tolerance.
 // For the method `reference`, which samples by itself, the plan only records the scene's blur.
-RenderSampling choose_sampling(const BlurRange& blur, double contrast, const ImageFilter& filter,
-                               const RenderOptions& options);
+RenderSampling choose_sampling(const ImageExtremes& image, const ImageFilter& filter,
+                               const SamplingBound& bound, const RenderOptions& options);
 
 }  // namespace etalon

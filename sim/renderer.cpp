@@ -1,14 +1,13 @@
 #include "sim/renderer.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include "core/errors.h"
-#include "sim/far_tail.h"
+#include "sim/core_filter.h"
 #include "sim/image_filter.h"
 #include "sim/marker_view.h"
 #include "sim/reference_integrator.h"
 #include "sim/render_sampling.h"
+#include "sim/tail_pyramid.h"
+#include "sim/tile_kernel.h"
 #include "sim/tile_samples.h"
 #include "sim/undistortion_map.h"
 
@@ -35,103 +34,6 @@ cv::Mat valid_mask(const CameraModel& camera, const UndistortionMap& map) {
     return valid;
 }
 
-// The tiles that hold these pixels.
-cv::Rect tiles_of(const cv::Rect& pixels) {
-    const auto index = [](int px) {
-        return px >= 0 ? px / tile_px : -((-px + tile_px - 1) / tile_px);
-    };
-    const int left = index(pixels.x), top = index(pixels.y);
-    return {left, top, index(pixels.br().x - 1) - left + 1, index(pixels.br().y - 1) - top + 1};
-}
-
-cv::Rect grown(const cv::Rect& rect, int x, int y) {
-    return {rect.x - x, rect.y - y, rect.width + 2 * x, rect.height + 2 * y};
-}
-
-// The pixels of all tiles that hold a pixel of the region.
-cv::Rect tile_aligned(const cv::Rect& region) {
-    const cv::Rect tiles = tiles_of(region);
-    return {tiles.x * tile_px, tiles.y * tile_px, tiles.width * tile_px, tiles.height * tile_px};
-}
-
-// Scalar product in a fixed order, eight sums at a time so that it can be vectorised.
-float dot(const float* a, const float* b, int n) {
-    float sums[8] = {};
-    int i = 0;
-    for (; i + 8 <= n; i += 8)
-        for (int q = 0; q < 8; ++q)
-            sums[q] += a[i + q] * b[i + q];
-    float sum = 0.0f;
-    for (; i < n; ++i)
-        sum += a[i] * b[i];
-    for (const float s : sums)
-        sum += s;
-    return sum;
-}
-
-float filtered_pixel(const cv::Mat& samples, int x, int y, const cv::Mat& weights) {
-    float sum = 0.0f;
-    for (int row = 0; row < weights.rows; ++row)
-        sum += dot(samples.ptr<float>(y + row) + x, weights.ptr<float>(row), weights.cols);
-    return sum;
-}
-
-// Adds the core's part of every pixel of the region.
-void add_core(const TileSamples& samples, const CoreKernel& core, const cv::Rect& region,
-              cv::Mat& difference) {
-    const int k = core.k;
-    const int margin_x = (core.reach_x + k - 1) / k, margin_y = (core.reach_y + k - 1) / k;
-    const auto energy = static_cast<float>(cv::sum(core.weights)[0]);
-    const cv::Rect tiles = tiles_of(region);
-    tbb::parallel_for(tbb::blocked_range<int>(tiles.y, tiles.br().y), [&](const auto& rows) {
-        cv::Mat window((tile_px * k + 2 * core.reach_y), (tile_px * k + 2 * core.reach_x),
-                       CV_32FC1);
-        for (int j = rows.begin(); j < rows.end(); ++j)
-            for (int i = tiles.x; i < tiles.br().x; ++i) {
-                const cv::Rect tile(i * tile_px, j * tile_px, tile_px, tile_px);
-                const cv::Rect part = tile & region;
-                if (const auto value =
-                        samples.constant(tiles_of(grown(tile, margin_x, margin_y)))) {
-                    if (*value != 0.0f)
-                        difference(part - region.tl()) += *value * energy;
-                    continue;
-                }
-                const cv::Point first(tile.x * k - core.reach_x, tile.y * k - core.reach_y);
-                samples.copy({first, window.size()}, window);
-                for (int y = part.y; y < part.br().y; ++y)
-                    for (int x = part.x; x < part.br().x; ++x)
-                        difference.at<float>(y - region.y, x - region.x) += filtered_pixel(
-                            window, (x - tile.x) * k, (y - tile.y) * k, core.weights);
-            }
-    });
-}
-
-// Averages over the pixels of some tiles.
-cv::Mat pixel_means(const TileSamples& samples, const cv::Rect& tiles) {
-    cv::Mat means(tiles.height * tile_px, tiles.width * tile_px, CV_32FC1);
-    for (int j = 0; j < tiles.height; ++j)
-        for (int i = 0; i < tiles.width; ++i) {
-            const cv::Mat tile = means({i * tile_px, j * tile_px, tile_px, tile_px});
-            samples.pixel_means(tiles.x + i, tiles.y + j, tile);
-        }
-    return means;
-}
-
-// Adds the part of the diffraction pattern between the core and the far tail, on pixel averages.
-void add_near_tail(const TileSamples& samples, const cv::Mat& kernel, const cv::Rect& region,
-                   cv::Mat& difference) {
-    const cv::Rect tiles = samples.tiles_off_background();
-    const cv::Rect sources(tiles.x * tile_px, tiles.y * tile_px, tiles.width * tile_px,
-                           tiles.height * tile_px);
-    const cv::Rect reached = grown(sources, kernel.cols / 2, kernel.rows / 2) & region;
-    if (tiles.empty() || reached.empty())
-        return;
-    const cv::Rect all = sources | reached;
-    cv::Mat means = cv::Mat::zeros(all.size(), CV_32FC1);
-    pixel_means(samples, tiles).copyTo(means(sources - all.tl()));
-    difference(reached - region.tl()) += convolve(means, kernel)(reached - all.tl());
-}
-
 }  // namespace
 
 struct Renderer::Cache {
@@ -139,14 +41,26 @@ struct Renderer::Cache {
         : camera(model),
           aperture(aperture_of(model)),
           filter(model),
-          map(Projector(model), filter.reach_px() + 2 * tile_px),
-          valid(valid_mask(model, map)) {}
+          box_filter(without_lens(model)),
+          bound(filter.point_spread()),
+          map(Projector(model), filter.reach_px() + 4 * tile_px),
+          tail(filter, map.projector()),
+          valid(valid_mask(model, map)),
+          invalid_pixels(static_cast<int>(valid.total()) - cv::countNonZero(valid)) {}
+
+    static CameraModel without_lens(CameraModel model) {
+        model.lens.reset();
+        return model;
+    }
 
     CameraModel camera;
     Aperture aperture;
-    ImageFilter filter;
+    ImageFilter filter, box_filter;
+    SamplingBound bound;
     UndistortionMap map;
+    TailPyramid tail;
     cv::Mat valid;
+    int invalid_pixels;
 };
 
 namespace {
@@ -155,6 +69,9 @@ cv::Rect checked_region(const CameraModel& camera, const RenderOptions& options)
     if (!std::isfinite(options.tolerance_gray) || !(options.tolerance_gray > 0.0))
         throw NumericalError(
             fmt::format("a render cannot have the tolerance {} gray", options.tolerance_gray));
+    if (options.samples_per_side < 0 || options.samples_per_side > 48)
+        throw NumericalError(fmt::format("{} samples a pixel side are not between 1 and 48",
+                                         options.samples_per_side));
     const cv::Rect image(0, 0, camera.width, camera.height);
     if (options.region.empty())
         return image;
@@ -186,62 +103,145 @@ const CameraModel& Renderer::camera() const {
 
 namespace {
 
-// Everything but the far tail's margin: how far samples beyond the region matter.
-cv::Rect sampled_tiles(const cv::Rect& region, const CoreKernel& core, int near_reach_px) {
-    const int x = std::max(near_reach_px, (core.reach_x + core.k - 1) / core.k);
-    const int y = std::max(near_reach_px, (core.reach_y + core.k - 1) / core.k);
-    return tiles_of(grown(tile_aligned(region), x, y));
+// Largest difference of two cells that share an edge, the background around the grid included.
+double largest_step(const MarkerView& view) {
+    double largest = 0.0;
+    for (int j = -1; j < view.rows(); ++j)
+        for (int i = -1; i < view.columns(); ++i) {
+            const double cell = view.cell(i, j);
+            largest = std::max({largest, std::abs(view.cell(i + 1, j) - cell),
+                                std::abs(view.cell(i, j + 1) - cell)});
+        }
+    return largest;
 }
 
-cv::Mat reference_difference(const CameraModel& camera, const Scene& scene,
-                             const RenderOptions& options, const cv::Rect& region) {
+// At least the area of the marker's image: of the box around its outline, blur included.
+double area_around(const MarkerView& view, const Projector& projector, double blur_px) {
+    constexpr int points_per_edge = 16;
+    Eigen::Array2d low = Eigen::Array2d::Constant(1e9), high = -low;
+    for (int n = 0; n < 4 * points_per_edge; ++n) {
+        const double along = (n % points_per_edge) / double(points_per_edge);
+        const double s[] = {along, 1.0, 1.0 - along, 0.0};
+        const double t[] = {0.0, along, 1.0, 1.0 - along};
+        const int edge = n / points_per_edge;
+        const auto pixel = projector.project(
+            view.camera_from_grid() *
+            Eigen::Vector3d(s[edge] * view.columns(), t[edge] * view.rows(), 1.0));
+        if (!pixel)
+            return std::numeric_limits<double>::infinity();
+        low = low.min(pixel->array());
+        high = high.max(pixel->array());
+    }
+    return (high - low + 2.0 * blur_px + 1.0).prod();
+}
+
+Radiance reference_radiance(const CameraModel& camera, const Scene& scene,
+                            const RenderOptions& options, const cv::Rect& region) {
     ReferenceOptions reference;
     reference.scrambles = 8;
     reference.samples_per_scramble = options.reference_samples / reference.scrambles;
     reference.stop_at_gray = options.tolerance_gray;
-    const ReferenceImage image = integrate_reference(camera, scene, region, reference);
-    return image.mean - scene.background;
+    return integrate_reference(camera, scene, region, reference).mean;
+}
+
+// Of a scene of several markers: their extremes and sums.
+void merge(const RenderPlan& one, RenderPlan& all) {
+    if (all.points_per_pixel_side < one.points_per_pixel_side)
+        all.method = one.method;
+    all.points_per_pixel_side = std::max(all.points_per_pixel_side, one.points_per_pixel_side);
+    all.sampling_gray = std::max(all.sampling_gray, one.sampling_gray);
+    all.min_blur_radius_px = std::min(all.min_blur_radius_px, one.min_blur_radius_px);
+    all.max_blur_radius_px = std::max(all.max_blur_radius_px, one.max_blur_radius_px);
+    all.tail_reach_px = std::max(all.tail_reach_px, one.tail_reach_px);
+    all.left_out.insert(all.left_out.end(), one.left_out.begin(), one.left_out.end());
+    all.used.insert(all.used.end(), one.used.begin(), one.used.end());
+    all.uniform_tiles = std::min(all.uniform_tiles, one.uniform_tiles);
 }
 
 }  // namespace
 
+// One marker's difference from the background, added to the region's pixels.
+class Renderer::MarkerRender {
+public:
+    MarkerRender(const Cache& cache, const PlacedMarker& marker, double background,
+                 const RenderOptions& options)
+        : cache_(cache),
+          view_(marker, background, cache.aperture),
+          all_refined_(std::find(options.keep.begin(), options.keep.end(),
+                                 Omission::uniform_tiles) != options.keep.end()) {
+        const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
+        const ImageExtremes image{blur, largest_step(view_), view_.contrast(),
+                                  area_around(view_, cache.map.projector(), blur.largest_px)};
+        chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
+        chosen_.plan.instructions = tile_kernel_target();
+        if (cache.camera.distortion.is_zero())
+            chosen_.plan.left_out.push_back(
+                {Omission::distortion, "the calibration has no distortion", 0.0});
+    }
+
+    const RenderPlan& plan() const { return chosen_.plan; }
+
+    void add_to(cv::Mat& pixels, const cv::Rect& region) {
+        const ImageFilter& filter = chosen_.with_spread ? cache_.filter : cache_.box_filter;
+        const TileSamples samples(view_, cache_.map, sampled_tiles(region, filter.reach_px()),
+                                  chosen_.sampling, all_refined_);
+        record(samples);
+        add_core(samples, filter.core(chosen_.sampling.k, chosen_.sampling.kind), region, pixels);
+        if (chosen_.plan.tail_reach_px > 0.0)
+            cache_.tail.add(samples, view_, chosen_.plan.tail_reach_px, region, pixels);
+    }
+
+private:
+    // With a margin for the filter, in whole squares of the tail's first grids.
+    static cv::Rect sampled_tiles(const cv::Rect& region, int reach_px) {
+        constexpr int square_px = 2 * tile_px;
+        const cv::Rect squares = cells_of(grown(region, reach_px, reach_px), square_px);
+        return {2 * squares.x, 2 * squares.y, 2 * squares.width, 2 * squares.height};
+    }
+
+    void record(const TileSamples& samples) {
+        RenderPlan& plan = chosen_.plan;
+        plan.used = samples.used();
+        plan.uniform_tiles = samples.tiles().area();
+        for (const TileUse& use : plan.used)
+            plan.uniform_tiles -= use.tiles;
+        if (!all_refined_)
+            plan.left_out.push_back({Omission::uniform_tiles,
+                                     fmt::format("{} of {} tiles see one radiance",
+                                                 plan.uniform_tiles, samples.tiles().area()),
+                                     0.0});
+    }
+
+    const Cache& cache_;
+    MarkerView view_;
+    bool all_refined_;
+    RenderSampling chosen_;
+};
+
 RenderedImage Renderer::render(const Scene& scene, const RenderOptions& options) const {
     const cv::Rect region = checked_region(cache_->camera, options);
     check_scene(scene);
-    const MarkerView view(scene.markers.at(0), scene.background, cache_->aperture);
-    const BlurRange blur = blur_over_marker(view, cache_->camera.intrinsics);
-    const RenderSampling chosen = choose_sampling(blur, view.contrast(), cache_->filter, options);
-
-    cv::Mat difference;
-    if (options.method == RenderMethod::reference)
-        difference = reference_difference(cache_->camera, scene, options, region);
-    else
-        difference = render_difference(view, chosen, region);
-
+    if (scene.markers.size() > 1)
+        check_no_occlusion(scene, cache_->camera);
     RenderedImage image;
+    image.valid = cache_->valid;
     image.radiance = cv::Mat(cache_->camera.height, cache_->camera.width, CV_32FC1,
                              cv::Scalar(scene.background));
-    cv::Mat part = image.radiance(region);
-    cv::add(part, difference, part, cache_->valid(region));
-    image.valid = cache_->valid.clone();
-    image.plan = chosen.plan;
+    cv::Mat pixels = image.radiance(region);
+    for (const PlacedMarker& placed : scene.markers) {
+        MarkerRender marker(*cache_, placed, scene.background, options);
+        if (options.method != RenderMethod::reference)
+            marker.add_to(pixels, region);
+        if (&placed == &scene.markers.front())
+            image.plan = marker.plan();
+        else
+            merge(marker.plan(), image.plan);
+    }
+    if (options.method == RenderMethod::reference)
+        reference_radiance(cache_->camera, scene, options, region).copyTo(pixels);
+    if (cache_->invalid_pixels > 0)
+        pixels.setTo(scene.background, cache_->valid(region) == 0);
     return image;
-}
-
-cv::Mat Renderer::render_difference(const MarkerView& view, const RenderSampling& chosen,
-                                    const cv::Rect& region) const {
-    const ImageFilter& filter = cache_->filter;
-    const CoreKernel& core = filter.core(chosen.sampling.k, chosen.sampling.kind);
-    const int near_reach = chosen.plan.near_tail ? filter.near_reach_px() : 0;
-    const TileSamples samples(view, cache_->map, sampled_tiles(region, core, near_reach),
-                              chosen.sampling);
-    cv::Mat difference = cv::Mat::zeros(region.size(), CV_32FC1);
-    add_core(samples, core, region, difference);
-    if (chosen.plan.near_tail)
-        add_near_tail(samples, filter.near_kernel(), region, difference);
-    if (chosen.plan.far_tail_reach_px > 0.0)
-        add_far_tail(view, cache_->map, filter, chosen.plan.far_tail_reach_px, region, difference);
-    return difference;
 }
 
 }  // namespace etalon

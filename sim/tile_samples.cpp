@@ -1,144 +1,132 @@
 #include "sim/tile_samples.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
+#include <tbb/parallel_for_each.h>
 
-#include "sim/cell_coverage.h"
-#include "sim/lens_average.h"
+#include "sim/tile_evaluator.h"
 
 namespace etalon {
 namespace {
 
 constexpr int tile_px = UndistortionMap::tile_px;
+// Blocks of 16 x 16 tiles: few enough to share out, each long enough to be worth a task.
+constexpr int block_level = 2;
 
-Box point_box(const Eigen::Vector2d& x) {
-    return {x, x};
+void count(std::vector<TileUse>& used, const TileUse& one) {
+    for (TileUse& use : used)
+        if (use.method == one.method && use.points_per_pixel_side == one.points_per_pixel_side &&
+            use.lens_points == one.lens_points) {
+            use.tiles += one.tiles;
+            return;
+        }
+    used.push_back(one);
 }
 
-// Of the parallelogram that a sample's box becomes.
-Box parallelogram_box(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides) {
-    const Eigen::Vector2d half = 0.5 * sides.cwiseAbs().rowwise().sum();
-    return {x - half, x + half};
+// The tiles of a group.
+cv::Rect tiles_of_group(int level, int i, int j) {
+    const int side = 1 << (2 * level);
+    static_assert(UndistortionMap::group_side == 4);
+    return {i * side, j * side, side, side};
 }
 
 }  // namespace
 
-// Evaluates tiles one after the other; holds the scratch memory of one thread.
-class TileSamples::Evaluator {
+// Goes from the largest groups of tiles down to those that the marker's edges may cross.
+class TileSamples::Search {
 public:
-    Evaluator(const MarkerView& view, const UndistortionMap& map, const Sampling& sampling)
-        : view_(view),
-          map_(map),
-          sampling_(sampling),
-          lens_average_(view),
-          coverage_(view, lens_points(view.aperture().radius_mm, sampling.lens_rings,
-                                      sampling.lens_spokes)) {}
+    Search(TileSamples& samples, const MarkerView& view, const UndistortionMap& map,
+           bool all_refined)
+        : samples_(samples), view_(view), map_(map), all_refined_(all_refined) {}
 
-    void evaluate(int i, int j, Tile& tile) {
-        const auto validity = map_.validity(i, j);
-        if (validity == UndistortionMap::Validity::none)
-            return;  // background
+    // Calls found(i, j, range) for every group of `to_level` that is not uniform; uniform ones get
+    // their value. A range is only given for tiles (to_level 0) that are not at the border of the
+    // valid region.
+    template <class Found>
+    void descend(int level, int i, int j, int to_level, const Found& found) const {
+        const cv::Rect tiles = tiles_of_group(level, i, j) & samples_.tiles_;
+        const auto validity = map_.validity(level, i, j);
+        if (tiles.empty() || validity == UndistortionMap::Validity::none)
+            return;
         std::optional<CellRange> range;
-        bool blurred = true;  // at the border of the valid region: decided for the safe side
-        if (validity == UndistortionMap::Validity::all) {
-            const Box& box = map_.bounds(i, j);
-            range = view_.footprint(box);
-            if (!range)
+        if (validity == UndistortionMap::Validity::all &&
+            (level == 0 || !view_.sees_horizon(map_.bounds(level, i, j)))) {
+            range = view_.footprint(map_.bounds(level, i, j));
+            if (!all_refined_ && is_uniform(tiles, range))
                 return;
-            if (const auto uniform = view_.uniform_radiance(*range)) {
-                tile.constant = static_cast<float>(*uniform - view_.background());
-                return;
-            }
-            blurred = view_.smallest_defocus(box) >= least_defocus();
+            if (level == 0 && !range)
+                range = CellRange{-1, -1, -1, -1};
         }
-        if (sampling_.kind == SampleKind::point)
-            sample_points(i, j, range, tile);
-        else if (blurred && std::isfinite(sampling_.exact_lens_from_px))
-            sample_blurred_boxes(i, j, range, tile);
-        else
-            sample_boxes(i, j, range, tile);
+        if (level == to_level)
+            return found(i, j, range);
+        constexpr int side = UndistortionMap::group_side;
+        const cv::Rect below = cv::Rect(side * i, side * j, side, side) & map_.groups(level - 1);
+        for (int y = below.y; y < below.br().y; ++y)
+            for (int x = below.x; x < below.br().x; ++x)
+                descend(level - 1, x, y, to_level, found);
     }
 
 private:
-    // c at which the blur radius is exact_lens_from_px.
-    double least_defocus() const {
-        const Intrinsics& intrinsics = map_.projector().camera().intrinsics;
-        return sampling_.exact_lens_from_px /
-               (std::min(intrinsics.fx, intrinsics.fy) * view_.aperture().radius_mm);
+    // Fills the tiles with the one radiance that they show, if it is one.
+    bool is_uniform(const cv::Rect& tiles, const std::optional<CellRange>& range) const {
+        if (!range)
+            return true;  // background
+        const auto radiance = view_.uniform_radiance(*range);
+        if (!radiance)
+            return false;
+        const auto value = static_cast<float>(*radiance - view_.background());
+        if (value != 0.0f)
+            for (int j = tiles.y; j < tiles.br().y; ++j)
+                std::fill_n(&samples_.constants_[samples_.index(tiles.x, j)], tiles.width, value);
+        return true;
     }
 
-    double lens_average(const std::optional<MappedPoint>& point,
-                        const std::optional<CellRange>& tile_range) {
-        if (!point)
-            return view_.background();
-        const auto range = tile_range ? tile_range : view_.footprint(point_box(point->x));
-        return range ? lens_average_.at(point->x, *range) : view_.background();
-    }
-
-    void sample_points(int i, int j, const std::optional<CellRange>& range, Tile& tile) {
-        map_.sample(i, j, tile_px * sampling_.k, points_);
-        tile.values.reserve(points_.size());
-        for (const auto& point : points_)
-            tile.values.push_back(
-                static_cast<float>(lens_average(point, range) - view_.background()));
-    }
-
-    void sample_blurred_boxes(int i, int j, const std::optional<CellRange>& range, Tile& tile) {
-        const int n = tile_px * sampling_.k;
-        map_.sample(i, j, 2 * n, points_);
-        tile.values.resize(static_cast<std::size_t>(n * n));
-        for (int y = 0; y < n; ++y)
-            for (int x = 0; x < n; ++x) {
-                double sum = 0.0;
-                for (int q = 0; q < 4; ++q) {
-                    const int index = (2 * y + q / 2) * 2 * n + 2 * x + q % 2;
-                    sum += lens_average(points_[static_cast<std::size_t>(index)], range);
-                }
-                tile.values[static_cast<std::size_t>(y * n + x)] =
-                    static_cast<float>(sum / 4.0 - view_.background());
-            }
-    }
-
-    void sample_boxes(int i, int j, const std::optional<CellRange>& tile_range, Tile& tile) {
-        map_.sample(i, j, tile_px * sampling_.k, points_);
-        tile.values.reserve(points_.size());
-        for (const auto& point : points_) {
-            double value = view_.background();
-            if (point) {
-                const Eigen::Matrix2d sides = point->jacobian / sampling_.k;
-                const auto range =
-                    tile_range ? tile_range : view_.footprint(parallelogram_box(point->x, sides));
-                if (range)
-                    value = coverage_.over(point->x, sides, *range);
-            }
-            tile.values.push_back(static_cast<float>(value - view_.background()));
-        }
-    }
-
+    TileSamples& samples_;
     const MarkerView& view_;
     const UndistortionMap& map_;
-    const Sampling& sampling_;
-    LensAverage lens_average_;
-    CellCoverage coverage_;
-    std::vector<std::optional<MappedPoint>> points_;
+    bool all_refined_;
 };
 
 TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, const cv::Rect& tiles,
-                         const Sampling& sampling)
-    : tiles_(tiles), sampling_(sampling), table_(static_cast<std::size_t>(tiles.area())) {
-    tbb::parallel_for(tbb::blocked_range<int>(tiles.y, tiles.br().y), [&](const auto& rows) {
-        Evaluator evaluator(view, map, sampling_);
-        for (int j = rows.begin(); j < rows.end(); ++j)
-            for (int i = tiles_.x; i < tiles_.br().x; ++i)
-                evaluator.evaluate(i, j, tile(i, j));
+                         const Sampling& sampling, bool all_refined)
+    : tiles_(tiles),
+      sampling_(sampling),
+      constants_(static_cast<std::size_t>(tiles.area()), 0.0f),
+      values_(static_cast<std::size_t>(tiles.area()), nullptr) {
+    const Search search(*this, view, map, all_refined);
+    const int top = map.levels() - 1, level = std::min(block_level, top);
+    const cv::Rect groups = map.groups(top);
+    for (int j = groups.y; j < groups.br().y; ++j)
+        for (int i = groups.x; i < groups.br().x; ++i)
+            search.descend(top, i, j, level, [&](int x, int y, const auto&) {
+                blocks_.push_back({level, x, y, {}, {}});
+            });
+
+    const TilePositionsOf positions(sampling_);
+    const auto n = static_cast<std::size_t>(tile_px * sampling_.k);
+    tbb::parallel_for_each(blocks_, [&](Block& block) {
+        TileEvaluator evaluator(view, map, sampling_, positions);
+        std::vector<std::size_t> refined;
+        search.descend(block.level, block.i, block.j, 0,
+                       [&](int i, int j, const std::optional<CellRange>& range) {
+                           refined.push_back(index(i, j));
+                           block.store.resize(block.store.size() + n * n);
+                           count(block.used,
+                                 evaluator.evaluate(i, j, range, &*block.store.end() - n * n));
+                       });
+        for (std::size_t q = 0; q < refined.size(); ++q)
+            values_[refined[q]] = &block.store[q * n * n];
     });
+    for (const Block& block : blocks_)
+        for (const TileUse& use : block.used)
+            count(used_, use);
+    std::sort(used_.begin(), used_.end(),
+              [](const TileUse& a, const TileUse& b) { return a.tiles > b.tiles; });
 }
 
 std::optional<float> TileSamples::constant(const cv::Rect& part) const {
-    const float value = tile(part.x, part.y).constant;
+    const float value = constant_value(part.x, part.y);
     for (int j = part.y; j < part.br().y; ++j)
         for (int i = part.x; i < part.br().x; ++i)
-            if (!tile(i, j).values.empty() || tile(i, j).constant != value)
+            if (refined(i, j) || constant_value(i, j) != value)
                 return std::nullopt;
     return value;
 }
@@ -150,13 +138,13 @@ void TileSamples::copy(const cv::Rect& samples, cv::Mat& out) const {
         const int j = tiles_.y + (y - top) / n, row = (y - top) % n;
         float* to = out.ptr<float>(y - samples.y);
         for (int x = samples.x; x < samples.br().x;) {
-            const Tile& from = tile(tiles_.x + (x - left) / n, j);
+            const int i = tiles_.x + (x - left) / n;
             const int column = (x - left) % n;
             const int count = std::min(n - column, samples.br().x - x);
-            if (from.values.empty())
-                std::fill_n(to, count, from.constant);
+            if (refined(i, j))
+                std::copy_n(values(i, j) + row * n + column, count, to);
             else
-                std::copy_n(&from.values[static_cast<std::size_t>(row * n + column)], count, to);
+                std::fill_n(to, count, constant_value(i, j));
             to += count;
             x += count;
         }
@@ -167,22 +155,22 @@ cv::Rect TileSamples::tiles_off_background() const {
     cv::Rect result;
     for (int j = tiles_.y; j < tiles_.br().y; ++j)
         for (int i = tiles_.x; i < tiles_.br().x; ++i)
-            if (!tile(i, j).values.empty() || tile(i, j).constant != 0.0f)
+            if (refined(i, j) || constant_value(i, j) != 0.0f)
                 result = result.empty() ? cv::Rect(i, j, 1, 1) : result | cv::Rect(i, j, 1, 1);
     return result;
 }
 
 void TileSamples::pixel_means(int i, int j, cv::Mat means) const {
-    const Tile& from = tile(i, j);
-    means.setTo(from.constant);
-    if (from.values.empty())
+    means.setTo(constant_value(i, j));
+    if (!refined(i, j))
         return;
+    const float* from = values(i, j);
     const int k = sampling_.k, n = tile_px * k;
     for (int p = 0; p < tile_px * tile_px; ++p) {
         const int left = p % tile_px * k, top = p / tile_px * k;
         float sum = 0.0f;
         for (int q = 0; q < k * k; ++q)
-            sum += from.values[static_cast<std::size_t>((top + q / k) * n + left + q % k)];
+            sum += from[(top + q / k) * n + left + q % k];
         means.at<float>(p / tile_px, p % tile_px) = sum / static_cast<float>(k * k);
     }
 }

@@ -1,43 +1,40 @@
 // The aperture average sampled over part of the sensor, k x k values a pixel, tile by tile: a tile
-// whose rays all meet the same radiance is one number and costs nothing more.
+// whose rays all meet the same radiance is one number, and most such tiles are found many at a time
+// by the bounds of their group.
 //
 // Values are differences from the background, so that what lies outside is zero.
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <optional>
 #include <vector>
 
-#include "sim/image_filter.h"
 #include "sim/marker_view.h"
+#include "sim/render_plan.h"
+#include "sim/sampling.h"
 #include "sim/undistortion_map.h"
 
 namespace etalon {
-
-// How to sample: see RenderPlan.
-struct Sampling {
-    int k = 1;
-    SampleKind kind = SampleKind::box;
-    // Box samples: tiles blurred by more than this take the mean of 2 x 2 exact lens averages per
-    // box instead of the exact area at some lens points.
-    double exact_lens_from_px = std::numeric_limits<double>::infinity();
-    int lens_rings = 1, lens_spokes = 0;
-};
 
 class TileSamples {
 public:
     // Evaluates every tile of `tiles` (tile indices, within the map's), in parallel; the result
     // does not depend on the number of threads. Throws NumericalError as MarkerView::footprint.
+    // `all_refined`: no tile is taken as uniform, whatever the bounds say (to test the bounds).
     TileSamples(const MarkerView& view, const UndistortionMap& map, const cv::Rect& tiles,
-                const Sampling& sampling);
+                const Sampling& sampling, bool all_refined = false);
 
     const cv::Rect& tiles() const { return tiles_; }
     int k() const { return sampling_.k; }
 
     // Whether a tile has values of its own; if not, the one value that it has throughout; if so,
     // its (4 k)^2 values row by row.
-    bool refined(int i, int j) const { return !tile(i, j).values.empty(); }
-    float constant_value(int i, int j) const { return tile(i, j).constant; }
-    const float* values(int i, int j) const { return tile(i, j).values.data(); }
+    bool refined(int i, int j) const { return values_[index(i, j)] != nullptr; }
+    float constant_value(int i, int j) const { return constants_[index(i, j)]; }
+    const float* values(int i, int j) const { return values_[index(i, j)]; }
+
+    // How the refined tiles were sampled, most tiles first.
+    const std::vector<TileUse>& used() const { return used_; }
 
     // Whether every tile of this part has one and the same value, and which.
     std::optional<float> constant(const cv::Rect& part) const;
@@ -53,20 +50,25 @@ public:
     void pixel_means(int i, int j, cv::Mat means) const;
 
 private:
-    struct Tile {
-        float constant = 0.0f;
-        std::vector<float> values;  // (4 k)^2 row by row; empty: constant
+    // Tiles that are evaluated together by one thread, with the memory of their values.
+    struct Block {
+        int level, i, j;
+        std::vector<float> store;
+        std::vector<TileUse> used;
     };
-    class Evaluator;
+    class Search;
 
-    Tile& tile(int i, int j) {
-        return table_[static_cast<std::size_t>((j - tiles_.y) * tiles_.width + i - tiles_.x)];
+    std::size_t index(int i, int j) const {
+        return static_cast<std::size_t>(j - tiles_.y) * static_cast<std::size_t>(tiles_.width) +
+               static_cast<std::size_t>(i - tiles_.x);
     }
-    const Tile& tile(int i, int j) const { return const_cast<TileSamples*>(this)->tile(i, j); }
 
     cv::Rect tiles_;
     Sampling sampling_;
-    std::vector<Tile> table_;
+    std::vector<float> constants_;
+    std::vector<const float*> values_;  // into a block's store; null: constant
+    std::vector<Block> blocks_;
+    std::vector<TileUse> used_;
 };
 
 }  // namespace etalon

@@ -49,15 +49,45 @@ UndistortionMap::UndistortionMap(const Projector& projector, int margin_px)
     const int bottom = floor_div(camera.height - 1 + margin_px, tile_px);
     tiles_ = {first, first, right - first + 1, bottom - first + 1};
     make_nodes();
-    table_.reserve(static_cast<std::size_t>(tiles_.area()));
+    Level tiles{tiles_, {}};
+    tiles.table.reserve(static_cast<std::size_t>(tiles_.area()));
     for (int j = tiles_.y; j < tiles_.br().y; ++j)
         for (int i = tiles_.x; i < tiles_.br().x; ++i)
-            table_.push_back(make_tile(i, j));
+            tiles.table.push_back(make_tile(i, j));
+    groups_.push_back(std::move(tiles));
+    while (std::max(groups_.back().rect.width, groups_.back().rect.height) > group_side)
+        groups_.push_back(group_up(groups_.back()));
+}
+
+UndistortionMap::Tile UndistortionMap::united(const Tile& a, const Tile& b) {
+    if (a.validity != b.validity || a.validity == Validity::some)
+        return {Validity::some, a.bounds};
+    return {a.validity,
+            {a.bounds.low.cwiseMin(b.bounds.low), a.bounds.high.cwiseMax(b.bounds.high)}};
+}
+
+UndistortionMap::Level UndistortionMap::group_up(const Level& below) {
+    const int left = floor_div(below.rect.x, group_side), top = floor_div(below.rect.y, group_side);
+    const int right = floor_div(below.rect.br().x - 1, group_side);
+    const int bottom = floor_div(below.rect.br().y - 1, group_side);
+    Level level{{left, top, right - left + 1, bottom - top + 1}, {}};
+    for (int j = top; j <= bottom; ++j)
+        for (int i = left; i <= right; ++i) {
+            const cv::Rect children =
+                cv::Rect(i * group_side, j * group_side, group_side, group_side) & below.rect;
+            std::optional<Tile> sum;
+            for (int y = children.y; y < children.br().y; ++y)
+                for (int x = children.x; x < children.br().x; ++x)
+                    sum = sum ? united(*sum, below.at(x, y)) : below.at(x, y);
+            level.table.push_back(*sum);
+        }
+    return level;
 }
 
 void UndistortionMap::make_nodes() {
     const double nan = std::numeric_limits<double>::quiet_NaN();
-    nodes_.reserve(static_cast<std::size_t>((tiles_.width + 3) * (tiles_.height + 3)));
+    nodes_.reserve(static_cast<std::size_t>(tiles_.width + 3) *
+                   static_cast<std::size_t>(tiles_.height + 3));
     for (int j = tiles_.y - 1; j <= tiles_.br().y + 1; ++j)
         for (int i = tiles_.x - 1; i <= tiles_.br().x + 1; ++i) {
             const auto x = projector_.unproject(tile_corner_px(i, j));
@@ -75,15 +105,33 @@ UndistortionMap::Nodes UndistortionMap::nodes(int i, int j, int axis) const {
 
 UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) const {
     const Nodes x = nodes(i, j, 0), y = nodes(i, j, 1);
+    const Box nowhere{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
     if (x.array().isNaN().all())
-        return {Validity::none, {}};
+        return {Validity::none, nowhere};
     if (x.array().isNaN().any())
-        return {Validity::some, {}};
+        return {Validity::some, nowhere};
     const Eigen::Matrix4d& b = bezier_from_nodes();
     const Eigen::Matrix4d control_x = b * x * b.transpose(), control_y = b * y * b.transpose();
     return {Validity::all,
             {{control_x.minCoeff(), control_y.minCoeff()},
              {control_x.maxCoeff(), control_y.maxCoeff()}}};
+}
+
+// With V(n, i) = p_n^i for the nodes' places p_n = -1.5, -0.5, 0.5, 1.5 the values at the nodes are
+// V C V^T.
+TilePolynomial UndistortionMap::polynomial(int i, int j) const {
+    static const Eigen::Matrix4d from_nodes = [] {
+        Eigen::Matrix4d v;
+        for (int n = 0; n < 4; ++n)
+            v.row(n) << 1.0, n - 1.5, std::pow(n - 1.5, 2), std::pow(n - 1.5, 3);
+        return Eigen::Matrix4d(v.inverse());
+    }();
+    TilePolynomial result;
+    result.x = from_nodes * nodes(i, j, 0) * from_nodes.transpose();
+    result.y = from_nodes * nodes(i, j, 1) * from_nodes.transpose();
+    result.centre = {result.x(0, 0), result.y(0, 0)};
+    result.x(0, 0) = result.y(0, 0) = 0.0;
+    return result;
 }
 
 std::optional<MappedPoint> UndistortionMap::exact(const Eigen::Vector2d& pixel) const {

@@ -4,7 +4,8 @@
 // their corners; inside a tile, the bicubic Lagrange polynomial through 4 x 4 corners replaces it
 // (error below 1e-5 px, next to a fold below 1e-3 px; a test measures it). Its Bezier control
 // points bound a tile's part of the scene rigorously. Tiles at the border of the valid region are
-// evaluated with Newton's method point by point.
+// evaluated with Newton's method point by point. Groups of 4 x 4 tiles, of 4 x 4 groups and so on
+// have bounds as well: a search for a marker passes over most of the image in a few steps.
 //
 // Immutable after construction, safe from every thread; construction takes some 0.3 us per tile.
 #pragma once
@@ -24,9 +25,17 @@ struct MappedPoint {
     Eigen::Matrix2d jacobian;
 };
 
+// A tile's undistorted points as polynomials of the place in it: with s and t from -0.5 to 0.5
+// across the tile, x = centre + sum of coefficients(j, i) t^j s^i (without the term 0, 0).
+struct TilePolynomial {
+    Eigen::Vector2d centre;
+    Eigen::Matrix4d x, y;
+};
+
 class UndistortionMap {
 public:
     static constexpr int tile_px = 4;
+    static constexpr int group_side = 4;
 
     enum class Validity { all, some, none };
 
@@ -40,6 +49,16 @@ public:
 
     // All undistorted points of the tile; only where validity() is `all`.
     const Box& bounds(int i, int j) const { return tile(i, j).bounds; }
+
+    // Groups of tiles: level 0 are the tiles, a group of level n + 1 holds 4 x 4 of level n (group
+    // (i, j) those from 4 i and 4 j on). The last level has at most 4 x 4.
+    int levels() const { return static_cast<int>(groups_.size()); }
+    cv::Rect groups(int level) const { return groups_[static_cast<std::size_t>(level)].rect; }
+    Validity validity(int level, int i, int j) const { return group(level, i, j).validity; }
+    const Box& bounds(int level, int i, int j) const { return group(level, i, j).bounds; }
+
+    // Of a tile whose validity() is `all`.
+    TilePolynomial polynomial(int i, int j) const;
 
     // The points of a tile on a regular grid of n x n, row by row, each at the centre of its n-th
     // part. Nothing where there is no ray.
@@ -57,21 +76,36 @@ private:
     };
     using Nodes = Eigen::Matrix4d;  // one coordinate at 4 x 4 corners, rows along y
 
-    const Tile& tile(int i, int j) const {
-        return table_[static_cast<std::size_t>((j - tiles_.y) * tiles_.width + i - tiles_.x)];
+    struct Level {
+        cv::Rect rect;
+        std::vector<Tile> table;
+
+        const Tile& at(int i, int j) const {
+            return table[static_cast<std::size_t>(j - rect.y) *
+                             static_cast<std::size_t>(rect.width) +
+                         static_cast<std::size_t>(i - rect.x)];
+        }
+    };
+
+    const Tile& group(int level, int i, int j) const {
+        return groups_[static_cast<std::size_t>(level)].at(i, j);
     }
+    const Tile& tile(int i, int j) const { return group(0, i, j); }
     const Eigen::Vector2d& node(int i, int j) const {
-        return nodes_[static_cast<std::size_t>((j - tiles_.y + 1) * (tiles_.width + 3) + i -
-                                               tiles_.x + 1)];
+        return nodes_[static_cast<std::size_t>(j - tiles_.y + 1) *
+                          static_cast<std::size_t>(tiles_.width + 3) +
+                      static_cast<std::size_t>(i - tiles_.x + 1)];
     }
     Nodes nodes(int i, int j, int axis) const;
     void make_nodes();
     Tile make_tile(int i, int j) const;
+    static Tile united(const Tile& a, const Tile& b);
+    static Level group_up(const Level& below);
 
     Projector projector_;
     cv::Rect tiles_;
     std::vector<Eigen::Vector2d> nodes_;  // tile corners, one more on each side; NaN: no ray
-    std::vector<Tile> table_;
+    std::vector<Level> groups_;           // [0]: the tiles
 };
 
 }  // namespace etalon

@@ -66,5 +66,36 @@ TEST(UndistortionMap, KnowsWhereThereAreNoRays) {
     EXPECT_GT(partly, 0);
 }
 
+TEST(UndistortionMap, GroupsBoundTheirTilesOnEveryLevel) {
+    const UndistortionMap map(Projector(benchmark_scene("webcam-500").camera), 20);
+    ASSERT_GE(map.levels(), 4);  // 170 x 130 tiles
+    for (int level = 1; level < map.levels(); ++level) {
+        const cv::Rect below = map.groups(level - 1);
+        for (int j = below.y; j < below.br().y; ++j)
+            for (int i = below.x; i < below.br().x; ++i) {
+                const int up_i = (i + 400) / 4 - 100, up_j = (j + 400) / 4 - 100;
+                const Box &tile = map.bounds(level - 1, i, j),
+                          &group = map.bounds(level, up_i, up_j);
+                EXPECT_TRUE((group.low.array() <= tile.low.array()).all());
+                EXPECT_TRUE((group.high.array() >= tile.high.array()).all());
+            }
+    }
+    EXPECT_LE(map.groups(map.levels() - 1).area(), 16);
+}
+
+TEST(UndistortionMap, PolynomialIsWhatIsSampled) {
+    const UndistortionMap map(Projector(benchmark_scene("canon-500").camera), 20);
+    std::vector<std::optional<MappedPoint>> points;
+    map.sample(3, 2, 5, points);
+    const TilePolynomial tile = map.polynomial(3, 2);
+    for (int q = 0; q < 25; ++q) {
+        const double s = (q % 5 + 0.5) / 5 - 0.5, t = (q / 5 + 0.5) / 5 - 0.5;
+        const Eigen::Vector4d in_s(1, s, s * s, s * s * s), in_t(1, t, t * t, t * t * t);
+        const Eigen::Vector2d x =
+            tile.centre + Eigen::Vector2d(in_t.dot(tile.x * in_s), in_t.dot(tile.y * in_s));
+        EXPECT_LT((x - points[static_cast<std::size_t>(q)]->x).norm(), 1e-14);
+    }
+}
+
 }  // namespace
 }  // namespace etalon

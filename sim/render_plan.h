@@ -1,0 +1,54 @@
+// What a render did and what it left out, for the record: every choice follows from a bound and
+// stands with it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace etalon {
+
+enum class RenderMethod { automatic, exact_lens, exact_area, reference };
+
+// What a scene may not need. Turning one off (RenderOptions::keep) changes the image by less than
+// the tolerance.
+enum class Omission {
+    lens,           // the blur is too small to matter: the lens centre stands for the aperture
+    diffraction,    // the point spread is too narrow to matter: pixels are box averages
+    tail,           // diffraction beyond some radius
+    distortion,     // the calibration has none
+    uniform_tiles,  // a tile all of whose rays meet one radiance is one number
+};
+
+const char* name_of(Omission omission);
+
+struct LeftOut {
+    Omission what;
+    std::string why;  // the bound in words, with its number
+    double gray;      // no pixel is off by more for it
+};
+
+// How the tiles that were not uniform were sampled.
+struct TileUse {
+    RenderMethod method;  // exact_lens or exact_area
+    int points_per_pixel_side;
+    int lens_points;  // of exact_area
+    long tiles;
+};
+
+struct RenderPlan {
+    RenderMethod method = RenderMethod::automatic;  // of most tiles: never automatic
+    double tolerance_gray = 0.0;
+    int points_per_pixel_side = 1;    // k: samples to the filter
+    double sampling_gray = 0.0;       // bound for a straight edge, from k samples
+    double min_blur_radius_px = 0.0;  // over the marker; 0 where it is in focus
+    double max_blur_radius_px = 0.0;
+    double tail_reach_px = 0.0;  // of diffraction; 0: none
+    std::vector<LeftOut> left_out;
+    std::vector<TileUse> used;  // most tiles first
+    long uniform_tiles = 0;     // one number each, most of them found many at a time
+    std::string instructions;   // the vector instructions used
+
+    std::string describe() const;  // one line for people
+};
+
+}  // namespace etalon

@@ -1,0 +1,23 @@
+// How a marker's image is sampled before it is filtered.
+#pragma once
+
+#include <limits>
+
+namespace etalon {
+
+enum class SampleKind {
+    point,  // values at the centres of a pixel's k x k parts
+    box,    // averages over them
+};
+
+struct Sampling {
+    int k = 1;  // samples per pixel side
+    SampleKind kind = SampleKind::box;
+    // Box samples: tiles blurred by at least this everywhere take the mean of 2 x 2 exact lens
+    // averages per box instead of the exact area at some lens points.
+    double exact_lens_from_px = std::numeric_limits<double>::infinity();
+    // Box samples: up to this blur the lens centre stands for the aperture.
+    double sharp_up_to_px = 0.0;
+};
+
+}  // namespace etalon

@@ -1,0 +1,116 @@
+#include "sim/tile_evaluator.h"
+
+namespace etalon {
+namespace {
+
+constexpr int tile_px = UndistortionMap::tile_px;
+
+// Of the parallelogram that a sample's box becomes.
+Box parallelogram_box(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides) {
+    const Eigen::Vector2d half = 0.5 * sides.cwiseAbs().rowwise().sum();
+    return {x - half, x + half};
+}
+
+constexpr LensRule finest_rule{4, 24};
+
+}  // namespace
+
+// Wide enough that the quadrature's error stays below some hundredths of a gray
+// (tests/sim/renderer_test.cpp).
+LensRule lens_rule(double blur_radius_px, double sharp_up_to_px) {
+    if (blur_radius_px <= sharp_up_to_px)
+        return {1, 0};
+    if (blur_radius_px < 0.15)
+        return {2, 6};
+    return blur_radius_px < 0.5 ? LensRule{3, 12} : finest_rule;
+}
+
+TilePositionsOf::TilePositionsOf(const Sampling& sampling)
+    : samples(tile_px * sampling.k), quarters(2 * tile_px * sampling.k) {}
+
+TileEvaluator::TileEvaluator(const MarkerView& view, const UndistortionMap& map,
+                             const Sampling& sampling, const TilePositionsOf& positions)
+    : view_(view),
+      map_(map),
+      sampling_(sampling),
+      positions_(positions),
+      fx_(map.projector().camera().intrinsics.fx),
+      smaller_focal_px_(std::min(fx_, map.projector().camera().intrinsics.fy)),
+      larger_focal_px_(std::max(fx_, map.projector().camera().intrinsics.fy)),
+      lens_average_(view),
+      coverage_(view,
+                lens_points(view.aperture().radius_mm, finest_rule.rings, finest_rule.spokes)) {}
+
+TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& range,
+                                float* values) {
+    if (!range)
+        return sample_one_by_one(i, j, values);
+    set_tile_geometry(view_, map_.polynomial(i, j), *range, fx_, geometry_);
+    if (sampling_.kind == SampleKind::point)
+        return sample_points(values);
+    const Box& box = map_.bounds(i, j);
+    const double radius = view_.aperture().radius_mm;
+    if (radius * smaller_focal_px_ * view_.smallest_defocus(box) >= sampling_.exact_lens_from_px)
+        return sample_blurred_boxes(values);
+    return sample_boxes(radius * larger_focal_px_ * view_.largest_defocus(box), values);
+}
+
+TileUse TileEvaluator::sample_points(float* values) {
+    exact_lens_samples(geometry_, positions_.samples, values);
+    return {RenderMethod::exact_lens, sampling_.k, 1, 1};
+}
+
+TileUse TileEvaluator::sample_blurred_boxes(float* values) {
+    const auto n = static_cast<std::size_t>(tile_px * sampling_.k);
+    quarters_.resize(4 * n * n);
+    exact_lens_samples(geometry_, positions_.quarters, quarters_.data());
+    for (std::size_t y = 0; y < n; ++y) {
+        const float* upper = &quarters_[4 * n * y];
+        const float* lower = upper + 2 * n;
+        for (std::size_t x = 0; x < n; ++x)
+            values[n * y + x] =
+                0.25f * ((upper[2 * x] + upper[2 * x + 1]) + (lower[2 * x] + lower[2 * x + 1]));
+    }
+    return {RenderMethod::exact_lens, 2 * sampling_.k, 1, 1};
+}
+
+TileUse TileEvaluator::sample_boxes(double blur_radius_px, float* values) {
+    const LensRule rule = lens_rule(blur_radius_px, sampling_.sharp_up_to_px);
+    if (lens_points_of_ != rule.points()) {
+        lens_points_.clear();
+        for (const LensPoint& p : lens_points(1.0, rule.rings, rule.spokes))
+            lens_points_.push_back({static_cast<float>(p.l_mm.x()), static_cast<float>(p.l_mm.y()),
+                                    static_cast<float>(p.weight)});
+        lens_points_of_ = rule.points();
+    }
+    exact_area_samples(geometry_, positions_.samples, lens_points_, values);
+    return {RenderMethod::exact_area, sampling_.k, rule.points(), 1};
+}
+
+// Where some of a tile's points have no ray: those are background.
+TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
+    map_.sample(i, j, tile_px * sampling_.k, points_);
+    for (std::size_t p = 0; p < points_.size(); ++p) {
+        double radiance = view_.background();
+        if (points_[p])
+            radiance =
+                sampling_.kind == SampleKind::point ? lens_average(*points_[p]) : area(*points_[p]);
+        values[p] = static_cast<float>(radiance - view_.background());
+    }
+    if (sampling_.kind == SampleKind::point)
+        return {RenderMethod::exact_lens, sampling_.k, 1, 1};
+    return {RenderMethod::exact_area, sampling_.k, finest_rule.points(), 1};
+}
+
+double TileEvaluator::lens_average(const MappedPoint& point) {
+    const auto range = view_.footprint({point.x, point.x});
+    return range ? lens_average_.at(point.x, *range) : view_.background();
+}
+
+double TileEvaluator::area(const MappedPoint& point) {
+    const Eigen::Matrix2d sides = point.jacobian / sampling_.k;
+    const auto range = view_.footprint(parallelogram_box(point.x, sides));
+    return range ? coverage_.over(point.x, sides, *range) : view_.background();
+}
+
+}  // namespace etalon

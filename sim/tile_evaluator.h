@@ -1,0 +1,64 @@
+// The samples of one tile that is not uniform: the tile kernels where the whole tile has rays,
+// point by point in double precision at the border of the valid region.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "sim/cell_coverage.h"
+#include "sim/lens_average.h"
+#include "sim/render_plan.h"
+#include "sim/sampling.h"
+#include "sim/tile_geometry.h"
+
+namespace etalon {
+
+// The rings and spokes of lens points (sim/cell_coverage.h) that exact areas need at this blur.
+struct LensRule {
+    int rings, spokes;  // 1, 0: the lens centre alone
+    int points() const { return spokes == 0 ? 1 : rings * spokes; }
+};
+LensRule lens_rule(double blur_radius_px, double sharp_up_to_px);
+
+// What does not change from tile to tile of an image.
+struct TilePositionsOf {
+    explicit TilePositionsOf(const Sampling& sampling);
+    TilePositions samples, quarters;  // quarters: 2 x 2 per sample
+};
+
+// Scratch memory of one thread. View, map and positions must outlive it.
+class TileEvaluator {
+public:
+    TileEvaluator(const MarkerView& view, const UndistortionMap& map, const Sampling& sampling,
+                  const TilePositionsOf& positions);
+
+    // `values`: (4 k)^2 differences from the background, row by row. `range`: what the tile's rays
+    // can meet; nothing for a tile at the border of the valid region. Says how it was done (with
+    // `tiles` 1). Throws NumericalError as MarkerView::footprint.
+    TileUse evaluate(int i, int j, const std::optional<CellRange>& range, float* values);
+
+private:
+    TileUse sample_points(float* values);
+    TileUse sample_blurred_boxes(float* values);
+    TileUse sample_boxes(double blur_radius_px, float* values);
+    TileUse sample_one_by_one(int i, int j, float* values);
+    double lens_average(const MappedPoint& point);
+    double area(const MappedPoint& point);
+
+    const MarkerView& view_;
+    const UndistortionMap& map_;
+    const Sampling& sampling_;
+    const TilePositionsOf& positions_;
+    double fx_, smaller_focal_px_, larger_focal_px_;
+    TileGeometry geometry_;
+    std::vector<float> quarters_;
+    std::vector<UnitLensPoint> lens_points_;
+    int lens_points_of_ = -1;  // the rule that they are of, by its number of points
+    // For tiles at the border.
+    LensAverage lens_average_;
+    CellCoverage coverage_;
+    std::vector<std::optional<MappedPoint>> points_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,80 @@
+#include "sim/sampling_bound.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/sim/edge_scenes.h"
+
+namespace etalon {
+namespace {
+
+using test::gray;
+
+// Depth behind the plane of focus with this blur radius in the small camera.
+double depth_of_blur(const CameraModel& camera, double blur_px) {
+    const double per_inverse_mm = 400.0 * thin_lens(camera).aperture_diameter_mm / 2.0;
+    return 1.0 / (1.0 / 150.0 - blur_px / per_inverse_mm);
+}
+
+// Largest difference between renders with k and with many samples, over edges at 40 places of a
+// pixel.
+double worst_edge(RenderMethod method, int k, int many, double blur_px) {
+    const CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
+    const Renderer renderer(camera);
+    RenderOptions coarse{.method = method, .tolerance_gray = 1e3, .samples_per_side = k};
+    RenderOptions fine = coarse;
+    fine.samples_per_side = many;
+    coarse.region = fine.region = cv::Rect(40, 32, 16, 4);
+    const double z = blur_px > 0.0 ? depth_of_blur(camera, blur_px) : 150.0;
+    double worst = 0.0;
+    for (int place = 0; place < 40; ++place) {
+        const Scene scene = test::half_plane((0.3 + place / 40.0) * z / 400.0, z);
+        worst = std::max(worst, test::largest_difference(renderer.render(scene, coarse).radiance,
+                                                         renderer.render(scene, fine).radiance));
+    }
+    return worst / gray;
+}
+
+SamplingBound small_camera_bound(const PointSpreadFunction& spread) {
+    return SamplingBound(&spread);
+}
+
+TEST(SamplingBound, HoldsForRenderedEdgesAndIsNotFarAbove) {
+    const PointSpreadFunction spread =
+        PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0}));
+    const SamplingBound bound = small_camera_bound(spread);
+    for (const double blur : {0.12, 0.35, 0.8, 1.7, 4.4})
+        for (const int k : {2, 3, 5}) {
+            const double limit = bound.of_points(k, blur);
+            const double error = worst_edge(RenderMethod::exact_lens, k, 30, blur);
+            EXPECT_LT(error, 1.1 * limit + 0.005) << "k " << k << " blur " << blur;
+            EXPECT_GT(error, 0.25 * limit - 0.02) << "k " << k << " blur " << blur;
+        }
+    for (const int k : {3, 6}) {
+        const double limit = bound.of_boxes(k);
+        const double error = worst_edge(RenderMethod::exact_area, k, 40, 0.0);
+        EXPECT_LT(error, 1.1 * limit + 0.1) << k;
+        EXPECT_GT(error, 0.4 * limit) << k;
+    }
+}
+
+TEST(SamplingBound, MeetsTheLawForWideBlurWhereTheTwoAreJoined) {
+    const SamplingBound bound(nullptr);
+    for (const int k : {2, 3, 4, 6, 9}) {
+        EXPECT_LE(bound.of_points(k, 0.9999), 1.08 * bound.of_points(k, 1.0)) << k;
+        EXPECT_GT(bound.of_points(k, 0.9999), 0.85 * bound.of_points(k, 1.0)) << k;
+    }
+    EXPECT_EQ(bound.of_boxes(1), 0.0);
+    EXPECT_EQ(bound.of_no_spread(), 0.0);
+}
+
+TEST(SamplingBound, KnowsTheLineSpreadOfAGaussian) {
+    // Its peak is 1 / (sigma sqrt(2 pi)); beside an edge it moves sigma / sqrt(2 pi) of light.
+    const PointSpreadFunction spread = PointSpreadFunction::gaussian(0.31);
+    const SamplingBound bound(&spread);
+    const double root = std::sqrt(2.0 * std::numbers::pi);
+    EXPECT_NEAR(bound.line_spread_peak(), 1.0 / (0.31 * root), 0.01);
+    EXPECT_NEAR(bound.of_no_spread(), 255.0 * 0.31 / root, 0.2);
+}
+
+}  // namespace
+}  // namespace etalon

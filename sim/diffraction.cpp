@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "core/errors.h"
@@ -12,6 +11,11 @@
 namespace etalon {
 
 using std::numbers::pi;
+
+double lambda_n_px(const CameraModel& camera) {
+    const double n_w = working_f_number(camera);
+    return camera.lens->wavelength_nm * 1e-3 * n_w / camera.sensor->pixel_pitch_um;
+}
 
 PointSpreadFunction PointSpreadFunction::airy(double lambda_n_px) {
     if (!(lambda_n_px > 0.0) || !std::isfinite(lambda_n_px))
@@ -77,7 +81,7 @@ PointSpreadFunction PointSpreadFunction::measured(
 }
 
 PointSpreadFunction PointSpreadFunction::of(const CameraModel& camera) {
-    const double n_w = working_f_number(camera);
+    const double scale_px = etalon::lambda_n_px(camera);
     switch (camera.lens->psf.kind) {
         case PointSpread::Kind::gaussian:
             return gaussian(camera.lens->psf.sigma_px);
@@ -89,20 +93,7 @@ PointSpreadFunction PointSpreadFunction::of(const CameraModel& camera) {
         case PointSpread::Kind::ideal:
             break;
     }
-    const double lambda_um = camera.lens->wavelength_nm * 1e-3;
-    return airy(lambda_um * n_w / camera.sensor->pixel_pitch_um);
-}
-
-double PointSpreadFunction::reach_px() const {
-    switch (kind_) {
-        case Kind::gaussian:
-            return 6.0 * scale_px_;
-        case Kind::measured:
-            return rings_.back().r;
-        case Kind::airy:
-            break;
-    }
-    return std::numeric_limits<double>::infinity();
+    return airy(scale_px);
 }
 
 // The ring that holds r >= 0.

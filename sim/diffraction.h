@@ -19,6 +19,9 @@
 
 namespace etalon {
 
+// lambda N_w in pixel pitches. Throws NumericalError without a lens.
+double lambda_n_px(const CameraModel& camera);
+
 class PointSpreadFunction {
 public:
     static PointSpreadFunction airy(double lambda_n_px);  // lambda N_w / pitch
@@ -38,10 +41,6 @@ public:
     // lambda N_w (the finest detail is 1 / scale_px cycles per pixel), sigma, or the shortest step
     // between the profile's radii; px.
     double scale_px() const { return scale_px_; }
-
-    // Where the pattern may be cut without loss: 6 sigma (1.5e-8 lies beyond), the profile's last
-    // radius; infinite for Airy, whose tail is never negligible by itself.
-    double reach_px() const;
 
     // Energy per px^2 at the radius r >= 0; the whole plane holds 1.
     double density(double r) const;

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/diffraction.h"
+
 namespace etalon {
 namespace {
 
@@ -27,8 +29,7 @@ PointSpreadSampler::PointSpreadSampler(const CameraModel& camera)
     if (kind_ == PointSpread::Kind::measured) {
         tabulate_profile(camera.lens->psf.profile);
     } else {
-        scale_px_ = camera.lens->wavelength_nm * 1e-3 * working_f_number(camera) /
-                    camera.sensor->pixel_pitch_um;
+        scale_px_ = lambda_n_px(camera);
         tabulate_airy();
     }
     make_guide();
@@ -94,12 +95,11 @@ double PointSpreadSampler::radius_of(double energy) const {
     return x * scale_px_ / pi;
 }
 
-PointSpreadSampler::Radius PointSpreadSampler::radius(double u) const {
+PointSpreadSampler::Energy PointSpreadSampler::energy(double u) {
     if (u < core_share)
-        return {radius_of(u / core_share * core_energy), core_energy / core_share};
+        return {u / core_share * core_energy, core_energy / core_share};
     const double part = (u - core_share) / (1.0 - core_share);
-    return {radius_of(core_energy + part * (1.0 - core_energy)),
-            (1.0 - core_energy) / (1.0 - core_share)};
+    return {core_energy + part * (1.0 - core_energy), (1.0 - core_energy) / (1.0 - core_share)};
 }
 
 }  // namespace etalon

@@ -14,16 +14,17 @@ public:
     // wave-optical model).
     explicit PointSpreadSampler(const CameraModel& camera);
 
-    struct Radius {
-        double r;       // in units of the pixel pitch along x
+    struct Energy {
+        double within;  // 0 <= within < 1
         double weight;  // of this draw; 1 on average
     };
 
-    // For u uniform in (0, 1). A quarter of the draws goes to the outermost 5 % of the energy, so
-    // that the tail, which matters far from edges, is not left to chance.
-    Radius radius(double u) const;
+    // Which part of the energy to draw the radius of, for u uniform in (0, 1). A quarter of the
+    // draws goes to the outermost 5 %, so that the tail, which matters far from edges, is not left
+    // to chance.
+    static Energy energy(double u);
 
-    // Radius that holds this part of the energy, 0 <= energy < 1.
+    // Radius that holds this part of the energy, in units of the pixel pitch along x.
     double radius_of(double energy) const;
 
 private:

@@ -14,6 +14,8 @@
 #include "sim/marker_view.h"
 #include "sim/point_spread_sampler.h"
 #include "sim/sobol.h"
+#include "sim/wave_point_spread.h"
+#include "sim/wave_render.h"
 
 namespace etalon {
 namespace {
@@ -39,6 +41,12 @@ struct TracedMarker {
     const CellGrid& grid;
     Eigen::Matrix3d rotation;
     Eigen::Vector3d translation;  // of marker_from_camera
+
+    // Of the marker's whole plane along the ray start + depth * by_depth; 0 or less: never met
+    // going forward.
+    double inverse_depth(const Eigen::Vector3d& start, const Eigen::Vector3d& by_depth) const {
+        return -(rotation * by_depth).z() / (rotation * start + translation).z();
+    }
 
     // Where the ray start + depth * by_depth meets the marker's front, if it does.
     std::optional<Hit> hit(const Eigen::Vector3d& start, const Eigen::Vector3d& by_depth) const {
@@ -82,7 +90,9 @@ public:
             markers_.push_back({marker.grid, marker_from_camera.rotation.toRotationMatrix(),
                                 marker_from_camera.translation});
         }
-        if (camera.lens)
+        if (camera.lens && camera.lens->psf.kind == PointSpread::Kind::wave)
+            wave_.emplace(lambda_n_px(camera), largest_wave_blur_px);
+        else if (camera.lens)
             spread_.emplace(camera);
     }
 
@@ -131,17 +141,39 @@ private:
         double weight = 1.0;
         if (spread_) {
             l = aperture_.radius_mm * concentric_disk(u[2], u[3]);
-            const auto [r, w] = spread_->radius(u[4]);
-            const double angle = 2.0 * std::numbers::pi * u[5];
-            // The pattern is round on the sensor; a pixel is fx/fy as high as wide.
-            offset.x() += r * std::cos(angle);
-            offset.y() += r * std::sin(angle) * camera_.intrinsics.fy / camera_.intrinsics.fx;
-            weight = w;
+            const auto energy = PointSpreadSampler::energy(u[4]);
+            offset += on_sensor(spread_->radius_of(energy.within), u[5]);
+            weight = energy.weight;
+        } else if (wave_) {
+            const auto seen = undistorted(ray, offset);
+            if (!seen)
+                return 0.0;
+            const auto energy = PointSpreadSampler::energy(u[4]);
+            offset += on_sensor(wave_->radius_of(energy.within, blur_radius_px(*seen)), u[5]);
+            weight = energy.weight;
         }
         const auto x = undistorted(ray, offset);
         if (!x)
             return 0.0;
         return weight * (radiance(*x, l) - scene_.background);
+    }
+
+    // A point of the pattern, px. It is round on the sensor; a pixel is fx/fy as high as wide.
+    Eigen::Vector2d on_sensor(double radius, double turn) const {
+        const double angle = 2.0 * std::numbers::pi * turn;
+        return {radius * std::cos(angle),
+                radius * std::sin(angle) * camera_.intrinsics.fy / camera_.intrinsics.fx};
+    }
+
+    // Of the (only) marker's plane where the chief ray of a sensor point meets it.
+    double blur_radius_px(const Eigen::Vector2d& x) const {
+        const Ray ray = ray_through(x, Eigen::Vector2d::Zero());
+        const double inverse_depth = markers_.front().inverse_depth(ray.from, ray.along);
+        const double focus = aperture_.focus(x);
+        const double defocus = camera_.projection == Projection::telecentric
+                                   ? 1.0 / inverse_depth - focus
+                                   : inverse_depth - focus;
+        return camera_.intrinsics.fx * aperture_.radius_mm * std::abs(defocus);
     }
 
     // Newton's method from the linear guess; the projector's safeguarded one where it fails.
@@ -205,14 +237,17 @@ private:
     const ReferenceOptions& options_;
     Projector projector_;
     Aperture aperture_;
-    std::optional<PointSpreadSampler> spread_;
+    std::optional<PointSpreadSampler> spread_;  // with a lens, one of the two
+    std::optional<WaveTable> wave_;
     SobolPoints points_;
     std::vector<TracedMarker> markers_;
 };
 
 void check(const CameraModel& camera, const Scene& scene, const ReferenceOptions& options) {
     check_scene(scene);
-    if (camera.lens)
+    if (camera.lens && camera.lens->psf.kind == PointSpread::Kind::wave)
+        check_wave_scene(scene, camera);
+    else if (camera.lens)
         PointSpreadFunction::of(camera);  // refuses what is not a point spread
     const int n = options.samples_per_scramble;
     if (options.scrambles < 2 || n < 1 || n > (1 << 24) || (n & (n - 1)) != 0)

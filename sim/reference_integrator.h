@@ -2,9 +2,11 @@
 // model, with its own standard error. Slow, and shares no integration code with them.
 //
 // A sample is a point of the pixel's square, displaced by the point spread (Airy pattern to
-// infinity, or Gaussian), undistorted exactly, traced through a point of the aperture and the plane
-// of focus to the marker's plane and its cell. Six dimensions, Owen-scrambled Sobol points; the
-// mean over independent scrambles is the value, their spread its standard error.
+// infinity, Gaussian or measured; psf wave: the wave-optical pattern for the defocus of the
+// marker's plane at that point, and the lens centre alone), undistorted exactly, traced through a
+// point of the aperture and the plane of focus to the marker's plane and its cell. Six dimensions,
+// Owen-scrambled Sobol points; the mean over independent scrambles is the value, their spread its
+// standard error.
 //
 // Counted as background: rays that miss the grid; rays that meet the marker's plane behind the lens
 // or from the marker's back; sensor points without a ray (outside the distortion model's valid

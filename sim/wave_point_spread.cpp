@@ -160,6 +160,29 @@ double WavePointSpread::radius_of(double energy) const {
     return 0.5 * (low + high);
 }
 
+WaveTable::WaveTable(double lambda_n_px, double largest_blur_px)
+    : lambda_n_px_(lambda_n_px), step_px_(0.1 * lambda_n_px / pi) {
+    const WavePointSpread largest(lambda_n_px, largest_blur_px);  // refuses what is none
+    entries_ = std::vector<Entry>(static_cast<std::size_t>(largest_blur_px / step_px_) + 2);
+}
+
+const WavePointSpread& WaveTable::entry(std::size_t i) const {
+    Entry& entry = entries_[i];
+    std::call_once(entry.once, [&] {
+        entry.psf = std::make_unique<const WavePointSpread>(lambda_n_px_,
+                                                            static_cast<double>(i) * step_px_);
+    });
+    return *entry.psf;
+}
+
+double WaveTable::radius_of(double energy, double blur_radius_px) const {
+    const double last = static_cast<double>(entries_.size() - 1);
+    const double place = std::min(blur_radius_px / step_px_, last - 1e-9);
+    const auto i = static_cast<std::size_t>(place);
+    const double part = place - static_cast<double>(i);
+    return (1.0 - part) * entry(i).radius_of(energy) + part * entry(i + 1).radius_of(energy);
+}
+
 double wave_ring_average_density(double lambda_n_px, double blur_radius_px, double r) {
     const double q2 = blur_radius_px * blur_radius_px / (r * r);
     return lambda_n_px / (pi * pi * pi * r * r * r) * (1.0 + q2) / ((1.0 - q2) * (1.0 - q2));

@@ -18,9 +18,14 @@
 // Lengths in units of the pixel pitch along x, as in sim/diffraction.h.
 #pragma once
 
+#include <memory>
+#include <mutex>
 #include <vector>
 
 namespace etalon {
+
+// The renderers go no farther; beyond some ten px of blur geometrical optics is right anyhow.
+inline constexpr double largest_wave_blur_px = 20.0;
 
 // |U|^2 for u, v >= 0, relative to the centre of the Airy pattern (u = v = 0: 1). Some us; absolute
 // error below 1e-12 for u and v up to 1000.
@@ -56,6 +61,29 @@ private:
     std::vector<double> intensity_;  // |U|^2 at v = i step
     std::vector<double> energy_;     // within it
     double closing_;                 // energy not in the table, relative to the asymptote's
+};
+
+// The patterns of one lens over blur radii, tabulated at equal steps of u small enough for straight
+// lines between them: 0.1 (the phases of the integral turn by 0.05). Each is built when first asked
+// for. Safe from every thread.
+class WaveTable {
+public:
+    // Radii from 0 to `largest_blur_px`. Throws NumericalError as WavePointSpread.
+    WaveTable(double lambda_n_px, double largest_blur_px);
+
+    // The radius that holds this energy at a blur radius (beyond the largest: at the largest).
+    double radius_of(double energy, double blur_radius_px) const;
+
+private:
+    struct Entry {
+        std::once_flag once;
+        std::unique_ptr<const WavePointSpread> psf;
+    };
+
+    const WavePointSpread& entry(std::size_t i) const;
+
+    double lambda_n_px_, step_px_;
+    mutable std::vector<Entry> entries_;
 };
 
 // The mean over the rings, well outside the disk (r > R).

@@ -31,7 +31,6 @@ TEST(Measured, HoldsTheEnergyOfItsProfile) {
     EXPECT_NEAR(psf.energy_within(3.0), 1.0, 1e-15);
     EXPECT_NEAR(psf.energy_within(7.0), 1.0, 1e-15);
     EXPECT_EQ(psf.density(3.1), 0.0);
-    EXPECT_EQ(psf.reach_px(), 3.0);
     EXPECT_FALSE(psf.is_airy());
     EXPECT_NEAR(psf.density(0.25) / psf.density(0.0), 3.5 / 4.0, 1e-14);
     // Energy against the density by the midpoint rule.

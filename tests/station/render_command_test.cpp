@@ -106,8 +106,10 @@ TEST_F(RenderCommand, GivesTheSameImageByEveryMethod) {
     std::vector<cv::Mat> images;
     for (const char* method : {"auto", "E", "C", "reference"}) {
         arguments_.method = method;
-        // The reference is slow; 0.4 gray is near enough to compare images to one code.
-        arguments_.tolerance_gray = method == std::string("reference") ? 0.4 : 0.1;
+        // The reference is slow, and C's bound for so sharp a camera does not reach 0.1 gray; 0.4
+        // is near enough to compare images to one code.
+        const bool coarse = method == std::string("reference") || method == std::string("C");
+        arguments_.tolerance_gray = coarse ? 0.4 : 0.1;
         images.push_back(rendered().pixels);
     }
     for (const cv::Mat& image : images)

@@ -51,19 +51,21 @@ void check_same(const std::filesystem::path& folder, const ordered_json& setting
 
 }  // namespace
 
-ImageSet::ImageSet(const std::filesystem::path& folder, const ordered_json& settings,
-                   const ordered_json& made_from, const std::string& extension)
+ImageSet::ImageSet(const std::filesystem::path& folder, const std::string& settings,
+                   const std::string& made_from, const std::string& extension)
     : folder_(folder), extension_(extension) {
     open_settings(settings, made_from);
     open_manifest();
 }
 
-void ImageSet::open_settings(const ordered_json& settings, const ordered_json& made_from) {
+void ImageSet::open_settings(const std::string& settings, const std::string& made_from) {
     std::error_code ignored;
     if (std::filesystem::exists(folder_ / settings_file, ignored))
-        return check_same(folder_, settings);
+        return check_same(folder_, ordered_json::parse(settings));
     make_folder(folder_);
-    const ordered_json set{{"etalon", kind}, {"settings", settings}, {"made_from", made_from}};
+    const ordered_json set{{"etalon", kind},
+                           {"settings", ordered_json::parse(settings)},
+                           {"made_from", ordered_json::parse(made_from)}};
     write_text(folder_ / settings_file,
                set.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n");
 }

@@ -11,7 +11,6 @@
 
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json_fwd.hpp>
 #include <set>
 #include <string>
 
@@ -20,11 +19,11 @@ namespace etalon {
 class ImageSet {
 public:
     // Makes the folder, or continues the one that was made with the same settings. `settings` and
-    // `made_from` are JSON objects; the latter only tells people, it is not compared.
+    // `made_from` are JSON objects as text; the latter only tells people, it is not compared.
     // Throws ConfigError (place --out) when the folder holds something else, or a set with other
     // settings: the first one that differs is named.
-    ImageSet(const std::filesystem::path& folder, const nlohmann::ordered_json& settings,
-             const nlohmann::ordered_json& made_from, const std::string& extension);
+    ImageSet(const std::filesystem::path& folder, const std::string& settings,
+             const std::string& made_from, const std::string& extension);
 
     const std::filesystem::path& folder() const { return folder_; }
     std::string file_name(std::size_t index) const;  // "pose-000007.png"
@@ -37,8 +36,7 @@ public:
     void add(const std::string& line);
 
 private:
-    void open_settings(const nlohmann::ordered_json& settings,
-                       const nlohmann::ordered_json& made_from);
+    void open_settings(const std::string& settings, const std::string& made_from);
     void open_manifest();
     bool keeps(const std::string& line);
 

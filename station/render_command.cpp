@@ -77,7 +77,7 @@ void print_json(const RenderArguments& arguments, const CameraModel& camera,
     if (arguments.noise_seed)
         json["noise_seed"] = *arguments.noise_seed;
     if (view.plan) {
-        json["plan"] = plan_json(*view.plan);
+        json["plan"] = ordered_json::parse(plan_json(*view.plan));
         json["pixels_without_ray"] = view.pixels_without_ray;
     } else {
         json["largest_standard_error_gray"] = view.standard_error_gray;

@@ -86,9 +86,9 @@ std::string plan_table(const RenderPlan& plan) {
                                            plan.max_blur_radius_px));
     text += row("samples", fmt::format("{0} x {0} a pixel: {1:.2g} gray",
                                        plan.points_per_pixel_side, plan.sampling_gray));
-    text += row("diffraction", plan.tail_reach_px > 0.0
-                                   ? fmt::format("to {:.0f} px", plan.tail_reach_px)
-                                   : "no tail");
+    text +=
+        row("diffraction",
+            plan.tail_reach_px > 0.0 ? fmt::format("to {:.0f} px", plan.tail_reach_px) : "no tail");
     std::string name = "tiles";
     for (const TileUse& use : added_up(plan.used))
         text += row(std::exchange(name, ""), words(use));
@@ -102,7 +102,7 @@ std::string plan_table(const RenderPlan& plan) {
     return text;
 }
 
-ordered_json plan_json(const RenderPlan& plan) {
+std::string plan_json(const RenderPlan& plan) {
     ordered_json used = ordered_json::array(), left_out = ordered_json::array();
     for (const TileUse& use : added_up(plan.used))
         used.push_back({{"method", short_name(use.method)},
@@ -111,15 +111,16 @@ ordered_json plan_json(const RenderPlan& plan) {
                         {"tiles", use.tiles}});
     for (const LeftOut& left : largest_of_each(plan.left_out))
         left_out.push_back({{"what", name_of(left.what)}, {"why", left.why}, {"gray", left.gray}});
-    return {{"summary", plan.describe()},
-            {"tolerance_gray", plan.tolerance_gray},
-            {"sampling_gray", plan.sampling_gray},
-            {"blur_radius_px", {plan.min_blur_radius_px, plan.max_blur_radius_px}},
-            {"tail_reach_px", plan.tail_reach_px},
-            {"tiles", used},
-            {"uniform_tiles", plan.uniform_tiles},
-            {"left_out", left_out},
-            {"instructions", plan.instructions}};
+    const ordered_json json{{"summary", plan.describe()},
+                            {"tolerance_gray", plan.tolerance_gray},
+                            {"sampling_gray", plan.sampling_gray},
+                            {"blur_radius_px", {plan.min_blur_radius_px, plan.max_blur_radius_px}},
+                            {"tail_reach_px", plan.tail_reach_px},
+                            {"tiles", used},
+                            {"uniform_tiles", plan.uniform_tiles},
+                            {"left_out", left_out},
+                            {"instructions", plan.instructions}};
+    return json.dump();
 }
 
 }  // namespace etalon

@@ -1,7 +1,6 @@
 // A render's plan for people and for programs: what was done, what was left out and by which bound.
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "sim/renderer.h"
@@ -11,6 +10,7 @@ namespace etalon {
 // Lines of at most 80 columns, the last one ended too.
 std::string plan_table(const RenderPlan& plan);
 
-nlohmann::ordered_json plan_json(const RenderPlan& plan);
+// A JSON object.
+std::string plan_json(const RenderPlan& plan);
 
 }  // namespace etalon

@@ -81,8 +81,8 @@ std::string poses_text(const std::filesystem::path& path, const std::vector<Rigi
     return text;
 }
 
-ordered_json settings_of(const RenderArguments& arguments, const ViewRenderer& renderer,
-                         const std::vector<Rigid>& placed, const std::string& poses) {
+std::string settings_of(const RenderArguments& arguments, const ViewRenderer& renderer,
+                        const std::vector<Rigid>& placed, const std::string& poses) {
     ordered_json markers = ordered_json::array();
     for (std::size_t i = 0; i < placed.size(); ++i)
         markers.push_back(marker_settings(renderer.markers()[i], placed[i]));
@@ -98,14 +98,15 @@ ordered_json settings_of(const RenderArguments& arguments, const ViewRenderer& r
                           {"noise_seed", nullptr}};
     if (arguments.noise_seed)
         settings["noise_seed"] = *arguments.noise_seed;
-    return settings;
+    return settings.dump();
 }
 
-ordered_json names_of(const RenderArguments& arguments) {
-    return {{"camera", arguments.camera.string()},
-            {"markers", arguments.markers},
-            {"background", arguments.background},
-            {"poses", arguments.pose_file.string()}};
+std::string names_of(const RenderArguments& arguments) {
+    const ordered_json names{{"camera", arguments.camera.string()},
+                             {"markers", arguments.markers},
+                             {"background", arguments.background},
+                             {"poses", arguments.pose_file.string()}};
+    return names.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }
 
 // What became of one pose: its line of images.jsonl.
@@ -194,7 +195,7 @@ private:
     static void describe(const View& view, ordered_json& line) {
         if (view.plan) {
             line["pixels_without_ray"] = view.pixels_without_ray;
-            line["plan"] = plan_json(*view.plan);
+            line["plan"] = ordered_json::parse(plan_json(*view.plan));
         } else {
             line["largest_standard_error_gray"] = view.standard_error_gray;
         }

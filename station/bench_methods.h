@@ -12,9 +12,9 @@ namespace etalon {
 
 // How much is measured.
 struct BenchPlan {
-    int window_side_px = 10;
+    int window_side_px = 6;
     int reference_samples = 16384;  // in each of 16 scrambles
-    int cloud_window_side_px = 2;
+    int cloud_window_side_px = 1;
     int cloud_reference_samples = 4096;
     std::vector<int> lens_sides{1, 2, 3, 4, 5, 6, 8};        // k of E
     std::vector<int> area_sides{1, 2, 3, 4, 5, 6, 7, 8, 9};  // k of C

@@ -53,7 +53,7 @@ Throughput measure_throughput(const BenchmarkScene& scene, int frames) {
     const Renderer renderer(scene.camera);
     const PublishedMethod published(scene.camera, 256, PublishedMethod::Undistortion::per_ray);
     const SensorModel sensor(scene.camera);
-    for (const Rigid& pose : every_nth(poses, 20))  // fills the caches
+    for (const Rigid& pose : every_nth(poses, 100))  // fills the caches
         renderer.render(posed(pose));
 
     Throughput result;

@@ -12,8 +12,8 @@ double process_cpu_ms();  // of all threads
 double peak_memory_mib();
 
 // Median CPU time of `work` in the calling thread, without what it may give to others: limit TBB to
-// one thread. `work` runs once before; then seven times, or as often as fits into three seconds,
-// but at least once. Where the first run takes more than those, it is the only one.
+// one thread. `work` runs once before, then seven times; where the first run takes more than a
+// second, it is the only one.
 double median_cpu_ms(const std::function<void()>& work);
 
 }  // namespace etalon

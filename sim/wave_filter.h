@@ -26,7 +26,7 @@ public:
     double pitch_y() const { return pitch_y_; }  // a pixel's height in units of its width
 
     // Steps of the blur radius between kernels. The phases of the pattern's integral turn by 1/8
-    // from one to the next: straight lines between them are off by 2e-4 of its height.
+    // from one to the next: straight lines between them are off by 3e-4 of the peak in focus.
     double blur_step_px() const;
 
     // The core at the blur radius index * blur_step_px(): CV_32FC1 with k + 2 core_reach() rows and

@@ -246,6 +246,16 @@ TEST(Registration, RefusesWhatCannotGiveAResult) {
     EXPECT_THAT(refusal(bad), HasSubstr("3 pixels"));
 }
 
+TEST(Registration, RefusesATelecentricCamera) {
+    CameraModel camera = test::webcam();
+    const std::vector<RegistrationPose> good =
+        observations(Projector(camera), stage_poses({.x = true, .y = true, .z = true}, 8));
+    camera.projection = Projection::telecentric;
+    EXPECT_THROW(register_stage(Projector(camera), {{0, 0, 0}, {10, 0, 0}, {10, 10, 0}, {0, 10, 0}},
+                                good, Rigid{}),
+                 NumericalError);
+}
+
 TEST(Registration, RefusesAMarkerThatIsPredictedBehindTheCamera) {
     std::vector<RegistrationPose> poses =
         observations(Projector(test::webcam()), stage_poses({.x = true, .y = true, .z = true}, 8));

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "compare/detector.h"
+#include "core/errors.h"
 #include "core/random.h"
 
 namespace etalon {
@@ -178,6 +179,15 @@ TEST(EstimatePose, IsLeastSquaresSoNoNearbyPoseIsBetter) {
             const Vector6d delta = sign * (i < 3 ? 1e-4 : 1e-2) * Vector6d::Unit(i);
             EXPECT_GT(cost(left_perturbed(estimate->camera_from_marker, delta)), least);
         }
+}
+
+TEST(EstimatePose, RefusesATelecentricCamera) {
+    CameraModel camera = webcam();
+    const Points corners = square(50.0);
+    const Pixels pixels =
+        projected(Projector(camera), corners, {Eigen::Quaterniond::Identity(), {7.0, 5.0, 400.0}});
+    camera.projection = Projection::telecentric;
+    EXPECT_THROW(estimate_pose(Projector(camera), corners, pixels), NumericalError);
 }
 
 TEST(EstimatePose, GivesNothingForDegenerateInput) {

@@ -7,6 +7,8 @@
 #include "sim/diffraction.h"
 #include "sim/marker_view.h"
 #include "sim/point_spread_sampler.h"
+#include "sim/renderer.h"
+#include "tests/evidence/edge_spread.h"
 
 namespace etalon {
 namespace {
@@ -79,6 +81,26 @@ TEST(Measured, TakesThePlaceOfDefocus) {
     camera.lens->psf.profile = measured_profile;
     EXPECT_EQ(aperture_of(camera).radius_mm, 0.0);
     EXPECT_EQ(blur_radius_px(camera, 200.0), 0.0);
+}
+
+TEST(Measured, GivesAnEdgeTheProfileOfItsEnergyAtAnyDepth) {
+    CameraModel camera = camera_with_lens(550.0);
+    camera.lens->psf.kind = PointSpread::Kind::measured;
+    camera.lens->psf.profile = measured_profile;
+    const auto psf = PointSpreadFunction::measured(measured_profile);
+    const auto profile =
+        test::pixel_profile([&](double r) { return psf.energy_within(r); }, 6.0, 10);
+    Scene scene{{PlacedMarker{}}};
+    scene.markers[0].grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
+    scene.markers[0].grid.cell_mm = {200.0, 400.0};
+    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, 200.0};
+    // The edge at pixel 31.4: 0.4 px are 0.4 * 200 / 700 mm.
+    scene.markers[0].grid.corner_mm = {0.4 * 200.0 / 700.0 - 200.0, -200.0};
+    const auto image = Renderer(camera).render(scene).radiance;
+    for (int x = 26; x < 37; ++x) {
+        const auto i = static_cast<std::size_t>(std::lround((31.4 - x + 6.0) * 10.0));
+        EXPECT_NEAR(image.at<float>(20, x), profile.value[i], 0.1 / 255.0) << x;
+    }
 }
 
 }  // namespace

@@ -170,6 +170,8 @@ RenderTruth integrate_truth(const CameraModel& camera, const Scene& scene, int s
 RenderComparison compare_with_truth(std::span<const double> radiance, const RenderTruth& truth) {
     RenderComparison result;
     result.pixels = static_cast<int>(truth.pixels.size());
+    if (truth.pixels.empty())
+        return result;
     std::vector<double> errors, sizes;
     for (std::size_t i = 0; i < truth.pixels.size(); ++i) {
         const double error = (radiance[i] - truth.values[i].mean) / gray;

@@ -60,7 +60,7 @@ struct RenderComparison {
     double corrected_shift_px() const;
 };
 
-// `radiance`: one value per pixel of the truth; or an image that has them.
+// `radiance`: one value per pixel of the truth; or an image that has them. All zero without pixels.
 RenderComparison compare_with_truth(std::span<const double> radiance, const RenderTruth& truth);
 RenderComparison compare_with_truth(const Radiance& image, const RenderTruth& truth);
 

@@ -208,16 +208,25 @@ BenchScene measure_cloud(const BenchmarkScene& scene, int poses, const BenchPlan
                                                  reference_options(plan.cloud_reference_samples));
         const OneThread limit;
         RenderedImage image;
-        by_default.cpu_ms += median_cpu_ms([&] { image = renderer.render(posed); }) / poses;
+        progress(++done);
+        try {
+            by_default.cpu_ms += median_cpu_ms([&] { image = renderer.render(posed); });
+        } catch (const NumericalError& error) {
+            ++result.refused_poses;
+            result.left_out = {fmt::format("poses refused, the last because {}", error.what())};
+            continue;
+        }
         by_default.add(image.radiance, here.pixels);
         PublishedImage baseline;
-        by_published.cpu_ms += median_cpu_ms([&] { baseline = published.render(posed); }) / poses;
+        by_published.cpu_ms += median_cpu_ms([&] { baseline = published.render(posed); });
         by_published.add(baseline.radiance, here.pixels);
         result.refined_pixels += baseline.edge_pixels;
         append(truth, here);
-        progress(++done);
     }
-    result.refined_pixels /= std::max(1, poses);
+    const int rendered = std::max(1, poses - result.refused_poses);
+    by_default.cpu_ms /= rendered;
+    by_published.cpu_ms /= rendered;
+    result.refined_pixels /= rendered;
     const double pixels = std::max(1, result.refined_pixels);
     result.rows = {
         {"cloud", "default", "0.1", by_default.cpu_ms, compare_with_truth(by_default.values, truth),

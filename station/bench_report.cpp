@@ -87,6 +87,8 @@ std::vector<BenchCheck> bench_checks(const BenchResult& result) {
     std::vector<BenchCheck> checks;
     for (const BenchScene* scene : all_scenes(result))
         add_error_checks(*scene, checks);
+    if (result.cloud)
+        checks.push_back(at_most("cloud: poses refused", result.cloud->refused_poses, 0.0));
     for (const BenchScene& scene : result.scenes)
         add_speed_checks(scene, checks);
     if (const auto& t = result.throughput) {
@@ -94,6 +96,7 @@ std::vector<BenchCheck> bench_checks(const BenchResult& result) {
             at_least("throughput over the published method's", t->ratio(), throughput_ratio));
         checks.push_back(
             at_least("throughput: cores used", t->by_default.cores_used, least_cores_used));
+        checks.push_back(at_most("throughput: poses refused", t->refused, 0.0));
         checks.push_back(at_most("throughput: growth of peak memory after a tenth",
                                  t->final_peak_mib / t->early_peak_mib, most_memory_growth));
     }
@@ -202,6 +205,7 @@ std::string bench_json(const BenchResult& result) {
         json["throughput"] = {{"frames", t->by_default.frames},
                               {"frames_per_s", t->by_default.frames_per_s},
                               {"cores_used", t->by_default.cores_used},
+                              {"refused", t->refused},
                               {"published_frames", t->by_published.frames},
                               {"published_frames_per_s", t->by_published.frames_per_s},
                               {"ratio", t->ratio()},

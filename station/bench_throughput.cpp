@@ -7,6 +7,7 @@
 
 #include <atomic>
 
+#include "core/errors.h"
 #include "sim/published_method.h"
 #include "sim/sensor_model.h"
 #include "station/bench_poses.h"
@@ -53,17 +54,27 @@ Throughput measure_throughput(const BenchmarkScene& scene, int frames) {
     const Renderer renderer(scene.camera);
     const PublishedMethod published(scene.camera, 256, PublishedMethod::Undistortion::per_ray);
     const SensorModel sensor(scene.camera);
+    std::atomic<int> refused = 0;
+    const auto render = [&](const Rigid& pose) {
+        try {
+            sensor.expose(renderer.render(posed(pose)).radiance);
+        } catch (const NumericalError&) {
+            ++refused;
+        }
+    };
     for (const Rigid& pose : every_nth(poses, 100))  // fills the caches
-        renderer.render(posed(pose));
+        render(pose);
 
     Throughput result;
+    refused = 0;
     std::atomic<std::size_t> done = 0;
     std::atomic<double> early_peak = 0.0;
     result.by_default = rate(poses, [&](const Rigid& pose) {
-        sensor.expose(renderer.render(posed(pose)).radiance);
+        render(pose);
         if (++done == std::max<std::size_t>(1, poses.size() / 10))
             early_peak = peak_memory_mib();
     });
+    result.refused = refused;
     result.early_peak_mib = early_peak;
     result.final_peak_mib = peak_memory_mib();
     result.by_published =

@@ -13,6 +13,7 @@ struct RenderRate {
 
 struct Throughput {
     RenderRate by_default, by_published;  // the published method at 256 rays, on fewer frames
+    int refused = 0;                      // of the default plan's frames, with NumericalError
     double early_peak_mib = 0.0;          // peak memory after a tenth of the default plan's frames
     double final_peak_mib = 0.0;          // and at their end
 

@@ -7,6 +7,7 @@
 #include <opencv2/core.hpp>
 
 #include "core/errors.h"
+#include "sim/lagrange.h"
 
 namespace etalon {
 namespace {
@@ -16,36 +17,6 @@ using Response = std::function<double(double)>;
 double smooth_step(double t) {
     t = std::clamp(t, 0.0, 1.0);
     return t * t * t * (10.0 + t * (6.0 * t - 15.0));
-}
-
-// The 6-point Lagrange kernel: weight of a sample at distance t (in sample steps) in the quintic
-// interpolant. Symmetric, 1 at 0, 0 at all other integers and beyond 3.
-double lagrange6(double t) {
-    t = std::abs(t);
-    if (t < 1.0)
-        return (1 - t * t) * (4 - t * t) * (3 - t) / 12;
-    if (t < 2.0)
-        return (t * t - 1) * (t - 2) * (3 - t) * (4 - t) / 24;
-    if (t < 3.0)
-        return (t - 1) * (t - 2) * (3 - t) * (4 - t) * (5 - t) / 120;
-    return 0.0;
-}
-
-// Integral of lagrange6 from a to b: 3-point Gauss is exact for its quintic pieces.
-double lagrange6_integral(double a, double b) {
-    a = std::clamp(a, -3.0, 3.0);
-    b = std::clamp(b, -3.0, 3.0);
-    double sum = 0.0;
-    for (double from = a; from < b;) {
-        const double to = std::min(b, std::floor(from) + 1.0);
-        const double centre = 0.5 * (from + to), half = 0.5 * (to - from);
-        const double node = half * std::sqrt(0.6);
-        sum += half / 9.0 *
-               (5.0 * lagrange6(centre - node) + 8.0 * lagrange6(centre) +
-                5.0 * lagrange6(centre + node));
-        from = to;
-    }
-    return sum;
 }
 
 // What a sample at 0 contributes to a pixel box centred at x, in the interpolant of the samples.
@@ -58,6 +29,16 @@ Response pixel_response(int k, SampleKind kind) {
         for (int i = 0; i < k; ++i)
             sum += lagrange6(k * x - (i - (k - 1) * 0.5));
         return sum / k;
+    };
+}
+
+// What an average over g px contributes to a pixel box centred at x: the interpolant, less the
+// second moment that the wider box has put into it.
+Response square_response(double g) {
+    const double a = (1.0 - 1.0 / (g * g)) / 24.0;
+    return [g, a](double x) {
+        const double t = x / g;
+        return (1.0 + 2.0 * a) * lagrange6(t) - a * (lagrange6(t - 1.0) + lagrange6(t + 1.0));
     };
 }
 
@@ -107,21 +88,39 @@ Eigen::MatrixXd product_weights(const Response& density, const FineAxis& x, cons
 // that the window hardly changes across one; E is known in closed form.
 double windowed_energy(const PointSpreadFunction& psf, const RadialWindow& window) {
     constexpr int rings = 20000;
-    double sum = 0.0, within = 0.0;
+    const double from = std::max(0.0, window.rise_from), step = (window.fall_to - from) / rings;
+    double sum = 0.0, within = psf.energy_within(from);
     for (int i = 1; i <= rings; ++i) {
-        const double next = psf.energy_within(window.fall_to * i / rings);
-        sum += window(window.fall_to * (i - 0.5) / rings) * (next - within);
+        const double next = psf.energy_within(from + i * step);
+        sum += window(from + (i - 0.5) * step) * (next - within);
         within = next;
     }
     return sum;
 }
 
-cv::Mat to_float(const Eigen::MatrixXd& m, double scale) {
-    cv::Mat result(static_cast<int>(m.rows()), static_cast<int>(m.cols()), CV_32FC1);
+// Without the outermost rows and columns that together hold no more than this part.
+Eigen::MatrixXd trimmed(const Eigen::MatrixXd& weights, double part) {
+    const double allowed = part * weights.cwiseAbs().sum();
+    const auto inner = [&](Eigen::Index x, Eigen::Index y) {
+        return weights.block(y, x, weights.rows() - 2 * y, weights.cols() - 2 * x);
+    };
+    const auto lost = [&](Eigen::Index x, Eigen::Index y) {
+        return weights.cwiseAbs().sum() - inner(x, y).cwiseAbs().sum();
+    };
+    Eigen::Index x = 0, y = 0;
+    while (lost(x + 1, 0) < 0.5 * allowed)
+        ++x;
+    while (lost(x, y + 1) < allowed)
+        ++y;
+    return inner(x, y);
+}
+
+FilterKernel scaled_kernel(int k, const Eigen::MatrixXd& weights, double energy) {
+    cv::Mat result(static_cast<int>(weights.rows()), static_cast<int>(weights.cols()), CV_64FC1);
     for (int j = 0; j < result.rows; ++j)
         for (int i = 0; i < result.cols; ++i)
-            result.at<float>(j, i) = static_cast<float>(m(j, i) * scale);
-    return result;
+            result.at<double>(j, i) = weights(j, i) * energy / weights.sum();
+    return FilterKernel(k, result);
 }
 
 }  // namespace
@@ -131,138 +130,109 @@ double RadialWindow::operator()(double r) const {
     return rise * (1.0 - smooth_step((r - fall_from) / (fall_to - fall_from)));
 }
 
-// Where the levels meet. The core must hold the rings that a 1-px grid cannot follow, so it grows
-// with lambda N; beyond 6 px the pattern is smooth from pixel to pixel and needs no core.
+// Where the levels meet. The core must hold the rings that the tail's grids cannot follow, so it
+// grows with lambda N, and the grids with it. The factors keep the error beside the edge of a
+// half-plane below 0.02 gray.
 ImageFilter::ImageFilter(const CameraModel& camera) {
     if (!camera.lens)
         return;
     psf_ = PointSpreadFunction::of(camera);
     pitch_y_ = camera.intrinsics.fx / camera.intrinsics.fy;
-    const double scale = psf_->scale_px();
-    if (!psf_->is_airy()) {  // no tail: a Gaussian holds 1e-8 beyond 6 sigma
-        const RadialWindow whole{-1, -1, 6.0 * scale, 6.5 * scale};
-        (scale < 4.0 ? core_ : near_) = whole;
-        return;
+    if (psf_->is_airy()) {
+        const double grid = 1.1 * std::max(1.0, pitch_y_);
+        split_px_ = std::max(grid, 2.2 * psf_->scale_px());
+        first_shift_ = std::ilogb(split_px_ / grid);
+        core_ = {-1, -1, 1.5 * split_px_, 3.0 * split_px_};
+    } else {
+        const double radius = psf_->radius_of_tail(2e-8);
+        core_ = {-1, -1, radius, 1.08 * radius};
     }
-    const double split = std::max(1.0, 2.0 * scale);
-    const double far = 24.0 * std::max(1.0, 0.5 * scale);
-    near_ = RadialWindow{-1, -1, far, 2.0 * far};
-    far_ = RadialWindow{far, 2.0 * far, 1e300, 2e300};
-    if (scale > 6.0)
-        return;
-    core_ = RadialWindow{-1, -1, 1.5 * split, 3.0 * split};
-    near_->rise_from = 1.5 * split;
-    near_->rise_to = 3.0 * split;
-}
-
-int ImageFilter::near_reach_px() const {
-    if (!near_)
-        return 0;
-    return static_cast<int>(std::ceil(near_->fall_to / std::min(1.0, pitch_y_))) + 3;
 }
 
 int ImageFilter::reach_px() const {
-    const double core = core_ ? core_->fall_to / std::min(1.0, pitch_y_) + 5.0 : 0.0;
-    return std::max(near_reach_px(), static_cast<int>(std::ceil(core)));
+    if (!psf_)
+        return 0;
+    const double radius = has_tail() && first_shift_ == 0 ? 6.0 * split_px_ : core_.fall_to;
+    return static_cast<int>(std::ceil(radius / std::min(1.0, pitch_y_))) + 5;
 }
 
-const CoreKernel& ImageFilter::core(int k, SampleKind kind) const {
+const FilterKernel& ImageFilter::core(int k, SampleKind kind) const {
     const std::lock_guard lock(mutex_);
     auto& slot = cores_[{k, kind}];
-    if (slot)
-        return *slot;
-    CoreKernel kernel{k, 0, 0, {}};
-    if (!core_) {  // the box alone, or nothing at all when the near tail has everything
-        const float weight = psf_ ? 0.0f : 1.0f / static_cast<float>(k * k);
-        kernel.weights = cv::Mat(k, k, CV_32FC1, cv::Scalar(weight));
-    } else {
-        const double radius = core_->fall_to;
-        kernel.reach_x = static_cast<int>(std::ceil((radius + 0.5) * k)) + 3;
-        kernel.reach_y = static_cast<int>(std::ceil((radius / pitch_y_ + 0.5) * k)) + 3;
-        const Response response = pixel_response(k, kind);
-        // A pattern too narrow to be resolved may shrink into its central four nodes.
-        const double step =
-            std::min(std::max(psf_->scale_px() / 8.0, 1.0 / 256.0), 1.0 / (8.0 * k));
-        const FineAxis x =
-            fine_axis(radius, step, 1.0, {2 * kernel.reach_x + k, 1.0 / k}, response);
-        const FineAxis y =
-            fine_axis(radius, step, pitch_y_, {2 * kernel.reach_y + k, 1.0 / k}, response);
-        const Eigen::MatrixXd weights =
-            product_weights([&](double r) { return psf_->density(r) * (*core_)(r); }, x, y);
-        const double energy = windowed_energy(*psf_, *core_);
-        kernel.weights = to_float(weights, energy / weights.sum());
-    }
-    slot = std::make_unique<const CoreKernel>(std::move(kernel));
+    if (!slot)
+        slot = std::make_unique<const FilterKernel>(make_core(k, kind));
     return *slot;
 }
 
-// The rings near the core are integrated as they are; farther out, where many of them fall into a
-// pixel, by their average.
-const cv::Mat& ImageFilter::near_kernel() const {
+const FilterKernel& ImageFilter::ring(int n) const {
     const std::lock_guard lock(mutex_);
-    if (!near_kernel_.empty())
-        return near_kernel_;
-    const double radius = near_->fall_to, scale = psf_->scale_px();
-    const bool average_rings = psf_->is_airy() && scale < 1.0;
-    const double exact_radius = average_rings ? 4.0 * near_->rise_to : radius;
-    const RadialWindow inner{-1, -1, 0.5 * exact_radius, exact_radius};
-    const auto share = [&](double r) { return average_rings ? inner(r) : 1.0; };
-    const SampleAxis columns{2 * (static_cast<int>(std::ceil(radius)) + 3) + 1, 1.0};
-    const SampleAxis rows{2 * (static_cast<int>(std::ceil(radius / pitch_y_)) + 3) + 1, 1.0};
-    const auto weights = [&](double reach, double step, const Response& density) {
-        return product_weights(density, fine_axis(reach, step, 1.0, columns, lagrange6),
-                               fine_axis(reach, step, pitch_y_, rows, lagrange6));
-    };
-    Eigen::MatrixXd sum =
-        weights(exact_radius, std::clamp(scale / 12.0, 1.0 / 32.0, 0.5),
-                [&](double r) { return psf_->density(r) * (*near_)(r)*share(r); });
-    if (average_rings)
-        sum += weights(radius, 0.25, [&](double r) {
-            return (1.0 - share(r)) == 0.0
-                       ? 0.0
-                       : psf_->ring_average_density(r) * (*near_)(r) * (1.0 - share(r));
-        });
-    const double energy = windowed_energy(*psf_, *near_);
-    near_kernel_ = to_float(sum, energy / sum.sum());
-    return near_kernel_;
+    auto& slot = rings_[n];
+    if (!slot)
+        slot = std::make_unique<const FilterKernel>(make_ring(n));
+    return *slot;
 }
 
-// Blocks are small against the radii here: the kernel is averaged over 4 x 4 points of each.
-cv::Mat ImageFilter::far_kernel(double reach_px) const {
-    const int half_x = static_cast<int>(std::ceil(reach_px / block_px));
-    const int half_y = static_cast<int>(std::ceil(reach_px / pitch_y_ / block_px));
-    cv::Mat kernel(2 * half_y + 1, 2 * half_x + 1, CV_32FC1);
-    const auto block_energy = [&](int i, int j) {
-        double sum = 0.0;
-        for (int q = 0; q < 16; ++q) {
-            const double x = (i + (q % 4 - 1.5) / 4.0) * block_px;
-            const double y = (j + (q / 4 - 1.5) / 4.0) * block_px * pitch_y_;
-            const double r = std::hypot(x, y);
-            if (r > far_->rise_from && r <= reach_px)
-                sum += psf_->ring_average_density(r) * (*far_)(r);
-        }
-        return sum / 16.0 * block_px * block_px * pitch_y_;
-    };
-    for (int j = 0; j <= half_y; ++j)
-        for (int i = 0; i <= half_x; ++i) {
-            const auto energy = static_cast<float>(block_energy(i, j));
-            for (const auto& [x, y] : {std::pair{i, j}, {-i, j}, {i, -j}, {-i, -j}})
-                kernel.at<float>(half_y + y, half_x + x) = energy;
-        }
-    return kernel;
+FilterKernel ImageFilter::make_core(int k, SampleKind kind) const {
+    if (!psf_)  // the box alone
+        return scaled_kernel(k, Eigen::MatrixXd::Ones(k, k), 1.0);
+    const double radius = core_.fall_to;
+    const int reach_x = static_cast<int>(std::ceil((radius + 0.5) * k)) + 3;
+    const int reach_y = static_cast<int>(std::ceil((radius / pitch_y_ + 0.5) * k)) + 3;
+    const Response response = pixel_response(k, kind);
+    // A pattern too narrow to be resolved may shrink into its central four nodes.
+    const double step = std::min(std::max(psf_->scale_px() / 8.0, 1.0 / 256.0), 1.0 / (8.0 * k));
+    const FineAxis x = fine_axis(radius, step, 1.0, {2 * reach_x + k, 1.0 / k}, response);
+    const FineAxis y = fine_axis(radius, step, pitch_y_, {2 * reach_y + k, 1.0 / k}, response);
+    const Eigen::MatrixXd weights =
+        product_weights([&](double r) { return psf_->density(r) * core_(r); }, x, y);
+    return scaled_kernel(k, trimmed(weights, 1e-5), windowed_energy(*psf_, core_));
 }
 
-cv::Mat convolve(const cv::Mat& image, const cv::Mat& kernel) {
-    const cv::Size size(cv::getOptimalDFTSize(image.cols + kernel.cols - 1),
-                        cv::getOptimalDFTSize(image.rows + kernel.rows - 1));
-    cv::Mat a = cv::Mat::zeros(size, CV_32FC1), b = cv::Mat::zeros(size, CV_32FC1);
-    image.copyTo(a(cv::Rect({0, 0}, image.size())));
-    kernel.copyTo(b(cv::Rect({0, 0}, kernel.size())));
-    cv::dft(a, a, 0, image.rows);
-    cv::dft(b, b, 0, kernel.rows);
-    cv::mulSpectrums(a, b, a, 0);
-    cv::dft(a, a, cv::DFT_INVERSE | cv::DFT_SCALE, kernel.rows / 2 + image.rows);
-    return a(cv::Rect({kernel.cols / 2, kernel.rows / 2}, image.size())).clone();
+// The first ring is integrated as it is, unless many of the pattern's rings fall into a pixel;
+// farther out their average stands for them.
+FilterKernel ImageFilter::make_ring(int n) const {
+    const double start = std::ldexp(1.5 * split_px_, n), g = std::ldexp(1.0, level_shift(n));
+    const RadialWindow window{start, 2.0 * start, 2.0 * start, 4.0 * start};
+    const bool average = n > 0 || psf_->scale_px() < 0.15;
+    const double step = average ? g / 8.0 : psf_->scale_px() / 12.0;
+    const Response response = square_response(g);
+    const auto samples = [&](double radius) {
+        return SampleAxis{2 * (static_cast<int>(std::ceil(radius / g)) + 4) + 1, g};
+    };
+    const FineAxis x = fine_axis(window.fall_to, step, 1.0, samples(window.fall_to), response);
+    const FineAxis y =
+        fine_axis(window.fall_to, step, pitch_y_, samples(window.fall_to / pitch_y_), response);
+    const auto density = [&](double r) {
+        const double share = window(r);
+        if (share == 0.0)
+            return 0.0;
+        return share * (average ? psf_->ring_average_density(r) : psf_->density(r));
+    };
+    return scaled_kernel(1, trimmed(product_weights(density, x, y), 1e-4),
+                         windowed_energy(*psf_, window));
+}
+
+// With x = pi r / (lambda N): the energy beyond r is J0^2 + J1^2 <= 2/(pi x) (1 + 1/(2 x)), and
+// J1^2 <= 2/(pi x) (1 + 3/(8 x^2)) for x >= 1.
+double ImageFilter::tail_reach_px(double contrast, double area_px, double allowed_gray) const {
+    if (!has_tail())
+        return 0.0;
+    using std::numbers::pi;
+    const double scale = psf_->scale_px(), area = area_px * pitch_y_;
+    const auto bound = [&](double r) {
+        const double x = pi * r / scale, envelope = 2.0 / (pi * x);
+        const double energy = envelope * (1.0 + 0.5 / x);
+        const double density = envelope * (1.0 + 0.375 / (x * x)) / (pi * r * r);
+        return 255.0 * contrast * std::min(energy, area * density);
+    };
+    double low = std::log(radius_held(0)), high = std::log(1e12);
+    if (!(bound(std::exp(low)) > allowed_gray))
+        return 0.0;
+    for (int i = 0; i < 60; ++i) {
+        const double middle = 0.5 * (low + high);
+        (bound(std::exp(middle)) > allowed_gray ? low : high) = middle;
+    }
+    return std::exp(high);
 }
 
 }  // namespace etalon

@@ -57,17 +57,19 @@ TEST(Airy, RefusesAWavelengthThatIsNotPositive) {
     EXPECT_THROW(PointSpreadFunction::of(camera_with_lens(std::nan(""))), NumericalError);
 }
 
-// Core, near and far tail together hold all the energy; so do they on a sensor with oblong pixels.
+// Core and rings together hold all the energy, on a sensor with oblong pixels too: they end with a
+// smooth window between a radius and its double.
 TEST(ImageFilter, LevelsTogetherHoldAllEnergy) {
     const ImageFilter filter(camera_with_lens(550.0));
-    const double reach = 2000.0;
-    const double tail = cv::sum(filter.near_kernel())[0] + cv::sum(filter.far_kernel(reach))[0];
-    const double beyond =
-        1.0 - PointSpreadFunction::of(camera_with_lens(550.0)).energy_within(reach);
+    const auto psf = PointSpreadFunction::of(camera_with_lens(550.0));
     for (const SampleKind kind : {SampleKind::point, SampleKind::box})
         for (const int k : {1, 3}) {
-            const double core = cv::sum(filter.core(k, kind).weights)[0];
-            EXPECT_NEAR(core + tail + beyond, 1.0, 2e-4) << k;
+            double energy = filter.core(k, kind).energy();
+            for (int count = 0; count < 8; energy += filter.ring(count++).energy()) {
+                EXPECT_GT(energy, psf.energy_within(filter.radius_held(count)));
+                EXPECT_LT(energy, psf.energy_within(2.0 * filter.radius_held(count)));
+            }
+            EXPECT_NEAR(energy, 1.0, 2e-4);
         }
 }
 
@@ -75,24 +77,11 @@ TEST(ImageFilter, OfACameraWithoutLensIsThePixelsMean) {
     CameraModel camera = camera_with_lens(550.0);
     camera.lens.reset();
     const ImageFilter filter(camera);
-    EXPECT_FALSE(filter.has_near_tail());
-    const CoreKernel& core = filter.core(3, SampleKind::box);
-    EXPECT_EQ(core.weights.size(), cv::Size(3, 3));
-    EXPECT_NEAR(cv::sum(core.weights)[0], 1.0, 1e-6);
-}
-
-TEST(Convolve, IsTheSumOverTheKernel) {
-    cv::Mat image = cv::Mat::zeros(9, 14, CV_32FC1), kernel(3, 5, CV_32FC1);
-    cv::randu(kernel, 0.0, 1.0);
-    image.at<float>(4, 6) = 2.0f;
-    image.at<float>(8, 13) = 3.0f;  // the kernel hangs over the border
-    const cv::Mat result = convolve(image, kernel);
-    for (int y = -1; y <= 1; ++y)
-        for (int x = -2; x <= 2; ++x)
-            EXPECT_NEAR(result.at<float>(4 + y, 6 + x), 2.0f * kernel.at<float>(1 + y, 2 + x),
-                        1e-5);
-    EXPECT_NEAR(result.at<float>(7, 11), 3.0f * kernel.at<float>(0, 0), 1e-5);
-    EXPECT_NEAR(result.at<float>(0, 0), 0.0f, 1e-5);
+    EXPECT_FALSE(filter.has_tail());
+    const FilterKernel& core = filter.core(3, SampleKind::box);
+    EXPECT_EQ(core.reach_x(), 0);
+    EXPECT_EQ(core.reach_y(), 0);
+    EXPECT_NEAR(core.energy(), 1.0, 1e-12);
 }
 
 }  // namespace

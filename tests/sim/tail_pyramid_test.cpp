@@ -125,8 +125,8 @@ INSTANTIATE_TEST_SUITE_P(Blurs, EdgeResponse,
                                          Edge{0.513, 2.0, 0.0, 8, SampleKind::point},
                                          Edge{0.513, 8.0, 0.4, 4, SampleKind::point},
                                          Edge{0.03, 0.5, 0.0, 16, SampleKind::point},
-                                         Edge{1.4, 0.5, 0.0, 16, SampleKind::point},
-                                         Edge{3.0, 2.0, 0.0, 8, SampleKind::point}));
+                                         Edge{1.4, 0.5, 0.0, 12, SampleKind::point},
+                                         Edge{3.0, 2.0, 0.0, 5, SampleKind::point}));
 
 TEST(TailPyramid, SeesWhatLiesOutsideTheImage) {
     const CameraModel camera = strip_camera(0.513);

@@ -21,7 +21,7 @@ double smooth_step(double t) {
 
 // What a sample at 0 contributes to a pixel box centred at x, in the interpolant of the samples.
 Response pixel_response(int k, SampleKind kind) {
-    if (kind == SampleKind::point)
+    if (kind != SampleKind::box)
         return [k](double x) { return lagrange6_integral(k * (x - 0.5), k * (x + 0.5)) / k; };
     // The pixel's average is the mean of k box averages, each interpolated between the boxes.
     return [k](double x) {
@@ -82,6 +82,17 @@ Eigen::MatrixXd product_weights(const Response& density, const FineAxis& x, cons
                 values(ny - 1 - j, nx - 1 - i) = value;
         }
     return y.response.transpose() * (values * x.response) * (x.step * y.step);
+}
+
+// The weights where all energy stays in the middle; they add up to 1.
+Eigen::MatrixXd unspread_weights(const SampleAxis& columns, const SampleAxis& rows,
+                                 const Response& response) {
+    Eigen::VectorXd x(columns.count), y(rows.count);
+    for (int i = 0; i < columns.count; ++i)
+        x[i] = response(-columns.position(i));
+    for (int j = 0; j < rows.count; ++j)
+        y[j] = response(-rows.position(j));
+    return y * x.transpose();
 }
 
 // Energy that the window lets through: the integral of window(r) dE(r), summed over rings so thin
@@ -156,6 +167,14 @@ int ImageFilter::reach_px() const {
     return static_cast<int>(std::ceil(radius / std::min(1.0, pitch_y_))) + 5;
 }
 
+const SharpenedSpread* ImageFilter::sharpened() const {
+    std::call_once(sharpening_, [this] {
+        if (psf_)
+            sharpened_ = SharpenedSpread::of(*psf_, core_.fall_to * 1.5);
+    });
+    return sharpened_ ? &*sharpened_ : nullptr;
+}
+
 const FilterKernel& ImageFilter::core(int k, SampleKind kind) const {
     const std::lock_guard lock(mutex_);
     auto& slot = cores_[{k, kind}];
@@ -179,13 +198,23 @@ FilterKernel ImageFilter::make_core(int k, SampleKind kind) const {
     const int reach_x = static_cast<int>(std::ceil((radius + 0.5) * k)) + 3;
     const int reach_y = static_cast<int>(std::ceil((radius / pitch_y_ + 0.5) * k)) + 3;
     const Response response = pixel_response(k, kind);
-    // A pattern too narrow to be resolved may shrink into its central four nodes.
     const double step = std::min(std::max(psf_->scale_px() / 8.0, 1.0 / 256.0), 1.0 / (8.0 * k));
-    const FineAxis x = fine_axis(radius, step, 1.0, {2 * reach_x + k, 1.0 / k}, response);
-    const FineAxis y = fine_axis(radius, step, pitch_y_, {2 * reach_y + k, 1.0 / k}, response);
-    const Eigen::MatrixXd weights =
-        product_weights([&](double r) { return psf_->density(r) * core_(r); }, x, y);
-    return scaled_kernel(k, trimmed(weights, 1e-5), windowed_energy(*psf_, core_));
+    const SampleAxis columns{2 * reach_x + k, 1.0 / k}, rows{2 * reach_y + k, 1.0 / k};
+    const FineAxis x = fine_axis(radius, step, 1.0, columns, response);
+    const FineAxis y = fine_axis(radius, step, pitch_y_, rows, response);
+    const double energy = windowed_energy(*psf_, core_);
+    // Of a pattern too narrow for the nodes only the outskirts are spread out; the rest stays put.
+    const bool narrow = psf_->is_airy() && step > 0.2 * psf_->scale_px();
+    const auto density = [&](double r) {
+        if (narrow)
+            return r > 4.0 * step ? psf_->ring_average_density(r) : 0.0;
+        return kind == SampleKind::disk ? sharpened()->density(r) : psf_->density(r);
+    };
+    Eigen::MatrixXd weights =
+        product_weights([&](double r) { return density(r) * core_(r); }, x, y);
+    if (narrow)
+        weights += (energy - weights.sum()) * unspread_weights(columns, rows, response);
+    return scaled_kernel(k, trimmed(weights, 1e-5), energy);
 }
 
 // The first ring is integrated as it is, unless many of the pattern's rings fall into a pixel;

@@ -17,6 +17,7 @@
 #include "sim/core_filter.h"
 #include "sim/diffraction.h"
 #include "sim/sampling.h"
+#include "sim/sharpened_spread.h"
 
 namespace etalon {
 
@@ -37,7 +38,10 @@ public:
     const PointSpreadFunction* point_spread() const { return psf_ ? &*psf_ : nullptr; }
     bool has_tail() const { return psf_ && psf_->is_airy(); }
 
-    // On samples at k per pixel.
+    // What sharp images can be sampled for; nullptr where there is none. Made when first asked for.
+    const SharpenedSpread* sharpened() const;
+
+    // On samples at k per pixel; disk samples need sharpened().
     const FilterKernel& core(int k, SampleKind kind) const;
 
     // The tail's level n = 0, 1, ... works on averages over 2^level_shift(n) px squares.
@@ -65,6 +69,8 @@ private:
     double split_px_ = 1.0;  // s: the core ends between 1.5 s and 3 s
     int first_shift_ = 0;    // the first ring's grid
     RadialWindow core_{-1, -1, 0, 0};
+    mutable std::once_flag sharpening_;
+    mutable std::optional<SharpenedSpread> sharpened_;
     mutable std::mutex mutex_;
     mutable std::map<std::pair<int, SampleKind>, std::unique_ptr<const FilterKernel>> cores_;
     mutable std::map<int, std::unique_ptr<const FilterKernel>> rings_;

@@ -120,6 +120,15 @@ private:
         return least_k(most_boxes, allowed(share_of_sampling),
                        [&](int k) { return image_.step * gray_of_boxes(k); });
     }
+    // Only where no tile needs the lens.
+    Choice of_disks() const {
+        const SharpenedSpread* sharpened = filter_.sharpened();
+        if (!chosen_.with_spread || sharpened == nullptr ||
+            image_.blur.largest_px > chosen_.sampling.sharp_up_to_px)
+            return {};
+        return least_k(most_points, allowed(share_of_sampling),
+                       [&](int k) { return image_.step * bound_.of_disks(k, *sharpened); });
+    }
     double gray_of_boxes(int k) const { return chosen_.with_spread ? bound_.of_boxes(k) : 0.0; }
 
     bool is_mixed() const {
@@ -139,8 +148,11 @@ private:
         Choice points, boxes;
         if (options_.method != RenderMethod::exact_area)
             points = of_points();
-        if (options_.method != RenderMethod::exact_lens)
+        if (options_.method != RenderMethod::exact_lens) {
+            if (const Choice disks = of_disks(); disks.k > 0)
+                return take_disks(disks);
             boxes = of_boxes();
+        }
         bool by_points = options_.method == RenderMethod::exact_lens;
         if (automatic)
             by_points =
@@ -179,6 +191,16 @@ private:
         take(boxes, RenderMethod::exact_area, SampleKind::box);
         if (is_mixed())
             chosen_.sampling.exact_lens_from_px = mixed_from_px;
+    }
+
+    void take_disks(const Choice& disks) {
+        take(disks, RenderMethod::exact_area, SampleKind::disk);
+        chosen_.sampling.disk_radius_px = filter_.sharpened()->disk_radius_px();
+        if (options_.samples_per_side > 0) {
+            const int k = options_.samples_per_side;
+            chosen_.plan.points_per_pixel_side = chosen_.sampling.k = k;
+            chosen_.plan.sampling_gray = image_.step * bound_.of_disks(k, *filter_.sharpened());
+        }
     }
 
     void choose_tail() {

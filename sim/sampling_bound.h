@@ -12,7 +12,7 @@
 #include <mutex>
 #include <utility>
 
-#include "sim/diffraction.h"
+#include "sim/sharpened_spread.h"
 
 namespace etalon {
 
@@ -23,11 +23,14 @@ public:
     explicit SamplingBound(const PointSpreadFunction* spread);
 
     // Of exact lens averages at points (method E), for an edge of contrast 1 under a blur of this
-    // radius > 0; gray. Falls with the radius and, but for ripples, with k.
+    // radius > 0 or a larger one; gray. Falls with the radius and, but for ripples, with k.
     double of_points(int k, double blur_radius_px) const;
 
     // Of exact areas over boxes (method C) of a sharp edge of contrast 1; gray.
     double of_boxes(int k) const;
+
+    // Of exact averages over the sharpened spread's disk, for a sharp edge of contrast 1; gray.
+    double of_disks(int k, const SharpenedSpread& sharpened) const;
 
     // Of box averages in place of the spread, for a sharp edge of contrast 1; gray.
     double of_no_spread() const { return of_no_spread_; }
@@ -37,6 +40,7 @@ public:
     double line_spread_peak() const { return peak_; }
 
 private:
+    double at_blur(int k, double blur_radius_px, int index) const;
     // The spread seen along one axis: its energy in bins of 1/bins_per_px, symmetric about bin 0.
     std::vector<double> line_spread(int bins_per_px) const;
 
@@ -44,7 +48,7 @@ private:
     double peak_ = 0.0, of_no_spread_ = 0.0;
     mutable std::mutex mutex_;
     mutable std::map<std::pair<int, int>, double> of_points_;  // by k and bin of the radius
-    mutable std::map<int, double> of_boxes_;
+    mutable std::map<int, double> of_boxes_, of_disks_;
 };
 
 }  // namespace etalon

@@ -55,7 +55,7 @@ struct SideCut {
 
 HWY_INLINE SideCut side_cut(Vector along, Vector across, Vector offset) {
     const Vector safe = hn::CopySign(hn::Max(hn::Abs(along), all(tiny)), along);
-    return {all(-1.0f) / safe, offset, across, hn::Gt(along, hn::Zero(tag))};
+    return {all(-1.0f) / safe, offset, across, hn::Gt(safe, hn::Zero(tag))};
 }
 
 // Shortens the piece [low, high] of the side e to what lies beyond the line.

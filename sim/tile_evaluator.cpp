@@ -45,6 +45,8 @@ TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& ra
                                 float* values) {
     if (!range)
         return sample_one_by_one(i, j, values);
+    if (sampling_.kind == SampleKind::disk)
+        return sample_disks(i, j, *range, values);
     set_tile_geometry(view_, map_.polynomial(i, j), *range, fx_, geometry_);
     if (sampling_.kind == SampleKind::point)
         return sample_points(values);
@@ -58,6 +60,14 @@ TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& ra
 TileUse TileEvaluator::sample_points(float* values) {
     exact_lens_samples(geometry_, positions_.samples, values);
     return {RenderMethod::exact_lens, sampling_.k, 1, 1};
+}
+
+TileUse TileEvaluator::sample_disks(int i, int j, const CellRange& range, float* values) {
+    const Intrinsics& intrinsics = map_.projector().camera().intrinsics;
+    set_disk_geometry(view_, map_.polynomial(i, j), range, sampling_.disk_radius_px,
+                      intrinsics.fx / intrinsics.fy, geometry_);
+    exact_lens_samples(geometry_, positions_.samples, values);
+    return {RenderMethod::exact_area, sampling_.k, 1, 1};
 }
 
 TileUse TileEvaluator::sample_blurred_boxes(float* values) {
@@ -107,8 +117,12 @@ double TileEvaluator::lens_average(const MappedPoint& point) {
     return range ? lens_average_.at(point.x, *range) : view_.background();
 }
 
+// A square with the disk's second moment stands for it here.
 double TileEvaluator::area(const MappedPoint& point) {
-    const Eigen::Matrix2d sides = point.jacobian / sampling_.k;
+    const double side = sampling_.kind == SampleKind::disk
+                            ? std::sqrt(3.0) * sampling_.disk_radius_px
+                            : 1.0 / sampling_.k;
+    const Eigen::Matrix2d sides = point.jacobian * side;
     const auto range = view_.footprint(parallelogram_box(point.x, sides));
     return range ? coverage_.over(point.x, sides, *range) : view_.background();
 }

@@ -40,6 +40,7 @@ public:
 
 private:
     TileUse sample_points(float* values);
+    TileUse sample_disks(int i, int j, const CellRange& range, float* values);
     TileUse sample_blurred_boxes(float* values);
     TileUse sample_boxes(double blur_radius_px, float* values);
     TileUse sample_one_by_one(int i, int j, float* values);

@@ -35,7 +35,11 @@ class TileSamples::Search {
 public:
     Search(TileSamples& samples, const MarkerView& view, const UndistortionMap& map,
            bool all_refined)
-        : samples_(samples), view_(view), map_(map), all_refined_(all_refined) {}
+        : samples_(samples), view_(view), map_(map), all_refined_(all_refined) {
+        // Disks reach beyond their tile: by less than this part of its half side of 2 px, whatever
+        // its shape.
+        margin_ = 1.25 * samples.sampling_.disk_radius_px / (0.5 * tile_px);
+    }
 
     // Calls found(i, j, range) for every group of `to_level` that is not uniform; uniform ones get
     // their value. A range is only given for tiles (to_level 0) that are not at the border of the
@@ -47,9 +51,9 @@ public:
         if (tiles.empty() || validity == UndistortionMap::Validity::none)
             return;
         std::optional<CellRange> range;
-        if (validity == UndistortionMap::Validity::all &&
-            (level == 0 || !view_.sees_horizon(map_.bounds(level, i, j)))) {
-            range = view_.footprint(map_.bounds(level, i, j));
+        const Box bounds = grown(map_.bounds(level, i, j));
+        if (validity == UndistortionMap::Validity::all) {
+            range = view_.footprint(bounds);
             if (!all_refined_ && is_uniform(tiles, range))
                 return;
             if (level == 0 && !range)
@@ -65,6 +69,11 @@ public:
     }
 
 private:
+    Box grown(const Box& box) const {
+        const Eigen::Vector2d margin = margin_ * box.half();
+        return {box.low - margin, box.high + margin};
+    }
+
     // Fills the tiles with the one radiance that they show, if it is one.
     bool is_uniform(const cv::Rect& tiles, const std::optional<CellRange>& range) const {
         if (!range)
@@ -83,6 +92,7 @@ private:
     const MarkerView& view_;
     const UndistortionMap& map_;
     bool all_refined_;
+    double margin_;
 };
 
 TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, const cv::Rect& tiles,

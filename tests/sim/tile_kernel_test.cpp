@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <random>
 
 #include "core/errors.h"
@@ -429,6 +430,28 @@ TEST(TileKernel, AnEdgeWithoutBlurIsASharpStep) {
         exact_lens_samples(tile, positions, values.data());
         for (std::size_t i = 0; i < 16; ++i)
             EXPECT_EQ(values[i], i % 4 < 2 ? 0.0f : 1.0f) << i;
+    });
+}
+
+TEST(TileKernel, AreasOfAGridThatIsSquareToThePixelsAreExact) {
+    // Lines along the parts' sides: a part's gradient along a side is exactly 0. The rectangle
+    // from (1.52, 1.54) to (1.82, 1.70) px lies across the border of two parts for most n.
+    TileGeometry tile{};
+    tile.dx[1] = tile.dy[4] = 4.0f;
+    for (const float x : {1.52f, 1.82f})
+        tile.columns.push_back({-x, 1.0f, 0.0f});
+    for (const float y : {1.54f, 1.70f})
+        tile.rows.push_back({-y, 0.0f, 1.0f});
+    tile.column_contrast = tile.row_contrast = {0.0f, 0.0f};
+    tile.mixed = {1.0f, -1.0f, -1.0f, 1.0f};
+    const UnitLensPoint centre{0.0f, 0.0f, 1.0f};
+    on_every_target([&] {
+        for (const int k : {1, 2, 3, 5}) {
+            std::vector<float> values(static_cast<std::size_t>(16 * k * k));
+            exact_area_samples(tile, TilePositions(4 * k), {&centre, 1}, values.data());
+            const double sum = std::accumulate(values.begin(), values.end(), 0.0);
+            EXPECT_NEAR(sum / (k * k), 0.30 * 0.16, 1e-6) << k;
+        }
     });
 }
 

@@ -13,6 +13,8 @@ const char* name_of(RenderMethod method) {
             return "exact areas";
         case RenderMethod::reference:
             return "reference integrator";
+        case RenderMethod::wave:
+            return "wave-optical point spread";
         case RenderMethod::automatic:
             break;
     }
@@ -39,7 +41,7 @@ const char* name_of(Omission omission) {
 
 std::string RenderPlan::describe() const {
     std::string text = name_of(method);
-    if (method != RenderMethod::reference)
+    if (method == RenderMethod::exact_lens || method == RenderMethod::exact_area)
         text += fmt::format(", {} x {} samples/px (within {:.2g} gray)", points_per_pixel_side,
                             points_per_pixel_side, sampling_gray);
     text +=

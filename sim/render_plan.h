@@ -7,7 +7,13 @@
 
 namespace etalon {
 
-enum class RenderMethod { automatic, exact_lens, exact_area, reference };
+enum class RenderMethod {
+    automatic,
+    exact_lens,  // E
+    exact_area,  // C
+    reference,
+    wave,  // of a camera with the wave-optical point spread, and of no other
+};
 
 // What a scene may not need. Turning one off (RenderOptions::keep) changes the image by less than
 // the tolerance.

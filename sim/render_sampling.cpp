@@ -11,10 +11,10 @@ namespace etalon {
 namespace {
 
 // How the tolerance is shared out. What is left is for the filter's weights and single precision.
-constexpr double share_of_sampling = 0.7;
+constexpr double share_of_sampling = 0.6;
 constexpr double share_of_lens = 0.1;
 constexpr double share_of_diffraction = 0.05;
-constexpr double share_of_tail = 0.1;
+constexpr double share_of_tail = 0.2;
 
 // More samples than these a side cost more than they are worth; a tolerance that needs them is
 // refused.
@@ -113,8 +113,9 @@ private:
         const double blur = image_.blur.smallest_px;
         if (blur < least_blur_for_points_px)
             return {};
-        return least_k(most_points, allowed(share_of_sampling),
-                       [&](int k) { return image_.step * bound_.of_points(k, blur); });
+        return least_k(most_points, allowed(share_of_sampling), [&](int k) {
+            return image_.step * bound_.of_points(k, blur, image_.tangents);
+        });
     }
     Choice of_boxes() const {
         return least_k(most_boxes, allowed(share_of_sampling),
@@ -126,8 +127,9 @@ private:
         if (!chosen_.with_spread || sharpened == nullptr ||
             image_.blur.largest_px > chosen_.sampling.sharp_up_to_px)
             return {};
-        return least_k(most_points, allowed(share_of_sampling),
-                       [&](int k) { return image_.step * bound_.of_disks(k, *sharpened); });
+        return least_k(most_points, allowed(share_of_sampling), [&](int k) {
+            return image_.step * bound_.of_disks(k, *sharpened, image_.tangents);
+        });
     }
     double gray_of_boxes(int k) const { return chosen_.with_spread ? bound_.of_boxes(k) : 0.0; }
 
@@ -167,7 +169,8 @@ private:
     Choice forced(bool by_points) const {
         const int k = options_.samples_per_side;
         const double blur = std::max(image_.blur.smallest_px, least_blur_for_points_px);
-        return {k, image_.step * (by_points ? bound_.of_points(k, blur) : gray_of_boxes(k))};
+        return {k, image_.step *
+                       (by_points ? bound_.of_points(k, blur, image_.tangents) : gray_of_boxes(k))};
     }
 
     [[noreturn]] void refuse(bool by_points) const {
@@ -199,14 +202,15 @@ private:
         if (options_.samples_per_side > 0) {
             const int k = options_.samples_per_side;
             chosen_.plan.points_per_pixel_side = chosen_.sampling.k = k;
-            chosen_.plan.sampling_gray = image_.step * bound_.of_disks(k, *filter_.sharpened());
+            chosen_.plan.sampling_gray =
+                image_.step * bound_.of_disks(k, *filter_.sharpened(), image_.tangents);
         }
     }
 
     void choose_tail() {
         if (!chosen_.with_spread || !filter_.has_tail())
             return;
-        const double gray = allowed(share_of_tail);
+        const double gray = allowed(share_of_tail) / image_.markers;
         RenderPlan& plan = chosen_.plan;
         plan.tail_reach_px = kept(options_, Omission::tail)
                                  ? std::numeric_limits<double>::infinity()

@@ -22,6 +22,8 @@ struct ImageExtremes {
     double step;      // largest difference of two neighbouring cells
     double contrast;  // largest difference of a cell from the background
     double area_px;   // of the marker's image, at least
+    EdgeTangents tangents;
+    int markers = 1;  // in the scene: their omitted tails add up
 };
 
 // Throws NumericalError when the method that the options force cannot meet their tolerance.

@@ -1,5 +1,7 @@
 #include "sim/renderer.h"
 
+#include <numbers>
+
 #include "core/errors.h"
 #include "sim/core_filter.h"
 #include "sim/image_filter.h"
@@ -10,6 +12,7 @@
 #include "sim/tile_kernel.h"
 #include "sim/tile_samples.h"
 #include "sim/undistortion_map.h"
+#include "sim/wave_render.h"
 
 namespace etalon {
 namespace {
@@ -40,13 +43,20 @@ struct Renderer::Cache {
     explicit Cache(const CameraModel& model)
         : camera(model),
           aperture(aperture_of(model)),
-          filter(model),
+          filter(is_wave(model) ? without_lens(model) : model),
           box_filter(without_lens(model)),
           bound(filter.point_spread()),
           map(Projector(model), filter.reach_px() + 4 * tile_px),
           tail(filter, map.projector()),
           valid(valid_mask(model, map)),
-          invalid_pixels(static_cast<int>(valid.total()) - cv::countNonZero(valid)) {}
+          invalid_pixels(static_cast<int>(valid.total()) - cv::countNonZero(valid)) {
+        if (is_wave(model))
+            wave.emplace(model);
+    }
+
+    static bool is_wave(const CameraModel& model) {
+        return model.lens && model.lens->psf.kind == PointSpread::Kind::wave;
+    }
 
     static CameraModel without_lens(CameraModel model) {
         model.lens.reset();
@@ -56,6 +66,7 @@ struct Renderer::Cache {
     CameraModel camera;
     Aperture aperture;
     ImageFilter filter, box_filter;
+    std::optional<WaveFilter> wave;  // in place of both
     SamplingBound bound;
     UndistortionMap map;
     TailPyramid tail;
@@ -115,24 +126,68 @@ double largest_step(const MarkerView& view) {
     return largest;
 }
 
-// At least the area of the marker's image: of the box around its outline, blur included.
-double area_around(const MarkerView& view, const Projector& projector, double blur_px) {
-    constexpr int points_per_edge = 16;
-    Eigen::Array2d low = Eigen::Array2d::Constant(1e9), high = -low;
-    for (int n = 0; n < 4 * points_per_edge; ++n) {
-        const double along = (n % points_per_edge) / double(points_per_edge);
+// The marker's outline in the image, side after side with the same number of points on each;
+// nothing when some of it has no image.
+std::vector<Eigen::Vector2d> outline(const MarkerView& view, const Projector& projector) {
+    constexpr int points_per_side = 16;
+    std::vector<Eigen::Vector2d> pixels;
+    for (int n = 0; n < 4 * points_per_side; ++n) {
+        const double along = (n % points_per_side) / (points_per_side - 1.0);
         const double s[] = {along, 1.0, 1.0 - along, 0.0};
         const double t[] = {0.0, along, 1.0, 1.0 - along};
-        const int edge = n / points_per_edge;
+        const int side = n / points_per_side;
         const auto pixel = projector.project(
             view.camera_from_grid() *
-            Eigen::Vector3d(s[edge] * view.columns(), t[edge] * view.rows(), 1.0));
+            Eigen::Vector3d(s[side] * view.columns(), t[side] * view.rows(), 1.0));
         if (!pixel)
-            return std::numeric_limits<double>::infinity();
-        low = low.min(pixel->array());
-        high = high.max(pixel->array());
+            return {};
+        pixels.push_back(*pixel);
+    }
+    return pixels;
+}
+
+// At least the area of the marker's image: of the box around its outline, blur included.
+double area_around(const std::vector<Eigen::Vector2d>& outline, double blur_px) {
+    if (outline.empty())
+        return std::numeric_limits<double>::infinity();
+    Eigen::Array2d low = outline.front(), high = low;
+    for (const Eigen::Vector2d& pixel : outline) {
+        low = low.min(pixel.array());
+        high = high.max(pixel.array());
     }
     return (high - low + 2.0 * blur_px + 1.0).prod();
+}
+
+// The directions that grid lines have anywhere in the image: those of two opposite sides and
+// everything in between, for both pairs of sides.
+EdgeTangents tangents_of(const std::vector<Eigen::Vector2d>& outline) {
+    EdgeTangents tangents;
+    if (outline.empty())
+        return tangents.set();
+    const std::size_t per_side = outline.size() / 4;
+    for (const std::size_t pair : {0, 1}) {
+        double first = 0.0, least = 0.0, most = 0.0;
+        for (const std::size_t side : {pair, pair + 2})
+            for (std::size_t n = 0; n + 1 < per_side; ++n) {
+                const Eigen::Vector2d step =
+                    outline[side * per_side + n + 1] - outline[side * per_side + n];
+                const double angle = std::atan2(step.y(), step.x());
+                if (side == pair && n == 0)
+                    first = angle;
+                // Lines have no sense: modulo half a turn.
+                const double from_first = std::remainder(angle - first, std::numbers::pi);
+                least = std::min(least, from_first);
+                most = std::max(most, from_first);
+            }
+        constexpr double margin = 0.02;
+        for (double turn = least - margin; turn < most + 2.0 * margin; turn += margin) {
+            const double across = std::abs(std::sin(first + turn));
+            const double along = std::abs(std::cos(first + turn));
+            const double tangent = std::min(across, along) / std::max(across, along);
+            tangents.set(static_cast<std::size_t>(std::lround(16.0 * tangent)));
+        }
+    }
+    return tangents;
 }
 
 // cv::Mat's own fill takes four times as long: a third of a small marker's frame.
@@ -170,15 +225,20 @@ void merge(const RenderPlan& one, RenderPlan& all) {
 // One marker's difference from the background, added to the region's pixels.
 class Renderer::MarkerRender {
 public:
-    MarkerRender(const Cache& cache, const PlacedMarker& marker, double background,
+    MarkerRender(const Cache& cache, const Scene& scene, const PlacedMarker& marker,
                  const RenderOptions& options)
         : cache_(cache),
-          view_(marker, background, cache.aperture),
+          view_(marker, scene.background, cache.aperture),
           all_refined_(std::find(options.keep.begin(), options.keep.end(),
                                  Omission::uniform_tiles) != options.keep.end()) {
         const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
-        const ImageExtremes image{blur, largest_step(view_), view_.contrast(),
-                                  area_around(view_, cache.map.projector(), blur.largest_px)};
+        const std::vector<Eigen::Vector2d> sides = outline(view_, cache.map.projector());
+        const ImageExtremes image{blur,
+                                  largest_step(view_),
+                                  view_.contrast(),
+                                  area_around(sides, blur.largest_px),
+                                  tangents_of(sides),
+                                  static_cast<int>(scene.markers.size())};
         chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
         chosen_.plan.instructions = tile_kernel_target();
         if (cache.camera.distortion.is_zero())
@@ -225,6 +285,42 @@ private:
     RenderSampling chosen_;
 };
 
+RenderPlan Renderer::add_markers(const Scene& scene, const RenderOptions& options,
+                                 const cv::Rect& region, cv::Mat& pixels) const {
+    if (options.method == RenderMethod::wave)
+        throw NumericalError("the wave-optical method needs a camera with that point spread");
+    RenderPlan plan;
+    for (const PlacedMarker& placed : scene.markers) {
+        MarkerRender marker(*cache_, scene, placed, options);
+        if (options.method != RenderMethod::reference)
+            marker.add_to(pixels, region);
+        if (&placed == &scene.markers.front())
+            plan = marker.plan();
+        else
+            merge(marker.plan(), plan);
+    }
+    return plan;
+}
+
+// Of the one marker that check_wave_scene() allows.
+RenderPlan Renderer::add_wave(const Scene& scene, const RenderOptions& options,
+                              const cv::Rect& region, cv::Mat& pixels) const {
+    if (options.method == RenderMethod::exact_lens || options.method == RenderMethod::exact_area)
+        throw NumericalError("E and C do not know the wave-optical point spread");
+    check_wave_scene(scene, cache_->camera);
+    const MarkerView view(scene.markers.front(), scene.background, cache_->aperture);
+    if (options.method != RenderMethod::reference)
+        pixels += wave_difference(view, cache_->map, *cache_->wave, region, options.tolerance_gray);
+    const BlurRange blur = blur_over_marker(view, cache_->camera.intrinsics);
+    RenderPlan plan;
+    plan.method =
+        options.method == RenderMethod::reference ? RenderMethod::reference : RenderMethod::wave;
+    plan.tolerance_gray = options.tolerance_gray;
+    plan.min_blur_radius_px = blur.smallest_px;
+    plan.max_blur_radius_px = blur.largest_px;
+    return plan;
+}
+
 RenderedImage Renderer::render(const Scene& scene, const RenderOptions& options) const {
     const cv::Rect region = checked_region(cache_->camera, options);
     check_scene(scene);
@@ -234,15 +330,8 @@ RenderedImage Renderer::render(const Scene& scene, const RenderOptions& options)
     image.valid = cache_->valid;
     image.radiance = even_radiance(cache_->camera, static_cast<float>(scene.background));
     cv::Mat pixels = image.radiance(region);
-    for (const PlacedMarker& placed : scene.markers) {
-        MarkerRender marker(*cache_, placed, scene.background, options);
-        if (options.method != RenderMethod::reference)
-            marker.add_to(pixels, region);
-        if (&placed == &scene.markers.front())
-            image.plan = marker.plan();
-        else
-            merge(marker.plan(), image.plan);
-    }
+    image.plan = cache_->wave ? add_wave(scene, options, region, pixels)
+                              : add_markers(scene, options, region, pixels);
     if (options.method == RenderMethod::reference)
         reference_radiance(cache_->camera, scene, options, region).copyTo(pixels);
     if (cache_->invalid_pixels > 0)

@@ -66,6 +66,11 @@ private:
     struct Cache;
     class MarkerRender;
 
+    RenderPlan add_markers(const Scene& scene, const RenderOptions& options, const cv::Rect& region,
+                           cv::Mat& pixels) const;
+    RenderPlan add_wave(const Scene& scene, const RenderOptions& options, const cv::Rect& region,
+                        cv::Mat& pixels) const;
+
     std::unique_ptr<const Cache> cache_;
 };
 

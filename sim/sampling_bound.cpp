@@ -39,9 +39,10 @@ double symmetric(const std::vector<double>& values, int n) {
     return values[static_cast<std::size_t>(std::abs(n))];
 }
 
-// Largest error of a pixel whose box, spread by `spread` (symmetric, in bins of a step), is
-// integrated over the interpolant of k point samples per pixel of an edge under a blur disk.
-double largest_point_error(int k, double blur_px, const std::vector<double>& spread) {
+// Errors of a pixel whose box, spread by `spread` (symmetric, in bins of a step), is integrated
+// over the interpolant of k point samples per pixel of an edge under a blur disk: by the place of
+// the edge, in steps from the pixel's centre, the middle element at it.
+std::vector<float> point_errors(int k, double blur_px, const std::vector<double>& spread) {
     const int steps_per_px = steps_per_sample * k;
     const double step = 1.0 / steps_per_px;
     const int bins = static_cast<int>(spread.size()) - 1;
@@ -61,7 +62,7 @@ double largest_point_error(int k, double blur_px, const std::vector<double>& spr
     std::vector<double> exact;  // by |offset|, for offsets of up to reach + bins; 1 - f(-x) = f(x)
     for (int m = 0; m <= reach + bins; ++m)
         exact.push_back(exact_box(m * step, blur_px));
-    double largest = 0.0;
+    std::vector<float> errors(static_cast<std::size_t>(2 * reach + 1));
     for (int m = -reach; m <= 0; ++m) {  // the errors of edges at m and -m are opposite
         double error = 0.0;
         for (std::size_t i = 0; i < places.size(); ++i)
@@ -70,7 +71,31 @@ double largest_point_error(int k, double blur_px, const std::vector<double>& spr
             const double value = symmetric(exact, b - m);
             error -= symmetric(spread, b) * (b - m >= 0 ? value : 1.0 - value);
         }
-        largest = std::max(largest, std::abs(error));
+        errors[static_cast<std::size_t>(reach + m)] = static_cast<float>(error);
+        errors[static_cast<std::size_t>(reach - m)] = static_cast<float>(-error);
+    }
+    return errors;
+}
+
+// The largest error of an edge that moves by `tangent` samples from each of a pixel's k rows of
+// samples to the next.
+double largest_over_rows(const std::vector<float>& errors, int k, double tangent) {
+    const auto n = static_cast<int>(errors.size());
+    const auto at = [&](double place) {
+        const int m = static_cast<int>(std::floor(place));
+        const double t = place - m;
+        const auto value = [&](int i) {
+            return i < 0 || i >= n ? 0.0 : static_cast<double>(errors[static_cast<std::size_t>(i)]);
+        };
+        return (1.0 - t) * value(m) + t * value(m + 1);
+    };
+    const double shift = steps_per_sample * tangent, half = 0.5 * shift * (k - 1);
+    double largest = 0.0;
+    for (int m = -static_cast<int>(half) - 1; m < n + half + 1; ++m) {
+        double sum = 0.0;
+        for (int row = 0; row < k; ++row)
+            sum += at(m + shift * row - half);
+        largest = std::max(largest, std::abs(sum) / k);
     }
     return largest;
 }
@@ -152,40 +177,52 @@ std::vector<double> SamplingBound::line_spread(int bins_per_px) const {
 // The error comes from the disk's rim, where its profile rises with the 3/2th power: so it falls
 // for wide blur. Where the disk is not much wider than a sample it has ripples, whose largest
 // counts.
-double SamplingBound::of_points(int k, double blur_radius_px) const {
+double SamplingBound::of_points(int k, double blur_radius_px, EdgeTangents tangents) const {
     constexpr double widest_px = 12.0, bin = 1.08, no_ripples_from_samples = 3.0;
     if (blur_radius_px > widest_px)
-        return of_points(k, widest_px) * std::pow(widest_px / blur_radius_px, 1.5);
+        return of_points(k, widest_px, tangents) * std::pow(widest_px / blur_radius_px, 1.5);
     const auto bin_of = [&](double blur) {
         return static_cast<int>(std::floor(std::log(blur) / std::log(bin)));
     };
     const int first = bin_of(blur_radius_px), last = bin_of(no_ripples_from_samples / k);
     double largest = 0.0;
     for (int index = first; index <= std::max(first, last); ++index)
-        largest = std::max(largest, at_blur(k, std::pow(bin, index), index));
+        largest = std::max(largest, largest_of(k, index, tangents, [&] {
+                               return point_errors(k, std::pow(bin, index),
+                                                   line_spread(steps_per_sample * k));
+                           }));
     return largest;
 }
 
-double SamplingBound::at_blur(int k, double blur_radius_px, int index) const {
-    const std::lock_guard lock(mutex_);
-    const auto [entry, is_new] = of_points_.try_emplace({k, index}, 0.0);
-    if (is_new)
-        entry->second = full_scale_gray *
-                        largest_point_error(k, blur_radius_px, line_spread(steps_per_sample * k));
-    return entry->second;
+double SamplingBound::of_disks(int k, const SharpenedSpread& sharpened,
+                               EdgeTangents tangents) const {
+    constexpr int index_of_disks = std::numeric_limits<int>::min();
+    return largest_of(k, index_of_disks, tangents, [&] {
+        const int bins_per_px = steps_per_sample * k;
+        std::vector<double> spread(static_cast<std::size_t>(spread_reach_px * bins_per_px) + 2);
+        for (std::size_t b = 0; b < spread.size(); ++b)
+            spread[b] = sharpened.line(static_cast<double>(b) / bins_per_px) / bins_per_px;
+        return point_errors(k, sharpened.disk_radius_px(), spread);
+    });
 }
 
-double SamplingBound::of_disks(int k, const SharpenedSpread& sharpened) const {
+template <class Errors>
+double SamplingBound::largest_of(int k, int index, EdgeTangents tangents,
+                                 const Errors& errors) const {
     const std::lock_guard lock(mutex_);
-    const auto [entry, is_new] = of_disks_.try_emplace(k, 0.0);
-    if (!is_new)
-        return entry->second;
-    const int bins_per_px = steps_per_sample * k;
-    std::vector<double> spread(static_cast<std::size_t>(spread_reach_px * bins_per_px) + 2);
-    for (std::size_t b = 0; b < spread.size(); ++b)
-        spread[b] = sharpened.line(static_cast<double>(b) / bins_per_px) / bins_per_px;
-    entry->second = full_scale_gray * largest_point_error(k, sharpened.disk_radius_px(), spread);
-    return entry->second;
+    Known& known = known_[{k, index}];
+    if (known.errors.empty())
+        known.errors = errors();
+    double largest = 0.0;
+    for (std::size_t n = 0; n < tangents.size(); ++n) {
+        if (!tangents[n])
+            continue;
+        if (known.largest[n] == 0.0)
+            known.largest[n] =
+                largest_over_rows(known.errors, k, static_cast<double>(n) / (tangents.size() - 1));
+        largest = std::max(largest, known.largest[n]);
+    }
+    return full_scale_gray * largest;
 }
 
 double SamplingBound::of_boxes(int k) const {

@@ -1,20 +1,27 @@
 // How wrong a render can be for sampling the image at k x k places a pixel: the bounds from which k
-// is chosen. 1-D and numeric: the pixel's weights on the samples of a straight edge along the pixel
-// rows, against the exact response, for the worst place of the edge. An edge along the rows is the
-// worst: across a slanted one the errors of a pixel's rows have different signs (measured: a third
-// at 20 to 45 degrees; docs/rendering.md).
+// is chosen. Numeric: the pixel's weights on the samples of a straight edge, against the exact
+// response, for the worst place of the edge. Along the pixels' rows or columns, and at 45 degrees,
+// a pixel's k rows of samples err in step; in between their errors partly cancel, the more the more
+// samples there are. (The spread is taken across the edge's axis only: that is for the safe side.)
 //
 // A scene's error is this times the largest step between neighbouring cells; a second edge within
 // the same pixel adds its own.
 #pragma once
 
+#include <array>
+#include <bitset>
 #include <map>
 #include <mutex>
 #include <utility>
+#include <vector>
 
 #include "sim/sharpened_spread.h"
 
 namespace etalon {
+
+// Directions of edges in the image: bit n stands for the tangent n / 16 of the angle to the nearest
+// of the pixels' axes.
+using EdgeTangents = std::bitset<17>;
 
 // Safe from every thread; remembers what it has computed (some ms each).
 class SamplingBound {
@@ -24,13 +31,13 @@ public:
 
     // Of exact lens averages at points (method E), for an edge of contrast 1 under a blur of this
     // radius > 0 or a larger one; gray. Falls with the radius and, but for ripples, with k.
-    double of_points(int k, double blur_radius_px) const;
+    double of_points(int k, double blur_radius_px, EdgeTangents tangents) const;
 
-    // Of exact areas over boxes (method C) of a sharp edge of contrast 1; gray.
+    // Of exact areas over boxes (method C) of a sharp edge of contrast 1 along the pixels; gray.
     double of_boxes(int k) const;
 
     // Of exact averages over the sharpened spread's disk, for a sharp edge of contrast 1; gray.
-    double of_disks(int k, const SharpenedSpread& sharpened) const;
+    double of_disks(int k, const SharpenedSpread& sharpened, EdgeTangents tangents) const;
 
     // Of box averages in place of the spread, for a sharp edge of contrast 1; gray.
     double of_no_spread() const { return of_no_spread_; }
@@ -40,15 +47,22 @@ public:
     double line_spread_peak() const { return peak_; }
 
 private:
-    double at_blur(int k, double blur_radius_px, int index) const;
+    struct Known {
+        std::vector<float> errors;         // by the place of an edge along the pixels
+        std::array<double, 17> largest{};  // by tangent; 0: not computed
+    };
+
     // The spread seen along one axis: its energy in bins of 1/bins_per_px, symmetric about bin 0.
     std::vector<double> line_spread(int bins_per_px) const;
+
+    template <class Errors>
+    double largest_of(int k, int index, EdgeTangents tangents, const Errors& errors) const;
 
     const PointSpreadFunction* spread_;
     double peak_ = 0.0, of_no_spread_ = 0.0;
     mutable std::mutex mutex_;
-    mutable std::map<std::pair<int, int>, double> of_points_;  // by k and bin of the radius
-    mutable std::map<int, double> of_boxes_, of_disks_;
+    mutable std::map<std::pair<int, int>, Known> known_;  // by k and bin of the radius
+    mutable std::map<int, double> of_boxes_;
 };
 
 }  // namespace etalon

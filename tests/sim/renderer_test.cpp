@@ -267,7 +267,7 @@ TEST(Renderer, SaysWhatItDid) {
     const auto plan = Renderer(scene.camera).render(scene.scene, options).plan;
     EXPECT_EQ(plan.method, RenderMethod::exact_lens);
     EXPECT_NEAR(plan.max_blur_radius_px, 2.03, 0.01);
-    EXPECT_GT(plan.tail_reach_px, 100.0);
+    EXPECT_GT(plan.tail_reach_px, 80.0);
     EXPECT_THAT(plan.describe(), testing::HasSubstr("exact lens averages"));
 }
 

@@ -9,6 +9,8 @@ namespace {
 
 using test::gray;
 
+const EdgeTangents along_the_pixels(1);
+
 // Depth before the plane of focus with this blur radius in the small camera.
 double depth_of_blur(const CameraModel& camera, double blur_px) {
     const double per_inverse_mm = 400.0 * thin_lens(camera).aperture_diameter_mm / 2.0;
@@ -47,14 +49,14 @@ TEST(SamplingBound, HoldsForRenderedEdgesAndIsNotFarAbove) {
     const SamplingBound bound = small_camera_bound(spread);
     for (const double blur : {0.35, 0.8, 4.4})
         for (const int k : {2, 3, 5}) {
-            const double limit = bound.of_points(k, blur);
+            const double limit = bound.of_points(k, blur, along_the_pixels);
             const double error = worst_edge(RenderMethod::exact_lens, k, 15, blur);
             EXPECT_LT(error, 1.1 * limit + 0.01) << "k " << k << " blur " << blur;
             EXPECT_GT(error, 0.25 * limit - 0.02) << "k " << k << " blur " << blur;
         }
     const SharpenedSpread sharpened = SharpenedSpread::of(spread, 4.0).value();
     for (const int k : {5, 8}) {
-        const double limit = bound.of_disks(k, sharpened);
+        const double limit = bound.of_disks(k, sharpened, along_the_pixels);
         const double error = worst_edge(RenderMethod::exact_area, k, 24, 0.0);
         EXPECT_LT(error, 1.1 * limit + 0.2) << k;
         EXPECT_GT(error, 0.4 * limit) << k;
@@ -68,8 +70,9 @@ TEST(SamplingBound, FollowsTheLawOfTheDisksRim) {
     for (const double blur : {1.0, 2.7, 9.0, 40.0})
         for (const int k : {3, 4, 6, 9}) {
             const double law = 255.0 * 0.0213 * std::pow(k, -2.5) * std::pow(blur, -1.5);
-            EXPECT_GT(bound.of_points(k, blur), 0.9 * law) << k << " " << blur;
-            EXPECT_LT(bound.of_points(k, blur), 1.16 * law) << k << " " << blur;  // bins of 8 %
+            EXPECT_GT(bound.of_points(k, blur, along_the_pixels), 0.9 * law) << k << " " << blur;
+            EXPECT_LT(bound.of_points(k, blur, along_the_pixels), 1.16 * law)
+                << k << " " << blur;  // bins of 8 %
         }
     EXPECT_EQ(bound.of_boxes(1), 0.0);
     EXPECT_EQ(bound.of_no_spread(), 0.0);

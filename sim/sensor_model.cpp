@@ -4,6 +4,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include "calib/projector.h"
@@ -29,6 +30,9 @@ double decode_rec709(double code) {
     const double power = (std::min(code, 1.0) + rec709_offset) / rec709_scale;
     return std::max(rec709_break, std::pow(power, 1.0 / rec709_exponent));
 }
+
+// Finer codes are computed pixel by pixel: the steps of 16 bits would take 0.1 s.
+constexpr int most_bits_of_steps = 12;
 
 using Point = std::pair<double, double>;
 
@@ -156,20 +160,21 @@ void apply_mosaic(const Sensor& sensor, cv::Size size, cv::Mat& map) {
                 response[static_cast<std::size_t>(channel_of_pixel(sensor.mosaic, x, y))]);
 }
 
-void check_radiance(const Radiance& radiance, cv::Size size) {
+void check_size(const Radiance& radiance, cv::Size size) {
     if (radiance.type() != CV_32FC1 || radiance.size() != size)
         throw NumericalError(
             fmt::format("the sensor of {} x {} px needs a float image of that "
                         "size, not {} x {}",
                         size.width, size.height, radiance.cols, radiance.rows));
-    for (int y = 0; y < radiance.rows; ++y) {
-        const float* row = radiance.ptr<float>(y);
-        for (int x = 0; x < radiance.cols; ++x) {
-            if (!std::isfinite(row[x]))
+}
+
+// Names the first such pixel, whichever thread has found one.
+void refuse_not_finite(const Radiance& radiance) {
+    for (int y = 0; y < radiance.rows; ++y)
+        for (int x = 0; x < radiance.cols; ++x)
+            if (const float value = radiance.at<float>(y, x); !std::isfinite(value))
                 throw NumericalError(
-                    fmt::format("the radiance at pixel ({}, {}) is {}", x, y, row[x]));
-        }
-    }
+                    fmt::format("the radiance at pixel ({}, {}) is {}", x, y, value));
 }
 
 }  // namespace
@@ -211,6 +216,8 @@ SensorModel::SensorModel(const CameraModel& camera)
     check(sensor_);
     full_scale_ = (1 << sensor_.bits) - 1;
     range_ = full_scale_ - sensor_.black_dn;
+    if (sensor_.transfer.kind != Transfer::Kind::linear && sensor_.bits <= most_bits_of_steps)
+        steps_.emplace(sensor_.bits, [&](double radiance) { return code_of(radiance); });
     if (!camera.sensor)
         return;
     check_illumination(camera);
@@ -218,33 +225,51 @@ SensorModel::SensorModel(const CameraModel& camera)
     apply_mosaic(sensor_, size_, response_);
 }
 
-double SensorModel::code_of(double radiance, const NoiseKey* noise, std::uint64_t pixel) const {
-    double signal_dn = range_ * radiance;
-    if (noise && sensor_.gain_e_per_dn > 0.0) {
-        const double read_dn = sensor_.read_noise_e / sensor_.gain_e_per_dn;
-        const double variance =
-            std::max(signal_dn, 0.0) / sensor_.gain_e_per_dn + read_dn * read_dn;
-        signal_dn += std::sqrt(variance) * RandomStream(noise->seed, noise->frame, pixel).normal();
-    }
-    const double code = sensor_.black_dn + range_ * encode(sensor_.transfer, signal_dn / range_);
+double SensorModel::with_noise(double radiance, const NoiseKey& key, std::uint64_t pixel) const {
+    const double signal_dn = range_ * radiance;
+    const double read_dn = sensor_.read_noise_e / sensor_.gain_e_per_dn;
+    const double variance = std::max(signal_dn, 0.0) / sensor_.gain_e_per_dn + read_dn * read_dn;
+    const double deviate = RandomStream(key.seed, key.frame, pixel).normal();
+    return (signal_dn + std::sqrt(variance) * deviate) / range_;
+}
+
+double SensorModel::code_of(double radiance) const {
+    const double code = sensor_.black_dn + range_ * encode(sensor_.transfer, radiance);
     return std::clamp(std::floor(code + 0.5), 0.0, full_scale_);
 }
 
+template <class Code>
+void SensorModel::expose_row(const Radiance& radiance, int y, const NoiseKey* noise,
+                             Code* codes) const {
+    const float* row = radiance.ptr<float>(y);
+    const float* response = response_.empty() ? nullptr : response_.ptr<float>(y);
+    if (!noise && sensor_.transfer.kind == Transfer::Kind::linear)
+        return linear_codes({range_, sensor_.black_dn + 0.5}, row, response, size_.width, codes);
+    for (int x = 0; x < size_.width; ++x) {
+        const double signal = response ? double(row[x]) * response[x] : double(row[x]);
+        if (noise)
+            codes[x] = static_cast<Code>(
+                code_of(with_noise(signal, *noise, std::uint64_t(y) * size_.width + x)));
+        else
+            codes[x] = static_cast<Code>(steps_ ? steps_->code_at(signal) : code_of(signal));
+    }
+}
+
 CodeImage SensorModel::expose(const Radiance& radiance, std::optional<NoiseKey> noise) const {
-    check_radiance(radiance, size_);
+    check_size(radiance, size_);
+    const NoiseKey* key = noise && sensor_.gain_e_per_dn > 0.0 ? &*noise : nullptr;
     CodeImage image{cv::Mat(size_, sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
+    std::atomic<bool> finite = true;
     for_each_row(size_.height, [&](int y) {
-        for (int x = 0; x < size_.width; ++x) {
-            const float response = response_.empty() ? 1.0f : response_.at<float>(y, x);
-            const std::uint64_t pixel = std::uint64_t(y) * size_.width + x;
-            const double code = code_of(double(radiance.at<float>(y, x)) * response,
-                                        noise ? &*noise : nullptr, pixel);
-            if (sensor_.bits > 8)
-                image.pixels.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(code);
-            else
-                image.pixels.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(code);
-        }
+        if (!all_finite(radiance.ptr<float>(y), size_.width))
+            finite = false;
+        else if (sensor_.bits > 8)
+            expose_row(radiance, y, key, image.pixels.ptr<std::uint16_t>(y));
+        else
+            expose_row(radiance, y, key, image.pixels.ptr<std::uint8_t>(y));
     });
+    if (!finite)
+        refuse_not_finite(radiance);
     return image;
 }
 

@@ -1,6 +1,7 @@
 #include "sim/sensor_model.h"
 
 #include <gmock/gmock.h>
+#include <hwy/targets.h>
 
 #include <cmath>
 #include <limits>
@@ -192,6 +193,94 @@ TEST(SensorModel, RefusesRadianceThatIsNotANumberOrNotItsSize) {
     EXPECT_THROW(model.expose(uniform(0.5, 5, 7)), NumericalError);
     EXPECT_THROW(model.expose({}), NumericalError);
     EXPECT_THROW(model.linear_radiance({cv::Mat(5, 7, CV_16UC1), 12}), NumericalError);
+}
+
+// The formula of sim/sensor_model.h, one pixel at a time.
+int documented_code(const Sensor& sensor, double signal) {
+    const double full_scale = (1 << sensor.bits) - 1;
+    const double code =
+        sensor.black_dn + (full_scale - sensor.black_dn) * encode(sensor.transfer, signal);
+    return static_cast<int>(std::clamp(std::floor(code + 0.5), 0.0, full_scale));
+}
+
+// Every code's rounding boundary, at most 200 of them: the floats around it, at a pixel of that
+// response. Then what a sensor does not expect.
+std::vector<float> awkward_radiances(const Sensor& sensor, float response) {
+    const int full_scale = (1 << sensor.bits) - 1;
+    std::vector<float> radiances{-0.0f, 1e-42f, -1e-42f, 1.0f, 1.7f, -0.3f, 3e38f, -3e38f};
+    for (int code = 1; code <= full_scale; code += 1 + full_scale / 200) {
+        const double fraction = (code - 0.5 - sensor.black_dn) / (full_scale - sensor.black_dn);
+        auto at = static_cast<float>(decode(sensor.transfer, fraction) / response);
+        at = std::nextafter(std::nextafter(at, -9.0f), -9.0f);
+        for (int n = 0; n < 5; ++n, at = std::nextafter(at, 9.0f))
+            radiances.push_back(at);
+    }
+    return radiances;
+}
+
+void expect_documented_codes(const Sensor& sensor, float red) {
+    const std::vector<float> values = awkward_radiances(sensor, red);
+    CameraModel camera = camera_with(sensor, 2 * static_cast<int>(values.size()), 1);
+    camera.sensor->mosaic = Mosaic::rggb;  // red is every other pixel of the first row
+    camera.sensor->channel_response = {red, 1.0, 1.0};
+    Radiance radiance(1, camera.width, CV_32FC1);
+    for (int x = 0; x < camera.width; ++x)
+        radiance.at<float>(0, x) = values[static_cast<std::size_t>(x / 2)];
+    cv::Mat codes;
+    SensorModel(camera).expose(radiance).pixels.convertTo(codes, CV_32S);
+    for (int x = 0; x < camera.width; ++x) {
+        const double signal = double(radiance.at<float>(0, x)) * (x % 2 == 0 ? red : 1.0f);
+        ASSERT_EQ(codes.at<int>(0, x), documented_code(sensor, signal))
+            << radiance.at<float>(0, x) << " at pixel " << x;
+    }
+}
+
+// Each instruction set of this machine in turn.
+template <class Body>
+void on_every_target(Body body) {
+    for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+        hwy::SetSupportedTargetsForTest(target);
+        SCOPED_TRACE(hwy::TargetName(target));
+        body();
+    }
+    hwy::SetSupportedTargetsForTest(0);
+}
+
+TEST(SensorModel, GivesTheDocumentedCodeAroundEveryRoundingBoundary) {
+    const Transfer table{Transfer::Kind::table,
+                         {{0.0, 0.02}, {0.1, 0.6}, {0.3, 0.6001}, {0.301, 0.7}, {1.0, 0.9}}};
+    on_every_target([&] {
+        for (const Transfer& transfer : {Transfer{}, {Transfer::Kind::rec709, {}}, table})
+            for (const int bits : {1, 3, 8, 12, 16})
+                for (const double black : {0.0, 0.37})
+                    for (const float red : {1.0f, 0.71f}) {
+                        SCOPED_TRACE(fmt::format("curve {}, {} bits, black {}, red {}",
+                                                 static_cast<int>(transfer.kind), bits, black,
+                                                 red));
+                        Sensor sensor{.bits = bits, .black_dn = black * ((1 << bits) - 1)};
+                        sensor.transfer = transfer;
+                        expect_documented_codes(sensor, red);
+                    }
+    });
+}
+
+TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
+    const SensorModel model(camera_of(37, 2));
+    const float infinity = std::numeric_limits<float>::infinity();
+    on_every_target([&] {
+        for (const float bad : {std::nanf(""), infinity, -infinity})
+            for (int x = 0; x < 37; ++x) {
+                Radiance radiance = uniform(0.5, 37, 2);
+                radiance.at<float>(1, x) = bad;
+                radiance.at<float>(1, 36) = bad;
+                try {
+                    model.expose(radiance);
+                    ADD_FAILURE() << bad << " passed at " << x;
+                } catch (const NumericalError& error) {
+                    EXPECT_THAT(error.what(), testing::HasSubstr(fmt::format("pixel ({}, 1)", x)));
+                }
+            }
+    });
 }
 
 TEST(SensorModel, RefusesASectionThatContradictsItself) {

@@ -1,0 +1,93 @@
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "sim/sensor_simd.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#include "sim/sensor_simd.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace etalon::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+// As many pixels as D has lanes of doubles. The product of two floats is exact in double.
+template <class D, class Code>
+HWY_ATTR HWY_INLINE void linear_vector(D d, LinearSensor sensor, const float* radiance,
+                                       const float* response, Code* codes) {
+    const hn::Rebind<float, D> floats;
+    const hn::Rebind<std::int32_t, D> integers;
+    const hn::Rebind<Code, D> narrow;
+    auto p = hn::PromoteTo(d, hn::LoadU(floats, radiance));
+    if (response)
+        p = hn::Mul(p, hn::PromoteTo(d, hn::LoadU(floats, response)));
+    const auto signal = hn::Mul(hn::Set(d, sensor.range), hn::Min(p, hn::Set(d, 1.0)));
+    const auto code = hn::Add(signal, hn::Set(d, sensor.offset));
+    const auto whole = hn::DemoteTo(integers, code);  // towards 0; the next step limits it to 0
+    hn::StoreU(hn::DemoteTo(narrow, whole), narrow, codes);
+}
+
+template <class Code>
+HWY_ATTR HWY_INLINE void linear_row(LinearSensor sensor, const float* radiance,
+                                    const float* response, int count, Code* codes) {
+    const hn::ScalableTag<double> d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    int x = 0;
+    for (; x + n <= count; x += n)
+        linear_vector(d, sensor, radiance + x, response ? response + x : nullptr, codes + x);
+    for (; x < count; ++x)
+        codes[x] = static_cast<Code>(
+            sensor.code_of(response ? double(radiance[x]) * response[x] : double(radiance[x])));
+}
+
+HWY_ATTR void LinearCodes8(LinearSensor sensor, const float* radiance, const float* response,
+                           int count, std::uint8_t* codes) {
+    linear_row(sensor, radiance, response, count, codes);
+}
+
+HWY_ATTR void LinearCodes16(LinearSensor sensor, const float* radiance, const float* response,
+                            int count, std::uint16_t* codes) {
+    linear_row(sensor, radiance, response, count, codes);
+}
+
+// 0 times a number is 0, and NaN for the others; a NaN stays in the sum.
+HWY_ATTR bool AllFinite(const float* values, int count) {
+    const hn::ScalableTag<float> d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    auto sum = hn::Zero(d);
+    int x = 0;
+    for (; x + n <= count; x += n)
+        sum = hn::Add(sum, hn::Mul(hn::LoadU(d, values + x), hn::Zero(d)));
+    float rest = 0.0f;
+    for (; x < count; ++x)
+        rest += values[x] * 0.0f;
+    return rest == 0.0f && hn::AllTrue(d, hn::Eq(sum, hn::Zero(d)));
+}
+
+}  // namespace etalon::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+
+namespace etalon {
+
+HWY_EXPORT(LinearCodes8);
+HWY_EXPORT(LinearCodes16);
+HWY_EXPORT(AllFinite);
+
+void linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
+                  std::uint8_t* codes) {
+    HWY_DYNAMIC_DISPATCH(LinearCodes8)(sensor, radiance, response, count, codes);
+}
+
+void linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
+                  std::uint16_t* codes) {
+    HWY_DYNAMIC_DISPATCH(LinearCodes16)(sensor, radiance, response, count, codes);
+}
+
+bool all_finite(const float* values, int count) {
+    return HWY_DYNAMIC_DISPATCH(AllFinite)(values, count);
+}
+
+}  // namespace etalon
+
+#endif  // HWY_ONCE

@@ -121,6 +121,11 @@ MarkerView::MarkerView(const PlacedMarker& marker, double background, const Aper
     if (!h_.allFinite() || !e_.allFinite() || !(cut < 1.0))
         throw NumericalError(fmt::format(
             "the marker's plane cuts the aperture or the cone of rays (|a| d/2 = {:.6g})", cut));
+    outline_.low = outline_.high = sensor_point_of(0, 0);
+    for (const auto& [u, v] : {std::pair{columns_, 0}, {0, rows_}, {columns_, rows_}}) {
+        outline_.low = outline_.low.cwiseMin(sensor_point_of(u, v));
+        outline_.high = outline_.high.cwiseMax(sensor_point_of(u, v));
+    }
     cells_.assign(static_cast<std::size_t>((columns_ + 2) * (rows_ + 2)), background_);
     for (int j = 0; j < rows_; ++j)
         for (int i = 0; i < columns_; ++i)
@@ -162,35 +167,35 @@ Box MarkerView::seen_through_lens(const Box& box) const {
     return {box.low - margin, box.high + margin};
 }
 
-// The marker fills the wedge of chief rays with 0 <= u <= columns, 0 <= v <= rows and W > 0, all
-// linear in x: a box on the wrong side of any of them meets only background. This needs no division
-// and holds across the plane's horizon.
+// The marker's sensor points fill a convex outline, which the lines u = 0, u = columns, v = 0 and
+// v = rows bound on the near side of the plane's horizon: W > 0 for all of them. Two convex shapes
+// are apart if and only if one of their sides parts them. Needs no division and holds across the
+// horizon.
 bool MarkerView::misses_marker(const Box& box) const {
+    if ((box.high.array() < outline_.low.array()).any() ||
+        (box.low.array() > outline_.high.array()).any())
+        return true;
     const auto all_negative = [&](const Eigen::Vector3d& h) {
         return largest_projection(h.head<2>(), box) + h.z() < 0.0;
     };
     const Eigen::Vector3d h0 = h_.row(0), h1 = h_.row(1), h2 = h_.row(2);
-    return all_negative(h2) || all_negative(h0) || all_negative(h1) ||
-           all_negative(columns_ * h2 - h0) || all_negative(rows_ * h2 - h1);
+    return all_negative(h0) || all_negative(h1) || all_negative(columns_ * h2 - h0) ||
+           all_negative(rows_ * h2 - h1);
 }
 
-// The inverse depth at which a ray meets the plane is 1/z_f + c / (1 - a.l): whether it can vanish
-// or turn negative for any sensor point of the box and any lens point. Perspective only: a
-// telecentric camera has no horizon.
-bool MarkerView::sees_horizon(const Box& box) const {
-    const double focus =
-        aperture_.focus(box.centre()) - aperture_.focus_slope.cwiseAbs().dot(box.half());
-    const double c = defocus(box.centre()) - defocus_slope().cwiseAbs().dot(box.half());
-    const double bend = aperture_.radius_mm * turn().norm();
-    return !(focus + std::min(c / (1.0 - bend), c / (1.0 + bend)) > 0.0);
-}
-
+// u and v are quotients of linear functions: over a box they are largest and smallest at its
+// corners, as long as the denominator W keeps its sign.
+//
+// Where it does not, all lines decide: a ray with W < 0 counts as beyond the line u = i when i is
+// at least its quotient u. What the lines between all cells make of it is the cell at its quotients
+// (u, v), which is none of the marker's: their sensor points have W > 0. So this ray, which runs
+// away from the plane, has the background's radiance, as it must. That also holds where a window
+// (aperture or box) leaves out the lines before one that all of it is beyond, or after one that
+// nothing of it is beyond: for such a ray the other lines of that direction then end in the frame.
 std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
     const Box box = seen_through_lens(sensor_box);
     if (misses_marker(box))
         return std::nullopt;
-    // u and v are quotients of linear functions: over a box they are largest and smallest at its
-    // corners, as long as the denominator keeps its sign.
     Eigen::Array2d least = Eigen::Array2d::Constant(std::numeric_limits<double>::infinity());
     Eigen::Array2d most = -least;
     for (const auto& [x, y] : {std::pair{box.low.x(), box.low.y()},
@@ -198,12 +203,8 @@ std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
                                {box.low.x(), box.high.y()},
                                {box.high.x(), box.high.y()}}) {
         const Eigen::Vector3d uvw = h_ * Eigen::Vector3d(x, y, 1.0);
-        if (!(uvw.z() > 0.0)) {  // the box of chief rays is wider than what the lens sees
-            if (sees_horizon(sensor_box))
-                throw NumericalError(
-                    "the marker's plane reaches its horizon beside the marker: not rendered");
+        if (!(uvw.z() > 0.0))
             return CellRange{-1, columns_, -1, rows_};
-        }
         least = least.min(uvw.head<2>().array() / uvw.z());
         most = most.max(uvw.head<2>().array() / uvw.z());
     }

@@ -125,14 +125,10 @@ public:
     // d/dx of the line's offset + slope . l for a fixed lens point l: the line is affine in x.
     Eigen::Vector2d line_gradient(int axis, int index, const Eigen::Vector2d& l) const;
 
-    // Every cell that any ray from the box through the lens can meet. Nothing when all of them meet
-    // the background. Throws NumericalError where the plane's horizon cannot be told from the
-    // marker (the plane almost cuts the lens).
+    // Cells such that the lines between them tell what any ray from the box through the lens meets;
+    // nothing when all of them meet the background. Every cell and the frame of background where
+    // the plane's horizon may come between: rays beyond it are then told from the marker too.
     std::optional<CellRange> footprint(const Box& box) const;
-
-    // Whether some ray from the box may run along the plane or meet its back: footprint() may then
-    // throw, and only a smaller box can tell.
-    bool sees_horizon(const Box& box) const;
 
     // The radiance that all cells of the range share, if they do.
     std::optional<double> uniform_radiance(const CellRange& range) const;
@@ -147,6 +143,7 @@ private:
     std::vector<double> cells_;  // with a frame of background
     Eigen::Matrix3d camera_from_grid_, sensor_from_grid_, h_;
     Eigen::Vector3d e_;
+    Box outline_;  // around the marker's sensor points
 };
 
 // Smallest and largest blur radius over the marker, px (of x and y the smaller and the larger);

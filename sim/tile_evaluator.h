@@ -35,7 +35,7 @@ public:
 
     // `values`: (4 k)^2 differences from the background, row by row. `range`: what the tile's rays
     // can meet; nothing for a tile at the border of the valid region. Says how it was done (with
-    // `tiles` 1). Throws NumericalError as MarkerView::footprint.
+    // `tiles` 1).
     TileUse evaluate(int i, int j, const std::optional<CellRange>& range, float* values);
 
 private:

@@ -19,7 +19,7 @@ namespace etalon {
 class TileSamples {
 public:
     // Evaluates every tile of `tiles` (tile indices, within the map's), in parallel; the result
-    // does not depend on the number of threads. Throws NumericalError as MarkerView::footprint.
+    // does not depend on the number of threads.
     // `all_refined`: no tile is taken as uniform, whatever the bounds say (to test the bounds).
     TileSamples(const MarkerView& view, const UndistortionMap& map, const cv::Rect& tiles,
                 const Sampling& sampling, bool all_refined = false);

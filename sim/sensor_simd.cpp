@@ -3,6 +3,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include <algorithm>
+
 #include "sim/sensor_simd.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -27,8 +29,8 @@ HWY_ATTR HWY_INLINE void linear_vector(D d, LinearSensor sensor, const float* ra
 }
 
 template <class Code>
-HWY_ATTR HWY_INLINE void linear_row(LinearSensor sensor, const float* radiance,
-                                    const float* response, int count, Code* codes) {
+HWY_ATTR HWY_INLINE void linear_pixels(LinearSensor sensor, const float* radiance,
+                                       const float* response, int count, Code* codes) {
     const hn::ScalableTag<double> d;
     const int n = static_cast<int>(hn::Lanes(d));
     int x = 0;
@@ -37,6 +39,32 @@ HWY_ATTR HWY_INLINE void linear_row(LinearSensor sensor, const float* radiance,
     for (; x < count; ++x)
         codes[x] = static_cast<Code>(
             sensor.code_of(response ? double(radiance[x]) * response[x] : double(radiance[x])));
+}
+
+constexpr int stretch = 64;
+
+HWY_ATTR HWY_INLINE bool is_even(const float* values) {
+    const hn::CappedTag<float, stretch> d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    const auto first = hn::Set(d, values[0]);
+    auto even = hn::Eq(first, hn::LoadU(d, values));
+    for (int x = n; x < stretch; x += n)
+        even = hn::And(even, hn::Eq(first, hn::LoadU(d, values + x)));
+    return hn::AllTrue(d, even);
+}
+
+// Most of a rendered image is an even background: a stretch of it needs one code.
+template <class Code>
+HWY_ATTR HWY_INLINE void linear_row(LinearSensor sensor, const float* radiance,
+                                    const float* response, int count, Code* codes) {
+    int x = 0;
+    for (; x + stretch <= count; x += stretch)
+        if (!response && is_even(radiance + x))
+            std::fill_n(codes + x, stretch, static_cast<Code>(sensor.code_of(radiance[x])));
+        else
+            linear_pixels(sensor, radiance + x, response ? response + x : nullptr, stretch,
+                          codes + x);
+    linear_pixels(sensor, radiance + x, response ? response + x : nullptr, count - x, codes + x);
 }
 
 HWY_ATTR void LinearCodes8(LinearSensor sensor, const float* radiance, const float* response,

@@ -4,6 +4,7 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "station/bench_report.h"
+#include "station/bench_timing.h"
 #include "station/commands.h"
 
 namespace etalon {
@@ -95,6 +96,7 @@ int run_bench(const BenchArguments& arguments) {
     plan_of(arguments);
     if (!arguments.out.empty())
         make_folder(arguments.out);
+    keep_freed_memory();
     const BenchResult result = measure(arguments, scenes);
     if (!arguments.out.empty())
         write_files(arguments.out, result);

@@ -1,5 +1,6 @@
 #include "station/bench_timing.h"
 
+#include <malloc.h>
 #include <time.h>
 
 #include <fstream>
@@ -41,6 +42,11 @@ double peak_memory_mib() {
         if (double kib = 0.0; word == "VmHWM:" && status >> kib)
             return kib / 1024.0;
     return 0.0;
+}
+
+void keep_freed_memory() {
+    mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the largest that glibc takes
+    mallopt(M_TRIM_THRESHOLD, 1 << 30);
 }
 
 double median_cpu_ms(const std::function<void()>& work) {

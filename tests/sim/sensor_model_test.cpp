@@ -4,7 +4,6 @@
 #include <hwy/targets.h>
 
 #include <cmath>
-#include <limits>
 #include <random>
 
 #include "core/errors.h"
@@ -183,13 +182,8 @@ TEST(SensorNoise, IsTheSameForTheSameKeyAndAnotherForTheNextFrameOrSeed) {
     EXPECT_EQ(moments(shot({})).variance, 0.0);
 }
 
-TEST(SensorModel, RefusesRadianceThatIsNotANumberOrNotItsSize) {
+TEST(SensorModel, RefusesRadianceThatIsNotItsSize) {
     const SensorModel model(camera_of(7, 5));
-    for (const float bad : {std::nanf(""), std::numeric_limits<float>::infinity()}) {
-        Radiance radiance = uniform(0.5);
-        radiance.at<float>(3, 6) = bad;
-        EXPECT_THROW(model.expose(radiance), NumericalError);
-    }
     EXPECT_THROW(model.expose(uniform(0.5, 5, 7)), NumericalError);
     EXPECT_THROW(model.expose({}), NumericalError);
     EXPECT_THROW(model.linear_radiance({cv::Mat(5, 7, CV_16UC1), 12}), NumericalError);
@@ -254,9 +248,7 @@ TEST(SensorModel, GivesTheDocumentedCodeAroundEveryRoundingBoundary) {
             for (const int bits : {1, 3, 8, 12, 16})
                 for (const double black : {0.0, 0.37})
                     for (const float red : {1.0f, 0.71f}) {
-                        SCOPED_TRACE(fmt::format("curve {}, {} bits, black {}, red {}",
-                                                 static_cast<int>(transfer.kind), bits, black,
-                                                 red));
+                        SCOPED_TRACE(fmt::format("{} bits, black {}, {}", bits, black, red));
                         Sensor sensor{.bits = bits, .black_dn = black * ((1 << bits) - 1)};
                         sensor.transfer = transfer;
                         expect_documented_codes(sensor, red);
@@ -264,21 +256,30 @@ TEST(SensorModel, GivesTheDocumentedCodeAroundEveryRoundingBoundary) {
     });
 }
 
+TEST(SensorModel, GivesAPixelInAnEvenBackgroundItsOwnCode) {
+    const SensorModel model(camera_of(200, 1));
+    on_every_target([&] {
+        for (int x = 0; x < 200; ++x) {
+            Radiance radiance = uniform(0.8, 200, 1);
+            radiance.at<float>(0, x) = 0.3f;
+            cv::Mat expected(1, 200, CV_8UC1, cv::Scalar(204));  // 0.8 * 255
+            expected.at<std::uint8_t>(0, x) = 77;  // 0.3f is 0.3 + 1.2e-8, and 0.3 * 255 = 76.5
+            ASSERT_EQ(cv::norm(model.expose(radiance).pixels, expected, cv::NORM_INF), 0.0) << x;
+        }
+    });
+}
+
 TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
     const SensorModel model(camera_of(37, 2));
-    const float infinity = std::numeric_limits<float>::infinity();
     on_every_target([&] {
-        for (const float bad : {std::nanf(""), infinity, -infinity})
+        for (const float bad : {NAN, INFINITY, -INFINITY})
             for (int x = 0; x < 37; ++x) {
                 Radiance radiance = uniform(0.5, 37, 2);
                 radiance.at<float>(1, x) = bad;
                 radiance.at<float>(1, 36) = bad;
-                try {
-                    model.expose(radiance);
-                    ADD_FAILURE() << bad << " passed at " << x;
-                } catch (const NumericalError& error) {
-                    EXPECT_THAT(error.what(), testing::HasSubstr(fmt::format("pixel ({}, 1)", x)));
-                }
+                EXPECT_THAT([&] { model.expose(radiance); },
+                            testing::ThrowsMessage<NumericalError>(
+                                testing::HasSubstr(fmt::format("pixel ({}, 1)", x))));
             }
     });
 }

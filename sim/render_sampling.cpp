@@ -1,6 +1,7 @@
 #include "sim/render_sampling.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <numbers>
 
@@ -24,6 +25,14 @@ constexpr double least_blur_for_points_px = 0.02;
 // Where the plane of focus crosses the marker: from this blur on, 2 x 2 lens averages per box are
 // better than lens points.
 constexpr double mixed_from_px = 0.14;
+
+// Samples per pixel side that blurred tiles may take instead of the frame's own.
+constexpr std::array coarse_samples{2, 3, 4, 6, 8, 12, 16, 24, 32};
+// Of the sampling's share, what their interpolation may use. The frame's finer grid, to which it
+// leads, needs less than a third of it again at the same blur.
+constexpr double share_of_coarse = 0.5;
+// Between the radii that are tried.
+constexpr double coarse_blur_step = 1.25;
 
 struct Choice {
     int k = 0;  // 0: none is enough
@@ -189,11 +198,44 @@ private:
     }
     void take_points(const Choice& points) {
         take(points, RenderMethod::exact_lens, SampleKind::point);
+        add_coarser(points_of_tile(points.k));
     }
     void take_boxes(const Choice& boxes) {
         take(boxes, RenderMethod::exact_area, SampleKind::box);
         if (is_mixed())
             chosen_.sampling.exact_lens_from_px = mixed_from_px;
+        if (options_.method == RenderMethod::automatic)
+            add_coarser(points_of_tile(2 * boxes.k));
+    }
+
+    static int points_of_tile(int k) {
+        const int side = UndistortionMap::tile_px * k;
+        return side * side;
+    }
+
+    // Grids of less than half as many points as the frame's own, each from the least blur on (in
+    // steps) at which it is enough, down to the least blur of the frame.
+    void add_coarser(int points_of_frame) {
+        if (options_.samples_per_side > 0 || image_.blur.largest_px < least_blur_for_points_px)
+            return;
+        const double gray = share_of_coarse * allowed(share_of_sampling);
+        double blur = least_blur_for_points_px;
+        while (blur * coarse_blur_step <= image_.blur.largest_px)
+            blur *= coarse_blur_step;
+        const double least =
+            std::max(image_.blur.smallest_px / coarse_blur_step, least_blur_for_points_px);
+        for (const int k : coarse_samples) {
+            const int side = TileInterpolation::coarse_side(k);
+            if (2 * side * side > points_of_frame || blur < least)
+                return;
+            CoarseSampling coarse{std::numeric_limits<double>::infinity(), k};
+            for (;
+                 blur >= least && image_.step * bound_.of_points(k, blur, image_.tangents) <= gray;
+                 blur /= coarse_blur_step)
+                coarse.from_blur_px = blur;
+            if (std::isfinite(coarse.from_blur_px))
+                chosen_.sampling.coarser.push_back(coarse);
+        }
     }
 
     void take_disks(const Choice& disks) {

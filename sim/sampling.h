@@ -2,6 +2,7 @@
 #pragma once
 
 #include <limits>
+#include <vector>
 
 namespace etalon {
 
@@ -9,6 +10,13 @@ enum class SampleKind {
     point,  // values at the centres of a pixel's k x k parts
     box,    // averages over them
     disk,   // averages over disks around the centres, for the sharpened spread
+};
+
+// Tiles blurred by at least this everywhere are sampled at k places per pixel side, exact lens
+// averages, and interpolated (sim/tile_interpolation.h).
+struct CoarseSampling {
+    double from_blur_px;
+    int k;
 };
 
 struct Sampling {
@@ -21,6 +29,8 @@ struct Sampling {
     double sharp_up_to_px = 0.0;
     // Disk samples: their radius on the sensor, in pixel pitches along x.
     double disk_radius_px = 0.0;
+    // Point and box samples: the coarsest first.
+    std::vector<CoarseSampling> coarser;
 };
 
 }  // namespace etalon

@@ -11,6 +11,16 @@ Box parallelogram_box(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides) {
     return {x - half, x + half};
 }
 
+// Of the points of a tile and a margin around it, at most `reach` from its centre in s and t.
+Box box_around(const TilePolynomial& place, double reach) {
+    Eigen::Vector2d half = Eigen::Vector2d::Zero();
+    for (int j = 0; j < 4; ++j)
+        for (int i = 0; i < 4; ++i)
+            half += std::pow(reach, i + j) *
+                    Eigen::Vector2d(std::abs(place.x(j, i)), std::abs(place.y(j, i)));
+    return {place.centre - half, place.centre + half};
+}
+
 constexpr LensRule finest_rule{4, 24};
 
 }  // namespace
@@ -26,7 +36,12 @@ LensRule lens_rule(double blur_radius_px, double sharp_up_to_px) {
 }
 
 TilePositionsOf::TilePositionsOf(const Sampling& sampling)
-    : samples(tile_px * sampling.k), quarters(2 * tile_px * sampling.k) {}
+    : samples(tile_px * sampling.k), quarters(2 * tile_px * sampling.k) {
+    for (const CoarseSampling& coarse : sampling.coarser)
+        coarser.push_back({coarse,
+                           {tile_px * coarse.k, TileInterpolation::margin},
+                           {coarse.k, sampling.k, sampling.kind}});
+}
 
 TileEvaluator::TileEvaluator(const MarkerView& view, const UndistortionMap& map,
                              const Sampling& sampling, const TilePositionsOf& positions)
@@ -47,14 +62,36 @@ TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& ra
         return sample_one_by_one(i, j, values);
     if (sampling_.kind == SampleKind::disk)
         return sample_disks(i, j, *range, values);
-    set_tile_geometry(view_, map_.polynomial(i, j), *range, fx_, geometry_);
+    const TilePolynomial place = map_.polynomial(i, j);
+    for (const Coarse& coarse : positions_.coarser) {
+        const double reach = 0.5 + TileInterpolation::margin / double(tile_px * coarse.sampling.k);
+        const Box box = box_around(place, reach);
+        if (least_blur_px(box) >= coarse.sampling.from_blur_px)
+            return sample_coarsely(coarse, place, box, values);
+    }
+    set_tile_geometry(view_, place, *range, fx_, geometry_);
     if (sampling_.kind == SampleKind::point)
         return sample_points(values);
     const Box& box = map_.bounds(i, j);
-    const double radius = view_.aperture().radius_mm;
-    if (radius * smaller_focal_px_ * view_.smallest_defocus(box) >= sampling_.exact_lens_from_px)
+    if (least_blur_px(box) >= sampling_.exact_lens_from_px)
         return sample_blurred_boxes(values);
-    return sample_boxes(radius * larger_focal_px_ * view_.largest_defocus(box), values);
+    return sample_boxes(view_.aperture().radius_mm * larger_focal_px_ * view_.largest_defocus(box),
+                        values);
+}
+
+double TileEvaluator::least_blur_px(const Box& box) const {
+    return view_.aperture().radius_mm * smaller_focal_px_ * view_.smallest_defocus(box);
+}
+
+TileUse TileEvaluator::sample_coarsely(const Coarse& coarse, const TilePolynomial& place,
+                                       const Box& box, float* values) {
+    const auto range = view_.footprint(box);
+    set_tile_geometry(view_, place, range.value_or(CellRange{-1, -1, -1, -1}), fx_, geometry_);
+    const auto side = static_cast<std::size_t>(coarse.positions.n());
+    lens_averages_.resize(side * side);
+    exact_lens_samples(geometry_, coarse.positions, lens_averages_.data());
+    coarse.interpolation.interpolate(lens_averages_.data(), scratch_, values);
+    return {RenderMethod::exact_lens, coarse.sampling.k, 1, 1};
 }
 
 TileUse TileEvaluator::sample_points(float* values) {
@@ -72,10 +109,10 @@ TileUse TileEvaluator::sample_disks(int i, int j, const CellRange& range, float*
 
 TileUse TileEvaluator::sample_blurred_boxes(float* values) {
     const auto n = static_cast<std::size_t>(tile_px * sampling_.k);
-    quarters_.resize(4 * n * n);
-    exact_lens_samples(geometry_, positions_.quarters, quarters_.data());
+    lens_averages_.resize(4 * n * n);
+    exact_lens_samples(geometry_, positions_.quarters, lens_averages_.data());
     for (std::size_t y = 0; y < n; ++y) {
-        const float* upper = &quarters_[4 * n * y];
+        const float* upper = &lens_averages_[4 * n * y];
         const float* lower = upper + 2 * n;
         for (std::size_t x = 0; x < n; ++x)
             values[n * y + x] =

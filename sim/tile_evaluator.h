@@ -11,6 +11,7 @@
 #include "sim/render_plan.h"
 #include "sim/sampling.h"
 #include "sim/tile_geometry.h"
+#include "sim/tile_interpolation.h"
 
 namespace etalon {
 
@@ -23,8 +24,16 @@ LensRule lens_rule(double blur_radius_px, double sharp_up_to_px);
 
 // What does not change from tile to tile of an image.
 struct TilePositionsOf {
+    // For tiles that are blurred enough, see Sampling::coarser.
+    struct Coarse {
+        CoarseSampling sampling;
+        TilePositions positions;  // with the interpolation's margin
+        TileInterpolation interpolation;
+    };
+
     explicit TilePositionsOf(const Sampling& sampling);
     TilePositions samples, quarters;  // quarters: 2 x 2 per sample
+    std::vector<Coarse> coarser;
 };
 
 // Scratch memory of one thread. View, map and positions must outlive it.
@@ -39,11 +48,16 @@ public:
     TileUse evaluate(int i, int j, const std::optional<CellRange>& range, float* values);
 
 private:
+    using Coarse = TilePositionsOf::Coarse;
+
+    TileUse sample_coarsely(const Coarse& coarse, const TilePolynomial& place, const Box& box,
+                            float* values);
     TileUse sample_points(float* values);
     TileUse sample_disks(int i, int j, const CellRange& range, float* values);
     TileUse sample_blurred_boxes(float* values);
     TileUse sample_boxes(double blur_radius_px, float* values);
     TileUse sample_one_by_one(int i, int j, float* values);
+    double least_blur_px(const Box& box) const;
     double lens_average(const MappedPoint& point);
     double area(const MappedPoint& point);
 
@@ -53,7 +67,7 @@ private:
     const TilePositionsOf& positions_;
     double fx_, smaller_focal_px_, larger_focal_px_;
     TileGeometry geometry_;
-    std::vector<float> quarters_;
+    std::vector<float> lens_averages_, scratch_;
     std::vector<UnitLensPoint> lens_points_;
     int lens_points_of_ = -1;  // the rule that they are of, by its number of points
     // For tiles at the border.

@@ -52,9 +52,12 @@ class TilePositions {
 public:
     // Throws NumericalError unless n is a positive multiple of 4.
     explicit TilePositions(int n);
+    // The same continued by `margin` parts beyond the tile on each side. Throws NumericalError
+    // unless all of them, n() = n + 2 margin a side, are a positive multiple of 4.
+    TilePositions(int n, int margin);
 
     int n() const { return n_; }
-    // Across the tile, -0.5 to 0.5: block by block, row by row within a block.
+    // Across the tile, -0.5 to 0.5 (a margin beyond): block by block, row by row within a block.
     const float* s() const { return s_.data(); }
     const float* t() const { return t_.data(); }
 

@@ -45,16 +45,19 @@ void differentiate(const std::array<float, 16>& c, float scale, std::array<float
 
 }  // namespace
 
-TilePositions::TilePositions(int n) : n_(n) {
-    if (n < 4 || n % 4 != 0)
-        throw NumericalError(fmt::format("{} x {} points in a tile: not a multiple of 4", n, n));
-    for (int block_y = 0; block_y < n; block_y += 4)
-        for (int block_x = 0; block_x < n; block_x += 4)
+TilePositions::TilePositions(int n) : TilePositions(n, 0) {}
+
+TilePositions::TilePositions(int n, int margin) : n_(n + 2 * margin) {
+    if (n < 1 || margin < 0 || n_ % 4 != 0)
+        throw NumericalError(fmt::format("{} x {} points in a tile: not a multiple of 4", n_, n_));
+    const auto place = [&](int i) {
+        return (static_cast<float>(i - margin) + 0.5f) / static_cast<float>(n) - 0.5f;
+    };
+    for (int block_y = 0; block_y < n_; block_y += 4)
+        for (int block_x = 0; block_x < n_; block_x += 4)
             for (int i = 0; i < 16; ++i) {
-                s_.push_back((static_cast<float>(block_x + i % 4) + 0.5f) / static_cast<float>(n) -
-                             0.5f);
-                t_.push_back((static_cast<float>(block_y + i / 4) + 0.5f) / static_cast<float>(n) -
-                             0.5f);
+                s_.push_back(place(block_x + i % 4));
+                t_.push_back(place(block_y + i / 4));
             }
 }
 

@@ -306,7 +306,7 @@ void expect_reference(const Renderer& renderer, const Scene& scene, int step) {
 }
 
 TEST(MarkerView, AFloorUpToItsHorizonIsRendered) {
-    expect_reference(Renderer(test::small_camera({})), {{long_floor()}, background}, 7);
+    expect_reference(Renderer(test::small_camera({})), {{long_floor()}, background}, 9);
 }
 
 TEST(MarkerView, SteepMarkersAreRenderedBesideTheirHorizon) {

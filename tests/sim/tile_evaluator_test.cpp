@@ -1,0 +1,182 @@
+#include "sim/tile_evaluator.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "edge_scenes.h"
+#include "sim/benchmark_scenes.h"
+#include "sim/reference_integrator.h"
+#include "sim/sampling_bound.h"
+#include "sim/tile_samples.h"
+
+namespace etalon {
+namespace {
+
+using test::gray;
+
+// The integral of x^n from a to b, by b - a.
+double mean_power(int n, double a, double b) {
+    return (std::pow(b, n + 1) - std::pow(a, n + 1)) / ((n + 1) * (b - a));
+}
+
+// Of degree five in each direction, at (s, t) or averaged over squares of this width around it.
+double quintic(double s, double t, double width) {
+    const auto power = [&](int n, double x) {
+        return width > 0.0 ? mean_power(n, x - width / 2, x + width / 2) : std::pow(x, n);
+    };
+    return 0.3 + 2.0 * power(5, s) * power(2, t) - 1.7 * power(3, s) * power(4, t) +
+           0.9 * power(1, s) - 1.1 * power(5, t);
+}
+
+void expect_quintics_kept(SampleKind kind, int coarse_k, int k) {
+    const TilePositions coarse(4 * coarse_k, TileInterpolation::margin), fine(4 * k);
+    const auto side = static_cast<std::size_t>(TileInterpolation::coarse_side(coarse_k));
+    ASSERT_EQ(coarse.n(), TileInterpolation::coarse_side(coarse_k));
+    std::vector<float> from(side * side), scratch, values(static_cast<std::size_t>(16 * k * k));
+    for (std::size_t i = 0; i < from.size(); ++i) {
+        const auto place = [&](std::size_t n) {
+            return (static_cast<double>(n) - TileInterpolation::margin + 0.5) / (4 * coarse_k) -
+                   0.5;
+        };
+        from[i] = static_cast<float>(quintic(place(i % side), place(i / side), 0.0));
+    }
+    TileInterpolation(coarse_k, k, kind).interpolate(from.data(), scratch, values.data());
+    const double width = kind == SampleKind::box ? 0.25 / k : 0.0;
+    for (int i = 0; i < 16 * k * k; ++i)
+        EXPECT_NEAR(values[static_cast<std::size_t>(i)],
+                    quintic((i % (4 * k) + 0.5) / (4 * k) - 0.5,
+                            (i / (4 * k) + 0.5) / (4 * k) - 0.5, width),
+                    2e-6)
+            << coarse_k << " " << k << " " << i;
+}
+
+TEST(TileInterpolation, KeepsQuinticPolynomials) {
+    for (const auto& [coarse_k, k] : {std::pair{2, 5}, {3, 37}, {8, 12}, {16, 17}}) {
+        expect_quintics_kept(SampleKind::point, coarse_k, k);
+        expect_quintics_kept(SampleKind::box, coarse_k, k);
+    }
+}
+
+TEST(TilePositions, ContinueBeyondTheTile) {
+    const TilePositions inner(8), all(8, 4);
+    ASSERT_EQ(all.n(), 16);
+    // The inner blocks are those of the second and third row and column of four.
+    for (int block = 0; block < 4; ++block)
+        for (int i = 0; i < 16; ++i) {
+            const int with_margin = 16 * (4 * (1 + block / 2) + 1 + block % 2) + i;
+            EXPECT_EQ(all.s()[with_margin], inner.s()[16 * block + i]);
+            EXPECT_EQ(all.t()[with_margin], inner.t()[16 * block + i]);
+        }
+    EXPECT_FLOAT_EQ(all.s()[0], -0.5f - 3.5f / 8.0f);
+    EXPECT_FLOAT_EQ(all.t()[255], 0.5f + 3.5f / 8.0f);
+}
+
+// ---- Tiles of an edge, oblique in the image and tilted in depth
+
+struct EdgeView {
+    explicit EdgeView(double blur_px)
+        : camera(test::small_camera({})),
+          map(Projector(camera), 8),
+          view(marker(blur_px), 0.0, aperture_of(camera)) {}
+
+    // Nearer than the focus, where the blur radius is 400 px 0.857 mm (1/z - 1/150 mm).
+    PlacedMarker marker(double blur_px) const {
+        const double radius = aperture_of(camera).radius_mm;
+        PlacedMarker plane =
+            test::half_plane(0.0, 1.0 / (1.0 / 150.0 + blur_px / (400.0 * radius))).markers[0];
+        plane.camera_from_marker.rotation = Eigen::AngleAxisd(0.35, Eigen::Vector3d::UnitZ()) *
+                                            Eigen::AngleAxisd(0.002, Eigen::Vector3d::UnitY());
+        return plane;
+    }
+
+    TileSamples samples(const Sampling& sampling) const {
+        return {view, map, cv::Rect(4, 3, 16, 12), sampling};
+    }
+
+    CameraModel camera;
+    UndistortionMap map;
+    MarkerView view;
+};
+
+// Largest difference of the pixels' means.
+double largest_difference(const TileSamples& a, const TileSamples& b) {
+    double largest = 0.0;
+    for (int j = a.tiles().y; j < a.tiles().br().y; ++j)
+        for (int i = a.tiles().x; i < a.tiles().br().x; ++i) {
+            cv::Mat_<float> of_a(4, 4), of_b(4, 4);
+            a.pixel_means(i, j, of_a);
+            b.pixel_means(i, j, of_b);
+            largest = std::max(largest, test::largest_difference(of_a, of_b));
+        }
+    return largest;
+}
+
+// The mean of a pixel's averages is the integral of the coarse interpolant, whose error the bound
+// knows.
+TEST(TileEvaluator, CoarseTilesAreWithinTheirBound) {
+    const SamplingBound bound(nullptr);
+    for (const auto& [blur_px, coarse_k] :
+         {std::pair{0.5, 6}, {0.5, 12}, {1.0, 4}, {1.0, 8}, {2.0, 3}, {4.0, 2}, {10.0, 2}}) {
+        const EdgeView edge(blur_px);
+        Sampling direct{.k = 20, .kind = SampleKind::box, .exact_lens_from_px = 0.0};
+        Sampling coarse = direct;
+        coarse.coarser = {{0.9 * blur_px, coarse_k}};
+        const TileSamples truth = edge.samples(direct), samples = edge.samples(coarse);
+        ASSERT_EQ(samples.used().size(), 1u);
+        EXPECT_EQ(samples.used()[0].points_per_pixel_side, coarse_k);
+        EXPECT_EQ(samples.used()[0].method, RenderMethod::exact_lens);
+        EXPECT_EQ(truth.used()[0].points_per_pixel_side, 40);
+        const double allowed =
+            bound.of_points(coarse_k, 0.9 * blur_px, ~EdgeTangents{}) * gray + 0.005 * gray;
+        const double difference = largest_difference(samples, truth);
+        EXPECT_LT(difference, allowed) << blur_px << " px, k = " << coarse_k;
+        // Not for want of an edge: the interpolant is not exact.
+        EXPECT_GT(difference, 1e-7) << blur_px << " px, k = " << coarse_k;
+    }
+}
+
+TEST(TileEvaluator, EachTileTakesTheCoarsestGridThatItsOwnBlurAllows) {
+    EdgeView edge(1.0);
+    const Sampling sampling{
+        .k = 16, .kind = SampleKind::point, .coarser = {{3.0, 2}, {0.9, 4}, {0.1, 8}}};
+    const TileSamples samples = edge.samples(sampling);
+    ASSERT_EQ(samples.used().size(), 1u);
+    EXPECT_EQ(samples.used()[0].points_per_pixel_side, 4);
+    const Sampling too_sharp{.k = 16, .kind = SampleKind::point, .coarser = {{3.0, 2}}};
+    EXPECT_EQ(edge.samples(too_sharp).used()[0].points_per_pixel_side, 16);
+}
+
+// ---- Frames in which the plane of sharp focus crosses the marker, or almost
+
+TEST(TileEvaluator, FramesNearFocusAreThoseOfTheReference) {
+    const BenchmarkScene webcam = benchmark_scene("webcam-500");  // focused at 150 mm
+    const Renderer renderer(webcam.camera);
+    for (const double z : {152.0, 155.0, 180.0}) {
+        Scene scene = webcam.scene;
+        scene.markers[0].camera_from_marker.translation = {3.0, -2.0, z};
+        const RenderedImage image = renderer.render(scene);
+        if (z < 180.0)
+            EXPECT_TRUE(std::any_of(image.plan.used.begin(), image.plan.used.end(),
+                                    [&](const TileUse& use) {
+                                        return use.points_per_pixel_side <
+                                               image.plan.points_per_pixel_side;
+                                    }))
+                << image.plan.describe();
+        std::vector<cv::Point> pixels;
+        for (int n = 0; n < 30; ++n)
+            pixels.push_back({240 + 37 * n % 167, 150 + 53 * n % 173});
+        ReferenceOptions options;
+        options.samples_per_scramble = 512;
+        // Where a rare sample would have counted, none may have been drawn.
+        const double one_sample = 1.0 / (16.0 * 512.0);
+        const auto reference = integrate_reference(webcam.camera, scene, pixels, options);
+        for (std::size_t n = 0; n < pixels.size(); ++n)
+            EXPECT_LT(std::abs(image.radiance.at<float>(pixels[n]) - reference[n].mean),
+                      0.1 * gray + one_sample + 4.0 * reference[n].standard_error)
+                << pixels[n] << " at " << z << " mm";
+    }
+}
+
+}  // namespace
+}  // namespace etalon

@@ -136,13 +136,6 @@ double PointSpreadFunction::energy_within(double r) const {
     return 1.0 - a * a - b * b;
 }
 
-double PointSpreadFunction::transfer(double f) const {
-    if (kind_ == Kind::gaussian)
-        return std::exp(-2.0 * std::pow(std::numbers::pi * scale_px_ * f, 2));
-    const double nu = std::min(1.0, f * scale_px_);
-    return 2.0 / std::numbers::pi * (std::acos(nu) - nu * std::sqrt(1.0 - nu * nu));
-}
-
 double PointSpreadFunction::radius_of_tail(double energy) const {
     if (kind_ == Kind::gaussian)
         return scale_px_ * std::sqrt(-2.0 * std::log(energy));

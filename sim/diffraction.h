@@ -51,10 +51,9 @@ public:
     // Energy within the radius r (Airy: 1 - J0(x)^2 - J1(x)^2).
     double energy_within(double r) const;
 
-    // What is left of a contrast at f cycles per px, in all directions (Airy: nothing from
-    // 1 / scale_px on). Not known of a measured profile.
-    bool has_transfer() const { return kind_ != Kind::measured; }
-    double transfer(double f) const;
+    // Whether there is a spatial frequency beyond which (almost) nothing is left, 1 / scale_px or
+    // so: not known of a measured profile.
+    bool has_cutoff() const { return kind_ != Kind::measured; }
 
     // Radius beyond which this part of the energy lies, 0 < energy < 1 (Airy: on average over the
     // rings, for parts of a few per cent or less).

@@ -170,7 +170,7 @@ int ImageFilter::reach_px() const {
 const SharpenedSpread* ImageFilter::sharpened() const {
     std::call_once(sharpening_, [this] {
         if (psf_)
-            sharpened_ = SharpenedSpread::of(*psf_, core_.fall_to * 1.5);
+            sharpened_ = SharpenedSpread::of(*psf_, core_, core_.fall_to);
     });
     return sharpened_ ? &*sharpened_ : nullptr;
 }
@@ -194,7 +194,7 @@ const FilterKernel& ImageFilter::ring(int n) const {
 FilterKernel ImageFilter::make_core(int k, SampleKind kind) const {
     if (!psf_)  // the box alone
         return scaled_kernel(k, Eigen::MatrixXd::Ones(k, k), 1.0);
-    const double radius = core_.fall_to;
+    const double radius = kind == SampleKind::disk ? sharpened()->reach_px() : core_.fall_to;
     const int reach_x = static_cast<int>(std::ceil((radius + 0.5) * k)) + 3;
     const int reach_y = static_cast<int>(std::ceil((radius / pitch_y_ + 0.5) * k)) + 3;
     const Response response = pixel_response(k, kind);
@@ -206,13 +206,14 @@ FilterKernel ImageFilter::make_core(int k, SampleKind kind) const {
     // Of a pattern too narrow for the nodes only the outskirts are spread out; the rest stays put.
     const bool narrow = psf_->is_airy() && step > 0.2 * psf_->scale_px();
     const auto density = [&](double r) {
+        if (kind == SampleKind::disk)
+            return sharpened()->density(r);
         if (narrow)
-            return r > 4.0 * step ? psf_->ring_average_density(r) : 0.0;
-        return kind == SampleKind::disk ? sharpened()->density(r) : psf_->density(r);
+            return r > 4.0 * step ? psf_->ring_average_density(r) * core_(r) : 0.0;
+        return psf_->density(r) * core_(r);
     };
-    Eigen::MatrixXd weights =
-        product_weights([&](double r) { return density(r) * core_(r); }, x, y);
-    if (narrow)
+    Eigen::MatrixXd weights = product_weights(density, x, y);
+    if (narrow && kind != SampleKind::disk)
         weights += (energy - weights.sum()) * unspread_weights(columns, rows, response);
     return scaled_kernel(k, trimmed(weights, 1e-5), energy);
 }

@@ -7,9 +7,10 @@ namespace etalon {
 namespace {
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
-constexpr double disk_phase_at_cutoff = 3.5;
+constexpr double disk_phase_at_cutoff = 2.6;
+constexpr double followed_cutoffs = 1.25;
 constexpr double least_scale_px = 0.04;
-constexpr double table_steps_per_scale = 40.0;
+constexpr double steps_per_scale = 40.0;
 
 // Of a Gaussian the part beyond is below 1e-6.
 double cutoff(const PointSpreadFunction& spread) {
@@ -24,26 +25,37 @@ double disk_transfer(double radius_px, double f) {
 }  // namespace
 
 std::optional<SharpenedSpread> SharpenedSpread::of(const PointSpreadFunction& spread,
+                                                   const std::function<double(double)>& window,
                                                    double reach_px) {
-    if (!spread.has_transfer() || spread.scale_px() < least_scale_px)
+    if (!spread.has_cutoff() || spread.scale_px() < least_scale_px)
         return std::nullopt;
     SharpenedSpread result;
-    const double end = cutoff(spread);
-    result.disk_radius_px_ = disk_phase_at_cutoff / (two_pi * end);
+    result.disk_radius_px_ = disk_phase_at_cutoff / (two_pi * cutoff(spread));
+    result.reach_px_ = reach_px + 4.0 * result.disk_radius_px_;
+    result.table_step_px_ = spread.scale_px() / steps_per_scale;
+
+    const double step = result.table_step_px_;
+    std::vector<double> rings;  // the core's energy in rings of one step, the middle of one at 0.5
+    for (double r = 0.5 * step; r < reach_px; r += step)
+        rings.push_back(two_pi * r * step * spread.density(r) * window(r));
     // Sixteen frequencies for each cycle that the last of them makes within the reach.
-    const int count = std::max(400, static_cast<int>(16.0 * end * reach_px));
+    const double end = followed_cutoffs * cutoff(spread);
+    const int count = 2 * std::max(200, static_cast<int>(8.0 * end * result.reach_px_));
     for (int i = 0; i < count; ++i) {
-        const double f = end * (i + 0.5) / count;
-        const double left = spread.transfer(f) / disk_transfer(result.disk_radius_px_, f);
+        // Gauss' two places in each of count / 2 parts: the middles would leave a constant.
+        const double place = i / 2 + 0.5 + (i % 2 == 0 ? -0.5 : 0.5) / std::sqrt(3.0);
+        const double f = 2.0 * end * place / count;
+        double transfer = 0.0;
+        for (std::size_t n = 0; n < rings.size(); ++n)
+            transfer += rings[n] * j0(two_pi * f * (static_cast<double>(n) + 0.5) * step);
+        const double left = transfer / disk_transfer(result.disk_radius_px_, f);
         result.waves_.push_back({f, left * end / count});
     }
-    result.table_step_px_ = spread.scale_px() / table_steps_per_scale;
-    const int steps = static_cast<int>(reach_px / result.table_step_px_) + 4;
+    const int steps = static_cast<int>(result.reach_px_ / step) + 4;
     for (int n = -1; n < steps; ++n) {
         double sum = 0.0;
         for (const Wave& wave : result.waves_)
-            sum += wave.amplitude * wave.cycles_per_px *
-                   j0(two_pi * wave.cycles_per_px * n * result.table_step_px_);
+            sum += wave.amplitude * wave.cycles_per_px * j0(two_pi * wave.cycles_per_px * n * step);
         result.table_.push_back(two_pi * sum);
     }
     return result;

@@ -54,7 +54,12 @@ TEST(SamplingBound, HoldsForRenderedEdgesAndIsNotFarAbove) {
             EXPECT_LT(error, 1.1 * limit + 0.01) << "k " << k << " blur " << blur;
             EXPECT_GT(error, 0.25 * limit - 0.02) << "k " << k << " blur " << blur;
         }
-    const SharpenedSpread sharpened = SharpenedSpread::of(spread, 4.0).value();
+    // Near enough the filter's own: 1 up to 1.65 px, 0 from 3.3 px.
+    const auto window = [](double r) {
+        const double t = std::clamp((r - 1.65) / 1.65, 0.0, 1.0);
+        return 1.0 - t * t * (3.0 - 2.0 * t);
+    };
+    const SharpenedSpread sharpened = SharpenedSpread::of(spread, window, 3.3).value();
     for (const int k : {5, 8}) {
         const double limit = bound.of_disks(k, sharpened, along_the_pixels);
         const double error = worst_edge(RenderMethod::exact_area, k, 24, 0.0);

@@ -30,6 +30,8 @@ struct RenderArguments {
     std::string method = "auto";   // auto, E, C or reference
     double tolerance_gray = 0.1;
     double exposure = 1.0;                    // factor on the radiance before the sensor
+    std::string velocity;                     // "wx,wy,wz,vx,vy,vz", rad/s and mm/s; empty: still
+    double shutter_ms = 0.0;                  // how long it moves
     bool linear = false;                      // 32-bit TIFF of radiance
     std::optional<std::uint64_t> noise_seed;  // shot and read noise of the camera's sensor
     bool explain = false;                     // print the plan
@@ -49,6 +51,12 @@ struct BenchArguments {
     bool json = false;
 };
 int run_bench(const BenchArguments& arguments);
+
+// Exit code 1 when a case fails.
+struct StabilityArguments {
+    bool json = false;
+};
+int run_stability(const StabilityArguments& arguments);
 
 struct CalibrateArguments {
     std::string board;  // "9x6"

@@ -131,6 +131,13 @@ void add_render_command(CLI::App& app, Run& run) {
                     "factor on the radiance, background included\n(default 1)")
         ->check(positive_number())
         ->type_name("X");
+    sub->add_option(
+           "--velocity", arguments->velocity,
+           "motion blur: rad/s and mm/s of the markers in the camera's\nframe, with --shutter")
+        ->type_name("WX,WY,WZ,VX,VY,VZ");
+    sub->add_option("--shutter", arguments->shutter_ms, "how long the shutter is open")
+        ->check(positive_number())
+        ->type_name("MS");
     sub->add_flag("--linear", arguments->linear, "write radiance as 32-bit float TIFF");
     sub->add_option("--noise-seed", arguments->noise_seed,
                     "add the sensor's shot and read noise, from this seed")
@@ -141,13 +148,12 @@ void add_render_command(CLI::App& app, Run& run) {
 
 void add_bench_command(CLI::App& app, Run& run) {
     auto arguments = std::make_shared<BenchArguments>();
-    CLI::App* sub =
-        add_command(app, run, arguments, run_bench, "bench",
-                    "measure the renderer: error against run time",
-                    "Every method and setting on eight scenes and a cloud of poses against the\n"
-                    "reference integrator, and frames per second beside the published method.\n"
-                    "About six minutes on two cores. Explained in docs/performance.md.\n\n"
-                    "Example:\n  etalon bench --scene webcam-500 --poses 0 --out bench\n");
+    CLI::App* sub = add_command(
+        app, run, arguments, run_bench, "bench", "measure the renderer: error against run time",
+        "Every method and setting on eight scenes and a cloud of poses against the\n"
+        "reference integrator, and frames per second beside the published method.\n"
+        "About six minutes on two cores. Explained in docs/performance.md.\n\n"
+        "Example:\n  etalon bench --scene webcam-500 --poses 0 --out bench\n");
     sub->add_option("--scene", arguments->scenes, "a scene; may be repeated (default: all)")
         ->type_name("NAME");
     sub->add_option("--out", arguments->out, "folder for bench.csv, table.md, bench.svg")
@@ -165,6 +171,16 @@ void add_bench_command(CLI::App& app, Run& run) {
         ->type_name("N");
     sub->add_flag("--quick", arguments->quick, "few settings and samples, to try the command");
     sub->add_flag("--check", arguments->check, "exit code 1 when a promised figure is missed");
+}
+
+void add_stability_command(CLI::App& app, Run& run) {
+    add_command(
+        app, run, std::make_shared<StabilityArguments>(), run_stability, "stability",
+        "run every stiff and extreme case of rendering and projection",
+        "Nearly edge-on markers, focus, folds, NaN, 100 megapixels ...: each must be right\n"
+        "against the reference integrator, or refused. Prints a table and\n"
+        "`N cases, M failed`; exit code 1 when one failed. About a minute and a half on\n"
+        "two cores. Explained in docs/stability.md.\n");
 }
 
 void add_calibrate_command(CLI::App& app, Run& run) {
@@ -305,6 +321,7 @@ void add_commands(CLI::App& app, Run& run) {
     add_marker_command(app, run);
     add_devices_command(app, run);
     add_bench_command(app, run);
+    add_stability_command(app, run);
 }
 
 // Errors are one line, whatever the message that was thrown.

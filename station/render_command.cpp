@@ -70,6 +70,8 @@ void print_json(const RenderArguments& arguments, const CameraModel& camera,
         {"height", camera.height},
         {"linear", arguments.linear},
         {"exposure", arguments.exposure},
+        {"velocity", arguments.velocity},
+        {"shutter_ms", arguments.shutter_ms},
         {"method", view.describe()},
     };
     if (!arguments.linear)

@@ -94,6 +94,8 @@ std::string settings_of(const RenderArguments& arguments, const ViewRenderer& re
                           {"method", arguments.method},
                           {"tolerance_gray", arguments.tolerance_gray},
                           {"exposure", arguments.exposure},
+                          {"velocity", arguments.velocity},
+                          {"shutter_ms", arguments.shutter_ms},
                           {"linear", arguments.linear},
                           {"noise_seed", nullptr}};
     if (arguments.noise_seed)

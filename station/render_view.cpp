@@ -29,6 +29,15 @@ double positive_number(double value, const char* option, const char* what) {
     return value;
 }
 
+std::optional<Motion> motion_of(const RenderArguments& arguments) {
+    if (arguments.velocity.empty() != (arguments.shutter_ms == 0.0))
+        throw ConfigError({"--velocity"}, "motion blur needs both --velocity and --shutter");
+    if (arguments.velocity.empty())
+        return std::nullopt;
+    const std::vector<double> numbers = parse_numbers(arguments.velocity, 6, "--velocity");
+    return Motion{Vector6d(numbers.data()), arguments.shutter_ms / 1000.0};
+}
+
 RenderOptions options_of(const RenderArguments& arguments) {
     RenderOptions options;
     options.method = method_of(arguments.method);
@@ -113,11 +122,14 @@ std::string View::describe() const {
 ViewRenderer::ViewRenderer(const RenderArguments& arguments)
     : options_(options_of(arguments)),
       exposure_(positive_number(arguments.exposure, "--exposure", "a factor above 0")),
+      motion_(motion_of(arguments)),
       noise_seed_(arguments.noise_seed) {
     camera_ = read_camera(arguments.camera);
     check_noise(arguments);
     markers_ = read_markers(arguments.markers);
     read_background(arguments.background);
+    if (motion_ && (!background_image_.empty() || options_.method == RenderMethod::reference))
+        throw ConfigError({"--velocity"}, "not with a background image or the reference method");
     if (!arguments.linear)
         sensor_.emplace(camera_);
     if (options_.method != RenderMethod::reference)
@@ -168,10 +180,15 @@ View ViewRenderer::render(const Scene& scene) const {
     return view;
 }
 
+RenderedImage ViewRenderer::image_of(const Scene& scene) const {
+    if (motion_)
+        return render_moving(*renderer_, scene, *motion_, options_).image;
+    return background_image_.empty() ? renderer_->render(scene, options_)
+                                     : render_over(*renderer_, scene, background_image_, options_);
+}
+
 View ViewRenderer::render_closed_form(const Scene& scene) const {
-    const RenderedImage image = background_image_.empty()
-                                    ? renderer_->render(scene, options_)
-                                    : render_over(*renderer_, scene, background_image_, options_);
+    const RenderedImage image = image_of(scene);
     return {image.radiance, image.plan,
             static_cast<int>(image.valid.total()) - cv::countNonZero(image.valid), 0.0};
 }

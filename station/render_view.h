@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "sim/marker.h"
+#include "sim/motion_blur.h"
 #include "sim/renderer.h"
 #include "sim/sensor_model.h"
 #include "station/commands.h"
@@ -50,6 +51,7 @@ private:
     void read_background(const std::string& text);
     void check_noise(const RenderArguments& arguments) const;
     View integrate(const Scene& scene) const;
+    RenderedImage image_of(const Scene& scene) const;
     View render_closed_form(const Scene& scene) const;
 
     CameraModel camera_;
@@ -58,6 +60,7 @@ private:
     Radiance background_image_;  // of the camera's size
     RenderOptions options_;
     double exposure_;
+    std::optional<Motion> motion_;
     std::optional<std::uint64_t> noise_seed_;
     std::optional<SensorModel> sensor_;  // none where radiance is written
     std::optional<Renderer> renderer_;   // none for the reference integrator

@@ -254,5 +254,33 @@ TEST_F(RenderCommand, RefusesArgumentsByTheirName) {
     refuses([](Arguments& a) { a.out = "/nowhere/out.png"; }, "/nowhere/out.png");
 }
 
+TEST_F(RenderCommand, BlursByTheMotionWhileTheShutterIsOpen) {
+    // 40 mm/s for 100 ms at 100 mm is 4 px along x at one px a mm: the left edge becomes a ramp of
+    // as many px around its place at half time.
+    arguments_.method = "auto";
+    arguments_.velocity = "0,0,0,40,0,0";
+    arguments_.shutter_ms = 100.0;
+    const CodeImage moved = rendered();
+    arguments_.velocity.clear();
+    arguments_.shutter_ms = 0.0;
+    const CodeImage still = rendered();
+    // 30 mm wide at x = 7: from px 31.5 on. Cell (0, 0) is black before white.
+    const int row = 22;
+    EXPECT_EQ(still.pixels.at<std::uint8_t>(row, 31), 255);
+    EXPECT_EQ(still.pixels.at<std::uint8_t>(row, 32), 0);
+    EXPECT_EQ(moved.pixels.at<std::uint8_t>(row, 29), 255);
+    EXPECT_NEAR(moved.pixels.at<std::uint8_t>(row, 30), 255 * 7 / 8.0, 2.0);
+    EXPECT_NEAR(moved.pixels.at<std::uint8_t>(row, 32), 255 * 3 / 8.0, 2.0);
+    EXPECT_EQ(moved.pixels.at<std::uint8_t>(row, 34), 0);
+}
+
+TEST_F(RenderCommand, RefusesHalfAMotion) {
+    arguments_.velocity = "0,0,0,40,0,0";
+    EXPECT_THAT(complaint(), HasSubstr("--velocity: motion blur needs both"));
+    arguments_.shutter_ms = 1.0;
+    arguments_.velocity = "0,0,0,40,0";
+    EXPECT_THAT(complaint(), HasSubstr("--velocity"));
+}
+
 }  // namespace
 }  // namespace etalon

@@ -81,26 +81,29 @@ TileMap::TileMap(const cv::Rect& tiles)
 void TileMap::finish() {
     counted_ = grown(tiles_, 1, 1);
     const auto width = length(counted_.width), own_width = length(tiles_.width);
-    counts_.assign((width + 1) * length(counted_.height + 1), 0);
-    // A row of tiles with the zeros beyond its ends, and the row above.
-    std::vector<float> here(width), above(width);
-    std::vector<unsigned char> refined(width);
+    counts_.resize((width + 1) * length(counted_.height + 1));
+    std::fill_n(counts_.begin(), width + 1, 0);
+    // A row of tiles with the zeros beyond its ends, from the second value on, and the row above.
+    std::vector<float> here(width + 1), above(width + 1);
+    std::vector<unsigned char> differs(width);
     for (std::size_t j = 0; j < length(counted_.height); ++j) {
         const bool own = j > 0 && j <= length(tiles_.height);
-        std::fill(here.begin(), here.end(), 0.0f);
-        std::fill(refined.begin(), refined.end(), 0);
-        if (own) {
-            std::copy_n(&values_[(j - 1) * own_width], own_width, here.begin() + 1);
-            std::copy_n(&refined_[(j - 1) * own_width], own_width, refined.begin() + 1);
-        }
+        if (own)
+            std::copy_n(&values_[(j - 1) * own_width], own_width, here.begin() + 2);
+        else
+            std::fill(here.begin(), here.end(), 0.0f);
+        for (std::size_t i = 0; i < width; ++i)
+            differs[i] = (here[i + 1] != here[i]) | (here[i + 1] != above[i + 1]);
+        if (own)
+            for (std::size_t i = 0; i < own_width; ++i)
+                differs[i + 1] |= refined_[(j - 1) * own_width + i];
         const int* last = &counts_[j * (width + 1)];
         int* sums = &counts_[(j + 1) * (width + 1)];
+        sums[0] = 0;
         int row = 0;
-        float left = 0.0f;
         for (std::size_t i = 0; i < width; ++i) {
-            row += (here[i] != left) | (here[i] != above[i]) | (refined[i] != 0);
+            row += differs[i];
             sums[i + 1] = last[i + 1] + row;
-            left = here[i];
         }
         here.swap(above);
     }

@@ -117,19 +117,23 @@ HWY_ATTR void SplitPhases(const float* from, int k, int rows, std::ptrdiff_t pha
 HWY_ATTR void AverageParts(const float* values, int k, float averages[16]) {
     const hn::CappedTag<float, 4> d;
     const int n = static_cast<int>(hn::Lanes(d));
+    constexpr int most_columns = 4 * 48;  // more samples a pixel than any plan takes
+    const float share = 1.0f / static_cast<float>(k * k);
     for (int y = 0; y < 4; ++y, values += 4 * k * k) {
-        float sums[4] = {};
+        float columns[most_columns];
         for (int x = 0; x < 4 * k; x += n) {
             auto column = hn::LoadU(d, values + x);
             for (int row = 1; row < k; ++row)
                 column = hn::Add(column, hn::LoadU(d, values + row * 4 * k + x));
-            float columns[4];
-            hn::StoreU(column, d, columns);
-            for (int i = 0; i < n; ++i)
-                sums[(x + i) / k] += columns[i];
+            hn::StoreU(column, d, columns + x);
         }
-        for (int x = 0; x < 4; ++x)
-            averages[4 * y + x] = sums[x] / static_cast<float>(k * k);
+        const float* column = columns;
+        for (int x = 0; x < 4; ++x) {
+            float sum = 0.0f;
+            for (int i = 0; i < k; ++i)
+                sum += *column++;
+            averages[4 * y + x] = sum * share;
+        }
     }
 }
 

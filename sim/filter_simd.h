@@ -32,7 +32,7 @@ void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdi
 void split_phases(const float* from, int k, int rows, std::ptrdiff_t phase_stride,
                   std::ptrdiff_t window_stride, float* to);
 
-// Averages of k x k values, 4 x 4 of them: values of 4 k rows and columns.
+// Averages of k x k values, 4 x 4 of them: values of 4 k rows and columns, k up to 48.
 void average_parts(const float* values, int k, float averages[16]);
 
 // out(y, x) += value.

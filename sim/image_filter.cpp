@@ -175,20 +175,25 @@ const SharpenedSpread* ImageFilter::sharpened() const {
     return sharpened_ ? &*sharpened_ : nullptr;
 }
 
-const FilterKernel& ImageFilter::core(int k, SampleKind kind) const {
+// Renders that need another kernel do not wait while one is made.
+template <class Make>
+const FilterKernel& ImageFilter::Slot::get(const Make& make) {
+    std::call_once(made_, [&] { kernel_.emplace(make()); });
+    return *kernel_;
+}
+
+ImageFilter::Slot& ImageFilter::slot(std::map<std::pair<int, int>, Slot>& slots,
+                                     std::pair<int, int> key) const {
     const std::lock_guard lock(mutex_);
-    auto& slot = cores_[{k, kind}];
-    if (!slot)
-        slot = std::make_unique<const FilterKernel>(make_core(k, kind));
-    return *slot;
+    return slots[key];
+}
+
+const FilterKernel& ImageFilter::core(int k, SampleKind kind) const {
+    return slot(cores_, {k, static_cast<int>(kind)}).get([&] { return make_core(k, kind); });
 }
 
 const FilterKernel& ImageFilter::ring(int n) const {
-    const std::lock_guard lock(mutex_);
-    auto& slot = rings_[n];
-    if (!slot)
-        slot = std::make_unique<const FilterKernel>(make_ring(n));
-    return *slot;
+    return slot(rings_, {n, 0}).get([&] { return make_ring(n); });
 }
 
 FilterKernel ImageFilter::make_core(int k, SampleKind kind) const {

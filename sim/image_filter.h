@@ -61,6 +61,18 @@ public:
     double tail_reach_px(double contrast, double area_px, double allowed_gray) const;
 
 private:
+    // A kernel that is made when first asked for.
+    class Slot {
+    public:
+        template <class Make>
+        const FilterKernel& get(const Make& make);
+
+    private:
+        std::once_flag made_;
+        std::optional<FilterKernel> kernel_;
+    };
+
+    Slot& slot(std::map<std::pair<int, int>, Slot>& slots, std::pair<int, int> key) const;
     FilterKernel make_core(int k, SampleKind kind) const;
     FilterKernel make_ring(int n) const;
 
@@ -72,8 +84,7 @@ private:
     mutable std::once_flag sharpening_;
     mutable std::optional<SharpenedSpread> sharpened_;
     mutable std::mutex mutex_;
-    mutable std::map<std::pair<int, SampleKind>, std::unique_ptr<const FilterKernel>> cores_;
-    mutable std::map<int, std::unique_ptr<const FilterKernel>> rings_;
+    mutable std::map<std::pair<int, int>, Slot> cores_, rings_;  // by k and kind, by n
 };
 
 }  // namespace etalon

@@ -206,11 +206,16 @@ double SamplingBound::of_disks(int k, const SharpenedSpread& sharpened,
     });
 }
 
+SamplingBound::Known& SamplingBound::known_at(std::pair<int, int> key) const {
+    const std::lock_guard lock(mutex_);
+    return known_[key];
+}
+
 template <class Errors>
 double SamplingBound::largest_of(int k, int index, EdgeTangents tangents,
                                  const Errors& errors) const {
-    const std::lock_guard lock(mutex_);
-    Known& known = known_[{k, index}];
+    Known& known = known_at({k, index});
+    const std::lock_guard lock(known.mutex);  // of this one: others need not wait
     if (known.errors.empty())
         known.errors = errors();
     double largest = 0.0;

@@ -48,6 +48,7 @@ public:
 
 private:
     struct Known {
+        std::mutex mutex;
         std::vector<float> errors;         // by the place of an edge along the pixels
         std::array<double, 17> largest{};  // by tangent; 0: not computed
     };
@@ -55,6 +56,7 @@ private:
     // The spread seen along one axis: its energy in bins of 1/bins_per_px, symmetric about bin 0.
     std::vector<double> line_spread(int bins_per_px) const;
 
+    Known& known_at(std::pair<int, int> key) const;
     template <class Errors>
     double largest_of(int k, int index, EdgeTangents tangents, const Errors& errors) const;
 

@@ -25,7 +25,8 @@ TileInterpolation::TileInterpolation(int coarse_k, int k, SampleKind kind)
     const double half = kind == SampleKind::box ? 0.5 * step : 0.0;
     for (int x = 0; x < tile_px * k; ++x) {
         const double place = (x + 0.5) * step - 0.5 + margin;
-        Weights weights{static_cast<int>(std::ceil(place - half - 3.0)), {}};
+        const int first = static_cast<int>(std::ceil(place - half - 3.0));
+        Weights weights{std::min(first, coarse_side_ - taps), {}};  // all of them there
         for (int tap = 0; tap < taps; ++tap) {
             const double t = place - (weights.first + tap);
             const double weight =

@@ -33,7 +33,10 @@ void expect_quintics_kept(SampleKind kind, int coarse_k, int k) {
     const TilePositions coarse(4 * coarse_k, TileInterpolation::margin), fine(4 * k);
     const auto side = static_cast<std::size_t>(TileInterpolation::coarse_side(coarse_k));
     ASSERT_EQ(coarse.n(), TileInterpolation::coarse_side(coarse_k));
-    std::vector<float> from(side * side), scratch, values(static_cast<std::size_t>(16 * k * k));
+    // What lies behind the samples must not be used.
+    std::vector<float> from(side * side), scratch((side + 1) * static_cast<std::size_t>(4 * k),
+                                                  std::numeric_limits<float>::quiet_NaN());
+    std::vector<float> values(static_cast<std::size_t>(16 * k * k));
     for (std::size_t i = 0; i < from.size(); ++i) {
         const auto place = [&](std::size_t n) {
             return (static_cast<double>(n) - TileInterpolation::margin + 0.5) / (4 * coarse_k) -
@@ -72,10 +75,11 @@ TEST(TilePositions, ContinueBeyondTheTile) {
     EXPECT_FLOAT_EQ(all.t()[255], 0.5f + 3.5f / 8.0f);
 }
 
-// ---- Tiles of an edge, oblique in the image and tilted in depth
+// ---- Tiles of stripes, oblique in the image and tilted in depth, wider than the blur: a pixel
+// sees one edge at most
 
-struct EdgeView {
-    explicit EdgeView(double blur_px)
+struct StripedView {
+    explicit StripedView(double blur_px)
         : camera(test::small_camera({})),
           map(Projector(camera), 8),
           view(marker(blur_px), 0.0, aperture_of(camera)) {}
@@ -83,8 +87,13 @@ struct EdgeView {
     // Nearer than the focus, where the blur radius is 400 px 0.857 mm (1/z - 1/150 mm).
     PlacedMarker marker(double blur_px) const {
         const double radius = aperture_of(camera).radius_mm;
-        PlacedMarker plane =
-            test::half_plane(0.0, 1.0 / (1.0 / 150.0 + blur_px / (400.0 * radius))).markers[0];
+        const double z = 1.0 / (1.0 / 150.0 + blur_px / (400.0 * radius));
+        PlacedMarker plane = test::half_plane(0.0, z).markers[0];
+        plane.grid.cells = cv::Mat_<float>::zeros(1, 60);
+        for (int i = 0; i < 60; i += 2)
+            plane.grid.cells.at<float>(0, i) = 1.0f;
+        plane.grid.cell_mm.x() = (2.0 * blur_px + 2.3) * z / 400.0;
+        plane.grid.corner_mm.x() = -30.0 * plane.grid.cell_mm.x();
         plane.camera_from_marker.rotation = Eigen::AngleAxisd(0.35, Eigen::Vector3d::UnitZ()) *
                                             Eigen::AngleAxisd(0.002, Eigen::Vector3d::UnitY());
         return plane;
@@ -118,11 +127,11 @@ TEST(TileEvaluator, CoarseTilesAreWithinTheirBound) {
     const SamplingBound bound(nullptr);
     for (const auto& [blur_px, coarse_k] :
          {std::pair{0.5, 6}, {0.5, 12}, {1.0, 4}, {1.0, 8}, {2.0, 3}, {4.0, 2}, {10.0, 2}}) {
-        const EdgeView edge(blur_px);
+        const StripedView stripes(blur_px);
         Sampling direct{.k = 20, .kind = SampleKind::box, .exact_lens_from_px = 0.0};
         Sampling coarse = direct;
         coarse.coarser = {{0.9 * blur_px, coarse_k}};
-        const TileSamples truth = edge.samples(direct), samples = edge.samples(coarse);
+        const TileSamples truth = stripes.samples(direct), samples = stripes.samples(coarse);
         ASSERT_EQ(samples.used().size(), 1u);
         EXPECT_EQ(samples.used()[0].points_per_pixel_side, coarse_k);
         EXPECT_EQ(samples.used()[0].method, RenderMethod::exact_lens);
@@ -137,14 +146,14 @@ TEST(TileEvaluator, CoarseTilesAreWithinTheirBound) {
 }
 
 TEST(TileEvaluator, EachTileTakesTheCoarsestGridThatItsOwnBlurAllows) {
-    EdgeView edge(1.0);
+    StripedView stripes(1.0);
     const Sampling sampling{
         .k = 16, .kind = SampleKind::point, .coarser = {{3.0, 2}, {0.9, 4}, {0.1, 8}}};
-    const TileSamples samples = edge.samples(sampling);
+    const TileSamples samples = stripes.samples(sampling);
     ASSERT_EQ(samples.used().size(), 1u);
     EXPECT_EQ(samples.used()[0].points_per_pixel_side, 4);
     const Sampling too_sharp{.k = 16, .kind = SampleKind::point, .coarser = {{3.0, 2}}};
-    EXPECT_EQ(edge.samples(too_sharp).used()[0].points_per_pixel_side, 16);
+    EXPECT_EQ(stripes.samples(too_sharp).used()[0].points_per_pixel_side, 16);
 }
 
 // ---- Frames in which the plane of sharp focus crosses the marker, or almost

@@ -12,10 +12,10 @@ namespace etalon {
 namespace {
 
 // How the tolerance is shared out. What is left is for the filter's weights and single precision.
-constexpr double share_of_sampling = 0.6;
+constexpr double share_of_sampling = 0.7;
 constexpr double share_of_lens = 0.1;
-constexpr double share_of_diffraction = 0.05;
-constexpr double share_of_tail = 0.2;
+constexpr double share_of_diffraction = 0.03;
+constexpr double share_of_tail = 0.15;
 
 // More samples than these a side cost more than they are worth; a tolerance that needs them is
 // refused.

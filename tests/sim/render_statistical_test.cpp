@@ -1,4 +1,4 @@
-// The renderer against the reference integrator, at reduced size. Full size: render_accuracy.
+// The renderer against the reference integrator, at reduced size. Full size: etalon bench.
 
 #include <gtest/gtest.h>
 

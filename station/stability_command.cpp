@@ -38,7 +38,8 @@ void print_row(const Row& row) {
 nlohmann::ordered_json json_of(const Row& row) {
     return {{"case", row.one.name},         {"expectation", row.one.expectation},
             {"outcome", row.outcome.words}, {"figure", row.outcome.figure},
-            {"bound", row.outcome.bound},   {"ok", row.outcome.passed}};
+            {"bound", row.outcome.bound},   {"ok", row.outcome.passed},
+            {"seconds", row.seconds}};
 }
 
 void print_json(const std::vector<Row>& rows, std::size_t failed) {

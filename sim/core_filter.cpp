@@ -3,8 +3,12 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <memory>
+#include <numeric>
+#include <utility>
 
 #include "sim/tile_samples.h"
 
@@ -40,6 +44,33 @@ std::size_t length(std::ptrdiff_t n) {
     return static_cast<std::size_t>(n);
 }
 
+// Sets the outermost pairs of each row to zero that are too small to matter, and puts what they
+// hold into the middle. Returns each row's first pair that is left.
+std::vector<int> without_corners(cv::Mat& pairs) {
+    constexpr double least_of_light = 1e-5, least_of_kernel = 3e-4;
+    std::vector<double> sizes;
+    for (const double pair : cv::Mat_<double>(pairs))
+        sizes.push_back(2.0 * std::abs(pair));
+    std::sort(sizes.begin(), sizes.end());
+    const double all = std::accumulate(sizes.begin(), sizes.end(), 0.0);
+    double allowed = std::min(least_of_light, least_of_kernel * all);
+    std::size_t small = 0;
+    while (small + 1 < sizes.size() && sizes[small] <= allowed)
+        allowed -= sizes[small++];
+    double dropped = 0.0;
+    std::vector<int> first;
+    for (int row = 0; row < pairs.rows; ++row) {
+        auto* pair = pairs.ptr<double>(row);
+        int i = 0;
+        for (; i < pairs.cols && 2.0 * std::abs(pair[i]) < sizes[small]; ++i)
+            dropped += std::exchange(pair[i], 0.0);
+        first.push_back(i);
+    }
+    pairs.at<double>(pairs.rows / 2, pairs.cols - 1) += dropped;
+    first[length(pairs.rows / 2)] = std::min(first[length(pairs.rows / 2)], pairs.cols - 1);
+    return first;
+}
+
 }  // namespace
 
 FilterKernel::FilterKernel(int k, const cv::Mat& weights)
@@ -54,15 +85,25 @@ FilterKernel::FilterKernel(int k, const cv::Mat& weights)
         left_.push_back(offset(i));
         right_.push_back(offset(n - 1 - i));
     }
-    const std::size_t pairs = left_.size();
-    weights_.resize(length(weights.rows + 2 * padding) * pairs);
-    float* to = &weights_[length(padding) * pairs];
+    cv::Mat paired(weights.rows, static_cast<int>(left_.size()), CV_64FC1);
     for (int row = 0; row < weights.rows; ++row)
-        for (int i = 0; 2 * i < n; ++i) {
+        for (int i = 0; i < paired.cols; ++i) {
             const auto* from = weights.ptr<double>(row);
-            const double pair = from[i] + from[n - 1 - i];
-            *to++ = static_cast<float>(2 * i == n - 1 ? 0.5 * from[i] : 0.5 * pair);
+            // The middle of an odd number is a pair with itself.
+            const double share = 2 * i == n - 1 ? 0.25 : 0.5;
+            paired.at<double>(row, i) = share * (from[i] + from[n - 1 - i]);
         }
+    const std::vector<int> first = without_corners(paired);
+    weights_.resize(length(weights.rows + 2 * padding) * left_.size());
+    std::copy(paired.begin<double>(), paired.end<double>(),
+              weights_.begin() + padding * paired.cols);
+    for (int row = 0; row < weights.rows + padding; ++row) {
+        int least = paired.cols;
+        for (int from = row - padding; from <= row; from += k)
+            if (from >= 0 && from < weights.rows)
+                least = std::min(least, first[length(from)]);
+        first_pairs_.push_back(least);
+    }
     energy_ = cv::sum(weights)[0];
 }
 
@@ -71,8 +112,13 @@ int FilterKernel::phase_stride() const {
 }
 
 MirroredKernel FilterKernel::view() const {
-    return {k_,           k_ + 2 * reach_y_, static_cast<int>(left_.size()),
-            left_.data(), right_.data(),     weights_.data()};
+    return {k_,
+            k_ + 2 * reach_y_,
+            static_cast<int>(left_.size()),
+            left_.data(),
+            right_.data(),
+            weights_.data(),
+            first_pairs_.data()};
 }
 
 TileMap::TileMap(const cv::Rect& tiles)

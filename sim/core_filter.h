@@ -27,7 +27,8 @@ cv::Rect grown(const cv::Rect& rect, int x, int y);
 // every lens here does); immutable.
 class FilterKernel {
 public:
-    // `weights`: CV_64FC1, k + 2 reach_y rows and k + 2 reach_x columns.
+    // `weights`: CV_64FC1, k + 2 reach_y rows and k + 2 reach_x columns. Weights in the corners
+    // are left out, up to 1e-5 and 3e-4 of the kernel in sum; the middle has them instead.
     FilterKernel(int k, const cv::Mat& weights);
 
     int k() const { return k_; }
@@ -48,6 +49,7 @@ private:
     double energy_;
     std::vector<std::ptrdiff_t> left_, right_;
     std::vector<float> weights_;
+    std::vector<int> first_pairs_;
 };
 
 // One value for each tile of a grid, zero outside, and where it is the same throughout.

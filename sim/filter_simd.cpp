@@ -23,8 +23,9 @@ HWY_ATTR void add_wide(const MirroredKernel& kernel, const float* window, std::p
     const std::ptrdiff_t step = std::ptrdiff_t{kernel.k} * kernel.pairs;
     auto a0 = hn::Zero(d), a1 = a0, b0 = a0, b1 = a0, c0 = a0, c1 = a0, e0 = a0, e1 = a0;
     for (int r = 0; r < kernel.rows + 3 * kernel.k; ++r, window += stride) {
-        const float* w = kernel.weights + r * std::ptrdiff_t{kernel.pairs};
-        for (int p = 0; p < kernel.pairs; ++p, ++w) {
+        const int first = kernel.first_pairs[r];
+        const float* w = kernel.weights + r * std::ptrdiff_t{kernel.pairs} + first;
+        for (int p = first; p < kernel.pairs; ++p, ++w) {
             const float *left = window + kernel.left[p], *right = window + kernel.right[p];
             const auto s0 = hn::Add(hn::LoadU(d, left), hn::LoadU(d, right));
             const auto s1 = hn::Add(hn::LoadU(d, left + n), hn::LoadU(d, right + n));
@@ -55,8 +56,9 @@ HWY_ATTR void add_narrow(const MirroredKernel& kernel, const float* window, std:
     const std::ptrdiff_t step = std::ptrdiff_t{kernel.k} * kernel.pairs;
     auto a = hn::Zero(d), b = a, c = a, e = a;
     for (int r = 0; r < kernel.rows + 3 * kernel.k; ++r, window += stride) {
-        const float* w = kernel.weights + r * std::ptrdiff_t{kernel.pairs};
-        for (int p = 0; p < kernel.pairs; ++p, ++w) {
+        const int first = kernel.first_pairs[r];
+        const float* w = kernel.weights + r * std::ptrdiff_t{kernel.pairs} + first;
+        for (int p = first; p < kernel.pairs; ++p, ++w) {
             const auto s = hn::Add(hn::LoadU(d, window + kernel.left[p]),
                                    hn::LoadU(d, window + kernel.right[p]));
             a = hn::MulAdd(s, hn::Set(d, w[3 * step]), a);

@@ -20,6 +20,8 @@ struct MirroredKernel {
     const std::ptrdiff_t* right;  //
     const float* weights;         // rows x pairs, with (rows_at_once - 1) k rows of zeros before
                                   // and behind
+    const int* first_pairs;       // of each window row that rows_at_once outputs see: the pairs
+                                  // before have no weight in any of these
 };
 
 // out(y, x) += the sum of kernel row q and pair p of weight * (left sample + right sample) in the

@@ -1,6 +1,7 @@
 #include "sim/image_filter.h"
 
 #include <Eigen/Core>
+#include <Eigen/SparseCore>
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -81,7 +82,11 @@ Eigen::MatrixXd product_weights(const Response& density, const FineAxis& x, cons
             values(j, i) = values(ny - 1 - j, i) = values(j, nx - 1 - i) =
                 values(ny - 1 - j, nx - 1 - i) = value;
         }
-    return y.response.transpose() * (values * x.response) * (x.step * y.step);
+    // Each node responds to a few samples only.
+    const Eigen::SparseMatrix<double> to_columns = x.response.sparseView();
+    const Eigen::SparseMatrix<double> to_rows = y.response.transpose().sparseView();
+    const Eigen::MatrixXd by_column = values * to_columns;
+    return to_rows * by_column * (x.step * y.step);
 }
 
 // The weights where all energy stays in the middle; they add up to 1.

@@ -188,7 +188,9 @@ private:
                 points.k > 0 && (boxes.k == 0 || points.k * points.k < cost_of_boxes(boxes));
         if (options_.samples_per_side > 0)
             (by_points ? points : boxes) = forced(by_points);
-        if ((by_points ? points : boxes).k == 0)
+        const bool lens_points_suffice = automatic || image_.blur.largest_px <= 0.5;
+        if ((by_points ? points : boxes).k == 0 ||
+            (!by_points && !lens_points_suffice && options_.samples_per_side == 0))
             refuse(by_points);
         by_points ? take_points(points) : take_boxes(boxes);
     }

@@ -23,7 +23,7 @@ struct RenderOptions {
     RenderMethod method = RenderMethod::automatic;
     // Largest error aimed at, in gray = 1/255 of linear full scale.
     double tolerance_gray = 0.1;
-    // Forces k of the closed-form methods, 1..32; 0: chosen from bounds.
+    // Forces k of the closed-form methods, 1..48; 0: chosen from bounds.
     int samples_per_side = 0;
     // Part of the image to render; empty: all of it. The rest of the result is background.
     cv::Rect region;

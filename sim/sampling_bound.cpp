@@ -11,8 +11,10 @@ namespace {
 constexpr double full_scale_gray = 255.0;
 // Steps of the edge's place and of the spread in a sample's width.
 constexpr int steps_per_sample = 8;
-// How far the spread is followed; the energy beyond counts as if it smoothed nothing.
-constexpr double spread_reach_px = 2.0;
+// How far a spread is followed; the energy beyond counts as if it smoothed nothing.
+double reach_of(const PointSpreadFunction& spread) {
+    return std::clamp(8.0 * spread.scale_px(), 2.0, 16.0);
+}
 
 // Part of the blur disk (radius 1) beyond a line at t from its centre, and that part's integral
 // from -infinity to t.
@@ -125,7 +127,7 @@ namespace {
 double mean_distance_to_one_side(const PointSpreadFunction& spread) {
     constexpr int rings = 2000;
     constexpr double least_px = 1e-9;
-    const double ratio = std::pow(spread_reach_px / least_px, 1.0 / rings);
+    const double ratio = std::pow(reach_of(spread) / least_px, 1.0 / rings);
     double sum = 0.0, within = spread.energy_within(least_px);
     for (int ring = 0; ring < rings; ++ring) {
         const double next = spread.energy_within(least_px * std::pow(ratio, ring + 1));
@@ -143,7 +145,7 @@ SamplingBound::SamplingBound(const PointSpreadFunction* spread) : spread_(spread
         return;
     constexpr int bins_per_px = 256;
     const std::vector<double> bins = line_spread(bins_per_px);
-    const double beyond = 1.0 - spread_->energy_within(spread_reach_px);
+    const double beyond = 1.0 - spread_->energy_within(reach_of(*spread_));
     peak_ = bins_per_px * (bins[0] - beyond);
     of_no_spread_ = full_scale_gray * (mean_distance_to_one_side(*spread_) + 0.5 * beyond);
 }
@@ -153,12 +155,13 @@ SamplingBound::SamplingBound(const PointSpreadFunction* spread) : spread_(spread
 std::vector<double> SamplingBound::line_spread(int bins_per_px) const {
     if (spread_ == nullptr)
         return {1.0};
+    const double reach_px = reach_of(*spread_);
     constexpr int rings = 400;
     constexpr double least_px = 1e-6;
-    const double ratio = std::pow(spread_reach_px / least_px, 1.0 / rings);
-    std::vector<double> bins(static_cast<std::size_t>(spread_reach_px * bins_per_px) + 2, 0.0);
+    const double ratio = std::pow(reach_px / least_px, 1.0 / rings);
+    std::vector<double> bins(static_cast<std::size_t>(reach_px * bins_per_px) + 2, 0.0);
     double within = spread_->energy_within(least_px);
-    bins[0] = within + 1.0 - spread_->energy_within(spread_reach_px);
+    bins[0] = within + 1.0 - spread_->energy_within(reach_px);
     for (int ring = 0; ring < rings; ++ring) {
         const double r = least_px * std::pow(ratio, ring + 0.5);
         const double next = spread_->energy_within(least_px * std::pow(ratio, ring + 1));
@@ -199,7 +202,8 @@ double SamplingBound::of_disks(int k, const SharpenedSpread& sharpened,
     constexpr int index_of_disks = std::numeric_limits<int>::min();
     return largest_of(k, index_of_disks, tangents, [&] {
         const int bins_per_px = steps_per_sample * k;
-        std::vector<double> spread(static_cast<std::size_t>(spread_reach_px * bins_per_px) + 2);
+        std::vector<double> spread(static_cast<std::size_t>(sharpened.reach_px() * bins_per_px) +
+                                   2);
         for (std::size_t b = 0; b < spread.size(); ++b)
             spread[b] = sharpened.line(static_cast<double>(b) / bins_per_px) / bins_per_px;
         return point_errors(k, sharpened.disk_radius_px(), spread);

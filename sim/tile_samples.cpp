@@ -58,6 +58,8 @@ public:
                 return;
             if (level == 0 && !range)
                 range = CellRange{-1, -1, -1, -1};
+        } else if (!all_refined_ && !view_.footprint(bounds)) {
+            return;  // what has a ray sees the background, as what has none
         }
         if (level == to_level)
             return found(i, j, range);

@@ -60,10 +60,10 @@ UndistortionMap::UndistortionMap(const Projector& projector, int margin_px)
 }
 
 UndistortionMap::Tile UndistortionMap::united(const Tile& a, const Tile& b) {
-    if (a.validity != b.validity || a.validity == Validity::some)
-        return {Validity::some, a.bounds};
-    return {a.validity,
-            {a.bounds.low.cwiseMin(b.bounds.low), a.bounds.high.cwiseMax(b.bounds.high)}};
+    const auto validity = a.validity == b.validity ? a.validity : Validity::some;
+    if (a.validity == Validity::none || b.validity == Validity::none)
+        return {validity, a.validity == Validity::none ? b.bounds : a.bounds};
+    return {validity, {a.bounds.low.cwiseMin(b.bounds.low), a.bounds.high.cwiseMax(b.bounds.high)}};
 }
 
 UndistortionMap::Level UndistortionMap::group_up(const Level& below) {
@@ -109,12 +109,51 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) const {
     if (x.array().isNaN().all())
         return {Validity::none, nowhere};
     if (x.array().isNaN().any())
-        return {Validity::some, nowhere};
+        return make_border_tile(i, j);
     const Eigen::Matrix4d& b = bezier_from_nodes();
     const Eigen::Matrix4d control_x = b * x * b.transpose(), control_y = b * y * b.transpose();
-    return {Validity::all,
-            {{control_x.minCoeff(), control_y.minCoeff()},
-             {control_x.maxCoeff(), control_y.maxCoeff()}}};
+    const Box bounds{{control_x.minCoeff(), control_y.minCoeff()},
+                     {control_x.maxCoeff(), control_y.maxCoeff()}};
+    // The cubic errs most in the middle. A wide-angle lens may bend too much for it.
+    constexpr double good_enough_px = 1e-4;
+    const double error = error_in_the_middle(i, j, x, y);
+    if (error * projector_.camera().intrinsics.fx < good_enough_px)
+        return {Validity::all, bounds};
+    if (!std::isfinite(error))
+        return make_border_tile(i, j);
+    const Eigen::Vector2d margin = bounds.half() + Eigen::Vector2d::Constant(10.0 * error);
+    return {Validity::some, {bounds.low - margin, bounds.high + margin}};
+}
+
+// Distance of the polynomial from Newton's inverse at a tile's centre, in undistorted coordinates;
+// infinite where there is no inverse.
+double UndistortionMap::error_in_the_middle(int i, int j, const Nodes& x, const Nodes& y) const {
+    const auto exact =
+        projector_.unproject(tile_corner_px(i, j) + Eigen::Vector2d::Constant(0.5 * tile_px));
+    if (!exact)
+        return std::numeric_limits<double>::infinity();
+    const Eigen::Vector4d w = cubic_weights(0.5);
+    return (*exact - Eigen::Vector2d(w.dot(x * w), w.dot(y * w))).norm();
+}
+
+// From points so dense that no ray lies farther from them than they reach: beside a fold rays
+// spread like the square root of the distance from it.
+UndistortionMap::Tile UndistortionMap::make_border_tile(int i, int j) const {
+    constexpr int n = 4 * tile_px;
+    Eigen::Vector2d low = Eigen::Vector2d::Constant(1e9), high = -low;
+    for (int q = 0; q < (n + 1) * (n + 1); ++q) {
+        const Eigen::Vector2d within(q % (n + 1), q / (n + 1));
+        if (const auto x = projector_.unproject(tile_corner_px(i, j) + within / 4.0)) {
+            low = low.cwiseMin(*x);
+            high = high.cwiseMax(*x);
+        }
+    }
+    if (low.x() > high.x())
+        return {Validity::none, {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()}};
+    const Intrinsics& intrinsics = projector_.camera().intrinsics;
+    const Eigen::Vector2d pixel(1.0 / intrinsics.fx, 1.0 / intrinsics.fy);
+    const Eigen::Vector2d margin = (high - low).cwiseMax(tile_px * pixel);
+    return {Validity::some, {low - margin, high + margin}};
 }
 
 // With V(n, i) = p_n^i for the nodes' places p_n = -1.5, -0.5, 0.5, 1.5 the values at the nodes are

@@ -86,8 +86,8 @@ TEST(UndistortionMap, GroupsBoundTheirTilesOnEveryLevel) {
 TEST(UndistortionMap, PolynomialIsWhatIsSampled) {
     const UndistortionMap map(Projector(benchmark_scene("canon-500").camera), 20);
     std::vector<std::optional<MappedPoint>> points;
-    map.sample(3, 2, 5, points);
-    const TilePolynomial tile = map.polynomial(3, 2);
+    map.sample(90, 70, 5, points);
+    const TilePolynomial tile = map.polynomial(90, 70);
     for (int q = 0; q < 25; ++q) {
         const double s = (q % 5 + 0.5) / 5 - 0.5, t = (q / 5 + 0.5) / 5 - 0.5;
         const Eigen::Vector4d in_s(1, s, s * s, s * s * s), in_t(1, t, t * t, t * t * t);

@@ -132,6 +132,7 @@ TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, con
             count(used_, use);
     std::sort(used_.begin(), used_.end(),
               [](const TileUse& a, const TileUse& b) { return a.tiles > b.tiles; });
+    off_background_ = find_tiles_off_background();
 }
 
 std::optional<float> TileSamples::constant(const cv::Rect& part) const {
@@ -163,7 +164,7 @@ void TileSamples::copy(const cv::Rect& samples, cv::Mat& out) const {
     }
 }
 
-cv::Rect TileSamples::tiles_off_background() const {
+cv::Rect TileSamples::find_tiles_off_background() const {
     cv::Rect result;
     for (int j = tiles_.y; j < tiles_.br().y; ++j)
         for (int i = tiles_.x; i < tiles_.br().x; ++i)

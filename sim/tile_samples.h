@@ -44,7 +44,7 @@ public:
     void copy(const cv::Rect& samples, cv::Mat& out) const;
 
     // The smallest rectangle of tiles that holds every tile different from the background.
-    cv::Rect tiles_off_background() const;
+    const cv::Rect& tiles_off_background() const { return off_background_; }
 
     // Average of each pixel of the tile, into `means` (CV_32FC1, 4 x 4).
     void pixel_means(int i, int j, cv::Mat means) const;
@@ -58,6 +58,8 @@ private:
     };
     class Search;
 
+    cv::Rect find_tiles_off_background() const;
+
     std::size_t index(int i, int j) const {
         return static_cast<std::size_t>(j - tiles_.y) * static_cast<std::size_t>(tiles_.width) +
                static_cast<std::size_t>(i - tiles_.x);
@@ -69,6 +71,7 @@ private:
     std::vector<const float*> values_;  // into a block's store; null: constant
     std::vector<Block> blocks_;
     std::vector<TileUse> used_;
+    cv::Rect off_background_;
 };
 
 }  // namespace etalon

@@ -134,14 +134,35 @@ TileUse TileEvaluator::sample_boxes(double blur_radius_px, float* values) {
     return {RenderMethod::exact_area, sampling_.k, rule.points(), 1};
 }
 
+namespace {
+
+// Whether one of a sample's neighbours in the tile has a ray and the sample has not, or the other
+// way round: the border of the valid region passes through it, and only a part of it sees anything.
+bool is_at_border(const std::vector<std::optional<MappedPoint>>& points, int n, int column,
+                  int row) {
+    const auto has_ray = [&](int x, int y) {
+        return points[static_cast<std::size_t>(y * n + x)].has_value();
+    };
+    for (int y = std::max(0, row - 1); y <= std::min(n - 1, row + 1); ++y)
+        for (int x = std::max(0, column - 1); x <= std::min(n - 1, column + 1); ++x)
+            if (has_ray(x, y) != has_ray(column, row))
+                return true;
+    return false;
+}
+
+}  // namespace
+
 // Where some of a tile's points have no ray: those are background.
 TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
-    map_.sample(i, j, tile_px * sampling_.k, points_);
-    for (std::size_t p = 0; p < points_.size(); ++p) {
+    const int n = tile_px * sampling_.k;
+    map_.sample(i, j, n, points_);
+    for (int p = 0; p < n * n; ++p) {
+        const auto& point = points_[static_cast<std::size_t>(p)];
         double radiance = view_.background();
-        if (points_[p])
-            radiance =
-                sampling_.kind == SampleKind::point ? lens_average(*points_[p]) : area(*points_[p]);
+        if (is_at_border(points_, n, p % n, p / n))
+            radiance = mean_of_parts(i, j, p % n, p / n);
+        else if (point)
+            radiance = radiance_at(*point, 1.0 / sampling_.k);
         values[p] = static_cast<float>(radiance - view_.background());
     }
     if (sampling_.kind == SampleKind::point)
@@ -149,17 +170,28 @@ TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
     return {RenderMethod::exact_area, sampling_.k, finest_rule.points(), 1};
 }
 
-double TileEvaluator::lens_average(const MappedPoint& point) {
-    const auto range = view_.footprint({point.x, point.x});
-    return range ? lens_average_.at(point.x, *range) : view_.background();
+double TileEvaluator::mean_of_parts(int i, int j, int column, int row) {
+    constexpr int parts = 4;
+    const double sample_px = 1.0 / sampling_.k;
+    double sum = 0.0;
+    for (int q = 0; q < parts * parts; ++q) {
+        const Eigen::Vector2d place(column + (q % parts + 0.5) / parts,
+                                    row + (q / parts + 0.5) / parts);
+        const auto point = map_.exact(UndistortionMap::tile_corner_px(i, j) + sample_px * place);
+        sum += point ? radiance_at(*point, sample_px / parts) : view_.background();
+    }
+    return sum / (parts * parts);
 }
 
-// A square with the disk's second moment stands for it here.
-double TileEvaluator::area(const MappedPoint& point) {
-    const double side = sampling_.kind == SampleKind::disk
-                            ? std::sqrt(3.0) * sampling_.disk_radius_px
-                            : 1.0 / sampling_.k;
-    const Eigen::Matrix2d sides = point.jacobian * side;
+// Of a point, or of a box of this side around it (a disk: a square with its second moment).
+double TileEvaluator::radiance_at(const MappedPoint& point, double side_px) {
+    if (sampling_.kind == SampleKind::point) {
+        const auto range = view_.footprint({point.x, point.x});
+        return range ? lens_average_.at(point.x, *range) : view_.background();
+    }
+    if (sampling_.kind == SampleKind::disk)
+        side_px = std::sqrt(3.0) * sampling_.disk_radius_px;
+    const Eigen::Matrix2d sides = point.jacobian * side_px;
     const auto range = view_.footprint(parallelogram_box(point.x, sides));
     return range ? coverage_.over(point.x, sides, *range) : view_.background();
 }

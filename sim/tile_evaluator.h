@@ -58,8 +58,8 @@ private:
     TileUse sample_boxes(double blur_radius_px, float* values);
     TileUse sample_one_by_one(int i, int j, float* values);
     double least_blur_px(const Box& box) const;
-    double lens_average(const MappedPoint& point);
-    double area(const MappedPoint& point);
+    double mean_of_parts(int i, int j, int column, int row);
+    double radiance_at(const MappedPoint& point, double side_px);
 
     const MarkerView& view_;
     const UndistortionMap& map_;

@@ -35,10 +35,6 @@ int floor_div(int a, int b) {
     return a >= 0 ? a / b : -((-a + b - 1) / b);
 }
 
-Eigen::Vector2d tile_corner_px(int i, int j) {
-    return {tile_px * i - 0.5, tile_px * j - 0.5};
-}
-
 }  // namespace
 
 UndistortionMap::UndistortionMap(const Projector& projector, int margin_px)

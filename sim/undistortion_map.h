@@ -48,6 +48,11 @@ public:
 
     Validity validity(int i, int j) const { return tile(i, j).validity; }
 
+    // The pixel coordinates of a tile's upper left corner.
+    static Eigen::Vector2d tile_corner_px(int i, int j) {
+        return {tile_px * i - 0.5, tile_px * j - 0.5};
+    }
+
     // All undistorted points of the tile; not where validity() is `none`.
     const Box& bounds(int i, int j) const { return tile(i, j).bounds; }
 

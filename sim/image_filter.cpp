@@ -202,8 +202,12 @@ const FilterKernel& ImageFilter::ring(int n) const {
 }
 
 FilterKernel ImageFilter::make_core(int k, SampleKind kind) const {
-    if (!psf_)  // the box alone
+    if (!psf_ && kind == SampleKind::box)  // the pixel's boxes alone
         return scaled_kernel(k, Eigen::MatrixXd::Ones(k, k), 1.0);
+    if (!psf_) {
+        const SampleAxis samples{k + 6, 1.0 / k};
+        return scaled_kernel(k, unspread_weights(samples, samples, pixel_response(k, kind)), 1.0);
+    }
     const double radius = kind == SampleKind::disk ? sharpened()->reach_px() : core_.fall_to;
     const int reach_x = static_cast<int>(std::ceil((radius + 0.5) * k)) + 3;
     const int reach_y = static_cast<int>(std::ceil((radius / pitch_y_ + 0.5) * k)) + 3;

@@ -40,8 +40,8 @@ struct Choice {
 };
 
 template <class Bound>
-Choice least_k(int most, double allowed_gray, const Bound& bound) {
-    for (int k = 1; k <= most; ++k)
+Choice least_k(int least, int most, double allowed_gray, const Bound& bound) {
+    for (int k = least; k <= most; ++k)
         if (const double gray = bound(k); gray <= allowed_gray)
             return {k, gray};
     return {};
@@ -122,12 +122,12 @@ private:
         const double blur = image_.blur.smallest_px;
         if (blur < least_blur_for_points_px)
             return {};
-        return least_k(most_points, allowed(share_of_sampling), [&](int k) {
+        return least_k(1, most_points, allowed(share_of_sampling), [&](int k) {
             return image_.step * bound_.of_points(k, blur, image_.tangents);
         });
     }
     Choice of_boxes() const {
-        return least_k(most_boxes, allowed(share_of_sampling),
+        return least_k(fewest_boxes(), most_boxes, allowed(share_of_sampling),
                        [&](int k) { return image_.step * gray_of_boxes(k); });
     }
     // Only where no tile needs the lens.
@@ -136,11 +136,13 @@ private:
         if (!chosen_.with_spread || sharpened == nullptr ||
             image_.blur.largest_px > chosen_.sampling.sharp_up_to_px)
             return {};
-        return least_k(most_points, allowed(share_of_sampling), [&](int k) {
+        return least_k(1, most_points, allowed(share_of_sampling), [&](int k) {
             return image_.step * bound_.of_disks(k, *sharpened, image_.tangents);
         });
     }
-    double gray_of_boxes(int k) const { return chosen_.with_spread ? bound_.of_boxes(k) : 0.0; }
+    double gray_of_boxes(int k) const {
+        return chosen_.with_spread ? bound_.of_boxes(k, image_.tangents) : 0.0;
+    }
 
     // A sharp edge exactly along the pixels under a pattern of some hundredths of a pixel is beyond
     // every k: up to 0.25 gray, which the plan then says. Others are far below that bound.
@@ -148,7 +150,7 @@ private:
         constexpr double let_pass = 3.0;
         Choice best;
         for (const int k : {1, 2, 4, 9, 16, 24, 36, most_boxes}) {
-            if (is_mixed() && k < 9)  // too few for the boxes' lens averages
+            if (k < fewest_boxes())
                 continue;
             const double gray = image_.step * gray_of_boxes(k);
             if (gray <= let_pass * options_.tolerance_gray &&
@@ -157,6 +159,9 @@ private:
         }
         return best;
     }
+
+    // The mean of 2 x 2 lens averages is a box average only if the boxes are small against the blur.
+    int fewest_boxes() const { return is_mixed() ? 18 : 1; }
 
     bool is_mixed() const {
         return options_.method == RenderMethod::automatic && image_.blur.largest_px > mixed_from_px;

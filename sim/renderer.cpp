@@ -250,7 +250,7 @@ public:
 
     void add_to(cv::Mat& pixels, const cv::Rect& region) {
         const ImageFilter& filter = chosen_.with_spread ? cache_.filter : cache_.box_filter;
-        const TileSamples samples(view_, cache_.map, sampled_tiles(region, filter.reach_px()),
+        const TileSamples samples(view_, cache_.map, sampled_tiles(region, cache_.filter.reach_px()),
                                   chosen_.sampling, all_refined_);
         record(samples);
         add_core(samples, filter.core(chosen_.sampling.k, chosen_.sampling.kind), region, pixels);

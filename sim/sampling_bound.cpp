@@ -118,6 +118,35 @@ std::vector<double> box_errors(int phase) {
     return errors;
 }
 
+// Errors of a pixel of k boxes, spread by `spread`, of a sharp edge: by the distance of its first
+// box from the edge, in steps. That distance tells at which phase of the samples the edge is.
+std::vector<float> pixel_box_errors(int k, const std::vector<double>& spread) {
+    std::vector<std::vector<double>> by_phase;
+    for (int phase = 0; phase < steps_per_sample; ++phase) {
+        const std::vector<double> one = box_errors(phase);
+        // The boxes lie a sample apart: their mean error.
+        std::vector<double> pixel(one.size() +
+                                  static_cast<std::size_t>(steps_per_sample * (k - 1)));
+        for (int m = 0; m < k; ++m)
+            for (std::size_t d = 0; d < one.size(); ++d)
+                pixel[d + static_cast<std::size_t>(steps_per_sample * m)] += one[d] / k;
+        by_phase.push_back(std::move(pixel));
+    }
+    const int bins = static_cast<int>(spread.size()) - 1;
+    const int n = static_cast<int>(by_phase[0].size());
+    std::vector<float> errors;
+    for (int at = -bins; at < n + bins; ++at) {
+        const int remainder = (at % steps_per_sample + steps_per_sample) % steps_per_sample;
+        const auto& pixel =
+            by_phase[static_cast<std::size_t>((steps_per_sample - remainder) % steps_per_sample)];
+        double sum = 0.0;
+        for (int b = std::max(-bins, at - n + 1); b <= std::min(bins, at); ++b)
+            sum += symmetric(spread, b) * pixel[static_cast<std::size_t>(at - b)];
+        errors.push_back(static_cast<float>(sum));
+    }
+    return errors;
+}
+
 }  // namespace
 
 namespace {
@@ -234,37 +263,12 @@ double SamplingBound::largest_of(int k, int index, EdgeTangents tangents,
     return full_scale_gray * largest;
 }
 
-double SamplingBound::of_boxes(int k) const {
+double SamplingBound::of_boxes(int k, EdgeTangents tangents) const {
     if (spread_ == nullptr)
         return 0.0;  // the mean of k box averages is the pixel's average
-    const std::lock_guard lock(mutex_);
-    const auto [entry, is_new] = of_boxes_.try_emplace(k, 0.0);
-    if (!is_new)
-        return entry->second;
-    const std::vector<double> spread = line_spread(steps_per_sample * k);
-    const int reach = static_cast<int>(spread.size()) - 1;
-    double largest = 0.0;
-    for (int phase = 0; phase < steps_per_sample; ++phase) {
-        const std::vector<double> one = box_errors(phase);
-        // The pixel's k boxes lie a sample apart: their mean error, by the distance of the first.
-        std::vector<double> pixel(one.size() +
-                                  static_cast<std::size_t>(steps_per_sample * (k - 1)));
-        for (int m = 0; m < k; ++m)
-            for (std::size_t d = 0; d < one.size(); ++d)
-                pixel[d + static_cast<std::size_t>(steps_per_sample * m)] += one[d] / k;
-        for (int at = -reach; at < static_cast<int>(pixel.size()) + reach; ++at) {
-            const bool on_the_grid = (at + box_reach + phase) % steps_per_sample == 0;
-            if (!on_the_grid)
-                continue;
-            double sum = 0.0;
-            for (int b = std::max(-reach, at - static_cast<int>(pixel.size()) + 1);
-                 b <= std::min(reach, at); ++b)
-                sum += spread[static_cast<std::size_t>(std::abs(b))] *
-                       pixel[static_cast<std::size_t>(at - b)];
-            largest = std::max(largest, std::abs(sum));
-        }
-    }
-    return entry->second = full_scale_gray * largest;
+    constexpr int index_of_boxes = std::numeric_limits<int>::min() + 1;
+    return largest_of(k, index_of_boxes, tangents,
+                      [&] { return pixel_box_errors(k, line_spread(steps_per_sample * k)); });
 }
 
 }  // namespace etalon

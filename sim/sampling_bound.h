@@ -33,8 +33,8 @@ public:
     // radius > 0 or a larger one; gray. Falls with the radius and, but for ripples, with k.
     double of_points(int k, double blur_radius_px, EdgeTangents tangents) const;
 
-    // Of exact areas over boxes (method C) of a sharp edge of contrast 1 along the pixels; gray.
-    double of_boxes(int k) const;
+    // Of exact areas over boxes (method C) of a sharp edge of contrast 1; gray.
+    double of_boxes(int k, EdgeTangents tangents) const;
 
     // Of exact averages over the sharpened spread's disk, for a sharp edge of contrast 1; gray.
     double of_disks(int k, const SharpenedSpread& sharpened, EdgeTangents tangents) const;
@@ -64,7 +64,6 @@ private:
     double peak_ = 0.0, of_no_spread_ = 0.0;
     mutable std::mutex mutex_;
     mutable std::map<std::pair<int, int>, Known> known_;  // by k and bin of the radius
-    mutable std::map<int, double> of_boxes_;
 };
 
 }  // namespace etalon

@@ -30,9 +30,9 @@ constexpr LensRule finest_rule{4, 24};
 LensRule lens_rule(double blur_radius_px, double sharp_up_to_px) {
     if (blur_radius_px <= sharp_up_to_px)
         return {1, 0};
-    if (blur_radius_px < 0.15)
+    if (blur_radius_px < 0.04)
         return {2, 6};
-    return blur_radius_px < 0.5 ? LensRule{3, 12} : finest_rule;
+    return blur_radius_px < 0.2 ? LensRule{3, 12} : finest_rule;
 }
 
 TilePositionsOf::TilePositionsOf(const Sampling& sampling)

@@ -131,9 +131,9 @@ void add_render_command(CLI::App& app, Run& run) {
                     "factor on the radiance, background included\n(default 1)")
         ->check(positive_number())
         ->type_name("X");
-    sub->add_option(
-           "--velocity", arguments->velocity,
-           "motion blur: rad/s and mm/s of the markers in the camera's\nframe, with --shutter")
+    sub->add_option("--velocity", arguments->velocity,
+                    "motion blur: rad/s and mm/s of the markers\n"
+                    "in the camera's frame; with --shutter")
         ->type_name("WX,WY,WZ,VX,VY,VZ");
     sub->add_option("--shutter", arguments->shutter_ms, "how long the shutter is open")
         ->check(positive_number())

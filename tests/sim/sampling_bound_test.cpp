@@ -79,7 +79,7 @@ TEST(SamplingBound, FollowsTheLawOfTheDisksRim) {
             EXPECT_LT(bound.of_points(k, blur, along_the_pixels), 1.16 * law)
                 << k << " " << blur;  // bins of 8 %
         }
-    EXPECT_EQ(bound.of_boxes(1), 0.0);
+    EXPECT_EQ(bound.of_boxes(1, along_the_pixels), 0.0);
     EXPECT_EQ(bound.of_no_spread(), 0.0);
 }
 

@@ -174,13 +174,12 @@ void add_bench_command(CLI::App& app, Run& run) {
 }
 
 void add_stability_command(CLI::App& app, Run& run) {
-    add_command(
-        app, run, std::make_shared<StabilityArguments>(), run_stability, "stability",
-        "run every stiff and extreme case of rendering and projection",
-        "Nearly edge-on markers, focus, folds, NaN, 100 megapixels ...: each must be right\n"
-        "against the reference integrator, or refused. Prints a table and\n"
-        "`N cases, M failed`; exit code 1 when one failed. About a minute and a half on\n"
-        "two cores. Explained in docs/stability.md.\n");
+    add_command(app, run, std::make_shared<StabilityArguments>(), run_stability, "stability",
+                "run every stiff and extreme rendering case",
+                "Nearly edge-on markers, focus, folds, NaN, 100 megapixels ...: each must be\n"
+                "right against the reference integrator, or refused. Prints a table and\n"
+                "`N cases, M failed`; exit code 1 when one failed. About a minute and a half on\n"
+                "two cores. Explained in docs/stability.md.\n");
 }
 
 void add_calibrate_command(CLI::App& app, Run& run) {

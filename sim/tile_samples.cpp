@@ -120,9 +120,9 @@ TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, con
         search.descend(block.level, block.i, block.j, 0,
                        [&](int i, int j, const std::optional<CellRange>& range) {
                            refined.push_back(index(i, j));
-                           block.store.resize(block.store.size() + n * n);
-                           count(block.used,
-                                 evaluator.evaluate(i, j, range, &*block.store.end() - n * n));
+                           const std::size_t before = block.store.size();
+                           block.store.resize(before + n * n);
+                           count(block.used, evaluator.evaluate(i, j, range, &block.store[before]));
                        });
         for (std::size_t q = 0; q < refined.size(); ++q)
             values_[refined[q]] = &block.store[q * n * n];

@@ -13,6 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/mosaic.h"
+
 namespace etalon {
 
 // How the chief rays reach the camera.
@@ -91,9 +93,6 @@ struct Illumination {
     Kind kind = Kind::uniform;
     std::array<double, 3> polynomial = {};
 };
-
-// Colour filters on the pixels, by the first two pixels of the first two rows.
-enum class Mosaic { none, rggb, bggr, grbg, gbrg };
 
 struct Sensor {
     double pixel_pitch_um = 0.0;  // along x; along y it is pixel_pitch_um * fx / fy

@@ -1,4 +1,7 @@
-// Which kinds of cameras this program can open, and opening one by its URI.
+// Which kinds of cameras this program can open, and opening one by its URI. A backend is one row of
+// the table below.
+#include <functional>
+
 #include "capture/camera.h"
 #include "capture/files_camera.h"
 #include "core/errors.h"
@@ -9,52 +12,78 @@
 namespace etalon {
 namespace {
 
-constexpr std::string_view no_aravis =
-    "left out: Aravis 0.8 was not found when this program was configured";
+struct Backend {
+    const char* name;
+    std::string detail;  // the SDK's version, or why the backend is left out
+    std::function<std::vector<CameraIdentity>()> list;
+    // (what follows the colon of the URI, link, clock); empty when left out
+    std::function<std::unique_ptr<Camera>(const std::string&, const CameraLink&, Clock&)> open;
+};
 
-CameraBackend genicam_backend() {
-    CameraBackend backend{"genicam", false, std::string(no_aravis), {}};
+Backend genicam() {
 #ifdef ETALON_HAVE_ARAVIS
-    backend.built_in = true;
-    backend.detail = genicam_sdk_version();
-    backend.cameras = list_genicam_cameras();
+    return {"genicam", genicam_sdk_version(), list_genicam_cameras, open_genicam_camera};
+#else
+    return {
+        "genicam", "left out: Aravis 0.8 was not found when this program was configured", {}, {}};
 #endif
-    return backend;
 }
 
-std::unique_ptr<Camera> open_genicam(const std::string& uri, const std::string& id,
-                                     const CameraLink& link, Clock& clock) {
-#ifdef ETALON_HAVE_ARAVIS
-    (void)uri;
-    return open_genicam_camera(id, link, clock);
-#else
-    (void)id, (void)link, (void)clock;
-    throw ConfigError({}, "camera \"" + uri + "\": genicam is " + std::string(no_aravis));
-#endif
+Backend files() {
+    return {"files",
+            "replays the images of a folder or of a recorded run: files:FOLDER",
+            {},
+            [](const std::string& folder, const CameraLink&, Clock& clock) {
+                return open_files_camera(folder, clock);
+            }};
+}
+
+std::vector<Backend> backends() {
+    return {genicam(),
+            files(),
+            {"v4l2", "not built yet", {}, {}},
+            {"libcamera", "not built yet", {}, {}}};
+}
+
+std::string names(const std::vector<Backend>& known) {
+    std::string names;
+    for (const Backend& backend : known)
+        names += (names.empty() ? "" : ", ") + std::string(backend.name);
+    return names;
 }
 
 }  // namespace
 
 std::vector<CameraBackend> list_cameras() {
-    return {genicam_backend(),
-            {"files", true, "replays the images of a folder: files:FOLDER", {}},
-            {"v4l2", false, "not built yet", {}},
-            {"libcamera", false, "not built yet", {}}};
+    std::vector<CameraBackend> found;
+    for (const Backend& backend : backends())
+        found.push_back({backend.name, static_cast<bool>(backend.open), backend.detail,
+                         backend.list ? backend.list() : std::vector<CameraIdentity>{}});
+    return found;
 }
 
 std::unique_ptr<Camera> open_camera(const std::string& uri, const CameraLink& link, Clock& clock) {
     const std::size_t colon = uri.find(':');
-    const std::string backend = uri.substr(0, colon);
+    const std::string name = uri.substr(0, colon);
     const std::string rest = colon == std::string::npos ? "" : uri.substr(colon + 1);
+    const std::vector<Backend> known = backends();
     if (rest.empty())
-        throw ConfigError(
-            {}, "camera \"" + uri + "\": must be genicam:ID, genicam:IP-ADDRESS or files:FOLDER");
-    if (backend == "genicam")
-        return open_genicam(uri, rest, link, clock);
-    if (backend == "files")
-        return open_files_camera(rest, clock);
-    throw ConfigError({}, "camera \"" + uri + "\": there is no backend \"" + backend +
-                              "\"; there are genicam and files");
+        throw ConfigError({}, "camera \"" + uri +
+                                  "\": must be genicam:ID-or-IP, v4l2:DEVICE, libcamera:ID or "
+                                  "files:FOLDER");
+    for (const Backend& backend : known) {
+        if (name != backend.name)
+            continue;
+        if (!backend.open)
+            throw ConfigError({}, "camera \"" + uri + "\": " + name + " is " + backend.detail);
+        return backend.open(rest, link, clock);
+    }
+    throw ConfigError({}, "camera \"" + uri + "\": there is no backend \"" + name +
+                              "\"; there are " + names(known));
+}
+
+void Camera::reconnect(Instant, std::stop_token) {
+    throw DeviceError("camera " + identity().uri, "reconnect", "it is none that can come back");
 }
 
 }  // namespace etalon

@@ -63,6 +63,22 @@ const char* name(FrameStatus status) {
     return "unknown";
 }
 
+const char* name(TimeSource source) {
+    switch (source) {
+        case TimeSource::request:
+            return "request";
+        case TimeSource::device_clock:
+            return "device clock";
+        case TimeSource::driver_start:
+            return "driver, start";
+        case TimeSource::driver_end:
+            return "driver, end";
+        case TimeSource::recording:
+            return "recording";
+    }
+    return "unknown";
+}
+
 CodeImage read_image(const std::filesystem::path& path) {
     cv::Mat image = read_any(path);
     if (image.channels() == 3)

@@ -6,10 +6,13 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 
 #include "core/clock.h"
+#include "core/mosaic.h"
 
 namespace etalon {
 
@@ -35,22 +38,43 @@ enum class FrameStatus {
 };
 const char* name(FrameStatus status);
 
-// The settings of an exposure, as read back from the device.
+// The settings of an exposure: as asked for, and as read back from the device.
 struct CaptureSettings {
-    int width = 0, height = 0;              // px; 0 leaves the device's own
-    int bits = 8;                           // bits per pixel, monochrome
+    int width = 0, height = 0;  // px; 0 leaves the device's own
+    int bits = 8;               // per pixel; 0: as many as `format` has
+    // The device's own name of its pixel format ("GREY", "Y12P", "Mono12p"); empty: a monochrome
+    // one that holds `bits`. Of colour images the luma is kept, of a mosaic the raw pixels.
+    std::string format;
     std::chrono::microseconds exposure{0};  // 0 leaves the device's own
     double gain_db = 0.0;
+    std::optional<double> black_level;  // in the device's unit; nothing leaves its own
+    // What starts an exposure, by the device's own name ("Software", "Line1"), or "none" for a
+    // camera that runs freely; empty: by software, and freely where the device has no trigger.
+    std::string trigger;
+    std::map<std::string, double> controls;  // further ones by the device's name, in its unit
 };
+
+// How the station knows when an exposure began.
+enum class TimeSource {
+    request,       // between asking for the frame and its arrival
+    device_clock,  // the device's own clock, mapped to the station's
+    driver_start,  // the driver's stamp at the start of the exposure or of the readout
+    driver_end,    // the driver's stamp when the frame had arrived, less what came before
+    recording,     // not at all: the image was taken some time ago
+};
+const char* name(TimeSource source);
 
 struct Frame {
     CodeImage image;  // empty unless the status is complete
+    Mosaic mosaic = Mosaic::none;
     FrameStatus status = FrameStatus::timed_out;
     std::string status_detail;              // the driver's own words, for the record
     std::uint64_t id = 0;                   // the device's frame counter
     Instant exposure_start{};               // on the station's clock
-    Duration exposure_start_uncertainty{};  // of the mapping from the device's clock
-    CaptureSettings settings;               // in force during the exposure
+    Duration exposure_start_uncertainty{};  // the exposure began within +- this
+    TimeSource time_source = TimeSource::request;
+    std::uint64_t device_time_ns = 0;  // the frame's stamp as the device gave it; 0: none
+    CaptureSettings settings;          // in force during the exposure
 };
 
 // Reads and writes PNG and TIFF by the file's extension. An image is 8 or 16 bit, one channel; a

@@ -1,0 +1,80 @@
+// The pixel formats that cameras send, and unpacking them into code values: one table for all
+// backends, with each format's name in GenICam (PFNC), V4L2 and libcamera. Codes are kept as they
+// are: nothing is scaled, and a Bayer mosaic stays one; of YUV formats the luma is kept.
+//
+// Layouts: GenICam Pixel Format Naming Convention 2.1; GigE Vision 1.2 for Mono10Packed and
+// Mono12Packed; the kernel's "Luma-Only Formats" and "Raw Bayer Formats" (MIPI CSI-2 packing).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "core/image.h"
+
+namespace etalon {
+
+// How codes lie in memory. Bits are counted from the least significant one of a byte.
+enum class PixelPacking {
+    bytes,        // one byte a pixel; of NV12 the plane of the luma
+    words_low,    // 16-bit words, the code in the low bits
+    words_high,   // 16-bit words, the code in the high bits
+    bit_stream,   // PFNC "p": codes one after the other, low bits first, across bytes
+    gige_pairs,   // GigE Vision "Packed": high bits | low bits of both | high bits, in 3 bytes
+    mipi_csi2,    // the high 8 bits of 4 (10 bits) or 2 (12 bits) pixels, then their low bits
+    luma_first,   // YUYV: every other byte, from the first
+    luma_second,  // UYVY: every other byte, from the second
+    jpeg,         // compressed: pixels are not the sensor's codes
+};
+
+struct PixelFormat {
+    std::string_view pfnc;        // "Mono12p"; empty where GenICam has no such format
+    std::uint32_t pfnc_code = 0;  // 0x010C0047, as in a GigE Vision leader; 0: none
+    std::string_view v4l2;        // the four characters, "Y10 "; followed by "-BE" if big-endian
+    std::string_view libcamera;   // "R10", as PixelFormat::toString() has it
+    PixelPacking packing = PixelPacking::bytes;
+    int bits = 8;             // of a code: 8, or 9..16 where the packing holds more than bytes
+    std::string_view mosaic;  // "RGGB": first two pixels of the first two lines; empty: none
+    bool big_endian = false;  // of 16-bit words
+
+    std::string_view name() const { return !pfnc.empty() ? pfnc : v4l2; }
+    bool lossy() const { return packing == PixelPacking::jpeg; }
+};
+
+// The table. A row may be copied and altered for a camera that departs from it, such as one that
+// sends 12 bits in the high bits of Mono16.
+std::span<const PixelFormat> pixel_formats();
+
+// Null where the table has none of that name.
+const PixelFormat* find_pfnc_format(std::string_view name);
+const PixelFormat* find_pfnc_format(std::uint32_t code);
+const PixelFormat* find_v4l2_format(std::string_view characters);
+const PixelFormat* find_libcamera_format(std::string_view name);
+
+// Bytes that the pixels of one line take, without padding; 0 for compressed formats.
+std::size_t line_bytes(const PixelFormat& format, int width);
+
+// An image as it came. `bytes_per_line` is the distance of two lines' first bytes; 0 means that
+// they follow each other without a gap, which in the formats "p" and "Packed" may be in mid-byte.
+struct RawImage {
+    std::span<const std::uint8_t> data;
+    int width = 0, height = 0;  // px
+    std::size_t bytes_per_line = 0;
+};
+
+// Bytes that unpack() reads, for at least one pixel: up to the last pixel of the last line, whose
+// padding may be missing; 0 for compressed formats.
+std::size_t image_bytes(const PixelFormat& format, int width, int height,
+                        std::size_t bytes_per_line);
+
+// Unpacks into `image`, whose memory is used again where it fits, so pass an empty one if its
+// pixels were handed on. Returns what is wrong with the data, for a person to read, and leaves
+// `image` empty then; returns nothing when all is well. Codes above the full scale are possible in
+// words_low and left for the caller to judge. Cost: one pass, about that of copying the image; a
+// JPEG is decoded (about 5 ns a pixel), one that ends early is refused, other damage inside it
+// cannot be seen.
+[[nodiscard]] std::string unpack(const PixelFormat& format, const RawImage& raw, CodeImage& image);
+
+}  // namespace etalon

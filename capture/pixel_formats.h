@@ -18,7 +18,7 @@ namespace etalon {
 
 // How codes lie in memory. Bits are counted from the least significant one of a byte.
 enum class PixelPacking {
-    bytes,        // one byte a pixel; of NV12 the plane of the luma
+    bytes,        // one byte a pixel; of NV12 and NM12 the luma's plane
     words_low,    // 16-bit words, the code in the low bits
     words_high,   // 16-bit words, the code in the high bits
     bit_stream,   // PFNC "p": codes one after the other, low bits first, across bytes
@@ -35,8 +35,8 @@ struct PixelFormat {
     std::string_view v4l2;        // the four characters, "Y10 "; followed by "-BE" if big-endian
     std::string_view libcamera;   // "R10", as PixelFormat::toString() has it
     PixelPacking packing = PixelPacking::bytes;
-    int bits = 8;             // of a code: 8, or 9..16 where the packing holds more than bytes
-    std::string_view mosaic;  // "RGGB": first two pixels of the first two lines; empty: none
+    int bits = 8;  // of a code: 8, or 9..16 where the packing holds more than bytes
+    Mosaic mosaic = Mosaic::none;
     bool big_endian = false;  // of 16-bit words
 
     std::string_view name() const { return !pfnc.empty() ? pfnc : v4l2; }

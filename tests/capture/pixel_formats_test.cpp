@@ -193,7 +193,7 @@ TEST(PixelFormats, AreFoundByEachOfTheirNames) {
     EXPECT_EQ(find_v4l2_format("Y12 "), find_libcamera_format("R12"));
     EXPECT_EQ(find_v4l2_format("Y12 "), find_pfnc_format(0x01100005));
     ASSERT_TRUE(find_v4l2_format("BA10"));
-    EXPECT_EQ(find_v4l2_format("BA10")->mosaic, "GRBG");
+    EXPECT_EQ(find_v4l2_format("BA10")->mosaic, Mosaic::grbg);
     EXPECT_TRUE(find_v4l2_format("Y16 -BE")->big_endian);
     EXPECT_TRUE(find_v4l2_format("MJPG")->lossy());
     EXPECT_FALSE(find_pfnc_format(""));

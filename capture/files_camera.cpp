@@ -3,14 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <cctype>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "capture/frame_checks.h"
+#include "capture/recorded_frames.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -18,36 +16,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool is_image_name(const fs::path& path) {
-    std::string extension = path.extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    constexpr std::array<std::string_view, 5> known{".png", ".tif", ".tiff", ".jpg", ".jpeg"};
-    return std::find(known.begin(), known.end(), extension) != known.end();
-}
-
-// The folder's images in the order of their names; hidden files are none.
-std::vector<fs::path> images_in(const fs::path& folder) {
-    std::error_code error;
-    std::vector<fs::path> images;
-    fs::directory_iterator entries(folder, error);
-    for (; !error && entries != fs::directory_iterator(); entries.increment(error)) {
-        const fs::path& path = entries->path();
-        if (is_image_name(path) && path.filename().string().front() != '.')
-            images.push_back(path);
-    }
-    if (error)
-        throw ConfigError({folder.string()}, "cannot be read: " + error.message());
-    if (images.empty())
-        throw ConfigError({folder.string()}, "holds no PNG, TIFF or JPEG image");
-    std::sort(images.begin(), images.end());
-    return images;
-}
-
 class FilesCamera final : public Camera {
 public:
     FilesCamera(const fs::path& folder, Clock& clock)
-        : clock_(clock), name_("camera files:" + folder.string()), images_(images_in(folder)) {
+        : clock_(clock),
+          name_("camera files:" + folder.string()),
+          frames_(recorded_frames(folder)) {
         identity_.uri = "files:" + folder.string();
     }
 
@@ -59,6 +33,8 @@ public:
     CaptureStatistics statistics() const override { return statistics_; }
 
 private:
+    CaptureSettings recorded(int bits) const;
+    CodeImage image_of(const RecordedFrame& recorded) const;
     [[noreturn]] void fail(const std::string& request, const std::string& cause) const {
         throw DeviceError(name_, request, cause);
     }
@@ -66,30 +42,44 @@ private:
     Clock& clock_;
     std::string name_;  // for errors
     CameraIdentity identity_;
-    std::vector<fs::path> images_;
+    std::vector<RecordedFrame> frames_;
     std::size_t next_ = 0;
     std::optional<CaptureSettings> settings_;
     bool armed_ = false;
     CaptureStatistics statistics_;
 };
 
+// What is known of the recording: from its log, and from its first image. A plain image file does
+// not say how many of its bits are used, so `bits` is believed; 0 means all.
+CaptureSettings FilesCamera::recorded(int bits) const {
+    const auto first = std::find_if(frames_.begin(), frames_.end(),
+                                    [](const RecordedFrame& f) { return !f.path.empty(); });
+    if (first == frames_.end())
+        fail("configure", "no frame of the recording is complete");
+    const CodeImage image = read_image(first->path);
+    CaptureSettings settings = first->settings;
+    if (!first->has_settings)
+        settings.bits = bits == 0 ? image.bits : bits;
+    settings.width = image.pixels.cols;
+    settings.height = image.pixels.rows;
+    if (!bits_fit_depth(settings.bits, image.pixels.depth()))
+        fail(fmt::format("set {} bits a pixel", settings.bits),
+             fmt::format("the recording has {}-bit files", image.bits));
+    if (settings.format.empty())
+        settings.format = image.pixels.depth() == CV_8U ? "Mono8" : "Mono16";
+    return settings;
+}
+
 CaptureSettings FilesCamera::configure(const CaptureSettings& wanted) {
     if (armed_)
         fail("configure", "the camera is armed");
-    const CodeImage first = read_image(images_.front());
-    CaptureSettings actual;
-    actual.width = first.pixels.cols;
-    actual.height = first.pixels.rows;
-    actual.bits = wanted.bits;
-    if ((wanted.width && wanted.width != actual.width) ||
-        (wanted.height && wanted.height != actual.height))
-        fail(fmt::format("set image size {}x{}", wanted.width, wanted.height),
-             fmt::format("the recording has {}x{}", actual.width, actual.height));
-    if (!bits_fit_depth(wanted.bits, first.pixels.depth()))
-        fail(fmt::format("set {} bits a pixel", wanted.bits),
-             fmt::format("the recording has {}-bit files", first.bits));
-    if (wanted.exposure.count() != 0 || wanted.gain_db != 0.0)
-        fail("set exposure and gain", "a recording cannot be exposed again: ask for 0 and 0");
+    settings_.reset();
+    const CaptureSettings actual = recorded(wanted.bits);
+    CaptureSettings comparable = wanted;
+    if (wanted.gain_db == 0.0)  // a recording's own
+        comparable.gain_db = actual.gain_db;
+    if (const auto difference = first_difference(comparable, actual, 0.5))
+        fail(difference->request, "a recording cannot be taken again: " + difference->cause);
     settings_ = actual;
     return actual;
 }
@@ -100,28 +90,36 @@ void FilesCamera::arm() {
     armed_ = true;
 }
 
+CodeImage FilesCamera::image_of(const RecordedFrame& recorded) const {
+    CodeImage image{read_image(recorded.path).pixels, settings_->bits};
+    if (image.pixels.cols != settings_->width || image.pixels.rows != settings_->height ||
+        !bits_fit_depth(settings_->bits, image.pixels.depth()) || exceeds_full_scale(image))
+        fail("take a frame", fmt::format("{} is not {}x{} with {} bits", recorded.path.string(),
+                                         settings_->width, settings_->height, settings_->bits));
+    return image;
+}
+
 Frame FilesCamera::frame_after(Instant t, int, std::stop_token stop) {
     if (!armed_)
         fail("take a frame", "the camera is not armed");
     wait_until_after(clock_, t, stop);
-    if (next_ == images_.size())
-        fail("take a frame", fmt::format("all {} images were shown", images_.size()));
+    if (next_ == frames_.size())
+        fail("take a frame", fmt::format("all {} images were shown", frames_.size()));
 
-    const fs::path& path = images_[next_];
+    const RecordedFrame& recorded = frames_[next_];
     Frame frame;
-    frame.image = {read_image(path).pixels, settings_->bits};
-    if (frame.image.pixels.cols != settings_->width ||
-        frame.image.pixels.rows != settings_->height ||
-        !bits_fit_depth(settings_->bits, frame.image.pixels.depth()) ||
-        exceeds_full_scale(frame.image))
-        fail("take a frame", fmt::format("{} is not {}x{} with {} bits", path.string(),
-                                         settings_->width, settings_->height, settings_->bits));
-    frame.status = FrameStatus::complete;
-    frame.status_detail = path.filename().string();
-    frame.id = ++next_;
+    if (!recorded.path.empty())
+        frame.image = image_of(recorded);
+    frame.status = recorded.status;
+    frame.status_detail =
+        recorded.has_settings ? recorded.status_detail : recorded.path.filename().string();
+    frame.id = recorded.id;
     frame.exposure_start = clock_.now();
-    frame.settings = *settings_;
-    ++statistics_.delivered;
+    frame.time_source = TimeSource::recording;
+    frame.settings = recorded.has_settings ? recorded.settings : *settings_;
+    frame.settings.format = settings_->format;
+    ++next_;
+    ++(frame.status == FrameStatus::complete ? statistics_.delivered : statistics_.rejected);
     return frame;
 }
 

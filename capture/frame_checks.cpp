@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/errors.h"
@@ -27,22 +28,79 @@ bool exceeds_full_scale(const CodeImage& image) {
     return highest > image.full_scale();
 }
 
-std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
-                                                  const CaptureSettings& actual,
-                                                  double exposure_step_us) {
+namespace {
+
+using Difference = std::optional<SettingDifference>;
+
+bool nearly_equal(double a, double b) {
+    return std::abs(a - b) <= 1e-6 * std::max(std::abs(a), std::abs(b));
+}
+
+Difference image_difference(const CaptureSettings& wanted, const CaptureSettings& actual) {
     if ((wanted.width && wanted.width != actual.width) ||
         (wanted.height && wanted.height != actual.height))
         return SettingDifference{fmt::format("set image size {}x{}", wanted.width, wanted.height),
                                  fmt::format("the device uses {}x{}", actual.width, actual.height)};
-    const double exposure_error =
+    if (wanted.bits && wanted.bits != actual.bits)
+        return SettingDifference{fmt::format("set {} bits a pixel", wanted.bits),
+                                 fmt::format("the device uses {}", actual.bits)};
+    if (!wanted.format.empty() && wanted.format != actual.format)
+        return SettingDifference{"set pixel format " + wanted.format,
+                                 "the device uses " + actual.format};
+    return std::nullopt;
+}
+
+Difference exposure_difference(const CaptureSettings& wanted, const CaptureSettings& actual,
+                               double step_us) {
+    const double error_us =
         std::abs(static_cast<double>((actual.exposure - wanted.exposure).count()));
-    if (wanted.exposure.count() && exposure_error > exposure_step_us)
+    if (wanted.exposure.count() && error_us > step_us)
         return SettingDifference{fmt::format("set exposure {} us", wanted.exposure.count()),
                                  fmt::format("the device uses {} us", actual.exposure.count())};
+    if (!wanted.trigger.empty() && wanted.trigger != actual.trigger)
+        return SettingDifference{
+            "set trigger " + wanted.trigger,
+            "the device uses " + (actual.trigger.empty() ? "none" : actual.trigger)};
+    return std::nullopt;
+}
+
+Difference level_difference(const CaptureSettings& wanted, const CaptureSettings& actual) {
     if (!(std::abs(actual.gain_db - wanted.gain_db) <= 0.05))
         return SettingDifference{fmt::format("set gain {} dB", wanted.gain_db),
                                  fmt::format("the device uses {} dB", actual.gain_db)};
+    if (wanted.black_level &&
+        !(actual.black_level && nearly_equal(*wanted.black_level, *actual.black_level)))
+        return SettingDifference{fmt::format("set black level {}", *wanted.black_level),
+                                 actual.black_level
+                                     ? fmt::format("the device uses {}", *actual.black_level)
+                                     : "the device has none"};
     return std::nullopt;
+}
+
+Difference control_difference(const CaptureSettings& wanted, const CaptureSettings& actual) {
+    for (const auto& [control, value] : wanted.controls) {
+        const auto found = actual.controls.find(control);
+        if (found == actual.controls.end() || !nearly_equal(found->second, value))
+            return SettingDifference{fmt::format("set {} to {}", control, value),
+                                     found == actual.controls.end()
+                                         ? "the device has no such control"
+                                         : fmt::format("the device uses {}", found->second)};
+    }
+    return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
+                                                  const CaptureSettings& actual,
+                                                  double exposure_step_us) {
+    if (auto difference = image_difference(wanted, actual))
+        return difference;
+    if (auto difference = exposure_difference(wanted, actual, exposure_step_us))
+        return difference;
+    if (auto difference = level_difference(wanted, actual))
+        return difference;
+    return control_difference(wanted, actual);
 }
 
 void wait_until_after(Clock& clock, Instant t, std::stop_token stop) {

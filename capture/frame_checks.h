@@ -29,9 +29,10 @@ struct SettingDifference {
     std::string cause;    // "the device uses 2 dB"
 };
 
-// The first of size, exposure and gain that differs: exposure by more than `exposure_step_us`, gain
-// by more than 0.05 dB (cameras' coarsest usual step is 0.1 dB). Wishes of 0 for size and exposure
-// are none.
+// The first that differs of size, bits, format, exposure, gain, black level, trigger and further
+// controls: exposure by more than `exposure_step_us`, gain by more than 0.05 dB (cameras' coarsest
+// usual step is 0.1 dB), black level and controls by more than 1e-6 of themselves. Wishes of 0 for
+// size, bits and exposure, and empty ones, are none.
 std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
                                                   const CaptureSettings& actual,
                                                   double exposure_step_us);

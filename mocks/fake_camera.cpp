@@ -1,5 +1,6 @@
 #include "mocks/fake_camera.h"
 
+#include "capture/frame_checks.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -8,8 +9,9 @@ void FakeCamera::fail(const std::string& request, const std::string& cause) cons
     throw DeviceError("camera fake", request, cause);
 }
 
-void FakeCamera::require_alive(const std::string& request) const {
-    if (triggers_left == 0)
+void FakeCamera::require_alive(const std::string& request) {
+    lost_ = lost_ || unplugged || triggers_left == 0;
+    if (lost_)
         fail(request, "the camera is lost");
 }
 
@@ -17,9 +19,14 @@ CaptureSettings FakeCamera::configure(const CaptureSettings& wanted) {
     require_alive("configure");
     if (armed)
         fail("configure", "the camera is armed");
+    configured = false;
     settings = wanted;
+    if (settings.format.empty())
+        settings.format = wanted.bits <= 8 ? "Mono8" : "Mono16";
     if (alter_settings)
         alter_settings(settings);
+    if (const auto difference = first_difference(wanted, settings, 0.5))
+        fail(difference->request, difference->cause);
     configured = true;
     return settings;
 }
@@ -47,6 +54,16 @@ Frame FakeCamera::frame_after(Instant t, int retries, std::stop_token stop) {
         ++statistics_.rejected;
     }
     return frame;
+}
+
+void FakeCamera::reconnect(Instant deadline, std::stop_token stop) {
+    if (unplugged || triggers_left == 0) {
+        if (!clock_.wait_until(deadline, stop))
+            throw Interrupted();
+        fail("reconnect", "the camera is lost");
+    }
+    lost_ = false;
+    ++statistics_.reconnects;
 }
 
 Frame FakeCamera::triggered(Instant t) {

@@ -1,5 +1,6 @@
 // A camera without a device, for unit tests of whatever uses one: pictures come from a callback,
-// and every failure happens when the test says so. Takes any settings. For one thread.
+// and every failure happens when the test says so. Takes any settings unless alter_settings makes
+// it another. For one thread.
 #pragma once
 
 #include <deque>
@@ -23,13 +24,16 @@ public:
     void arm() override;
     Frame frame_after(Instant t, int retries, std::stop_token stop) override;
     void disarm() noexcept override { armed = false; }
+    void reconnect(Instant deadline, std::stop_token stop) override;
     CaptureStatistics statistics() const override { return statistics_; }
 
     // What becomes of the next triggers, in order; afterwards all are complete.
     std::deque<FrameStatus> script;
     // Triggers until the camera is gone and every call throws DeviceError; negative: never.
     int triggers_left = -1;
-    // How far a device's settings differ from what was asked, before they are read back.
+    bool unplugged = false;  // now: gone until this is false again and reconnect() was called
+    // How far a device's settings differ from what was asked, before they are read back and
+    // compared.
     std::function<void(CaptureSettings&)> alter_settings;
 
     // What happened so far.
@@ -41,11 +45,12 @@ public:
 
 private:
     [[noreturn]] void fail(const std::string& request, const std::string& cause) const;
-    void require_alive(const std::string& request) const;
+    void require_alive(const std::string& request);
     Frame triggered(Instant t);
 
     Picture picture_;
     Clock& clock_;
+    bool lost_ = false;
     CaptureStatistics statistics_;
 };
 

@@ -122,6 +122,62 @@ TEST_F(FilesCameraTest, RefusesAFolderWithoutImagesAndAMissingOne) {
     EXPECT_THROW(open_files_camera(folder_ / "missing", clock_), ConfigError);
 }
 
+// A line of events.jsonl as a run writes it (docs/files.md).
+std::string frame_line(const std::string& file, const std::string& status, int id) {
+    return R"({"t":1.5,"event":"frame","pose":0,"file":")" + file + R"(","status":")" + status +
+           R"(","status_detail":"as recorded","device_id":)" + std::to_string(id) +
+           R"(,"settings":{"width":7,"height":5,"bits":12,"exposure_us":7000,"gain_db":3.0}})"
+           "\n";
+}
+
+TEST_F(FilesCameraTest, ReplaysARecordWithItsBadFramesCountersAndSettings) {
+    fs::create_directory(folder_ / "frames");
+    add("frames/0001_0.png", 7, 5, CV_16UC1, 4001);
+    add("frames/0000_0.png", 7, 5, CV_16UC1, 4000);
+    std::ofstream(folder_ / "events.jsonl")
+        << R"({"t":0.1,"event":"capture","detail":""})"
+        << "\n"
+        << frame_line("frames/0001_0.png", "complete", 41) << frame_line("", "corrupt", 42)
+        << frame_line("frames/0000_0.png", "complete", 47) << "{\"t\":3, \"eve";
+    CaptureSettings wanted;
+    wanted.bits = 12;
+    wanted.exposure = 7000us;
+    auto camera = armed(wanted);
+    const Frame first = camera->frame_after(clock_.now(), 0, {});
+    EXPECT_EQ(first.image.pixels.at<std::uint16_t>(0, 0), 4001);
+    EXPECT_EQ(first.image.bits, 12);
+    EXPECT_EQ(first.id, 41u);
+    EXPECT_EQ(first.settings.exposure, 7000us);
+    EXPECT_EQ(first.settings.gain_db, 3.0);
+    EXPECT_EQ(first.time_source, TimeSource::recording);
+    const Frame bad = camera->frame_after(clock_.now(), 5, {});
+    EXPECT_EQ(bad.status, FrameStatus::corrupt);
+    EXPECT_EQ(bad.status_detail, "as recorded");
+    EXPECT_TRUE(bad.image.pixels.empty());
+    EXPECT_EQ(next_value(*camera), 4000);
+    EXPECT_THROW(camera->frame_after(clock_.now(), 0, {}), DeviceError);
+    EXPECT_EQ(camera->statistics().delivered, 2);
+    EXPECT_EQ(camera->statistics().rejected, 1);
+    camera->disarm();
+    wanted.exposure = 9000us;
+    EXPECT_THROW(camera->configure(wanted), DeviceError);
+}
+
+TEST_F(FilesCameraTest, NamesTheLineOfADamagedRecord) {
+    for (const std::string& damage :
+         {std::string("not JSON\n"), frame_line("../else.png", "complete", 1),
+          std::string("{\"event\":\"frame\"}\n")}) {
+        std::ofstream(folder_ / "events.jsonl")
+            << frame_line("a.png", "complete", 1) << damage << frame_line("b.png", "complete", 2);
+        try {
+            open_files_camera(folder_.path(), clock_);
+            ADD_FAILURE() << damage;
+        } catch (const ConfigError& error) {
+            EXPECT_EQ(error.place().line, 2) << error.what();
+        }
+    }
+}
+
 TEST_F(FilesCameraTest, GivesNoFrameUnarmed) {
     add("a.png", 7, 5, CV_8UC1, 10);
     auto camera = open_files_camera(folder_.path(), clock_);

@@ -68,11 +68,37 @@ TEST(SettingDifference, IsFoundInSizeExposureAndGain) {
     EXPECT_FALSE(first_difference(wanted, longer, 7.0)) << "within the device's own step";
 }
 
+TEST(SettingDifference, IsFoundInFormatBlackLevelTriggerAndControls) {
+    CaptureSettings wanted;
+    wanted.bits = 12;
+    wanted.format = "Mono12p";
+    wanted.black_level = 7.0;
+    wanted.trigger = "Line1";
+    wanted.controls = {{"Gamma", 0.7}, {"Sharpness", 0.0}};
+    EXPECT_FALSE(first_difference(wanted, wanted, 0.5));
+    CaptureSettings shallow = wanted, packed = wanted, darker = wanted, unknown = wanted,
+                    free = wanted, sharper = wanted, without = wanted;
+    shallow.bits = 10;
+    packed.format = "Mono12Packed";
+    darker.black_level = 5.0;
+    unknown.black_level.reset();
+    free.trigger = "none";
+    sharper.controls["Sharpness"] = 3.0;
+    without.controls.erase("Gamma");
+    for (const CaptureSettings& actual : {shallow, packed, darker, unknown, free, sharper, without})
+        EXPECT_TRUE(first_difference(wanted, actual, 0.5));
+    EXPECT_EQ(first_difference(wanted, unknown, 0.5)->cause, "the device has none");
+    EXPECT_EQ(first_difference(wanted, sharper, 0.5)->cause, "the device uses 3");
+}
+
 TEST(SettingDifference, IgnoresWhatWasLeftToTheDevice) {
     CaptureSettings actual;
     actual.width = 67;
     actual.height = 41;
     actual.exposure = std::chrono::microseconds(7000);
+    actual.format = "Mono8";
+    actual.black_level = 7.0;
+    actual.trigger = "Software";
     EXPECT_FALSE(first_difference({}, actual, 0.5));
 }
 

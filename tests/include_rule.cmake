@@ -11,7 +11,7 @@ set(allowed_stage   core stage)
 set(allowed_compare core calib sim compare)
 set(allowed_station core calib sim capture stage compare station)
 set(allowed_mocks   core calib sim capture stage mocks)
-set(allowed_bench   core calib sim compare bench)
+set(allowed_bench   core calib sim capture compare bench)
 
 set(sdk_headers "arv\\.h|libcamera/|linux/videodev2\\.h|modbus|apriltag|tag[0-9A-Za-z]+h[0-9]+\\.h|opencv2/aruco|opencv2/objdetect|yaml-cpp|nlohmann|CLI/|ceres/")
 

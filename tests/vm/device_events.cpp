@@ -1,0 +1,76 @@
+#include "tests/vm/device_events.h"
+
+#include <linux/netlink.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+#include "core/clock.h"
+#include "core/errors.h"
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+constexpr std::chrono::seconds patience(20);
+
+// Words that end with a zero byte, "KEY=value" among others (udev's binary header).
+DeviceEvents::Properties properties_of(const std::string& message) {
+    DeviceEvents::Properties out;
+    for (const std::string& word : split(message, '\0'))
+        if (const std::size_t equals = word.find('='); equals != std::string::npos)
+            out[word.substr(0, equals)] = word.substr(equals + 1);
+    return out;
+}
+
+}  // namespace
+
+DeviceEvents::DeviceEvents(From from)
+    : socket_(socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_KOBJECT_UEVENT)) {
+    sockaddr_nl name{};
+    name.nl_family = AF_NETLINK;
+    name.nl_groups = static_cast<unsigned>(from);
+    if (socket_ < 0 || bind(socket_, reinterpret_cast<sockaddr*>(&name), sizeof name) != 0)
+        throw DeviceError("device events", "listen", std::strerror(errno));
+}
+
+DeviceEvents::~DeviceEvents() {
+    close(socket_);
+}
+
+DeviceEvents::Properties DeviceEvents::next(const std::string& action,
+                                            const std::string& subsystem) {
+    SteadyClock clock;
+    const Instant deadline = clock.now() + patience;
+    while (true) {
+        const auto left =
+            std::chrono::ceil<std::chrono::milliseconds>(deadline - clock.now()).count();
+        pollfd wanted{socket_, POLLIN, 0};
+        if (left <= 0 || poll(&wanted, 1, static_cast<int>(left)) <= 0)
+            throw DeviceError("device events", "wait for " + action + " of " + subsystem,
+                              "none in 20 s");
+        std::array<char, 8192> buffer{};
+        const ssize_t size = recv(socket_, buffer.data(), buffer.size(), 0);
+        if (size <= 0)
+            continue;
+        Properties properties = properties_of({buffer.data(), static_cast<std::size_t>(size)});
+        if (properties["ACTION"] == action && properties["SUBSYSTEM"] == subsystem)
+            return properties;
+    }
+}
+
+std::string next_video_device(DeviceEvents& events) {
+    while (true) {
+        auto properties = events.next("add", "video4linux");
+        std::ifstream index("/sys" + properties["DEVPATH"] + "/index");  // none: gone again
+        if (int number = -1; index >> number && number == 0)
+            return "/dev/" + properties["DEVNAME"];
+    }
+}
+
+}  // namespace etalon

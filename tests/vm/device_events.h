@@ -1,0 +1,35 @@
+// What the kernel says about devices that come and go, for tests that plug them in and wait.
+// Source: Linux, Documentation/core-api/kobject.rst (uevents); netlink(7).
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <string>
+
+namespace etalon {
+
+class DeviceEvents {
+public:
+    // From udev, once its database knows the device, or straight from the kernel.
+    enum class From { kernel = 1, udev = 2 };
+
+    // Listens from now on, so it is made before the device is plugged in.
+    explicit DeviceEvents(From from);
+    ~DeviceEvents();
+    DeviceEvents(const DeviceEvents&) = delete;
+    DeviceEvents& operator=(const DeviceEvents&) = delete;
+
+    using Properties = std::map<std::string, std::string>;
+
+    // The properties of the next event of this kind ("add", "video4linux"); waits up to 20 s.
+    // Throws DeviceError when there is none.
+    Properties next(const std::string& action, const std::string& subsystem);
+
+private:
+    int socket_ = -1;
+};
+
+// The path of the first camera ("/dev/video0") that comes next: its pictures, not its metadata.
+std::string next_video_device(DeviceEvents& events);
+
+}  // namespace etalon

@@ -5,12 +5,14 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
+#include <utility>
 
-#include "core/clock.h"
 #include "core/errors.h"
 #include "core/text.h"
 
@@ -43,25 +45,36 @@ DeviceEvents::~DeviceEvents() {
     close(socket_);
 }
 
+std::optional<DeviceEvents::Properties> DeviceEvents::receive(Instant deadline) {
+    SteadyClock clock;
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - clock.now());
+    pollfd wanted{socket_, POLLIN, 0};
+    if (left.count() <= 0 || poll(&wanted, 1, static_cast<int>(left.count())) <= 0)
+        return std::nullopt;
+    std::array<char, 8192> buffer{};
+    const ssize_t size = recv(socket_, buffer.data(), buffer.size(), 0);
+    return properties_of({buffer.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0))});
+}
+
 DeviceEvents::Properties DeviceEvents::next(const std::string& action,
                                             const std::string& subsystem) {
-    SteadyClock clock;
-    const Instant deadline = clock.now() + patience;
-    while (true) {
-        const auto left =
-            std::chrono::ceil<std::chrono::milliseconds>(deadline - clock.now()).count();
-        pollfd wanted{socket_, POLLIN, 0};
-        if (left <= 0 || poll(&wanted, 1, static_cast<int>(left)) <= 0)
+    const auto is_wanted = [&](Properties& event) {
+        return event["ACTION"] == action && event["SUBSYSTEM"] == subsystem;
+    };
+    const Instant deadline = SteadyClock().now() + patience;
+    auto found = std::find_if(kept_.begin(), kept_.end(), is_wanted);
+    while (found == kept_.end()) {
+        auto event = receive(deadline);
+        if (!event)
             throw DeviceError("device events", "wait for " + action + " of " + subsystem,
                               "none in 20 s");
-        std::array<char, 8192> buffer{};
-        const ssize_t size = recv(socket_, buffer.data(), buffer.size(), 0);
-        if (size <= 0)
-            continue;
-        Properties properties = properties_of({buffer.data(), static_cast<std::size_t>(size)});
-        if (properties["ACTION"] == action && properties["SUBSYSTEM"] == subsystem)
-            return properties;
+        kept_.push_back(std::move(*event));
+        if (is_wanted(kept_.back()))
+            found = std::prev(kept_.end());
     }
+    Properties event = std::move(*found);
+    kept_.erase(found);
+    return event;
 }
 
 std::string next_video_device(DeviceEvents& events) {
@@ -69,7 +82,7 @@ std::string next_video_device(DeviceEvents& events) {
         auto properties = events.next("add", "video4linux");
         std::ifstream index("/sys" + properties["DEVPATH"] + "/index");  // none: gone again
         if (int number = -1; index >> number && number == 0)
-            return "/dev/" + properties["DEVNAME"];
+            return (std::filesystem::path("/dev") / properties["DEVNAME"]).string();
     }
 }
 

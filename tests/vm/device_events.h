@@ -2,9 +2,12 @@
 // Source: Linux, Documentation/core-api/kobject.rst (uevents); netlink(7).
 #pragma once
 
-#include <chrono>
+#include <list>
 #include <map>
+#include <optional>
 #include <string>
+
+#include "core/clock.h"
 
 namespace etalon {
 
@@ -21,12 +24,15 @@ public:
 
     using Properties = std::map<std::string, std::string>;
 
-    // The properties of the next event of this kind ("add", "video4linux"); waits up to 20 s.
-    // Throws DeviceError when there is none.
+    // The properties of the next event of this kind ("add", "video4linux"); those of other kinds
+    // are kept for other calls. Waits up to 20 s. Throws DeviceError when there is none.
     Properties next(const std::string& action, const std::string& subsystem);
 
 private:
+    std::optional<Properties> receive(Instant deadline);
+
     int socket_ = -1;
+    std::list<Properties> kept_;
 };
 
 // The path of the first camera ("/dev/video0") that comes next: its pictures, not its metadata.

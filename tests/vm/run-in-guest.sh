@@ -34,10 +34,10 @@ done
 shift $((OPTIND - 1))
 [ $# -gt 0 ] || { echo "usage: run-in-guest.sh [-m MODULE]... [-t SECONDS] [-v] COMMAND..." >&2; exit 2; }
 
-PATH=$PATH:/usr/sbin:/sbin
+PATH=$PATH:/usr/sbin:/sbin:/lib/systemd
 [ "$(uname -m)" = x86_64 ] || skip "the guest runs this machine's programs, and knows x86_64 only"
 for tool in qemu-system-x86_64:qemu-system-x86 busybox:busybox-static modprobe:kmod cpio:cpio \
-        apt-get:apt dpkg-deb:dpkg; do
+        systemd-udevd:udev apt-get:apt dpkg-deb:dpkg; do
     command -v "${tool%%:*}" >/dev/null || skip "${tool%%:*} is missing (package ${tool#*:})"
 done
 

@@ -105,7 +105,7 @@ struct UsbCamera::Session {
         parity = !parity;
         sent = 0;
         exposed = now + exposure.time;
-        next_exposure = now + std::chrono::seconds(1) / camera.options_.frames_per_second;
+        next_exposure = now + Duration(std::chrono::seconds(1)) / camera.options_.frames_per_second;
         if (camera.truncate_next_.exchange(false))
             frame.resize(frame.size() / 2);
     }

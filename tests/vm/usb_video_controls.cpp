@@ -66,9 +66,10 @@ std::int32_t decoded(std::span<const std::uint8_t> bytes, bool with_sign) {
 
 }  // namespace
 
-UsbVideoControls::UsbVideoControls() {
+UsbVideoControls::UsbVideoControls(int sharpness) {
     for (const Control& control : table)
         values_.push_back(control.initial);
+    values_[sharpness_index] = sharpness;
 }
 
 std::optional<std::vector<std::uint8_t>> UsbVideoControls::get(int entity, int selector,

@@ -13,7 +13,7 @@ namespace etalon {
 
 class UsbVideoControls {
 public:
-    UsbVideoControls();
+    explicit UsbVideoControls(int sharpness);
 
     // The answer to GET_xxx `request` of the selector of an entity; nothing: unknown, refused.
     std::optional<std::vector<std::uint8_t>> get(int entity, int selector, int request) const;

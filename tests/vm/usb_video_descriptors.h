@@ -22,6 +22,7 @@ struct UsbCameraOptions {
     std::vector<cv::Size> sizes{{640, 480}, {320, 200}};  // px, each format has all of them
     int frames_per_second = 30;
     std::string serial = "USB7";
+    int sharpness = 3;  // after power-up, 0..7; 0 is neutral
 };
 
 // Entities of the camera's control interface, and where things are.

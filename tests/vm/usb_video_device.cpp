@@ -26,7 +26,8 @@ std::size_t clamped_index(int index, std::size_t count) {
 
 }  // namespace
 
-UsbVideoDevice::UsbVideoDevice(UsbCameraOptions options) : options_(std::move(options)) {}
+UsbVideoDevice::UsbVideoDevice(UsbCameraOptions options)
+    : options_(std::move(options)), controls_(options_.sharpness) {}
 
 StreamMode UsbVideoDevice::mode() const {
     return {options_.formats[format_index_ - 1], options_.sizes[size_index_ - 1]};

@@ -8,6 +8,9 @@
 #ifdef ETALON_HAVE_ARAVIS
 #include "capture/genicam_camera.h"
 #endif
+#ifdef ETALON_HAVE_LIBCAMERA
+#include "capture/libcamera_camera.h"
+#endif
 
 namespace etalon {
 namespace {
@@ -29,6 +32,18 @@ Backend genicam() {
 #endif
 }
 
+Backend libcamera() {
+#ifdef ETALON_HAVE_LIBCAMERA
+    return {"libcamera", libcamera_sdk_version(), list_libcamera_cameras,
+            [](const std::string& id, const CameraLink& link, Clock& clock) {
+                return open_libcamera_camera(id, link, clock);
+            }};
+#else
+    return {
+        "libcamera", "left out: libcamera was not found when this program was configured", {}, {}};
+#endif
+}
+
 Backend files() {
     return {"files",
             "replays the images of a folder or of a recorded run: files:FOLDER",
@@ -39,10 +54,7 @@ Backend files() {
 }
 
 std::vector<Backend> backends() {
-    return {genicam(),
-            files(),
-            {"v4l2", "not built yet", {}, {}},
-            {"libcamera", "not built yet", {}, {}}};
+    return {genicam(), files(), {"v4l2", "not built yet", {}, {}}, libcamera()};
 }
 
 std::string names(const std::vector<Backend>& known) {

@@ -17,6 +17,7 @@ pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)
 
 pkg_check_modules(MODBUS REQUIRED IMPORTED_TARGET libmodbus>=3.1.6)
 pkg_check_modules(ARAVIS IMPORTED_TARGET aravis-0.8)
+pkg_check_modules(LIBCAMERA IMPORTED_TARGET libcamera)
 
 if(NOT TARGET yaml-cpp::yaml-cpp)
     add_library(yaml-cpp::yaml-cpp ALIAS yaml-cpp)   # the target's name before yaml-cpp 0.8
@@ -29,3 +30,6 @@ target_link_libraries(etalon_opencv INTERFACE ${OpenCV_LIBS})
 
 set(ETALON_HAVE_ARAVIS ${ARAVIS_FOUND})
 message(STATUS "Aravis (GenICam cameras): ${ARAVIS_FOUND} ${ARAVIS_VERSION}")
+
+set(ETALON_HAVE_LIBCAMERA ${LIBCAMERA_FOUND})
+message(STATUS "libcamera: ${LIBCAMERA_FOUND} ${LIBCAMERA_VERSION}")

@@ -17,6 +17,7 @@ std::vector<SoftwareVersion> software_versions() {
         {"oneTBB", ETALON_TBB_VERSION},
         {"libmodbus", ETALON_MODBUS_VERSION},
         {"Aravis", ETALON_ARAVIS_VERSION},
+        {"libcamera", ETALON_LIBCAMERA_VERSION},
         {"yaml-cpp", ETALON_YAML_VERSION},
         {"compiler", ETALON_COMPILER},
     };

@@ -1,0 +1,499 @@
+#include "capture/libcamera_camera.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <future>
+#include <memory>
+#include <optional>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "capture/libcamera_support.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+
+constexpr int settling_frames = 20;  // a pipeline delays settings by 2 to 10 frames
+constexpr int warm_up_frames = 2;    // the first one may have begun before the stream did
+constexpr milliseconds stop_patience{2000};
+constexpr milliseconds reopen_pause{250};
+
+// Carries out what may take as long as a driver likes. False if it still runs after `patience`:
+// then it goes on in the background with what it holds.
+bool done_within(Duration patience, std::function<void()> call) noexcept {
+    const auto job = std::make_shared<std::function<void()>>(std::move(call));
+    const auto done = std::make_shared<std::promise<void>>();
+    std::future<void> is_done = done->get_future();
+    const auto run = [job, done] {
+        (*job)();
+        *job = nullptr;
+        done->set_value();
+    };
+    try {
+        std::thread(run).detach();
+    } catch (const std::system_error&) {
+        run();  // no thread is to be had: patience is not, either
+    }
+    return is_done.wait_for(patience) == std::future_status::ready;
+}
+
+class LibcameraCamera final : public Camera {
+public:
+    LibcameraCamera(const std::string& id, const CameraLink& link, Clock& clock,
+                    LibcameraOpener open);
+    ~LibcameraCamera() override { let_go(); }
+    LibcameraCamera(const LibcameraCamera&) = delete;
+    LibcameraCamera& operator=(const LibcameraCamera&) = delete;
+
+    const CameraIdentity& identity() const override { return identity_; }
+    CameraAbilities abilities() const override;
+    CaptureSettings configure(const CaptureSettings& wanted) override;
+    void arm() override;
+    Frame frame_after(Instant t, int retries, std::stop_token stop) override;
+    void disarm() noexcept override;
+    void reconnect(Instant deadline, std::stop_token stop) override;
+    CaptureStatistics statistics() const override { return statistics_; }
+    std::vector<std::string> remarks() const override { return remarks_; }
+
+private:
+    [[noreturn]] void fail(const std::string& request, const std::string& cause) const;
+    void refuse_if(const std::optional<SettingDifference>& difference) const;
+    [[noreturn]] void lose(const std::string& request, const std::string& cause);
+    void require_alive(const std::string& request) const;
+
+    void apply(const CaptureSettings& wanted);
+    void apply_format(const CaptureSettings& wanted);
+    void require_mentioned(const CaptureSettings& wanted) const;
+    void write_remarks();
+    CaptureSettings with_metadata(CaptureSettings settings, const LibcameraValues& metadata) const;
+    double exposure_step_us() const;
+
+    void start_stream();
+    void settle();
+    bool settled() const;
+    LibcameraFrame next_while_settling();
+    void restart_stream();
+    void stop_stream() noexcept;
+    void let_go() noexcept;
+    void reopen(Instant deadline, std::stop_token stop);
+
+    Frame fresh_frame(Instant t, std::stop_token stop);
+    FrameTiming::Start placed(const LibcameraFrame& raw);
+    Frame judged(const LibcameraFrame& raw, const FrameTiming::Start& start);
+    void unpack_into(Frame& frame, const LibcameraFrame& raw) const;
+
+    std::string id_;
+    std::string name_;  // for errors
+    CameraLink link_;
+    Clock& clock_;
+    LibcameraOpener open_;
+    std::shared_ptr<LibcameraDevice> device_;
+    CameraIdentity identity_;
+
+    bool configured_ = false;
+    CaptureSettings wanted_, settings_;  // asked for, in force
+    const PixelFormat* format_ = nullptr;
+    LibcameraStream stream_;
+    LibcameraPlan plan_;
+    LibcameraValues metadata_;  // of the latest frame
+    std::vector<std::string> remarks_;
+
+    bool streaming_ = false;
+    bool stalled_ = false;  // nothing came in time
+    FrameTiming timing_;
+    CaptureStatistics statistics_;
+
+    // Nothing works any more until reconnect() has brought back what there was.
+    bool lost_ = false;
+    bool was_configured_ = false, was_armed_ = false;  // before a reconnect() that failed
+};
+
+LibcameraCamera::LibcameraCamera(const std::string& id, const CameraLink& link, Clock& clock,
+                                 LibcameraOpener open)
+    : id_(id),
+      name_("camera libcamera:" + id),
+      link_(link),
+      clock_(clock),
+      open_(std::move(open)),
+      device_(open_(id)),
+      identity_(device_->identity()) {}
+
+// ---- errors --------------------------------------------------------------------------------
+
+void LibcameraCamera::fail(const std::string& request, const std::string& cause) const {
+    throw DeviceError(name_, request, cause);
+}
+
+void LibcameraCamera::refuse_if(const std::optional<SettingDifference>& difference) const {
+    if (difference)
+        fail(difference->request, difference->cause);
+}
+
+void LibcameraCamera::lose(const std::string& request, const std::string& cause) {
+    lost_ = true;
+    fail(request, cause);
+}
+
+void LibcameraCamera::require_alive(const std::string& request) const {
+    if (lost_ || device_->disconnected())
+        fail(request, "the camera is gone");
+}
+
+// ---- abilities and settings ----------------------------------------------------------------
+
+CameraAbilities LibcameraCamera::abilities() const {
+    require_alive("read abilities");
+    CameraAbilities abilities;
+    for (const LibcameraFormat& offered : device_->formats()) {
+        const PixelFormat* known = find_libcamera_format(offered.name);
+        abilities.formats.push_back({offered.name, "", known ? known->bits : 0, offered.sizes});
+    }
+    for (const auto& [control, range] : device_->controls()) {
+        const auto now = metadata_.find(control);
+        abilities.controls.push_back({control,
+                                      now == metadata_.end() ? "" : fmt::format("{}", now->second),
+                                      control == "ExposureTime" ? "us" : "",
+                                      range.low,
+                                      range.high,
+                                      {},
+                                      {},
+                                      false});
+    }
+    return abilities;
+}
+
+CaptureSettings LibcameraCamera::configure(const CaptureSettings& wanted) {
+    require_alive("configure");
+    if (streaming_)
+        fail("configure", "the camera is armed");
+    configured_ = false;
+    try {
+        apply(wanted);
+    } catch (const Error&) {
+        stop_stream();
+        throw;
+    }
+    stop_stream();
+    wanted_ = wanted;
+    configured_ = true;
+    return settings_;
+}
+
+void LibcameraCamera::apply(const CaptureSettings& wanted) {
+    if (wanted.black_level)
+        fail("set black level", "libcamera cannot set it");
+    if (!wanted.trigger.empty() && wanted.trigger != "none")
+        fail("set trigger " + wanted.trigger, "libcamera's cameras run freely: only none");
+    apply_format(wanted);
+    LibcameraPlanning planning = plan_libcamera_controls(wanted, device_->controls());
+    refuse_if(planning.difference);
+    plan_ = std::move(planning.plan);
+    start_stream();
+    require_mentioned(wanted);
+    settings_ = with_metadata(wanted, metadata_);
+    settings_.width = stream_.size.width;
+    settings_.height = stream_.size.height;
+    settings_.bits = wanted.bits ? wanted.bits : format_->bits;
+    settings_.format = stream_.format;
+    settings_.trigger = "none";
+    refuse_if(first_difference(wanted, settings_, exposure_step_us()));
+    write_remarks();
+}
+
+void LibcameraCamera::apply_format(const CaptureSettings& wanted) {
+    const std::vector<LibcameraFormat> offered = device_->formats();
+    format_ = choose_libcamera_format(wanted, offered);
+    if (!format_) {
+        std::string names;
+        for (const LibcameraFormat& format : offered)
+            names += (names.empty() ? "" : ", ") + format.name;
+        fail(fmt::format("set pixel format {} of {} bits",
+                         wanted.format.empty() ? "(monochrome)" : wanted.format, wanted.bits),
+             "the camera has " + names);
+    }
+    const cv::Size size(wanted.width, wanted.height);
+    const std::string name(format_->libcamera);
+    stream_ = device_->configure(name, size);
+    refuse_if(stream_difference(name, size, stream_));
+}
+
+// What was asked for must be read back; a gain of 0 dB, which is none, need not.
+void LibcameraCamera::require_mentioned(const CaptureSettings& wanted) const {
+    for (const auto& [control, value] : plan_.asked) {
+        const bool needless = control == "AnalogueGain" && wanted.gain_db == 0.0;
+        if (!needless && !metadata_.count(control))
+            fail(fmt::format("set {} {}", control, value),
+                 "the frames' metadata do not mention it, so nobody knows what the camera does");
+    }
+}
+
+void LibcameraCamera::write_remarks() {
+    remarks_ = plan_.remarks;
+    std::string unmentioned;
+    for (const LibcameraValues& values : {plan_.automatics, plan_.asked})
+        for (const auto& [control, value] : values) {
+            const auto actual = metadata_.find(control);
+            if (actual == metadata_.end())
+                unmentioned += (unmentioned.empty() ? "" : ", ") + control;
+            else if (contradicted({{control, value}}, metadata_, exposure_step_us()))
+                remarks_.push_back(fmt::format("{} stays at {}: it cannot be switched off", control,
+                                               actual->second));
+        }
+    if (!unmentioned.empty())
+        remarks_.push_back("set but not read back, since the frames' metadata do not mention it: " +
+                           unmentioned);
+    if (stream_.limited_range)
+        remarks_.push_back(stream_.format + " has codes from 16 to 235 only (limited range)");
+}
+
+CaptureSettings LibcameraCamera::with_metadata(CaptureSettings settings,
+                                               const LibcameraValues& metadata) const {
+    for (auto& [control, value] : settings.controls)
+        if (const auto actual = metadata.find(control); actual != metadata.end())
+            value = actual->second;
+    if (const auto exposure = metadata.find("ExposureTime"); exposure != metadata.end())
+        settings.exposure = microseconds(std::llround(exposure->second));
+    if (const auto gain = metadata.find("AnalogueGain"); gain != metadata.end())
+        settings.gain_db = gain_db(gain->second);
+    return settings;
+}
+
+// A rolling shutter exposes in steps of a line's readout, and a frame takes at least as many of
+// them as it has lines.
+double LibcameraCamera::exposure_step_us() const {
+    const std::chrono::duration<double, std::micro> period = timing_.period().value_or(Duration(0));
+    return std::max(0.5, period.count() / stream_.size.height);
+}
+
+// ---- stream --------------------------------------------------------------------------------
+
+void LibcameraCamera::arm() {
+    require_alive("arm");
+    if (!configured_)
+        fail("arm", "the camera is not configured");
+    if (streaming_)
+        return;
+    try {
+        start_stream();
+    } catch (const Error&) {
+        stop_stream();
+        throw;
+    }
+}
+
+// Returns when the settings are in force.
+void LibcameraCamera::start_stream() {
+    timing_ = {};
+    stalled_ = false;
+    streaming_ = true;
+    device_->start({plan_.automatics, plan_.asked});
+    settle();
+    refuse_if(contradicted(plan_.asked, metadata_, exposure_step_us()));
+}
+
+void LibcameraCamera::settle() {
+    for (int frames = 1; frames <= settling_frames; ++frames) {
+        const LibcameraFrame raw = next_while_settling();
+        placed(raw);
+        metadata_ = raw.metadata;
+        device_->give_back(raw.buffer);
+        if (frames >= warm_up_frames && settled())
+            return;
+    }
+}
+
+bool LibcameraCamera::settled() const {
+    return !contradicted(plan_.asked, metadata_, exposure_step_us()) &&
+           !contradicted(plan_.automatics, metadata_, exposure_step_us());
+}
+
+LibcameraFrame LibcameraCamera::next_while_settling() {
+    auto raw = device_->next(link_.frame_timeout, {});
+    if (device_->disconnected())
+        lose("start the stream", "the camera is gone");
+    if (!raw)
+        fail("start the stream", fmt::format("no frame within {} ms", link_.frame_timeout.count()));
+    if (raw->status == LibcameraFrame::Status::cancelled)
+        fail("start the stream", "libcamera cancels the requests: the driver refuses a control");
+    return *raw;
+}
+
+void LibcameraCamera::stop_stream() noexcept {
+    if (!std::exchange(streaming_, false))
+        return;
+    if (device_ && !done_within(stop_patience, [device = device_] { device->stop(); })) {
+        lost_ = true;
+        device_.reset();  // it is the background's now
+    }
+}
+
+void LibcameraCamera::let_go() noexcept {
+    streaming_ = false;
+    if (device_)
+        done_within(stop_patience, [device = std::move(device_)]() mutable { device.reset(); });
+}
+
+void LibcameraCamera::disarm() noexcept {
+    was_armed_ = false;
+    stop_stream();
+}
+
+// ---- a camera that comes back --------------------------------------------------------------
+
+void LibcameraCamera::reconnect(Instant deadline, std::stop_token stop) {
+    was_configured_ = was_configured_ || configured_;
+    was_armed_ = was_armed_ || streaming_;
+    const CaptureSettings wanted = wanted_, before = settings_;
+    lost_ = true;
+    let_go();
+    reopen(deadline, stop);
+    lost_ = false;
+    try {
+        if (was_configured_) {
+            configure(wanted);
+            refuse_if(first_difference(before, settings_, exposure_step_us()));
+        }
+        if (was_armed_)
+            arm();
+    } catch (const Error&) {
+        lost_ = true;
+        throw;
+    }
+    was_configured_ = was_armed_ = false;
+    ++statistics_.reconnects;
+}
+
+void LibcameraCamera::reopen(Instant deadline, std::stop_token stop) {
+    for (;;) {
+        try {
+            device_ = open_(id_);
+            break;
+        } catch (const DeviceError&) {
+            if (clock_.now() >= deadline)
+                throw;
+        }
+        if (!clock_.wait_until(std::min(deadline, clock_.now() + reopen_pause), stop))
+            throw Interrupted();
+    }
+    if (device_->identity().model != identity_.model)
+        fail("reconnect", fmt::format("there is a {} now, it was a {}", device_->identity().model,
+                                      identity_.model));
+}
+
+// ---- frames --------------------------------------------------------------------------------
+
+Frame LibcameraCamera::frame_after(Instant t, int retries, std::stop_token stop) {
+    require_alive("take a frame");
+    if (!streaming_)
+        fail("take a frame", "the camera is not armed");
+    Frame frame;
+    for (int attempt = 0; attempt <= retries; ++attempt) {
+        frame = fresh_frame(t, stop);
+        if (frame.status == FrameStatus::complete) {
+            ++statistics_.delivered;
+            return frame;
+        }
+        ++statistics_.rejected;
+    }
+    return frame;
+}
+
+Frame LibcameraCamera::fresh_frame(Instant t, std::stop_token stop) {
+    if (stalled_)
+        restart_stream();
+    wait_until_after(clock_, t, stop);
+    const Instant deadline = clock_.now() + link_.frame_timeout;
+    for (Instant now = clock_.now(); now < deadline; now = clock_.now()) {
+        const auto raw = device_->next(deadline - now, stop);
+        if (!raw)
+            break;
+        if (raw->status == LibcameraFrame::Status::cancelled)
+            lose("take a frame", "libcamera cancelled the request: the camera is gone");
+        const FrameTiming::Start start = placed(*raw);
+        const bool fresh = !start.fault.empty() || start.earliest > t;
+        const Frame frame = fresh ? judged(*raw, start) : Frame();
+        device_->give_back(raw->buffer);
+        if (fresh)
+            return frame;
+        ++statistics_.rejected;
+    }
+    if (device_->disconnected())
+        lose("take a frame", "the camera is gone");
+    stalled_ = true;
+    Frame frame;
+    frame.status_detail = fmt::format("no frame within {} ms", link_.frame_timeout.count());
+    return frame;
+}
+
+// A driver whose device has gone may say so only now.
+void LibcameraCamera::restart_stream() {
+    device_->stop();
+    try {
+        start_stream();
+    } catch (const DeviceError&) {
+        lost_ = true;
+        throw;
+    }
+}
+
+FrameTiming::Start LibcameraCamera::placed(const LibcameraFrame& raw) {
+    const KernelTime now = device_->time();
+    return timing_.place(raw, now, clock_.now());
+}
+
+Frame LibcameraCamera::judged(const LibcameraFrame& raw, const FrameTiming::Start& start) {
+    if (const auto changed = contradicted(plan_.asked, raw.metadata, exposure_step_us()))
+        fail("take a frame", "it was told to " + changed->request + ": " + changed->cause);
+    Frame frame;
+    frame.id = raw.sequence;
+    frame.mosaic = format_->mosaic;
+    frame.settings = with_metadata(settings_, raw.metadata);
+    frame.time_source = TimeSource::driver_start;
+    frame.device_time_ns = static_cast<std::uint64_t>(raw.timestamp_ns.value_or(0));
+    frame.status = FrameStatus::corrupt;
+    frame.status_detail = start.fault;
+    if (!start.fault.empty())
+        return frame;
+    frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
+    frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
+    if (raw.status == LibcameraFrame::Status::error)
+        frame.status_detail = "libcamera flags the frame as damaged";
+    else
+        unpack_into(frame, raw);
+    return frame;
+}
+
+void LibcameraCamera::unpack_into(Frame& frame, const LibcameraFrame& raw) const {
+    const RawImage image{raw.data, settings_.width, settings_.height, stream_.bytes_per_line};
+    const std::size_t needed =
+        image_bytes(*format_, image.width, image.height, image.bytes_per_line);
+    frame.status_detail = unpack(*format_, image, frame.image);
+    if (!frame.status_detail.empty()) {
+        frame.status = raw.data.size() < needed ? FrameStatus::short_frame : FrameStatus::corrupt;
+        return;
+    }
+    frame.status = FrameStatus::complete;
+    frame.image.bits = settings_.bits;
+    const bool full =
+        format_->packing == PixelPacking::words_low || settings_.bits != format_->bits;
+    if (full && exceeds_full_scale(frame.image))
+        fail("take a frame",
+             fmt::format("a code is above {}: the device does not send {} bits in the low bits of "
+                         "a pixel",
+                         frame.image.full_scale(), settings_.bits));
+}
+
+}  // namespace
+
+std::unique_ptr<Camera> open_libcamera_camera(const std::string& id, const CameraLink& link,
+                                              Clock& clock, LibcameraOpener open) {
+    return std::make_unique<LibcameraCamera>(id, link, clock, std::move(open));
+}
+
+}  // namespace etalon

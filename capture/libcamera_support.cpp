@@ -1,0 +1,207 @@
+#include "capture/libcamera_support.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+namespace etalon {
+namespace {
+
+struct Neutral {
+    const char* control;
+    double value;
+};
+
+// libcamera's definitions of the controls say these values. Modes: manual or off.
+constexpr std::array<Neutral, 14> neutral_values = {{
+    {"AeEnable", 0},
+    {"ExposureTimeMode", 1},
+    {"AnalogueGainMode", 1},
+    {"AeFlickerMode", 0},
+    {"AwbEnable", 0},
+    {"AfMode", 0},
+    {"HdrMode", 0},
+    {"WdrMode", 0},
+    {"NoiseReductionMode", 0},
+    {"Sharpness", 0},
+    {"Brightness", 0},
+    {"Contrast", 1},
+    {"Saturation", 1},
+    {"Gamma", 1},
+}};
+
+struct Asked {
+    std::string control;
+    double value;
+    std::string request;  // "set exposure 5000 us"
+};
+
+std::vector<Asked> asked_values(const CaptureSettings& wanted) {
+    std::vector<Asked> asked;
+    const auto exposure_us = static_cast<double>(wanted.exposure.count());
+    if (exposure_us != 0.0)
+        asked.push_back(
+            {"ExposureTime", exposure_us, fmt::format("set exposure {} us", exposure_us)});
+    asked.push_back({"AnalogueGain", gain_factor(wanted.gain_db),
+                     fmt::format("set gain {} dB", wanted.gain_db)});
+    for (const auto& [control, value] : wanted.controls)
+        asked.push_back({control, value, fmt::format("set {} {}", control, value)});
+    return asked;
+}
+
+std::optional<double> value_in(const LibcameraValues& values, const char* control) {
+    const auto found = values.find(control);
+    return found == values.end() ? std::nullopt : std::optional(found->second);
+}
+
+bool inside(double value, const LibcameraRange& range) {
+    return value >= range.low && value <= range.high;
+}
+
+// What the difference between two readings of one control may be: the step of the exposure, that of
+// the gain (0.05 dB), else rounding to the sensor's own steps.
+double tolerance(const std::string& control, double value, double exposure_step_us) {
+    if (control == "ExposureTime")
+        return exposure_step_us;
+    if (control == "AnalogueGain")
+        return value * (gain_factor(0.05) - 1.0);
+    return 0.005 * std::abs(value);
+}
+
+}  // namespace
+
+// ---- formats -------------------------------------------------------------------------------
+
+const PixelFormat* choose_libcamera_format(const CaptureSettings& wanted,
+                                           const std::vector<LibcameraFormat>& offered) {
+    const PixelFormat* chosen = nullptr;
+    for (const LibcameraFormat& format : offered) {
+        const PixelFormat* known = find_libcamera_format(format.name);
+        if (!known || known->bits < wanted.bits)
+            continue;
+        if (format.name == wanted.format)
+            return known;
+        const bool same_container = (known->bits <= 8) == (wanted.bits <= 8);
+        const bool monochrome = known->mosaic == Mosaic::none && !known->lossy();
+        if (wanted.format.empty() && same_container && monochrome &&
+            (!chosen || known->bits < chosen->bits))
+            chosen = known;
+    }
+    return chosen;
+}
+
+std::optional<SettingDifference> stream_difference(const std::string& format, cv::Size size,
+                                                   const LibcameraStream& stream) {
+    if (stream.format != format)
+        return SettingDifference{"set pixel format " + format,
+                                 "libcamera adjusts it to " + stream.format};
+    if ((size.width && size.width != stream.size.width) ||
+        (size.height && size.height != stream.size.height))
+        return SettingDifference{
+            fmt::format("set image size {}x{}", size.width, size.height),
+            fmt::format("libcamera adjusts it to {}x{}", stream.size.width, stream.size.height)};
+    return std::nullopt;
+}
+
+// ---- controls ------------------------------------------------------------------------------
+
+LibcameraPlanning plan_libcamera_controls(const CaptureSettings& wanted,
+                                          const std::map<std::string, LibcameraRange>& offered) {
+    LibcameraPlan plan;
+    for (const auto& [control, neutral] : neutral_values) {
+        const auto range = offered.find(control);
+        if (range == offered.end() || wanted.controls.count(control))
+            continue;
+        const double nearest = std::clamp(neutral, range->second.low, range->second.high);
+        plan.automatics[control] = nearest;
+        if (nearest != neutral)
+            plan.remarks.push_back(
+                fmt::format("{} stays at {}: it cannot be switched off", control, nearest));
+    }
+    for (const auto& [control, value, request] : asked_values(wanted)) {
+        const auto range = offered.find(control);
+        const bool wish_for_nothing = control == "AnalogueGain" && wanted.gain_db == 0.0;
+        if (range == offered.end()) {
+            if (wish_for_nothing)
+                continue;
+            return {plan, SettingDifference{request, "the camera has no control " + control}};
+        }
+        if (!inside(value, range->second))
+            return {plan, SettingDifference{
+                              request, fmt::format("{} can be {} to {}, not {}", control,
+                                                   range->second.low, range->second.high, value)}};
+        plan.asked[control] = value;
+    }
+    return {plan, std::nullopt};
+}
+
+std::optional<SettingDifference> contradicted(const LibcameraValues& asked,
+                                              const LibcameraValues& metadata,
+                                              double exposure_step_us) {
+    for (const auto& [control, value] : asked) {
+        const auto actual = metadata.find(control);
+        if (actual != metadata.end() &&
+            !(std::abs(actual->second - value) <= tolerance(control, value, exposure_step_us)))
+            return SettingDifference{fmt::format("set {} {}", control, value),
+                                     fmt::format("the frames say {}", actual->second)};
+    }
+    return std::nullopt;
+}
+
+double gain_factor(double gain_db) {
+    return std::pow(10.0, gain_db / 20.0);
+}
+
+double gain_db(double gain_factor) {
+    return 20.0 * std::log10(gain_factor);
+}
+
+// ---- time ----------------------------------------------------------------------------------
+
+SensorClock::Age SensorClock::age(std::int64_t stamp_ns, const KernelTime& now) {
+    using std::chrono::nanoseconds;
+    constexpr nanoseconds too_short_to_tell = std::chrono::seconds(1);
+    const nanoseconds suspended(now.boot_ns - now.monotonic_ns);
+    counts_suspension_ = counts_suspension_ || stamp_ns > now.monotonic_ns;
+    const std::int64_t reference = counts_suspension_ ? now.boot_ns : now.monotonic_ns;
+    return {nanoseconds(reference - stamp_ns),
+            suspended < too_short_to_tell ? std::max(suspended, nanoseconds(0)) : nanoseconds(0)};
+}
+
+// The unknown beginning of a frame without a predecessor lies at the beginning of time: it is never
+// fresh.
+Duration FrameTiming::longest_exposure(const LibcameraFrame& frame) const {
+    if (const auto exposure = value_in(frame.metadata, "ExposureTime"))
+        return std::chrono::microseconds(std::llround(*exposure));
+    return period_.value_or(Duration::max());
+}
+
+FrameTiming::Start FrameTiming::place(const LibcameraFrame& frame, const KernelTime& now,
+                                      Instant station_now) {
+    if (!frame.timestamp_ns)
+        return {"the frame has no SensorTimestamp"};
+    const Stamp stamp{frame.sequence, *frame.timestamp_ns};
+    const std::optional<Stamp> before = std::exchange(last_, stamp);
+    if (before && stamp.time_ns <= before->time_ns)
+        return {fmt::format("stamped {} ns before the frame that came before it",
+                            before->time_ns - stamp.time_ns)};
+    if (const auto duration = value_in(frame.metadata, "FrameDuration"))
+        period_ = std::chrono::microseconds(std::llround(*duration));
+    else if (before && stamp.sequence == before->sequence + 1)
+        period_ = std::chrono::nanoseconds(stamp.time_ns - before->time_ns);
+
+    const SensorClock::Age stamped = clock_.age(stamp.time_ns, now);
+    if (stamped.age + stamped.uncertainty < Duration(0))
+        return {fmt::format("stamped {} ns in the future", -stamped.age.count())};
+    Start start;
+    start.latest = std::min(station_now - stamped.age + stamped.uncertainty, station_now);
+    const Duration exposure = longest_exposure(frame);
+    if (exposure != Duration::max())
+        start.earliest = station_now - stamped.age - stamped.uncertainty - exposure;
+    return start;
+}
+
+}  // namespace etalon

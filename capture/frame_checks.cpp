@@ -9,12 +9,25 @@
 
 namespace etalon {
 
+namespace {
+
+constexpr std::uint64_t wrapping_ids = 65535;  // 1..65535, then 1 again
+
+// Steps from `last` forward to `id`, both wrapping ones.
+std::uint64_t ahead(std::uint64_t last, std::uint64_t id) {
+    return (id + wrapping_ids - last) % wrapping_ids;
+}
+
+}  // namespace
+
 bool frame_id_advanced(std::uint64_t last, std::uint64_t id) {
-    constexpr std::uint64_t ids = 65535;  // 1..65535, then 1 again
-    if (last > ids || id > ids)
+    if (last > wrapping_ids || id > wrapping_ids)
         return id > last;
-    const std::uint64_t ahead = (id + ids - last) % ids;
-    return ahead > 0 && ahead <= ids / 2;
+    return ahead(last, id) > 0 && ahead(last, id) <= wrapping_ids / 2;
+}
+
+std::uint64_t frames_between(std::uint64_t last, std::uint64_t id) {
+    return (last > wrapping_ids || id > wrapping_ids ? id - last : ahead(last, id)) - 1;
 }
 
 bool bits_fit_depth(int bits, int cv_depth) {

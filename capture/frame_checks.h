@@ -16,6 +16,9 @@ namespace etalon {
 // counts as later. Ids above 65535 (GigE Vision 2 extended ids, USB3 Vision) never wrap.
 bool frame_id_advanced(std::uint64_t last, std::uint64_t id);
 
+// How many ids lie between frame `last` and the later frame `id`: frames that never came.
+std::uint64_t frames_between(std::uint64_t last, std::uint64_t id);
+
 // Whether the images' container can hold codes of `bits` bits: 8-bit pixels 1..8, 16-bit 9..16.
 bool bits_fit_depth(int bits, int cv_depth);
 

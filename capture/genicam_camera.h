@@ -1,19 +1,20 @@
-// GenICam cameras (GigE Vision, USB3 Vision) through Aravis 0.8, triggered by software.
+// GenICam cameras (GigE Vision, USB3 Vision) through Aravis 0.8: triggered by software, by a line,
+// or running freely.
 //
 // A GigE Vision camera reaches us over UDP, and every default of the transport was measured to fail
 // somewhere, so all of it is set here on purpose: the kernel's packet socket is not used (it binds
 // the wrong network card), the packet size is given and never negotiated, the receive buffer is
-// asked for in one piece, and the first frame after each start is thrown away. A frame is handed on
-// only if it is whole (the library calls truncated ones good, so sizes are compared), newer than
-// the last one, and answered a trigger that was sent after the moment asked for.
+// asked for in one piece, and the first frame after a start is thrown away.
 //
-// Time: the device's clock is not used. The exposure began between sending the trigger and the
-// frame's arrival; the middle and half the width of that interval are what a Frame says.
+// Freshness: a frame that answers a software trigger began between sending that trigger and its own
+// arrival. Of any other the device's clock must say so: it is read before each frame, and a stamp
+// may lie anywhere in the exposure. A device without a readable clock is stopped and started again
+// after the moment asked for. A frame whose stamp contradicts what the station saw (a clock that
+// was set, wrapped or went back) is `corrupt`, and a triggered one is dated by its trigger alone.
 //
 // Loss: a request to a device that has gone fails after the control protocol's own five tries of
 // 0.5 s, which no setting of the library shortens. From then on every call fails at once, and what
-// the library still wants to tell the device is told in the background. A lost camera is not opened
-// again by this class.
+// the library still wants to tell the device is told in the background. reconnect() makes all anew.
 #pragma once
 
 #include <memory>

@@ -1,15 +1,18 @@
 // A GigE Vision camera on 127.0.0.1 that shows the pictures it is given: Aravis' fake camera, which
-// speaks the real control and stream protocols over UDP, with our pixels in place of its pattern.
+// speaks the real control and stream protocols over UDP, with our pixels in place of its pattern
+// and a GenICam description of our own (mocks/gige_description.h).
 //
-// Settings: Width, Height, OffsetX, OffsetY, PixelFormat (Mono8, Mono16), ExposureTimeAbs (us) and
-// GainRaw (here: dB) can be set by the client; triggers are by software. Only one can exist on a
-// machine (GigE Vision's port is fixed: UDP 3956), and after a client that died its control is
-// free again 3 s later.
+// Settings: Width, Height, OffsetX, OffsetY, PixelFormat, ExposureTime (us), Gain (dB), BlackLevel
+// and AcquisitionFrameRate can be set by the client; it runs freely, or is triggered by software or
+// on Line1. Only one can exist on a machine (GigE Vision's port is fixed: UDP 3956), and after a
+// client that died its control is free again 3 s later.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "core/image.h"
 
@@ -17,9 +20,14 @@ namespace etalon {
 
 struct GigeCameraOptions {
     int width = 512, height = 384;  // px, of the sensor
-    int bits = 8;                   // <= 8: Mono8, more: Mono16
+    int bits = 8;                   // <= 8: starts with Mono8, more: with Mono16
     std::string serial = "TWIN";    // 1..15 characters
     double packet_loss = 0.0;       // part of the stream's packets that are dropped, 0..1
+    // By their names in PFNC. Packed ones need a number of pixels that fills whole bytes.
+    std::vector<std::string> formats = {"Mono8",    "Mono10",   "Mono12",       "Mono16",
+                                        "Mono10p",  "Mono12p",  "Mono12Packed", "Mono10Packed",
+                                        "BayerRG8", "BayerGB12"};
+    bool latches = false;  // whether the client can read the device's clock
 };
 
 class GigeCamera {
@@ -35,9 +43,23 @@ public:
     GigeCamera(const GigeCamera&) = delete;
     GigeCamera& operator=(const GigeCamera&) = delete;
 
-    // Fault: from now on the frames have another size, as after a change that the client did not
-    // ask for. At most the sensor's.
+    // An edge on the input Line1. Exposes, if the client chose that.
+    void pulse_line();
+
+    // ---- faults, from any thread
+
+    // From now on the frames have another size, as after a change that the client did not ask for.
+    // At most the sensor's.
     void change_size_unasked(int width, int height);
+    // Part of the packets that the next `frames` frames lose, in place of the options'.
+    void lose_packets(double part, int frames);
+    // The next `frames` frames are sent with their last line missing.
+    void cut_short(int frames);
+    // Neither frames nor answers from the next frame on, until thaw().
+    void freeze();
+    void thaw();
+    // The device's clock goes on from another time.
+    void jump_clock(std::chrono::nanoseconds by);
 
 private:
     struct Device;

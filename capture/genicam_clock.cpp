@@ -1,0 +1,69 @@
+#include "capture/genicam_clock.h"
+
+#include <arv.h>
+
+namespace etalon {
+namespace {
+
+constexpr std::chrono::milliseconds latch_timeout{50};
+
+struct LatchFeatures {
+    const char* command;
+    const char* value;
+    bool in_ticks;  // of GevTimestampTickFrequency, instead of ns
+};
+
+// SFNC 2, then GigE Vision 1.
+std::optional<LatchFeatures> latch_features(const GenicamDevice& device) {
+    for (const LatchFeatures& features :
+         {LatchFeatures{"TimestampLatch", "TimestampLatchValue", false},
+          LatchFeatures{"GevTimestampControlLatch", "GevTimestampValue", true}})
+        if (device.has(features.command) && device.has(features.value))
+            return features;
+    return std::nullopt;
+}
+
+std::uint64_t latched_value(const GenicamDevice& device, const LatchFeatures& features) {
+    return static_cast<std::uint64_t>(device.ask("read the latched time", [&](GError** e) {
+        return arv_camera_get_integer(device.camera(), features.value, e);
+    }));
+}
+
+std::uint64_t in_nanoseconds(const GenicamDevice& device, const LatchFeatures& features,
+                             std::uint64_t value) {
+    if (!features.in_ticks || !arv_camera_is_gv_device(device.camera()))
+        return value;
+    const guint64 frequency = device.ask("read the tick frequency", [&](GError** e) {
+        return arv_gv_device_get_timestamp_tick_frequency(
+            ARV_GV_DEVICE(arv_camera_get_device(device.camera())), e);
+    });
+    if (frequency == 0)
+        device.fail("read the tick frequency", "it is 0");
+    const std::uint64_t seconds = value / frequency, rest = value % frequency;
+    return seconds * 1'000'000'000 + rest * 1'000'000'000 / frequency;
+}
+
+}  // namespace
+
+// A device may take its time to latch, so the clock counts as read when the value has changed: it
+// lies between sending the command and seeing that.
+std::optional<GenicamClockReading> read_genicam_clock(const GenicamDevice& device,
+                                                      const Clock& clock) {
+    const auto features = latch_features(device);
+    if (!features)
+        return std::nullopt;
+    const std::uint64_t old_value = latched_value(device, *features);
+    const Instant before = clock.now();
+    device.ask("latch the device's clock", [&](GError** e) {
+        arv_camera_execute_command(device.camera(), features->command, e);
+    });
+    do {
+        const std::uint64_t value = latched_value(device, *features);
+        if (value != old_value)
+            return GenicamClockReading{in_nanoseconds(device, *features, value),
+                                       {before, clock.now()}};
+    } while (clock.now() < before + latch_timeout);
+    return std::nullopt;
+}
+
+}  // namespace etalon

@@ -1,0 +1,23 @@
+// What a GenICam device is told before a capture, and what it says of itself: pixel format, size,
+// exposure, gain, black level, trigger, further features; automatic and enhancing functions off.
+// Names follow SFNC 2; older names of exposure, gain and black level are known to the library.
+#pragma once
+
+#include "capture/genicam_device.h"
+#include "capture/pixel_formats.h"
+
+namespace etalon {
+
+struct GenicamCapture {
+    CaptureSettings settings;          // in force
+    const PixelFormat* format;         // of the pixels
+    std::size_t payload = 0;           // bytes of a frame
+    std::vector<std::string> remarks;  // what cannot be switched off
+};
+
+// Throws DeviceError when the device refuses a setting or uses another.
+GenicamCapture configure_genicam(const GenicamDevice& device, const CaptureSettings& wanted);
+
+CameraAbilities genicam_abilities(const GenicamDevice& device);
+
+}  // namespace etalon

@@ -10,31 +10,16 @@
 #include <numeric>
 #include <utility>
 
-#include "sim/tile_samples.h"
-
 namespace etalon {
-
-int floor_div(int a, int b) {
-    return a >= 0 ? a / b : -((b - 1 - a) / b);
-}
-
-cv::Rect cells_of(const cv::Rect& pixels, int size) {
-    if (pixels.empty())
-        return {};
-    const cv::Point first(floor_div(pixels.x, size), floor_div(pixels.y, size));
-    const cv::Point last(floor_div(pixels.br().x - 1, size), floor_div(pixels.br().y - 1, size));
-    return {first, last + cv::Point(1, 1)};
-}
-
-cv::Rect grown(const cv::Rect& rect, int x, int y) {
-    return {rect.x - x, rect.y - y, rect.width + 2 * x, rect.height + 2 * y};
-}
 
 namespace {
 
 // Outputs are made in blocks; neighbouring blocks that are not constant, up to a strip's width,
 // share one window of samples.
 constexpr int block = 16, strip = 4 * block;
+
+// A window's outputs are summed in parts, of which constant ones are left out again.
+constexpr int part_columns = 2 * block, part_rows = MirroredKernel::rows_at_once;
 
 // From the left end of a window's tiles to the first output's margin: less than a tile's outputs,
 // which are four at most.
@@ -121,52 +106,6 @@ MirroredKernel FilterKernel::view() const {
             first_pairs_.data()};
 }
 
-TileMap::TileMap(const cv::Rect& tiles)
-    : tiles_(tiles), values_(length(tiles.area())), refined_(length(tiles.area())) {}
-
-void TileMap::finish() {
-    counted_ = grown(tiles_, 1, 1);
-    const auto width = length(counted_.width), own_width = length(tiles_.width);
-    counts_.resize((width + 1) * length(counted_.height + 1));
-    std::fill_n(counts_.begin(), width + 1, 0);
-    // A row of tiles with the zeros beyond its ends, from the second value on, and the row above.
-    std::vector<float> here(width + 1), above(width + 1);
-    std::vector<unsigned char> differs(width);
-    for (std::size_t j = 0; j < length(counted_.height); ++j) {
-        const bool own = j > 0 && j <= length(tiles_.height);
-        if (own)
-            std::copy_n(&values_[(j - 1) * own_width], own_width, here.begin() + 2);
-        else
-            std::fill(here.begin(), here.end(), 0.0f);
-        for (std::size_t i = 0; i < width; ++i)
-            differs[i] = (here[i + 1] != here[i]) | (here[i + 1] != above[i + 1]);
-        if (own)
-            for (std::size_t i = 0; i < own_width; ++i)
-                differs[i + 1] |= refined_[(j - 1) * own_width + i];
-        const int* last = &counts_[j * (width + 1)];
-        int* sums = &counts_[(j + 1) * (width + 1)];
-        sums[0] = 0;
-        int row = 0;
-        for (std::size_t i = 0; i < width; ++i) {
-            row += differs[i];
-            sums[i + 1] = last[i + 1] + row;
-        }
-        here.swap(above);
-    }
-}
-
-bool TileMap::is_constant(const cv::Rect& part) const {
-    const cv::Rect inside = part & counted_;
-    if (inside.empty())
-        return true;
-    const auto sum = [&](int x, int y) {
-        return counts_[length(y - counted_.y) * length(counted_.width + 1) +
-                       length(x - counted_.x)];
-    };
-    const cv::Point a = inside.tl(), b = inside.br();
-    return sum(b.x, b.y) - sum(a.x, b.y) - sum(b.x, a.y) + sum(a.x, a.y) == 0;
-}
-
 namespace {
 
 // The work of one thread: fills and filters blocks.
@@ -212,6 +151,8 @@ private:
 
     void fill(const cv::Rect& outputs) {
         const cv::Rect part = outputs & region_;
+        if (part.empty())
+            return;
         const auto own = cells_of(part, outputs_per_tile_);
         const float value = field_.map.at(own.tl()) * static_cast<float>(kernel_.energy());
         if (value == 0.0f)
@@ -223,6 +164,18 @@ private:
 
     void filter(const cv::Rect& outputs) {
         const float* window = gather(outputs);
+        for (int y = 0; y < outputs.height; y += part_rows)
+            for (int x = 0; x < outputs.width; x += part_columns) {
+                const cv::Rect part(outputs.x + x, outputs.y + y,
+                                    std::min(part_columns, outputs.width - x), part_rows);
+                if (field_.map.is_constant(tiles_seen(part)))
+                    fill(part);
+                else
+                    filter_part(part, window + y * kernel_.k() * stride_ + x);
+            }
+    }
+
+    void filter_part(const cv::Rect& outputs, const float* window) {
         const cv::Rect part = outputs & region_;
         if (part == outputs) {
             float* to = out_.ptr<float>(part.y - region_.y) + (part.x - region_.x);
@@ -230,11 +183,11 @@ private:
                           static_cast<std::ptrdiff_t>(out_.step1()));
             return;
         }
-        float result[block * strip] = {};
+        float result[part_rows * part_columns] = {};
         add_convolved(kernel_.view(), window, stride_, outputs.width, outputs.height, result,
-                      strip);
+                      part_columns);
         for (int y = part.y; y < part.br().y; ++y) {
-            const float* from = result + (y - outputs.y) * strip + (part.x - outputs.x);
+            const float* from = result + (y - outputs.y) * part_columns + (part.x - outputs.x);
             float* to = out_.ptr<float>(y - region_.y) + (part.x - region_.x);
             for (int x = 0; x < part.width; ++x)
                 to[x] += from[x];
@@ -327,24 +280,6 @@ void add_filtered(const SampleField& field, const FilterKernel& kernel, const cv
         for (int j = rows.begin(); j < rows.end(); ++j)
             filter.filter_row(blocks.x * block, blocks.br().x * block, j * block);
     });
-}
-
-void add_core(const TileSamples& samples, const FilterKernel& core, const cv::Rect& region,
-              cv::Mat& difference) {
-    const cv::Rect tiles = samples.tiles_off_background();
-    TileMap map(tiles);
-    std::vector<const float*> values(static_cast<std::size_t>(tiles.area()));
-    for (int j = tiles.y; j < tiles.br().y; ++j)
-        for (int i = tiles.x; i < tiles.br().x; ++i)
-            if (samples.refined(i, j)) {
-                map.set(i, j, 0.0f, true);
-                values[map.index(i, j)] = samples.values(i, j);
-            } else {
-                map.set(i, j, samples.constant_value(i, j));
-            }
-    map.finish();
-    const SampleField field{map, UndistortionMap::tile_px * samples.k(), &values};
-    add_filtered(field, core, region, difference);
 }
 
 }  // namespace etalon

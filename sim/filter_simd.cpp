@@ -116,25 +116,25 @@ HWY_ATTR void SplitPhases(const float* from, int k, int rows, std::ptrdiff_t pha
         }
 }
 
-HWY_ATTR void AverageParts(const float* values, int k, float averages[16]) {
+HWY_ATTR void AverageParts(const float* values, int side, int parts, float* averages) {
     const hn::CappedTag<float, 4> d;
-    const int n = static_cast<int>(hn::Lanes(d));
-    constexpr int most_columns = 4 * 48;  // more samples a pixel than any plan takes
-    const float share = 1.0f / static_cast<float>(k * k);
-    for (int y = 0; y < 4; ++y, values += 4 * k * k) {
-        float columns[most_columns];
-        for (int x = 0; x < 4 * k; x += n) {
+    const int n = static_cast<int>(hn::Lanes(d)), part = side / parts;
+    constexpr int most = 4 * 48;  // more samples a tile side than any plan takes
+    const float share = 1.0f / static_cast<float>(part * part);
+    for (int y = 0; y < parts; ++y, values += part * side) {
+        float columns[most];
+        for (int x = 0; x < side; x += n) {
             auto column = hn::LoadU(d, values + x);
-            for (int row = 1; row < k; ++row)
-                column = hn::Add(column, hn::LoadU(d, values + row * 4 * k + x));
+            for (int row = 1; row < part; ++row)
+                column = hn::Add(column, hn::LoadU(d, values + row * side + x));
             hn::StoreU(column, d, columns + x);
         }
         const float* column = columns;
-        for (int x = 0; x < 4; ++x) {
+        for (int x = 0; x < parts; ++x) {
             float sum = 0.0f;
-            for (int i = 0; i < k; ++i)
+            for (int i = 0; i < part; ++i)
                 sum += *column++;
-            averages[4 * y + x] = sum * share;
+            *averages++ = sum * share;
         }
     }
 }
@@ -188,32 +188,84 @@ HWY_ATTR void interpolate(D d, const float* at, const float* weights, V& even, V
     odd = hn::MulAdd(w5, c1, hn::MulAdd(w4, c2, odd));
 }
 
-HWY_ATTR void AddInterpolated(const float* coarse, const float weights[6], int first, int last,
-                              float* out) {
+// Adds to `out`, or writes with the base added.
+template <bool add>
+HWY_ATTR void interpolate_row(const float* coarse, const float weights[6], int first, int last,
+                              float base, float* out) {
     const Vector16 d;
     const hn::CappedTag<float, 1> one;
     const int n = static_cast<int>(hn::Lanes(d));
     int f = first;
-    const auto add_one = [&]() HWY_ATTR {
+    const auto put_one = [&]() HWY_ATTR {
         hn::Vec<decltype(one)> even, odd;
         interpolate(one, coarse + (f >> 1), weights, even, odd);
         float* to = out + f - first;
-        hn::StoreU(hn::Add((f & 1) != 0 ? odd : even, hn::LoadU(one, to)), one, to);
+        const auto before = add ? hn::LoadU(one, to) : hn::Set(one, base);
+        hn::StoreU(hn::Add((f & 1) != 0 ? odd : even, before), one, to);
         ++f;
     };
     if ((f & 1) != 0 && f < last)
-        add_one();
+        put_one();
     for (; f + 2 * n <= last; f += 2 * n) {
-        hn::Vec<Vector16> even, odd;
+        hn::Vec<Vector16> even, odd, even_before = hn::Set(d, base), odd_before = even_before;
         interpolate(d, coarse + (f >> 1), weights, even, odd);
-        float fine[32];
-        hn::StoreInterleaved2(even, odd, d, fine);
         float* to = out + f - first;
-        hn::StoreU(hn::Add(hn::LoadU(d, fine), hn::LoadU(d, to)), d, to);
-        hn::StoreU(hn::Add(hn::LoadU(d, fine + n), hn::LoadU(d, to + n)), d, to + n);
+        if (add)
+            hn::LoadInterleaved2(d, to, even_before, odd_before);
+        hn::StoreInterleaved2(hn::Add(even, even_before), hn::Add(odd, odd_before), d, to);
     }
     while (f < last)
-        add_one();
+        put_one();
+}
+
+HWY_ATTR void AddInterpolated(const float* coarse, const float weights[6], int first, int last,
+                              float* out) {
+    interpolate_row<true>(coarse, weights, first, last, 0.0f, out);
+}
+
+HWY_ATTR void SetInterpolated(const float* coarse, const float weights[6], int first, int last,
+                              float base, float* out) {
+    interpolate_row<false>(coarse, weights, first, last, base, out);
+}
+
+// Pixel p of the cell between coarse samples i and i + 1 lies (p + 1/2) / g of the way. The cells'
+// first pixels stand at g/2, 3 g/2, ...
+template <bool add>
+HWY_ATTR void ramp_row(const float* coarse, int shift, int first, int last, float* out) {
+    const hn::CappedTag<float, 8> d;
+    const int n = static_cast<int>(hn::Lanes(d)), g = 1 << shift;
+    const float step = 1.0f / static_cast<float>(g);
+    const auto put_one = [&](int x) HWY_ATTR {
+        const int place = x - g / 2;
+        const float* from = coarse + (place >> shift);
+        const float way = (static_cast<float>(place & (g - 1)) + 0.5f) * step;
+        float& to = out[x - first];
+        to = from[0] + way * (from[1] - from[0]) + (add ? to : 0.0f);
+    };
+    int x = first;
+    while (x < last && ((x - g / 2) & (g - 1)) != 0)
+        put_one(x++);
+    const auto start = hn::Mul(hn::Add(hn::Iota(d, 0.0f), hn::Set(d, 0.5f)), hn::Set(d, step));
+    const auto advance = hn::Set(d, step * static_cast<float>(n));
+    for (const float* from = coarse + ((x - g / 2) >> shift); x + g <= last; ++from) {
+        const auto value = hn::Set(d, from[0]), rise = hn::Set(d, from[1] - from[0]);
+        auto way = start;
+        for (const int end = x + g; x < end; x += n, way = hn::Add(way, advance)) {
+            float* to = out + x - first;
+            const auto ramp = hn::MulAdd(way, rise, value);
+            hn::StoreU(add ? hn::Add(ramp, hn::LoadU(d, to)) : ramp, d, to);
+        }
+    }
+    while (x < last)
+        put_one(x++);
+}
+
+HWY_ATTR void AddRamps(const float* coarse, int shift, int first, int last, float* out) {
+    ramp_row<true>(coarse, shift, first, last, out);
+}
+
+HWY_ATTR void SetRamps(const float* coarse, int shift, int first, int last, float* out) {
+    ramp_row<false>(coarse, shift, first, last, out);
 }
 
 }  // namespace etalon::HWY_NAMESPACE
@@ -229,6 +281,9 @@ HWY_EXPORT(AverageParts);
 HWY_EXPORT(AddConstant);
 HWY_EXPORT(SumSixRows);
 HWY_EXPORT(AddInterpolated);
+HWY_EXPORT(SetInterpolated);
+HWY_EXPORT(AddRamps);
+HWY_EXPORT(SetRamps);
 
 void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t window_stride,
                    int width, int height, float* out, std::ptrdiff_t out_stride) {
@@ -241,8 +296,8 @@ void split_phases(const float* from, int k, int rows, std::ptrdiff_t phase_strid
     HWY_DYNAMIC_DISPATCH(SplitPhases)(from, k, rows, phase_stride, window_stride, to);
 }
 
-void average_parts(const float* values, int k, float averages[16]) {
-    HWY_DYNAMIC_DISPATCH(AverageParts)(values, k, averages);
+void average_parts(const float* values, int side, int parts, float* averages) {
+    HWY_DYNAMIC_DISPATCH(AverageParts)(values, side, parts, averages);
 }
 
 void add_constant(float value, int width, int height, float* out, std::ptrdiff_t out_stride) {
@@ -256,6 +311,19 @@ void sum_six_rows(const float* const rows[6], const float weights[6], int width,
 void add_interpolated(const float* coarse, const float weights[6], int first, int last,
                       float* out) {
     HWY_DYNAMIC_DISPATCH(AddInterpolated)(coarse, weights, first, last, out);
+}
+
+void set_interpolated(const float* coarse, const float weights[6], int first, int last, float base,
+                      float* out) {
+    HWY_DYNAMIC_DISPATCH(SetInterpolated)(coarse, weights, first, last, base, out);
+}
+
+void add_ramps(const float* coarse, int shift, int first, int last, float* out) {
+    HWY_DYNAMIC_DISPATCH(AddRamps)(coarse, shift, first, last, out);
+}
+
+void set_ramps(const float* coarse, int shift, int first, int last, float* out) {
+    HWY_DYNAMIC_DISPATCH(SetRamps)(coarse, shift, first, last, out);
 }
 
 }  // namespace etalon

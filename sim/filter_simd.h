@@ -34,8 +34,9 @@ void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdi
 void split_phases(const float* from, int k, int rows, std::ptrdiff_t phase_stride,
                   std::ptrdiff_t window_stride, float* to);
 
-// Averages of k x k values, 4 x 4 of them: values of 4 k rows and columns, k up to 48.
-void average_parts(const float* values, int k, float averages[16]);
+// The averages of the parts x parts squares of side x side values, row by row; side a multiple of 4
+// and of `parts`, at most 192.
+void average_parts(const float* values, int side, int parts, float* averages);
 
 // out(y, x) += value.
 void add_constant(float value, int width, int height, float* out, std::ptrdiff_t out_stride);
@@ -45,7 +46,15 @@ void sum_six_rows(const float* const rows[6], const float weights[6], int width,
 
 // Interpolation up by two, for the fine samples first ... last - 1: fine sample 2 i lies a quarter
 // of a step before coarse sample i, 2 i + 1 a quarter behind it. out[f - first] += the sum of
-// weights[n] * coarse[i - 3 + n], for odd ones its mirror image.
+// weights[n] * coarse[i - 3 + n], for odd ones its mirror image; set_interpolated() writes it with
+// `base` added and does not read `out`.
 void add_interpolated(const float* coarse, const float weights[6], int first, int last, float* out);
+void set_interpolated(const float* coarse, const float weights[6], int first, int last, float base,
+                      float* out);
+
+// Linear interpolation up by 2^shift >= 8: pixels first ... last - 1 between the coarse samples, of
+// which sample i stands in the middle of the pixels from 2^shift i on. Added to `out` or written.
+void add_ramps(const float* coarse, int shift, int first, int last, float* out);
+void set_ramps(const float* coarse, int shift, int first, int last, float* out);
 
 }  // namespace etalon

@@ -44,12 +44,21 @@ public:
     // On samples at k per pixel; disk samples need sharpened().
     const FilterKernel& core(int k, SampleKind kind) const;
 
-    // The tail's level n = 0, 1, ... works on averages over 2^level_shift(n) px squares.
-    int level_shift(int n) const { return first_shift_ + n; }
-    // Its kernel there (k = 1); the result is the pixel average's at the squares' centres.
-    const FilterKernel& ring(int n) const;
-    // Core and the levels below `count` hold the whole pattern up to this radius, px along x.
-    double radius_held(int count) const { return std::ldexp(1.5 * split_px_, count); }
+    // The tail's rings: each works on averages over 2^shift px squares, from the shift first_ring()
+    // on, at radii from 1.65 to 6.6 squares and more.
+    int first_ring() const { return first_shift_; }
+    // The ring of a grid (k = 1); the result is the pixel average's at the squares' centres. With
+    // `and_finer` the grid takes the part of all finer ones too: for images too blurred to need
+    // these.
+    const FilterKernel& ring(int shift, bool and_finer) const;
+    // Core and the rings on grids finer than `shift` hold the whole pattern up to this radius, px
+    // along x.
+    double radius_held(int shift) const {
+        return std::ldexp(1.5 * split_px_, shift - first_shift_);
+    }
+    // What it changes at most, beside an edge of contrast 1 with this blur radius, that a grid up
+    // to two steps coarser than the first ring's takes its part: gray.
+    double gray_of_coarser_ring(int shift, double blur_px) const;
 
     // How far around a pixel the core and a ring on pixel averages look, px.
     int reach_px() const;
@@ -74,17 +83,18 @@ private:
 
     Slot& slot(std::map<std::pair<int, int>, Slot>& slots, std::pair<int, int> key) const;
     FilterKernel make_core(int k, SampleKind kind) const;
-    FilterKernel make_ring(int n) const;
+    FilterKernel make_ring(int shift, bool and_finer) const;
 
     std::optional<PointSpreadFunction> psf_;
     double pitch_y_ = 1.0;   // a pixel's height in units of its width
     double split_px_ = 1.0;  // s: the core ends between 1.5 s and 3 s
-    int first_shift_ = 0;    // the first ring's grid
+    int first_shift_ = 0;
     RadialWindow core_{-1, -1, 0, 0};
     mutable std::once_flag sharpening_;
     mutable std::optional<SharpenedSpread> sharpened_;
     mutable std::mutex mutex_;
-    mutable std::map<std::pair<int, int>, Slot> cores_, rings_;  // by k and kind, by n
+    mutable std::map<std::pair<int, int>, Slot> cores_,
+        rings_;  // by k and kind, by shift and whether alone
 };
 
 }  // namespace etalon

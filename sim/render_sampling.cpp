@@ -11,11 +11,12 @@
 namespace etalon {
 namespace {
 
-// How the tolerance is shared out. What is left is for the filter's weights and single precision.
+// How the tolerance is shared out.
 constexpr double share_of_sampling = 0.7;
 constexpr double share_of_lens = 0.1;
 constexpr double share_of_diffraction = 0.03;
 constexpr double share_of_tail = 0.15;
+constexpr double share_of_rounding = 0.02;  // the filter's weights, single precision
 
 // More samples than these a side cost more than they are worth; a tolerance that needs them is
 // refused.
@@ -160,7 +161,8 @@ private:
         return best;
     }
 
-    // The mean of 2 x 2 lens averages is a box average only if the boxes are small against the blur.
+    // The mean of 2 x 2 lens averages is a box average only if the boxes are small against the
+    // blur.
     int fewest_boxes() const { return is_mixed() ? 18 : 1; }
 
     bool is_mixed() const {
@@ -279,14 +281,41 @@ private:
             return;
         const double gray = allowed(share_of_tail) / image_.markers;
         RenderPlan& plan = chosen_.plan;
-        plan.tail_reach_px = kept(options_, Omission::tail)
-                                 ? std::numeric_limits<double>::infinity()
-                                 : filter_.tail_reach_px(image_.contrast, image_.area_px, gray);
-        if (std::isfinite(plan.tail_reach_px))
+        chosen_.finest_ring = filter_.first_ring();
+        if (kept(options_, Omission::tail)) {
+            plan.tail_reach_px = std::numeric_limits<double>::infinity();
+            return;
+        }
+        plan.tail_reach_px = filter_.tail_reach_px(image_.contrast, image_.area_px, gray);
+        leave_out(Omission::tail,
+                  fmt::format("beyond {:.0f} px, a marker of {:.0f} px^2 at contrast {:.2g}",
+                              plan.tail_reach_px, image_.area_px, image_.contrast),
+                  gray);
+        if (options_.samples_per_side == 0 && plan.tail_reach_px > 0.0)
+            leave_out_fine_rings();
+    }
+
+    // Beside a corner two edges add up, among small cells several of them: in stripes and
+    // checkerboards of 1 to 8 px three times one edge's change.
+    double gray_of_rings(int finest) const {
+        constexpr double large_cell_px = 12.0;
+        const double edges = image_.cell_px < large_cell_px ? 3.0 : 1.5;
+        return edges * image_.step * filter_.gray_of_coarser_ring(finest, image_.blur.smallest_px);
+    }
+
+    // Blurred images do not need the finest grids: for what nothing else has used of the tolerance.
+    void leave_out_fine_rings() {
+        const RenderPlan& plan = chosen_.plan;
+        double left = allowed(1.0 - share_of_rounding) - plan.sampling_gray;
+        for (const LeftOut& omitted : plan.left_out)
+            left -= omitted.gray;
+        const int first = filter_.first_ring();
+        while (chosen_.finest_ring < first + 2 && gray_of_rings(chosen_.finest_ring + 1) <= left)
+            ++chosen_.finest_ring;
+        if (chosen_.finest_ring > first)
             leave_out(Omission::tail,
-                      fmt::format("beyond {:.0f} px, a marker of {:.0f} px^2 at contrast {:.2g}",
-                                  plan.tail_reach_px, image_.area_px, image_.contrast),
-                      gray);
+                      fmt::format("its detail below {} px", 1 << chosen_.finest_ring),
+                      gray_of_rings(chosen_.finest_ring));
     }
 
     const ImageExtremes& image_;

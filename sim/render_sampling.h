@@ -14,6 +14,7 @@ struct RenderSampling {
     RenderPlan plan;
     Sampling sampling;
     bool with_spread = true;  // false: pixels are box averages
+    int finest_ring = 0;      // of the tail: its grid's shift
 };
 
 // What of a marker's image the choice depends on.
@@ -22,6 +23,7 @@ struct ImageExtremes {
     double step;      // largest difference of two neighbouring cells
     double contrast;  // largest difference of a cell from the background
     double area_px;   // of the marker's image, at least
+    double cell_px;   // a cell's side where it is shortest, about
     EdgeTangents tangents;
     int markers = 1;  // in the scene: their omitted tails add up
 };

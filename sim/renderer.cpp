@@ -158,6 +158,20 @@ double area_around(const std::vector<Eigen::Vector2d>& outline, double blur_px) 
     return (high - low + 2.0 * blur_px + 1.0).prod();
 }
 
+// A cell's side in the shortest of the outline's four sides; 0 without an outline.
+double shortest_cell(const std::vector<Eigen::Vector2d>& outline, const MarkerView& view) {
+    if (outline.empty())
+        return 0.0;
+    const std::size_t per_side = outline.size() / 4;
+    double shortest = std::numeric_limits<double>::infinity();
+    for (std::size_t side = 0; side < 4; ++side) {
+        const double length =
+            (outline[side * per_side] - outline[(side + 1) * per_side - 1]).norm();
+        shortest = std::min(shortest, length / (side % 2 == 0 ? view.columns() : view.rows()));
+    }
+    return shortest;
+}
+
 // The directions that grid lines have anywhere in the image: those of two opposite sides and
 // everything in between, for both pairs of sides.
 EdgeTangents tangents_of(const std::vector<Eigen::Vector2d>& outline) {
@@ -191,10 +205,9 @@ EdgeTangents tangents_of(const std::vector<Eigen::Vector2d>& outline) {
 }
 
 // cv::Mat's own fill takes four times as long: a third of a small marker's frame.
-Radiance even_radiance(const CameraModel& camera, float value) {
-    Radiance radiance(camera.height, camera.width, CV_32FC1);
-    std::fill_n(radiance.ptr<float>(), radiance.total(), value);
-    return radiance;
+void fill(cv::Mat& pixels, float value) {
+    for (int y = 0; y < pixels.rows; ++y)
+        std::fill_n(pixels.ptr<float>(y), pixels.cols, value);
 }
 
 Radiance reference_radiance(const CameraModel& camera, const Scene& scene,
@@ -237,6 +250,7 @@ public:
                                   largest_step(view_),
                                   view_.contrast(),
                                   area_around(sides, blur.largest_px),
+                                  shortest_cell(sides, view_),
                                   tangents_of(sides),
                                   static_cast<int>(scene.markers.size())};
         chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
@@ -248,14 +262,21 @@ public:
 
     const RenderPlan& plan() const { return chosen_.plan; }
 
-    void add_to(cv::Mat& pixels, const cv::Rect& region) {
+    // Adds to the pixels; with a `background`, writes them, whatever was there.
+    void draw(const cv::Rect& region, std::optional<float> background, cv::Mat& pixels) {
         const ImageFilter& filter = chosen_.with_spread ? cache_.filter : cache_.box_filter;
-        const TileSamples samples(view_, cache_.map, sampled_tiles(region, cache_.filter.reach_px()),
-                                  chosen_.sampling, all_refined_);
+        const TileSamples samples(view_, cache_.map,
+                                  sampled_tiles(region, cache_.filter.reach_px()), chosen_.sampling,
+                                  all_refined_);
         record(samples);
-        add_core(samples, filter.core(chosen_.sampling.k, chosen_.sampling.kind), region, pixels);
-        if (chosen_.plan.tail_reach_px > 0.0)
-            cache_.tail.add(samples, view_, chosen_.plan.tail_reach_px, region, pixels);
+        const RenderPlan& plan = chosen_.plan;
+        if (plan.tail_reach_px > 0.0)
+            cache_.tail.add(samples, view_, plan.tail_reach_px, chosen_.finest_ring, region,
+                            background, pixels);
+        else if (background)
+            fill(pixels, *background);
+        add_filtered(samples.field(), filter.core(chosen_.sampling.k, chosen_.sampling.kind),
+                     region, pixels);
     }
 
 private:
@@ -289,12 +310,16 @@ RenderPlan Renderer::add_markers(const Scene& scene, const RenderOptions& option
                                  const cv::Rect& region, cv::Mat& pixels) const {
     if (options.method == RenderMethod::wave)
         throw NumericalError("the wave-optical method needs a camera with that point spread");
+    const auto background = static_cast<float>(scene.background);
+    if (scene.markers.empty())
+        fill(pixels, background);
     RenderPlan plan;
     for (const PlacedMarker& placed : scene.markers) {
         MarkerRender marker(*cache_, scene, placed, options);
+        const bool first = &placed == &scene.markers.front();
         if (options.method != RenderMethod::reference)
-            marker.add_to(pixels, region);
-        if (&placed == &scene.markers.front())
+            marker.draw(region, first ? std::optional(background) : std::nullopt, pixels);
+        if (first)
             plan = marker.plan();
         else
             merge(marker.plan(), plan);
@@ -309,6 +334,7 @@ RenderPlan Renderer::add_wave(const Scene& scene, const RenderOptions& options,
         throw NumericalError("E and C do not know the wave-optical point spread");
     check_wave_scene(scene, cache_->camera);
     const MarkerView view(scene.markers.front(), scene.background, cache_->aperture);
+    fill(pixels, static_cast<float>(scene.background));
     if (options.method != RenderMethod::reference)
         pixels += wave_difference(view, cache_->map, *cache_->wave, region, options.tolerance_gray);
     const BlurRange blur = blur_over_marker(view, cache_->camera.intrinsics);
@@ -328,7 +354,9 @@ RenderedImage Renderer::render(const Scene& scene, const RenderOptions& options)
         check_no_occlusion(scene, cache_->camera);
     RenderedImage image;
     image.valid = cache_->valid;
-    image.radiance = even_radiance(cache_->camera, static_cast<float>(scene.background));
+    image.radiance.create(cache_->camera.height, cache_->camera.width, CV_32FC1);
+    if (region.size() != image.radiance.size())
+        fill(image.radiance, static_cast<float>(scene.background));
     cv::Mat pixels = image.radiance(region);
     image.plan = cache_->wave ? add_wave(scene, options, region, pixels)
                               : add_markers(scene, options, region, pixels);

@@ -4,6 +4,8 @@
 // are interpolated (6-point Lagrange) from each grid to the next finer one, down to the pixels.
 #pragma once
 
+#include <optional>
+
 #include "sim/image_filter.h"
 #include "sim/tail_sources.h"
 
@@ -15,12 +17,13 @@ public:
     // Both must outlive it.
     TailPyramid(const ImageFilter& filter, const Projector& projector);
 
-    // Adds to `difference` (CV_32FC1, the region's size, radiance minus background) the tail of
-    // everything within `reach_px` (infinity included) of a pixel. The samples must cover the
-    // region and ImageFilter::reach_px() around it, best in multiples of 8 px. Pixels farther from
-    // the marker are not touched. Parallel, and the same bytes for any number of threads.
-    void add(const TileSamples& samples, const MarkerView& marker, double reach_px,
-             const cv::Rect& region, cv::Mat& difference) const;
+    // Adds to the region's `pixels` (CV_32FC1, its size) the tail of everything within `reach_px`
+    // (infinity included) of a pixel; with a `background`, writes tail and background instead,
+    // whatever was there. The samples must cover the region and ImageFilter::reach_px() around it,
+    // best in multiples of 8 px. `finest`: the shift of the first ring's grid. Parallel, and the
+    // same bytes for any number of threads.
+    void add(const TileSamples& samples, const MarkerView& marker, double reach_px, int finest,
+             const cv::Rect& region, std::optional<float> background, cv::Mat& pixels) const;
 
 private:
     const ImageFilter& filter_;

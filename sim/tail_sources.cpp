@@ -10,8 +10,8 @@ constexpr int tile_px = UndistortionMap::tile_px;
 constexpr int tile_shift = 2;    // a tile is one square
 constexpr int square_shift = 3;  // the finest grid outside the sampled tiles
 
-// Averages of a refined tile: 16 pixels, then 4 halves.
-constexpr int pixels_of_tile = 16, finer_of_tile = 20;
+// Averages of a refined tile: 4 quarters of 2 x 2 pixels, then 16 pixels where these are needed.
+constexpr int quarters_of_tile = 4, pixels_of_tile = 16;
 
 cv::Rect scaled(const cv::Rect& rect, int factor) {
     return {rect.x * factor, rect.y * factor, rect.width * factor, rect.height * factor};
@@ -48,19 +48,6 @@ cv::Rect marker_box(const MarkerView& marker, const Projector& projector, const 
     const cv::Point from(clamped(low.x() - margin), clamped(low.y() - margin));
     const cv::Point to(clamped(high.x() + margin), clamped(high.y() + margin));
     return cv::Rect(from, to) & limit;
-}
-
-// Averages of a refined tile's samples over its pixels and halves; returns the tile's.
-float average_tile(const float* values, int k, float* finer) {
-    average_parts(values, k, finer);
-    float sum = 0.0f;
-    for (int q = 0; q < 4; ++q) {
-        const float* first = finer + q / 2 * 2 * tile_px + q % 2 * 2;
-        const float half = 0.25f * (first[0] + first[1] + first[tile_px] + first[tile_px + 1]);
-        finer[pixels_of_tile + q] = half;
-        sum += half;
-    }
-    return 0.25f * sum;
 }
 
 }  // namespace
@@ -107,44 +94,62 @@ const SquareCorners::Table& SquareCorners::table(int shift) const {
 TailSources::TailSources(const TileSamples& samples, const MarkerView& marker,
                          const SquareCorners& corners, const cv::Rect& limit)
     : samples_(samples), marker_(marker), corners_(corners) {
-    pixels_ = scaled(samples.tiles_off_background(), tile_px);
+    pixels_ = scaled(samples.map().tiles(), tile_px);
     const cv::Rect box = marker_box(marker, corners.projector(), limit);
     if (!contains(scaled(samples.tiles(), tile_px), box))
         pixels_ = pixels_.empty() ? box : pixels_ | box;
     pixels_ &= limit;
 }
 
-void TailSources::average(const std::vector<cv::Rect>& needed) {
-    squares_.assign(needed.size(), TileMap({}));
+void TailSources::average(const std::vector<cv::Rect>& needed, int finest) {
+    squares_.assign(needed.size(), TileMap());
     // Tiles are needed where the finer grids are, too, and wherever there are samples.
-    average_tiles(grown(needed[tile_shift], 2, 2) | samples_.tiles());
+    average_tiles(grown(needed[tile_shift], 2, 2) | samples_.tiles(), finest);
     average_squares(needed);
     fill_tiles_outside();
     for (TileMap& squares : squares_)
         squares.finish();
 }
 
-void TailSources::average_tiles(const cv::Rect& needed_tiles) {
+void TailSources::average_tiles(const cv::Rect& needed_tiles, int finest) {
     TileMap& tiles = squares_[tile_shift];
     tiles = TileMap(cells_of(pixels_, tile_px) & needed_tiles);
-    const cv::Rect inside = tiles.tiles() & samples_.tiles();
     of_tile_.assign(static_cast<std::size_t>(tiles.tiles().area()), nullptr);
-    int refined = 0;
-    for (int j = inside.y; j < inside.br().y; ++j)
+    const cv::Rect inside = tiles.tiles() & samples_.map().tiles();
+    const int per_tile = quarters_of_tile + (finest == 0 ? pixels_of_tile : 0);
+    std::vector<int> first{0};  // of each row's values in finer_
+    for (int j = inside.y; j < inside.br().y; ++j) {
+        int refined = 0;
         for (int i = inside.x; i < inside.br().x; ++i)
-            refined += samples_.refined(i, j);
-    finer_.resize(static_cast<std::size_t>(refined * finer_of_tile));
-    float* next = finer_.data();
-    for (int j = inside.y; j < inside.br().y; ++j)
-        for (int i = inside.x; i < inside.br().x; ++i) {
-            if (!samples_.refined(i, j)) {
-                tiles.set(i, j, samples_.constant_value(i, j));
-                continue;
-            }
-            tiles.set(i, j, average_tile(samples_.values(i, j), samples_.k(), next), true);
-            of_tile_[tiles.index(i, j)] = next;
-            next += finer_of_tile;
+            refined += samples_.map().refined(i, j);
+        first.push_back(first.back() + per_tile * refined);
+    }
+    finer_.resize(static_cast<std::size_t>(first.back()));
+    tbb::parallel_for(tbb::blocked_range<int>(0, inside.height), [&](const auto& rows) {
+        for (int row = rows.begin(); row < rows.end(); ++row)
+            average_row(inside.y + row, finer_.data() + first[static_cast<std::size_t>(row)],
+                        finest);
+    });
+}
+
+void TailSources::average_row(int j, float* next, int finest) {
+    TileMap& tiles = squares_[tile_shift];
+    const TileMap& sampled = samples_.map();
+    const cv::Rect inside = tiles.tiles() & sampled.tiles();
+    for (int i = inside.x; i < inside.br().x; ++i) {
+        if (!sampled.refined(i, j)) {
+            tiles.set(i, j, sampled.at({i, j}));
+            continue;
         }
+        of_tile_[tiles.index(i, j)] = next;
+        average_parts(samples_.values(i, j), samples_.k() * tile_px, 2, next);
+        tiles.set(i, j, 0.25f * ((next[0] + next[1]) + (next[2] + next[3])), true);
+        next += quarters_of_tile;
+        if (finest > 0)
+            continue;
+        average_parts(samples_.values(i, j), samples_.k() * tile_px, tile_px, next);
+        next += pixels_of_tile;
+    }
 }
 
 // Each square from the four finer ones where all of them are known, otherwise through the lens.
@@ -207,7 +212,7 @@ float TailSources::lens_mean(int shift, int i, int j, LensAverage& lens_average)
 SampleField TailSources::field(int shift) const {
     if (shift >= tile_shift)
         return {squares_[static_cast<std::size_t>(shift)]};
-    return {squares_[tile_shift], tile_px >> shift, &of_tile_, shift == 0 ? 0 : pixels_of_tile};
+    return {squares_[tile_shift], tile_px >> shift, &of_tile_, shift == 0 ? quarters_of_tile : 0};
 }
 
 }  // namespace etalon

@@ -59,14 +59,16 @@ public:
     // The pixels outside of which the marker is not.
     const cv::Rect& pixels() const { return pixels_; }
 
-    // Averages what the sums need: on each grid the squares of needed[shift], from 0 to at least 3.
-    void average(const std::vector<cv::Rect>& needed);
+    // Averages what the sums need: on each grid from the shift `finest` on, 0 to 2, the squares of
+    // needed[shift]; there must be some for the shifts 2 and 3 at least.
+    void average(const std::vector<cv::Rect>& needed, int finest);
 
     // The averages on a grid, for add_filtered() with k = 1.
     SampleField field(int shift) const;
 
 private:
-    void average_tiles(const cv::Rect& needed_tiles);
+    void average_tiles(const cv::Rect& needed_tiles, int finest);
+    void average_row(int j, float* next, int finest);
     void average_squares(const std::vector<cv::Rect>& needed);
     void fill_tiles_outside();
     float lens_mean(int shift, int i, int j, LensAverage& lens_average) const;
@@ -76,7 +78,7 @@ private:
     const SquareCorners& corners_;
     cv::Rect pixels_;
     std::vector<TileMap> squares_;       // by shift, from 2 on
-    std::vector<float> finer_;           // of each refined tile: 4 x 4 pixels, 2 x 2 halves
+    std::vector<float> finer_;           // of each refined tile: 2 x 2 quarters, 4 x 4 pixels
     std::vector<const float*> of_tile_;  // into finer_; null: constant
 };
 

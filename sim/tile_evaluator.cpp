@@ -52,9 +52,7 @@ TileEvaluator::TileEvaluator(const MarkerView& view, const UndistortionMap& map,
       fx_(map.projector().camera().intrinsics.fx),
       smaller_focal_px_(std::min(fx_, map.projector().camera().intrinsics.fy)),
       larger_focal_px_(std::max(fx_, map.projector().camera().intrinsics.fy)),
-      lens_average_(view),
-      coverage_(view,
-                lens_points(view.aperture().radius_mm, finest_rule.rings, finest_rule.spokes)) {}
+      lens_average_(view) {}
 
 TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& range,
                                 float* values) {
@@ -193,7 +191,12 @@ double TileEvaluator::radiance_at(const MappedPoint& point, double side_px) {
         side_px = std::sqrt(3.0) * sampling_.disk_radius_px;
     const Eigen::Matrix2d sides = point.jacobian * side_px;
     const auto range = view_.footprint(parallelogram_box(point.x, sides));
-    return range ? coverage_.over(point.x, sides, *range) : view_.background();
+    if (!range)
+        return view_.background();
+    if (!coverage_)
+        coverage_.emplace(view_, lens_points(view_.aperture().radius_mm, finest_rule.rings,
+                                             finest_rule.spokes));
+    return coverage_->over(point.x, sides, *range);
 }
 
 }  // namespace etalon

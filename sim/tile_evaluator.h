@@ -72,7 +72,7 @@ private:
     int lens_points_of_ = -1;  // the rule that they are of, by its number of points
     // For tiles at the border.
     LensAverage lens_average_;
-    CellCoverage coverage_;
+    std::optional<CellCoverage> coverage_;  // made when first needed
     std::vector<std::optional<MappedPoint>> points_;
 };
 

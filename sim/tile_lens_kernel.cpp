@@ -21,7 +21,7 @@ namespace {
 // sim/disk_area.h.
 struct Chord {
     HWY_ALIGN float normal_x[block], normal_y[block], offset[block];  // offset within [-1, 1]
-    HWY_ALIGN float half_length[block], half_angle[block], area[block];
+    HWY_ALIGN float area[block];
     bool crosses;  // some point's aperture; else only `area` is there, 0 or 1
 };
 
@@ -29,26 +29,34 @@ HWY_INLINE Mask is_cut(const Chord& chord) {
     return hn::Lt(hn::Abs(load(chord.offset)), all(1.0f));
 }
 
-// acos(x) / sqrt(1 - x) on [0, 1]: minimax (Remez) for acos, 6e-7 rad.
+// Minimax polynomials (Remez) on [0, 1]:
+// the area beyond a chord at x by 1 - x, divided by (1 - x)^(3/2); 2e-8 of the disk.
+constexpr float segment_area[] = {0.6002143025f,    -0.09008195996f,  -0.007776257582f,
+                                  -0.002201624447f, 0.0003666134134f, -0.0005210483214f};
+// acos(x) / sqrt(1 - x), for acos to 6e-7 rad.
 constexpr float arc_cosine[] = {1.57079569f,     -0.2145428168f, 0.08817105367f,
                                 -0.04592722905f, 0.02062006212f, -0.004911174695f};
 // asin(x) / x by x^2 on [0, 1/2]: minimax for asin, 3e-7 rad.
 constexpr float arc_sine[] = {0.999994359f,   0.1669592553f,   0.07070499958f,
                               0.07104289101f, -0.04452862232f, 0.1111271978f};
 
-// Fills in what follows from the offset t. Computed for the smaller part, x = |t|, whose area
-// (acos x - x sqrt(1 - x^2)) / pi has no cancellation worth mentioning.
-HWY_INLINE void cut_disk(Vector t, Chord& chord) {
-    const Vector x = hn::Abs(t), one = all(1.0f);
-    const Vector root = hn::Sqrt(one - x);
-    const Vector half_length = root * hn::Sqrt(one + x);
+// The area beyond a chord at `offset`, of the smaller part first: no cancellation.
+HWY_INLINE Vector area_beyond(Vector offset) {
+    const Vector one = all(1.0f), height = one - hn::Abs(offset);
+    const Vector area = height * hn::Sqrt(height) * polynomial<5>(segment_area, height);
+    return hn::IfThenElse(hn::Gt(offset, hn::Zero(tag)), one - area, area);
+}
+
+// Half of a chord's length, and of the angle under which the centre sees the part beyond.
+struct ChordArc {
+    Vector half_length, half_angle;
+};
+
+HWY_INLINE ChordArc arc_of(Vector offset) {
+    const Vector x = hn::Abs(offset), one = all(1.0f), root = hn::Sqrt(one - x);
     const Vector angle = root * polynomial<5>(arc_cosine, x);
-    const Vector area = hn::ZeroIfNegative(hn::NegMulAdd(x, half_length, angle)) * all(1.0f / pi);
-    const Mask major = hn::Gt(t, hn::Zero(tag));
-    store(t, chord.offset);
-    store(half_length, chord.half_length);
-    store(hn::IfThenElse(major, all(pi) - angle, angle), chord.half_angle);
-    store(hn::IfThenElse(major, one - area, area), chord.area);
+    const Mask major = hn::Gt(offset, hn::Zero(tag));
+    return {root * hn::Sqrt(one + x), hn::IfThenElse(major, all(pi) - angle, angle)};
 }
 
 HWY_INLINE void cut_aperture(const TileGeometry& tile, const TileLine& line, Vector dx, Vector dy,
@@ -66,7 +74,9 @@ HWY_INLINE void cut_aperture(const TileGeometry& tile, const TileLine& line, Vec
     const Vector inverse = inverse_root(square + all(tiny));
     store(slope_x * inverse, chord.normal_x);
     store(slope_y * inverse, chord.normal_y);
-    cut_disk(hn::Clamp(offset * inverse, all(-1.0f), all(1.0f)), chord);
+    const Vector within = hn::Clamp(offset * inverse, all(-1.0f), all(1.0f));
+    store(within, chord.offset);
+    store(area_beyond(within), chord.area);
 }
 
 // The angle, 0 to pi, with this sine (not negative) and cosine; accurate at every angle.
@@ -85,9 +95,9 @@ HWY_INLINE Vector overlap_of(const Chord& a, const Chord& b) {
     const Vector cosine = hn::MulAdd(ax, bx, ay * by);
     const Vector sine = hn::Abs(hn::MulSub(ax, by, ay * bx));
     const Vector turn = angle_of(sine, cosine);
-    const Vector angle_a = load(a.half_angle), angle_b = load(b.half_angle);
-    const Vector length_a = load(a.half_length), length_b = load(b.half_length);
     const Vector t_a = load(a.offset), t_b = load(b.offset);
+    const auto [length_a, angle_a] = arc_of(t_a);
+    const auto [length_b, angle_b] = arc_of(t_b);
 
     // Where the chords cross, along each of them; the second from the first.
     const Vector along_a =

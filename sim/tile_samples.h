@@ -5,13 +5,14 @@
 // Values are differences from the background, so that what lies outside is zero.
 #pragma once
 
+#include <memory>
 #include <opencv2/core.hpp>
-#include <optional>
 #include <vector>
 
 #include "sim/marker_view.h"
 #include "sim/render_plan.h"
 #include "sim/sampling.h"
+#include "sim/tile_map.h"
 #include "sim/undistortion_map.h"
 
 namespace etalon {
@@ -24,54 +25,44 @@ public:
     TileSamples(const MarkerView& view, const UndistortionMap& map, const cv::Rect& tiles,
                 const Sampling& sampling, bool all_refined = false);
 
+    // All that were asked for.
     const cv::Rect& tiles() const { return tiles_; }
     int k() const { return sampling_.k; }
 
-    // Whether a tile has values of its own; if not, the one value that it has throughout; if so,
-    // its (4 k)^2 values row by row.
-    bool refined(int i, int j) const { return values_[index(i, j)] != nullptr; }
-    float constant_value(int i, int j) const { return constants_[index(i, j)]; }
-    const float* values(int i, int j) const { return values_[index(i, j)]; }
+    // The tiles among which are all that differ from the background. Refined ones have values of
+    // their own, the others the one value that the map has.
+    const TileMap& map() const { return map_; }
+    // The (4 k)^2 values of a tile of the map, row by row; null: not refined.
+    const float* values(int i, int j) const { return values_[map_.index(i, j)]; }
+    // All of it for add_filtered().
+    SampleField field() const { return {map_, UndistortionMap::tile_px * k(), &values_}; }
 
     // How the refined tiles were sampled, most tiles first.
     const std::vector<TileUse>& used() const { return used_; }
-
-    // Whether every tile of this part has one and the same value, and which.
-    std::optional<float> constant(const cv::Rect& part) const;
-
-    // Copies the samples of a part of the sensor into `out` (CV_32FC1 of its size); coordinates in
-    // samples, sample (0, 0) the first of pixel (0, 0).
-    void copy(const cv::Rect& samples, cv::Mat& out) const;
-
-    // The smallest rectangle of tiles that holds every tile different from the background.
-    const cv::Rect& tiles_off_background() const { return off_background_; }
-
-    // Average of each pixel of the tile, into `means` (CV_32FC1, 4 x 4).
-    void pixel_means(int i, int j, cv::Mat means) const;
 
 private:
     // Tiles that are evaluated together by one thread, with the memory of their values.
     struct Block {
         int level, i, j;
-        std::vector<float> store;
+        std::unique_ptr<float[]> store;
         std::vector<TileUse> used;
     };
     class Search;
+    // Tiles that are one value other than the background.
+    struct Uniform {
+        cv::Rect tiles;
+        float value;
+    };
 
-    cv::Rect find_tiles_off_background() const;
-
-    std::size_t index(int i, int j) const {
-        return static_cast<std::size_t>(j - tiles_.y) * static_cast<std::size_t>(tiles_.width) +
-               static_cast<std::size_t>(i - tiles_.x);
-    }
+    void sample(const Search& search, const MarkerView& view, const UndistortionMap& map);
+    void count_uses();
 
     cv::Rect tiles_;
     Sampling sampling_;
-    std::vector<float> constants_;
-    std::vector<const float*> values_;  // into a block's store; null: constant
+    TileMap map_;
+    std::vector<const float*> values_;  // by the map's index, into a block's store
     std::vector<Block> blocks_;
     std::vector<TileUse> used_;
-    cv::Rect off_background_;
 };
 
 }  // namespace etalon

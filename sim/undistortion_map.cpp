@@ -3,6 +3,8 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "sim/tile_map.h"
+
 namespace etalon {
 namespace {
 
@@ -29,10 +31,6 @@ const Eigen::Matrix4d& bezier_from_nodes() {
         return m;
     }();
     return matrix;
-}
-
-int floor_div(int a, int b) {
-    return a >= 0 ? a / b : -((-a + b - 1) / b);
 }
 
 }  // namespace

@@ -6,15 +6,12 @@
 
 #include "core/errors.h"
 #include "sim/cell_coverage.h"
+#include "sim/tile_map.h"
 
 namespace etalon {
 namespace {
 
 constexpr int tile_px = UndistortionMap::tile_px;
-
-cv::Rect grown(const cv::Rect& rect, int x, int y) {
-    return {rect.x - x, rect.y - y, rect.width + 2 * x, rect.height + 2 * y};
-}
 
 double blur_radius_px(const MarkerView& view, const Projector& projector,
                       const Eigen::Vector2d& x) {
@@ -79,11 +76,11 @@ public:
           pixels_(pixels),
           k_(k),
           averages_(cv::Mat::zeros(pixels.height * k, pixels.width * k, CV_32FC1)) {
-        const int first = floor_div(pixels.y), last = floor_div(pixels.br().y - 1);
-        tbb::parallel_for(first, last + 1, [&](int j) {
+        const cv::Rect tiles = cells_of(pixels, tile_px);
+        tbb::parallel_for(tiles.y, tiles.br().y, [&](int j) {
             CellCoverage coverage(view_, lens_points(0.0, 1, 0));
             std::vector<std::optional<MappedPoint>> points;
-            for (int i = floor_div(pixels_.x); i <= floor_div(pixels_.br().x - 1); ++i)
+            for (int i = tiles.x; i < tiles.br().x; ++i)
                 fill_tile(i, j, coverage, points);
         });
     }
@@ -91,10 +88,6 @@ public:
     const cv::Mat& values() const { return averages_; }
 
 private:
-    static int floor_div(int px) {
-        return px >= 0 ? px / tile_px : -((tile_px - 1 - px) / tile_px);
-    }
-
     void fill_tile(int i, int j, CellCoverage& coverage,
                    std::vector<std::optional<MappedPoint>>& points) {
         const cv::Rect tile(i * tile_px, j * tile_px, tile_px, tile_px);

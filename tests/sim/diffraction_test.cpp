@@ -65,12 +65,24 @@ TEST(ImageFilter, LevelsTogetherHoldAllEnergy) {
     for (const SampleKind kind : {SampleKind::point, SampleKind::box})
         for (const int k : {1, 3}) {
             double energy = filter.core(k, kind).energy();
-            for (int count = 0; count < 8; energy += filter.ring(count++).energy()) {
-                EXPECT_GT(energy, psf.energy_within(filter.radius_held(count)));
-                EXPECT_LT(energy, psf.energy_within(2.0 * filter.radius_held(count)));
+            const int first = filter.first_ring();
+            for (int shift = first; shift < first + 8; ++shift) {
+                EXPECT_GT(energy, psf.energy_within(filter.radius_held(shift)));
+                EXPECT_LT(energy, psf.energy_within(2.0 * filter.radius_held(shift)));
+                energy += filter.ring(shift, false).energy();
             }
             EXPECT_NEAR(energy, 1.0, 2e-4);
         }
+}
+
+TEST(ImageFilter, ARingHoldsTheEnergyOfTheFinerOnesToo) {
+    const ImageFilter filter(camera_with_lens(550.0));
+    const int first = filter.first_ring();
+    double energy = filter.ring(first, false).energy();
+    for (int shift = first + 1; shift < first + 3; ++shift) {
+        energy += filter.ring(shift, false).energy();
+        EXPECT_NEAR(filter.ring(shift, true).energy(), energy, 1e-9);
+    }
 }
 
 TEST(ImageFilter, OfACameraWithoutLensIsThePixelsMean) {

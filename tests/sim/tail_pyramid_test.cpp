@@ -47,9 +47,10 @@ PlacedMarker half_plane(double z_mm, double edge_px, double angle) {
     return marker;
 }
 
-// Core and tail of one marker, as the renderer adds them: radiance minus 1.
+// Core and tail of one marker, as the renderer adds them: radiance minus 1. The finest ring is so
+// many grids coarser than it may be.
 cv::Mat filtered(const CameraModel& camera, const PlacedMarker& marker, const Sampling& sampling,
-                 double reach_px, const cv::Rect& region) {
+                 double reach_px, const cv::Rect& region, int coarser = 0) {
     const ImageFilter filter(camera);
     const Projector projector(camera);
     const TailPyramid tail(filter, projector);
@@ -59,9 +60,9 @@ cv::Mat filtered(const CameraModel& camera, const PlacedMarker& marker, const Sa
     const cv::Rect squares = cells_of(grown(region, reach, reach), 8);
     const cv::Rect tiles(2 * squares.x, 2 * squares.y, 2 * squares.width, 2 * squares.height);
     const TileSamples samples(view, map, tiles, sampling);
-    cv::Mat difference = cv::Mat::zeros(region.size(), CV_32FC1);
-    add_core(samples, filter.core(sampling.k, sampling.kind), region, difference);
-    tail.add(samples, view, reach_px, region, difference);
+    cv::Mat difference(region.size(), CV_32FC1);
+    tail.add(samples, view, reach_px, filter.first_ring() + coarser, region, 0.0f, difference);
+    add_filtered(samples.field(), filter.core(sampling.k, sampling.kind), region, difference);
     return difference;
 }
 
@@ -127,6 +128,63 @@ INSTANTIATE_TEST_SUITE_P(Blurs, EdgeResponse,
                                          Edge{0.03, 0.5, 0.0, 16, SampleKind::point},
                                          Edge{1.4, 0.5, 0.0, 12, SampleKind::point},
                                          Edge{3.0, 2.0, 0.0, 5, SampleKind::point}));
+
+// Largest difference, in gray, that rings begun so many grids coarser make beside an edge.
+double change_by_coarser_rings(const CameraModel& camera, double blur_px, int coarser) {
+    double largest = 0.0;
+    for (const double angle : {0.0, 0.37})
+        for (const double edge : {0.0, 1.3}) {
+            const PlacedMarker plane = half_plane(depth_of_blur(camera, blur_px), edge, angle);
+            const Sampling sampling{.k = 8, .kind = SampleKind::point};
+            const auto image = [&](int grids) {
+                return filtered(camera, plane, sampling, 40.0, whole(camera), grids);
+            };
+            largest = std::max(largest, cv::norm(image(0), image(coarser), cv::NORM_INF) / gray);
+        }
+    return largest;
+}
+
+TEST(TailPyramid, CoarserRingsOfBlurredImagesAreWithinTheirBound) {
+    for (const double lambda_n : {0.22, 1.7})
+        for (const double blur : {2.1, 6.7}) {
+            const CameraModel camera = strip_camera(lambda_n);
+            const ImageFilter filter(camera);
+            EXPECT_EQ(filter.gray_of_coarser_ring(filter.first_ring(), blur), 0.0);
+            for (const int coarser : {1, 2}) {
+                const double change = change_by_coarser_rings(camera, blur, coarser);
+                EXPECT_LT(change, filter.gray_of_coarser_ring(filter.first_ring() + coarser, blur));
+                EXPECT_GT(change, 1e-5);
+            }
+        }
+}
+
+// Where the pattern falls with the third power of the distance r: lambda N / (pi^3 r^3) a pixel.
+TEST(TailPyramid, FarFromAMarkerIsThePatternTimesItsArea) {
+    CameraModel camera = strip_camera(0.51);
+    camera.width = 900;
+    camera.height = 700;
+    camera.intrinsics = {400.0, 400.0, 260.0, 190.0};
+    PlacedMarker square = half_plane(150.0, 0.0, 0.0);
+    constexpr double side = 160.0;
+    square.grid.cell_mm = Eigen::Vector2d::Constant(side * 150.0 / 400.0);
+    square.grid.corner_mm = -0.5 * square.grid.cell_mm;
+    const cv::Mat difference =
+        filtered(camera, square, {.k = 4, .kind = SampleKind::point}, everywhere, whole(camera));
+    // Some grays at the first, hundredths at the last.
+    for (const cv::Point at :
+         {cv::Point(350, 187), {261, 50}, {390, 211}, {440, 190}, {120, 360}}) {
+        constexpr int parts = 64;
+        double expected = 0.0;
+        for (int n = 0; n < parts * parts; ++n) {
+            const double x = 260.0 + side * ((n % parts + 0.5) / parts - 0.5);
+            const double y = 190.0 + side * ((n / parts + 0.5) / parts - 0.5);
+            const double r = std::hypot(at.x - x, at.y - y);
+            expected -= side * side / (parts * parts) * 0.51 / (pi * pi * pi * r * r * r);
+        }
+        EXPECT_LT(expected, -0.009 * gray) << at;
+        EXPECT_NEAR(difference.at<float>(at), expected, 0.004 * gray) << at;
+    }
+}
 
 TEST(TailPyramid, SeesWhatLiesOutsideTheImage) {
     const CameraModel camera = strip_camera(0.513);

@@ -108,15 +108,27 @@ struct StripedView {
     MarkerView view;
 };
 
+// The averages of a tile's pixels.
+cv::Mat_<float> pixel_means(const TileSamples& samples, int i, int j) {
+    cv::Mat_<float> means(4, 4, samples.map().at({i, j}));
+    if (!samples.map().tiles().contains({i, j}) || !samples.map().refined(i, j))
+        return means;
+    const int k = samples.k();
+    cv::Mat values(4 * k, 4 * k, CV_32FC1);
+    std::copy_n(samples.values(i, j), values.total(), values.ptr<float>());
+    for (int p = 0; p < 16; ++p)
+        means(p / 4, p % 4) =
+            static_cast<float>(cv::mean(values(cv::Rect(p % 4 * k, p / 4 * k, k, k)))[0]);
+    return means;
+}
+
 // Largest difference of the pixels' means.
 double largest_difference(const TileSamples& a, const TileSamples& b) {
     double largest = 0.0;
     for (int j = a.tiles().y; j < a.tiles().br().y; ++j)
         for (int i = a.tiles().x; i < a.tiles().br().x; ++i) {
-            cv::Mat_<float> of_a(4, 4), of_b(4, 4);
-            a.pixel_means(i, j, of_a);
-            b.pixel_means(i, j, of_b);
-            largest = std::max(largest, test::largest_difference(of_a, of_b));
+            largest = std::max(
+                largest, test::largest_difference(pixel_means(a, i, j), pixel_means(b, i, j)));
         }
     return largest;
 }

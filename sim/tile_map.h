@@ -1,0 +1,82 @@
+// Images that are mostly constant, tile by tile: what the aperture's samples and the averages of
+// the diffraction tail are kept in.
+#pragma once
+
+#include <cstddef>
+#include <opencv2/core.hpp>
+#include <vector>
+
+namespace etalon {
+
+// a / b rounded down; b > 0.
+int floor_div(int a, int b);
+
+// The cells of `size` pixels that hold a pixel of the rectangle.
+cv::Rect cells_of(const cv::Rect& pixels, int size);
+
+// The rectangle with margins of x and y on both sides.
+cv::Rect grown(const cv::Rect& rect, int x, int y);
+
+// One value for each tile of a grid, zero outside, and where it is the same throughout.
+class TileMap {
+public:
+    // All zero and none of them refined.
+    explicit TileMap(const cv::Rect& tiles = {});
+
+    // A refined tile has finer values elsewhere and counts as different from its neighbours.
+    void set(int i, int j, float value, bool refined = false) {
+        values_[index(i, j)] = value;
+        refined_[index(i, j)] = refined;
+    }
+    // The same for every tile of a part of the map.
+    void fill(const cv::Rect& part, float value);
+    // After the last change: prepares is_constant().
+    void finish();
+
+    const cv::Rect& tiles() const { return tiles_; }
+
+    // Whether a part is surely one value throughout (a part to the right of or below a different
+    // tile may be missed). O(1).
+    bool is_constant(const cv::Rect& part) const;
+
+    bool refined(int i, int j) const { return refined_[index(i, j)]; }
+    float at(const cv::Point& tile) const {
+        return tiles_.contains(tile) ? values_[index(tile.x, tile.y)] : 0.0f;
+    }
+    // The values from a tile on, to the end of its row.
+    const float* from(const cv::Point& tile) const { return &values_[index(tile.x, tile.y)]; }
+
+    std::size_t index(int i, int j) const {
+        return static_cast<std::size_t>(j - tiles_.y) * static_cast<std::size_t>(tiles_.width) +
+               static_cast<std::size_t>(i - tiles_.x);
+    }
+
+private:
+    cv::Rect tiles_;
+    std::vector<float> values_;
+    std::vector<unsigned char> refined_;
+    cv::Rect counted_;         // the tiles and one more on each side
+    std::vector<int> counts_;  // summed-area table over them of tiles that are refined or unlike
+                               // their left or upper neighbour
+};
+
+// Samples on a regular grid in square tiles. Where `finer` holds a pointer for a tile, by
+// TileMap::index(), `side` x `side` samples stand row by row `offset` behind it; elsewhere the tile
+// is the map's value throughout. With the side 1 the map says it all. The map and `finer` must
+// outlive it.
+struct SampleField {
+    const TileMap& map;
+    int side = 1;
+    const std::vector<const float*>* finer = nullptr;
+    std::ptrdiff_t offset = 0;
+
+    // Nothing where the tile is constant.
+    const float* samples(const cv::Point& tile) const {
+        if (!finer || !map.tiles().contains(tile))
+            return nullptr;
+        const float* first = (*finer)[map.index(tile.x, tile.y)];
+        return first ? first + offset : nullptr;
+    }
+};
+
+}  // namespace etalon

@@ -4,6 +4,7 @@
 
 #include "capture/camera.h"
 #include "capture/files_camera.h"
+#include "capture/v4l2_camera.h"
 #include "core/errors.h"
 #ifdef ETALON_HAVE_ARAVIS
 #include "capture/genicam_camera.h"
@@ -44,6 +45,14 @@ Backend libcamera() {
 #endif
 }
 
+Backend v4l2() {
+    return {"v4l2", "cameras with a Linux video driver: v4l2:/dev/videoN or v4l2:PLACE-ON-THE-BUS",
+            [] { return list_v4l2_cameras(); },
+            [](const std::string& id, const CameraLink& link, Clock& clock) {
+                return open_v4l2_camera(id, link, clock);
+            }};
+}
+
 Backend files() {
     return {"files",
             "replays the images of a folder or of a recorded run: files:FOLDER",
@@ -54,7 +63,7 @@ Backend files() {
 }
 
 std::vector<Backend> backends() {
-    return {genicam(), files(), {"v4l2", "not built yet", {}, {}}, libcamera()};
+    return {genicam(), files(), v4l2(), libcamera()};
 }
 
 std::string names(const std::vector<Backend>& known) {

@@ -1,0 +1,47 @@
+// When the exposure of a V4L2 frame began, as far as its time stamp tells. What each kind of stamp
+// proves is in v4l2_camera.h.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "capture/v4l2_stream.h"
+
+namespace etalon {
+
+// The moments between which an exposure began.
+struct ExposureStart {
+    Instant earliest, latest;
+};
+
+class V4l2Timing {
+public:
+    struct Camera {
+        Duration period{};                                 // between two frames
+        Duration shortest_exposure{}, longest_exposure{};  // equal where known
+        bool stamps_first_data = false;  // calls the arrival of the first data "start of exposure"
+    };
+    // For a stream that starts now.
+    V4l2Timing(const Camera& camera, Instant now) : camera_(camera), seen_empty_(now) {}
+
+    // No frame was waiting at that moment.
+    void saw_empty_queue(Instant now) { seen_empty_ = now; }
+
+    // For each frame once, in their order: what is wrong with its stamp; empty if nothing.
+    std::string check(const FilledBuffer& buffer, Instant now);
+
+    // Of a frame that was taken from the queue at `now`.
+    ExposureStart exposure_start(const FilledBuffer& buffer, Instant now) const;
+
+    TimeSource source(const FilledBuffer& buffer) const;
+
+    // From the earliest start of an exposure to the latest stamp of its frame.
+    Duration longest_delay() const { return camera_.longest_exposure + camera_.period; }
+
+private:
+    Camera camera_;
+    Instant seen_empty_;
+    std::optional<std::chrono::nanoseconds> last_stamp_;
+};
+
+}  // namespace etalon

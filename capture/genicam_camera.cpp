@@ -137,6 +137,7 @@ void GenicamCamera::arm() {
 }
 
 void GenicamCamera::start_stream() {
+    require_alive("start the stream");
     stream_ = std::make_unique<GenicamStream>(*device_, capture_);
     answer_outstanding_ = false;
     last_device_ns_ = 0;
@@ -178,12 +179,7 @@ CaptureStatistics GenicamCamera::statistics() const {
 }
 
 void GenicamCamera::trigger() {
-    ErrorSlot error;
-    arv_camera_software_trigger(device_->camera(), error.out());
-    if (!error)
-        return;
-    device_->lose();
-    fail("trigger", error.message());
+    device_->ask("trigger", [&](GError** e) { arv_camera_software_trigger(device_->camera(), e); });
 }
 
 // ---- frames ----------------------------------------------------------------------------------

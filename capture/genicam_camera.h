@@ -13,7 +13,7 @@
 // was set, wrapped or went back) is `corrupt`, and a triggered one is dated by its trigger alone.
 //
 // Loss: a request to a device that has gone fails after the control protocol's own five tries of
-// 0.5 s, which no setting of the library shortens. From then on every call fails at once, and what
+// 0.5 s, which no setting of the library shortens (and waits for the heartbeat's). From then on every call fails at once, and what
 // the library still wants to tell the device is told in the background. reconnect() makes all anew.
 #pragma once
 

@@ -43,6 +43,14 @@ std::string ErrorSlot::message() const {
     return error_ ? error_->message : "";
 }
 
+bool ErrorSlot::is_silence() const {
+    for (const int code : {ARV_DEVICE_ERROR_TIMEOUT, ARV_DEVICE_ERROR_NOT_CONNECTED,
+                           ARV_DEVICE_ERROR_NOT_CONTROLLER, ARV_DEVICE_ERROR_TRANSFER_ERROR})
+        if (error_ && g_error_matches(error_, ARV_DEVICE_ERROR, code))
+            return true;
+    return false;
+}
+
 void UnrefObject::operator()(void* object) const {
     g_object_unref(object);
 }
@@ -70,6 +78,14 @@ GenicamDevice::~GenicamDevice() {
 
 void GenicamDevice::fail(const std::string& request, const std::string& cause) const {
     throw DeviceError(name_, request, cause);
+}
+
+void GenicamDevice::require_answer(const std::string& request, const ErrorSlot& error) const {
+    if (!error)
+        return;
+    if (error.is_silence())
+        *lost_ = true;
+    fail(request, error.message());
 }
 
 bool GenicamDevice::has(const char* feature) const {

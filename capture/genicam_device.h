@@ -27,6 +27,7 @@ public:
     GError** out() { return &error_; }
     explicit operator bool() const { return error_ != nullptr; }
     std::string message() const;
+    bool is_silence() const;  // the device did not answer, or no longer obeys us
 
 private:
     GError* error_ = nullptr;
@@ -58,17 +59,16 @@ public:
     [[noreturn]] void fail(const std::string& request, const std::string& cause) const;
 
     // Carries out one call of the library; its error becomes a DeviceError that names the request.
+    // A device that does not answer is lost from then on.
     template <typename Call>
     auto ask(const std::string& request, Call call) const {
         ErrorSlot error;
         if constexpr (std::is_void_v<decltype(call(error.out()))>) {
             call(error.out());
-            if (error)
-                fail(request, error.message());
+            require_answer(request, error);
         } else {
             const auto result = call(error.out());
-            if (error)
-                fail(request, error.message());
+            require_answer(request, error);
             return result;
         }
     }
@@ -77,11 +77,15 @@ public:
     template <typename Call>
     bool says_yes(Call call) const {
         ErrorSlot error;
-        return call(error.out()) && !error;
+        const bool yes = call(error.out());
+        if (error.is_silence())
+            require_answer("ask for a feature", error);
+        return yes && !error;
     }
     bool has(const char* feature) const;
 
 private:
+    void require_answer(const std::string& request, const ErrorSlot& error) const;
     void open(const std::string& id, const CameraLink& link);
     void watch_control();
     void read_identity(const std::string& id);

@@ -162,7 +162,8 @@ struct GigeCamera::Device {
         changed.notify_all();
         if (latch.joinable())
             latch.join();
-        g_clear_object(&camera);  // joins its thread
+        if (camera)
+            g_object_unref(camera);  // joins its thread, which may still be filling a frame
     }
     Device(const Device&) = delete;
     Device& operator=(const Device&) = delete;

@@ -69,6 +69,10 @@ struct CameraRigMaker {
     std::function<std::unique_ptr<CameraRig>()> make;
 };
 
+inline void PrintTo(const CameraRigMaker& maker, std::ostream* out) {
+    *out << maker.name;
+}
+
 std::string rig_name(const testing::TestParamInfo<CameraRigMaker>& info);
 
 class CameraContract : public testing::TestWithParam<CameraRigMaker> {

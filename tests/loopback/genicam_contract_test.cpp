@@ -1,0 +1,106 @@
+// The contract of Camera, kept by the GenICam backend on loopback: for packed and plain formats,
+// for a camera that is triggered by software and for one that runs freely, with and without a clock
+// that can be read.
+#include "tests/capture/camera_contract.h"
+#include "tests/loopback/gige_rig.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct GenicamCase {
+    std::string format;
+    int bits = 8;
+    std::string trigger = "Software";
+    bool latches = false;
+};
+
+GigeCameraOptions options_of(const GenicamCase& tested) {
+    GigeCameraOptions options;
+    options.width = 150;  // 12 kB and more: 23 packets of 576 bytes
+    options.height = 80;
+    options.bits = tested.bits;
+    options.latches = tested.latches;
+    return options;
+}
+
+class GenicamContractRig final : public CameraRig {
+public:
+    explicit GenicamContractRig(const GenicamCase& tested)
+        : case_(tested), rig_(options_of(tested)) {}
+
+    Clock& clock() override { return rig_.clock_; }
+    std::unique_ptr<Camera> open() override {
+        CameraLink link;
+        link.packet_size = 576;
+        link.frame_timeout = 400ms;
+        return rig_.open(link);
+    }
+    CaptureSettings settings() const override {
+        CaptureSettings settings = rig_.settings();
+        settings.format = case_.format;
+        settings.trigger = case_.trigger;
+        settings.exposure = 7000us;
+        settings.gain_db = 3.0;
+        settings.black_level = 5.0;
+        if (case_.trigger == "none")
+            settings.controls["AcquisitionFrameRate"] = 50.0;
+        return settings;
+    }
+    std::vector<Refusal> refusals() const override {
+        CaptureSettings wide = settings(), long_exposure = wide, loud = wide, unknown = wide,
+                        dark = wide, nameless = wide;
+        wide.width = 151;
+        long_exposure.exposure = 11s;
+        loud.gain_db = 11.0;
+        unknown.format = "Mono14";
+        dark.black_level = 256.0;
+        nameless.controls["Sharpness"] = 1.0;
+        return {{wide, "151x80"},    {long_exposure, "11000000 us"},
+                {loud, "11 dB"},     {unknown, "Mono14"},
+                {dark, "level 256"}, {nameless, "Sharpness"}};
+    }
+    bool show(const CodeImage& scene) override {
+        rig_.show(scene);
+        return true;
+    }
+    // A camera that runs freely sends its bad frame when it likes.
+    std::optional<FrameStatus> spoil(FrameFault fault, int frames) override {
+        if (case_.trigger != "Software" || fault == FrameFault::lost)
+            return std::nullopt;
+        if (fault == FrameFault::cut_short) {
+            rig_.device_->cut_short(frames);
+            return FrameStatus::short_frame;
+        }
+        // Half of 23 packets: all or none of them arrive with a chance of 2e-7.
+        rig_.device_->lose_packets(fault == FrameFault::damaged ? 0.5 : 1.0, frames);
+        return fault == FrameFault::damaged ? FrameStatus::corrupt : FrameStatus::timed_out;
+    }
+    bool unplug() override {
+        rig_.device_.reset();
+        return true;
+    }
+    bool plug_in() override {
+        rig_.restart();
+        return true;
+    }
+
+private:
+    GenicamCase case_;
+    GigeRig rig_;
+};
+
+CameraRigMaker rig(const std::string& name, const GenicamCase& tested) {
+    return {name, [=] { return std::make_unique<GenicamContractRig>(tested); }};
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Genicam, CameraContract,
+    testing::Values(rig("Mono8", {"Mono8", 8}), rig("Mono12p", {"Mono12p", 12}),
+                    rig("FreeWithoutClock", {"Mono8", 8, "none"}),
+                    rig("FreeWithClockMono12Packed", {"Mono12Packed", 12, "none", true})),
+    rig_name);
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,273 @@
+// What the GenICam backend does beyond the contract of all cameras: pixel formats, triggers, the
+// device's clock, statistics, and faults with their time bounds.
+#include <gtest/gtest.h>
+
+#include <set>
+#include <thread>
+
+#include "core/errors.h"
+#include "tests/loopback/gige_rig.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+
+GigeCameraOptions sensor(int bits = 8) {
+    GigeCameraOptions options;
+    options.width = 68;  // packed formats fill whole bytes
+    options.height = 41;
+    options.bits = bits;
+    return options;
+}
+
+class GenicamFeatures : public testing::Test {
+protected:
+    std::unique_ptr<Camera> armed(GigeRig& rig, const CaptureSettings& settings) {
+        auto camera = rig.open(link_);
+        camera->configure(settings);
+        camera->arm();
+        return camera;
+    }
+
+    CameraLink link_;
+};
+
+// Every format that the mock packs, unpacked by the backend's own code; the mock's packing is
+// independent of it.
+TEST_F(GenicamFeatures, HandsOverEveryPixelFormatBitForBit) {
+    const std::vector<std::pair<std::string, int>> formats{
+        {"Mono8", 8},    {"Mono10", 10},   {"Mono12", 12},       {"Mono16", 16},
+        {"Mono10p", 10}, {"Mono12p", 12},  {"Mono10Packed", 10}, {"Mono12Packed", 12},
+        {"BayerRG8", 8}, {"BayerGB12", 12}};
+    GigeRig rig(sensor());
+    auto camera = rig.open(link_);
+    for (const auto& [format, bits] : formats) {
+        CaptureSettings wanted;
+        wanted.format = format;
+        wanted.bits = 0;  // as many as the format has
+        EXPECT_EQ(camera->configure(wanted).bits, bits) << format;
+        camera->arm();
+        rig.show(picture(68, 41, bits, bits));
+        const Frame frame = camera->frame_after(rig.clock_.now(), 5, {});
+        ASSERT_EQ(frame.status, FrameStatus::complete) << format << ": " << frame.status_detail;
+        EXPECT_TRUE(same(frame.image.pixels, rig.shown().pixels)) << format;
+        EXPECT_EQ(frame.image.bits, bits);
+        EXPECT_EQ(frame.settings.format, format);
+        EXPECT_EQ(frame.mosaic, format == "BayerRG8"    ? Mosaic::rggb
+                                : format == "BayerGB12" ? Mosaic::gbrg
+                                                        : Mosaic::none);
+        camera->disarm();
+    }
+}
+
+TEST_F(GenicamFeatures, ChoosesThePlainestMonochromeFormatThatHoldsTheBits) {
+    GigeRig rig(sensor());
+    auto camera = rig.open(link_);
+    const auto chosen = [&](int bits) {
+        CaptureSettings wanted;
+        wanted.bits = bits;
+        return camera->configure(wanted).format;
+    };
+    EXPECT_EQ(chosen(7), "Mono8");
+    EXPECT_EQ(chosen(10), "Mono10");
+    EXPECT_EQ(chosen(11), "Mono12");
+    EXPECT_EQ(chosen(14), "Mono16");
+    CaptureSettings shallow;
+    shallow.format = "Mono12p";
+    shallow.bits = 8;
+    EXPECT_THROW(camera->configure(shallow), DeviceError);
+}
+
+TEST_F(GenicamFeatures, PutsBlackLevelGainAndFeaturesByNameInForce) {
+    GigeRig rig(sensor());
+    auto camera = rig.open(link_);
+    CaptureSettings wanted;
+    wanted.black_level = 17.0;
+    wanted.gain_db = 3.0;
+    wanted.controls["AcquisitionFrameRate"] = 40.0;
+    const CaptureSettings actual = camera->configure(wanted);
+    EXPECT_EQ(actual.black_level, 17.0);
+    EXPECT_EQ(actual.controls.at("AcquisitionFrameRate"), 40.0);
+    camera->arm();
+    camera->frame_after(rig.clock_.now(), 5, {});
+    EXPECT_EQ(rig.asked().black_level, 17.0);
+    EXPECT_EQ(rig.asked().gain_db, 3.0);
+}
+
+TEST_F(GenicamFeatures, ListsFormatsAndControlsWithTheirRanges) {
+    GigeRig rig(sensor());
+    auto camera = rig.open(link_);
+    const CameraAbilities abilities = camera->abilities();
+    ASSERT_EQ(abilities.formats.size(), 10u);
+    EXPECT_EQ(abilities.formats[5].name, "Mono12p");
+    EXPECT_EQ(abilities.formats[5].bits, 12);
+    EXPECT_EQ(abilities.formats[5].sizes.at(0).largest, cv::Size(68, 41));
+    const auto control = [&](const std::string& name) {
+        for (const CameraControl& each : abilities.controls)
+            if (each.name == name)
+                return each;
+        ADD_FAILURE() << name << " is not listed";
+        return CameraControl{};
+    };
+    EXPECT_EQ(control("ExposureTime").value, "10000");
+    EXPECT_EQ(control("ExposureTime").unit, "us");
+    EXPECT_EQ(control("ExposureTime").low, 10.0);
+    EXPECT_EQ(control("BlackLevel").high, 255.0);
+    EXPECT_EQ(control("GainAuto").choices, (std::vector<std::string>{"Off", "Continuous"}));
+}
+
+TEST_F(GenicamFeatures, WaitsForTheLineThatTriggersIt) {
+    GigeCameraOptions options = sensor();
+    options.latches = true;
+    GigeRig rig(options);
+    link_.frame_timeout = 400ms;
+    CaptureSettings wanted;
+    wanted.trigger = "Line1";
+    auto camera = armed(rig, wanted);
+    EXPECT_EQ(camera->frame_after(rig.clock_.now(), 0, {}).status, FrameStatus::timed_out);
+    const Instant t = rig.clock_.now();
+    std::thread line([&] {
+        SteadyClock().wait_for(50ms, {});
+        rig.device_->pulse_line();
+    });
+    const Frame frame = camera->frame_after(t, 2, {});
+    line.join();
+    ASSERT_EQ(frame.status, FrameStatus::complete) << frame.status_detail;
+    EXPECT_EQ(frame.settings.trigger, "Line1");
+    EXPECT_EQ(frame.time_source, TimeSource::device_clock);
+    EXPECT_GT(frame.exposure_start - frame.exposure_start_uncertainty, t);
+}
+
+// A device without a clock to read is dated by its trigger; with one, by the intersection.
+TEST_F(GenicamFeatures, DatesAFrameByTheDevicesClockWhereThereIsOne) {
+    for (const bool latches : {false, true}) {
+        GigeCameraOptions options = sensor();
+        options.latches = latches;
+        GigeRig rig(options);
+        CaptureSettings wanted;
+        wanted.exposure = 2000us;
+        auto camera = armed(rig, wanted);
+        const Instant before = rig.clock_.now();
+        const Frame frame = camera->frame_after(before, 5, {});
+        EXPECT_EQ(frame.time_source, latches ? TimeSource::device_clock : TimeSource::request);
+        EXPECT_GT(frame.device_time_ns, 0u);
+        EXPECT_GT(frame.exposure_start - frame.exposure_start_uncertainty, before);
+        EXPECT_LT(frame.exposure_start + frame.exposure_start_uncertainty, rig.clock_.now());
+    }
+}
+
+TEST_F(GenicamFeatures, RefusesFramesWhoseClockJumpedAndRecovers) {
+    for (const std::chrono::nanoseconds jump :
+         {std::chrono::nanoseconds(-1h), 1000000000ns * 3600}) {
+        GigeCameraOptions options = sensor();
+        options.latches = true;
+        GigeRig rig(options);
+        CaptureSettings wanted;
+        wanted.trigger = "none";
+        wanted.controls["AcquisitionFrameRate"] = 50.0;
+        auto camera = armed(rig, wanted);
+        ASSERT_EQ(camera->frame_after(rig.clock_.now(), 0, {}).status, FrameStatus::complete);
+        // Between the reading of the clock and the next frame: 20 ms apart, so this hits it.
+        std::atomic<bool> ended = false;
+        std::thread jumping([&] {
+            SteadyClock().wait_for(5ms, {});
+            rig.device_->jump_clock(jump);
+            ended = true;
+        });
+        const Instant t = rig.clock_.now();
+        const Frame frame = camera->frame_after(t, 3, {});
+        jumping.join();
+        ASSERT_EQ(frame.status, FrameStatus::complete) << frame.status_detail;
+        EXPECT_GT(frame.exposure_start - frame.exposure_start_uncertainty, t);
+        const Frame next = camera->frame_after(rig.clock_.now(), 3, {});
+        ASSERT_EQ(next.status, FrameStatus::complete) << next.status_detail;
+        EXPECT_LT(next.exposure_start, rig.clock_.now());
+        EXPECT_LT(rig.clock_.now() - t, 2s);
+    }
+}
+
+TEST_F(GenicamFeatures, CountsWhatTheStreamLost) {
+    GigeRig rig(sensor());
+    link_.frame_timeout = 300ms;
+    auto camera = armed(rig, {});
+    rig.device_->lose_packets(0.5, 3);  // of 4 packets each
+    camera->frame_after(rig.clock_.now(), 20, {});
+    const CaptureStatistics counts = camera->statistics();
+    EXPECT_EQ(counts.delivered, 1);
+    EXPECT_GT(counts.rejected + counts.missing_packets, 0);
+    camera->disarm();
+    EXPECT_EQ(camera->statistics().missing_packets, counts.missing_packets);
+}
+
+// A camera whose buffers fill while nobody looks.
+TEST_F(GenicamFeatures, CountsUnderrunsAndSkippedFrames) {
+    GigeCameraOptions options = sensor();
+    options.latches = true;
+    GigeRig rig(options);
+    CaptureSettings wanted;
+    wanted.trigger = "none";
+    wanted.controls["AcquisitionFrameRate"] = 100.0;
+    auto camera = armed(rig, wanted);
+    rig.clock_.wait_for(400ms, {});
+    EXPECT_EQ(camera->frame_after(rig.clock_.now(), 3, {}).status, FrameStatus::complete);
+    EXPECT_GT(camera->statistics().underruns, 10);
+    EXPECT_GT(camera->statistics().skipped, 10);
+}
+
+TEST_F(GenicamFeatures, SaysThatAFrozenCameraIsGoneAndTakesItUpAgain) {
+    GigeRig rig(sensor());
+    CaptureSettings wanted;
+    wanted.exposure = 7000us;
+    wanted.gain_db = 5.0;
+    auto camera = armed(rig, wanted);
+    rig.device_->freeze();
+    const Instant frozen = rig.clock_.now();
+    EXPECT_THROW(camera->frame_after(frozen, 100, {}), DeviceError);
+    // The frame's time-out of 1 s, and two requests of 2.5 s: the heartbeat's before ours.
+    EXPECT_LT(rig.clock_.now() - frozen, 7s);
+    std::thread thawing([&] {
+        SteadyClock().wait_until(frozen + 5s, {});
+        rig.device_->thaw();
+    });
+    camera->reconnect(rig.clock_.now() + 15s, {});
+    thawing.join();
+    EXPECT_LT(rig.clock_.now() - frozen, 20s);
+    const Frame frame = camera->frame_after(rig.clock_.now(), 5, {});
+    ASSERT_EQ(frame.status, FrameStatus::complete) << frame.status_detail;
+    EXPECT_EQ(rig.asked().exposure, 7000us);
+    EXPECT_EQ(rig.asked().gain_db, 5.0);
+    EXPECT_EQ(camera->statistics().reconnects, 1);
+}
+
+TEST_F(GenicamFeatures, DoesNotTakeAnotherCameraForTheOneThatWasLost) {
+    GigeRig rig(sensor());
+    auto camera = armed(rig, {});
+    rig.device_.reset();
+    EXPECT_THROW(camera->frame_after(rig.clock_.now(), 0, {}), DeviceError);
+    rig.options_.serial = "OTHER";
+    rig.restart();
+    try {
+        camera->reconnect(rig.clock_.now() + 10s, {});
+        FAIL() << "another camera was accepted";
+    } catch (const DeviceError& error) {
+        EXPECT_NE(std::string(error.what()).find("OTHER"), std::string::npos) << error.what();
+    }
+    EXPECT_THROW(camera->frame_after(rig.clock_.now(), 0, {}), DeviceError);
+}
+
+TEST_F(GenicamFeatures, OpensThroughTheNetworkCardThatIsNamed) {
+    GigeRig rig(sensor());
+    link_.interface = "127.0.0.1";
+    link_.packet_delay = 1us;  // the largest that this camera allows
+    auto camera = armed(rig, {});
+    EXPECT_EQ(camera->frame_after(rig.clock_.now(), 5, {}).status, FrameStatus::complete);
+    camera.reset();
+    link_.packet_delay = 2us;
+    EXPECT_THROW(rig.open(link_), DeviceError);
+    link_.interface = "no address";
+    EXPECT_THROW(rig.open(link_), DeviceError);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -63,8 +63,9 @@ const PixelFormat* monochrome_format(const std::vector<CameraFormat>& offered, i
 std::string names_of(const std::vector<CameraFormat>& formats) {
     std::string names;
     for (const CameraFormat& format : formats)
-        names += (names.empty() ? "" : ", ") + format.name;
-    return names.empty() ? "none" : names;
+        if (format.bits > 0)
+            names += (names.empty() ? "" : ", ") + format.name;
+    return names.empty() ? "none that this program can unpack" : names;
 }
 
 class V4l2Camera final : public Camera {
@@ -241,9 +242,9 @@ CaptureSettings V4l2Camera::read_back(const CaptureSettings& wanted) {
 void V4l2Camera::remark_on_format() {
     const PixelFormat& format = *image_format_.pixels;
     if (format.lossy())
-        remark(fmt::format("{} is lossy: its pixels are not the sensor's codes", format.name()));
+        remark(fmt::format("{} is lossy: its pixels are not the sensor's codes", format.v4l2));
     if (is_luma_of_colours(format))
-        remark(fmt::format("of {} the luma is kept, which the camera made", format.name()));
+        remark(fmt::format("of {} the luma is kept, which the camera made", format.v4l2));
 }
 
 void V4l2Camera::remark(const std::string& text) {
@@ -369,15 +370,17 @@ std::optional<Frame> V4l2Camera::judged(const FilledBuffer& buffer, Instant t) {
 
 Frame V4l2Camera::described(const FilledBuffer& buffer, Instant now) {
     count(buffer.sequence);
-    if (buffer.meaning == StampMeaning::nothing)
-        remark("the driver's time stamps are of an unknown clock: the frames' arrival is used");
     const ExposureStart start = timing_->exposure_start(buffer, now);
+    if (start.source == TimeSource::request)
+        remark(
+            "the driver's time stamps are of an unknown clock or lie ahead of the frames: their "
+            "arrival is used");
     Frame frame;
     frame.mosaic = image_format_.pixels->mosaic;
     frame.id = frame_id_;
     frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
     frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
-    frame.time_source = timing_->source(buffer);
+    frame.time_source = start.source;
     frame.device_time_ns = static_cast<std::uint64_t>(buffer.stamp.count());
     frame.settings = *settings_;
     return frame;

@@ -7,11 +7,12 @@
 //   monotonic, end of frame         the exposure had ended, at most one frame period earlier; the
 //                                   same for the driver uvcvideo, whose "start of exposure" is the
 //                                   arrival of a frame's first data
-//   any other clock                 the frame came between the moment at which the queue was last
-//                                   seen empty and now; else as end of frame
+//   any other clock, or ahead of    the frame came between the moment at which the queue was last
+//   its frame's arrival             seen empty and now; else as end of frame
 //
 // A device that holds pictures back longer than one frame period after their exposure breaks this,
-// and cannot be told. Stamps that lie in the future or do not advance make a frame `corrupt`.
+// and cannot be told. Stamps that lie more than a period in the future or do not advance make a
+// frame `corrupt`; frames that are old by their stamps are thrown away until the time-out.
 //
 // Gains of this interface have no unit: gain_db must be 0, which is the lowest gain; set others
 // by name in CaptureSettings::controls.

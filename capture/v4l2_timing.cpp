@@ -8,7 +8,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration stamp_accuracy = 500us;  // of a stamp at the start of the exposure
-constexpr Duration stamp_lead = 1ms;        // a stamp further in the future is wrong
+constexpr Duration stamp_lead = 1ms;        // of a stamp before its frame's arrival, by rounding
 
 double milliseconds_of(Duration duration) {
     return std::chrono::duration<double, std::milli>(duration).count();
@@ -26,7 +26,7 @@ std::string V4l2Timing::check(const FilledBuffer& buffer, Instant now) {
         return "";
     const auto last = last_stamp_;
     last_stamp_ = buffer.stamp;
-    if (instant_of(buffer.stamp) > now + stamp_lead)
+    if (instant_of(buffer.stamp) > now + camera_.period + stamp_lead)
         return fmt::format("its time stamp lies {:.3f} ms in the future",
                            milliseconds_of(instant_of(buffer.stamp) - now));
     if (last && buffer.stamp <= *last)
@@ -35,25 +35,26 @@ std::string V4l2Timing::check(const FilledBuffer& buffer, Instant now) {
     return "";
 }
 
-ExposureStart V4l2Timing::exposure_start(const FilledBuffer& buffer, Instant now) const {
-    const Instant stamp = instant_of(buffer.stamp);
-    if (buffer.meaning == StampMeaning::exposure_start && !camera_.stamps_first_data)
-        return {stamp - stamp_accuracy, stamp + stamp_accuracy};
-    const bool known = buffer.meaning != StampMeaning::nothing;
-    const Instant earliest_end = known ? stamp : seen_empty_, latest_end = known ? stamp : now;
-    return {earliest_end - longest_delay(), latest_end - camera_.shortest_exposure};
+// Some drivers stamp a frame with the moment at which it would have ended, and hand it out before.
+StampMeaning V4l2Timing::meaning_of(const FilledBuffer& buffer, Instant now) const {
+    const bool ahead = instant_of(buffer.stamp) > now + stamp_lead;
+    return ahead ? StampMeaning::nothing : buffer.meaning;
 }
 
-TimeSource V4l2Timing::source(const FilledBuffer& buffer) const {
-    switch (buffer.meaning) {
+ExposureStart V4l2Timing::exposure_start(const FilledBuffer& buffer, Instant now) const {
+    const Instant stamp = instant_of(buffer.stamp);
+    const Instant latest = stamp - camera_.shortest_exposure;
+    switch (meaning_of(buffer, now)) {
         case StampMeaning::exposure_start:
-            return TimeSource::driver_start;
+            if (!camera_.stamps_first_data)
+                return {stamp - stamp_accuracy, stamp + stamp_accuracy, TimeSource::driver_start};
+            return {stamp - longest_delay(), latest, TimeSource::driver_start};
         case StampMeaning::frame_end:
-            return TimeSource::driver_end;
+            return {stamp - longest_delay(), latest, TimeSource::driver_end};
         case StampMeaning::nothing:
-            return TimeSource::request;
+            break;
     }
-    return TimeSource::request;
+    return {seen_empty_ - longest_delay(), now - camera_.shortest_exposure, TimeSource::request};
 }
 
 }  // namespace etalon

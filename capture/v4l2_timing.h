@@ -9,9 +9,10 @@
 
 namespace etalon {
 
-// The moments between which an exposure began.
+// The moments between which an exposure began, and how that is known.
 struct ExposureStart {
     Instant earliest, latest;
+    TimeSource source = TimeSource::request;
 };
 
 class V4l2Timing {
@@ -27,18 +28,19 @@ public:
     // No frame was waiting at that moment.
     void saw_empty_queue(Instant now) { seen_empty_ = now; }
 
-    // For each frame once, in their order: what is wrong with its stamp; empty if nothing.
+    // For each frame once, in their order: what is wrong with its stamp; empty if nothing. A stamp
+    // up to one period ahead of the frame's arrival is none, but is not used either.
     std::string check(const FilledBuffer& buffer, Instant now);
 
     // Of a frame that was taken from the queue at `now`.
     ExposureStart exposure_start(const FilledBuffer& buffer, Instant now) const;
 
-    TimeSource source(const FilledBuffer& buffer) const;
-
     // From the earliest start of an exposure to the latest stamp of its frame.
     Duration longest_delay() const { return camera_.longest_exposure + camera_.period; }
 
 private:
+    StampMeaning meaning_of(const FilledBuffer& buffer, Instant now) const;
+
     Camera camera_;
     Instant seen_empty_;
     std::optional<std::chrono::nanoseconds> last_stamp_;

@@ -311,6 +311,18 @@ TEST_F(V4l2, UsesTheArrivalWhereStampsAreOfAnUnknownClock) {
     EXPECT_THAT(camera->remarks(), Contains(HasSubstr("unknown clock")));
 }
 
+// As the kernel's vivid does: the moment at which the frame would have ended, handed out before.
+TEST_F(V4l2, UsesTheArrivalOfFramesThatComeBeforeTheirStamps) {
+    device_.spoil = [](FakeV4l2Frame& frame) { frame.stamp += 30ms; };
+    auto camera = armed();
+    const Instant t = clock_.now();
+    const Frame taken = frame(*camera);
+    EXPECT_EQ(taken.status, FrameStatus::complete) << taken.status_detail;
+    EXPECT_EQ(taken.time_source, TimeSource::request);
+    EXPECT_GT(taken.exposure_start - taken.exposure_start_uncertainty, t);
+    EXPECT_LE(taken.exposure_start + taken.exposure_start_uncertainty, clock_.now());
+}
+
 TEST_F(V4l2, AssumesTheLongestPeriodWhereTheDriverDoesNotSay) {
     device_.says_period = false;
     auto camera = armed();

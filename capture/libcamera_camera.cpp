@@ -20,7 +20,7 @@ using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
 constexpr int settling_frames = 20;  // a pipeline delays settings by 2 to 10 frames
-constexpr int warm_up_frames = 2;    // the first one may have begun before the stream did
+constexpr int warm_up_frames = 3;    // that FrameTiming needs
 constexpr milliseconds stop_patience{2000};
 constexpr milliseconds reopen_pause{250};
 
@@ -111,7 +111,7 @@ private:
 
     // Nothing works any more until reconnect() has brought back what there was.
     bool lost_ = false;
-    bool was_configured_ = false, was_armed_ = false;  // before a reconnect() that failed
+    bool was_configured_ = false, was_armed_ = false;
 };
 
 LibcameraCamera::LibcameraCamera(const std::string& id, const CameraLink& link, Clock& clock,
@@ -433,11 +433,12 @@ Frame LibcameraCamera::fresh_frame(Instant t, std::stop_token stop) {
 
 // A driver whose device has gone may say so only now.
 void LibcameraCamera::restart_stream() {
-    device_->stop();
+    stop_stream();
     try {
+        require_alive("take a frame");
         start_stream();
     } catch (const DeviceError&) {
-        lost_ = true;
+        lost_ = was_armed_ = true;
         throw;
     }
 }

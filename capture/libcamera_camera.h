@@ -1,11 +1,11 @@
 // Cameras behind libcamera: sensors on embedded boards, with or without an image processor, and USB
 // ones. They run freely; a frame is waited for, not triggered.
 //
-// Fresh: a request is queued only when its buffer has been looked at, and its frame is taken only
-// if the exposure began after the moment asked for. The frame's SensorTimestamp is defined as the
-// beginning of its first line's exposure, but what most drivers stamp is that line's readout. So
-// the exposure began within the ExposureTime before the stamp; or, where the metadata do not tell
-// it, after the stamp of the frame before, since a line is not exposed again before it was read.
+// Fresh: what a request brings is taken only if its exposure began after the moment asked for;
+// older ones, with which the requests were filled while nobody asked, are queued again.
+// SensorTimestamp is defined as the beginning of the first line's exposure, but what drivers stamp
+// is its readout, or the arrival of the first data. FrameTiming (libcamera_support.h) says what
+// follows from that.
 //
 // Settings reach the sensor some frames late. They are in force when the frames' metadata say so,
 // which configure() and arm() wait for, at most 20 frames, and which every frame is asked again.

@@ -9,13 +9,17 @@
 #include <libcamera/property_ids.h>
 #include <libcamera/version.h>
 #include <linux/dma-buf.h>
+#include <linux/videodev2.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <ctime>
+#include <filesystem>
 #include <mutex>
 #include <system_error>
 #include <utility>
@@ -53,14 +57,27 @@ public:
 
     libcamera::CameraManager* operator->() const { return shared().manager.get(); }
 
+    // Null if there is none, nor soon: one that was plugged in a moment ago takes some time.
+    std::shared_ptr<libcamera::Camera> find(const std::string& id) const {
+        constexpr auto patience = std::chrono::milliseconds(200);
+        auto camera = shared().manager->get(id);
+        while (!camera && shared().arrivals.pop(patience, {}))
+            camera = shared().manager->get(id);
+        return camera;
+    }
+
 private:
     struct Shared {
         std::mutex mutex;
         std::unique_ptr<libcamera::CameraManager> manager;
         int leases = 0;
+        HandoverQueue<bool> arrivals;
+
+        // Comes on libcamera's thread.
+        void camera_added(std::shared_ptr<libcamera::Camera>) { arrivals.push(true); }
     };
     static Shared& shared() {
-        static Shared one;
+        static Shared& one = *new Shared;  // for as long as the background may still use it
         return one;
     }
 
@@ -69,6 +86,7 @@ private:
         if (!std::getenv("LIBCAMERA_LOG_LEVELS") && !std::getenv("LIBCAMERA_LOG_FILE"))
             libcamera::logSetTarget(libcamera::LoggingTargetNone);
         auto manager = std::make_unique<libcamera::CameraManager>();
+        manager->cameraAdded.connect(&shared(), &Shared::camera_added);
         if (const int result = manager->start(); result < 0)
             throw DeviceError("libcamera", "start", reason(result));
         return manager;
@@ -187,11 +205,30 @@ private:
     void* memory_ = nullptr;
 };
 
+// ---- devices that are gone ------------------------------------------------------------------
+
+// Whether the kernel has taken away a video device that this process has open. libcamera does not
+// say which devices are its own, so all of them are asked: a question that changes nothing.
+bool a_video_device_is_gone() {
+    constexpr unsigned video4linux_major = 81;
+    std::error_code unreadable;
+    for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd", unreadable)) {
+        const int descriptor = std::atoi(entry.path().filename().c_str());
+        struct stat file {};
+        v4l2_capability capability{};
+        if (fstat(descriptor, &file) == 0 && S_ISCHR(file.st_mode) &&
+            major(file.st_rdev) == video4linux_major &&
+            ioctl(descriptor, VIDIOC_QUERYCAP, &capability) < 0 && errno == ENODEV)
+            return true;
+    }
+    return false;
+}
+
 // ---- the device ----------------------------------------------------------------------------
 
 class Device final : public LibcameraDevice {
 public:
-    explicit Device(const std::string& id);
+    explicit Device(std::shared_ptr<libcamera::Camera> camera);
     ~Device() override;
     Device(const Device&) = delete;
     Device& operator=(const Device&) = delete;
@@ -216,6 +253,7 @@ private:
     void make_requests();
     void set_controls(libcamera::Request& request, const LibcameraValues& values) const;
     void queue(libcamera::Request& request);
+    void wait_until_stopping_is_safe();
 
     // These two come on libcamera's thread.
     void request_completed(libcamera::Request* request) { completed_.push(request); }
@@ -233,6 +271,7 @@ private:
     std::vector<std::unique_ptr<MappedPlane>> planes_;
     std::vector<std::unique_ptr<libcamera::Request>> requests_;  // one for each plane
     bool running_ = false;
+    int queued_ = 0;  // requests that have not come back
 
     HandoverQueue<libcamera::Request*> completed_;
     std::atomic<bool> disconnected_{false};
@@ -247,12 +286,8 @@ void Device::require(const std::string& request, int result) const {
         fail(request, disconnected_ ? "the camera is gone" : reason(result));
 }
 
-Device::Device(const std::string& id) {
-    identity_.uri = "libcamera:" + id;
-    camera_ = manager_->get(id);
-    if (!camera_)
-        fail("open", "no such camera; `etalon devices` lists those that there are");
-    identity_ = identity_of(*camera_);
+Device::Device(std::shared_ptr<libcamera::Camera> camera)
+    : camera_(std::move(camera)), identity_(identity_of(*camera_)) {
     if (const int result = camera_->acquire(); result == -EBUSY)
         fail("open", "another program uses it");
     else
@@ -311,7 +346,7 @@ std::map<std::string, LibcameraRange> Device::controls() const {
     std::map<std::string, LibcameraRange> controls;
     for (const auto& [id, info] : camera_->controls()) {
         const auto low = number_in(info.min()), high = number_in(info.max());
-        if (low && high)
+        if (low && high && *low <= *high)  // some drivers' limits are nonsense
             controls[id->name()] = {*low, *high, number_in(info.def()).value_or(*low)};
     }
     return controls;
@@ -375,12 +410,14 @@ void Device::set_controls(libcamera::Request& request, const LibcameraValues& va
 
 void Device::queue(libcamera::Request& request) {
     require("queue a request", camera_->queueRequest(&request));
+    ++queued_;
 }
 
 std::optional<LibcameraFrame> Device::next(Duration at_most, const std::stop_token& stop) {
     const std::optional<libcamera::Request*> completed = completed_.pop(at_most, stop);
     if (!completed)
         return std::nullopt;
+    --queued_;
     libcamera::Request& request = **completed;
     LibcameraFrame frame;
     frame.buffer = static_cast<int>(request.cookie());
@@ -416,10 +453,22 @@ KernelTime Device::time() const {
     return {read(CLOCK_MONOTONIC), read(CLOCK_BOOTTIME)};
 }
 
+// libcamera ends the program when it has to stop a device that is gone, of which it has not heard
+// yet, while requests are queued: their buffers do not come back (an assertion in its
+// PipelineHandler::stop()). So either they have come back, or libcamera knows.
+void Device::wait_until_stopping_is_safe() {
+    while (queued_ > 0 && !disconnected_ && a_video_device_is_gone())
+        if (completed_.pop(std::chrono::seconds(1), {}))
+            --queued_;
+}
+
 void Device::stop() noexcept {
-    if (running_)
+    if (running_) {
+        wait_until_stopping_is_safe();
         camera_->stop();
+    }
     running_ = false;
+    queued_ = 0;
     completed_.clear();
     requests_.clear();
     planes_.clear();
@@ -428,8 +477,16 @@ void Device::stop() noexcept {
 
 }  // namespace
 
+// Twice, because libcamera misses what udev announces after it has looked at the devices and before
+// it listens. A new manager looks again.
 std::unique_ptr<LibcameraDevice> open_libcamera_device(const std::string& id) {
-    return std::make_unique<Device>(id);
+    for (int look = 1; look <= 2; ++look) {
+        const ManagerLease manager;
+        if (auto camera = manager.find(id))
+            return std::make_unique<Device>(std::move(camera));
+    }
+    throw DeviceError("camera libcamera:" + id, "open",
+                      "no such camera; `etalon devices` lists those that there are");
 }
 
 std::vector<CameraIdentity> list_libcamera_cameras() {

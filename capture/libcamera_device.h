@@ -87,7 +87,8 @@ public:
     // Whether libcamera has said that the device is gone. Safe from every thread.
     virtual bool disconnected() const = 0;
 
-    // Ends the stream; nothing if there is none. May take as long as the driver likes.
+    // Ends the stream; nothing if there is none. May take as long as the driver likes, and as long
+    // as libcamera needs to hear that the device is gone.
     virtual void stop() noexcept = 0;
 };
 

@@ -171,12 +171,22 @@ SensorClock::Age SensorClock::age(std::int64_t stamp_ns, const KernelTime& now) 
             suspended < too_short_to_tell ? std::max(suspended, nanoseconds(0)) : nanoseconds(0)};
 }
 
-// The unknown beginning of a frame without a predecessor lies at the beginning of time: it is never
-// fresh.
-Duration FrameTiming::longest_exposure(const LibcameraFrame& frame) const {
+std::optional<Duration> FrameTiming::period() const {
+    if (!first_ || latest_.back().sequence <= first_->sequence)
+        return std::nullopt;
+    const auto frames = static_cast<std::int64_t>(latest_.back().sequence - first_->sequence);
+    return std::chrono::nanoseconds((latest_.back().time_ns - first_->time_ns) / frames);
+}
+
+// How long before its stamp the exposure of the newest frame may have begun.
+std::optional<Duration> FrameTiming::longest_age(const LibcameraFrame& frame) const {
     if (const auto exposure = value_in(frame.metadata, "ExposureTime"))
         return std::chrono::microseconds(std::llround(*exposure));
-    return period_.value_or(Duration::max());
+    const Stamp& newest = latest_.back();
+    for (auto before = latest_.rbegin() + 1; before != latest_.rend(); ++before)
+        if (before->sequence + 2 <= newest.sequence)
+            return std::chrono::nanoseconds(newest.time_ns - before->time_ns);
+    return std::nullopt;
 }
 
 FrameTiming::Start FrameTiming::place(const LibcameraFrame& frame, const KernelTime& now,
@@ -184,23 +194,24 @@ FrameTiming::Start FrameTiming::place(const LibcameraFrame& frame, const KernelT
     if (!frame.timestamp_ns)
         return {"the frame has no SensorTimestamp"};
     const Stamp stamp{frame.sequence, *frame.timestamp_ns};
-    const std::optional<Stamp> before = std::exchange(last_, stamp);
-    if (before && stamp.time_ns <= before->time_ns)
-        return {fmt::format("stamped {} ns before the frame that came before it",
-                            before->time_ns - stamp.time_ns)};
-    if (const auto duration = value_in(frame.metadata, "FrameDuration"))
-        period_ = std::chrono::microseconds(std::llround(*duration));
-    else if (before && stamp.sequence == before->sequence + 1)
-        period_ = std::chrono::nanoseconds(stamp.time_ns - before->time_ns);
-
+    if (!latest_.empty() && stamp.time_ns <= latest_.back().time_ns) {
+        const std::int64_t back = latest_.back().time_ns - stamp.time_ns;
+        latest_ = {stamp};
+        first_ = stamp;
+        return {fmt::format("stamped {} ns before the frame that came before it", back)};
+    }
+    latest_.push_back(stamp);
+    if (latest_.size() > 3)
+        latest_.pop_front();
+    if (!first_)
+        first_ = stamp;
     const SensorClock::Age stamped = clock_.age(stamp.time_ns, now);
     if (stamped.age + stamped.uncertainty < Duration(0))
         return {fmt::format("stamped {} ns in the future", -stamped.age.count())};
     Start start;
     start.latest = std::min(station_now - stamped.age + stamped.uncertainty, station_now);
-    const Duration exposure = longest_exposure(frame);
-    if (exposure != Duration::max())
-        start.earliest = station_now - stamped.age - stamped.uncertainty - exposure;
+    if (const auto longest = longest_age(frame))
+        start.earliest = station_now - stamped.age - stamped.uncertainty - *longest;
     return start;
 }
 

@@ -2,6 +2,7 @@
 // what the frames' metadata say about them, and when an exposure began.
 #pragma once
 
+#include <deque>
 #include <map>
 #include <optional>
 #include <string>
@@ -69,29 +70,34 @@ private:
     bool counts_suspension_ = false;
 };
 
-// Says of each frame of a stream when its exposure began, from its stamp and the one before.
+// Says of each frame of a stream when its exposure began. The stamp is the readout's beginning, so
+// the exposure began within the ExposureTime before it. A frame that does not tell that comes from
+// a USB camera, whose driver stamps the arrival of the first data, at once or late. Then what
+// counts is that at most two frames are on their way, one in the camera and one in the host's
+// transfers: the exposure began after the data of the last frame but one had arrived.
 class FrameTiming {
 public:
     struct Start {
         std::string fault;  // why the stamp cannot be believed; empty: it can
         Instant earliest = Instant::min(), latest = Instant::min();  // on the station's clock
     };
-    // Frames in the order in which they came. `now` and `station_now` are the same moment.
+    // Frames in the order in which they came. `now` and `station_now` are the same moment. Where
+    // nothing is known of the earliest beginning it stays at the beginning of time.
     Start place(const LibcameraFrame& frame, const KernelTime& now, Instant station_now);
 
-    // From the frames' metadata or their stamps, once known.
-    std::optional<Duration> period() const { return period_; }
+    // The mean since the stream began, once known.
+    std::optional<Duration> period() const;
 
 private:
     struct Stamp {
         std::uint64_t sequence;
         std::int64_t time_ns;
     };
-    Duration longest_exposure(const LibcameraFrame& frame) const;
+    std::optional<Duration> longest_age(const LibcameraFrame& frame) const;
 
     SensorClock clock_;
-    std::optional<Stamp> last_;
-    std::optional<Duration> period_;
+    std::optional<Stamp> first_;
+    std::deque<Stamp> latest_;  // at most three, the newest at the back
 };
 
 }  // namespace etalon

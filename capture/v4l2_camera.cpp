@@ -21,6 +21,7 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds look_around{10};  // a stop request is noticed within this
 constexpr milliseconds look_again{100};  // for a device to come back
+constexpr milliseconds usb_hold{100};    // see V4l2Timing::Camera::longest_hold
 
 // The first node that is a camera and `matches`; empty if there is none.
 template <class Matches>
@@ -91,6 +92,7 @@ private:
     void apply_controls(const CaptureSettings& wanted);
     CaptureSettings read_back(const CaptureSettings& wanted);
     V4l2Timing::Camera timing_of(const CaptureSettings& settings);
+    Duration frame_period();
     void remark_on_format();
     void remark(const std::string& text);
 
@@ -267,22 +269,28 @@ void V4l2Camera::arm() {
     armed_ = true;
 }
 
-// A frame takes at least its exposure, whatever rate the driver says.
 V4l2Timing::Camera V4l2Camera::timing_of(const CaptureSettings& settings) {
+    const bool usb = device_identity_.driver == "uvcvideo";
+    const Duration period = frame_period();
     V4l2Timing::Camera timing;
-    timing.period = device_->frame_period();
-    if (timing.period <= Duration(0)) {
-        timing.period = link_.frame_timeout;
+    timing.longest_hold = usb ? std::max<Duration>(3 * period, usb_hold) : period;
+    timing.shortest_exposure = settings.exposure;
+    timing.longest_exposure = settings.exposure.count() ? settings.exposure : period;
+    timing.stamps_first_data = usb;
+    return timing;
+}
+
+// A frame takes at least its exposure, whatever rate the driver says.
+Duration V4l2Camera::frame_period() {
+    Duration period = device_->frame_period();
+    if (period <= Duration(0)) {
+        period = link_.frame_timeout;
         remark(
             fmt::format("the driver does not say its frame rate: {} ms between frames are "
                         "assumed",
                         link_.frame_timeout.count()));
     }
-    timing.period = std::max<Duration>(timing.period, settings.exposure);
-    timing.shortest_exposure = settings.exposure;
-    timing.longest_exposure = settings.exposure.count() ? settings.exposure : timing.period;
-    timing.stamps_first_data = device_identity_.driver == "uvcvideo";
-    return timing;
+    return std::max<Duration>(period, settings_->exposure);
 }
 
 void V4l2Camera::disarm() noexcept {

@@ -4,15 +4,16 @@
 // its exposure after t, by the driver's time stamp. What a stamp proves, and no more:
 //
 //   monotonic, start of exposure    the exposure began then, within 0.5 ms
-//   monotonic, end of frame         the exposure had ended, at most one frame period earlier; the
-//                                   same for the driver uvcvideo, whose "start of exposure" is the
-//                                   arrival of a frame's first data
+//   monotonic, end of frame         the exposure had ended, at most one frame period earlier
 //   any other clock, or ahead of    the frame came between the moment at which the queue was last
 //   its frame's arrival             seen empty and now; else as end of frame
 //
-// A device that holds pictures back longer than one frame period after their exposure breaks this,
-// and cannot be told. Stamps that lie more than a period in the future or do not advance make a
-// frame `corrupt`; frames that are old by their stamps are thrown away until the time-out.
+// The driver uvcvideo calls the arrival of a frame's first data the start of its exposure, and USB
+// cameras hold pictures back: of that driver's stamps any proves only that the exposure had ended,
+// at most three frame periods or 100 ms earlier. A device that holds them longer cannot be told.
+//
+// Stamps that lie further in the future or do not advance make a frame `corrupt`; frames that are
+// old by their stamps are thrown away until the time-out.
 //
 // Gains of this interface have no unit: gain_db must be 0, which is the lowest gain; set others
 // by name in CaptureSettings::controls.

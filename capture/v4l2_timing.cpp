@@ -26,7 +26,7 @@ std::string V4l2Timing::check(const FilledBuffer& buffer, Instant now) {
         return "";
     const auto last = last_stamp_;
     last_stamp_ = buffer.stamp;
-    if (instant_of(buffer.stamp) > now + camera_.period + stamp_lead)
+    if (instant_of(buffer.stamp) > now + camera_.longest_hold + stamp_lead)
         return fmt::format("its time stamp lies {:.3f} ms in the future",
                            milliseconds_of(instant_of(buffer.stamp) - now));
     if (last && buffer.stamp <= *last)

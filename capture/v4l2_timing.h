@@ -18,7 +18,7 @@ struct ExposureStart {
 class V4l2Timing {
 public:
     struct Camera {
-        Duration period{};                                 // between two frames
+        Duration longest_hold{};  // from the end of an exposure to the stamp of its frame
         Duration shortest_exposure{}, longest_exposure{};  // equal where known
         bool stamps_first_data = false;  // calls the arrival of the first data "start of exposure"
     };
@@ -29,14 +29,14 @@ public:
     void saw_empty_queue(Instant now) { seen_empty_ = now; }
 
     // For each frame once, in their order: what is wrong with its stamp; empty if nothing. A stamp
-    // up to one period ahead of the frame's arrival is none, but is not used either.
+    // ahead of the frame's arrival by up to the longest hold is none, but is not used either.
     std::string check(const FilledBuffer& buffer, Instant now);
 
     // Of a frame that was taken from the queue at `now`.
     ExposureStart exposure_start(const FilledBuffer& buffer, Instant now) const;
 
     // From the earliest start of an exposure to the latest stamp of its frame.
-    Duration longest_delay() const { return camera_.longest_exposure + camera_.period; }
+    Duration longest_delay() const { return camera_.longest_exposure + camera_.longest_hold; }
 
 private:
     StampMeaning meaning_of(const FilledBuffer& buffer, Instant now) const;

@@ -83,13 +83,13 @@ private:
 std::optional<FrameStatus> V4l2Rig::spoil(FrameFault fault, int frames) {
     if (fault == FrameFault::lost)
         return std::nullopt;  // what a free-running camera loses, it does not announce
-    const bool exact =
-        kind_.stamps == FakeV4l2::Stamps::exposure_start && kind_.driver != "uvcvideo";
-    Duration margin = exact ? 500us : device_.period - device_.readout;
-    if (kind_.stamps == FakeV4l2::Stamps::unknown)  // of the queue seen empty before its arrival
-        margin = device_.period;
-    if (kind_.stamps == FakeV4l2::Stamps::exposure_start && !exact)
-        margin = device_.period + 7ms;
+    const bool usb = kind_.driver == "uvcvideo";
+    const bool start = kind_.stamps == FakeV4l2::Stamps::exposure_start;
+    const Duration hold = usb ? 3 * device_.period : device_.period;
+    const Duration margin = start && !usb                                 ? 500us
+                            : start                                       ? hold + 7ms
+                            : kind_.stamps == FakeV4l2::Stamps::frame_end ? hold - device_.readout
+                                                                          : hold;
     const Instant from = clock_.now() + margin, to = from + frames * device_.period;
     device_.spoil = [=](FakeV4l2Frame& frame) {
         if (frame.exposure_start <= from || frame.exposure_start > to)

@@ -62,7 +62,7 @@ protected:
 
     // From the next frame that surely counts as new on, as this does.
     void spoil_from_now(std::function<void(FakeV4l2Frame&)> spoil) {
-        const Instant from = clock_.now() + device_.period - device_.readout;
+        const Instant from = clock_.now() + 3 * device_.period - device_.readout;
         device_.spoil = [=](FakeV4l2Frame& frame) {
             if (frame.exposure_start > from)
                 spoil(frame);
@@ -277,10 +277,12 @@ TEST_F(V4l2, KnowsWhenTheExposureBeganFromTheDriversStamp) {
         Duration uncertainty;
         TimeSource source;
     };
-    // At the end of a frame, the exposure had ended 0 to 40 ms (one period) ago.
+    // At the end of a frame, the exposure had ended 0 to 40 ms (one period) ago, of a USB camera 0
+    // to 120 ms.
     for (const Case& one :
-         {Case{FakeV4l2::Stamps::frame_end, "uvcvideo", 20ms, TimeSource::driver_end},
-          Case{FakeV4l2::Stamps::exposure_start, "uvcvideo", 20ms, TimeSource::driver_start},
+         {Case{FakeV4l2::Stamps::frame_end, "sensor", 20ms, TimeSource::driver_end},
+          Case{FakeV4l2::Stamps::frame_end, "uvcvideo", 60ms, TimeSource::driver_end},
+          Case{FakeV4l2::Stamps::exposure_start, "uvcvideo", 60ms, TimeSource::driver_start},
           Case{FakeV4l2::Stamps::exposure_start, "sensor", 500us, TimeSource::driver_start}}) {
         device_.stamps = one.stamps;
         device_.driver = one.driver;

@@ -175,7 +175,7 @@ std::vector<FrameSizes> sizes_of(const libcamera::StreamFormats& formats,
 class MappedPlane {
 public:
     explicit MappedPlane(const libcamera::FrameBuffer& buffer)
-        : buffer_(buffer), plane_(buffer.planes().at(0)), length_(plane_.offset + plane_.length) {
+        : buffer_(buffer), plane_(buffer.planes()[0]), length_(plane_.offset + plane_.length) {
         memory_ = mmap(nullptr, length_, PROT_READ, MAP_SHARED, plane_.fd.get(), 0);
         if (memory_ == MAP_FAILED)
             throw std::system_error(errno, std::generic_category());
@@ -376,6 +376,8 @@ void Device::make_requests() {
     allocator_ = std::make_unique<libcamera::FrameBufferAllocator>(camera_);
     require("allocate buffers", allocator_->allocate(stream));
     for (const auto& buffer : allocator_->buffers(stream)) {
+        if (buffer->planes().empty())
+            fail("allocate buffers", "one has no memory");
         auto request = camera_->createRequest(planes_.size());
         if (!request)
             fail("create a request", "libcamera gave none");

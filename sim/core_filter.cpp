@@ -18,8 +18,10 @@ namespace {
 // share one window of samples.
 constexpr int block = 16, strip = 4 * block;
 
-// A window's outputs are summed in parts, of which constant ones are left out again.
-constexpr int part_columns = 2 * block, part_rows = MirroredKernel::rows_at_once;
+// A window's outputs are summed in parts, of which constant ones are left out again; two beside
+// each other are summed at once.
+constexpr int part_columns = 16, part_rows = MirroredKernel::rows_at_once;
+constexpr int most_columns = 2 * part_columns;
 
 // From the left end of a window's tiles to the first output's margin: less than a tile's outputs,
 // which are four at most.
@@ -127,7 +129,7 @@ public:
     void filter_row(int left, int right, int top) {
         for (int x = left; x < right;) {
             int end = x;
-            while (end < right && end < x + strip && !is_constant(end, top))
+            while (end < right && end < x + strip && !is_constant({end, top, block, block}))
                 end += block;
             if (end == x)
                 fill({x, top, block, block}), x += block;
@@ -145,8 +147,8 @@ private:
         return {left, top, (last_x >> tile_shift_) - left + 1, (last_y >> tile_shift_) - top + 1};
     }
 
-    bool is_constant(int x, int y) const {
-        return field_.map.is_constant(tiles_seen({x, y, block, block}));
+    bool is_constant(const cv::Rect& outputs) const {
+        return field_.map.is_constant(tiles_seen(outputs));
     }
 
     void fill(const cv::Rect& outputs) {
@@ -164,14 +166,18 @@ private:
 
     void filter(const cv::Rect& outputs) {
         const float* window = gather(outputs);
-        for (int y = 0; y < outputs.height; y += part_rows)
-            for (int x = 0; x < outputs.width; x += part_columns) {
-                const cv::Rect part(outputs.x + x, outputs.y + y,
-                                    std::min(part_columns, outputs.width - x), part_rows);
-                if (field_.map.is_constant(tiles_seen(part)))
-                    fill(part);
+        for (int y = outputs.y; y < outputs.br().y; y += part_rows)
+            for (int x = outputs.x; x < outputs.br().x;) {
+                int end = x;
+                while (end < std::min(x + most_columns, outputs.br().x) &&
+                       !is_constant({end, y, part_columns, part_rows}))
+                    end += part_columns;
+                if (end == x)
+                    fill({x, y, part_columns, part_rows}), x += part_columns;
                 else
-                    filter_part(part, window + y * kernel_.k() * stride_ + x);
+                    filter_part({x, y, end - x, part_rows},
+                                window + (y - outputs.y) * kernel_.k() * stride_ + x - outputs.x),
+                        x = end;
             }
     }
 
@@ -183,11 +189,11 @@ private:
                           static_cast<std::ptrdiff_t>(out_.step1()));
             return;
         }
-        float result[part_rows * part_columns] = {};
+        float result[part_rows * most_columns] = {};
         add_convolved(kernel_.view(), window, stride_, outputs.width, outputs.height, result,
-                      part_columns);
+                      most_columns);
         for (int y = part.y; y < part.br().y; ++y) {
-            const float* from = result + (y - outputs.y) * part_columns + (part.x - outputs.x);
+            const float* from = result + (y - outputs.y) * most_columns + (part.x - outputs.x);
             float* to = out_.ptr<float>(y - region_.y) + (part.x - region_.x);
             for (int x = 0; x < part.width; ++x)
                 to[x] += from[x];
@@ -215,27 +221,49 @@ private:
         const cv::Rect seen = tiles_seen(outputs);
         for (int j = floor_div(top, side); j * side < bottom; ++j) {
             const int first = std::max(top, j * side), last = std::min(bottom, (j + 1) * side);
-            float* to = &window_[length((first - top) * stride_)];
-            for (int i = seen.x; i < seen.br().x; ++i, to += n) {
-                const float* from = field_.samples({i, j});
-                if (!from)
-                    fill_rows<n>(field_.map.at({i, j}), last - first, to);
-                else if constexpr (n == 4)
-                    split_phases(from + (first - j * side) * side, k, last - first,
-                                 kernel_.phase_stride(), stride_, to);
-                else  // only with k = 1
-                    for (int row = first; row < last; ++row)
-                        std::copy_n(from + (row - j * side) * n, n, to + (row - first) * stride_);
-            }
+            gather_tile_row<n>({seen.x, j, seen.width, 1}, first - j * side, last - first,
+                               &window_[length((first - top) * stride_)]);
         }
         return &window_[length(outputs.x - kernel_.margin_x() - seen.x * n)];
     }
 
+    // Some rows of samples, from `first` on, of a row of tiles.
     template <int n>
-    void fill_rows(float value, int rows, float* to) const {
+    void gather_tile_row(const cv::Rect& seen, int first, int rows, float* to) const {
+        const cv::Rect inside = seen & field_.map.tiles();
+        const int left = inside.empty() ? seen.width : inside.x - seen.x;
+        fill_rows(0.0f, left * n, rows, to);
+        to += left * n;
+        if (inside.empty())
+            return;
+        const float* values = field_.map.from(inside.tl());
+        const float* const* finer = &(*field_.finer)[field_.map.index(inside.x, inside.y)];
+        for (int i = 0; i < inside.width; ++i, to += n) {
+            if (!finer[i]) {
+                fill_tile<n>(values[i], rows, to);
+                continue;
+            }
+            const float* from = finer[i] + field_.offset + first * field_.side;
+            if constexpr (n == 4)
+                split_phases(from, kernel_.k(), rows, kernel_.phase_stride(), stride_, to);
+            else  // only with k = 1
+                for (int row = 0; row < rows; ++row)
+                    std::copy_n(from + row * n, n, to + row * stride_);
+        }
+        fill_rows(0.0f, (seen.width - left - inside.width) * n, rows, to);
+    }
+
+    template <int n>
+    void fill_tile(float value, int rows, float* to) const {
         for (int row = 0; row < rows; ++row, to += stride_)
             for (int q = 0; q < kernel_.k(); ++q)
                 std::fill_n(to + q * kernel_.phase_stride(), n, value);
+    }
+
+    void fill_rows(float value, int columns, int rows, float* to) const {
+        for (int row = 0; row < rows; ++row, to += stride_)
+            for (int q = 0; q < kernel_.k(); ++q)
+                std::fill_n(to + q * kernel_.phase_stride(), columns, value);
     }
 
     // Of a field with one sample per tile.

@@ -4,7 +4,10 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sim/filter_simd.cpp"
 #include <hwy/foreach_target.h>
+#include <hwy/cache_control.h>
 #include <hwy/highway.h>
+
+#include <cstdint>
 
 #include "sim/filter_simd.h"
 
@@ -15,63 +18,83 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 using Vector16 = hn::CappedTag<float, 16>;
 
-// Four output rows of two vectors: eight sums run side by side and hide each other's latency.
-HWY_ATTR void add_wide(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
-                       float* out, std::ptrdiff_t out_stride) {
+// Four output rows of one or two vectors: four or eight sums run side by side and hide each other's
+// latency. (The second half is not used of one vector.)
+struct RowSums {
+    hn::Vec<Vector16> first, second;
+};
+struct FourRows {
+    RowSums a, b, c, e;
+};
+
+HWY_INLINE void add_row(RowSums& sums, hn::Vec<Vector16> first, hn::Vec<Vector16> second, bool wide,
+                        float weight) {
+    const auto w = hn::Set(Vector16(), weight);
+    sums.first = hn::MulAdd(first, w, sums.first);
+    if (wide)
+        sums.second = hn::MulAdd(second, w, sums.second);
+}
+
+// The window's rows `row` ... `end` - 1, which only the output rows `least` to `most` see.
+template <bool wide, int least, int most>
+HWY_INLINE void add_window_rows(const MirroredKernel& kernel, const float* window,
+                                std::ptrdiff_t stride, int row, int end, FourRows& sums) {
     const Vector16 d;
     const std::ptrdiff_t n = static_cast<std::ptrdiff_t>(hn::Lanes(d));
     const std::ptrdiff_t step = std::ptrdiff_t{kernel.k} * kernel.pairs;
-    auto a0 = hn::Zero(d), a1 = a0, b0 = a0, b1 = a0, c0 = a0, c1 = a0, e0 = a0, e1 = a0;
-    for (int r = 0; r < kernel.rows + 3 * kernel.k; ++r, window += stride) {
-        const int first = kernel.first_pairs[r];
-        const float* w = kernel.weights + r * std::ptrdiff_t{kernel.pairs} + first;
+    FourRows s = sums;  // in registers
+    for (window += row * stride; row < end; ++row, window += stride) {
+        const int first = kernel.first_pairs[row];
+        const float* w = kernel.weights + row * std::ptrdiff_t{kernel.pairs} + first;
         for (int p = first; p < kernel.pairs; ++p, ++w) {
             const float *left = window + kernel.left[p], *right = window + kernel.right[p];
             const auto s0 = hn::Add(hn::LoadU(d, left), hn::LoadU(d, right));
-            const auto s1 = hn::Add(hn::LoadU(d, left + n), hn::LoadU(d, right + n));
-            const auto wa = hn::Set(d, w[3 * step]), wb = hn::Set(d, w[2 * step]);
-            const auto wc = hn::Set(d, w[step]), we = hn::Set(d, w[0]);
-            a0 = hn::MulAdd(s0, wa, a0);
-            a1 = hn::MulAdd(s1, wa, a1);
-            b0 = hn::MulAdd(s0, wb, b0);
-            b1 = hn::MulAdd(s1, wb, b1);
-            c0 = hn::MulAdd(s0, wc, c0);
-            c1 = hn::MulAdd(s1, wc, c1);
-            e0 = hn::MulAdd(s0, we, e0);
-            e1 = hn::MulAdd(s1, we, e1);
+            const auto s1 = wide ? hn::Add(hn::LoadU(d, left + n), hn::LoadU(d, right + n)) : s0;
+            if (least <= 0)
+                add_row(s.a, s0, s1, wide, w[3 * step]);
+            if (least <= 1 && most >= 1)
+                add_row(s.b, s0, s1, wide, w[2 * step]);
+            if (least <= 2 && most >= 2)
+                add_row(s.c, s0, s1, wide, w[step]);
+            if (most >= 3)
+                add_row(s.e, s0, s1, wide, w[0]);
         }
     }
-    const auto add = [&](auto v, float* to)
-                         HWY_ATTR { hn::StoreU(hn::Add(v, hn::LoadU(d, to)), d, to); };
-    add(a0, out), add(a1, out + n), out += out_stride;
-    add(b0, out), add(b1, out + n), out += out_stride;
-    add(c0, out), add(c1, out + n), out += out_stride;
-    add(e0, out), add(e1, out + n);
+    sums = s;
 }
 
-// Four output rows of one vector.
-HWY_ATTR void add_narrow(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
-                         float* out, std::ptrdiff_t out_stride) {
+// All rows of the window. The first see one, two and three of the outputs only, the last likewise.
+template <bool wide>
+HWY_INLINE void add_window(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
+                           FourRows& sums) {
+    const int k = kernel.k, rows = kernel.rows;
+    if (rows < 3 * k)
+        return add_window_rows<wide, 0, 3>(kernel, window, stride, 0, rows + 3 * k, sums);
+    add_window_rows<wide, 0, 0>(kernel, window, stride, 0, k, sums);
+    add_window_rows<wide, 0, 1>(kernel, window, stride, k, 2 * k, sums);
+    add_window_rows<wide, 0, 2>(kernel, window, stride, 2 * k, 3 * k, sums);
+    add_window_rows<wide, 0, 3>(kernel, window, stride, 3 * k, rows, sums);
+    add_window_rows<wide, 1, 3>(kernel, window, stride, rows, rows + k, sums);
+    add_window_rows<wide, 2, 3>(kernel, window, stride, rows + k, rows + 2 * k, sums);
+    add_window_rows<wide, 3, 3>(kernel, window, stride, rows + 2 * k, rows + 3 * k, sums);
+}
+
+template <bool wide>
+HWY_ATTR void add_four_rows(const MirroredKernel& kernel, const float* window,
+                            std::ptrdiff_t stride, float* out, std::ptrdiff_t out_stride) {
     const Vector16 d;
-    const std::ptrdiff_t step = std::ptrdiff_t{kernel.k} * kernel.pairs;
-    auto a = hn::Zero(d), b = a, c = a, e = a;
-    for (int r = 0; r < kernel.rows + 3 * kernel.k; ++r, window += stride) {
-        const int first = kernel.first_pairs[r];
-        const float* w = kernel.weights + r * std::ptrdiff_t{kernel.pairs} + first;
-        for (int p = first; p < kernel.pairs; ++p, ++w) {
-            const auto s = hn::Add(hn::LoadU(d, window + kernel.left[p]),
-                                   hn::LoadU(d, window + kernel.right[p]));
-            a = hn::MulAdd(s, hn::Set(d, w[3 * step]), a);
-            b = hn::MulAdd(s, hn::Set(d, w[2 * step]), b);
-            c = hn::MulAdd(s, hn::Set(d, w[step]), c);
-            e = hn::MulAdd(s, hn::Set(d, w[0]), e);
+    const RowSums zero{hn::Zero(d), hn::Zero(d)};
+    FourRows sums{zero, zero, zero, zero};
+    add_window<wide>(kernel, window, stride, sums);
+    const auto add = [&](const RowSums& row) HWY_ATTR {
+        hn::StoreU(hn::Add(row.first, hn::LoadU(d, out)), d, out);
+        if (wide) {
+            float* to = out + hn::Lanes(d);
+            hn::StoreU(hn::Add(row.second, hn::LoadU(d, to)), d, to);
         }
-    }
-    const auto add = [&](auto v) HWY_ATTR {
-        hn::StoreU(hn::Add(v, hn::LoadU(d, out)), d, out);
         out += out_stride;
     };
-    add(a), add(b), add(c), add(e);
+    add(sums.a), add(sums.b), add(sums.c), add(sums.e);
 }
 
 HWY_ATTR void AddConvolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
@@ -83,9 +106,9 @@ HWY_ATTR void AddConvolved(const MirroredKernel& kernel, const float* window, st
             const float* from = window + y * kernel.k * stride + x;
             float* to = out + y * out_stride + x;
             if (wide)
-                add_wide(kernel, from, stride, to, out_stride);
+                add_four_rows<true>(kernel, from, stride, to, out_stride);
             else
-                add_narrow(kernel, from, stride, to, out_stride);
+                add_four_rows<false>(kernel, from, stride, to, out_stride);
         }
         x += wide ? 2 * n : n;
     }
@@ -116,6 +139,7 @@ HWY_ATTR void SplitPhases(const float* from, int k, int rows, std::ptrdiff_t pha
         }
 }
 
+// Sums of the columns of each row of parts, four columns at a time, then of these.
 HWY_ATTR void AverageParts(const float* values, int side, int parts, float* averages) {
     const hn::CappedTag<float, 4> d;
     const int n = static_cast<int>(hn::Lanes(d)), part = side / parts;
@@ -124,10 +148,14 @@ HWY_ATTR void AverageParts(const float* values, int side, int parts, float* aver
     for (int y = 0; y < parts; ++y, values += part * side) {
         float columns[most];
         for (int x = 0; x < side; x += n) {
-            auto column = hn::LoadU(d, values + x);
-            for (int row = 1; row < part; ++row)
-                column = hn::Add(column, hn::LoadU(d, values + row * side + x));
-            hn::StoreU(column, d, columns + x);
+            auto even = hn::Zero(d), odd = even;
+            for (int row = 0; row + 1 < part; row += 2) {
+                even = hn::Add(even, hn::LoadU(d, values + row * side + x));
+                odd = hn::Add(odd, hn::LoadU(d, values + (row + 1) * side + x));
+            }
+            if (part % 2 != 0)
+                even = hn::Add(even, hn::LoadU(d, values + (part - 1) * side + x));
+            hn::StoreU(hn::Add(even, odd), d, columns + x);
         }
         const float* column = columns;
         for (int x = 0; x < parts; ++x) {
@@ -228,44 +256,56 @@ HWY_ATTR void SetInterpolated(const float* coarse, const float weights[6], int f
     interpolate_row<false>(coarse, weights, first, last, base, out);
 }
 
-// Pixel p of the cell between coarse samples i and i + 1 lies (p + 1/2) / g of the way. The cells'
-// first pixels stand at g/2, 3 g/2, ...
+// Square i's pixels: its own value in the middle, and from there the ways to its neighbours'
+// values.
 template <bool add>
-HWY_ATTR void ramp_row(const float* coarse, int shift, int first, int last, float* out) {
+HWY_ATTR void ramp_row(const float* coarse, int shift, int first, int last, bool past_caches,
+                       float* out) {
     const hn::CappedTag<float, 8> d;
     const int n = static_cast<int>(hn::Lanes(d)), g = 1 << shift;
-    const float step = 1.0f / static_cast<float>(g);
+    const float step = 1.0f / static_cast<float>(g), start = 0.5f * step - 0.5f;
+    const auto zero = hn::Zero(d);
+    const auto ways = hn::MulAdd(hn::Iota(d, 0.0f), hn::Set(d, step), hn::Set(d, start));
     const auto put_one = [&](int x) HWY_ATTR {
-        const int place = x - g / 2;
-        const float* from = coarse + (place >> shift);
-        const float way = (static_cast<float>(place & (g - 1)) + 0.5f) * step;
+        const float* here = coarse + (x >> shift);
+        const float way = start + static_cast<float>(x & (g - 1)) * step;
         float& to = out[x - first];
-        to = from[0] + way * (from[1] - from[0]) + (add ? to : 0.0f);
+        to = here[0] + way * (way < 0.0f ? here[0] - here[-1] : here[1] - here[0]) +
+             (add ? to : 0.0f);
     };
     int x = first;
-    while (x < last && ((x - g / 2) & (g - 1)) != 0)
+    while (x < last && (x & (g - 1)) != 0)
         put_one(x++);
-    const auto start = hn::Mul(hn::Add(hn::Iota(d, 0.0f), hn::Set(d, 0.5f)), hn::Set(d, step));
-    const auto advance = hn::Set(d, step * static_cast<float>(n));
-    for (const float* from = coarse + ((x - g / 2) >> shift); x + g <= last; ++from) {
-        const auto value = hn::Set(d, from[0]), rise = hn::Set(d, from[1] - from[0]);
-        auto way = start;
-        for (const int end = x + g; x < end; x += n, way = hn::Add(way, advance)) {
+    const bool stream = past_caches && reinterpret_cast<std::uintptr_t>(out + x - first) % 32 == 0;
+    for (const float* here = coarse + (x >> shift); x + g <= last; ++here) {
+        const auto value = hn::Set(d, here[0]);
+        const auto before = hn::Set(d, here[0] - here[-1]), behind = hn::Set(d, here[1] - here[0]);
+        for (int part = 0; part < g; part += n, x += n) {
+            const auto way = hn::Add(ways, hn::Set(d, step * static_cast<float>(part)));
+            const auto ramp = hn::MulAdd(hn::Min(way, zero), before,
+                                         hn::MulAdd(hn::Max(way, zero), behind, value));
             float* to = out + x - first;
-            const auto ramp = hn::MulAdd(way, rise, value);
-            hn::StoreU(add ? hn::Add(ramp, hn::LoadU(d, to)) : ramp, d, to);
+            if (add)
+                hn::StoreU(hn::Add(ramp, hn::LoadU(d, to)), d, to);
+            else if (stream)
+                hn::Stream(ramp, d, to);
+            else
+                hn::StoreU(ramp, d, to);
         }
     }
     while (x < last)
         put_one(x++);
+    if (stream)
+        hwy::FlushStream();
 }
 
 HWY_ATTR void AddRamps(const float* coarse, int shift, int first, int last, float* out) {
-    ramp_row<true>(coarse, shift, first, last, out);
+    ramp_row<true>(coarse, shift, first, last, false, out);
 }
 
-HWY_ATTR void SetRamps(const float* coarse, int shift, int first, int last, float* out) {
-    ramp_row<false>(coarse, shift, first, last, out);
+HWY_ATTR void SetRamps(const float* coarse, int shift, int first, int last, bool past_caches,
+                       float* out) {
+    ramp_row<false>(coarse, shift, first, last, past_caches, out);
 }
 
 }  // namespace etalon::HWY_NAMESPACE
@@ -322,8 +362,8 @@ void add_ramps(const float* coarse, int shift, int first, int last, float* out) 
     HWY_DYNAMIC_DISPATCH(AddRamps)(coarse, shift, first, last, out);
 }
 
-void set_ramps(const float* coarse, int shift, int first, int last, float* out) {
-    HWY_DYNAMIC_DISPATCH(SetRamps)(coarse, shift, first, last, out);
+void set_ramps(const float* coarse, int shift, int first, int last, bool past_caches, float* out) {
+    HWY_DYNAMIC_DISPATCH(SetRamps)(coarse, shift, first, last, past_caches, out);
 }
 
 }  // namespace etalon

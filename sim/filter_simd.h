@@ -53,8 +53,9 @@ void set_interpolated(const float* coarse, const float weights[6], int first, in
                       float* out);
 
 // Linear interpolation up by 2^shift >= 8: pixels first ... last - 1 between the coarse samples, of
-// which sample i stands in the middle of the pixels from 2^shift i on. Added to `out` or written.
+// which sample i stands in the middle of the pixels from 2^shift i on. Added to `out` or written,
+// past the caches if these would not hold the image anyway.
 void add_ramps(const float* coarse, int shift, int first, int last, float* out);
-void set_ramps(const float* coarse, int shift, int first, int last, float* out);
+void set_ramps(const float* coarse, int shift, int first, int last, bool past_caches, float* out);
 
 }  // namespace etalon

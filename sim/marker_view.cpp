@@ -14,10 +14,6 @@ namespace {
 constexpr double rounding_margin = 1e-9;
 
 // Largest value of g . x over a box.
-double largest_projection(const Eigen::Vector2d& g, const Box& box) {
-    return g.dot(box.centre()) + g.cwiseAbs().dot(box.half());
-}
-
 void check_cells(const cv::Mat& cells) {
     if (cells.empty() || cells.type() != CV_32FC1)
         throw NumericalError("the marker's cells must be a non-empty CV_32FC1 matrix");
@@ -121,6 +117,7 @@ MarkerView::MarkerView(const PlacedMarker& marker, double background, const Aper
     if (!h_.allFinite() || !e_.allFinite() || !(cut < 1.0))
         throw NumericalError(fmt::format(
             "the marker's plane cuts the aperture or the cone of rays (|a| d/2 = {:.6g})", cut));
+    lens_reach_ = aperture_.radius_mm / (1.0 - cut);
     outline_.low = outline_.high = sensor_point_of(0, 0);
     for (const auto& [u, v] : {std::pair{columns_, 0}, {0, rows_}, {columns_, rows_}}) {
         outline_.low = outline_.low.cwiseMin(sensor_point_of(u, v));
@@ -158,8 +155,7 @@ Eigen::Vector2d MarkerView::line_gradient(int axis, int index, const Eigen::Vect
 
 // |l c / (1 - a.l)| <= radius |c| / (1 - radius |a|) for every l on the lens.
 Box MarkerView::seen_through_lens(const Box& box) const {
-    const double rho = aperture_.radius_mm;
-    const double reach = rho * largest_defocus(box) / (1.0 - rho * turn().norm());
+    const double reach = lens_reach_ * largest_defocus(box);
     const Eigen::Vector2d scale = box.low.cwiseAbs().cwiseMax(box.high.cwiseAbs());
     const Eigen::Vector2d margin =
         Eigen::Vector2d::Constant(reach * (1.0 + rounding_margin) + 1e-15) +
@@ -170,17 +166,21 @@ Box MarkerView::seen_through_lens(const Box& box) const {
 // The marker's sensor points fill a convex outline, which the lines u = 0, u = columns, v = 0 and
 // v = rows bound on the near side of the plane's horizon: W > 0 for all of them. Two convex shapes
 // are apart if and only if one of their sides parts them. Needs no division and holds across the
-// horizon.
-bool MarkerView::misses_marker(const Box& box) const {
+// horizon. `centre`, `to_right`, `down`: (U, V, W) at the box's centre and half a box from there.
+bool MarkerView::misses_marker(const Box& box, const Eigen::Vector3d& centre,
+                               const Eigen::Vector3d& to_right, const Eigen::Vector3d& down) const {
     if ((box.high.array() < outline_.low.array()).any() ||
         (box.low.array() > outline_.high.array()).any())
         return true;
-    const auto all_negative = [&](const Eigen::Vector3d& h) {
-        return largest_projection(h.head<2>(), box) + h.z() < 0.0;
+    const auto all_negative = [](double at_centre, double by_x, double by_y) {
+        return at_centre + std::abs(by_x) + std::abs(by_y) < 0.0;
     };
-    const Eigen::Vector3d h0 = h_.row(0), h1 = h_.row(1), h2 = h_.row(2);
-    return all_negative(h0) || all_negative(h1) || all_negative(columns_ * h2 - h0) ||
-           all_negative(rows_ * h2 - h1);
+    const auto beyond = [&](Eigen::Index axis, double size) {
+        return all_negative(centre[axis], to_right[axis], down[axis]) ||
+               all_negative(size * centre[2] - centre[axis], size * to_right[2] - to_right[axis],
+                            size * down[2] - down[axis]);
+    };
+    return beyond(0, columns_) || beyond(1, rows_);
 }
 
 // u and v are quotients of linear functions: over a box they are largest and smallest at its
@@ -194,20 +194,23 @@ bool MarkerView::misses_marker(const Box& box) const {
 // nothing of it is beyond: for such a ray the other lines of that direction then end in the frame.
 std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
     const Box box = seen_through_lens(sensor_box);
-    if (misses_marker(box))
+    const Eigen::Vector2d half = box.half();
+    const Eigen::Vector3d centre = h_ * box.centre().homogeneous();
+    const Eigen::Vector3d to_right = half.x() * h_.col(0), down = half.y() * h_.col(1);
+    if (misses_marker(box, centre, to_right, down))
         return std::nullopt;
     Eigen::Array2d least = Eigen::Array2d::Constant(std::numeric_limits<double>::infinity());
     Eigen::Array2d most = -least;
-    for (const auto& [x, y] : {std::pair{box.low.x(), box.low.y()},
-                               {box.high.x(), box.low.y()},
-                               {box.low.x(), box.high.y()},
-                               {box.high.x(), box.high.y()}}) {
-        const Eigen::Vector3d uvw = h_ * Eigen::Vector3d(x, y, 1.0);
-        if (!(uvw.z() > 0.0))
-            return CellRange{-1, columns_, -1, rows_};
-        least = least.min(uvw.head<2>().array() / uvw.z());
-        most = most.max(uvw.head<2>().array() / uvw.z());
-    }
+    for (const Eigen::Vector3d& middle :
+         {Eigen::Vector3d(centre - down), Eigen::Vector3d(centre + down)})
+        for (const Eigen::Vector3d& uvw :
+             {Eigen::Vector3d(middle - to_right), Eigen::Vector3d(middle + to_right)}) {
+            if (!(uvw.z() > 0.0))
+                return CellRange{-1, columns_, -1, rows_};
+            const Eigen::Array2d place = uvw.head<2>().array() * (1.0 / uvw.z());
+            least = least.min(place);
+            most = most.max(place);
+        }
     const auto clamped = [](double value, int size) {
         return static_cast<int>(std::clamp(std::floor(value), -1.0, static_cast<double>(size)));
     };

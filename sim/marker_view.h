@@ -135,7 +135,8 @@ public:
 
 private:
     Box seen_through_lens(const Box& box) const;
-    bool misses_marker(const Box& box) const;
+    bool misses_marker(const Box& box, const Eigen::Vector3d& centre,
+                       const Eigen::Vector3d& to_right, const Eigen::Vector3d& down) const;
 
     Aperture aperture_;
     double background_;
@@ -143,7 +144,8 @@ private:
     std::vector<double> cells_;  // with a frame of background
     Eigen::Matrix3d camera_from_grid_, sensor_from_grid_, h_;
     Eigen::Vector3d e_;
-    Box outline_;  // around the marker's sensor points
+    double lens_reach_;  // farthest that the lens sees from a pinhole's point, by the defocus there
+    Box outline_;        // around the marker's sensor points
 };
 
 // Smallest and largest blur radius over the marker, px (of x and y the smaller and the larger);

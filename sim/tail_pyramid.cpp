@@ -44,9 +44,10 @@ void add_refined(const cv::Mat& coarse, const cv::Rect& from, const cv::Rect& to
 }
 
 // What is written where. Beside the marker every grid is interpolated from the next coarser one. A
-// pixel 8 of the smooth grid's squares away from it sees no ring of a finer grid, and so little
-// curvature that straight lines between the smooth grid's sums are off by less than 0.003 gray: the
-// tail is 26 lambda N / r gray at the distance r, its second derivative 2 / r^2 of that.
+// pixel 6 of the smooth grid's squares away from it sees no ring of a finer grid, and so little
+// curvature that straight lines between the smooth grid's sums are off by less than 0.06 lambda N
+// gray over the square's side in px: beside a half-plane the tail is 26 lambda N / r gray at the
+// distance r, and its second derivative 2 / r^2 of that.
 struct Targets {
     cv::Rect reached, beside;       // pixels
     std::vector<cv::Rect> squares;  // by shift, pixels (beside) first: where sums are needed
@@ -56,7 +57,7 @@ struct Targets {
         : reached(reached_pixels), beside(reached_pixels), smooth(smooth_shift) {
         constexpr int margin = 3;  // of the interpolation
         if (top >= smooth)
-            beside &= grown(marker, 8 << smooth, 8 << smooth);
+            beside &= grown(marker, 6 << smooth, 6 << smooth);
         squares.push_back(beside);
         for (int shift = 1; shift <= top; ++shift) {
             squares.push_back(grown(cells_of(squares.back(), 2), margin, margin));
@@ -77,6 +78,8 @@ struct Targets {
 // Adds the smooth grid's sums, or writes them and the background, to a part of the region.
 void add_smooth(const cv::Mat& sums, const cv::Rect& squares, int shift, const cv::Rect& part,
                 const cv::Rect& region, std::optional<float> background, cv::Mat& pixels) {
+    constexpr std::size_t caches_bytes = 4 << 20;  // a core's, about: 1 to 2 MiB and a share
+    const bool past_caches = pixels.total() * pixels.elemSize() > caches_bytes;
     tbb::parallel_for(tbb::blocked_range<int>(part.y, part.br().y, 16), [&](const auto& range) {
         std::vector<float> row(static_cast<std::size_t>(squares.width));
         for (int y = range.begin(); y < range.end(); ++y) {
@@ -89,7 +92,7 @@ void add_smooth(const cv::Mat& sums, const cv::Rect& squares, int shift, const c
                 row[x] = from[x] + way * (next[x] - from[x]) + background.value_or(0.0f);
             float* to = pixels.ptr<float>(y - region.y) + (part.x - region.x);
             if (background)
-                set_ramps(row.data() - squares.x, shift, part.x, part.br().x, to);
+                set_ramps(row.data() - squares.x, shift, part.x, part.br().x, past_caches, to);
             else
                 add_ramps(row.data() - squares.x, shift, part.x, part.br().x, to);
         }

@@ -10,9 +10,6 @@ constexpr int tile_px = UndistortionMap::tile_px;
 constexpr int tile_shift = 2;    // a tile is one square
 constexpr int square_shift = 3;  // the finest grid outside the sampled tiles
 
-// Averages of a refined tile: 4 quarters of 2 x 2 pixels, then 16 pixels where these are needed.
-constexpr int quarters_of_tile = 4, pixels_of_tile = 16;
-
 cv::Rect scaled(const cv::Rect& rect, int factor) {
     return {rect.x * factor, rect.y * factor, rect.width * factor, rect.height * factor};
 }
@@ -94,7 +91,7 @@ const SquareCorners::Table& SquareCorners::table(int shift) const {
 TailSources::TailSources(const TileSamples& samples, const MarkerView& marker,
                          const SquareCorners& corners, const cv::Rect& limit)
     : samples_(samples), marker_(marker), corners_(corners) {
-    pixels_ = scaled(samples.map().tiles(), tile_px);
+    pixels_ = scaled(samples.tiles_off_background(), tile_px);
     const cv::Rect box = marker_box(marker, corners.projector(), limit);
     if (!contains(scaled(samples.tiles(), tile_px), box))
         pixels_ = pixels_.empty() ? box : pixels_ | box;
@@ -104,52 +101,40 @@ TailSources::TailSources(const TileSamples& samples, const MarkerView& marker,
 void TailSources::average(const std::vector<cv::Rect>& needed, int finest) {
     squares_.assign(needed.size(), TileMap());
     // Tiles are needed where the finer grids are, too, and wherever there are samples.
-    average_tiles(grown(needed[tile_shift], 2, 2) | samples_.tiles(), finest);
+    take_tiles(grown(needed[tile_shift], 2, 2) | samples_.tiles());
+    if (finest == 0)
+        average_pixels();
     average_squares(needed);
     fill_tiles_outside();
     for (TileMap& squares : squares_)
         squares.finish();
 }
 
-void TailSources::average_tiles(const cv::Rect& needed_tiles, int finest) {
-    TileMap& tiles = squares_[tile_shift];
-    tiles = TileMap(cells_of(pixels_, tile_px) & needed_tiles);
-    of_tile_.assign(static_cast<std::size_t>(tiles.tiles().area()), nullptr);
-    const cv::Rect inside = tiles.tiles() & samples_.map().tiles();
-    const int per_tile = quarters_of_tile + (finest == 0 ? pixels_of_tile : 0);
-    std::vector<int> first{0};  // of each row's values in finer_
-    for (int j = inside.y; j < inside.br().y; ++j) {
-        int refined = 0;
-        for (int i = inside.x; i < inside.br().x; ++i)
-            refined += samples_.map().refined(i, j);
-        first.push_back(first.back() + per_tile * refined);
-    }
-    finer_.resize(static_cast<std::size_t>(first.back()));
-    tbb::parallel_for(tbb::blocked_range<int>(0, inside.height), [&](const auto& rows) {
-        for (int row = rows.begin(); row < rows.end(); ++row)
-            average_row(inside.y + row, finer_.data() + first[static_cast<std::size_t>(row)],
-                        finest);
-    });
-}
-
-void TailSources::average_row(int j, float* next, int finest) {
+void TailSources::take_tiles(const cv::Rect& needed_tiles) {
     TileMap& tiles = squares_[tile_shift];
     const TileMap& sampled = samples_.map();
-    const cv::Rect inside = tiles.tiles() & sampled.tiles();
-    for (int i = inside.x; i < inside.br().x; ++i) {
-        if (!sampled.refined(i, j)) {
-            tiles.set(i, j, sampled.at({i, j}));
-            continue;
+    tiles = TileMap(cells_of(pixels_, tile_px) & needed_tiles);
+    tiles.copy(sampled);
+    values_.assign(static_cast<std::size_t>(tiles.tiles().area()), nullptr);
+    const cv::Rect both = tiles.tiles() & sampled.tiles();
+    for (int j = both.y; j < both.br().y; ++j)
+        std::copy_n(samples_.all_values() + sampled.index(both.x, j), both.width,
+                    &values_[tiles.index(both.x, j)]);
+}
+
+void TailSources::average_pixels() {
+    constexpr int side = tile_px, pixels = side * side;
+    const auto refined = std::count_if(values_.begin(), values_.end(),
+                                       [](const float* values) { return values != nullptr; });
+    pixel_averages_.resize(static_cast<std::size_t>(pixels * refined));
+    pixel_values_.assign(values_.size(), nullptr);
+    float* next = pixel_averages_.data();
+    for (std::size_t n = 0; n < values_.size(); ++n)
+        if (values_[n]) {
+            average_parts(values_[n], samples_.k() * tile_px, side, next);
+            pixel_values_[n] = next;
+            next += pixels;
         }
-        of_tile_[tiles.index(i, j)] = next;
-        average_parts(samples_.values(i, j), samples_.k() * tile_px, 2, next);
-        tiles.set(i, j, 0.25f * ((next[0] + next[1]) + (next[2] + next[3])), true);
-        next += quarters_of_tile;
-        if (finest > 0)
-            continue;
-        average_parts(samples_.values(i, j), samples_.k() * tile_px, tile_px, next);
-        next += pixels_of_tile;
-    }
 }
 
 // Each square from the four finer ones where all of them are known, otherwise through the lens.
@@ -212,7 +197,9 @@ float TailSources::lens_mean(int shift, int i, int j, LensAverage& lens_average)
 SampleField TailSources::field(int shift) const {
     if (shift >= tile_shift)
         return {squares_[static_cast<std::size_t>(shift)]};
-    return {squares_[tile_shift], tile_px >> shift, &of_tile_, shift == 0 ? quarters_of_tile : 0};
+    if (shift == 0)
+        return {squares_[tile_shift], tile_px, &pixel_values_};
+    return {squares_[tile_shift], tile_px / 2, &values_, samples_.quarters_offset()};
 }
 
 }  // namespace etalon

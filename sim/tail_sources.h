@@ -67,8 +67,8 @@ public:
     SampleField field(int shift) const;
 
 private:
-    void average_tiles(const cv::Rect& needed_tiles, int finest);
-    void average_row(int j, float* next, int finest);
+    void take_tiles(const cv::Rect& needed_tiles);
+    void average_pixels();
     void average_squares(const std::vector<cv::Rect>& needed);
     void fill_tiles_outside();
     float lens_mean(int shift, int i, int j, LensAverage& lens_average) const;
@@ -77,9 +77,10 @@ private:
     const MarkerView& marker_;
     const SquareCorners& corners_;
     cv::Rect pixels_;
-    std::vector<TileMap> squares_;       // by shift, from 2 on
-    std::vector<float> finer_;           // of each refined tile: 2 x 2 quarters, 4 x 4 pixels
-    std::vector<const float*> of_tile_;  // into finer_; null: constant
+    std::vector<TileMap> squares_;  // by shift, from 2 on
+    // Of each tile, null where it is constant: its samples, and 4 x 4 averages of its pixels.
+    std::vector<const float*> values_, pixel_values_;
+    std::vector<float> pixel_averages_;
 };
 
 }  // namespace etalon

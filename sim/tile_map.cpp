@@ -37,6 +37,15 @@ void TileMap::fill(const cv::Rect& part, float value) {
         std::fill_n(&values_[index(part.x, j)], part.width, value);
 }
 
+void TileMap::copy(const TileMap& other) {
+    const cv::Rect both = tiles_ & other.tiles_;
+    for (int j = both.y; j < both.br().y; ++j) {
+        const std::size_t from = other.index(both.x, j), to = index(both.x, j);
+        std::copy_n(&other.values_[from], both.width, &values_[to]);
+        std::copy_n(&other.refined_[from], both.width, &refined_[to]);
+    }
+}
+
 void TileMap::finish() {
     counted_ = grown(tiles_, 1, 1);
     const auto width = length(counted_.width), own_width = length(tiles_.width);

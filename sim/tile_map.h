@@ -30,6 +30,8 @@ public:
     }
     // The same for every tile of a part of the map.
     void fill(const cv::Rect& part, float value);
+    // The tiles that both have become the other's.
+    void copy(const TileMap& other);
     // After the last change: prepares is_constant().
     void finish();
 

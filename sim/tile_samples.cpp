@@ -2,6 +2,7 @@
 
 #include <tbb/parallel_for_each.h>
 
+#include "sim/filter_simd.h"
 #include "sim/tile_evaluator.h"
 
 namespace etalon {
@@ -19,6 +20,10 @@ void count(std::vector<TileUse>& used, const TileUse& one) {
             return;
         }
     used.push_back(one);
+}
+
+void include(const cv::Rect& part, cv::Rect& all) {
+    all = all.empty() ? part : all | part;
 }
 
 // The tiles of a group.
@@ -99,34 +104,33 @@ TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, con
     const int top = map.levels() - 1, level = std::min(block_level, top);
     const cv::Rect groups = map.groups(top);
     std::vector<Uniform> uniform;
-    cv::Rect off_background;
-    const auto include = [&](const cv::Rect& part) {
-        off_background = off_background.empty() ? part : off_background | part;
-    };
+    cv::Rect mapped;
     for (int j = groups.y; j < groups.br().y; ++j)
         for (int i = groups.x; i < groups.br().x; ++i)
             search.descend(
                 top, i, j, level,
                 [&](int x, int y, const auto&) {
-                    blocks_.push_back({level, x, y, nullptr, {}});
-                    include(tiles_of_group(level, x, y) & tiles_);
+                    blocks_.push_back({level, x, y, nullptr, {}, {}});
+                    include(tiles_of_group(level, x, y) & tiles_, mapped);
                 },
                 [&](const cv::Rect& part, float value) {
                     uniform.push_back({part, value});
-                    include(part);
+                    include(part, mapped);
+                    include(part, off_background_);
                 });
-    map_ = TileMap(off_background);
-    values_.resize(static_cast<std::size_t>(off_background.area()));
+    map_ = TileMap(mapped);
+    values_.resize(static_cast<std::size_t>(mapped.area()));
     for (const auto& [part, value] : uniform)
         map_.fill(part, value);
     sample(search, view, map);
     map_.finish();
-    count_uses();
+    sum_up_blocks();
 }
 
 void TileSamples::sample(const Search& search, const MarkerView& view, const UndistortionMap& map) {
     const TilePositionsOf positions(sampling_);
-    const auto n = static_cast<std::size_t>(tile_px * sampling_.k);
+    constexpr std::size_t quarters = 4;
+    const std::size_t samples = static_cast<std::size_t>(side() * side());
     struct Tile {
         int i, j;
         std::optional<CellRange> range;
@@ -138,25 +142,34 @@ void TileSamples::sample(const Search& search, const MarkerView& view, const Und
             [&](int i, int j, const std::optional<CellRange>& range) {
                 refined.push_back({i, j, range});
             },
-            [&](const cv::Rect& part, float value) { map_.fill(part, value); });
+            [&](const cv::Rect& part, float value) {
+                map_.fill(part, value);
+                include(part, block.off_background);
+            });
         if (refined.empty())
             return;
         TileEvaluator evaluator(view, map, sampling_, positions);
-        block.store.reset(new float[refined.size() * n * n]);
+        block.store.reset(new float[refined.size() * (samples + quarters)]);
         float* values = block.store.get();
         for (const auto& [i, j, range] : refined) {
             count(block.used, evaluator.evaluate(i, j, range, values));
-            map_.set(i, j, 0.0f, true);
+            float* q = values + samples;
+            average_parts(values, side(), 2, q);
+            map_.set(i, j, 0.25f * ((q[0] + q[1]) + (q[2] + q[3])), true);
+            include({i, j, 1, 1}, block.off_background);
             values_[map_.index(i, j)] = values;
-            values += n * n;
+            values += samples + quarters;
         }
     });
 }
 
-void TileSamples::count_uses() {
-    for (const Block& block : blocks_)
+void TileSamples::sum_up_blocks() {
+    for (const Block& block : blocks_) {
         for (const TileUse& use : block.used)
             count(used_, use);
+        if (!block.off_background.empty())
+            include(block.off_background, off_background_);
+    }
     std::sort(used_.begin(), used_.end(),
               [](const TileUse& a, const TileUse& b) { return a.tiles > b.tiles; });
 }

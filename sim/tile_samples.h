@@ -29,13 +29,19 @@ public:
     const cv::Rect& tiles() const { return tiles_; }
     int k() const { return sampling_.k; }
 
-    // The tiles among which are all that differ from the background. Refined ones have values of
-    // their own, the others the one value that the map has.
+    // The tiles among which are all that differ from the background: each tile's average. Refined
+    // ones have values of their own, the others the one value.
     const TileMap& map() const { return map_; }
-    // The (4 k)^2 values of a tile of the map, row by row; null: not refined.
+    // Of a tile of the map its (4 k)^2 values, row by row, and behind them the averages of its
+    // quarters, 2 x 2 of them; null: not refined.
     const float* values(int i, int j) const { return values_[map_.index(i, j)]; }
+    const float* const* all_values() const { return values_.data(); }  // by the map's index
+    std::ptrdiff_t quarters_offset() const { return side() * side(); }
     // All of it for add_filtered().
-    SampleField field() const { return {map_, UndistortionMap::tile_px * k(), &values_}; }
+    SampleField field() const { return {map_, side(), &values_}; }
+
+    // The smallest rectangle of tiles that holds every tile different from the background.
+    const cv::Rect& tiles_off_background() const { return off_background_; }
 
     // How the refined tiles were sampled, most tiles first.
     const std::vector<TileUse>& used() const { return used_; }
@@ -46,8 +52,11 @@ private:
         int level, i, j;
         std::unique_ptr<float[]> store;
         std::vector<TileUse> used;
+        cv::Rect off_background;
     };
     class Search;
+    int side() const { return UndistortionMap::tile_px * k(); }
+
     // Tiles that are one value other than the background.
     struct Uniform {
         cv::Rect tiles;
@@ -55,7 +64,7 @@ private:
     };
 
     void sample(const Search& search, const MarkerView& view, const UndistortionMap& map);
-    void count_uses();
+    void sum_up_blocks();
 
     cv::Rect tiles_;
     Sampling sampling_;
@@ -63,6 +72,7 @@ private:
     std::vector<const float*> values_;  // by the map's index, into a block's store
     std::vector<Block> blocks_;
     std::vector<TileUse> used_;
+    cv::Rect off_background_;
 };
 
 }  // namespace etalon

@@ -17,20 +17,40 @@ Frame complete_frame(Camera& camera, Instant t, int retries, std::stop_token sto
     return frame;
 }
 
-// Welford, Technometrics 4 (1962) 419. `average.variance` holds the sum of squared deviations here.
-void add(const cv::Mat& codes, FrameAverage& average) {
-    ++average.frames;
-    cv::Mat from_old_mean, from_new_mean;
-    cv::subtract(codes, average.mean, from_old_mean, cv::noArray(), CV_64F);
-    average.mean += from_old_mean / average.frames;
-    cv::subtract(codes, average.mean, from_new_mean, cv::noArray(), CV_64F);
-    average.variance += from_old_mean.mul(from_new_mean);
-}
-
 }  // namespace
 
 double FrameAverage::noise() const {
     return std::sqrt(cv::mean(variance)[0]);
+}
+
+// Welford, Technometrics 4 (1962) 419.
+void FrameAverager::add(const Frame& frame) {
+    const cv::Mat& codes = frame.image.pixels;
+    if (sum_.frames == 0) {
+        sum_.mean = cv::Mat::zeros(codes.size(), CV_64FC1);
+        sum_.variance = sum_.mean.clone();
+        sum_.bits = frame.image.bits;
+        sum_.first_exposure_start = frame.exposure_start;
+    } else if (codes.size() != sum_.mean.size()) {
+        throw ConfigError({}, "a frame has another size than the first of the average");
+    }
+    ++sum_.frames;
+    cv::Mat from_old_mean, from_new_mean;
+    cv::subtract(codes, sum_.mean, from_old_mean, cv::noArray(), CV_64F);
+    sum_.mean += from_old_mean / sum_.frames;
+    cv::subtract(codes, sum_.mean, from_new_mean, cv::noArray(), CV_64F);
+    sum_.variance += from_old_mean.mul(from_new_mean);
+    sum_.last_exposure_start = frame.exposure_start;
+}
+
+FrameAverage FrameAverager::average() const {
+    if (sum_.frames < 2)
+        throw ConfigError(
+            {}, fmt::format("an average of {} frames has no noise: 2 are the least", sum_.frames));
+    FrameAverage average = sum_;
+    average.mean = sum_.mean.clone();
+    average.variance = sum_.variance / (sum_.frames - 1);
+    return average;
 }
 
 FrameAverage average_frames(Camera& camera, int frames, Instant t, int retries,
@@ -38,23 +58,13 @@ FrameAverage average_frames(Camera& camera, int frames, Instant t, int retries,
     if (frames < 2)
         throw ConfigError(
             {}, fmt::format("an average of {} frames has no noise: 2 are the least", frames));
-    FrameAverage average;
-    for (Instant after = t; average.frames < frames; after = average.last_exposure_start) {
+    FrameAverager averager;
+    for (Instant after = t; averager.frames() < frames;) {
         const Frame frame = complete_frame(camera, after, retries, stop);
-        if (average.frames == 0) {
-            average.mean = cv::Mat::zeros(frame.image.pixels.size(), CV_64FC1);
-            average.variance = average.mean.clone();
-            average.bits = frame.image.bits;
-            average.first_exposure_start = frame.exposure_start;
-        } else if (frame.image.pixels.size() != average.mean.size()) {
-            throw DeviceError("camera " + camera.identity().uri, "take frames for an average",
-                              "a frame has another size than the first");
-        }
-        add(frame.image.pixels, average);
-        average.last_exposure_start = frame.exposure_start;
+        averager.add(frame);
+        after = frame.exposure_start;
     }
-    average.variance /= average.frames - 1;
-    return average;
+    return averager.average();
 }
 
 }  // namespace etalon

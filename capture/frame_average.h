@@ -20,10 +20,22 @@ struct FrameAverage {
     double noise() const;
 };
 
+// Collects frames one by one. Sums run in double after Welford, so that 16-bit codes lose nothing.
+class FrameAverager {
+public:
+    // A complete frame. Throws ConfigError for one of another size than the first.
+    void add(const Frame& frame);
+    int frames() const { return sum_.frames; }
+    // Of at least 2 frames; throws ConfigError otherwise.
+    FrameAverage average() const;
+
+private:
+    FrameAverage sum_;  // variance: the sum of squared deviations
+};
+
 // Takes `frames` >= 2 complete frames, each with its exposure after the one before and the first
-// after `t`, from an armed camera. Sums run in double after Welford, so that 16-bit codes lose
-// nothing. Throws what frame_after() throws, DeviceError too when a frame stays incomplete after
-// `retries` or changes its size, and ConfigError for fewer than 2 frames.
+// after `t`, from an armed camera. Throws what frame_after() throws, DeviceError too when a frame
+// stays incomplete after `retries`, and ConfigError for fewer than 2 frames.
 FrameAverage average_frames(Camera& camera, int frames, Instant t, int retries,
                             std::stop_token stop);
 

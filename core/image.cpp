@@ -1,5 +1,7 @@
 #include "core/image.h"
 
+#include <cerrno>
+#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <system_error>
@@ -24,24 +26,39 @@ cv::Mat read_any(const std::filesystem::path& path) {
     return image;
 }
 
+std::vector<unsigned char> encoded(const std::filesystem::path& path, const cv::Mat& image) {
+    std::vector<unsigned char> bytes;
+    try {
+        if (cv::imencode(path.extension().string(), image, bytes))
+            return bytes;
+    } catch (const cv::Exception&) {
+        // an extension that OpenCV has no writer for
+    }
+    throw ConfigError({path.string()}, "cannot be written: no such image format");
+}
+
+// OpenCV's own writer does not notice when the disk is full.
+std::error_code write_bytes(const std::filesystem::path& path,
+                            const std::vector<unsigned char>& bytes) {
+    errno = 0;
+    std::ofstream file(path, std::ios::binary);
+    file.write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
+    file.close();
+    return file ? std::error_code() : std::error_code(errno ? errno : EIO, std::generic_category());
+}
+
 // Written beside its place and renamed into it, so that no reader ever sees half a file.
 void write_any(const std::filesystem::path& path, const cv::Mat& image) {
     std::filesystem::path part = path;
     part.replace_filename("." + path.stem().string() + ".part" + path.extension().string());
-    bool written = false;
-    try {
-        written = cv::imwrite(part.string(), image);
-    } catch (const cv::Exception&) {
-        written = false;  // an extension that OpenCV has no writer for
-    }
-    std::error_code error;
-    if (written)
+    std::error_code error = write_bytes(part, encoded(path, image));
+    if (!error)
         std::filesystem::rename(part, path, error);
-    if (!written || error) {
+    if (error) {
         std::error_code ignored;
         std::filesystem::remove(part, ignored);
-        throw ConfigError({path.string()},
-                          "cannot be written" + (error ? ": " + error.message() : std::string()));
+        throw ConfigError({path.string()}, "cannot be written: " + error.message());
     }
 }
 

@@ -32,6 +32,7 @@ public:
     // Triggers until the camera is gone and every call throws DeviceError; negative: never.
     int triggers_left = -1;
     bool unplugged = false;  // now: gone until this is false again and reconnect() was called
+    void lose_once() { lost_ = true; }  // gone until reconnect()
     // How far a device's settings differ from what was asked, before they are read back and
     // compared.
     std::function<void(CaptureSettings&)> alter_settings;

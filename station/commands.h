@@ -95,6 +95,25 @@ struct DevicesArguments {
 };
 int run_devices(const DevicesArguments& arguments);
 
+struct CaptureArguments {
+    std::string camera;         // URI
+    int frames = 0;             // 0: until Ctrl-C, with live
+    std::filesystem::path out;  // folder of the record; empty with live: nothing is recorded
+    bool live = false;
+    std::string format;       // the device's name; empty: monochrome
+    std::optional<int> bits;  // default 8, or all that the format has
+    int width = 0, height = 0;
+    double exposure_us = 0.0, gain_db = 0.0;
+    std::optional<double> black_level;
+    std::string trigger;
+    std::vector<std::string> controls;  // "NAME=NUMBER"
+    int retries = 5;
+    int frame_timeout_ms = 1000, packet_size = 1400;
+    std::string interface;
+    bool json = false;
+};
+int run_capture(const CaptureArguments& arguments);
+
 struct QualifyArguments {
     std::filesystem::path station, out;
     bool json = false;

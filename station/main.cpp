@@ -40,6 +40,18 @@ CLI::Validator whole_number() {
         "");
 }
 
+CLI::Validator within(int low, int high) {
+    return CLI::Validator(
+        [=](const std::string& text) -> std::string {
+            const auto value = parse_integer(text);
+            return value && *value >= low && *value <= high
+                       ? ""
+                       : fmt::format("must be a whole number from {} to {}, not '{}'", low, high,
+                                     text);
+        },
+        "");
+}
+
 // A sub-command whose arguments live as long as its closure.
 template <class Arguments>
 CLI::App* add_command(CLI::App& app, Run& run, const std::shared_ptr<Arguments>& arguments,
@@ -265,8 +277,63 @@ void add_compare_command(CLI::App& app, Run& run) {
 void add_devices_command(CLI::App& app, Run& run) {
     add_command(app, run, std::make_shared<DevicesArguments>(), run_devices, "devices",
                 "list cameras, and the backends that are built in",
-                "A backend whose SDK was missing when this program was built is named as left\n"
-                "out, with the reason.\n");
+                "Each camera is opened for a moment to ask for its pixel formats and controls. A\n"
+                "backend whose SDK was missing when this program was built is named as left out,\n"
+                "with the reason.\n");
+}
+
+void add_capture_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<CaptureArguments>();
+    CLI::App* sub = add_command(
+        app, run, arguments, run_capture, "capture", "take frames with a camera",
+        "Prints `captured N frames`, `noise X DN` (of a still scene) and `record FILE`.\n"
+        "DIR gets capture.json, events.jsonl, frames/ and mean.tiff, and can be replayed\n"
+        "as files:DIR. Settings are read back; what the camera does not do is an error.\n"
+        "Cameras, formats and controls: `etalon devices`.\n\n"
+        "Example:\n"
+        "  etalon capture --camera v4l2:/dev/video0 --format Y16 --exposure-us 5000 \\\n"
+        "      --frames 100 --out still\n");
+    sub->add_option("--camera", arguments->camera,
+                    "v4l2:/dev/video0, genicam:ID-OR-IP,\nlibcamera:ID or files:DIR")
+        ->required()
+        ->type_name("URI");
+    sub->add_option("--frames", arguments->frames, "how many")
+        ->check(within(1, 1000000))
+        ->type_name("N");
+    sub->add_option("--out", arguments->out, "folder of the record")->type_name("DIR");
+    sub->add_flag("--live", arguments->live,
+                  "show fps, mean, noise, saturation, sharpness;\nwithout --frames until Ctrl-C");
+    sub->add_option("--format", arguments->format, "pixel format, by the device's name")
+        ->type_name("NAME");
+    sub->add_option("--bits", arguments->bits, "per pixel (default 8, or the format's)")
+        ->check(within(1, 16))
+        ->type_name("N");
+    sub->add_option("--width", arguments->width, "of the image (default: the device's)")
+        ->check(within(1, 65536))
+        ->type_name("PX");
+    sub->add_option("--height", arguments->height)->check(within(1, 65536))->type_name("PX");
+    sub->add_option("--exposure-us", arguments->exposure_us, "(default: the device's)")
+        ->check(positive_number())
+        ->type_name("US");
+    sub->add_option("--gain-db", arguments->gain_db, "(default 0)")->type_name("DB");
+    sub->add_option("--black-level", arguments->black_level, "in the device's unit")
+        ->type_name("X");
+    sub->add_option("--trigger", arguments->trigger, "the device's name of a source, or none")
+        ->type_name("NAME");
+    sub->add_option("--set", arguments->controls, "a control by its name; may be repeated")
+        ->allow_extra_args(false)
+        ->type_name("NAME=X");
+    sub->add_option("--retries", arguments->retries, "of a bad frame (default 5)")
+        ->check(within(0, 1000))
+        ->type_name("N");
+    sub->add_option("--frame-timeout-ms", arguments->frame_timeout_ms, "(default 1000)")
+        ->check(within(1, 600000))
+        ->type_name("MS");
+    sub->add_option("--packet-size", arguments->packet_size, "GigE Vision (default 1400)")
+        ->check(within(576, 16384))
+        ->type_name("BYTES");
+    sub->add_option("--interface", arguments->interface, "GigE Vision: IP of the network card")
+        ->type_name("IP");
 }
 
 void add_qualify_command(CLI::App& app, Run& run) {
@@ -319,6 +386,7 @@ void add_commands(CLI::App& app, Run& run) {
     add_detect_command(app, run);
     add_marker_command(app, run);
     add_devices_command(app, run);
+    add_capture_command(app, run);
     add_bench_command(app, run);
     add_stability_command(app, run);
 }

@@ -24,6 +24,8 @@ struct FrameRecord {
     std::uint64_t device_id = 0;
     double exposure_start_s = 0.0;
     double exposure_start_uncertainty_s = 0.0;
+    TimeSource time_source = TimeSource::request;
+    std::uint64_t device_time_ns = 0;      // the device's own stamp; 0: none
     CaptureSettings settings;              // in force during the exposure
     std::vector<Eigen::Vector2d> corners;  // in the order of Marker::points_mm; empty: not seen
     std::string detection;                 // why there are no corners; empty when there are

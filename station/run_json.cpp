@@ -49,8 +49,30 @@ Json settings_json(const CaptureSettings& settings) {
     return {{"width", settings.width},
             {"height", settings.height},
             {"bits", settings.bits},
+            {"format", settings.format},
             {"exposure_us", settings.exposure.count()},
-            {"gain_db", settings.gain_db}};
+            {"gain_db", settings.gain_db},
+            {"black_level", optional_number(settings.black_level)},
+            {"trigger", settings.trigger},
+            {"controls", settings.controls}};
+}
+
+// The camera's counters go into the record of whatever it was used for.
+void add_statistics(Json& camera, const CaptureStatistics& counts) {
+    camera["frames_delivered"] = counts.delivered;
+    camera["frames_rejected"] = counts.rejected;
+    camera["frames_skipped"] = counts.skipped;
+    camera["missing_packets"] = counts.missing_packets;
+    camera["resent_packets"] = counts.resent_packets;
+    camera["underruns"] = counts.underruns;
+    camera["reconnects"] = counts.reconnects;
+}
+
+Json device_json(const CameraIdentity& camera) {
+    return {{"uri", camera.uri},
+            {"vendor", camera.vendor},
+            {"model", camera.model},
+            {"serial", camera.serial}};
 }
 
 Json inputs_json(const StationFile& station) {
@@ -62,17 +84,13 @@ Json inputs_json(const StationFile& station) {
 }
 
 Json camera_json(const QualifyResult& result) {
-    const CaptureStatistics& counts = result.statistics;
-    return {{"uri", result.station.camera.uri},
-            {"vendor", result.camera.vendor},
-            {"model", result.camera.model},
-            {"serial", result.camera.serial},
-            {"calibrated_serial", result.station.camera.model.serial},
-            {"settings", settings_json(result.settings)},
-            {"frames_delivered", counts.delivered},
-            {"frames_rejected", counts.rejected},
-            {"missing_packets", counts.missing_packets},
-            {"remarks", result.remarks}};
+    Json camera = device_json(result.camera);
+    camera["uri"] = result.station.camera.uri;
+    camera["calibrated_serial"] = result.station.camera.model.serial;
+    camera["settings"] = settings_json(result.settings);
+    add_statistics(camera, result.statistics);
+    camera["remarks"] = result.remarks;
+    return camera;
 }
 
 Json axis_json(const Axis& axis) {
@@ -337,6 +355,26 @@ std::string run_json(const QualifyResult& result) {
     return text_of(run, 2) + "\n";
 }
 
+std::string capture_json(const CaptureResult& result) {
+    Json camera = device_json(result.camera);
+    camera["settings"] = settings_json(result.settings);
+    add_statistics(camera, result.statistics);
+    camera["remarks"] = result.remarks;
+    Json json = {{"etalon", "capture/1"},
+                 {"started_utc", result.started_utc},
+                 {"duration_s", result.duration_s},
+                 {"reason", result.reason},
+                 {"camera", camera},
+                 {"frames_asked", result.asked},
+                 {"frames_complete", result.complete}};
+    if (result.noise)
+        json["noise_dn"] = *result.noise;
+    if (result.mean)
+        json["mean_dn"] = *result.mean;
+    json["software"] = software_json(software_versions());
+    return text_of(json, 2) + "\n";
+}
+
 std::string state_event(double time_s, const std::string& state, const std::string& detail) {
     return text_of({{"t", time_s}, {"event", state}, {"detail", detail}}, -1);
 }
@@ -350,6 +388,8 @@ std::string frame_event(int pose_index, const FrameRecord& frame) {
                     {"status_detail", frame.status_detail},
                     {"device_id", frame.device_id},
                     {"exposure_start_uncertainty_s", frame.exposure_start_uncertainty_s},
+                    {"time_source", name(frame.time_source)},
+                    {"device_time_ns", frame.device_time_ns},
                     {"settings", settings_json(frame.settings)},
                     {"detection", frame.detection},
                     {"corners", corners(frame.corners)}},

@@ -6,12 +6,16 @@
 
 #include <string>
 
+#include "station/capture_run.h"
 #include "station/qualify_result.h"
 
 namespace etalon {
 
 // `etalon: run/1`, indented, keys in a fixed order. Also what --json prints.
 std::string run_json(const QualifyResult& result);
+
+// `etalon: capture/1`, the same of `etalon capture`.
+std::string capture_json(const CaptureResult& result);
 
 // One line each, without its end. Times are seconds since the run began.
 std::string state_event(double time_s, const std::string& state, const std::string& detail);

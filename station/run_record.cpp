@@ -1,5 +1,9 @@
 #include "station/run_record.h"
 
+#include <fmt/chrono.h>
+
+#include <ctime>
+
 #include "core/errors.h"
 #include "core/text.h"
 #include "station/run_json.h"
@@ -7,10 +11,11 @@
 namespace etalon {
 namespace {
 
-std::filesystem::path made(const std::filesystem::path& folder) {
+std::filesystem::path made(const std::filesystem::path& folder,
+                           std::initializer_list<const char*> parts) {
     require_new_folder(folder);
     std::error_code error;
-    for (const char* part : {"frames", "renders"})
+    for (const char* part : parts)
         if (std::filesystem::create_directories(folder / part, error); error)
             throw ConfigError(
                 {"--out"}, fmt::format("{} cannot be made: {}", folder.string(), error.message()));
@@ -29,8 +34,27 @@ void require_new_folder(const std::filesystem::path& folder) {
         throw ConfigError({"--out"}, fmt::format("{} is not empty", folder.string()));
 }
 
-RunRecord::RunRecord(const std::filesystem::path& folder)
-    : folder_(made(folder)), events_(folder / "events.jsonl", std::ios::binary | std::ios::app) {
+std::string utc_now() {
+    return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+}
+
+FrameRecord frame_record(const Frame& frame, Instant start) {
+    FrameRecord record;
+    record.status = frame.status;
+    record.status_detail = frame.status_detail;
+    record.device_id = frame.id;
+    record.exposure_start_s = std::chrono::duration<double>(frame.exposure_start - start).count();
+    record.exposure_start_uncertainty_s =
+        std::chrono::duration<double>(frame.exposure_start_uncertainty).count();
+    record.time_source = frame.time_source;
+    record.device_time_ns = frame.device_time_ns;
+    record.settings = frame.settings;
+    return record;
+}
+
+RunRecord::RunRecord(const std::filesystem::path& folder, std::initializer_list<const char*> parts)
+    : folder_(made(folder, parts)),
+      events_(folder / "events.jsonl", std::ios::binary | std::ios::app) {
     if (!events_)
         throw ConfigError({"--out"}, fmt::format("{} cannot be written", folder.string()));
 }

@@ -24,10 +24,18 @@ namespace etalon {
 // Throws ConfigError unless a record could go there: nothing is there, or an empty folder.
 void require_new_folder(const std::filesystem::path& folder);
 
+// Now, "2026-03-07T14:05:09Z".
+std::string utc_now();
+
+// A frame as it goes into the log; times count from `start`.
+FrameRecord frame_record(const Frame& frame, Instant start);
+
 class RunRecord {
 public:
-    // Makes the folder and its parents. Throws ConfigError as above, or when it cannot be made.
-    explicit RunRecord(const std::filesystem::path& folder);
+    // Makes the folder with its parents and these parts. Throws ConfigError as above, or when one
+    // cannot be made.
+    explicit RunRecord(const std::filesystem::path& folder,
+                       std::initializer_list<const char*> parts = {"frames", "renders"});
 
     const std::filesystem::path& folder() const { return folder_; }
     ImageWriter& images() { return images_; }

@@ -1,11 +1,8 @@
 #include "station/runner.h"
 
-#include <fmt/chrono.h>
-
-#include <ctime>
-
 #include "compare/detector.h"
 #include "core/errors.h"
+#include "station/camera_recovery.h"
 #include "station/expected_view.h"
 #include "station/qualify_report.h"
 #include "station/run_record.h"
@@ -36,10 +33,6 @@ struct Run {
     }
 };
 
-std::string utc_now() {
-    return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
-}
-
 void require_same_camera(const StationFile& station, const CameraIdentity& identity) {
     const std::string& calibrated = station.camera.model.serial;
     if (!calibrated.empty() && !identity.serial.empty() && calibrated != identity.serial)
@@ -61,23 +54,13 @@ void require_calibrated_format(const Frame& frame, const StationCamera& camera) 
                         bits));
 }
 
-FrameRecord describe(const Run& run, const Frame& frame) {
-    FrameRecord record;
-    record.status = frame.status;
-    record.status_detail = frame.status_detail;
-    record.device_id = frame.id;
-    record.exposure_start_s = run.seconds_until(frame.exposure_start);
-    record.exposure_start_uncertainty_s =
-        std::chrono::duration<double>(frame.exposure_start_uncertainty).count();
-    record.settings = frame.settings;
-    return record;
-}
-
 // Nothing at all within the time-out, retries included, is a camera that is gone. A broken frame is
 // only a broken frame: the pose goes on with its others.
 Frame take_frame(const Run& run, Camera& camera, Instant after) {
     const StationCamera& wanted = run.result.station.camera;
-    Frame frame = camera.frame_after(after, wanted.retries, run.stop);
+    Frame frame = frame_after_reconnecting(
+        camera, after, wanted.retries, run.clock, run.stop,
+        [&run](const std::string& event, const std::string& detail) { run.log(event, detail); });
     if (frame.status == FrameStatus::timed_out)
         throw DeviceError("camera " + wanted.uri, "take a frame",
                           "nothing came in time, retries included: " + frame.status_detail);
@@ -91,7 +74,7 @@ std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, 
     Instant after = settled;
     for (int i = 0; i < run.result.station.plan.frames; ++i) {
         frames.push_back(take_frame(run, camera, after));
-        FrameRecord record = describe(run, frames.back());
+        FrameRecord record = frame_record(frames.back(), run.start);
         if (frames.back().status == FrameStatus::complete) {
             record.file = fmt::format("frames/{:04}_{}.png", pose.index, i);
             run.record.images().write(run.record.folder() / record.file, frames.back().image);

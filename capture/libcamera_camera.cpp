@@ -20,7 +20,8 @@ using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
 constexpr int settling_frames = 20;  // a pipeline delays settings by 2 to 10 frames
-constexpr int warm_up_frames = 3;    // that FrameTiming needs
+constexpr int warm_up_frames = FrameTiming::frames_on_their_way + 1;
+constexpr int most_stale_frames = 40;  // in a row, of a camera whose frames all seem old
 constexpr milliseconds stop_patience{2000};
 constexpr milliseconds reopen_pause{250};
 
@@ -85,8 +86,10 @@ private:
 
     Frame fresh_frame(Instant t, std::stop_token stop);
     FrameTiming::Start placed(const LibcameraFrame& raw);
-    Frame judged(const LibcameraFrame& raw, const FrameTiming::Start& start);
+    std::optional<Frame> judged(const LibcameraFrame& raw, Instant t);
+    Frame described(const LibcameraFrame& raw, const FrameTiming::Start& start) const;
     void unpack_into(Frame& frame, const LibcameraFrame& raw) const;
+    void require_as_asked(const Frame& frame, const LibcameraValues& metadata) const;
 
     std::string id_;
     std::string name_;  // for errors
@@ -248,6 +251,8 @@ void LibcameraCamera::write_remarks() {
     if (!unmentioned.empty())
         remarks_.push_back("set but not read back, since the frames' metadata do not mention it: " +
                            unmentioned);
+    if (format_->lossy())
+        remarks_.push_back(stream_.format + " is lossy: its pixels are not the sensor's codes");
     if (stream_.limited_range)
         remarks_.push_back(stream_.format + " has codes from 16 to 235 only (limited range)");
 }
@@ -408,27 +413,23 @@ Frame LibcameraCamera::fresh_frame(Instant t, std::stop_token stop) {
     if (stalled_)
         restart_stream();
     wait_until_after(clock_, t, stop);
-    const Instant deadline = clock_.now() + link_.frame_timeout;
-    for (Instant now = clock_.now(); now < deadline; now = clock_.now()) {
-        const auto raw = device_->next(deadline - now, stop);
-        if (!raw)
-            break;
-        if (raw->status == LibcameraFrame::Status::cancelled)
-            lose("take a frame", "libcamera cancelled the request: the camera is gone");
-        const FrameTiming::Start start = placed(*raw);
-        const bool fresh = !start.fault.empty() || start.earliest > t;
-        const Frame frame = fresh ? judged(*raw, start) : Frame();
-        device_->give_back(raw->buffer);
-        if (fresh)
-            return frame;
+    Frame none;
+    for (int stale = 0; stale < most_stale_frames; ++stale) {
+        const auto raw = device_->next(link_.frame_timeout, stop);
+        if (!raw) {
+            if (device_->disconnected())
+                lose("take a frame", "the camera is gone");
+            stalled_ = true;
+            none.status_detail = fmt::format("no frame within {} ms", link_.frame_timeout.count());
+            return none;
+        }
+        if (const auto frame = judged(*raw, t))
+            return *frame;
         ++statistics_.rejected;
     }
-    if (device_->disconnected())
-        lose("take a frame", "the camera is gone");
-    stalled_ = true;
-    Frame frame;
-    frame.status_detail = fmt::format("no frame within {} ms", link_.frame_timeout.count());
-    return frame;
+    none.status_detail = fmt::format(
+        "{} frames came, none of them begun after the moment asked for", most_stale_frames);
+    return none;
 }
 
 // A driver whose device has gone may say so only now.
@@ -448,9 +449,29 @@ FrameTiming::Start LibcameraCamera::placed(const LibcameraFrame& raw) {
     return timing_.place(raw, now, clock_.now());
 }
 
-Frame LibcameraCamera::judged(const LibcameraFrame& raw, const FrameTiming::Start& start) {
-    if (const auto changed = contradicted(plan_.asked, raw.metadata, exposure_step_us()))
-        fail("take a frame", "it was told to " + changed->request + ": " + changed->cause);
+// Nothing if its exposure began too early. Gives the buffer back.
+std::optional<Frame> LibcameraCamera::judged(const LibcameraFrame& raw, Instant t) {
+    if (raw.status == LibcameraFrame::Status::cancelled)
+        lose("take a frame", "libcamera cancelled the request: the camera is gone");
+    const FrameTiming::Start start = placed(raw);
+    if (start.fault.empty() && start.earliest <= t) {
+        device_->give_back(raw.buffer);
+        return std::nullopt;
+    }
+    Frame frame = described(raw, start);
+    if (!start.fault.empty())
+        frame.status_detail = start.fault;
+    else if (raw.status == LibcameraFrame::Status::error)
+        frame.status_detail = "libcamera flags the frame as damaged";
+    else
+        unpack_into(frame, raw);
+    device_->give_back(raw.buffer);
+    require_as_asked(frame, raw.metadata);
+    return frame;
+}
+
+// All but the image; `corrupt` so far.
+Frame LibcameraCamera::described(const LibcameraFrame& raw, const FrameTiming::Start& start) const {
     Frame frame;
     frame.id = raw.sequence;
     frame.mosaic = format_->mosaic;
@@ -458,15 +479,10 @@ Frame LibcameraCamera::judged(const LibcameraFrame& raw, const FrameTiming::Star
     frame.time_source = TimeSource::driver_start;
     frame.device_time_ns = static_cast<std::uint64_t>(raw.timestamp_ns.value_or(0));
     frame.status = FrameStatus::corrupt;
-    frame.status_detail = start.fault;
-    if (!start.fault.empty())
-        return frame;
-    frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
-    frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
-    if (raw.status == LibcameraFrame::Status::error)
-        frame.status_detail = "libcamera flags the frame as damaged";
-    else
-        unpack_into(frame, raw);
+    if (start.fault.empty()) {
+        frame.exposure_start_uncertainty = (start.latest - start.earliest) / 2;
+        frame.exposure_start = start.earliest + frame.exposure_start_uncertainty;
+    }
     return frame;
 }
 
@@ -481,9 +497,15 @@ void LibcameraCamera::unpack_into(Frame& frame, const LibcameraFrame& raw) const
     }
     frame.status = FrameStatus::complete;
     frame.image.bits = settings_.bits;
-    const bool full =
+}
+
+void LibcameraCamera::require_as_asked(const Frame& frame, const LibcameraValues& metadata) const {
+    if (const auto changed = contradicted(plan_.asked, metadata, exposure_step_us()))
+        fail("take a frame", "it was told to " + changed->request + ": " + changed->cause);
+    // Any code fits into bytes, and into the bits of packed formats.
+    const bool may_exceed =
         format_->packing == PixelPacking::words_low || settings_.bits != format_->bits;
-    if (full && exceeds_full_scale(frame.image))
+    if (frame.status == FrameStatus::complete && may_exceed && exceeds_full_scale(frame.image))
         fail("take a frame",
              fmt::format("a code is above {}: the device does not send {} bits in the low bits of "
                          "a pixel",

@@ -7,6 +7,8 @@
 // is its readout, or the arrival of the first data. FrameTiming (libcamera_support.h) says what
 // follows from that.
 //
+// A camera is silent when no frame comes within the link's frame_timeout, however old.
+//
 // Settings reach the sensor some frames late. They are in force when the frames' metadata say so,
 // which configure() and arm() wait for, at most 20 frames, and which every frame is asked again.
 // What is asked for and is never mentioned there (USB cameras tell no exposure) is refused; v4l2:

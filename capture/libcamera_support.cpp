@@ -184,7 +184,7 @@ std::optional<Duration> FrameTiming::longest_age(const LibcameraFrame& frame) co
         return std::chrono::microseconds(std::llround(*exposure));
     const Stamp& newest = latest_.back();
     for (auto before = latest_.rbegin() + 1; before != latest_.rend(); ++before)
-        if (before->sequence + 2 <= newest.sequence)
+        if (before->sequence + frames_on_their_way <= newest.sequence)
             return std::chrono::nanoseconds(newest.time_ns - before->time_ns);
     return std::nullopt;
 }
@@ -201,7 +201,7 @@ FrameTiming::Start FrameTiming::place(const LibcameraFrame& frame, const KernelT
         return {fmt::format("stamped {} ns before the frame that came before it", back)};
     }
     latest_.push_back(stamp);
-    if (latest_.size() > 3)
+    if (latest_.size() > frames_on_their_way + 1)
         latest_.pop_front();
     if (!first_)
         first_ = stamp;

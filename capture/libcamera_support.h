@@ -72,11 +72,13 @@ private:
 
 // Says of each frame of a stream when its exposure began. The stamp is the readout's beginning, so
 // the exposure began within the ExposureTime before it. A frame that does not tell that comes from
-// a USB camera, whose driver stamps the arrival of the first data, at once or late. Then what
-// counts is that at most two frames are on their way, one in the camera and one in the host's
-// transfers: the exposure began after the data of the last frame but one had arrived.
+// a USB camera: its driver stamps the arrival of the first data, at once or late, and the camera
+// has held it back before. Then what counts is that at most four frames are on their way, one being
+// exposed and three held: the exposure began after the data of the fourth frame before had arrived.
 class FrameTiming {
 public:
+    static constexpr std::uint64_t frames_on_their_way = 4;
+
     struct Start {
         std::string fault;  // why the stamp cannot be believed; empty: it can
         Instant earliest = Instant::min(), latest = Instant::min();  // on the station's clock
@@ -97,7 +99,7 @@ private:
 
     SensorClock clock_;
     std::optional<Stamp> first_;
-    std::deque<Stamp> latest_;  // at most three, the newest at the back
+    std::deque<Stamp> latest_;  // as many as may be on their way and one, the newest at the back
 };
 
 }  // namespace etalon

@@ -1,0 +1,113 @@
+// Many frames, byte for byte, over GigE Vision on loopback: every one carries its number, and the
+// test knows what the camera showed at each.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstring>
+
+#include "capture/genicam_device.h"
+#include "capture/genicam_support.h"
+#include "tests/loopback/gige_rig.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr int width = 1280, height = 1024;
+
+// A picture that is cheap to make and different for every number: random bytes, read from another
+// place each time.
+class NumberedPictures {
+public:
+    NumberedPictures() : noise_(1, width * height + pictures, CV_8UC1) {
+        cv::RNG random(75);
+        random.fill(noise_, cv::RNG::UNIFORM, 0, 256);
+    }
+    cv::Mat of(int number) const {
+        return cv::Mat(height, width, CV_8UC1,
+                       const_cast<std::uint8_t*>(noise_.data) + number % pictures);
+    }
+
+private:
+    static constexpr int pictures = 4001;
+    cv::Mat noise_;
+};
+
+struct NumberedCamera {
+    NumberedPictures pictures;
+    SteadyClock clock;
+    std::atomic<int> shown = 0;
+    GigeCamera device{options(), [this](const CaptureSettings&) {
+                          return CodeImage{pictures.of(++shown), 8};
+                      }};
+
+    static GigeCameraOptions options() {
+        GigeCameraOptions options;
+        options.width = width;
+        options.height = height;
+        return options;
+    }
+};
+
+bool same_bytes(const cv::Mat& a, const cv::Mat& b) {
+    return a.size() == b.size() && a.isContinuous() && b.isContinuous() &&
+           std::memcmp(a.data, b.data, a.total()) == 0;
+}
+
+// The number of the picture that the frame shows, of `at_most` and those before; 0 for none.
+int number_of(const cv::Mat& pixels, const NumberedPictures& pictures, int at_most) {
+    for (int number = at_most; number > std::max(0, at_most - 6); --number)
+        if (same_bytes(pixels, pictures.of(number)))
+            return number;
+    return 0;
+}
+
+TEST(GenicamThroughput, DeliversAThousandFramesOf1280x1024At50HzByteForByteWithoutLoss) {
+    if (granted_receive_buffer(receive_buffer_bytes) < receive_buffer_bytes)
+        GTEST_SKIP() << "the kernel grants a receive buffer of "
+                     << granted_receive_buffer(receive_buffer_bytes) << " bytes, not "
+                     << receive_buffer_bytes << " (net.core.rmem_max)";
+    NumberedCamera rig;
+    auto camera = open_camera("genicam:127.0.0.1", {}, rig.clock);
+    CaptureSettings wanted;
+    wanted.exposure = 1000us;
+    wanted.trigger = "Software";
+    camera->configure(wanted);
+    camera->arm();
+    const Instant start = rig.clock.now();
+    for (int i = 0; i < 1000; ++i) {
+        const Frame frame = camera->frame_after(start + i * 20ms, 0, {});
+        ASSERT_EQ(frame.status, FrameStatus::complete) << i << ": " << frame.status_detail;
+        ASSERT_TRUE(same_bytes(frame.image.pixels, rig.pictures.of(rig.shown))) << i;
+    }
+    EXPECT_EQ(camera->statistics().delivered, 1000);
+    EXPECT_EQ(camera->statistics().rejected, 0);
+    EXPECT_EQ(camera->statistics().skipped, 0);
+    EXPECT_EQ(camera->statistics().missing_packets, 0);
+    const double seconds = std::chrono::duration<double>(rig.clock.now() - start).count();
+    EXPECT_LT(seconds, 1.1 * 20.0) << "slower than 50 Hz";
+    RecordProperty("frames_per_second", std::to_string(1000.0 / seconds));
+}
+
+// Whatever the kernel grants: a bad frame is triggered again, a bounded number of times, and what
+// comes is what was shown after it was asked for.
+TEST(GenicamThroughput, DeliversWholeFramesOf1280x1024WithBoundedRepetitions) {
+    NumberedCamera rig;
+    CameraLink link;
+    link.frame_timeout = 500ms;
+    link.packet_size = 8192;  // fewer packets fill less of a small buffer
+    auto camera = open_camera("genicam:127.0.0.1", link, rig.clock);
+    camera->configure({});
+    camera->arm();
+    for (int i = 0; i < 20; ++i) {
+        const int before = rig.shown;
+        const Frame frame = camera->frame_after(rig.clock.now(), 20, {});
+        ASSERT_EQ(frame.status, FrameStatus::complete) << i << ": " << frame.status_detail;
+        EXPECT_GT(number_of(frame.image.pixels, rig.pictures, rig.shown), before);
+    }
+    EXPECT_LE(camera->statistics().rejected, 20 * 20);
+}
+
+}  // namespace
+}  // namespace etalon

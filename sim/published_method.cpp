@@ -18,18 +18,6 @@ using namespace published;
 constexpr int kernel_reach = 5;           // px
 constexpr int border = kernel_reach + 1;  // of traced pixels around the image
 
-// Uniform points of the unit disk from the unit square (Shirley and Chiu, 1997).
-Eigen::Vector2d concentric_disk(double u, double v) {
-    constexpr double quarter = std::numbers::pi / 4.0;
-    const double a = 2.0 * u - 1.0, b = 2.0 * v - 1.0;
-    if (a == 0.0 && b == 0.0)
-        return {0.0, 0.0};
-    const bool flat = std::abs(a) > std::abs(b);
-    const double radius = flat ? a : b;
-    const double angle = flat ? quarter * (b / a) : quarter * (2.0 - a / b);
-    return {radius * std::cos(angle), radius * std::sin(angle)};
-}
-
 struct LensDisk {
     double radius_mm = 0.0, inverse_focus_per_mm = 0.0;
 };
@@ -131,6 +119,7 @@ PublishedMethod::PublishedMethod(const CameraModel& camera, int rays_per_pixel,
     if (camera.width < 1 || camera.height < 1)
         throw NumericalError(
             fmt::format("no camera has an image of {} x {} px", camera.width, camera.height));
+    require_perspective(camera, "the published method");
     if (camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0)
         throw NumericalError("the published method knows no tilted sensor");
     if (rays_per_pixel < 64 || rays_per_pixel > 65536 ||

@@ -20,18 +20,6 @@
 namespace etalon {
 namespace {
 
-// Uniform points of the unit disk from the unit square (Shirley and Chiu, 1997).
-Eigen::Vector2d concentric_disk(double u, double v) {
-    constexpr double quarter = std::numbers::pi / 4.0;
-    const double a = 2.0 * u - 1.0, b = 2.0 * v - 1.0;
-    if (a == 0.0 && b == 0.0)
-        return {0.0, 0.0};
-    const bool flat = std::abs(a) > std::abs(b);
-    const double radius = flat ? a : b;
-    const double angle = flat ? quarter * (b / a) : 2.0 * quarter - quarter * (a / b);
-    return {radius * std::cos(angle), radius * std::sin(angle)};
-}
-
 struct Hit {
     double depth, radiance;
 };

@@ -5,6 +5,7 @@
 #include "core/errors.h"
 #include "sim/core_filter.h"
 #include "sim/image_filter.h"
+#include "sim/marker_outline.h"
 #include "sim/marker_view.h"
 #include "sim/reference_integrator.h"
 #include "sim/render_sampling.h"
@@ -126,26 +127,6 @@ double largest_step(const MarkerView& view) {
     return largest;
 }
 
-// The marker's outline in the image, side after side with the same number of points on each;
-// nothing when some of it has no image.
-std::vector<Eigen::Vector2d> outline(const MarkerView& view, const Projector& projector) {
-    constexpr int points_per_side = 16;
-    std::vector<Eigen::Vector2d> pixels;
-    for (int n = 0; n < 4 * points_per_side; ++n) {
-        const double along = (n % points_per_side) / (points_per_side - 1.0);
-        const double s[] = {along, 1.0, 1.0 - along, 0.0};
-        const double t[] = {0.0, along, 1.0, 1.0 - along};
-        const int side = n / points_per_side;
-        const auto pixel = projector.project(
-            view.camera_from_grid() *
-            Eigen::Vector3d(s[side] * view.columns(), t[side] * view.rows(), 1.0));
-        if (!pixel)
-            return {};
-        pixels.push_back(*pixel);
-    }
-    return pixels;
-}
-
 // At least the area of the marker's image: of the box around its outline, blur included.
 double area_around(const std::vector<Eigen::Vector2d>& outline, double blur_px) {
     if (outline.empty())
@@ -245,7 +226,7 @@ public:
           all_refined_(std::find(options.keep.begin(), options.keep.end(),
                                  Omission::uniform_tiles) != options.keep.end()) {
         const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
-        const std::vector<Eigen::Vector2d> sides = outline(view_, cache.map.projector());
+        const std::vector<Eigen::Vector2d> sides = marker_outline(view_, cache.map.projector(), 16);
         const ImageExtremes image{blur,
                                   largest_step(view_),
                                   view_.contrast(),

@@ -1,5 +1,8 @@
 #include "sim/sobol.h"
 
+#include <cmath>
+#include <numbers>
+
 #include "core/random.h"
 
 namespace etalon {
@@ -85,6 +88,17 @@ SobolPoints::Point SobolPoints::point(int index, const Scramble& scramble) const
     for (std::size_t d = 0; d < dimensions; ++d)
         result[d] = (bit_reversed(nested_scramble(digits[d], scramble[d])) + 0.5) * 0x1p-32;
     return result;
+}
+
+Eigen::Vector2d concentric_disk(double u, double v) {
+    constexpr double quarter = std::numbers::pi / 4.0;
+    const double a = 2.0 * u - 1.0, b = 2.0 * v - 1.0;
+    if (a == 0.0 && b == 0.0)
+        return {0.0, 0.0};
+    const bool flat = std::abs(a) > std::abs(b);
+    const double radius = flat ? a : b;
+    const double angle = flat ? quarter * (b / a) : quarter * (2.0 - a / b);
+    return {radius * std::cos(angle), radius * std::sin(angle)};
 }
 
 SobolPoints::Scramble make_scramble(std::uint64_t seed, std::uint32_t pixel_x,

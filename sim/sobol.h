@@ -6,6 +6,7 @@
 // Scrambling by hashing: B. Burley, "Practical hash-based Owen scrambling", JCGT 9(4) (2020).
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -29,6 +30,10 @@ public:
 private:
     std::vector<std::array<std::uint32_t, dimensions>> reversed_;  // first digit in the lowest bit
 };
+
+// Uniform points of the unit disk from the unit square: the concentric map of P. Shirley and
+// K. Chiu, "A low distortion map between disk and square", JGT 2(3) (1997).
+Eigen::Vector2d concentric_disk(double u, double v);
 
 // Independent seeds for a pixel's scramble.
 SobolPoints::Scramble make_scramble(std::uint64_t seed, std::uint32_t pixel_x,

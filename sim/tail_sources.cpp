@@ -3,6 +3,8 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "sim/marker_outline.h"
+
 namespace etalon {
 namespace {
 
@@ -18,33 +20,13 @@ bool contains(const cv::Rect& outer, const cv::Rect& inner) {
     return (outer & inner) == inner;
 }
 
-// The smallest rectangle of pixels that surely holds the marker's image, blur included; the whole
-// of `limit` where the marker reaches beyond the valid region. Between the points an edge bulges by
-// less than the margin.
+// The pixels that hold the marker's image, blur included.
 cv::Rect marker_box(const MarkerView& marker, const Projector& projector, const cv::Rect& limit) {
-    constexpr int points_per_edge = 32;
-    constexpr double bulge_px = 16.0;
-    Eigen::Array2d low = Eigen::Array2d::Constant(1e9), high = -low;
-    for (int n = 0; n < 4 * points_per_edge; ++n) {
-        const double along = (n % points_per_edge) / double(points_per_edge);
-        const double s[] = {along, 1.0, 1.0 - along, 0.0};
-        const double t[] = {0.0, along, 1.0, 1.0 - along};
-        const int edge = n / points_per_edge;
-        const Eigen::Vector3d p =
-            marker.camera_from_grid() *
-            Eigen::Vector3d(s[edge] * marker.columns(), t[edge] * marker.rows(), 1.0);
-        const auto pixel = projector.project(p);
-        if (!pixel)
-            return limit;
-        low = low.min(pixel->array());
-        high = high.max(pixel->array());
-    }
+    constexpr int points_per_side = 32;
+    constexpr double bulge_px = 16.0;  // between two of these, at most
     const BlurRange blur = blur_over_marker(marker, projector.camera().intrinsics);
-    const double margin = 2.0 * blur.largest_px + bulge_px;
-    const auto clamped = [](double v) { return static_cast<int>(std::clamp(v, -1e8, 1e8)); };
-    const cv::Point from(clamped(low.x() - margin), clamped(low.y() - margin));
-    const cv::Point to(clamped(high.x() + margin), clamped(high.y() + margin));
-    return cv::Rect(from, to) & limit;
+    return pixels_around(marker_outline(marker, projector, points_per_side),
+                         Eigen::Array2d::Constant(2.0 * blur.largest_px + bulge_px), limit);
 }
 
 }  // namespace

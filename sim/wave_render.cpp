@@ -6,6 +6,7 @@
 
 #include "core/errors.h"
 #include "sim/cell_coverage.h"
+#include "sim/marker_outline.h"
 #include "sim/tile_map.h"
 
 namespace etalon {
@@ -39,32 +40,15 @@ int boxes_per_pixel_side(double least_blur_px) {
     return 9;
 }
 
-// Pixels that surely hold everything that the chief rays see of the marker, within `limit`: the box
-// around its outline's image, or all of `limit` where some of that has none.
+// The pixels that hold everything that the chief rays see of the marker.
 cv::Rect marker_box(const MarkerView& view, const Projector& projector, const cv::Rect& limit) {
-    constexpr int points = 64;  // of each edge
-    Eigen::Array2d low = Eigen::Array2d::Constant(1e8), high = -low;
-    for (int n = 0; n < 4 * points; ++n) {
-        const double along = (n % points) / double(points);
-        const std::array<double, 4> s{along, 1.0, 1.0 - along, 0.0},
-            t{0.0, along, 1.0, 1.0 - along};
-        const auto edge = static_cast<std::size_t>(n / points);
-        const Eigen::Vector3d p =
-            view.camera_from_grid() *
-            Eigen::Vector3d(s[edge] * view.columns(), t[edge] * view.rows(), 1.0);
-        const auto pixel = projector.project(p);
-        if (!pixel)
-            return limit;
-        low = low.min(pixel->array());
-        high = high.max(pixel->array());
-    }
-    // Distortion may bulge an edge out between two of its points.
-    const Eigen::Array2d margin = 4.0 + 0.02 * (high - low);
-    low = (low - margin).max(-1e8);
-    high = (high + margin).min(1e8);
-    const cv::Point from(static_cast<int>(low.x()), static_cast<int>(low.y()));
-    return cv::Rect(from, cv::Point(static_cast<int>(high.x()), static_cast<int>(high.y()))) &
-           limit;
+    constexpr int points_per_side = 64;
+    const auto outline = marker_outline(view, projector, points_per_side);
+    constexpr int far = 100'000'000;
+    const cv::Rect box =
+        pixels_around(outline, Eigen::Array2d::Zero(), {-far, -far, 2 * far, 2 * far});
+    // Distortion may bulge a side out between two of its points.
+    return pixels_around(outline, 5.0 + 0.02 * Eigen::Array2d(box.width, box.height), limit);
 }
 
 // Averages of the chief rays' radiance less the background over k x k boxes of each pixel.

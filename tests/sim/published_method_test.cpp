@@ -306,6 +306,9 @@ TEST(PublishedMethod, RefusesWhatItCannotDo) {
     EXPECT_THROW(PublishedMethod(camera, 32, Undistortion::per_ray), NumericalError);
     camera.distortion.tau_x = 0.01;
     EXPECT_THROW(PublishedMethod(camera, 64, Undistortion::per_ray), NumericalError);
+    camera.distortion.tau_x = 0.0;
+    camera.projection = Projection::telecentric;
+    EXPECT_THROW(PublishedMethod(camera, 64, Undistortion::per_ray), NumericalError);
     Scene scene = two_markers();
     scene.background = std::numeric_limits<double>::quiet_NaN();
     EXPECT_THROW(PublishedMethod(small_camera(), 64, Undistortion::per_ray).render(scene),

@@ -77,13 +77,20 @@ DeviceEvents::Properties DeviceEvents::next(const std::string& action,
     return event;
 }
 
-std::string next_video_device(DeviceEvents& events) {
-    while (true) {
+std::string next_camera(DeviceEvents& events) {
+    std::string pictures;
+    for (int nodes = 0; nodes < 2;) {
         auto properties = events.next("add", "video4linux");
-        std::ifstream index("/sys" + properties["DEVPATH"] + "/index");  // none: gone again
-        if (int number = -1; index >> number && number == 0)
-            return (std::filesystem::path("/dev") / properties["DEVNAME"]).string();
+        std::ifstream index("/sys" + properties["DEVPATH"] + "/index");
+        int number = -1;
+        if (!(index >> number))
+            continue;  // it is gone again
+        ++nodes;
+        if (number == 0)
+            pictures = (std::filesystem::path("/dev") / properties["DEVNAME"]).string();
     }
+    events.next("add", "media");
+    return pictures;
 }
 
 }  // namespace etalon

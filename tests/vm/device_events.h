@@ -35,7 +35,8 @@ private:
     std::list<Properties> kept_;
 };
 
-// The path of the first camera ("/dev/video0") that comes next: its pictures, not its metadata.
-std::string next_video_device(DeviceEvents& events);
+// Waits for all that the kernel makes of a USB camera: a node for pictures, one for metadata, one
+// for the whole. The path of the first ("/dev/video0").
+std::string next_camera(DeviceEvents& events);
 
 }  // namespace etalon

@@ -9,7 +9,7 @@ std::string firmwareNodePath(const std::string& device);  // of libcamera's inte
 
 std::string firmwareNodePath(const std::string& device) {
     const std::string controller = "vhci_hcd.0";
-    return device.ends_with(controller) ? "\\_SB_.VHCI" : std::string();
+    return device.ends_with(controller) ? "virtual" : std::string();
 }
 
 }  // namespace libcamera::sysfs

@@ -63,12 +63,14 @@ share() {   # TAG FOLDER [OPTION]
     echo "-fsdev local,id=$1,path=$2,security_model=none,multidevs=remap${3-}"
     echo "-device virtio-9p-pci,fsdev=$1,mount_tag=$1"
 }
+# A sleeping USB hub takes a device that is pulled out and plugged in again for the same one.
+usb=usbcore.autosuspend=-1
 # shellcheck disable=SC2046  # lists of words on purpose
 timeout -k 5 "$limit" qemu-system-x86_64 -nodefaults -no-user-config -display none -no-reboot \
     -machine pc -accel tcg,thread=multi -cpu max,la57=off -smp 1 -m 1024 \
     -kernel "$kernel/boot/vmlinuz-$version" -initrd "$initramfs" \
     -append "console=ttyS0 loglevel=5 panic=-1 tsc=reliable no_timer_check mitigations=off
-             random.trust_cpu=on cryptomgr.notests audit=0 selinux=0 apparmor=0" \
+             random.trust_cpu=on cryptomgr.notests audit=0 selinux=0 apparmor=0 $usb" \
     -serial "file:$job/console" $(share host / ,readonly=on) $(share job "$job") \
     </dev/null >"$job/qemu" 2>&1 || true
 

@@ -9,12 +9,19 @@
 #include <span>
 
 #include "core/errors.h"
+#include "tests/vm/device_events.h"
 
 namespace etalon {
 namespace {
 
 // Of the header in front of each frame (UVC 1.1, 2.4.3.3).
 constexpr std::uint8_t end_of_header = 0x80, end_of_frame = 0x02, frame_parity = 0x01;
+
+// From a frame's last byte to the next exposure.
+constexpr std::chrono::milliseconds blanking(2);
+// A sensor is read out when its exposure ends. Where this machine is too busy to be in time, the
+// frame is lost, as if there had been none: clients rely on what the moment of arrival tells them.
+constexpr std::chrono::milliseconds latest_start(4);
 
 std::optional<timespec> as_timespec(std::optional<Duration> duration) {
     if (!duration)
@@ -38,6 +45,7 @@ struct UsbCamera::Session {
     std::deque<UsbTransfer> readers;  // the host's transfers that wait for pieces of a frame
     Instant next_exposure{};
     Instant exposed{};                // when the frame in work is
+    Instant interval_end{};           // of the frame in work
     std::vector<std::uint8_t> frame;  // in work, behind its header; empty: none
     std::size_t sent = 0;
     bool parity = false;
@@ -86,6 +94,8 @@ struct UsbCamera::Session {
             return;
         if (frame.empty())
             expose(now);
+        else if (sent == 0 && now > exposed + latest_start)
+            frame.clear();
         else
             send_piece();
     }
@@ -96,7 +106,6 @@ struct UsbCamera::Session {
         exposure.time = controls.exposure();
         exposure.gain_db = controls.gain_db();
         exposure.sharpness = controls.sharpness();
-        exposure.contrast = controls.contrast();
         exposure.automatic = controls.automatic_exposure();
         const std::vector<std::uint8_t> pixels = camera.source_(exposure);
         frame = {2, static_cast<std::uint8_t>(end_of_header | end_of_frame |
@@ -104,8 +113,8 @@ struct UsbCamera::Session {
         frame.insert(frame.end(), pixels.begin(), pixels.end());
         parity = !parity;
         sent = 0;
-        exposed = now + exposure.time;
-        next_exposure = now + Duration(std::chrono::seconds(1)) / camera.options_.frames_per_second;
+        exposed = std::max(now + exposure.time, clock.now());
+        interval_end = now + Duration(std::chrono::seconds(1)) / camera.options_.frames_per_second;
         if (camera.truncate_next_.exchange(false))
             frame.resize(frame.size() / 2);
     }
@@ -116,8 +125,10 @@ struct UsbCamera::Session {
         plug.send(reader, std::span(frame).subspan(sent, size));
         sent += size;
         // A piece that fills the host's buffer does not end the frame for it; one of 0 bytes does.
-        if (sent == frame.size() && size < reader.length)
+        if (sent == frame.size() && size < reader.length) {
             frame.clear();
+            next_exposure = std::max(interval_end, clock.now() + blanking);
+        }
         readers.pop_front();
     }
 };
@@ -143,11 +154,8 @@ UsbCamera::~UsbCamera() {
 void UsbCamera::plug() {
     unplug();
     pulled_ = false;
-    thread_ =
-        std::thread([this, session = std::make_unique<Session>(*this, controller_)]() mutable {
-            serve(*session);
-            session.reset();  // pulls the plug
-        });
+    session_ = std::make_unique<Session>(*this, controller_);
+    thread_ = std::thread([this] { serve(*session_); });
 }
 
 void UsbCamera::unplug() {
@@ -156,6 +164,11 @@ void UsbCamera::unplug() {
     pulled_ = true;
     wake();
     thread_.join();
+    DeviceEvents events(DeviceEvents::From::kernel);
+    const bool was_known = session_->device.configured();
+    session_.reset();  // pulls the plug
+    while (was_known && events.next("remove", "usb")["DEVTYPE"] != "usb_device") {
+    }
 }
 
 void UsbCamera::truncate_next_frame() {

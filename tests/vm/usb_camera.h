@@ -31,8 +31,8 @@ struct UsbExposure {
     Instant start;            // the light is collected from here on
     std::chrono::microseconds time{0};
     double gain_db = 0.0;
-    int sharpness = 0, contrast = 0;  // 0: neutral
-    bool automatic = false;           // the camera chooses the exposure time itself
+    int sharpness = 0;       // 0: neutral
+    bool automatic = false;  // the camera chooses the exposure time itself
 };
 
 class UsbCamera {
@@ -50,7 +50,8 @@ public:
     UsbCamera(const UsbCamera&) = delete;
     UsbCamera& operator=(const UsbCamera&) = delete;
 
-    // Pulled out, in mid-stream or not; plugged in again it has forgotten all settings.
+    // Pulls it out, in mid-stream or not; returns once the kernel has noticed. Plugged in again it
+    // has forgotten all settings.
     void unplug();
     void plug();
 
@@ -71,6 +72,7 @@ private:
     std::uint32_t frames_ = 0;  // only the thread touches it
     std::atomic<bool> pulled_{false}, truncate_next_{false}, frozen_{false};
     int wake_ = -1;  // an eventfd
+    std::unique_ptr<Session> session_;
     std::thread thread_;
 };
 

@@ -37,8 +37,7 @@ int run(const std::filesystem::path& twin_file, int sharpness) {
             etalon::UsbCameraOptions{.sharpness = sharpness}, etalon::show_pattern);
     else
         twin = std::make_unique<etalon::UsbTwin>(etalon::read_twin_file(twin_file), sharpness);
-    fmt::print("camera {}\n", etalon::next_video_device(events));
-    events.next("add", "media");  // libcamera looks for it
+    fmt::print("camera {}\n", etalon::next_camera(events));
     fmt::print("ready\n");
     std::fflush(stdout);
     int signal = 0;

@@ -37,8 +37,9 @@ UsbSetup setup_of(const Header& header) {
     return {s[0], s[1], s[2] | s[3] << 8, s[4] | s[5] << 8, s[6] | s[7] << 8};
 }
 
-// The controller's table: hub, port, state, ... of each port, one line each below a heading.
-int free_port(const std::filesystem::path& controller) {
+// The controller's table: hub, port, state, ... of each port, one line each below a heading. Always
+// the first port, since a camera's identity is where it is plugged in.
+int first_port(const std::filesystem::path& controller) {
     std::ifstream table(controller / "status");
     if (!table)
         throw DeviceError(controller.string(), "plug in",
@@ -49,16 +50,19 @@ int free_port(const std::filesystem::path& controller) {
         std::string hub;
         int port = 0;
         std::uint32_t state = 0;
-        if (words >> hub >> port >> state && hub == "hs" && state == port_free)
+        if (words >> hub >> port >> state && hub == "hs") {
+            if (state != port_free)
+                throw DeviceError(controller.string(), "plug in", "its first port is taken");
             return port;
+        }
     }
-    throw DeviceError(controller.string(), "plug in", "all its ports are taken");
+    throw DeviceError(controller.string(), "plug in", "it has no high-speed port");
 }
 
 // Hands the socket's other end to the kernel.
 void attach(const std::filesystem::path& controller, int socket) {
     const std::string order =
-        fmt::format("{} {} {} {}", free_port(controller), socket, device_id, high_speed);
+        fmt::format("{} {} {} {}", first_port(controller), socket, device_id, high_speed);
     const int file = open((controller / "attach").c_str(), O_WRONLY | O_CLOEXEC);
     const bool done =
         file >= 0 && write(file, order.data(), order.size()) == static_cast<ssize_t>(order.size());

@@ -38,8 +38,8 @@ using UsbMessage = std::variant<UsbTransfer, UsbCancellation>;
 // A plugged-in high-speed device. One thread at a time.
 class UsbPlug {
 public:
-    // Plugs into the first free port. Throws DeviceError where there is no such controller (the
-    // module vhci_hcd is not loaded) or it may not be used (only root may).
+    // Plugs into the first port. Throws DeviceError where there is no such controller (the module
+    // vhci_hcd is not loaded), it may not be used (only root may), or the port is taken.
     explicit UsbPlug(const std::filesystem::path& controller);
     ~UsbPlug();  // pulls it: for the host the device is gone
     UsbPlug(const UsbPlug&) = delete;

@@ -25,6 +25,7 @@ UsbCameraOptions camera_options(const TwinFile& file, int sharpness) {
     const bool deep = model.sensor && model.sensor->bits > 8;
     options.formats = {deep ? UsbPixels::y16 : UsbPixels::grey};
     options.sizes = {{model.width, model.height}};
+    options.frames_per_second = 10;  // each costs the guest a sensor's noise
     options.sharpness = sharpness;
     return options;
 }

@@ -9,6 +9,7 @@
 #include "tests/vm/device_events.h"
 #include "tests/vm/raw_video_reader.h"
 #include "tests/vm/test_pattern.h"
+#include "tests/vm/usb_backend_tests.h"
 #include "tests/vm/usb_camera.h"
 
 namespace etalon {
@@ -23,7 +24,7 @@ class UsbVideo : public testing::Test {
 protected:
     DeviceEvents events_{DeviceEvents::From::kernel};
     UsbCamera camera_{{.sizes = {large, small}, .frames_per_second = 60}, show_pattern};
-    std::string device_ = next_video_device(events_);
+    std::string device_ = next_camera(events_);
 };
 
 struct Case {
@@ -53,8 +54,8 @@ TEST_P(UsbVideoFormats, Bring200FramesByteForByte) {
 
 INSTANTIATE_TEST_SUITE_P(
     , UsbVideoFormats,
-    testing::Values(Case{UsbPixels::grey, "GREY", large}, Case{UsbPixels::y16, "Y16 ", small},
-                    Case{UsbPixels::yuyv, "YUYV", small}),
+    testing::Values(Case{UsbPixels::grey, "GREY", small}, Case{UsbPixels::y16, "Y16 ", small},
+                    Case{UsbPixels::yuyv, "YUYV", large}),
     [](const auto& of) {
         return std::string(of.param.format).substr(0, of.param.format[3] == ' ' ? 3 : 4);
     });
@@ -67,7 +68,7 @@ TEST_F(UsbVideo, IsGoneAfterUnpluggingInMidStreamAndReturns) {
         EXPECT_THROW(while (reader.next()){}, DeviceError);
     }
     camera_.plug();
-    device_ = next_video_device(events_);
+    device_ = next_camera(events_);
     RawVideoReader reader(device_, "GREY", small.width, small.height);
     EXPECT_TRUE(reader.next());
 }
@@ -94,6 +95,17 @@ TEST_F(UsbVideo, LeavesOutATruncatedFrameAndCountsIt) {
     }
     FAIL() << "no gap in the driver's count";
 }
+
+// ---- the same camera through the product's backend -----------------------------------------
+
+const UsbBackend backend{.name = "v4l2", .sets_exposure = true};
+const UsbBackendCase grey{backend, UsbPixels::grey, "GREY", 8};
+const UsbBackendCase y16{backend, UsbPixels::y16, "Y16", 16};
+const UsbBackendCase yuyv{backend, UsbPixels::yuyv, "YUYV", 8};
+
+INSTANTIATE_TEST_SUITE_P(V4l2, CameraContract, testing::Values(y16.maker()), rig_name);
+INSTANTIATE_TEST_SUITE_P(V4l2, UsbBackendFormats, testing::Values(grey, y16, yuyv), case_name);
+INSTANTIATE_TEST_SUITE_P(V4l2, UsbBackendTest, testing::Values(grey), case_name);
 
 }  // namespace
 }  // namespace etalon

@@ -21,12 +21,11 @@ struct Control {
     std::int32_t minimum, maximum, step, initial;
 };
 
-enum Index : std::size_t {
+enum Index : std::size_t {  // of the table
     mode_index,
     exposure_index,
     gain_index,
-    sharpness_index,
-    contrast_index
+    sharpness_index
 };
 
 // Exposure in 100 us, gain in 0.1 dB. The mode's "step" is the set of its possible values.
@@ -36,7 +35,7 @@ constexpr std::array<Control, 8> table{{
     {camera_terminal, 0x04, 3, 4, 1, 5000, 1, 157},  // exposure time
     {processing_unit, 0x04, 9, 2, 0, 240, 1, 30},    // gain
     {processing_unit, 0x08, 4, 2, 0, 7, 1, 3},       // sharpness
-    {processing_unit, 0x03, 1, 2, -50, 50, 1, 0},    // contrast
+    {processing_unit, 0x03, 1, 2, 0, 100, 1, 50},    // contrast
     {processing_unit, 0x02, 0, 2, -64, 64, 1, 0},    // brightness
     {processing_unit, 0x05, 10, 1, 0, 2, 1, 1},      // against lamps' flicker: 0 is off
     {processing_unit, 0x01, 8, 2, 0, 2, 1, 1},       // backlight compensation: 0 is off
@@ -126,9 +125,6 @@ double UsbVideoControls::gain_db() const {
 }
 int UsbVideoControls::sharpness() const {
     return values_[sharpness_index];
-}
-int UsbVideoControls::contrast() const {
-    return values_[contrast_index];
 }
 
 std::uint32_t control_bits(int entity) {

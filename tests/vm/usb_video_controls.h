@@ -25,7 +25,6 @@ public:
     bool automatic_exposure() const;
     double gain_db() const;
     int sharpness() const;  // 0 is neutral
-    int contrast() const;   // 0 is neutral
 
 private:
     std::vector<std::int32_t> values_;  // in the order of the table

@@ -104,6 +104,7 @@ bool UsbVideoDevice::write(const UsbSetup& setup, std::span<const std::uint8_t> 
         // The host stops a bulk stream by clearing its endpoint.
         if (setup.request == clear_feature && (setup.type & recipient_mask) == to_endpoint)
             streaming_ = false;
+        configured_ = configured_ || setup.request == set_configuration;
         return setup.request == clear_feature || setup.request == set_feature ||
                setup.request == set_configuration || setup.request == set_interface;
     }

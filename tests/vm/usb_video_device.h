@@ -34,6 +34,9 @@ public:
 
     const UsbVideoControls& controls() const { return controls_; }
 
+    // Whether the host has accepted the device.
+    bool configured() const { return configured_; }
+
     // The mode in which the host wants pictures now, if it does; and how many times it has begun.
     std::optional<StreamMode> stream() const;
     int streams_begun() const { return streams_begun_; }
@@ -47,6 +50,7 @@ private:
     UsbCameraOptions options_;
     UsbVideoControls controls_;
     std::size_t format_index_ = 1, size_index_ = 1;  // as negotiated, from 1
+    bool configured_ = false;
     bool streaming_ = false;
     int streams_begun_ = 0;
 };

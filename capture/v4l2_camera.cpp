@@ -276,7 +276,7 @@ V4l2Timing::Camera V4l2Camera::timing_of(const CaptureSettings& settings) {
     timing.longest_hold = usb ? std::max<Duration>(3 * period, usb_hold) : period;
     timing.shortest_exposure = settings.exposure;
     timing.longest_exposure = settings.exposure.count() ? settings.exposure : period;
-    timing.stamps_first_data = usb;
+    timing.over_usb = usb;
     return timing;
 }
 

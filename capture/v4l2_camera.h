@@ -10,7 +10,8 @@
 //
 // The driver uvcvideo calls the arrival of a frame's first data the start of its exposure, and USB
 // cameras hold pictures back: of that driver's stamps any proves only that the exposure had ended,
-// at most three frame periods or 100 ms earlier. A device that holds them longer cannot be told.
+// at most three frame periods or 100 ms earlier, or as long as the last frame but one is ago. A
+// device that holds them longer cannot be told.
 //
 // Stamps that lie further in the future or do not advance make a frame `corrupt`; frames that are
 // old by their stamps are thrown away until the time-out.

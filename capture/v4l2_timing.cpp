@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace etalon {
 namespace {
 
@@ -24,14 +26,16 @@ Instant instant_of(std::chrono::nanoseconds stamp) {
 std::string V4l2Timing::check(const FilledBuffer& buffer, Instant now) {
     if (buffer.meaning == StampMeaning::nothing)
         return "";
-    const auto last = last_stamp_;
-    last_stamp_ = buffer.stamp;
+    const auto last = stamps_.empty() ? std::chrono::nanoseconds::min() : stamps_.back();
+    stamps_.push_back(buffer.stamp);
+    if (stamps_.size() > 2)
+        stamps_.pop_front();
     if (instant_of(buffer.stamp) > now + camera_.longest_hold + stamp_lead)
         return fmt::format("its time stamp lies {:.3f} ms in the future",
                            milliseconds_of(instant_of(buffer.stamp) - now));
-    if (last && buffer.stamp <= *last)
+    if (buffer.stamp <= last)
         return fmt::format("its time stamp is {:.3f} ms before the last frame's",
-                           milliseconds_of(*last - buffer.stamp));
+                           milliseconds_of(last - buffer.stamp));
     return "";
 }
 
@@ -41,12 +45,22 @@ StampMeaning V4l2Timing::meaning_of(const FilledBuffer& buffer, Instant now) con
     return ahead ? StampMeaning::nothing : buffer.meaning;
 }
 
+// However slow the camera really is, with two frames on their way an exposure began after the last
+// frame but one had come.
 ExposureStart V4l2Timing::exposure_start(const FilledBuffer& buffer, Instant now) const {
+    ExposureStart start = stamped(buffer, now);
+    if (camera_.over_usb && buffer.meaning != StampMeaning::nothing)
+        start.earliest =
+            stamps_.size() < 2 ? Instant() : std::min(start.earliest, instant_of(stamps_.front()));
+    return start;
+}
+
+ExposureStart V4l2Timing::stamped(const FilledBuffer& buffer, Instant now) const {
     const Instant stamp = instant_of(buffer.stamp);
     const Instant latest = stamp - camera_.shortest_exposure;
     switch (meaning_of(buffer, now)) {
         case StampMeaning::exposure_start:
-            if (!camera_.stamps_first_data)
+            if (!camera_.over_usb)
                 return {stamp - stamp_accuracy, stamp + stamp_accuracy, TimeSource::driver_start};
             return {stamp - longest_delay(), latest, TimeSource::driver_start};
         case StampMeaning::frame_end:

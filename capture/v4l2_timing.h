@@ -2,7 +2,7 @@
 // proves is in v4l2_camera.h.
 #pragma once
 
-#include <optional>
+#include <deque>
 #include <string>
 
 #include "capture/v4l2_stream.h"
@@ -20,7 +20,9 @@ public:
     struct Camera {
         Duration longest_hold{};  // from the end of an exposure to the stamp of its frame
         Duration shortest_exposure{}, longest_exposure{};  // equal where known
-        bool stamps_first_data = false;  // calls the arrival of the first data "start of exposure"
+        // Calls the arrival of the first data the start of the exposure, and two frames may be on
+        // their way, one in the camera and one in the host's transfers.
+        bool over_usb = false;
     };
     // For a stream that starts now.
     V4l2Timing(const Camera& camera, Instant now) : camera_(camera), seen_empty_(now) {}
@@ -32,18 +34,20 @@ public:
     // ahead of the frame's arrival by up to the longest hold is none, but is not used either.
     std::string check(const FilledBuffer& buffer, Instant now);
 
-    // Of a frame that was taken from the queue at `now`.
+    // Of a frame that was taken from the queue at `now`, before check() of it. Where nothing is
+    // known of the earliest start it is the beginning of time.
     ExposureStart exposure_start(const FilledBuffer& buffer, Instant now) const;
 
     // From the earliest start of an exposure to the latest stamp of its frame.
     Duration longest_delay() const { return camera_.longest_exposure + camera_.longest_hold; }
 
 private:
+    ExposureStart stamped(const FilledBuffer& buffer, Instant now) const;
     StampMeaning meaning_of(const FilledBuffer& buffer, Instant now) const;
 
     Camera camera_;
     Instant seen_empty_;
-    std::optional<std::chrono::nanoseconds> last_stamp_;
+    std::deque<std::chrono::nanoseconds> stamps_;  // of the last two frames
 };
 
 }  // namespace etalon

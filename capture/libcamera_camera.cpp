@@ -231,8 +231,10 @@ void LibcameraCamera::require_mentioned(const CaptureSettings& wanted) const {
     for (const auto& [control, value] : plan_.asked) {
         const bool needless = control == "AnalogueGain" && wanted.gain_db == 0.0;
         if (!needless && !metadata_.count(control))
-            fail(fmt::format("set {} {}", control, value),
-                 "the frames' metadata do not mention it, so nobody knows what the camera does");
+            fail("set " + in_words(control, value),
+                 fmt::format("the frames' metadata do not mention {}: nobody knows what the camera "
+                             "does",
+                             control));
     }
 }
 
@@ -245,16 +247,22 @@ void LibcameraCamera::write_remarks() {
             if (actual == metadata_.end())
                 unmentioned += (unmentioned.empty() ? "" : ", ") + control;
             else if (contradicted({{control, value}}, metadata_, exposure_step_us()))
-                remarks_.push_back(fmt::format("{} stays at {}: it cannot be switched off", control,
-                                               actual->second));
+                remarks_.push_back(fmt::format("{} stays: it cannot be switched off",
+                                               in_words(control, actual->second)));
         }
     if (!unmentioned.empty())
         remarks_.push_back("set but not read back, since the frames' metadata do not mention it: " +
                            unmentioned);
+    if (!metadata_.count("ExposureTime"))
+        remarks_.push_back(
+            "whatever libcamera has no control for stays as it is, such as the sharpening of a USB "
+            "camera (v4l2: reaches it)");
     if (format_->lossy())
         remarks_.push_back(stream_.format + " is lossy: its pixels are not the sensor's codes");
-    if (stream_.limited_range)
-        remarks_.push_back(stream_.format + " has codes from 16 to 235 only (limited range)");
+    if (is_luma_of_colours(*format_))
+        remarks_.push_back(fmt::format("of {} the luma is kept, which the camera made{}",
+                                       stream_.format,
+                                       stream_.limited_range ? ", from 16 to 235 only" : ""));
 }
 
 CaptureSettings LibcameraCamera::with_metadata(CaptureSettings settings,

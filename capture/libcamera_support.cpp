@@ -33,32 +33,17 @@ constexpr std::array<Neutral, 14> neutral_values = {{
     {"Gamma", 1},
 }};
 
-struct Asked {
-    std::string control;
-    double value;
-    std::string request;  // "set exposure 5000 us"
-};
-
-std::vector<Asked> asked_values(const CaptureSettings& wanted) {
-    std::vector<Asked> asked;
-    const auto exposure_us = static_cast<double>(wanted.exposure.count());
-    if (exposure_us != 0.0)
-        asked.push_back(
-            {"ExposureTime", exposure_us, fmt::format("set exposure {} us", exposure_us)});
-    asked.push_back({"AnalogueGain", gain_factor(wanted.gain_db),
-                     fmt::format("set gain {} dB", wanted.gain_db)});
-    for (const auto& [control, value] : wanted.controls)
-        asked.push_back({control, value, fmt::format("set {} {}", control, value)});
+LibcameraValues asked_values(const CaptureSettings& wanted) {
+    LibcameraValues asked(wanted.controls.begin(), wanted.controls.end());
+    if (wanted.exposure.count())
+        asked["ExposureTime"] = static_cast<double>(wanted.exposure.count());
+    asked["AnalogueGain"] = gain_factor(wanted.gain_db);
     return asked;
 }
 
 std::optional<double> value_in(const LibcameraValues& values, const char* control) {
     const auto found = values.find(control);
     return found == values.end() ? std::nullopt : std::optional(found->second);
-}
-
-bool inside(double value, const LibcameraRange& range) {
-    return value >= range.low && value <= range.high;
 }
 
 // What the difference between two readings of one control may be: the step of the exposure, that of
@@ -93,6 +78,11 @@ const PixelFormat* choose_libcamera_format(const CaptureSettings& wanted,
     return chosen;
 }
 
+bool is_luma_of_colours(const PixelFormat& format) {
+    return format.packing == PixelPacking::luma_first ||
+           format.packing == PixelPacking::luma_second || format.libcamera == "NV12";
+}
+
 std::optional<SettingDifference> stream_difference(const std::string& format, cv::Size size,
                                                    const LibcameraStream& stream) {
     if (stream.format != format)
@@ -121,18 +111,19 @@ LibcameraPlanning plan_libcamera_controls(const CaptureSettings& wanted,
             plan.remarks.push_back(
                 fmt::format("{} stays at {}: it cannot be switched off", control, nearest));
     }
-    for (const auto& [control, value, request] : asked_values(wanted)) {
+    for (const auto& [control, value] : asked_values(wanted)) {
         const auto range = offered.find(control);
         const bool wish_for_nothing = control == "AnalogueGain" && wanted.gain_db == 0.0;
-        if (range == offered.end()) {
-            if (wish_for_nothing)
-                continue;
+        if (range == offered.end() && wish_for_nothing)
+            continue;
+        const std::string request = "set " + in_words(control, value);
+        if (range == offered.end())
             return {plan, SettingDifference{request, "the camera has no control " + control}};
-        }
-        if (!inside(value, range->second))
+        const auto& [low, high, standard] = range->second;
+        if (value < low || value > high)
             return {plan, SettingDifference{
-                              request, fmt::format("{} can be {} to {}, not {}", control,
-                                                   range->second.low, range->second.high, value)}};
+                              request, fmt::format("possible are {} to {}", in_words(control, low),
+                                                   in_words(control, high))}};
         plan.asked[control] = value;
     }
     return {plan, std::nullopt};
@@ -145,10 +136,18 @@ std::optional<SettingDifference> contradicted(const LibcameraValues& asked,
         const auto actual = metadata.find(control);
         if (actual != metadata.end() &&
             !(std::abs(actual->second - value) <= tolerance(control, value, exposure_step_us)))
-            return SettingDifference{fmt::format("set {} {}", control, value),
-                                     fmt::format("the frames say {}", actual->second)};
+            return SettingDifference{"set " + in_words(control, value),
+                                     "the frames say " + in_words(control, actual->second)};
     }
     return std::nullopt;
+}
+
+std::string in_words(const std::string& control, double value) {
+    if (control == "ExposureTime")
+        return fmt::format("exposure {} us", value);
+    if (control == "AnalogueGain")
+        return fmt::format("gain {:.4g} dB", gain_db(value));
+    return fmt::format("{} {:.6g}", control, value);
 }
 
 double gain_factor(double gain_db) {

@@ -22,6 +22,9 @@ namespace etalon {
 const PixelFormat* choose_libcamera_format(const CaptureSettings& wanted,
                                            const std::vector<LibcameraFormat>& offered);
 
+// Whether the format's codes are the luma that the camera computed from colours.
+bool is_luma_of_colours(const PixelFormat& format);
+
 // The difference between a configured stream and what was asked for.
 std::optional<SettingDifference> stream_difference(const std::string& format, cv::Size size,
                                                    const LibcameraStream& stream);
@@ -47,6 +50,9 @@ LibcameraPlanning plan_libcamera_controls(const CaptureSettings& wanted,
 std::optional<SettingDifference> contradicted(const LibcameraValues& asked,
                                               const LibcameraValues& metadata,
                                               double exposure_step_us);
+
+// "exposure 5000 us", "gain 6 dB", "Contrast 1.5".
+std::string in_words(const std::string& control, double value);
 
 // Analogue gain is a factor in libcamera.
 double gain_factor(double gain_db);

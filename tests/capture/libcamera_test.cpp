@@ -152,7 +152,7 @@ TEST(LibcameraControls, AreRefusedOutsideTheirRangeOrWhereThereAreNone) {
     auto difference =
         plan_libcamera_controls(wanted, {{"ExposureTime", {100, 66000, 1000}}}).difference;
     EXPECT_EQ(difference->request, "set exposure 7 us");
-    EXPECT_EQ(difference->cause, "ExposureTime can be 100 to 66000, not 7");
+    EXPECT_EQ(difference->cause, "possible are exposure 100 us to exposure 66000 us");
     wanted.exposure = 0us;
     wanted.gain_db = 5.0;
     difference = plan_libcamera_controls(wanted, {}).difference;
@@ -164,7 +164,8 @@ TEST(LibcameraControls, AreRefusedOutsideTheirRangeOrWhereThereAreNone) {
 TEST(LibcameraControls, AreContradictedByMetadataBeyondTheirStep) {
     const LibcameraValues asked{{"ExposureTime", 5000}};
     EXPECT_FALSE(contradicted(asked, {{"ExposureTime", 4981}}, 20.0));
-    EXPECT_EQ(contradicted(asked, {{"ExposureTime", 4979}}, 20.0)->cause, "the frames say 4979");
+    EXPECT_EQ(contradicted(asked, {{"ExposureTime", 4979}}, 20.0)->cause,
+              "the frames say exposure 4979 us");
     EXPECT_FALSE(contradicted(asked, {{"AnalogueGain", 2}}, 20.0));
     EXPECT_TRUE(contradicted({{"AnalogueGain", 2}}, {{"AnalogueGain", 2.02}}, 20.0));
     EXPECT_FALSE(contradicted({{"AnalogueGain", 2}}, {{"AnalogueGain", 2.01}}, 20.0));
@@ -316,10 +317,10 @@ TEST_F(LibcameraCameraTest, WaitsUntilTheFramesSayWhatWasAskedFor) {
 
 TEST_F(LibcameraCameraTest, RefusesAnExposureThatTheFramesNeverSay) {
     world_.stuck = {{"ExposureTime", 8000}};
-    EXPECT_THAT(refusal(), HasSubstr("set ExposureTime 5000: the frames say 8000"));
+    EXPECT_THAT(refusal(), HasSubstr("set exposure 5000 us: the frames say exposure 8000 us"));
     world_.stuck.clear();
     world_.mentioned = {"AnalogueGain"};
-    EXPECT_THAT(refusal(), HasSubstr("set ExposureTime 5000: the frames' metadata do not mention"));
+    EXPECT_THAT(refusal(), HasSubstr("set exposure 5000 us: the frames' metadata do not mention"));
 }
 
 TEST_F(LibcameraCameraTest, FailsWhenTheCameraChangesItsExposure) {
@@ -334,7 +335,7 @@ TEST_F(LibcameraCameraTest, RemarksOnWhatGoesOnByItselfOrIsNotReadBack) {
     auto camera = open();
     camera->configure(wanted_);
     EXPECT_THAT(camera->remarks(),
-                UnorderedElementsAre("AeEnable stays at 1: it cannot be switched off",
+                UnorderedElementsAre("AeEnable 1 stays: it cannot be switched off",
                                      HasSubstr("not read back, since the frames' metadata do not "
                                                "mention it: Sharpness")));
 }
@@ -448,13 +449,15 @@ TEST_F(LibcameraCameraTest, KeepsTheMosaicOfAColourSensor) {
     EXPECT_EQ(frame.image.pixels.at<std::uint16_t>(5, 7), 777);
 }
 
-TEST_F(LibcameraCameraTest, RemarksThatYuvHasALimitedRange) {
+TEST_F(LibcameraCameraTest, RemarksOnWhatAUsbCameraMayDoUnasked) {
     make_usb(world_);
     wanted_ = {};
     auto camera = open();
     EXPECT_EQ(camera->configure(wanted_).exposure, 0us);
-    EXPECT_THAT(camera->remarks(), Contains(HasSubstr("codes from 16 to 235 only")));
+    EXPECT_THAT(camera->remarks(),
+                Contains(HasSubstr("luma is kept, which the camera made, from 16 to 235")));
     EXPECT_THAT(camera->remarks(), Contains(HasSubstr("AnalogueGain")));
+    EXPECT_THAT(camera->remarks(), Contains(HasSubstr("sharpening of a USB camera")));
 }
 
 // ---- the contract --------------------------------------------------------------------------

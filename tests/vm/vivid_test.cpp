@@ -8,9 +8,9 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include "capture/v4l2_camera.h"
 #include "core/errors.h"
 #include "tests/capture/camera_contract.h"
-#include "tests/vm/device_events.h"
 
 namespace etalon {
 namespace {
@@ -52,12 +52,15 @@ private:
     int file_;
 };
 
+std::string place_of(int device) {
+    return "platform:vivid-00" + std::to_string(device);
+}
+
+// Empty where there is none.
 std::string path_of(int device) {
-    for (const CameraBackend& backend : list_cameras())
-        for (const CameraIdentity& camera : backend.cameras)
-            if (backend.name == "v4l2" &&
-                camera.model == "vivid at platform:vivid-00" + std::to_string(device))
-                return camera.uri.substr(camera.uri.find('/'));
+    for (const CameraIdentity& camera : list_v4l2_cameras())
+        if (camera.model == "vivid at " + place_of(device))
+            return camera.uri.substr(camera.uri.find('/'));
     return "";
 }
 
@@ -77,7 +80,7 @@ public:
     }
     Clock& clock() override { return clock_; }
     std::unique_ptr<Camera> open() override {
-        return open_camera("v4l2:platform:vivid-00" + std::to_string(device_), {}, clock_);
+        return open_v4l2_camera(place_of(device_), {}, clock_);
     }
     CaptureSettings settings() const override {
         CaptureSettings settings;

@@ -207,7 +207,7 @@ const PixelFormat& V4l2Camera::chosen_format(const CaptureSettings& wanted) {
     const int depth = format->bits <= 8 ? CV_8U : CV_16U;
     if (wanted.bits && (!bits_fit_depth(wanted.bits, depth) || wanted.bits > format->bits))
         fail(fmt::format("set {} bits a pixel", wanted.bits),
-             fmt::format("{} has {}", format->name(), format->bits));
+             fmt::format("{} has {}", format->v4l2, format->bits));
     return *format;
 }
 

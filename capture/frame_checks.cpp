@@ -35,10 +35,30 @@ bool bits_fit_depth(int bits, int cv_depth) {
                              : cv_depth == CV_16U && bits >= 9 && bits <= 16;
 }
 
+namespace {
+
+// The full scale is all ones, so a code above it has a bit that lies above.
+template <typename Code>
+bool has_bit_above(const cv::Mat& pixels, int full_scale) {
+    Code bits = 0;
+    for (int y = 0; y < pixels.rows; ++y) {
+        const Code* row = pixels.ptr<Code>(y);
+        for (int x = 0; x < pixels.cols; ++x)
+            bits = static_cast<Code>(bits | row[x]);
+    }
+    return bits > full_scale;
+}
+
+}  // namespace
+
+bool can_exceed_full_scale(const PixelFormat& format, int bits) {
+    return bits < format.bits || (format.packing == PixelPacking::words_low && bits < 16);
+}
+
 bool exceeds_full_scale(const CodeImage& image) {
-    double highest = 0.0;
-    cv::minMaxLoc(image.pixels, nullptr, &highest);
-    return highest > image.full_scale();
+    return image.pixels.depth() == CV_8U
+               ? has_bit_above<std::uint8_t>(image.pixels, image.full_scale())
+               : has_bit_above<std::uint16_t>(image.pixels, image.full_scale());
 }
 
 namespace {

@@ -7,6 +7,7 @@
 #include <stop_token>
 #include <string>
 
+#include "capture/pixel_formats.h"
 #include "core/image.h"
 
 namespace etalon {
@@ -25,6 +26,9 @@ bool bits_fit_depth(int bits, int cv_depth);
 // Whether a code value lies above the full scale, which means that the device aligns its codes to
 // the high bits or has more bits than was said. Reads every pixel.
 bool exceeds_full_scale(const CodeImage& image);
+
+// Whether that can happen at all: packed codes have no room for more bits than the format's.
+bool can_exceed_full_scale(const PixelFormat& format, int bits);
 
 // A wish that a device did not fulfil, in the words of a DeviceError.
 struct SettingDifference {

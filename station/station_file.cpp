@@ -50,6 +50,13 @@ CaptureSettings read_settings(const Value& camera, const CameraModel& model) {
     const double exposure_us = number_or(camera, "exposure_us", 0.0, {0.0, 60e6, true});
     settings.exposure = std::chrono::microseconds(std::llround(exposure_us));
     settings.gain_db = number_or(camera, "gain_db", 0.0, {0.0, 100.0});
+    if (const auto black_level = camera.find("black_level"))
+        settings.black_level = black_level->number();
+    settings.format = text_or(camera, "format", "");
+    settings.trigger = text_or(camera, "trigger", "");
+    if (const auto controls = camera.find("controls"))
+        for (const std::string& name : controls->keys())
+            settings.controls[name] = controls->at(name).number();
     return settings;
 }
 
@@ -63,6 +70,9 @@ StationCamera read_camera_section(const StrictFile& file, const Value& section) 
     camera.settings = read_settings(section, camera.model);
     camera.link.packet_size =
         integer_or(section, "packet_size", camera.link.packet_size, 576, 16384);
+    camera.link.packet_delay =
+        std::chrono::microseconds(integer_or(section, "packet_delay_us", 0, 0, 100000));
+    camera.link.interface = text_or(section, "interface", "");
     camera.link.frame_timeout = std::chrono::milliseconds(
         integer_or(section, "frame_timeout_ms", static_cast<int>(camera.link.frame_timeout.count()),
                    1, 600000));

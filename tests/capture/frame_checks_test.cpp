@@ -48,6 +48,15 @@ TEST(FullScale, IsExceededByHighAlignedCodes) {
     EXPECT_TRUE(exceeds_full_scale(image));
 }
 
+TEST(FullScale, CannotBeExceededByPackedCodesOfAllTheirBits) {
+    EXPECT_FALSE(can_exceed_full_scale(*find_pfnc_format("Mono8"), 8));
+    EXPECT_TRUE(can_exceed_full_scale(*find_pfnc_format("Mono8"), 7));
+    EXPECT_FALSE(can_exceed_full_scale(*find_pfnc_format("Mono12p"), 12));
+    EXPECT_TRUE(can_exceed_full_scale(*find_pfnc_format("Mono12p"), 10));
+    EXPECT_TRUE(can_exceed_full_scale(*find_pfnc_format("Mono12"), 12));
+    EXPECT_FALSE(can_exceed_full_scale(*find_pfnc_format("Mono16"), 16));
+}
+
 TEST(SettingDifference, IsFoundInSizeExposureAndGain) {
     CaptureSettings wanted;
     wanted.width = 67;

@@ -48,6 +48,23 @@ TEST(StationFile, GivesWhatItSays) {
     EXPECT_EQ(station.plan.settle, std::chrono::milliseconds(40));
 }
 
+TEST(StationFile, GivesWhatElseTheCameraIsTold) {
+    const TemporaryFolder folder;
+    const StationFile station = read_station(
+        write_station(folder, replaced(station_text, "  packet_size: 1400\n",
+                                       "  format: Mono12p\n  black_level: 5\n  trigger: Line1\n"
+                                       "  controls: {Gamma: 0.7, Sharpness: 0}\n"
+                                       "  packet_delay_us: 3\n  interface: 192.168.7.1\n")));
+    const StationCamera& camera = station.camera;
+    EXPECT_EQ(camera.settings.format, "Mono12p");
+    EXPECT_EQ(camera.settings.black_level, 5.0);
+    EXPECT_EQ(camera.settings.trigger, "Line1");
+    EXPECT_EQ(camera.settings.controls,
+              (std::map<std::string, double>{{"Gamma", 0.7}, {"Sharpness", 0.0}}));
+    EXPECT_EQ(camera.link.packet_delay, std::chrono::microseconds(3));
+    EXPECT_EQ(camera.link.interface, "192.168.7.1");
+}
+
 TEST(StationFile, TurnsDegreesIntoRadians) {
     const TemporaryFolder folder;
     const StationFile station = read_station(write_station(folder));

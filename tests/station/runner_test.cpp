@@ -154,6 +154,22 @@ TEST(Runner, StopsTheAxesWhenTheCameraIsGone) {
     EXPECT_EQ(mocks.moves, 3);
 }
 
+TEST(Runner, TakesUpACameraThatWasGoneForAWhile) {
+    StationOfMocks mocks;
+    FakeCamera* camera = nullptr;
+    mocks.on_camera = [&](FakeCamera& opened) { camera = &opened; };
+    mocks.before_move = [&](std::size_t move) {
+        if (move == 4)
+            camera->lose_once();
+    };
+    const QualifyResult result = mocks.run();
+    EXPECT_NE(result.outcome, RunOutcome::error) << result.reason;
+    EXPECT_EQ(result.statistics.reconnects, 1);
+    EXPECT_EQ(mocks.events("camera lost").size(), 1u);
+    EXPECT_EQ(mocks.events("camera reconnected").size(), 1u);
+    EXPECT_EQ(mocks.run_file()["camera"]["reconnects"], 1);
+}
+
 TEST(Runner, EndsAtOnceWhenStopIsRequested) {
     StationOfMocks mocks;
     mocks.before_move = [&](std::size_t move) {

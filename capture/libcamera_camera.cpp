@@ -68,7 +68,7 @@ private:
     [[noreturn]] void lose(const std::string& request, const std::string& cause);
     void require_alive(const std::string& request) const;
 
-    void apply(const CaptureSettings& wanted);
+    CaptureSettings apply(const CaptureSettings& wanted);
     void apply_format(const CaptureSettings& wanted);
     void require_mentioned(const CaptureSettings& wanted) const;
     void write_remarks();
@@ -79,10 +79,9 @@ private:
     void settle();
     bool settled() const;
     LibcameraFrame next_while_settling();
-    void restart_stream();
     void stop_stream() noexcept;
     void let_go() noexcept;
-    void reopen(Instant deadline, std::stop_token stop);
+    void come_back();
 
     Frame fresh_frame(Instant t, std::stop_token stop);
     FrameTiming::Start placed(const LibcameraFrame& raw);
@@ -108,7 +107,6 @@ private:
     std::vector<std::string> remarks_;
 
     bool streaming_ = false;
-    bool stalled_ = false;  // nothing came in time
     FrameTiming timing_;
     CaptureStatistics statistics_;
 
@@ -177,7 +175,7 @@ CaptureSettings LibcameraCamera::configure(const CaptureSettings& wanted) {
         fail("configure", "the camera is armed");
     configured_ = false;
     try {
-        apply(wanted);
+        settings_ = apply(wanted);
     } catch (const Error&) {
         stop_stream();
         throw;
@@ -188,7 +186,7 @@ CaptureSettings LibcameraCamera::configure(const CaptureSettings& wanted) {
     return settings_;
 }
 
-void LibcameraCamera::apply(const CaptureSettings& wanted) {
+CaptureSettings LibcameraCamera::apply(const CaptureSettings& wanted) {
     if (wanted.black_level)
         fail("set black level", "libcamera cannot set it");
     if (!wanted.trigger.empty() && wanted.trigger != "none")
@@ -199,14 +197,15 @@ void LibcameraCamera::apply(const CaptureSettings& wanted) {
     plan_ = std::move(planning.plan);
     start_stream();
     require_mentioned(wanted);
-    settings_ = with_metadata(wanted, metadata_);
-    settings_.width = stream_.size.width;
-    settings_.height = stream_.size.height;
-    settings_.bits = wanted.bits ? wanted.bits : format_->bits;
-    settings_.format = stream_.format;
-    settings_.trigger = "none";
-    refuse_if(first_difference(wanted, settings_, exposure_step_us()));
+    CaptureSettings actual = with_metadata(wanted, metadata_);
+    actual.width = stream_.size.width;
+    actual.height = stream_.size.height;
+    actual.bits = wanted.bits ? wanted.bits : format_->bits;
+    actual.format = stream_.format;
+    actual.trigger = "none";
+    refuse_if(first_difference(wanted, actual, exposure_step_us()));
     write_remarks();
+    return actual;
 }
 
 void LibcameraCamera::apply_format(const CaptureSettings& wanted) {
@@ -303,7 +302,6 @@ void LibcameraCamera::arm() {
 // Returns when the settings are in force.
 void LibcameraCamera::start_stream() {
     timing_ = {};
-    stalled_ = false;
     streaming_ = true;
     device_->start({plan_.automatics, plan_.asked});
     settle();
@@ -362,41 +360,40 @@ void LibcameraCamera::disarm() noexcept {
 void LibcameraCamera::reconnect(Instant deadline, std::stop_token stop) {
     was_configured_ = was_configured_ || configured_;
     was_armed_ = was_armed_ || streaming_;
-    const CaptureSettings wanted = wanted_, before = settings_;
-    lost_ = true;
-    let_go();
-    reopen(deadline, stop);
-    lost_ = false;
-    try {
-        if (was_configured_) {
-            configure(wanted);
-            refuse_if(first_difference(before, settings_, exposure_step_us()));
-        }
-        if (was_armed_)
-            arm();
-    } catch (const Error&) {
-        lost_ = true;
-        throw;
-    }
-    was_configured_ = was_armed_ = false;
-    ++statistics_.reconnects;
-}
-
-void LibcameraCamera::reopen(Instant deadline, std::stop_token stop) {
     for (;;) {
+        lost_ = true;
+        let_go();
         try {
-            device_ = open_(id_);
+            come_back();
             break;
         } catch (const DeviceError&) {
+            lost_ = true;
             if (clock_.now() >= deadline)
                 throw;
         }
         if (!clock_.wait_until(std::min(deadline, clock_.now() + reopen_pause), stop))
             throw Interrupted();
     }
+    was_configured_ = was_armed_ = false;
+    ++statistics_.reconnects;
+}
+
+void LibcameraCamera::come_back() {
+    device_ = open_(id_);
     if (device_->identity().model != identity_.model)
         fail("reconnect", fmt::format("there is a {} now, it was a {}", device_->identity().model,
                                       identity_.model));
+    lost_ = false;
+    if (was_configured_) {
+        const CaptureSettings before = settings_;
+        configure(wanted_);
+        if (const auto difference = first_difference(before, settings_, exposure_step_us())) {
+            settings_ = before;
+            refuse_if(difference);
+        }
+    }
+    if (was_armed_)
+        arm();
 }
 
 // ---- frames --------------------------------------------------------------------------------
@@ -418,16 +415,13 @@ Frame LibcameraCamera::frame_after(Instant t, int retries, std::stop_token stop)
 }
 
 Frame LibcameraCamera::fresh_frame(Instant t, std::stop_token stop) {
-    if (stalled_)
-        restart_stream();
     wait_until_after(clock_, t, stop);
     Frame none;
     for (int stale = 0; stale < most_stale_frames; ++stale) {
         const auto raw = device_->next(link_.frame_timeout, stop);
         if (!raw) {
-            if (device_->disconnected())
+            if (device_->disconnected() || device_->is_silently_gone())
                 lose("take a frame", "the camera is gone");
-            stalled_ = true;
             none.status_detail = fmt::format("no frame within {} ms", link_.frame_timeout.count());
             return none;
         }
@@ -438,18 +432,6 @@ Frame LibcameraCamera::fresh_frame(Instant t, std::stop_token stop) {
     none.status_detail = fmt::format(
         "{} frames came, none of them begun after the moment asked for", most_stale_frames);
     return none;
-}
-
-// A driver whose device has gone may say so only now.
-void LibcameraCamera::restart_stream() {
-    stop_stream();
-    try {
-        require_alive("take a frame");
-        start_stream();
-    } catch (const DeviceError&) {
-        lost_ = was_armed_ = true;
-        throw;
-    }
 }
 
 FrameTiming::Start LibcameraCamera::placed(const LibcameraFrame& raw) {

@@ -242,6 +242,7 @@ public:
     void give_back(int buffer) override;
     KernelTime time() const override;
     bool disconnected() const override { return disconnected_; }
+    bool is_silently_gone() const override { return a_video_device_is_gone(); }
     void stop() noexcept override;
 
 private:

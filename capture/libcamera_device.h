@@ -87,6 +87,10 @@ public:
     // Whether libcamera has said that the device is gone. Safe from every thread.
     virtual bool disconnected() const = 0;
 
+    // Whether the kernel says so, for a camera that has fallen silent: libcamera hears of it from
+    // udev, later or never. True as well when it is another video device of this process.
+    virtual bool is_silently_gone() const = 0;
+
     // Ends the stream; nothing if there is none. May take as long as the driver likes, and as long
     // as libcamera needs to hear that the device is gone.
     virtual void stop() noexcept = 0;

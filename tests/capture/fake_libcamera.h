@@ -112,6 +112,8 @@ public:
 
     bool disconnected() const override { return !world_.plugged && world_.announces_unplugging; }
 
+    bool is_silently_gone() const override { return !world_.plugged; }
+
     void stop() noexcept override {
         if (running_)
             ++world_.stopped;

@@ -395,12 +395,18 @@ TEST_F(LibcameraCameraTest, GivesUpOnACameraWhoseFramesAllSeemOld) {
     EXPECT_THAT(frame.status_detail, HasSubstr("none of them begun after"));
 }
 
+TEST_F(LibcameraCameraTest, OutlastsACameraThatFreezesForFiveSeconds) {
+    auto camera = armed();
+    world_.frozen_until = world_.clock.now() + 5s;
+    EXPECT_EQ(camera->frame_after(world_.clock.now(), 3, {}).status, FrameStatus::timed_out);
+    EXPECT_EQ(camera->frame_after(world_.clock.now(), 3, {}).status, FrameStatus::complete);
+}
+
 // Without udev nobody announces that a camera was pulled out: it just falls silent.
 TEST_F(LibcameraCameraTest, FindsOutThatASilentCameraIsGone) {
     world_.announces_unplugging = false;
     auto camera = armed();
     world_.plugged = false;
-    EXPECT_EQ(camera->frame_after(world_.clock.now(), 0, {}).status, FrameStatus::timed_out);
     EXPECT_THROW(camera->frame_after(world_.clock.now(), 0, {}), DeviceError);
     const Instant before = world_.clock.now();
     EXPECT_THROW(camera->frame_after(world_.clock.now(), 0, {}), DeviceError);

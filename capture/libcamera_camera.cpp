@@ -86,6 +86,7 @@ private:
     Frame fresh_frame(Instant t, std::stop_token stop);
     FrameTiming::Start placed(const LibcameraFrame& raw);
     std::optional<Frame> judged(const LibcameraFrame& raw, Instant t);
+    void count_skipped(const LibcameraFrame& raw, const FrameTiming::Start& start);
     Frame described(const LibcameraFrame& raw, const FrameTiming::Start& start) const;
     void unpack_into(Frame& frame, const LibcameraFrame& raw) const;
     void require_as_asked(const Frame& frame, const LibcameraValues& metadata) const;
@@ -108,6 +109,8 @@ private:
 
     bool streaming_ = false;
     FrameTiming timing_;
+    Instant waiting_since_{};
+    std::optional<std::uint64_t> expected_;  // sequence number, while waiting
     CaptureStatistics statistics_;
 
     // Nothing works any more until reconnect() has brought back what there was.
@@ -416,6 +419,8 @@ Frame LibcameraCamera::frame_after(Instant t, int retries, std::stop_token stop)
 
 Frame LibcameraCamera::fresh_frame(Instant t, std::stop_token stop) {
     wait_until_after(clock_, t, stop);
+    waiting_since_ = clock_.now();
+    expected_.reset();
     Frame none;
     for (int stale = 0; stale < most_stale_frames; ++stale) {
         const auto raw = device_->next(link_.frame_timeout, stop);
@@ -444,6 +449,7 @@ std::optional<Frame> LibcameraCamera::judged(const LibcameraFrame& raw, Instant 
     if (raw.status == LibcameraFrame::Status::cancelled)
         lose("take a frame", "libcamera cancelled the request: the camera is gone");
     const FrameTiming::Start start = placed(raw);
+    count_skipped(raw, start);
     if (start.fault.empty() && start.earliest <= t) {
         device_->give_back(raw.buffer);
         return std::nullopt;
@@ -458,6 +464,14 @@ std::optional<Frame> LibcameraCamera::judged(const LibcameraFrame& raw, Instant 
     device_->give_back(raw.buffer);
     require_as_asked(frame, raw.metadata);
     return frame;
+}
+
+// Frames that came while nobody waited found no buffer, which is no loss.
+void LibcameraCamera::count_skipped(const LibcameraFrame& raw, const FrameTiming::Start& start) {
+    if (expected_ && raw.sequence > *expected_)
+        statistics_.skipped += static_cast<long>(raw.sequence - *expected_);
+    if (start.latest > waiting_since_)
+        expected_ = raw.sequence + 1;
 }
 
 // All but the image; `corrupt` so far.

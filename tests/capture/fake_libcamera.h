@@ -35,7 +35,8 @@ struct LibcameraWorld {
     bool announces_unplugging = true;
     // Each frame on its way, with the beginning of its exposure; if set.
     std::function<void(LibcameraFrame&, Instant)> spoil;
-    Instant frozen_until{};  // no frame arrives before
+    std::function<bool(Instant)> loses;  // the frame whose exposure begins then, if set
+    Instant frozen_until{};              // no frame arrives before
 
     // What exposures beginning at a time see.
     std::function<CodeImage(Instant)> scene;
@@ -156,7 +157,7 @@ private:
                 values_[control] = value;
             pending_.pop_front();
         }
-        if (queued_.empty())
+        if (queued_.empty() || (world_.loses && world_.loses(next_begin_)))
             return;
         const int buffer = queued_.front();
         queued_.pop_front();

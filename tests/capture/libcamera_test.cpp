@@ -395,6 +395,20 @@ TEST_F(LibcameraCameraTest, GivesUpOnACameraWhoseFramesAllSeemOld) {
     EXPECT_THAT(frame.status_detail, HasSubstr("none of them begun after"));
 }
 
+TEST_F(LibcameraCameraTest, CountsFramesThatWereLostWhileItWaitedButNoneBefore) {
+    make_usb(world_);  // of which it takes five to find a fresh one
+    wanted_ = {};
+    auto camera = armed();
+    camera->frame_after(world_.clock.now(), 0, {});
+    world_.clock.advance(1s);
+    camera->frame_after(world_.clock.now(), 0, {});
+    EXPECT_EQ(camera->statistics().skipped, 0);
+    const Instant t = world_.clock.now();
+    world_.loses = [t](Instant begin) { return begin > t + 20ms && begin < t + 80ms; };
+    EXPECT_EQ(camera->frame_after(t, 0, {}).status, FrameStatus::complete);
+    EXPECT_EQ(camera->statistics().skipped, 3);
+}
+
 TEST_F(LibcameraCameraTest, OutlastsACameraThatFreezesForFiveSeconds) {
     auto camera = armed();
     world_.frozen_until = world_.clock.now() + 5s;

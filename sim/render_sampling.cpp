@@ -21,6 +21,8 @@ constexpr double share_of_rounding = 0.02;  // the filter's weights, single prec
 // More samples than these a side cost more than they are worth; a tolerance that needs them is
 // refused.
 constexpr int most_points = 32, most_boxes = 48;
+// Up to these nothing else is worth a thought, if there is a spread.
+constexpr int few_points = 10;
 // Below this blur two rims lie within a sample, whatever k.
 constexpr double least_blur_for_points_px = 0.02;
 // Where the plane of focus crosses the marker: from this blur on, 2 x 2 lens averages per box are
@@ -28,23 +30,33 @@ constexpr double least_blur_for_points_px = 0.02;
 constexpr double mixed_from_px = 0.14;
 
 // Samples per pixel side that blurred tiles may take instead of the frame's own.
-constexpr std::array coarse_samples{2, 3, 4, 6, 8, 12, 16, 24, 32};
+constexpr std::array coarse_samples{2, 3, 4, 6, 8, 10, 12, 16, 24, 32};
 // Of the sampling's share, what their interpolation may use. The frame's finer grid, to which it
 // leads, needs less than a third of it again at the same blur.
 constexpr double share_of_coarse = 0.5;
-// Between the radii that are tried.
-constexpr double coarse_blur_step = 1.25;
+constexpr double coarse_blur_step = 1.25;  // between the radii that are tried
 
 struct Choice {
     int k = 0;  // 0: none is enough
     double gray = 0.0;
+    bool is_thinned = false;  // disks: sharp tiles are sampled at 2 k
 };
+
+// Time of a pixel by k^2, in units of an evaluation: the filter, and evaluations of a sample.
+constexpr double cost_of_filter = 4.0;
+double cost(int k, int evaluations) {
+    return k * k * (cost_of_filter + evaluations);
+}
+
+// Not every k, because each has a filter and bounds that are made when first needed.
+constexpr std::array sample_counts{1, 2, 3, 4, 5, 6, 8, 9, 10, 12, 15, 18, 24, 32, 40, 48};
 
 template <class Bound>
 Choice least_k(int least, int most, double allowed_gray, const Bound& bound) {
-    for (int k = least; k <= most; ++k)
-        if (const double gray = bound(k); gray <= allowed_gray)
-            return {k, gray};
+    for (const int k : sample_counts)
+        if (k >= least && k <= most)
+            if (const double gray = bound(k); gray <= allowed_gray)
+                return {k, gray};
     return {};
 }
 
@@ -119,11 +131,11 @@ private:
                       gray_without_lens(image_.blur.largest_px));
     }
 
-    Choice of_points() const {
+    Choice of_points(int most) const {
         const double blur = image_.blur.smallest_px;
         if (blur < least_blur_for_points_px)
             return {};
-        return least_k(1, most_points, allowed(share_of_sampling), [&](int k) {
+        return least_k(1, most, allowed(share_of_sampling), [&](int k) {
             return image_.step * bound_.of_points(k, blur, image_.tangents);
         });
     }
@@ -131,15 +143,40 @@ private:
         return least_k(fewest_boxes(), most_boxes, allowed(share_of_sampling),
                        [&](int k) { return image_.step * gray_of_boxes(k); });
     }
-    // Only where no tile needs the lens.
+    bool needs_lens() const { return image_.blur.largest_px > chosen_.sampling.sharp_up_to_px; }
+
+    // Direct samples or, of a coarser grid, thinned ones. Where part of the marker has no image, at
+    // the border of the valid region, blurred disks are not exact.
     Choice of_disks() const {
-        const SharpenedSpread* sharpened = filter_.sharpened();
-        if (!chosen_.with_spread || sharpened == nullptr ||
-            image_.blur.largest_px > chosen_.sampling.sharp_up_to_px)
+        const SharpenedSpread* sharpened = chosen_.with_spread ? filter_.sharpened() : nullptr;
+        if (sharpened == nullptr ||
+            (needs_lens() && (disks_of_lens() == 0 || std::isinf(image_.area_px))))
             return {};
-        return least_k(1, most_points, allowed(share_of_sampling), [&](int k) {
-            return image_.step * bound_.of_disks(k, *sharpened, image_.tangents);
-        });
+        const auto gray = [&](int k, bool is_thinned) {
+            return image_.step * bound_.of_disks(k, *sharpened, image_.blur.smallest_px,
+                                                 image_.tangents, is_thinned);
+        };
+        if (const int k = options_.samples_per_side; k > 0)
+            return {k, gray(k, false)};
+        const double enough = allowed(share_of_sampling);
+        Choice thinned = least_k(1, most_boxes / 2, enough, [&](int k) { return gray(k, true); });
+        thinned.is_thinned = true;
+        const Choice direct = least_k(1, thinned.k == 0 ? most_points : 2 * thinned.k, enough,
+                                      [&](int k) { return gray(k, false); });
+        const bool thin =
+            thinned.k > 0 && (direct.k == 0 || cost_of_disks(thinned) < cost_of_disks(direct));
+        return thin ? thinned : direct;
+    }
+    double cost_of_disks(const Choice& disks) const {
+        const int count = needs_lens() ? disks_of_lens() : 1;
+        return cost(disks.k, disks.is_thinned ? 4 * count : count);
+    }
+    // Concentric disks that stand for a sample's disk and the lens.
+    int disks_of_lens() const {
+        const double gray = allowed(share_of_lens) / image_.step;
+        if (image_.blur.largest_px <= filter_.sharpened()->blur_of_one_disk_px(gray))
+            return 1;
+        return filter_.sharpened()->disks_for_any_blur(gray);
     }
     double gray_of_boxes(int k) const {
         return chosen_.with_spread ? bound_.of_boxes(k, image_.tangents) : 0.0;
@@ -161,8 +198,7 @@ private:
         return best;
     }
 
-    // The mean of 2 x 2 lens averages is a box average only if the boxes are small against the
-    // blur.
+    // The mean of 2 x 2 lens averages is a box average only if the boxes are smaller than the blur.
     int fewest_boxes() const { return is_mixed() ? 18 : 1; }
 
     bool is_mixed() const {
@@ -180,10 +216,14 @@ private:
     void choose_method() {
         const bool automatic = options_.method == RenderMethod::automatic;
         Choice points, boxes;
-        if (options_.method != RenderMethod::exact_area)
-            points = of_points();
-        if (options_.method != RenderMethod::exact_lens) {
-            if (const Choice disks = of_disks(); disks.k > 0)
+        if (automatic ? needs_lens() : options_.method == RenderMethod::exact_lens)
+            points = of_points(automatic ? few_points : most_points);
+        if (options_.method != RenderMethod::exact_lens &&
+            (points.k == 0 || !chosen_.with_spread)) {
+            const Choice disks = automatic || !needs_lens() ? of_disks() : Choice{};
+            if (automatic)
+                points = of_points(disks.k == 0 ? most_points : points_worth(disks));
+            if (points.k == 0 && disks.k > 0)
                 return take_disks(disks);
             boxes = of_boxes();
             if (automatic && boxes.k == 0 && points.k == 0)
@@ -200,6 +240,11 @@ private:
             (!by_points && !lens_points_suffice && options_.samples_per_side == 0))
             refuse(by_points);
         by_points ? take_points(points) : take_boxes(boxes);
+    }
+
+    // The largest k of points that costs no more than these disks.
+    int points_worth(const Choice& disks) const {
+        return static_cast<int>(std::sqrt(cost_of_disks(disks) / cost(1, 1)));
     }
 
     Choice forced(bool by_points) const {
@@ -240,39 +285,58 @@ private:
         return side * side;
     }
 
-    // Grids of less than half as many points as the frame's own, each from the least blur on (in
-    // steps) at which it is enough, down to the least blur of the frame.
+    // Grids of fewer points than the frame's own, each from the least blur on (in steps) at which
+    // it is enough, down to the least blur of the frame.
     void add_coarser(int points_of_frame) {
         if (options_.samples_per_side > 0 || image_.blur.largest_px < least_blur_for_points_px)
             return;
-        const double gray = share_of_coarse * allowed(share_of_sampling);
+        double blur = largest_blur_tried();
+        for (const int k : coarse_samples) {
+            const int side = TileInterpolation::side(k);
+            if (3 * side * side > 2 * points_of_frame)
+                return;
+            if (const double from = least_blur_of(k, blur); std::isfinite(from))
+                chosen_.sampling.coarser.push_back({from, k});
+        }
+    }
+
+    double largest_blur_tried() const {
         double blur = least_blur_for_points_px;
         while (blur * coarse_blur_step <= image_.blur.largest_px)
             blur *= coarse_blur_step;
+        return blur;
+    }
+
+    // The least blur, from this one down, at which tiles may be sampled at k; infinite: none.
+    // Then `blur` is the next to be tried.
+    double least_blur_of(int k, double& blur) const {
+        const double gray = share_of_coarse * allowed(share_of_sampling);
         const double least =
             std::max(image_.blur.smallest_px / coarse_blur_step, least_blur_for_points_px);
-        for (const int k : coarse_samples) {
-            const int side = TileInterpolation::coarse_side(k);
-            if (2 * side * side > points_of_frame || blur < least)
-                return;
-            CoarseSampling coarse{std::numeric_limits<double>::infinity(), k};
-            for (;
-                 blur >= least && image_.step * bound_.of_points(k, blur, image_.tangents) <= gray;
-                 blur /= coarse_blur_step)
-                coarse.from_blur_px = blur;
-            if (std::isfinite(coarse.from_blur_px))
-                chosen_.sampling.coarser.push_back(coarse);
-        }
+        double from = std::numeric_limits<double>::infinity();
+        for (; blur >= least && image_.step * gray_of_tiles(k, blur) <= gray;
+             blur /= coarse_blur_step)
+            from = blur;
+        return from;
+    }
+
+    double gray_of_tiles(int k, double blur_px) const {
+        return chosen_.sampling.kind == SampleKind::disk
+                   ? bound_.of_disks(k, *filter_.sharpened(), blur_px, image_.tangents)
+                   : bound_.of_points(k, blur_px, image_.tangents);
     }
 
     void take_disks(const Choice& disks) {
         take(disks, RenderMethod::exact_area, SampleKind::disk);
-        chosen_.sampling.disk_radius_px = filter_.sharpened()->disk_radius_px();
-        if (options_.samples_per_side > 0) {
-            const int k = options_.samples_per_side;
-            chosen_.plan.points_per_pixel_side = chosen_.sampling.k = k;
-            chosen_.plan.sampling_gray =
-                image_.step * bound_.of_disks(k, *filter_.sharpened(), image_.tangents);
+        const double gray = allowed(share_of_lens) / image_.step;
+        Sampling& sampling = chosen_.sampling;
+        sampling.disk_radius_px = filter_.sharpened()->disk_radius_px();
+        sampling.one_disk_up_to_px = filter_.sharpened()->blur_of_one_disk_px(gray);
+        sampling.disks = needs_lens() ? disks_of_lens() : 1;
+        add_coarser(points_of_tile(disks.k));
+        if (disks.is_thinned) {
+            double blur = largest_blur_tried();
+            sampling.direct_from_px = least_blur_of(disks.k, blur);
         }
     }
 

@@ -25,11 +25,16 @@ struct Sampling {
     // Box samples: tiles blurred by at least this everywhere take the mean of 2 x 2 exact lens
     // averages per box instead of the exact area at some lens points.
     double exact_lens_from_px = std::numeric_limits<double>::infinity();
-    // Box samples: up to this blur the lens centre stands for the aperture.
+    // Box and disk samples: up to this blur the lens centre stands for the aperture.
     double sharp_up_to_px = 0.0;
-    // Disk samples: their radius on the sensor, in pixel pitches along x.
-    double disk_radius_px = 0.0;
-    // Point and box samples: the coarsest first.
+    // Disk samples: their radius on the sensor, in pixel pitches along x, and how many concentric
+    // disks stand for disk and aperture together: one up to this blur, beyond it so many.
+    double disk_radius_px = 0.0, one_disk_up_to_px = 0.0;
+    int disks = 1;
+    // Disk samples: tiles not blurred by at least this everywhere are sampled at 2 k places per
+    // pixel side and thinned out.
+    double direct_from_px = 0.0;
+    // The coarsest first.
     std::vector<CoarseSampling> coarser;
 };
 

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "sim/lagrange.h"
+#include "sim/tile_interpolation.h"
 
 namespace etalon {
 namespace {
@@ -41,34 +42,85 @@ double symmetric(const std::vector<double>& values, int n) {
     return values[static_cast<std::size_t>(std::abs(n))];
 }
 
+// What blurs an edge: the mean over some disks.
+struct BlurDisk {
+    double radius_px, weight;
+};
+
+template <class OfDisk>
+double mean(const std::vector<BlurDisk>& disks, const OfDisk& of_disk) {
+    double sum = 0.0;
+    for (const BlurDisk& disk : disks)
+        sum += disk.weight * of_disk(disk.radius_px);
+    return sum;
+}
+
+// An edge under blur disks, by the place in steps, `reach` of them on both sides.
+std::vector<double> edge_values(const std::vector<BlurDisk>& disks, double step, int reach) {
+    std::vector<double> values;
+    for (int n = -reach; n <= reach; ++n)
+        values.push_back(mean(disks, [&](double radius) { return segment(n * step / radius); }));
+    return values;
+}
+
+// The same as samples that are thinned out from twice as many see it (sim/tile_interpolation.h).
+std::vector<double> thinned(const std::vector<double>& values) {
+    std::vector<double> result = values;
+    constexpr int fine_step = steps_per_sample / 2;
+    for (int n = 0; n < std::ssize(values); ++n) {
+        const auto at = [&](int place) {
+            return values[static_cast<std::size_t>(
+                std::clamp(place, 0, static_cast<int>(values.size()) - 1))];
+        };
+        double sum = 0.0;
+        for (int tap = 0; tap < std::ssize(TileInterpolation::low_pass); ++tap) {
+            const int distance = fine_step * tap + fine_step / 2;
+            sum += TileInterpolation::low_pass[static_cast<std::size_t>(tap)] *
+                   (at(n - distance) + at(n + distance));
+        }
+        result[static_cast<std::size_t>(n)] = sum;
+    }
+    return result;
+}
+
 // Errors of a pixel whose box, spread by `spread` (symmetric, in bins of a step), is integrated
-// over the interpolant of k point samples per pixel of an edge under a blur disk: by the place of
+// over the interpolant of k point samples per pixel of an edge under blur disks: by the place of
 // the edge, in steps from the pixel's centre, the middle element at it.
-std::vector<float> point_errors(int k, double blur_px, const std::vector<double>& spread) {
+std::vector<float> point_errors(int k, const std::vector<BlurDisk>& disks, bool is_thinned,
+                                const std::vector<double>& spread) {
     const int steps_per_px = steps_per_sample * k;
     const double step = 1.0 / steps_per_px;
     const int bins = static_cast<int>(spread.size()) - 1;
     const int margin = bins / steps_per_sample + 4;
-    std::vector<double> places, weights;
+    std::vector<double> response;  // of a pixel's box to a sample, by their distance in steps
+    for (int n = 0; n <= bins + steps_per_sample * (margin + k); ++n) {
+        const double samples = static_cast<double>(n) / steps_per_sample;
+        response.push_back(lagrange6_integral(samples - 0.5 * k, samples + 0.5 * k) / k);
+    }
+    std::vector<int> places;  // of the samples, in steps
+    std::vector<double> weights;
     for (int i = -margin; i < k + margin; ++i) {
-        places.push_back((i + 0.5) / k - 0.5);
+        places.push_back(steps_per_sample * (2 * i + 1 - k) / 2);
         double weight = 0.0;
-        for (int b = -bins; b <= bins; ++b) {
-            const double to_box = k * (b * step - places.back());
-            weight +=
-                symmetric(spread, b) * lagrange6_integral(to_box - 0.5 * k, to_box + 0.5 * k) / k;
-        }
+        for (int b = -bins; b <= bins; ++b)
+            weight += symmetric(spread, b) * symmetric(response, b - places.back());
         weights.push_back(weight);
     }
+    double blur_px = 0.0;
+    for (const BlurDisk& disk : disks)
+        blur_px = std::max(blur_px, disk.radius_px);
     const int reach = static_cast<int>(std::ceil((blur_px + 0.5) * steps_per_px)) + bins;
     std::vector<double> exact;  // by |offset|, for offsets of up to reach + bins; 1 - f(-x) = f(x)
     for (int m = 0; m <= reach + bins; ++m)
-        exact.push_back(exact_box(m * step, blur_px));
+        exact.push_back(mean(disks, [&](double radius) { return exact_box(m * step, radius); }));
+    const int farthest = reach + places.back() + 2 * steps_per_sample;
+    const std::vector<double> edge = edge_values(disks, step, farthest);
+    const std::vector<double> seen = is_thinned ? thinned(edge) : edge;
     std::vector<float> errors(static_cast<std::size_t>(2 * reach + 1));
     for (int m = -reach; m <= 0; ++m) {  // the errors of edges at m and -m are opposite
         double error = 0.0;
         for (std::size_t i = 0; i < places.size(); ++i)
-            error += weights[i] * segment((places[i] - m * step) / blur_px);
+            error += weights[i] * seen[static_cast<std::size_t>(farthest + places[i] - m)];
         for (int b = -bins; b <= bins; ++b) {
             const double value = symmetric(exact, b - m);
             error -= symmetric(spread, b) * (b - m >= 0 ? value : 1.0 - value);
@@ -82,24 +134,23 @@ std::vector<float> point_errors(int k, double blur_px, const std::vector<double>
 // The largest error of an edge that moves by `tangent` samples from each of a pixel's k rows of
 // samples to the next.
 double largest_over_rows(const std::vector<float>& errors, int k, double tangent) {
-    const auto n = static_cast<int>(errors.size());
-    const auto at = [&](double place) {
-        const int m = static_cast<int>(std::floor(place));
-        const double t = place - m;
-        const auto value = [&](int i) {
-            return i < 0 || i >= n ? 0.0 : static_cast<double>(errors[static_cast<std::size_t>(i)]);
-        };
-        return (1.0 - t) * value(m) + t * value(m + 1);
-    };
-    const double shift = steps_per_sample * tangent, half = 0.5 * shift * (k - 1);
-    double largest = 0.0;
-    for (int m = -static_cast<int>(half) - 1; m < n + half + 1; ++m) {
-        double sum = 0.0;
-        for (int row = 0; row < k; ++row)
-            sum += at(m + shift * row - half);
-        largest = std::max(largest, std::abs(sum) / k);
+    const double shift = steps_per_sample * tangent;
+    const auto n = std::ssize(errors), margin = static_cast<std::ptrdiff_t>(0.5 * shift * k) + 2;
+    std::vector<float> sums(static_cast<std::size_t>(n + 2 * margin));
+    for (int row = 0; row < k; ++row) {
+        const double place = shift * (row - 0.5 * (k - 1));
+        const auto steps = static_cast<std::ptrdiff_t>(std::floor(place));
+        const auto t = static_cast<float>(place - static_cast<double>(steps));
+        float* to = &sums[static_cast<std::size_t>(margin + steps)];
+        for (std::ptrdiff_t m = 0; m < n; ++m)
+            to[m] += (1.0f - t) * errors[static_cast<std::size_t>(m)];
+        for (std::ptrdiff_t m = 0; m < n; ++m)
+            to[m + 1] += t * errors[static_cast<std::size_t>(m)];
     }
-    return largest;
+    float largest = 0.0f;
+    for (const float sum : sums)
+        largest = std::max(largest, std::abs(sum));
+    return static_cast<double>(largest) / k;
 }
 
 // Error of the interpolant of box averages around a sharp edge at `phase` steps beyond a sample, by
@@ -220,22 +271,36 @@ double SamplingBound::of_points(int k, double blur_radius_px, EdgeTangents tange
     double largest = 0.0;
     for (int index = first; index <= std::max(first, last); ++index)
         largest = std::max(largest, largest_of(k, index, tangents, [&] {
-                               return point_errors(k, std::pow(bin, index),
+                               return point_errors(k, {{std::pow(bin, index), 1.0}}, false,
                                                    line_spread(steps_per_sample * k));
                            }));
     return largest;
 }
 
-double SamplingBound::of_disks(int k, const SharpenedSpread& sharpened,
-                               EdgeTangents tangents) const {
-    constexpr int index_of_disks = std::numeric_limits<int>::min();
-    return largest_of(k, index_of_disks, tangents, [&] {
+// Blur takes from every frequency of the samples: there are no ripples to look for. Two disks for
+// both tell enough (sim/sharpened_spread.h).
+double SamplingBound::of_disks(int k, const SharpenedSpread& sharpened, double blur_radius_px,
+                               EdgeTangents tangents, bool is_thinned) const {
+    constexpr int blurs = 30;
+    const int index_of_disks = std::numeric_limits<int>::min() + (is_thinned ? 2 * blurs : 2);
+    constexpr double bin = 1.25, least_by_disk = 0.4;
+    const double disk = sharpened.disk_radius_px(), ratio = blur_radius_px / disk / least_by_disk;
+    const int place =
+        ratio < 1.0 ? 0 : std::min(blurs, 1 + static_cast<int>(std::log(ratio) / std::log(bin)));
+    return largest_of(k, index_of_disks + place, tangents, [&] {
         const int bins_per_px = steps_per_sample * k;
         std::vector<double> spread(static_cast<std::size_t>(sharpened.reach_px() * bins_per_px) +
                                    2);
         for (std::size_t b = 0; b < spread.size(); ++b)
             spread[b] = sharpened.line(static_cast<double>(b) / bins_per_px) / bins_per_px;
-        return point_errors(k, sharpened.disk_radius_px(), spread);
+        if (place == 0)
+            return point_errors(k, {{disk, 1.0}}, is_thinned, spread);
+        const double blur = disk * least_by_disk * std::pow(bin, place - 1);
+        std::vector<BlurDisk> disks;
+        for (const ConcentricDisk& one : concentric_disks(2))
+            disks.push_back({std::sqrt(blur * blur + disk * disk + 2.0 * one.cosine * blur * disk),
+                             one.weight});
+        return point_errors(k, disks, is_thinned, spread);
     });
 }
 

@@ -36,8 +36,10 @@ public:
     // Of exact areas over boxes (method C) of a sharp edge of contrast 1; gray.
     double of_boxes(int k, EdgeTangents tangents) const;
 
-    // Of exact averages over the sharpened spread's disk, for a sharp edge of contrast 1; gray.
-    double of_disks(int k, const SharpenedSpread& sharpened, EdgeTangents tangents) const;
+    // Of exact averages over the sharpened spread's disk, for an edge of contrast 1 that is sharp
+    // or under a blur of this radius or a larger one; gray. Thinned out: from 2 k places a side.
+    double of_disks(int k, const SharpenedSpread& sharpened, double blur_radius_px,
+                    EdgeTangents tangents, bool is_thinned = false) const;
 
     // Of box averages in place of the spread, for a sharp edge of contrast 1; gray.
     double of_no_spread() const { return of_no_spread_; }

@@ -23,6 +23,9 @@ Box box_around(const TilePolynomial& place, double reach) {
 
 constexpr LensRule finest_rule{4, 24};
 
+// A disk reaches beyond its tile by less than this times its radius, whatever the tile's shape.
+constexpr double disk_reach = 1.25;
+
 }  // namespace
 
 // Wide enough that the quadrature's error stays below some hundredths of a gray
@@ -37,10 +40,13 @@ LensRule lens_rule(double blur_radius_px, double sharp_up_to_px) {
 
 TilePositionsOf::TilePositionsOf(const Sampling& sampling)
     : samples(tile_px * sampling.k), quarters(2 * tile_px * sampling.k) {
+    const auto grid = [&](int k) {
+        return Grid{k, {tile_px * k, TileInterpolation::margin}, {k, sampling.k, sampling.kind}};
+    };
     for (const CoarseSampling& coarse : sampling.coarser)
-        coarser.push_back({coarse,
-                           {tile_px * coarse.k, TileInterpolation::margin},
-                           {coarse.k, sampling.k, sampling.kind}});
+        coarser.push_back(grid(coarse.k));
+    if (sampling.direct_from_px > 0.0)
+        finer.emplace(grid(2 * sampling.k));
 }
 
 TileEvaluator::TileEvaluator(const MarkerView& view, const UndistortionMap& map,
@@ -58,38 +64,54 @@ TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& ra
                                 float* values) {
     if (!range)
         return sample_one_by_one(i, j, values);
-    if (sampling_.kind == SampleKind::disk)
-        return sample_disks(i, j, *range, values);
     const TilePolynomial place = map_.polynomial(i, j);
-    for (const Coarse& coarse : positions_.coarser) {
-        const double reach = 0.5 + TileInterpolation::margin / double(tile_px * coarse.sampling.k);
-        const Box box = box_around(place, reach);
-        if (least_blur_px(box) >= coarse.sampling.from_blur_px)
-            return sample_coarsely(coarse, place, box, values);
+    for (std::size_t n = 0; n < positions_.coarser.size(); ++n) {
+        const Grid& grid = positions_.coarser[n];
+        if (least_blur_px(box_of(grid, place)) >= sampling_.coarser[n].from_blur_px)
+            return sample_grid(grid, place, values);
     }
+    const Box& box = map_.bounds(i, j);
+    if (positions_.finer && least_blur_px(box) < sampling_.direct_from_px)
+        return sample_grid(*positions_.finer, place, values);
+    if (sampling_.kind == SampleKind::disk)
+        return sample_disks(place, box, *range, positions_.samples, values);
     set_tile_geometry(view_, place, *range, fx_, geometry_);
     if (sampling_.kind == SampleKind::point)
         return sample_points(values);
-    const Box& box = map_.bounds(i, j);
     if (least_blur_px(box) >= sampling_.exact_lens_from_px)
         return sample_blurred_boxes(values);
-    return sample_boxes(view_.aperture().radius_mm * larger_focal_px_ * view_.largest_defocus(box),
-                        values);
+    return sample_boxes(largest_blur_px(box), values);
 }
 
 double TileEvaluator::least_blur_px(const Box& box) const {
     return view_.aperture().radius_mm * smaller_focal_px_ * view_.smallest_defocus(box);
 }
 
-TileUse TileEvaluator::sample_coarsely(const Coarse& coarse, const TilePolynomial& place,
-                                       const Box& box, float* values) {
-    const auto range = view_.footprint(box);
-    set_tile_geometry(view_, place, range.value_or(CellRange{-1, -1, -1, -1}), fx_, geometry_);
-    const auto side = static_cast<std::size_t>(coarse.positions.n());
+double TileEvaluator::largest_blur_px(const Box& box) const {
+    return view_.aperture().radius_mm * larger_focal_px_ * view_.largest_defocus(box);
+}
+
+// Of a tile with the grid's margin, and of the disks around its samples.
+Box TileEvaluator::box_of(const Grid& grid, const TilePolynomial& place) const {
+    return box_around(place, 0.5 + TileInterpolation::margin / double(tile_px * grid.k) +
+                                 disk_reach * sampling_.disk_radius_px / tile_px);
+}
+
+TileUse TileEvaluator::sample_grid(const Grid& grid, const TilePolynomial& place, float* values) {
+    const Box box = box_of(grid, place);
+    const CellRange range = view_.footprint(box).value_or(CellRange{-1, -1, -1, -1});
+    const auto side = static_cast<std::size_t>(grid.positions.n());
     lens_averages_.resize(side * side);
-    exact_lens_samples(geometry_, coarse.positions, lens_averages_.data());
-    coarse.interpolation.interpolate(lens_averages_.data(), scratch_, values);
-    return {RenderMethod::exact_lens, coarse.sampling.k, 1, 1};
+    TileUse use{RenderMethod::exact_lens, grid.k, 1, 1};
+    if (sampling_.kind == SampleKind::disk) {
+        use = sample_disks(place, box, range, grid.positions, lens_averages_.data());
+        use.points_per_pixel_side = grid.k;
+    } else {
+        set_tile_geometry(view_, place, range, fx_, geometry_);
+        exact_lens_samples(geometry_, grid.positions, lens_averages_.data());
+    }
+    grid.interpolation.interpolate(lens_averages_.data(), scratch_, values);
+    return use;
 }
 
 TileUse TileEvaluator::sample_points(float* values) {
@@ -97,12 +119,32 @@ TileUse TileEvaluator::sample_points(float* values) {
     return {RenderMethod::exact_lens, sampling_.k, 1, 1};
 }
 
-TileUse TileEvaluator::sample_disks(int i, int j, const CellRange& range, float* values) {
+// Averages over the disk and the aperture, at once: concentric disks for both.
+TileUse TileEvaluator::sample_disks(const TilePolynomial& place, const Box& box,
+                                    const CellRange& range, const TilePositions& positions,
+                                    float* values) {
     const Intrinsics& intrinsics = map_.projector().camera().intrinsics;
-    set_disk_geometry(view_, map_.polynomial(i, j), range, sampling_.disk_radius_px,
-                      intrinsics.fx / intrinsics.fy, geometry_);
-    exact_lens_samples(geometry_, positions_.samples, values);
-    return {RenderMethod::exact_area, sampling_.k, 1, 1};
+    const double blur = largest_blur_px(box);
+    const int count = blur <= sampling_.one_disk_up_to_px ? 1 : sampling_.disks;
+    set_disk_geometry(view_, place, range, blur > sampling_.sharp_up_to_px,
+                      sampling_.disk_radius_px, intrinsics.fx / intrinsics.fy, geometry_);
+    if (count == 1) {
+        exact_lens_samples(geometry_, positions, values);
+        return {RenderMethod::exact_area, sampling_.k, 1, 1};
+    }
+    if (std::ssize(disks_) != count)
+        disks_ = concentric_disks(count);
+    const auto n = static_cast<std::size_t>(positions.n());
+    of_disk_.resize(n * n);
+    std::fill_n(values, n * n, 0.0f);
+    for (const ConcentricDisk& disk : disks_) {
+        geometry_.disk_cosine = static_cast<float>(disk.cosine);
+        exact_lens_samples(geometry_, positions, of_disk_.data());
+        const auto weight = static_cast<float>(disk.weight);
+        for (std::size_t p = 0; p < n * n; ++p)
+            values[p] += weight * of_disk_[p];
+    }
+    return {RenderMethod::exact_area, sampling_.k, count, 1};
 }
 
 TileUse TileEvaluator::sample_blurred_boxes(float* values) {
@@ -194,8 +236,8 @@ double TileEvaluator::radiance_at(const MappedPoint& point, double side_px) {
     if (!range)
         return view_.background();
     if (!coverage_)
-        coverage_.emplace(view_, lens_points(view_.aperture().radius_mm, finest_rule.rings,
-                                             finest_rule.spokes));
+        coverage_.emplace(
+            view_, lens_points(view_.aperture().radius_mm, finest_rule.rings, finest_rule.spokes));
     return coverage_->over(point.x, sides, *range);
 }
 

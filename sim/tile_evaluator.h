@@ -10,6 +10,7 @@
 #include "sim/lens_average.h"
 #include "sim/render_plan.h"
 #include "sim/sampling.h"
+#include "sim/sharpened_spread.h"
 #include "sim/tile_geometry.h"
 #include "sim/tile_interpolation.h"
 
@@ -24,16 +25,17 @@ LensRule lens_rule(double blur_radius_px, double sharp_up_to_px);
 
 // What does not change from tile to tile of an image.
 struct TilePositionsOf {
-    // For tiles that are blurred enough, see Sampling::coarser.
-    struct Coarse {
-        CoarseSampling sampling;
+    // For tiles that are sampled on another grid than the frame's.
+    struct Grid {
+        int k;
         TilePositions positions;  // with the interpolation's margin
         TileInterpolation interpolation;
     };
 
     explicit TilePositionsOf(const Sampling& sampling);
     TilePositions samples, quarters;  // quarters: 2 x 2 per sample
-    std::vector<Coarse> coarser;
+    std::vector<Grid> coarser;        // as in Sampling
+    std::optional<Grid> finer;        // of twice as many samples a side
 };
 
 // Scratch memory of one thread. View, map and positions must outlive it.
@@ -48,16 +50,18 @@ public:
     TileUse evaluate(int i, int j, const std::optional<CellRange>& range, float* values);
 
 private:
-    using Coarse = TilePositionsOf::Coarse;
+    using Grid = TilePositionsOf::Grid;
 
-    TileUse sample_coarsely(const Coarse& coarse, const TilePolynomial& place, const Box& box,
-                            float* values);
+    Box box_of(const Grid& grid, const TilePolynomial& place) const;
+    TileUse sample_grid(const Grid& grid, const TilePolynomial& place, float* values);
     TileUse sample_points(float* values);
-    TileUse sample_disks(int i, int j, const CellRange& range, float* values);
+    TileUse sample_disks(const TilePolynomial& place, const Box& box, const CellRange& range,
+                         const TilePositions& positions, float* values);
     TileUse sample_blurred_boxes(float* values);
     TileUse sample_boxes(double blur_radius_px, float* values);
     TileUse sample_one_by_one(int i, int j, float* values);
     double least_blur_px(const Box& box) const;
+    double largest_blur_px(const Box& box) const;
     double mean_of_parts(int i, int j, int column, int row);
     double radiance_at(const MappedPoint& point, double side_px);
 
@@ -67,7 +71,8 @@ private:
     const TilePositionsOf& positions_;
     double fx_, smaller_focal_px_, larger_focal_px_;
     TileGeometry geometry_;
-    std::vector<float> lens_averages_, scratch_;
+    std::vector<float> lens_averages_, of_disk_, scratch_;
+    std::vector<ConcentricDisk> disks_;
     std::vector<UnitLensPoint> lens_points_;
     int lens_points_of_ = -1;  // the rule that they are of, by its number of points
     // For tiles at the border.

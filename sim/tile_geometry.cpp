@@ -1,5 +1,6 @@
 #include "sim/tile_geometry.h"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
 
@@ -57,36 +58,62 @@ void set_lines(const MarkerView& view, const Eigen::Vector2d& centre, const Cell
     }
 }
 
-}  // namespace
-
-void set_tile_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
-                       double fx, TileGeometry& geometry) {
+// The polynomials and the lens in coordinates x' = to_px (x - centre) in which the blur disk is
+// (nearly) round.
+void set_lens(const MarkerView& view, const TilePolynomial& place, const Eigen::Matrix2d& to_px,
+              TileGeometry& geometry) {
+    geometry.dx = coefficients(to_px(0, 0) * place.x + to_px(0, 1) * place.y);
+    geometry.dy = coefficients(to_px(1, 0) * place.x + to_px(1, 1) * place.y);
     const double radius = view.aperture().radius_mm;
-    geometry.dx = coefficients(fx * place.x);
-    geometry.dy = coefficients(fx * place.y);
-    geometry.blur = static_cast<float>(radius * fx * view.defocus(place.centre));
-    const Eigen::Vector2d slope = radius * view.defocus_slope(), turn = radius * view.turn();
+    const double px = std::sqrt(std::abs(to_px.determinant()));
+    const Eigen::Matrix2d by_px = px * to_px.inverse().transpose();
+    const Eigen::Vector2d slope = radius * by_px * view.defocus_slope();
+    const Eigen::Vector2d turn = radius * by_px * view.turn();
+    geometry.blur = static_cast<float>(radius * px * view.defocus(place.centre));
     geometry.blur_slope_x = static_cast<float>(slope.x());
     geometry.blur_slope_y = static_cast<float>(slope.y());
     geometry.turn_x = static_cast<float>(turn.x());
     geometry.turn_y = static_cast<float>(turn.y());
+}
 
-    set_lines(view, place.centre, range, fx * Eigen::Matrix2d::Identity(), geometry);
+// From sensor px to the coordinates, of the same scale, in which the disk and the blur of the
+// tile's centre together are round: on the sensor the blur is an ellipse, for the distortion.
+Eigen::Matrix2d rounding(const Eigen::Matrix2d& blur_ellipse, double disk_px) {
+    const Eigen::Matrix2d shape =
+        blur_ellipse * blur_ellipse.transpose() + disk_px * disk_px * Eigen::Matrix2d::Identity();
+    return std::pow(shape.determinant(), 0.25) *
+           Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(shape).operatorInverseSqrt();
+}
+
+}  // namespace
+
+void set_tile_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
+                       double fx, TileGeometry& geometry) {
+    const Eigen::Matrix2d to_px = fx * Eigen::Matrix2d::Identity();
+    set_lens(view, place, to_px, geometry);
+    geometry.disk = geometry.disk_cosine = 0.0f;
+    set_lines(view, place.centre, range, to_px, geometry);
 }
 
 // The tile's own derivative takes its points to px, so that the disk is round there: across a tile
 // it changes by some 1e-4, and the disk's second moment with it.
 void set_disk_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
-                       double radius_px, double pitch_y, TileGeometry& geometry) {
+                       bool with_lens, double radius_px, double pitch_y, TileGeometry& geometry) {
     Eigen::Matrix2d by_place;  // d x / d (s, t)
     by_place << place.x(0, 1), place.x(1, 0), place.y(0, 1), place.y(1, 0);
     constexpr double tile_px = UndistortionMap::tile_px;
-    const Eigen::Matrix2d to_px =
+    Eigen::Matrix2d to_px =
         Eigen::Vector2d(tile_px, tile_px * pitch_y).asDiagonal() * by_place.inverse();
-    geometry.dx = coefficients(to_px(0, 0) * place.x + to_px(0, 1) * place.y);
-    geometry.dy = coefficients(to_px(1, 0) * place.x + to_px(1, 1) * place.y);
-    geometry.blur = static_cast<float>(radius_px);
-    geometry.blur_slope_x = geometry.blur_slope_y = geometry.turn_x = geometry.turn_y = 0.0f;
+    if (with_lens) {
+        const double blur = view.aperture().radius_mm * view.defocus(place.centre);
+        to_px = rounding(blur * to_px, radius_px) * to_px;
+    }
+    set_lens(view, place, to_px, geometry);
+    if (!with_lens)
+        geometry.blur = geometry.blur_slope_x = geometry.blur_slope_y = geometry.turn_x =
+            geometry.turn_y = 0.0f;
+    geometry.disk = static_cast<float>(radius_px);
+    geometry.disk_cosine = 0.0f;
     set_lines(view, place.centre, range, to_px, geometry);
 }
 

@@ -12,9 +12,10 @@ namespace etalon {
 void set_tile_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
                        double fx, TileGeometry& geometry);
 
-// The same for averages over disks around the points instead of the aperture, `radius_px` pitches
-// along x on the sensor, seen from the lens centre. `pitch_y` is a pixel's height by its width.
+// The same for averages over the aperture and over a disk around the point, `radius_px` pitches
+// along x on the sensor (the mean over some cosines, see TileGeometry). Without the lens: over the
+// disk alone, seen from the lens centre. `pitch_y` is a pixel's height by its width.
 void set_disk_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
-                       double radius_px, double pitch_y, TileGeometry& geometry);
+                       bool with_lens, double radius_px, double pitch_y, TileGeometry& geometry);
 
 }  // namespace etalon

@@ -39,6 +39,10 @@ struct TileGeometry {
     std::vector<float> row_contrast;      // across each row line, before the first column line
     // Mixed difference of the four cells at each crossing, row-major [row line][column line].
     std::vector<float> mixed;
+    // E: the average over a disk of this radius too, px (0: none), is a mean over some cosines of
+    // the averages over one disk of the radius sqrt(blur^2 + disk^2 + 2 cosine blur disk)
+    // (sim/sharpened_spread.h); here, of this cosine.
+    float disk = 0.0f, disk_cosine = 0.0f;
 };
 
 // A point of the aperture, in units of its radius, and its share of the light.
@@ -61,9 +65,16 @@ public:
     const float* s() const { return s_.data(); }
     const float* t() const { return t_.data(); }
 
+    // Of the blocks' centres, in the blocks' order, continued to a multiple of 16.
+    const float* block_s() const { return block_s_.data(); }
+    const float* block_t() const { return block_t_.data(); }
+    // From a block's centre to its outermost points, in s and in t.
+    float block_reach() const { return block_reach_; }
+
 private:
     int n_;
-    std::vector<float> s_, t_;
+    float block_reach_;
+    std::vector<float> s_, t_, block_s_, block_t_;
 };
 
 // E: the average over the whole aperture at each point. `values`: n x n, row by row.

@@ -59,11 +59,28 @@ HWY_INLINE ChordArc arc_of(Vector offset) {
     return {root * hn::Sqrt(one + x), hn::IfThenElse(major, all(pi) - angle, angle)};
 }
 
-HWY_INLINE void cut_aperture(const TileGeometry& tile, const TileLine& line, Vector dx, Vector dy,
-                             Vector blur, Chord& chord) {
+// What blurs at each point of a vector: w = radius gradient - turn D.
+struct Blur {
+    Vector radius, turn_x, turn_y;
+};
+
+HWY_INLINE Blur blur_of(const TileGeometry& tile, Vector dx, Vector dy) {
+    const Vector lens = blur_at(tile, dx, dy);
+    if (tile.disk == 0.0f)
+        return {lens, all(tile.turn_x), all(tile.turn_y)};
+    // The turn is a change of the lens' radius: it counts by the derivative.
+    const Vector along = hn::Add(lens, all(tile.disk_cosine * tile.disk));
+    const Vector across = all((1.0f - tile.disk_cosine * tile.disk_cosine) * tile.disk * tile.disk);
+    const Vector square = hn::MulAdd(along, along, across);
+    const Vector inverse = inverse_root(square + all(tiny)), share = along * inverse;
+    return {square * inverse, all(tile.turn_x) * share, all(tile.turn_y) * share};
+}
+
+HWY_INLINE void cut_aperture(const TileLine& line, Vector dx, Vector dy, const Blur& blur,
+                             Chord& chord) {
     const Vector offset = distance(line, dx, dy);
-    const Vector slope_x = hn::NegMulAdd(all(tile.turn_x), offset, blur * all(line.gradient_x));
-    const Vector slope_y = hn::NegMulAdd(all(tile.turn_y), offset, blur * all(line.gradient_y));
+    const Vector slope_x = hn::NegMulAdd(blur.turn_x, offset, blur.radius * all(line.gradient_x));
+    const Vector slope_y = hn::NegMulAdd(blur.turn_y, offset, blur.radius * all(line.gradient_y));
     const Vector square = hn::MulAdd(slope_x, slope_x, slope_y * slope_y);
     chord.crosses = !hn::AllFalse(tag, hn::Lt(offset * offset, square));
     if (!chord.crosses) {
@@ -120,19 +137,74 @@ HWY_INLINE Vector overlap_of(const Chord& a, const Chord& b) {
 HWY_INLINE Vector lens_average(const TileGeometry& tile, const TilePatch& patch, Vector dx,
                                Vector dy) {
     Chord columns[TilePatch::capacity], rows[TilePatch::capacity];
-    const Vector blur = blur_at(tile, dx, dy);
+    const Blur blur = blur_of(tile, dx, dy);
     for (std::size_t i = 0; i < patch.column_count; ++i)
-        cut_aperture(tile, patch.columns[i].line, dx, dy, blur, columns[i]);
+        cut_aperture(patch.columns[i].line, dx, dy, blur, columns[i]);
     for (std::size_t j = 0; j < patch.row_count; ++j)
-        cut_aperture(tile, patch.rows[j].line, dx, dy, blur, rows[j]);
+        cut_aperture(patch.rows[j].line, dx, dy, blur, rows[j]);
     return sum_of_cells(patch, columns, rows);
+}
+
+// Whether a line cuts the aperture of any point of the block around this one.
+HWY_INLINE Mask may_cut_block(const BlockBounds& bounds, Vector offset, Vector radius) {
+    const Vector closest = (hn::Abs(offset) - all(bounds.reach)) * all(1.0f - bounds.turn);
+    return hn::Not(hn::Ge(closest, hn::Abs(radius) + all(bounds.blur_change)));
+}
+
+// A line beside the aperture: its area, 0 or 1, and whether a block around the point may be cut.
+HWY_INLINE Mask pass_aperture(const TileLine& line, Vector dx, Vector dy, Vector radius,
+                              const BlockBounds& bounds, Chord& chord) {
+    const Vector offset = distance(line, dx, dy);
+    chord.crosses = false;
+    store(hn::IfThenElseZero(hn::Ge(offset, hn::Zero(tag)), all(1.0f)), chord.area);
+    return may_cut_block(bounds, offset, radius);
+}
+
+// Values of the blocks around a vector of points, where no line cuts them; 1 in `cut` where one
+// may.
+HWY_INLINE Vector uncut_values(const TileGeometry& tile, const TilePatch& patch, Vector dx,
+                               Vector dy, const BlockBounds& bounds, float* cut) {
+    Chord columns[TilePatch::capacity], rows[TilePatch::capacity];
+    const Vector radius = blur_of(tile, dx, dy).radius;
+    Mask may_cut = hn::Lt(all(1.0f), hn::Zero(tag));
+    for (std::size_t i = 0; i < patch.column_count; ++i)
+        may_cut = hn::Or(may_cut,
+                         pass_aperture(patch.columns[i].line, dx, dy, radius, bounds, columns[i]));
+    for (std::size_t j = 0; j < patch.row_count; ++j)
+        may_cut =
+            hn::Or(may_cut, pass_aperture(patch.rows[j].line, dx, dy, radius, bounds, rows[j]));
+    store(hn::IfThenElseZero(may_cut, all(1.0f)), cut);
+    return sum_of_cells(patch, columns, rows);
+}
+
+// The same of the 16 blocks from `first` on.
+HWY_INLINE void find_uncut_blocks(const TileGeometry& tile, int degree, const TilePatch& patch,
+                                  const TilePositions& positions, std::size_t first,
+                                  const BlockBounds& bounds, float* values, float* cut) {
+    for (std::size_t lane = 0; lane < block; lane += hn::Lanes(tag)) {
+        const Vector s = hn::LoadU(tag, positions.block_s() + first + lane);
+        const Vector t = hn::LoadU(tag, positions.block_t() + first + lane);
+        const Vector dx = bicubic(tile.dx, degree, s, t), dy = bicubic(tile.dy, degree, s, t);
+        store(uncut_values(tile, patch, dx, dy, bounds, cut + lane), values + lane);
+    }
 }
 
 void add_lens_averages(const TileGeometry& tile, const TilePatch& patch,
                        const TilePositions& positions, float* values) {
-    const auto n = static_cast<std::size_t>(positions.n());
+    // In larger blocks hardly any is uncut.
+    constexpr std::size_t least_blocks = 36;
+    const auto n = static_cast<std::size_t>(positions.n()), blocks = n * n / block;
     const int degree = significant_degree(tile);
-    for (std::size_t index = 0; index < n * n / block; ++index) {
+    const BlockBounds bounds = block_bounds(tile, positions);
+    HWY_ALIGN float uncut[block], cut[block];
+    for (std::size_t index = 0; index < blocks; ++index) {
+        const std::size_t place = index % block;
+        if (place == 0 && blocks >= least_blocks)
+            find_uncut_blocks(tile, degree, patch, positions, index, bounds, uncut, cut);
+        if (blocks >= least_blocks && cut[place] == 0.0f) {
+            add_even_block(uncut[place], index, n, values);
+            continue;
+        }
         HWY_ALIGN float sums[block];
         for (std::size_t lane = 0; lane < block; lane += hn::Lanes(tag)) {
             const Vector s = hn::LoadU(tag, positions.s() + block * index + lane);

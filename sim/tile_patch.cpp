@@ -53,12 +53,20 @@ TilePositions::TilePositions(int n, int margin) : n_(n + 2 * margin) {
     const auto place = [&](int i) {
         return (static_cast<float>(i - margin) + 0.5f) / static_cast<float>(n) - 0.5f;
     };
+    const auto middle = [&](int i) { return 0.5f * (place(i) + place(i + 3)); };
     for (int block_y = 0; block_y < n_; block_y += 4)
-        for (int block_x = 0; block_x < n_; block_x += 4)
+        for (int block_x = 0; block_x < n_; block_x += 4) {
             for (int i = 0; i < 16; ++i) {
                 s_.push_back(place(block_x + i % 4));
                 t_.push_back(place(block_y + i / 4));
             }
+            block_s_.push_back(middle(block_x));
+            block_t_.push_back(middle(block_y));
+        }
+    const std::size_t whole = (block_s_.size() + 15) / 16 * 16;
+    block_s_.resize(whole, block_s_.back());
+    block_t_.resize(whole, block_t_.back());
+    block_reach_ = 1.5f / static_cast<float>(n);
 }
 
 TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column,
@@ -98,6 +106,21 @@ int significant_degree(const TileGeometry& geometry) {
         if (largest_beyond(geometry.dx, degree) + largest_beyond(geometry.dy, degree) < 1e-7f)
             return static_cast<int>(degree);
     return 6;
+}
+
+BlockBounds block_bounds(const TileGeometry& geometry, const TilePositions& positions) {
+    const float farthest = std::max(0.5f, -positions.s()[0]);
+    float x = 0.0f, y = 0.0f, power = 1.0f;  // by s and t together, degree by degree
+    for (int degree = 1; degree <= 6; ++degree, power *= farthest)
+        for (int j = std::max(0, degree - 3); j <= std::min(3, degree); ++j) {
+            const auto term = static_cast<std::size_t>(4 * j + degree - j);
+            x += static_cast<float>(degree) * power * std::abs(geometry.dx[term]);
+            y += static_cast<float>(degree) * power * std::abs(geometry.dy[term]);
+        }
+    constexpr float rounding = 1.001f;
+    const float reach = rounding * positions.block_reach() * std::hypot(x, y);
+    return {reach, rounding * reach * std::hypot(geometry.blur_slope_x, geometry.blur_slope_y),
+            std::min(1.0f, rounding * std::hypot(geometry.turn_x, geometry.turn_y))};
 }
 
 PartShapes part_shapes(const TileGeometry& geometry, int n) {

@@ -46,6 +46,15 @@ void sum_patches(const TileGeometry& tile, int n, float* values, Add add) {
 // single precision's rounding of a few px.
 int significant_degree(const TileGeometry& geometry);
 
+// How a block of points differs at most from its centre.
+struct BlockBounds {
+    float reach;        // of (dx, dy), px
+    float blur_change;  // of the blur radius, px
+    float turn;         // |turn|
+};
+
+BlockBounds block_bounds(const TileGeometry& geometry, const TilePositions& positions);
+
 // The shapes of a tile's n x n parts: their sides, in px, as polynomials of s and t in the order of
 // TileGeometry; and bounds of how a line changes across them.
 struct PartShapes {

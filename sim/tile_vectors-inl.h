@@ -125,13 +125,25 @@ HWY_INLINE Vector sum_of_cells(const TilePatch& patch, const Cut* columns, const
     return sum;
 }
 
+HWY_INLINE float* corner_of_block(std::size_t index, std::size_t n, float* values) {
+    const std::size_t blocks = n / 4;
+    return values + 4 * (index / blocks) * n + 4 * (index % blocks);
+}
+
 // Adds a block's sums to the image of n x n values.
 HWY_INLINE void add_block(const float* sums, std::size_t index, std::size_t n, float* values) {
-    const std::size_t blocks = n / 4;
-    float* corner = values + 4 * (index / blocks) * n + 4 * (index % blocks);
+    float* corner = corner_of_block(index, n, values);
     for (std::size_t row = 0; row < 4; ++row)
         for (std::size_t column = 0; column < 4; ++column)
             corner[row * n + column] += sums[4 * row + column];
+}
+
+// Adds one value to all of a block.
+HWY_INLINE void add_even_block(float value, std::size_t index, std::size_t n, float* values) {
+    float* corner = corner_of_block(index, n, values);
+    for (std::size_t row = 0; row < 4; ++row)
+        for (std::size_t column = 0; column < 4; ++column)
+            corner[row * n + column] += value;
 }
 
 }  // namespace

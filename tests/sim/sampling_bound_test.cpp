@@ -61,11 +61,70 @@ TEST(SamplingBound, HoldsForRenderedEdgesAndIsNotFarAbove) {
     };
     const SharpenedSpread sharpened = SharpenedSpread::of(spread, window, 3.3).value();
     for (const int k : {5, 8}) {
-        const double limit = bound.of_disks(k, sharpened, along_the_pixels);
+        const double limit = bound.of_disks(k, sharpened, 0.0, along_the_pixels);
         const double error = worst_edge(RenderMethod::exact_area, k, 24, 0.0);
         EXPECT_LT(error, 1.1 * limit + 0.2) << k;
         EXPECT_GT(error, 0.4 * limit) << k;
     }
+}
+
+// Thinning out takes what the coarser grid would see wrongly, and leaves what the pixels show.
+TEST(SamplingBound, ThinnedSamplesAreAlmostAsGoodAsAllOfThem) {
+    const PointSpreadFunction spread =
+        PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0}));
+    const SamplingBound bound = small_camera_bound(spread);
+    const auto window = [](double r) { return r < 1.65 ? 1.0 : 0.0; };
+    const SharpenedSpread sharpened = SharpenedSpread::of(spread, window, 1.65).value();
+    const EdgeTangents all = ~EdgeTangents{};
+    for (const double blur : {0.0, 0.1}) {
+        for (const int k : {12, 14}) {
+            const double thinned = bound.of_disks(k, sharpened, blur, all, true);
+            EXPECT_LT(thinned, 0.5 * bound.of_disks(k, sharpened, blur, all)) << k << " " << blur;
+            EXPECT_GT(thinned, 0.0);
+        }
+        EXPECT_LT(bound.of_disks(12, sharpened, 0.3, all), bound.of_disks(12, sharpened, 0.0, all));
+    }
+}
+
+// ---- Disks for a disk and the lens together
+
+double transfer(double q) {
+    return q == 0.0 ? 1.0 : 2.0 * std::cyl_bessel_j(1.0, q) / q;
+}
+
+TEST(ConcentricDisks, AreTwoDisksConvolved) {
+    // By Fourier, to the order of Gauss' rule; more of them are nearer.
+    for (const auto& [a, b] : {std::pair{0.4, 1.1}, {1.7, 0.9}, {2.0, 2.0}, {0.0, 1.3}}) {
+        double last = 1.0;
+        for (int count = 1; count <= 4; ++count) {
+            double mean = 0.0, weights = 0.0;
+            for (const ConcentricDisk& disk : concentric_disks(count)) {
+                mean +=
+                    disk.weight * transfer(std::sqrt(a * a + b * b + 2.0 * disk.cosine * a * b));
+                weights += disk.weight;
+            }
+            EXPECT_NEAR(weights, 1.0, 1e-14);
+            const double error = std::abs(mean - transfer(a) * transfer(b));
+            EXPECT_LE(error, 0.1 * last + 1e-15) << count << " for " << a << ", " << b;
+            last = error;
+        }
+        EXPECT_LT(last, 1e-6);
+    }
+}
+
+TEST(SharpenedSpread, OneDiskIsEnoughWhereItSaysSo) {
+    const SharpenedSpread sharpened =
+        SharpenedSpread::of(
+            PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0})),
+            [](double r) { return r < 2.0 ? 1.0 : 0.0; }, 2.0)
+            .value();
+    const double blur = sharpened.blur_of_one_disk_px(0.01);
+    EXPECT_GT(blur, 0.2 * sharpened.disk_radius_px());
+    EXPECT_LT(blur, sharpened.disk_radius_px());
+    EXPECT_NEAR(sharpened.blur_of_one_disk_px(0.04), 2.0 * blur, 1e-12);
+    EXPECT_EQ(sharpened.disks_for_any_blur(0.02), 2);
+    EXPECT_EQ(sharpened.disks_for_any_blur(0.0), 0);
+    EXPECT_GE(sharpened.disks_for_any_blur(1e-4), 3);
 }
 
 TEST(SamplingBound, FollowsTheLawOfTheDisksRim) {

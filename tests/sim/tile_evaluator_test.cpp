@@ -31,8 +31,8 @@ double quintic(double s, double t, double width) {
 
 void expect_quintics_kept(SampleKind kind, int coarse_k, int k) {
     const TilePositions coarse(4 * coarse_k, TileInterpolation::margin), fine(4 * k);
-    const auto side = static_cast<std::size_t>(TileInterpolation::coarse_side(coarse_k));
-    ASSERT_EQ(coarse.n(), TileInterpolation::coarse_side(coarse_k));
+    const auto side = static_cast<std::size_t>(TileInterpolation::side(coarse_k));
+    ASSERT_EQ(coarse.n(), TileInterpolation::side(coarse_k));
     // What lies behind the samples must not be used.
     std::vector<float> from(side * side), scratch((side + 1) * static_cast<std::size_t>(4 * k),
                                                   std::numeric_limits<float>::quiet_NaN());
@@ -59,6 +59,23 @@ TEST(TileInterpolation, KeepsQuinticPolynomials) {
         expect_quintics_kept(SampleKind::point, coarse_k, k);
         expect_quintics_kept(SampleKind::box, coarse_k, k);
     }
+    expect_quintics_kept(SampleKind::disk, 18, 9);
+}
+
+TEST(TileInterpolation, ThinsOutWithoutTheFrequenciesThatTheCoarserGridCannotTell) {
+    constexpr int k = 6;
+    const auto side = static_cast<std::size_t>(TileInterpolation::side(2 * k));
+    std::vector<float> from(side * side), scratch, values(16 * k * k);
+    // A wave of 2 k px^-1 (1 - 2 phase) is one of phase cycles a sample to the coarser grid.
+    for (const double phase : {0.0, 0.05, 0.1}) {
+        for (std::size_t i = 0; i < from.size(); ++i)
+            from[i] = static_cast<float>(std::cos(2.0 * std::numbers::pi * (0.5 - 0.5 * phase) *
+                                                  static_cast<double>(i % side)));
+        TileInterpolation(2 * k, k, SampleKind::disk)
+            .interpolate(from.data(), scratch, values.data());
+        for (const float value : values)
+            EXPECT_LT(std::abs(value), 1e-6 + 18.0 * std::pow(phase, 3.0)) << phase;
+    }
 }
 
 TEST(TilePositions, ContinueBeyondTheTile) {
@@ -79,10 +96,16 @@ TEST(TilePositions, ContinueBeyondTheTile) {
 // sees one edge at most
 
 struct StripedView {
-    explicit StripedView(double blur_px)
-        : camera(test::small_camera({})),
+    explicit StripedView(double blur_px, const Distortion& distortion = {})
+        : camera(distorted_camera(distortion)),
           map(Projector(camera), 8),
           view(marker(blur_px), 0.0, aperture_of(camera)) {}
+
+    static CameraModel distorted_camera(const Distortion& distortion) {
+        CameraModel camera = test::small_camera({});
+        camera.distortion = distortion;
+        return camera;
+    }
 
     // Nearer than the focus, where the blur radius is 400 px 0.857 mm (1/z - 1/150 mm).
     PlacedMarker marker(double blur_px) const {
@@ -168,6 +191,51 @@ TEST(TileEvaluator, EachTileTakesTheCoarsestGridThatItsOwnBlurAllows) {
     EXPECT_EQ(stripes.samples(too_sharp).used()[0].points_per_pixel_side, 16);
 }
 
+// ---- Disk samples with the lens
+
+// The mean of exact lens averages over a disk on the sensor, by rings and spokes.
+double mean_over_disk(const StripedView& stripes, const Eigen::Vector2d& pixel, double radius_px) {
+    constexpr int rings = 24, spokes = 48;
+    LensAverage lens_average(stripes.view);
+    const Intrinsics& intrinsics = stripes.camera.intrinsics;
+    double sum = 0.0;
+    for (int ring = 0; ring < rings; ++ring)
+        for (int spoke = 0; spoke < spokes; ++spoke) {
+            const double r = radius_px * std::sqrt((ring + 0.5) / rings);
+            const double angle = 2.0 * std::numbers::pi * (spoke + 0.5 * (ring % 2)) / spokes;
+            const Eigen::Vector2d step(std::cos(angle),
+                                       std::sin(angle) * intrinsics.fy / intrinsics.fx);
+            const auto point = stripes.map.exact(pixel + r * step);
+            const auto range = stripes.view.footprint({point->x, point->x});
+            sum += range ? lens_average.at(point->x, *range) : 0.0;
+        }
+    return sum / (rings * spokes);
+}
+
+// In a camera whose distortion makes the blur disk an ellipse on the sensor.
+TEST(TileEvaluator, DiskSamplesAreAveragesOverDiskAndLens) {
+    for (const double blur_px : {0.05, 0.25, 0.6}) {
+        StripedView stripes(blur_px, {.k1 = -2.5, .k2 = 9.0});
+        const int k = 2;
+        Sampling sampling{.k = k, .kind = SampleKind::disk};
+        sampling.disk_radius_px = 0.3;
+        sampling.disks = 4;
+        const cv::Rect tiles(1, 1, 3, 3);  // near the corner
+        const TileSamples samples(stripes.view, stripes.map, tiles, sampling, true);
+        double largest = 0.0;
+        for (int j = tiles.y; j < tiles.br().y; ++j)
+            for (int i = tiles.x; i < tiles.br().x; ++i)
+                for (int p = 0; p < 16 * k * k; p += 5) {
+                    const Eigen::Vector2d place(p % (4 * k) + 0.5, p / (4 * k) + 0.5);
+                    const double truth = mean_over_disk(
+                        stripes, UndistortionMap::tile_corner_px(i, j) + place / k, 0.3);
+                    largest = std::max(largest, std::abs(samples.values(i, j)[p] - truth));
+                }
+        EXPECT_LT(largest, 1.0 * gray) << blur_px;
+        EXPECT_GT(largest, 0.0);
+    }
+}
+
 // ---- Frames in which the plane of sharp focus crosses the marker, or almost
 
 TEST(TileEvaluator, FramesNearFocusAreThoseOfTheReference) {
@@ -177,13 +245,14 @@ TEST(TileEvaluator, FramesNearFocusAreThoseOfTheReference) {
         Scene scene = webcam.scene;
         scene.markers[0].camera_from_marker.translation = {3.0, -2.0, z};
         const RenderedImage image = renderer.render(scene);
-        if (z < 180.0)
+        if (z < 180.0) {
             EXPECT_TRUE(std::any_of(image.plan.used.begin(), image.plan.used.end(),
-                                    [&](const TileUse& use) {
-                                        return use.points_per_pixel_side <
-                                               image.plan.points_per_pixel_side;
+                                    [](const TileUse& use) {
+                                        return use.method == RenderMethod::exact_area &&
+                                               use.lens_points == 2;  // disks
                                     }))
                 << image.plan.describe();
+        }
         std::vector<cv::Point> pixels;
         for (int n = 0; n < 30; ++n)
             pixels.push_back({240 + 37 * n % 167, 150 + 53 * n % 173});

@@ -16,6 +16,7 @@ namespace etalon {
 namespace {
 
 constexpr std::uint32_t big_endian_bit = 1u << 31;
+constexpr double longest_period_s = 3600.0;           // between frames; more is no answer
 constexpr std::chrono::milliseconds run_limit{1200};  // twice (stream, file) within 3 s
 
 // A field of fixed size that the driver need not end with a zero.
@@ -254,10 +255,10 @@ Duration V4l2Device::frame_period() {
     if (ask(VIDIOC_G_PARM, &answer) != 0)
         return {};
     const v4l2_fract& period = answer.parm.capture.timeperframe;
-    if (period.denominator == 0)
+    const double seconds = period.denominator ? double(period.numerator) / period.denominator : 0.0;
+    if (seconds > longest_period_s)
         return {};
-    return std::chrono::duration_cast<Duration>(
-        std::chrono::duration<double>(double(period.numerator) / period.denominator));
+    return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
 }
 
 }  // namespace etalon

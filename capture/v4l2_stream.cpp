@@ -16,7 +16,8 @@ namespace etalon {
 namespace {
 
 constexpr unsigned wanted_buffers = 4;
-constexpr unsigned least_buffers = 2;  // one for the driver, one for us
+constexpr std::int64_t latest_second = 5'000'000'000;  // of a stamp, 158 years from any epoch
+constexpr unsigned least_buffers = 2;                  // one for the driver, one for us
 
 // A v4l2_buffer that carries its planes where the device is multi-planar.
 struct BufferRequest {
@@ -134,9 +135,12 @@ std::optional<FilledBuffer> V4l2Stream::take() {
     FilledBuffer filled;
     filled.index = buffer.index;
     filled.sequence = buffer.sequence;
-    filled.stamp = std::chrono::seconds(buffer.timestamp.tv_sec) +
-                   std::chrono::microseconds(buffer.timestamp.tv_usec);
     filled.meaning = meaning_of(buffer.flags);
+    if (buffer.timestamp.tv_sec >= 0 && buffer.timestamp.tv_sec <= latest_second)
+        filled.stamp = std::chrono::seconds(buffer.timestamp.tv_sec) +
+                       std::chrono::microseconds(buffer.timestamp.tv_usec);
+    else
+        filled.fault = fmt::format("its time stamp is {} s", buffer.timestamp.tv_sec);
     const std::size_t used =
         device_.multi_planar() ? request.planes[0].bytesused : buffer.bytesused;
     const std::size_t skipped = device_.multi_planar() ? request.planes[0].data_offset : 0;

@@ -427,6 +427,14 @@ TEST_F(V4l2, TrustsNoStampThatLiesInTheFutureOrDoesNotAdvance) {
     EXPECT_THAT(late.status_detail, HasSubstr("before the last frame's"));
 }
 
+TEST_F(V4l2, MarksFramesWhoseStampsAreNone) {
+    auto camera = armed();
+    spoil_from_now([](FakeV4l2Frame& frame) { frame.stamp = Instant(-3s); });
+    const Frame taken = frame(*camera);
+    EXPECT_EQ(taken.status, FrameStatus::corrupt);
+    EXPECT_THAT(taken.status_detail, HasSubstr("time stamp"));
+}
+
 // What comes after a jump back is never taken for new; in bounded time that is said.
 TEST_F(V4l2, TimesOutWhenTheStampsHaveJumpedBackForGood) {
     auto camera = armed();

@@ -216,6 +216,23 @@ TEST_F(Vivid, CountsOnWhenTheDriversCounterWraps) {
     EXPECT_GT(last, 0xFFFFFFFFu);
 }
 
+// Stamps that wrap lie in a far future first: such frames are no good, and after them all is well.
+TEST_F(Vivid, MarksFramesWhoseStampsWrap) {
+    for (const int bits : {1, 2}) {  // 64 and 32 bits
+        ASSERT_TRUE(node_.set("Wrap Timestamp", bits));
+        camera_->arm();
+        for (int i = 0; i < 3; ++i) {
+            const Frame frame = next();
+            EXPECT_EQ(frame.status, FrameStatus::corrupt);
+            EXPECT_THAT(frame.status_detail, testing::HasSubstr("time stamp"));
+        }
+        camera_->disarm();
+    }
+    ASSERT_TRUE(node_.set("Wrap Timestamp", 0));
+    camera_->arm();
+    EXPECT_EQ(next().status, FrameStatus::complete);
+}
+
 // The driver cannot come back without its module being loaded again, so this is the last test.
 TEST_F(Vivid, ZIsGoneWhenTheDriverDisconnects) {
     camera_->arm();

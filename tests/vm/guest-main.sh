@@ -21,7 +21,7 @@ done
     status=0
     for module in "${modules[@]}"; do
         # shellcheck disable=SC2086  # a module and its parameters
-        modprobe $module || status=125
+        modprobe $module || { echo "skipped: the kernel has no $module" >&2; status=77; }
     done
     if [ "$status" -eq 0 ]; then
         cd "$folder" && "${command[@]}"

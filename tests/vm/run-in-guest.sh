@@ -11,8 +11,8 @@
 #   -v           the kernel's messages as well
 #
 # The processor is emulated, never lent (KVM is there on few build machines): programs run about
-# twenty times slower. Exit 77 with the reason where it cannot run, 125 when the guest came to no
-# end of its own.
+# twenty times slower. Exit 77 with the reason where it cannot run or the kernel lacks a module, 125
+# when the guest came to no end of its own.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 store=$here/../../build/guest

@@ -51,7 +51,8 @@ private:
 
     void start_stream();
     void stop_stream() noexcept;
-    void discard_warm_up_frame();
+    void discard_triggered_warm_up_frame();
+    bool discard_next_frame();
     void trigger();
     bool by_software() const { return capture_.settings.trigger == "Software"; }
 
@@ -143,15 +144,25 @@ void GenicamCamera::start_stream() {
     last_device_ns_ = 0;
     read_clock();
     if (by_software())
-        discard_warm_up_frame();
+        discard_triggered_warm_up_frame();
+    else if (capture_.settings.trigger == "none")
+        discard_next_frame();
 }
 
-void GenicamCamera::discard_warm_up_frame() {
+// Whether there was one.
+bool GenicamCamera::discard_next_frame() {
+    auto buffer = stream_->next(clock_, clock_.now() + link_.frame_timeout, {});
+    if (!buffer)
+        return false;
+    stream_->is_newer(buffer.get());
+    stream_->give_back(std::move(buffer));
+    return true;
+}
+
+void GenicamCamera::discard_triggered_warm_up_frame() {
     for (int attempt = 0; attempt < warm_up_triggers; ++attempt) {
         trigger();
-        if (auto buffer = stream_->next(clock_, clock_.now() + link_.frame_timeout, {})) {
-            stream_->is_newer(buffer.get());
-            stream_->give_back(std::move(buffer));
+        if (discard_next_frame()) {
             answer_outstanding_ = attempt > 0;
             return;
         }
@@ -243,12 +254,13 @@ Frame GenicamCamera::triggered_frame(std::stop_token stop) {
 // Without a clock the camera begins anew, so that whatever comes began after now.
 Frame GenicamCamera::streamed_frame(Instant t, std::stop_token stop) {
     read_clock();
+    Instant earliest = Instant::min();  // known from the frame's stamp
     if (!device_clock_.known()) {
+        earliest = clock_.now();
         stop_stream();
         start_stream();
     }
     discard_stale_frames();
-    const Instant earliest = device_clock_.known() ? Instant::min() : clock_.now();
     const Instant deadline = clock_.now() + link_.frame_timeout;
     while (auto buffer = stream_->next(clock_, deadline, stop)) {
         const Instant arrival = clock_.now();

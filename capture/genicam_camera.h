@@ -4,7 +4,8 @@
 // A GigE Vision camera reaches us over UDP, and every default of the transport was measured to fail
 // somewhere, so all of it is set here on purpose: the kernel's packet socket is not used (it binds
 // the wrong network card), the packet size is given and never negotiated, the receive buffer is
-// asked for in one piece, and the first frame after a start is thrown away.
+// asked for in one piece, and the first frame after a start is thrown away (unless a line
+// triggers).
 //
 // Freshness: a frame that answers a software trigger began between sending that trigger and its own
 // arrival. Of any other the device's clock must say so: it is read before each frame, and a stamp
@@ -13,8 +14,9 @@
 // was set, wrapped or went back) is `corrupt`, and a triggered one is dated by its trigger alone.
 //
 // Loss: a request to a device that has gone fails after the control protocol's own five tries of
-// 0.5 s, which no setting of the library shortens (and waits for the heartbeat's). From then on every call fails at once, and what
-// the library still wants to tell the device is told in the background. reconnect() makes all anew.
+// 0.5 s, which no setting of the library shortens (and waits for the heartbeat's). From then on
+// every call fails at once, and what the library still wants to tell the device is told in the
+// background. reconnect() makes all anew.
 #pragma once
 
 #include <memory>

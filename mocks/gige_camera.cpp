@@ -10,6 +10,7 @@
 #include <condition_variable>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <mutex>
 #include <thread>
 
@@ -120,12 +121,11 @@ guint64 nanoseconds_now() {
 class DescriptionFile {
 public:
     explicit DescriptionFile(const std::string& text) {
-        char name[] = "/tmp/etalon-gige-XXXXXX";
-        const int file = mkstemp(name);
+        path_ = (std::filesystem::temp_directory_path() / "etalon-gige-XXXXXX").string();
+        const int file = mkstemp(path_.data());
         if (file < 0 || write(file, text.data(), text.size()) != ssize_t(text.size()))
             throw DeviceError(device_name, "write its description", std::strerror(errno));
         close(file);
-        path_ = name;
     }
     ~DescriptionFile() { unlink(path_.c_str()); }
     DescriptionFile(const DescriptionFile&) = delete;

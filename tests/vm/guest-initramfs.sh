@@ -22,5 +22,5 @@ modprobe -d "$kernel" -S "$version" -D -a virtio_pci 9pnet_virtio 9p overlay |
         esac
     done
 
-(cd "$tree" && find . | cpio -o -H newc --quiet | gzip -1) >"$out.new"
-mv "$out.new" "$out"
+(cd "$tree" && find . | cpio -o -H newc --quiet | gzip -1) >"$out.$$"
+mv "$out.$$" "$out"

@@ -55,6 +55,7 @@ if [ ! -e "$root/complete" ]; then
         dpkg-deb -x "$package" "$root"
     done
     rm "$root"/*.deb
+    [ -e "$root/lib" ] || ln -s usr/lib "$root/lib"   # newer packages
     depmod -b "$root" "$version"
     touch "$root/complete"
 fi

@@ -55,7 +55,6 @@ job=$(mktemp -d)
 trap 'rm -rf "$job"' EXIT
 cp "$here/guest-main.sh" "$job/main"
 kernel_modules=$kernel/lib/modules folder=$PWD command=("$@")
-[ -d "$kernel_modules" ] || kernel_modules=$kernel/usr/lib/modules
 declare -p kernel_modules modules command folder >"$job/settings"
 : >"$job/stdout" >"$job/stderr"
 

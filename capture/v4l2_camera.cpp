@@ -319,7 +319,7 @@ Frame V4l2Camera::frame_after(Instant t, int retries, std::stop_token stop) {
 Frame V4l2Camera::next_frame_after(Instant t, std::stop_token stop) {
     require_alive("take a frame");
     wait_until_after(clock_, t, stop);
-    const Duration limit = link_.frame_timeout + timing_->longest_delay();
+    const Duration limit = link_.frame_timeout + timing_->longest_wait();
     const Instant deadline = clock_.now() + limit;
     int too_old = 0;
     bool announced = false;

@@ -38,10 +38,13 @@ public:
     // known of the earliest start it is the beginning of time.
     ExposureStart exposure_start(const FilledBuffer& buffer, Instant now) const;
 
-    // From the earliest start of an exposure to the latest stamp of its frame.
-    Duration longest_delay() const { return camera_.longest_exposure + camera_.longest_hold; }
+    // Until a frame comes that surely began later than now: it is stamped so much later, and is the
+    // next after that.
+    Duration longest_wait() const { return longest_delay() + camera_.longest_hold; }
 
 private:
+    // From the earliest start of an exposure to the stamp of its frame.
+    Duration longest_delay() const { return camera_.longest_exposure + camera_.longest_hold; }
     ExposureStart stamped(const FilledBuffer& buffer, Instant now) const;
     StampMeaning meaning_of(const FilledBuffer& buffer, Instant now) const;
 

@@ -105,6 +105,8 @@ std::optional<UsbMessage> UsbPlug::receive() {
     const std::uint32_t id = ntohl(header.id);
     if (ntohl(header.command) == unlink_request)
         return UsbCancellation{id, ntohl(header.flags_or_status)};
+    if (ntohl(header.command) != submit)
+        return std::nullopt;
     UsbTransfer transfer;
     transfer.id = id;
     transfer.endpoint = static_cast<int>(ntohl(header.endpoint));

@@ -48,7 +48,7 @@ public:
     // Readable when there is a message.
     int descriptor() const { return socket_; }
 
-    // Waits for it; nothing once the host has let go of the device.
+    // Waits for it; nothing once the host has let go of the device, or speaks another protocol.
     std::optional<UsbMessage> receive();
 
     // Answers. `data` must not be longer than was asked for.

@@ -54,8 +54,8 @@ TEST_P(UsbVideoFormats, Bring200FramesByteForByte) {
 
 INSTANTIATE_TEST_SUITE_P(
     , UsbVideoFormats,
-    testing::Values(Case{UsbPixels::grey, "GREY", small}, Case{UsbPixels::y16, "Y16 ", small},
-                    Case{UsbPixels::yuyv, "YUYV", large}),
+    testing::Values(Case{UsbPixels::grey, "GREY", large}, Case{UsbPixels::y16, "Y16 ", small},
+                    Case{UsbPixels::yuyv, "YUYV", small}),
     [](const auto& of) {
         return std::string(of.param.format).substr(0, of.param.format[3] == ' ' ? 3 : 4);
     });

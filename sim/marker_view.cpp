@@ -201,16 +201,15 @@ std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
         return std::nullopt;
     Eigen::Array2d least = Eigen::Array2d::Constant(std::numeric_limits<double>::infinity());
     Eigen::Array2d most = -least;
-    for (const Eigen::Vector3d& middle :
-         {Eigen::Vector3d(centre - down), Eigen::Vector3d(centre + down)})
-        for (const Eigen::Vector3d& uvw :
-             {Eigen::Vector3d(middle - to_right), Eigen::Vector3d(middle + to_right)}) {
-            if (!(uvw.z() > 0.0))
-                return CellRange{-1, columns_, -1, rows_};
-            const Eigen::Array2d place = uvw.head<2>().array() * (1.0 / uvw.z());
-            least = least.min(place);
-            most = most.max(place);
-        }
+    for (int corner = 0; corner < 4; ++corner) {
+        const double x = corner % 2 == 0 ? -1.0 : 1.0, y = corner / 2 == 0 ? -1.0 : 1.0;
+        const Eigen::Vector3d uvw = centre + x * to_right + y * down;
+        if (!(uvw.z() > 0.0))
+            return CellRange{-1, columns_, -1, rows_};
+        const Eigen::Array2d place = uvw.head<2>().array() * (1.0 / uvw.z());
+        least = least.min(place);
+        most = most.max(place);
+    }
     const auto clamped = [](double value, int size) {
         return static_cast<int>(std::clamp(std::floor(value), -1.0, static_cast<double>(size)));
     };

@@ -135,9 +135,14 @@ private:
         const double blur = image_.blur.smallest_px;
         if (blur < least_blur_for_points_px)
             return {};
-        return least_k(1, most, allowed(share_of_sampling), [&](int k) {
-            return image_.step * bound_.of_points(k, blur, image_.tangents);
-        });
+        return least_k(1, most, allowed(share_of_sampling),
+                       [&](int k) { return image_.step * gray_of_points(k, blur); });
+    }
+    // Blur disks much smaller than a sample's part cancel along an edge only, not at its end.
+    double gray_of_points(int k, double blur_px) const {
+        constexpr double least_radius = 0.6;  // of samples
+        return k * blur_px < least_radius ? std::numeric_limits<double>::infinity()
+                                          : bound_.of_points(k, blur_px, image_.tangents);
     }
     Choice of_boxes() const {
         return least_k(fewest_boxes(), most_boxes, allowed(share_of_sampling),
@@ -145,12 +150,13 @@ private:
     }
     bool needs_lens() const { return image_.blur.largest_px > chosen_.sampling.sharp_up_to_px; }
 
-    // Direct samples or, of a coarser grid, thinned ones. Where part of the marker has no image, at
-    // the border of the valid region, blurred disks are not exact.
+    // Direct samples or, of a coarser grid, thinned ones. A tile's disks have the shape of its
+    // centre: they need an undistortion that hardly bends, and no border of the valid region.
     Choice of_disks() const {
         const SharpenedSpread* sharpened = chosen_.with_spread ? filter_.sharpened() : nullptr;
-        if (sharpened == nullptr ||
-            (needs_lens() && (disks_of_lens() == 0 || std::isinf(image_.area_px))))
+        constexpr double largest_curvature = 0.004;
+        if (sharpened == nullptr || (needs_lens() && disks_of_lens() == 0) ||
+            !image_.bend.is_polynomial || image_.bend.curvature > largest_curvature)
             return {};
         const auto gray = [&](int k, bool is_thinned) {
             return image_.step * bound_.of_disks(k, *sharpened, image_.blur.smallest_px,
@@ -178,8 +184,11 @@ private:
             return 1;
         return filter_.sharpened()->disks_for_any_blur(gray);
     }
+    // A box counts as a parallelogram: where the undistortion bends, an edge across it is shifted
+    // by the mean of the sagitta, curvature / (24 k^2).
     double gray_of_boxes(int k) const {
-        return chosen_.with_spread ? bound_.of_boxes(k, image_.tangents) : 0.0;
+        const double by_bend = 255.0 * image_.bend.curvature / (24.0 * k * k);
+        return by_bend + (chosen_.with_spread ? bound_.of_boxes(k, image_.tangents) : 0.0);
     }
 
     // A sharp edge exactly along the pixels under a pattern of some hundredths of a pixel is beyond
@@ -323,7 +332,7 @@ private:
     double gray_of_tiles(int k, double blur_px) const {
         return chosen_.sampling.kind == SampleKind::disk
                    ? bound_.of_disks(k, *filter_.sharpened(), blur_px, image_.tangents)
-                   : bound_.of_points(k, blur_px, image_.tangents);
+                   : gray_of_points(k, blur_px);
     }
 
     void take_disks(const Choice& disks) {

@@ -7,6 +7,7 @@
 #include "sim/renderer.h"
 #include "sim/sampling.h"
 #include "sim/sampling_bound.h"
+#include "sim/undistortion_map.h"
 
 namespace etalon {
 
@@ -25,6 +26,7 @@ struct ImageExtremes {
     double area_px;   // of the marker's image, at least
     double cell_px;   // a cell's side where it is shortest, about
     EdgeTangents tangents;
+    UndistortionMap::Bend bend;
     int markers = 1;  // in the scene: their omitted tails add up
 };
 

@@ -153,6 +153,16 @@ double shortest_cell(const std::vector<Eigen::Vector2d>& outline, const MarkerVi
     return shortest;
 }
 
+UndistortionMap::Bend bend_around(const std::vector<Eigen::Vector2d>& outline, double blur_px,
+                                  const UndistortionMap& map) {
+    const cv::Rect tiles = map.tiles();
+    const cv::Rect pixels(tiles.x * tile_px, tiles.y * tile_px, tiles.width * tile_px,
+                          tiles.height * tile_px);
+    const double margin = std::min(blur_px, 1e6) + tile_px;
+    return map.bend(
+        cells_of(pixels_around(outline, Eigen::Array2d::Constant(margin), pixels), tile_px));
+}
+
 // The directions that grid lines have anywhere in the image: those of two opposite sides and
 // everything in between, for both pairs of sides.
 EdgeTangents tangents_of(const std::vector<Eigen::Vector2d>& outline) {
@@ -233,6 +243,7 @@ public:
                                   area_around(sides, blur.largest_px),
                                   shortest_cell(sides, view_),
                                   tangents_of(sides),
+                                  bend_around(sides, blur.largest_px, cache.map),
                                   static_cast<int>(scene.markers.size())};
         chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
         chosen_.plan.instructions = tile_kernel_target();

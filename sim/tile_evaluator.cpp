@@ -223,11 +223,24 @@ double TileEvaluator::mean_of_parts(int i, int j, int column, int row) {
     return sum / (parts * parts);
 }
 
-// Of a point, or of a box of this side around it (a disk: a square with its second moment).
+double TileEvaluator::lens_average_at(const Eigen::Vector2d& x) {
+    const auto range = view_.footprint({x, x});
+    return range ? lens_average_.at(x, *range) : view_.background();
+}
+
+// Of a point, or of a box of this side around it (a disk: a square with its second moment): of
+// blurred ones the mean of 2 x 2 lens averages.
 double TileEvaluator::radiance_at(const MappedPoint& point, double side_px) {
-    if (sampling_.kind == SampleKind::point) {
-        const auto range = view_.footprint({point.x, point.x});
-        return range ? lens_average_.at(point.x, *range) : view_.background();
+    if (sampling_.kind == SampleKind::point)
+        return lens_average_at(point.x);
+    if (sampling_.kind == SampleKind::box &&
+        least_blur_px({point.x, point.x}) >= sampling_.exact_lens_from_px) {
+        double sum = 0.0;
+        for (const double s : {-0.25, 0.25})
+            for (const double t : {-0.25, 0.25})
+                sum +=
+                    lens_average_at(point.x + point.jacobian * (side_px * Eigen::Vector2d(s, t)));
+        return 0.25 * sum;
     }
     if (sampling_.kind == SampleKind::disk)
         side_px = std::sqrt(3.0) * sampling_.disk_radius_px;

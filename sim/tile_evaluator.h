@@ -63,6 +63,7 @@ private:
     double least_blur_px(const Box& box) const;
     double largest_blur_px(const Box& box) const;
     double mean_of_parts(int i, int j, int column, int row);
+    double lens_average_at(const Eigen::Vector2d& x);
     double radiance_at(const MappedPoint& point, double side_px);
 
     const MarkerView& view_;

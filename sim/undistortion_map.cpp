@@ -56,8 +56,11 @@ UndistortionMap::UndistortionMap(const Projector& projector, int margin_px)
 UndistortionMap::Tile UndistortionMap::united(const Tile& a, const Tile& b) {
     const auto validity = a.validity == b.validity ? a.validity : Validity::some;
     if (a.validity == Validity::none || b.validity == Validity::none)
-        return {validity, a.validity == Validity::none ? b.bounds : a.bounds};
-    return {validity, {a.bounds.low.cwiseMin(b.bounds.low), a.bounds.high.cwiseMax(b.bounds.high)}};
+        return {validity, a.validity == Validity::none ? b.bounds : a.bounds,
+                std::max(a.curvature, b.curvature)};
+    return {validity,
+            {a.bounds.low.cwiseMin(b.bounds.low), a.bounds.high.cwiseMax(b.bounds.high)},
+            std::max(a.curvature, b.curvature)};
 }
 
 UndistortionMap::Level UndistortionMap::group_up(const Level& below) {
@@ -101,7 +104,7 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) const {
     const Nodes x = nodes(i, j, 0), y = nodes(i, j, 1);
     const Box nowhere{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
     if (x.array().isNaN().all())
-        return {Validity::none, nowhere};
+        return {Validity::none, nowhere, 0.0};
     if (x.array().isNaN().any())
         return make_border_tile(i, j);
     const Eigen::Matrix4d& b = bezier_from_nodes();
@@ -112,11 +115,39 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) const {
     constexpr double good_enough_px = 1e-4;
     const double error = error_in_the_middle(i, j, x, y);
     if (error * projector_.camera().intrinsics.fx < good_enough_px)
-        return {Validity::all, bounds};
+        return {Validity::all, bounds, curvature(x, y)};
     if (!std::isfinite(error))
         return make_border_tile(i, j);
     const Eigen::Vector2d margin = bounds.half() + Eigen::Vector2d::Constant(10.0 * error);
-    return {Validity::some, {bounds.low - margin, bounds.high + margin}};
+    return {Validity::some, {bounds.low - margin, bounds.high + margin}, curvature(x, y)};
+}
+
+// From differences of the nodes, which are a tile apart.
+double UndistortionMap::curvature(const Nodes& x, const Nodes& y) {
+    const auto second = [](const Nodes& n) -> Eigen::Vector3d {
+        const double along_s = n.row(1).sum() + n.row(2).sum() - 2.0 * n.block(1, 1, 2, 2).sum();
+        const double along_t = n.col(1).sum() + n.col(2).sum() - 2.0 * n.block(1, 1, 2, 2).sum();
+        const double mixed = n(2, 2) - n(2, 1) - n(1, 2) + n(1, 1);
+        return Eigen::Vector3d(0.25 * along_s, 0.25 * along_t, mixed) / (tile_px * tile_px);
+    };
+    Eigen::Matrix2d derivative;
+    derivative << x(1, 2) - x(1, 1), x(2, 1) - x(1, 1), y(1, 2) - y(1, 1), y(2, 1) - y(1, 1);
+    Eigen::Matrix<double, 2, 3> bends;
+    bends << second(x).transpose(), second(y).transpose();
+    const double largest = (derivative.inverse() * tile_px * bends).cwiseAbs().maxCoeff();
+    return largest <= Bend::most ? largest : Bend::most;  // not a number beside a fold
+}
+
+UndistortionMap::Bend UndistortionMap::bend(const cv::Rect& tiles) const {
+    const int level = std::min(1, levels() - 1), side = level == 0 ? 1 : group_side;
+    const cv::Rect within = cells_of(tiles & tiles_, side);
+    Bend all;
+    for (int j = within.y; j < within.br().y; ++j)
+        for (int i = within.x; i < within.br().x; ++i) {
+            all.curvature = std::max(all.curvature, group(level, i, j).curvature);
+            all.is_polynomial = all.is_polynomial && validity(level, i, j) == Validity::all;
+        }
+    return all;
 }
 
 // Distance of the polynomial from Newton's inverse at a tile's centre, in undistorted coordinates;
@@ -143,11 +174,11 @@ UndistortionMap::Tile UndistortionMap::make_border_tile(int i, int j) const {
         }
     }
     if (low.x() > high.x())
-        return {Validity::none, {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()}};
+        return {Validity::none, {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()}, 0.0};
     const Intrinsics& intrinsics = projector_.camera().intrinsics;
     const Eigen::Vector2d pixel(1.0 / intrinsics.fx, 1.0 / intrinsics.fy);
     const Eigen::Vector2d margin = (high - low).cwiseMax(tile_px * pixel);
-    return {Validity::some, {low - margin, high + margin}};
+    return {Validity::some, {low - margin, high + margin}, Bend::most};
 }
 
 // With V(n, i) = p_n^i for the nodes' places p_n = -1.5, -0.5, 0.5, 1.5 the values at the nodes are

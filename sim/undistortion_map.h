@@ -63,6 +63,17 @@ public:
     Validity validity(int level, int i, int j) const { return group(level, i, j).validity; }
     const Box& bounds(int level, int i, int j) const { return group(level, i, j).bounds; }
 
+    // How much the undistortion bends among these tiles and some around them.
+    struct Bend {
+        // Largest change of its derivative from one pixel to the next, relative to the derivative:
+        // px of sagitta times 8 over a length of 1 px. Beside a fold, where it is infinite, and
+        // beyond this: `most`.
+        double curvature = 0.0;
+        bool is_polynomial = true;  // validity() is `all` everywhere
+        static constexpr double most = 1.0;
+    };
+    Bend bend(const cv::Rect& tiles) const;
+
     // Of a tile whose validity() is `all`.
     TilePolynomial polynomial(int i, int j) const;
 
@@ -79,6 +90,7 @@ private:
     struct Tile {
         Validity validity;
         Box bounds;
+        double curvature;  // see Bend
     };
     using Nodes = Eigen::Matrix4d;  // one coordinate at 4 x 4 corners, rows along y
 
@@ -106,6 +118,7 @@ private:
     void make_nodes();
     Tile make_tile(int i, int j) const;
     double error_in_the_middle(int i, int j, const Nodes& x, const Nodes& y) const;
+    static double curvature(const Nodes& x, const Nodes& y);
     Tile make_border_tile(int i, int j) const;
     static Tile united(const Tile& a, const Tile& b);
     static Level group_up(const Level& below);

@@ -195,13 +195,14 @@ void add_lens_averages(const TileGeometry& tile, const TilePatch& patch,
     constexpr std::size_t least_blocks = 36;
     const auto n = static_cast<std::size_t>(positions.n()), blocks = n * n / block;
     const int degree = significant_degree(tile);
-    const BlockBounds bounds = block_bounds(tile, positions);
+    const bool look_for_uncut = blocks >= least_blocks;
+    const BlockBounds bounds = look_for_uncut ? block_bounds(tile, positions) : BlockBounds{};
     HWY_ALIGN float uncut[block], cut[block];
     for (std::size_t index = 0; index < blocks; ++index) {
         const std::size_t place = index % block;
-        if (place == 0 && blocks >= least_blocks)
+        if (place == 0 && look_for_uncut)
             find_uncut_blocks(tile, degree, patch, positions, index, bounds, uncut, cut);
-        if (blocks >= least_blocks && cut[place] == 0.0f) {
+        if (look_for_uncut && cut[place] == 0.0f) {
             add_even_block(uncut[place], index, n, values);
             continue;
         }

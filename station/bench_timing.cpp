@@ -11,7 +11,9 @@
 namespace etalon {
 namespace {
 
+// Seven repetitions at least; of short work more, up to so much time, as its first runs are slower.
 constexpr std::size_t repetitions = 7;
+constexpr double long_enough_ms = 150.0;
 constexpr double long_run_ms = 1000.0;
 
 double clock_ms(clockid_t clock) {
@@ -54,8 +56,12 @@ double median_cpu_ms(const std::function<void()>& work) {
     if (first > long_run_ms)
         return first;
     std::vector<double> times;
-    while (times.size() < repetitions)
+    double sum = 0.0;
+    while (times.size() < repetitions ||
+           (sum < long_enough_ms && times.size() < 20 * repetitions)) {
         times.push_back(run_ms(work));
+        sum += times.back();
+    }
     std::sort(times.begin(), times.end());
     return times[times.size() / 2];
 }

@@ -17,8 +17,8 @@ double peak_memory_mib();
 void keep_freed_memory();
 
 // Median CPU time of `work` in the calling thread, without what it may give to others: limit TBB to
-// one thread. `work` runs once before, then seven times; where the first run takes more than a
-// second, it is the only one.
+// one thread. `work` runs once before, then seven times, or for 150 ms if that is more (at most 140
+// times); where the first run takes more than a second, it is the only one.
 double median_cpu_ms(const std::function<void()>& work);
 
 }  // namespace etalon

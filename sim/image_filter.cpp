@@ -265,7 +265,7 @@ FilterKernel ImageFilter::make_ring(int shift, bool and_finer) const {
 double ImageFilter::gray_of_coarser_ring(int shift, double blur_px) const {
     if (shift <= first_shift_)
         return 0.0;
-    const double factor = shift == first_shift_ + 1 ? 0.4 : 2.8, relative = blur_px / split_px_;
+    const double factor = shift == first_shift_ + 1 ? 0.36 : 2.8, relative = blur_px / split_px_;
     return factor * psf_->scale_px() / split_px_ / (relative * relative);
 }
 

@@ -70,8 +70,10 @@ public:
             const RenderOptions& options)
         : image_(image), filter_(filter), bound_(bound), options_(options) {
         chosen_.plan.tolerance_gray = options.tolerance_gray;
-        chosen_.plan.min_blur_radius_px = image.blur.smallest_px;
-        chosen_.plan.max_blur_radius_px = image.blur.largest_px;
+        chosen_.plan.min_blur_radius_px = image.undistorted_blur.smallest_px;
+        chosen_.plan.max_blur_radius_px = image.undistorted_blur.largest_px;
+        chosen_.sampling.least_blur_scale = image.bend.least_scale;
+        chosen_.sampling.largest_blur_scale = image.bend.largest_scale;
         chosen_.plan.method = options.method;
     }
 

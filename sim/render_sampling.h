@@ -20,11 +20,12 @@ struct RenderSampling {
 
 // What of a marker's image the choice depends on.
 struct ImageExtremes {
-    BlurRange blur;
-    double step;      // largest difference of two neighbouring cells
-    double contrast;  // largest difference of a cell from the background
-    double area_px;   // of the marker's image, at least
-    double cell_px;   // a cell's side where it is shortest, about
+    BlurRange undistorted_blur;  // for the record
+    BlurRange blur;              // as the sensor sees it
+    double step;                 // largest difference of two neighbouring cells
+    double contrast;             // largest difference of a cell from the background
+    double area_px;              // of the marker's image, at least
+    double cell_px;              // a cell's side where it is shortest, about
     EdgeTangents tangents;
     UndistortionMap::Bend bend;
     int markers = 1;  // in the scene: their omitted tails add up

@@ -153,14 +153,41 @@ double shortest_cell(const std::vector<Eigen::Vector2d>& outline, const MarkerVi
     return shortest;
 }
 
-UndistortionMap::Bend bend_around(const std::vector<Eigen::Vector2d>& outline, double blur_px,
-                                  const UndistortionMap& map) {
+cv::Rect tiles_around(const std::vector<Eigen::Vector2d>& outline, double blur_px,
+                      const UndistortionMap& map) {
     const cv::Rect tiles = map.tiles();
     const cv::Rect pixels(tiles.x * tile_px, tiles.y * tile_px, tiles.width * tile_px,
                           tiles.height * tile_px);
     const double margin = std::min(blur_px, 1e6) + tile_px;
-    return map.bend(
-        cells_of(pixels_around(outline, Eigen::Array2d::Constant(margin), pixels), tile_px));
+    return cells_of(pixels_around(outline, Eigen::Array2d::Constant(margin), pixels), tile_px);
+}
+
+// The blur as the sensor sees it, shrunk and magnified by the distortion: of the groups of these
+// tiles that see the marker.
+BlurRange distorted_blur(const BlurRange& blur, const MarkerView& view, const UndistortionMap& map,
+                         const cv::Rect& tiles) {
+    const int level = std::min(2, map.levels() - 1), side = 1 << (2 * level);
+    const Intrinsics& intrinsics = map.projector().camera().intrinsics;
+    const double smaller = view.aperture().radius_mm * std::min(intrinsics.fx, intrinsics.fy);
+    const double larger = view.aperture().radius_mm * std::max(intrinsics.fx, intrinsics.fy);
+    const cv::Rect groups = cells_of(tiles, side) & map.groups(level);
+    BlurRange result{std::numeric_limits<double>::infinity(), 0.0};
+    for (int j = groups.y; j < groups.br().y; ++j)
+        for (int i = groups.x; i < groups.br().x; ++i) {
+            const Box& box = map.bounds(level, i, j);
+            if (map.validity(level, i, j) == UndistortionMap::Validity::none ||
+                !view.footprint(box))
+                continue;
+            const auto bend = map.bend(level, i, j);
+            result.smallest_px =
+                std::min(result.smallest_px,
+                         bend.least_scale *
+                             std::max(blur.smallest_px, smaller * view.smallest_defocus(box)));
+            result.largest_px = std::max(
+                result.largest_px,
+                bend.largest_scale * std::min(blur.largest_px, larger * view.largest_defocus(box)));
+        }
+    return result.largest_px > 0.0 ? result : blur;
 }
 
 // The directions that grid lines have anywhere in the image: those of two opposite sides and
@@ -237,13 +264,15 @@ public:
                                  Omission::uniform_tiles) != options.keep.end()) {
         const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
         const std::vector<Eigen::Vector2d> sides = marker_outline(view_, cache.map.projector(), 16);
+        const cv::Rect tiles = tiles_around(sides, blur.largest_px, cache.map);
         const ImageExtremes image{blur,
+                                  distorted_blur(blur, view_, cache.map, tiles),
                                   largest_step(view_),
                                   view_.contrast(),
                                   area_around(sides, blur.largest_px),
                                   shortest_cell(sides, view_),
                                   tangents_of(sides),
-                                  bend_around(sides, blur.largest_px, cache.map),
+                                  cache.map.bend(tiles),
                                   static_cast<int>(scene.markers.size())};
         chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
         chosen_.plan.instructions = tile_kernel_target();

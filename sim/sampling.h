@@ -21,6 +21,8 @@ struct CoarseSampling {
 
 struct Sampling {
     int k = 1;  // samples per pixel side
+    // By how much the distortion may shrink and magnify the blur, which the limits below are for.
+    double least_blur_scale = 1.0, largest_blur_scale = 1.0;
     SampleKind kind = SampleKind::box;
     // Box samples: tiles blurred by at least this everywhere take the mean of 2 x 2 exact lens
     // averages per box instead of the exact area at some lens points.

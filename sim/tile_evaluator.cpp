@@ -56,8 +56,10 @@ TileEvaluator::TileEvaluator(const MarkerView& view, const UndistortionMap& map,
       sampling_(sampling),
       positions_(positions),
       fx_(map.projector().camera().intrinsics.fx),
-      smaller_focal_px_(std::min(fx_, map.projector().camera().intrinsics.fy)),
-      larger_focal_px_(std::max(fx_, map.projector().camera().intrinsics.fy)),
+      smaller_focal_px_(sampling.least_blur_scale *
+                        std::min(fx_, map.projector().camera().intrinsics.fy)),
+      larger_focal_px_(sampling.largest_blur_scale *
+                       std::max(fx_, map.projector().camera().intrinsics.fy)),
       lens_average_(view) {}
 
 TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& range,

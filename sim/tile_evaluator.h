@@ -70,7 +70,7 @@ private:
     const UndistortionMap& map_;
     const Sampling& sampling_;
     const TilePositionsOf& positions_;
-    double fx_, smaller_focal_px_, larger_focal_px_;
+    double fx_, smaller_focal_px_, larger_focal_px_;  // the latter two with the blur's scales
     TileGeometry geometry_;
     std::vector<float> lens_averages_, of_disk_, scratch_;
     std::vector<ConcentricDisk> disks_;

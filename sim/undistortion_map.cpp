@@ -1,6 +1,7 @@
 #include "sim/undistortion_map.h"
 
 #include <Eigen/LU>
+#include <Eigen/SVD>
 #include <cmath>
 
 #include "sim/tile_map.h"
@@ -54,13 +55,14 @@ UndistortionMap::UndistortionMap(const Projector& projector, int margin_px)
 }
 
 UndistortionMap::Tile UndistortionMap::united(const Tile& a, const Tile& b) {
-    const auto validity = a.validity == b.validity ? a.validity : Validity::some;
-    if (a.validity == Validity::none || b.validity == Validity::none)
-        return {validity, a.validity == Validity::none ? b.bounds : a.bounds,
-                std::max(a.curvature, b.curvature)};
-    return {validity,
-            {a.bounds.low.cwiseMin(b.bounds.low), a.bounds.high.cwiseMax(b.bounds.high)},
-            std::max(a.curvature, b.curvature)};
+    Tile both = a.validity == Validity::none ? b : a;
+    if (a.validity != Validity::none && b.validity != Validity::none)
+        both.bounds = {a.bounds.low.cwiseMin(b.bounds.low), a.bounds.high.cwiseMax(b.bounds.high)};
+    both.validity = a.validity == b.validity ? a.validity : Validity::some;
+    both.curvature = std::max(a.curvature, b.curvature);
+    both.least_scale = std::min(a.least_scale, b.least_scale);
+    both.largest_scale = std::max(a.largest_scale, b.largest_scale);
+    return both;
 }
 
 UndistortionMap::Level UndistortionMap::group_up(const Level& below) {
@@ -104,7 +106,7 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) const {
     const Nodes x = nodes(i, j, 0), y = nodes(i, j, 1);
     const Box nowhere{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
     if (x.array().isNaN().all())
-        return {Validity::none, nowhere, 0.0};
+        return {Validity::none, nowhere};
     if (x.array().isNaN().any())
         return make_border_tile(i, j);
     const Eigen::Matrix4d& b = bezier_from_nodes();
@@ -114,16 +116,19 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) const {
     // The cubic errs most in the middle. A wide-angle lens may bend too much for it.
     constexpr double good_enough_px = 1e-4;
     const double error = error_in_the_middle(i, j, x, y);
-    if (error * projector_.camera().intrinsics.fx < good_enough_px)
-        return {Validity::all, bounds, curvature(x, y)};
     if (!std::isfinite(error))
         return make_border_tile(i, j);
-    const Eigen::Vector2d margin = bounds.half() + Eigen::Vector2d::Constant(10.0 * error);
-    return {Validity::some, {bounds.low - margin, bounds.high + margin}, curvature(x, y)};
+    Tile tile{Validity::all, bounds};
+    if (!(error * projector_.camera().intrinsics.fx < good_enough_px)) {
+        const Eigen::Vector2d margin = bounds.half() + Eigen::Vector2d::Constant(10.0 * error);
+        tile = {Validity::some, {bounds.low - margin, bounds.high + margin}};
+    }
+    set_bend(x, y, tile);
+    return tile;
 }
 
 // From differences of the nodes, which are a tile apart.
-double UndistortionMap::curvature(const Nodes& x, const Nodes& y) {
+void UndistortionMap::set_bend(const Nodes& x, const Nodes& y, Tile& tile) const {
     const auto second = [](const Nodes& n) -> Eigen::Vector3d {
         const double along_s = n.row(1).sum() + n.row(2).sum() - 2.0 * n.block(1, 1, 2, 2).sum();
         const double along_t = n.col(1).sum() + n.col(2).sum() - 2.0 * n.block(1, 1, 2, 2).sum();
@@ -134,8 +139,22 @@ double UndistortionMap::curvature(const Nodes& x, const Nodes& y) {
     derivative << x(1, 2) - x(1, 1), x(2, 1) - x(1, 1), y(1, 2) - y(1, 1), y(2, 1) - y(1, 1);
     Eigen::Matrix<double, 2, 3> bends;
     bends << second(x).transpose(), second(y).transpose();
-    const double largest = (derivative.inverse() * tile_px * bends).cwiseAbs().maxCoeff();
-    return largest <= Bend::most ? largest : Bend::most;  // not a number beside a fold
+    const Eigen::Matrix2d px_per_x = tile_px * derivative.inverse();
+    const double largest = (px_per_x * bends).cwiseAbs().maxCoeff();
+    tile.curvature = largest <= Bend::most ? largest : Bend::most;  // not a number beside a fold
+    if (!px_per_x.allFinite())
+        return;
+    const Intrinsics& intrinsics = projector_.camera().intrinsics;
+    const Eigen::Vector2d lengths = Eigen::JacobiSVD<Eigen::Matrix2d>(px_per_x).singularValues();
+    tile.largest_scale = lengths[0] / std::max(intrinsics.fx, intrinsics.fy);
+    tile.least_scale = lengths[1] / std::min(intrinsics.fx, intrinsics.fy);
+}
+
+UndistortionMap::Bend UndistortionMap::bend(int level, int i, int j) const {
+    const Tile& tile = group(level, i, j);
+    const bool has_scale = tile.largest_scale > 0.0;
+    return {tile.curvature, tile.validity == Validity::all, has_scale ? tile.least_scale : 1.0,
+            has_scale ? tile.largest_scale : 1.0};
 }
 
 UndistortionMap::Bend UndistortionMap::bend(const cv::Rect& tiles) const {
@@ -144,8 +163,11 @@ UndistortionMap::Bend UndistortionMap::bend(const cv::Rect& tiles) const {
     Bend all;
     for (int j = within.y; j < within.br().y; ++j)
         for (int i = within.x; i < within.br().x; ++i) {
-            all.curvature = std::max(all.curvature, group(level, i, j).curvature);
-            all.is_polynomial = all.is_polynomial && validity(level, i, j) == Validity::all;
+            const Bend one = bend(level, i, j);
+            all.curvature = std::max(all.curvature, one.curvature);
+            all.is_polynomial = all.is_polynomial && one.is_polynomial;
+            all.least_scale = std::min(all.least_scale, one.least_scale);
+            all.largest_scale = std::max(all.largest_scale, one.largest_scale);
         }
     return all;
 }

@@ -70,9 +70,13 @@ public:
         // beyond this: `most`.
         double curvature = 0.0;
         bool is_polynomial = true;  // validity() is `all` everywhere
+        // The distortion's own magnification in any direction, at least (of the smaller focal
+        // length) and at most (of the larger); not of tiles at the border of the valid region.
+        double least_scale = 1.0, largest_scale = 1.0;
         static constexpr double most = 1.0;
     };
     Bend bend(const cv::Rect& tiles) const;
+    Bend bend(int level, int i, int j) const;  // of a group
 
     // Of a tile whose validity() is `all`.
     TilePolynomial polynomial(int i, int j) const;
@@ -90,7 +94,8 @@ private:
     struct Tile {
         Validity validity;
         Box bounds;
-        double curvature;  // see Bend
+        double curvature = 0.0;  // see Bend
+        double least_scale = std::numeric_limits<double>::infinity(), largest_scale = 0.0;
     };
     using Nodes = Eigen::Matrix4d;  // one coordinate at 4 x 4 corners, rows along y
 
@@ -118,7 +123,7 @@ private:
     void make_nodes();
     Tile make_tile(int i, int j) const;
     double error_in_the_middle(int i, int j, const Nodes& x, const Nodes& y) const;
-    static double curvature(const Nodes& x, const Nodes& y);
+    void set_bend(const Nodes& x, const Nodes& y, Tile& tile) const;
     Tile make_border_tile(int i, int j) const;
     static Tile united(const Tile& a, const Tile& b);
     static Level group_up(const Level& below);

@@ -75,6 +75,8 @@ TEST(GenicamThroughput, DeliversAThousandFramesOf1280x1024At50HzByteForByteWitho
     wanted.trigger = "Software";
     camera->configure(wanted);
     camera->arm();
+    // The frame that warms the stream up may have been lost, and is not one of the thousand.
+    const long lost_before = camera->statistics().missing_packets;
     const Instant start = rig.clock.now();
     for (int i = 0; i < 1000; ++i) {
         const Frame frame = camera->frame_after(start + i * 20ms, 0, {});
@@ -84,7 +86,7 @@ TEST(GenicamThroughput, DeliversAThousandFramesOf1280x1024At50HzByteForByteWitho
     EXPECT_EQ(camera->statistics().delivered, 1000);
     EXPECT_EQ(camera->statistics().rejected, 0);
     EXPECT_EQ(camera->statistics().skipped, 0);
-    EXPECT_EQ(camera->statistics().missing_packets, 0);
+    EXPECT_EQ(camera->statistics().missing_packets, lost_before);
     const double seconds = std::chrono::duration<double>(rig.clock.now() - start).count();
     EXPECT_LT(seconds, 1.1 * 20.0) << "slower than 50 Hz";
     RecordProperty("frames_per_second", std::to_string(1000.0 / seconds));

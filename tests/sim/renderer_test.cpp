@@ -5,6 +5,7 @@
 
 #include <numbers>
 
+#include "calib/projector.h"
 #include "core/errors.h"
 #include "sim/benchmark_scenes.h"
 #include "tests/sim/edge_scenes.h"
@@ -258,6 +259,38 @@ TEST(Renderer, RefusesOptionsWithoutAMeaning) {
     CameraModel empty = pinhole();
     empty.width = 0;
     EXPECT_THROW(Renderer{empty}, NumericalError);
+}
+
+// How much of a pixel lies to the right of where rays with this x meet the sensor.
+double part_right_of(const Projector& projector, double ray_x, int x, int y) {
+    constexpr int rows = 64;
+    double sum = 0.0;
+    for (int row = 0; row < rows; ++row) {
+        double left = x - 0.5, right = x + 0.5;
+        for (int step = 0; step < 30; ++step) {
+            const double middle = 0.5 * (left + right);
+            const auto ray = projector.unproject({middle, y + (row + 0.5) / rows - 0.5});
+            (ray->x() > ray_x ? right : left) = middle;
+        }
+        sum += x + 0.5 - left;
+    }
+    return sum / rows;
+}
+
+// Edges that are bent within a pixel: as parallelograms, pixels would be up to 0.7 gray off.
+TEST(Renderer, FollowsDistortionsThatBendWithinAPixel) {
+    CameraModel camera = pinhole();
+    camera.intrinsics.fx = camera.intrinsics.fy = 30.0;
+    camera.distortion.k1 = -0.25;
+    camera.distortion.k2 = 0.05;
+    const auto rendered = Renderer(camera).render(half_plane(160.0, 250.0));
+    EXPECT_GT(rendered.plan.points_per_pixel_side, 1);
+    const Projector projector(camera);
+    for (int y = 20; y < 52; y += 3)
+        for (int x = 47 + 14; x < 47 + 21; ++x)
+            EXPECT_NEAR(rendered.radiance.at<float>(y, x),
+                        part_right_of(projector, 160.0 / 250.0, x, y), 0.1 * gray)
+                << x << ", " << y;
 }
 
 TEST(Renderer, SaysWhatItDid) {

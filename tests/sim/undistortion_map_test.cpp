@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+#include <Eigen/SVD>
+
 #include "sim/benchmark_scenes.h"
 
 namespace etalon {
@@ -95,6 +98,53 @@ TEST(UndistortionMap, PolynomialIsWhatIsSampled) {
             tile.centre + Eigen::Vector2d(in_t.dot(tile.x * in_s), in_t.dot(tile.y * in_s));
         EXPECT_LT((x - points[static_cast<std::size_t>(q)]->x).norm(), 1e-14);
     }
+}
+
+// Of a strong barrel distortion, whose inverse is differentiated numerically.
+TEST(UndistortionMap, KnowsHowMuchItBends) {
+    CameraModel camera;
+    camera.width = 80;
+    camera.height = 64;
+    camera.intrinsics = {50.0, 70.0, 39.5, 31.5};
+    camera.distortion = {.k1 = -0.15, .k2 = 0.02};
+    const UndistortionMap map(Projector(camera), 8);
+    const Eigen::Vector2d at(61.5, 21.5);  // the middle of tile (15, 5)
+    const auto x = [&](double dx, double dy) {
+        return *map.projector().unproject(at + Eigen::Vector2d(dx, dy));
+    };
+    constexpr double h = 0.01;
+    Eigen::Matrix2d by_px;
+    by_px << (x(h, 0) - x(-h, 0)) / (2 * h), (x(0, h) - x(0, -h)) / (2 * h);
+    double curvature = 0.0;
+    for (const Eigen::Vector2d& second :
+         {Eigen::Vector2d((x(h, 0) - 2 * x(0, 0) + x(-h, 0)) / (h * h)),
+          Eigen::Vector2d((x(0, h) - 2 * x(0, 0) + x(0, -h)) / (h * h)),
+          Eigen::Vector2d((x(h, h) - x(h, -h) - x(-h, h) + x(-h, -h)) / (4 * h * h))})
+        curvature = std::max(curvature, (by_px.inverse() * second).cwiseAbs().maxCoeff());
+    const auto bend = map.bend(0, 15, 5);
+    EXPECT_TRUE(bend.is_polynomial || map.validity(15, 5) == UndistortionMap::Validity::some);
+    EXPECT_GT(curvature, 0.003);
+    // From differences over tiles, of the tile's middle.
+    EXPECT_NEAR(bend.curvature, curvature, 0.15 * curvature);
+    const Eigen::Vector2d lengths =
+        Eigen::JacobiSVD<Eigen::Matrix2d>(by_px.inverse()).singularValues();
+    EXPECT_NEAR(bend.largest_scale, lengths[0] / 70.0, 0.02);
+    EXPECT_NEAR(bend.least_scale, lengths[1] / 50.0, 0.02);
+    // Around it there is more and less of it.
+    const auto around = map.bend({8, 0, 11, 12});
+    EXPECT_GT(around.curvature, bend.curvature);
+    EXPECT_LT(around.least_scale, bend.least_scale);
+}
+
+TEST(UndistortionMap, DoesNotBendWithoutDistortion) {
+    CameraModel camera = benchmark_scene("webcam-500").camera;
+    camera.distortion = {};
+    camera.intrinsics.fy *= 1.3;
+    const auto bend = UndistortionMap(Projector(camera), 8).bend({3, 5, 40, 30});
+    EXPECT_LT(bend.curvature, 1e-9);
+    EXPECT_TRUE(bend.is_polynomial);
+    EXPECT_NEAR(bend.least_scale, 1.0, 1e-9);
+    EXPECT_NEAR(bend.largest_scale, 1.0, 1e-9);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include "calib/projector.h"
 #include "core/errors.h"
+#include "sim/marker_view.h"
 #include "sim/pose_sampling.h"
 
 namespace etalon {
@@ -31,12 +32,13 @@ std::optional<Rigid> drawn_pose(const Projector& projector, const CellGrid& grid
     return Rigid{rotation, z * x->homogeneous() - rotation * centre};
 }
 
-// The whole front in front of the lens, inside the image.
+// The whole front in front of the lens, seen by all of it, inside the image.
 bool is_seen(const Projector& projector, const CellGrid& grid, const Rigid& pose) {
-    const Eigen::Vector3d inward = pose.rotation * Eigen::Vector3d::UnitZ();
-    if (!(inward.dot(pose.translation) > 0.0))
-        return false;
     const CameraModel& camera = projector.camera();
+    const Eigen::Vector3d inward = pose.rotation * Eigen::Vector3d::UnitZ();
+    const double lens_mm = camera.lens ? aperture_of(camera).radius_mm : 0.0;
+    if (!(inward.dot(pose.translation) > lens_mm * inward.head<2>().norm()))
+        return false;
     for (const int u : {0, grid.columns()})
         for (const int v : {0, grid.rows()}) {
             const auto pixel = projector.project(pose * grid.point_mm(u, v));

@@ -85,6 +85,12 @@ TEST(ImageFilter, ARingHoldsTheEnergyOfTheFinerOnesToo) {
     }
 }
 
+TEST(ImageFilter, RefusesKernelsThatNoMemoryHolds) {
+    CameraModel camera = camera_with_lens(550.0);
+    camera.lens->wavelength_nm *= 110.0 / PointSpreadFunction::of(camera).scale_px();
+    EXPECT_THROW(ImageFilter(camera).core(24, SampleKind::point), NumericalError);
+}
+
 TEST(ImageFilter, OfACameraWithoutLensIsThePixelsMean) {
     CameraModel camera = camera_with_lens(550.0);
     camera.lens.reset();

@@ -61,6 +61,14 @@ bool exceeds_full_scale(const CodeImage& image) {
                : has_bit_above<std::uint16_t>(image.pixels, image.full_scale());
 }
 
+std::string code_fault(const CodeImage& image, const PixelFormat& format) {
+    if (!can_exceed_full_scale(format, image.bits) || !exceeds_full_scale(image))
+        return "";
+    return fmt::format(
+        "a code is above {}: the device does not send {} bits in the low bits of a pixel",
+        image.full_scale(), image.bits);
+}
+
 namespace {
 
 using Difference = std::optional<SettingDifference>;

@@ -7,6 +7,7 @@
 #include <stop_token>
 #include <string>
 
+#include "capture/camera.h"
 #include "capture/pixel_formats.h"
 #include "core/image.h"
 
@@ -30,6 +31,11 @@ bool exceeds_full_scale(const CodeImage& image);
 // Whether that can happen at all: packed codes have no room for more bits than the format's.
 bool can_exceed_full_scale(const PixelFormat& format, int bits);
 
+// What is wrong with the codes of an image of this format, in the words of a DeviceError: they
+// exceed its full scale. Empty if nothing. What a device sends in the wrong bits, no other frame
+// will send right.
+std::string code_fault(const CodeImage& image, const PixelFormat& format);
+
 // A wish that a device did not fulfil, in the words of a DeviceError.
 struct SettingDifference {
     std::string request;  // "set gain 2.5 dB"
@@ -43,6 +49,22 @@ struct SettingDifference {
 std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
                                                   const CaptureSettings& actual,
                                                   double exposure_step_us);
+
+// The retries of Camera::frame_after(): takes frames until one is complete, at most 1 + `retries`,
+// and counts them. Returns the last.
+template <class Take>
+Frame first_complete_frame(int retries, CaptureStatistics& statistics, const Take& take) {
+    Frame frame;
+    for (int attempt = 0; attempt <= retries; ++attempt) {
+        frame = take();
+        if (frame.status == FrameStatus::complete) {
+            ++statistics.delivered;
+            return frame;
+        }
+        ++statistics.rejected;
+    }
+    return frame;
+}
 
 // Returns once the clock is past t. Throws Interrupted when a stop is requested.
 void wait_until_after(Clock& clock, Instant t, std::stop_token stop);

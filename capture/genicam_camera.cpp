@@ -198,16 +198,7 @@ void GenicamCamera::trigger() {
 Frame GenicamCamera::frame_after(Instant t, int retries, std::stop_token stop) {
     if (!armed_)
         fail("take a frame", "the camera is not armed");
-    Frame frame;
-    for (int attempt = 0; attempt <= retries; ++attempt) {
-        frame = one_frame(t, stop);
-        if (frame.status == FrameStatus::complete) {
-            ++statistics_.delivered;
-            return frame;
-        }
-        ++statistics_.rejected;
-    }
-    return frame;
+    return first_complete_frame(retries, statistics_, [&] { return one_frame(t, stop); });
 }
 
 Frame GenicamCamera::one_frame(Instant t, std::stop_token stop) {

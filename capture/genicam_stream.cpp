@@ -111,12 +111,9 @@ Frame GenicamStream::judged(ArvBuffer* buffer) const {
         return frame;
     }
     frame.image.bits = capture_.settings.bits;
-    if (can_exceed_full_scale(*capture_.format, frame.image.bits) &&
-        exceeds_full_scale(frame.image))
-        device_.fail("take a frame",
-                     fmt::format("a code is above {}: the device does not send {} bits in the low "
-                                 "bits of a pixel",
-                                 frame.image.full_scale(), frame.image.bits));
+    fault = code_fault(frame.image, *capture_.format);
+    if (!fault.empty())
+        device_.fail("take a frame", fault);
     return frame;
 }
 

@@ -261,7 +261,7 @@ void LibcameraCamera::write_remarks() {
             "camera (v4l2: reaches it)");
     if (format_->lossy())
         remarks_.push_back(stream_.format + " is lossy: its pixels are not the sensor's codes");
-    if (is_luma_of_colours(*format_))
+    if (format_->luma_of_colours())
         remarks_.push_back(fmt::format("of {} the luma is kept, which the camera made{}",
                                        stream_.format,
                                        stream_.limited_range ? ", from 16 to 235 only" : ""));
@@ -405,16 +405,7 @@ Frame LibcameraCamera::frame_after(Instant t, int retries, std::stop_token stop)
     require_alive("take a frame");
     if (!streaming_)
         fail("take a frame", "the camera is not armed");
-    Frame frame;
-    for (int attempt = 0; attempt <= retries; ++attempt) {
-        frame = fresh_frame(t, stop);
-        if (frame.status == FrameStatus::complete) {
-            ++statistics_.delivered;
-            return frame;
-        }
-        ++statistics_.rejected;
-    }
-    return frame;
+    return first_complete_frame(retries, statistics_, [&] { return fresh_frame(t, stop); });
 }
 
 Frame LibcameraCamera::fresh_frame(Instant t, std::stop_token stop) {
@@ -506,14 +497,11 @@ void LibcameraCamera::unpack_into(Frame& frame, const LibcameraFrame& raw) const
 void LibcameraCamera::require_as_asked(const Frame& frame, const LibcameraValues& metadata) const {
     if (const auto changed = contradicted(plan_.asked, metadata, exposure_step_us()))
         fail("take a frame", "it was told to " + changed->request + ": " + changed->cause);
-    // Any code fits into bytes, and into the bits of packed formats.
-    const bool may_exceed =
-        format_->packing == PixelPacking::words_low || settings_.bits != format_->bits;
-    if (frame.status == FrameStatus::complete && may_exceed && exceeds_full_scale(frame.image))
-        fail("take a frame",
-             fmt::format("a code is above {}: the device does not send {} bits in the low bits of "
-                         "a pixel",
-                         frame.image.full_scale(), settings_.bits));
+    if (frame.status != FrameStatus::complete)
+        return;
+    const std::string fault = code_fault(frame.image, *format_);
+    if (!fault.empty())
+        fail("take a frame", fault);
 }
 
 }  // namespace

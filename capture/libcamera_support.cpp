@@ -78,11 +78,6 @@ const PixelFormat* choose_libcamera_format(const CaptureSettings& wanted,
     return chosen;
 }
 
-bool is_luma_of_colours(const PixelFormat& format) {
-    return format.packing == PixelPacking::luma_first ||
-           format.packing == PixelPacking::luma_second || format.libcamera == "NV12";
-}
-
 std::optional<SettingDifference> stream_difference(const std::string& format, cv::Size size,
                                                    const LibcameraStream& stream) {
     if (stream.format != format)

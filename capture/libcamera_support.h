@@ -22,9 +22,6 @@ namespace etalon {
 const PixelFormat* choose_libcamera_format(const CaptureSettings& wanted,
                                            const std::vector<LibcameraFormat>& offered);
 
-// Whether the format's codes are the luma that the camera computed from colours.
-bool is_luma_of_colours(const PixelFormat& format);
-
 // The difference between a configured stream and what was asked for.
 std::optional<SettingDifference> stream_difference(const std::string& format, cv::Size size,
                                                    const LibcameraStream& stream);

@@ -41,6 +41,11 @@ struct PixelFormat {
 
     std::string_view name() const { return !pfnc.empty() ? pfnc : v4l2; }
     bool lossy() const { return packing == PixelPacking::jpeg; }
+    // Whether its codes are the luma that the camera computed from colours.
+    bool luma_of_colours() const {
+        return packing == PixelPacking::luma_first || packing == PixelPacking::luma_second ||
+               v4l2 == "NV12" || v4l2 == "NM12";
+    }
 };
 
 // The table. A row may be copied and altered for a camera that departs from it, such as one that

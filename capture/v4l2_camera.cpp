@@ -36,12 +36,6 @@ std::string find_node(V4l2System& system, const Matches& matches) {
     return "";
 }
 
-bool is_luma_of_colours(const PixelFormat& format) {
-    return format.packing == PixelPacking::luma_first ||
-           format.packing == PixelPacking::luma_second || format.v4l2 == "NV12" ||
-           format.v4l2 == "NM12";
-}
-
 // What a bit depth is to be stored in: the same depth, else the codes of 16 bits that need not all
 // be in use. A true monochrome format comes before the luma of a colour one.
 const PixelFormat* monochrome_format(const std::vector<CameraFormat>& offered, int bits) {
@@ -49,7 +43,7 @@ const PixelFormat* monochrome_format(const std::vector<CameraFormat>& offered, i
         if (format.lossy() || format.mosaic != Mosaic::none)
             return 0;
         if (bits == 0 || format.bits == std::max(bits, 8))
-            return is_luma_of_colours(format) ? 2 : 3;
+            return format.luma_of_colours() ? 2 : 3;
         return bits > 8 && format.bits == 16 ? 1 : 0;
     };
     const PixelFormat* best = nullptr;
@@ -99,7 +93,7 @@ private:
     Frame next_frame_after(Instant t, std::stop_token stop);
     std::optional<Frame> judged(const FilledBuffer& buffer, Instant t);
     Frame described(const FilledBuffer& buffer, Instant now);
-    Frame checked(Frame frame) const;
+    void require_codes(const Frame& frame) const;
     void count(std::uint32_t sequence);
     std::string unpacked(const FilledBuffer& buffer, CodeImage& image) const;
 
@@ -245,7 +239,7 @@ void V4l2Camera::remark_on_format() {
     const PixelFormat& format = *image_format_.pixels;
     if (format.lossy())
         remark(fmt::format("{} is lossy: its pixels are not the sensor's codes", format.v4l2));
-    if (is_luma_of_colours(format))
+    if (format.luma_of_colours())
         remark(fmt::format("of {} the luma is kept, which the camera made", format.v4l2));
 }
 
@@ -303,16 +297,7 @@ void V4l2Camera::disarm() noexcept {
 Frame V4l2Camera::frame_after(Instant t, int retries, std::stop_token stop) {
     if (!armed_)
         fail("take a frame", "the camera is not armed");
-    Frame frame;
-    for (int attempt = 0; attempt <= retries; ++attempt) {
-        frame = next_frame_after(t, stop);
-        if (frame.status == FrameStatus::complete) {
-            ++statistics_.delivered;
-            return frame;
-        }
-        ++statistics_.rejected;
-    }
-    return frame;
+    return first_complete_frame(retries, statistics_, [&] { return next_frame_after(t, stop); });
 }
 
 // The first frame, good or bad, that is not older.
@@ -329,8 +314,10 @@ Frame V4l2Camera::next_frame_after(Instant t, std::stop_token stop) {
         if (const auto buffer = stream_->take()) {
             std::optional<Frame> frame = judged(*buffer, t);
             stream_->give_back(*buffer);
-            if (frame)
-                return checked(std::move(*frame));
+            if (frame) {
+                require_codes(*frame);
+                return std::move(*frame);
+            }
             ++too_old;
             ++statistics_.rejected;
             announced = false;
@@ -349,15 +336,12 @@ Frame V4l2Camera::next_frame_after(Instant t, std::stop_token stop) {
     return frame;
 }
 
-// What a device sends in the wrong bits, no other frame will send right.
-Frame V4l2Camera::checked(Frame frame) const {
-    const bool may_exceed = image_format_.pixels->bits > frame.image.bits ||
-                            image_format_.pixels->packing == PixelPacking::words_low;
-    if (frame.status == FrameStatus::complete && may_exceed && exceeds_full_scale(frame.image))
-        fail("take a frame", fmt::format("a code is above {}: the device does not send {} bits in "
-                                         "the low bits of a pixel",
-                                         frame.image.full_scale(), frame.image.bits));
-    return frame;
+void V4l2Camera::require_codes(const Frame& frame) const {
+    if (frame.status != FrameStatus::complete)
+        return;
+    const std::string fault = code_fault(frame.image, *image_format_.pixels);
+    if (!fault.empty())
+        fail("take a frame", fault);
 }
 
 // Nothing for a frame that is too old.

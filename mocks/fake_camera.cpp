@@ -41,19 +41,12 @@ void FakeCamera::arm() {
 Frame FakeCamera::frame_after(Instant t, int retries, std::stop_token stop) {
     if (!armed)
         fail("take a frame", "the camera is not armed");
-    Frame frame;
-    for (int attempt = 0; attempt <= retries; ++attempt) {
+    return first_complete_frame(retries, statistics_, [&] {
         if (stop.stop_requested())
             throw Interrupted();
         require_alive("take a frame");
-        frame = triggered(t);
-        if (frame.status == FrameStatus::complete) {
-            ++statistics_.delivered;
-            return frame;
-        }
-        ++statistics_.rejected;
-    }
-    return frame;
+        return triggered(t);
+    });
 }
 
 void FakeCamera::reconnect(Instant deadline, std::stop_token stop) {

@@ -10,6 +10,7 @@
 
 #include "core/errors.h"
 #include "core/text.h"
+#include "mocks/ending_signals.h"
 #include "mocks/twin.h"
 
 namespace {
@@ -29,18 +30,8 @@ void declare(CLI::App& app, Arguments& arguments) {
                    "Written once both devices listen, with the line that is printed");
 }
 
-// Before any thread is started: threads inherit the mask, so no signal interrupts one of them.
-sigset_t block_ending_signals() {
-    sigset_t signals;
-    sigemptyset(&signals);
-    sigaddset(&signals, SIGINT);
-    sigaddset(&signals, SIGTERM);
-    pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-    return signals;
-}
-
 int run(const Arguments& arguments) {
-    const sigset_t signals = block_ending_signals();
+    const sigset_t signals = etalon::block_ending_signals();
     etalon::TwinFile file = etalon::read_twin_file(arguments.file);
     if (arguments.seed)
         file.seed = *arguments.seed;

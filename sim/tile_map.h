@@ -71,14 +71,6 @@ struct SampleField {
     int side = 1;
     const std::vector<const float*>* finer = nullptr;
     std::ptrdiff_t offset = 0;
-
-    // Nothing where the tile is constant.
-    const float* samples(const cv::Point& tile) const {
-        if (!finer || !map.tiles().contains(tile))
-            return nullptr;
-        const float* first = (*finer)[map.index(tile.x, tile.y)];
-        return first ? first + offset : nullptr;
-    }
 };
 
 }  // namespace etalon

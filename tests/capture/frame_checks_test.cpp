@@ -111,5 +111,27 @@ TEST(SettingDifference, IgnoresWhatWasLeftToTheDevice) {
     EXPECT_FALSE(first_difference({}, actual, 0.5));
 }
 
+TEST(FrameChecks, SaysWhichCodesAreTooLargeForTheirBits) {
+    const CodeImage image{cv::Mat(3, 5, CV_16UC1, cv::Scalar(4096)), 12};
+    EXPECT_NE(code_fault(image, *find_pfnc_format("Mono12")).find("above 4095"), std::string::npos);
+    EXPECT_EQ(code_fault({image.pixels, 13}, *find_pfnc_format("Mono16")), "");
+    EXPECT_EQ(code_fault(image, *find_pfnc_format("Mono12p")), "");
+}
+
+TEST(FrameChecks, TakesFramesUntilOneIsComplete) {
+    CaptureStatistics counts;
+    int taken = 0;
+    const auto take = [&] {
+        Frame frame;
+        frame.status = ++taken == 3 ? FrameStatus::complete : FrameStatus::corrupt;
+        return frame;
+    };
+    EXPECT_EQ(first_complete_frame(1, counts, take).status, FrameStatus::corrupt);
+    EXPECT_EQ(first_complete_frame(4, counts, take).status, FrameStatus::complete);
+    EXPECT_EQ(taken, 3);
+    EXPECT_EQ(counts.rejected, 2);
+    EXPECT_EQ(counts.delivered, 1);
+}
+
 }  // namespace
 }  // namespace etalon

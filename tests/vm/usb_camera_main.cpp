@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "core/errors.h"
+#include "mocks/ending_signals.h"
 #include "tests/vm/device_events.h"
 #include "tests/vm/test_pattern.h"
 #include "tests/vm/usb_twin.h"
@@ -17,18 +18,8 @@ namespace {
 
 constexpr int default_sharpness = 3, most_sharpness = 7;
 
-// Before any thread is started: threads inherit the mask, so no signal interrupts one of them.
-sigset_t block_ending_signals() {
-    sigset_t signals;
-    sigemptyset(&signals);
-    sigaddset(&signals, SIGINT);
-    sigaddset(&signals, SIGTERM);
-    pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-    return signals;
-}
-
 int run(const std::filesystem::path& twin_file, int sharpness) {
-    const sigset_t signals = block_ending_signals();
+    const sigset_t signals = etalon::block_ending_signals();
     etalon::DeviceEvents events(etalon::DeviceEvents::From::udev);
     std::unique_ptr<etalon::UsbTwin> twin;
     std::unique_ptr<etalon::UsbCamera> camera;

@@ -1,6 +1,11 @@
 #include "core/text.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <charconv>
+#include <cmath>
+#include <cstdint>
 #include <fstream>
 #include <numeric>
 #include <sstream>

@@ -13,7 +13,6 @@ namespace {
 // Bounds are widened by this part of their size, far more than rounding can amount to.
 constexpr double rounding_margin = 1e-9;
 
-// Largest value of g . x over a box.
 void check_cells(const cv::Mat& cells) {
     if (cells.empty() || cells.type() != CV_32FC1)
         throw NumericalError("the marker's cells must be a non-empty CV_32FC1 matrix");
@@ -49,6 +48,19 @@ Eigen::Matrix3d sensor_from_grid(Projection projection, const Eigen::Matrix3d& c
     if (projection == Projection::telecentric)
         m.row(2) << 0, 0, 1;
     return m;
+}
+
+// The box and everything closer to it than `reach`, rounding included.
+Box with_margin(const Box& box, double reach) {
+    const Eigen::Vector2d scale = box.low.cwiseAbs().cwiseMax(box.high.cwiseAbs());
+    const Eigen::Vector2d margin =
+        Eigen::Vector2d::Constant(reach * (1.0 + rounding_margin) + 1e-15) +
+        rounding_margin * (box.half() + 1e-4 * scale);
+    return {box.low - margin, box.high + margin};
+}
+
+bool are_apart(const Box& a, const Box& b) {
+    return (a.high.array() < b.low.array()).any() || (a.low.array() > b.high.array()).any();
 }
 
 // How far before the marker's plane the lens is, mm; telecentric: the cosine between the plane's
@@ -123,11 +135,25 @@ MarkerView::MarkerView(const PlacedMarker& marker, double background, const Aper
         outline_.low = outline_.low.cwiseMin(sensor_point_of(u, v));
         outline_.high = outline_.high.cwiseMax(sensor_point_of(u, v));
     }
+    blurred_outline_ = blurred_outline();
     cells_.assign(static_cast<std::size_t>((columns_ + 2) * (rows_ + 2)), background_);
     for (int j = 0; j < rows_; ++j)
         for (int i = 0; i < columns_; ++i)
             cells_[static_cast<std::size_t>((j + 1) * (columns_ + 2) + i + 1)] =
                 marker.grid.cells.at<float>(j, i);
+}
+
+// The other way round: the ray from the sensor point p of a marker's point through l meets the
+// sensor at x = p - l c(p) / (1 - g . l) with the focus' slope g. Where the marker's plane almost
+// cuts the lens, this is all that bounds what sees it: seen_through_lens() is then everything.
+Box MarkerView::blurred_outline() const {
+    double farthest = 0.0;
+    for (const auto& [u, v] : {std::pair{0, 0}, {columns_, 0}, {0, rows_}, {columns_, rows_}})
+        farthest = std::max(farthest, std::abs(defocus(sensor_point_of(u, v))));
+    const double cut = aperture_.radius_mm * aperture_.focus_slope.norm();
+    const double reach = cut < 1.0 ? aperture_.radius_mm * farthest / (1.0 - cut)
+                                   : std::numeric_limits<double>::infinity();
+    return with_margin(outline_, reach);
 }
 
 double MarkerView::contrast() const {
@@ -155,12 +181,7 @@ Eigen::Vector2d MarkerView::line_gradient(int axis, int index, const Eigen::Vect
 
 // |l c / (1 - a.l)| <= radius |c| / (1 - radius |a|) for every l on the lens.
 Box MarkerView::seen_through_lens(const Box& box) const {
-    const double reach = lens_reach_ * largest_defocus(box);
-    const Eigen::Vector2d scale = box.low.cwiseAbs().cwiseMax(box.high.cwiseAbs());
-    const Eigen::Vector2d margin =
-        Eigen::Vector2d::Constant(reach * (1.0 + rounding_margin) + 1e-15) +
-        rounding_margin * (box.half() + 1e-4 * scale);
-    return {box.low - margin, box.high + margin};
+    return with_margin(box, lens_reach_ * largest_defocus(box));
 }
 
 // The marker's sensor points fill a convex outline, which the lines u = 0, u = columns, v = 0 and
@@ -169,8 +190,7 @@ Box MarkerView::seen_through_lens(const Box& box) const {
 // horizon. `centre`, `to_right`, `down`: (U, V, W) at the box's centre and half a box from there.
 bool MarkerView::misses_marker(const Box& box, const Eigen::Vector3d& centre,
                                const Eigen::Vector3d& to_right, const Eigen::Vector3d& down) const {
-    if ((box.high.array() < outline_.low.array()).any() ||
-        (box.low.array() > outline_.high.array()).any())
+    if (are_apart(box, outline_))
         return true;
     const auto all_negative = [](double at_centre, double by_x, double by_y) {
         return at_centre + std::abs(by_x) + std::abs(by_y) < 0.0;
@@ -193,6 +213,8 @@ bool MarkerView::misses_marker(const Box& box, const Eigen::Vector3d& centre,
 // (aperture or box) leaves out the lines before one that all of it is beyond, or after one that
 // nothing of it is beyond: for such a ray the other lines of that direction then end in the frame.
 std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
+    if (are_apart(sensor_box, blurred_outline_))
+        return std::nullopt;
     const Box box = seen_through_lens(sensor_box);
     const Eigen::Vector2d half = box.half();
     const Eigen::Vector3d centre = h_ * box.centre().homogeneous();

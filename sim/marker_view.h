@@ -135,6 +135,7 @@ public:
 
 private:
     Box seen_through_lens(const Box& box) const;
+    Box blurred_outline() const;
     bool misses_marker(const Box& box, const Eigen::Vector3d& centre,
                        const Eigen::Vector3d& to_right, const Eigen::Vector3d& down) const;
 
@@ -146,6 +147,7 @@ private:
     Eigen::Vector3d e_;
     double lens_reach_;  // farthest that the lens sees from a pinhole's point, by the defocus there
     Box outline_;        // around the marker's sensor points
+    Box blurred_outline_;  // around those that see the marker through some point of the lens
 };
 
 // Smallest and largest blur radius over the marker, px (of x and y the smaller and the larger);

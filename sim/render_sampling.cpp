@@ -90,8 +90,8 @@ public:
 private:
     double allowed(double share) const { return share * options_.tolerance_gray; }
 
-    void leave_out(Omission what, const std::string& why, double gray) {
-        chosen_.plan.left_out.push_back({what, why, gray});
+    void leave_out(Omission what, std::string why, double gray) {
+        chosen_.plan.left_out.push_back({what, std::move(why), gray});
     }
 
     void leave_out_diffraction() {

@@ -216,6 +216,26 @@ PlacedMarker long_floor() {
     return floor;
 }
 
+// Through the lens' rim such a plane is seen from its own height: nothing bounds where the rays of
+// a sensor point meet it, but the marker's points still have small images.
+TEST(MarkerView, AMarkerWhosePlaneAlmostCutsTheLensIsSeenCloseToItsImageOnly) {
+    PlacedMarker floor = long_floor();
+    floor.grid.corner_mm.y() = -1000.0;
+    floor.grid.cell_mm.y() = 20.0;
+    Aperture aperture;
+    aperture.radius_mm = 1.9999;
+    aperture.focus_on_axis = 1.0 / 1000.0;
+    const MarkerView view(floor, background, aperture);
+    const Eigen::Vector2d image = view.sensor_point_of(2.0, 1.0);
+    const auto around = [](const Eigen::Vector2d& x) {
+        const Eigen::Vector2d half(1e-4, 2e-4);
+        return Box{x - half, x + half};
+    };
+    EXPECT_TRUE(view.footprint(around(image)));
+    EXPECT_FALSE(view.footprint(around(image + Eigen::Vector2d(0.0, 0.01))));
+    EXPECT_FALSE(view.footprint(around(image - Eigen::Vector2d(0.0, 0.01))));
+}
+
 // The average over side x side rays through the aperture, and whether the horizon crosses it.
 struct RayAverage {
     double radiance;
@@ -278,8 +298,9 @@ TEST(MarkerView, ApertureAveragesHoldHoweverTheLinesAreOrdered) {
         if (!range)
             continue;
         const RayAverage truth = average_of_rays(marker, *view, x, 60);
-        if (truth.crossed)
+        if (truth.crossed) {
             EXPECT_NEAR(LensAverage(*view).at(x, *range), truth.radiance, 0.03) << n;
+        }
         crossed += truth.crossed;
     }
     EXPECT_GT(crossed, 100);

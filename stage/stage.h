@@ -24,6 +24,9 @@ struct AxisStatus {
     bool enabled = false, homed = false, moving = false, in_position = false;
     int alarm = 0;          // the controller's code; 0: none
     double position = 0.0;  // read back, mm or rad
+    bool ready = false;     // takes a command for motion
+    bool homing = false;    // moving, to find its zero
+    bool emergency_stop = false, limit = false;  // pressed; a limit switch is reached
 };
 
 class Stage {

@@ -1,5 +1,7 @@
 #include "calib/calibrate.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <opencv2/calib3d.hpp>

@@ -1,5 +1,7 @@
 #include "calib/camera_file.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <numbers>
 

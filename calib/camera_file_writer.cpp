@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include "calib/camera_file.h"
 #include "calib/parameter_names.h"
 #include "core/text.h"

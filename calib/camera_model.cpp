@@ -1,5 +1,7 @@
 #include "calib/camera_model.h"
 
+#include <fmt/format.h>
+
 #include "core/errors.h"
 
 namespace etalon {

@@ -1,5 +1,7 @@
 #include "calib/opencv_file.h"
 
+#include <fmt/format.h>
+
 #include <opencv2/core/persistence.hpp>
 
 #include "calib/foreign_camera.h"

@@ -1,5 +1,7 @@
 #include "calib/projector.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/LU>
 
 #include "core/errors.h"

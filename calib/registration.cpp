@@ -1,6 +1,7 @@
 #include "calib/registration.h"
 
 #include <ceres/ceres.h>
+#include <fmt/format.h>
 
 #include <Eigen/Dense>
 #include <numbers>

@@ -1,5 +1,7 @@
 #include "calib/registration_gauge.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 
 #include "core/errors.h"

@@ -1,5 +1,6 @@
 #include "calib/ros_file.h"
 
+#include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
 #include "calib/foreign_camera.h"

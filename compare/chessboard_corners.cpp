@@ -1,5 +1,7 @@
 #include "compare/chessboard_corners.h"
 
+#include <fmt/format.h>
+
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>

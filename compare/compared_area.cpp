@@ -1,5 +1,7 @@
 #include "compare/compared_area.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/LU>
 
 #include "core/errors.h"

@@ -1,5 +1,7 @@
 #include "compare/detector.h"
 
+#include <fmt/format.h>
+
 #include "compare/detector_adaptors.h"
 #include "core/errors.h"
 #include "core/text.h"

@@ -1,5 +1,7 @@
 #include "compare/overlay.h"
 
+#include <fmt/format.h>
+
 #include "core/errors.h"
 
 namespace etalon {

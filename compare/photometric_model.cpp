@@ -1,5 +1,7 @@
 #include "compare/photometric_model.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <limits>
 #include <opencv2/imgproc.hpp>

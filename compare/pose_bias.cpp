@@ -1,5 +1,7 @@
 #include "compare/pose_bias.h"
 
+#include <fmt/format.h>
+
 #include "core/errors.h"
 
 namespace etalon {

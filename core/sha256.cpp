@@ -1,5 +1,7 @@
 #include "core/sha256.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <bit>
 #include <cstdint>

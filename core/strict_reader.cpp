@@ -1,5 +1,6 @@
 #include "core/strict_reader.h"
 
+#include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>

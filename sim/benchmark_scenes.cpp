@@ -1,5 +1,7 @@
 #include "sim/benchmark_scenes.h"
 
+#include <fmt/format.h>
+
 #include <numbers>
 
 #include "calib/projector.h"

@@ -1,5 +1,6 @@
 #include "sim/diffraction.h"
 
+#include <fmt/format.h>
 #include <math.h>  // j1: POSIX, not in namespace std
 
 #include <algorithm>

@@ -1,5 +1,7 @@
 #include "sim/image_filter.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Core>
 #include <Eigen/SparseCore>
 #include <cmath>

@@ -1,5 +1,7 @@
 #include "sim/marker.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <string_view>
 

@@ -1,5 +1,7 @@
 #include "sim/marker_print.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>

@@ -1,5 +1,7 @@
 #include "sim/marker_view.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>

@@ -1,5 +1,7 @@
 #include "sim/motion_blur.h"
 
+#include <fmt/format.h>
+
 #include "calib/projector.h"
 #include "core/errors.h"
 #include "sim/marker_view.h"

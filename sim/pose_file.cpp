@@ -1,5 +1,7 @@
 #include "sim/pose_file.h"
 
+#include <fmt/format.h>
+
 #include <numbers>
 
 #include "core/errors.h"

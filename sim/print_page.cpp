@@ -1,5 +1,7 @@
 #include "sim/print_page.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>

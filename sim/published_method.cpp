@@ -1,5 +1,7 @@
 #include "sim/published_method.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/LU>
 #include <bit>
 #include <numbers>

@@ -1,5 +1,6 @@
 #include "sim/reference_integrator.h"
 
+#include <fmt/format.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 

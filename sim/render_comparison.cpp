@@ -1,5 +1,7 @@
 #include "sim/render_comparison.h"
 
+#include <fmt/format.h>
+
 #include "calib/projector.h"
 #include "core/errors.h"
 

@@ -1,5 +1,7 @@
 #include "sim/render_sampling.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <limits>

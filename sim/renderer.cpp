@@ -1,5 +1,7 @@
 #include "sim/renderer.h"
 
+#include <fmt/format.h>
+
 #include <numbers>
 
 #include "core/errors.h"

@@ -1,5 +1,7 @@
 #include "sim/scene.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <limits>
 #include <numbers>

@@ -1,5 +1,7 @@
 #include "sim/scene_render.h"
 
+#include <fmt/format.h>
+
 #include "core/errors.h"
 
 namespace etalon {

@@ -1,5 +1,6 @@
 #include "sim/sensor_model.h"
 
+#include <fmt/format.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 

@@ -10,6 +10,7 @@
 #include <apriltag/tagCustom48h12.h>
 #include <apriltag/tagStandard41h12.h>
 #include <apriltag/tagStandard52h13.h>
+#include <fmt/format.h>
 
 #include <opencv2/core/version.hpp>
 #if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 407

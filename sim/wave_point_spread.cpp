@@ -1,5 +1,6 @@
 #include "sim/wave_point_spread.h"
 
+#include <fmt/format.h>
 #include <math.h>  // j0, j1: POSIX, not in namespace std
 
 #include <algorithm>

@@ -1,5 +1,6 @@
 #include "sim/wave_render.h"
 
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include <numbers>

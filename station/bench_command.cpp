@@ -1,4 +1,6 @@
 // `etalon bench`: error against run time, for every method and setting.
+#include <fmt/format.h>
+
 #include <cstdio>
 
 #include "core/errors.h"

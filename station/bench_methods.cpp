@@ -1,5 +1,6 @@
 #include "station/bench_methods.h"
 
+#include <fmt/format.h>
 #include <tbb/global_control.h>
 
 #include "core/errors.h"

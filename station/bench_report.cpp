@@ -1,5 +1,7 @@
 #include "station/bench_report.h"
 
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
 
 #include "core/text.h"

@@ -1,5 +1,7 @@
 // `etalon calibrate`: intrinsics from photographs of a chessboard, with what the calibration can
 // and cannot predict.
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <set>

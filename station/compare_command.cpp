@@ -1,4 +1,6 @@
 // `etalon compare`: every photograph against its rendering from the calibration alone.
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <opencv2/imgproc.hpp>
 #include <set>

@@ -1,4 +1,6 @@
 // `etalon detect`: where the marker is in each photograph, with both planar solutions.
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <nlohmann/json.hpp>
 

@@ -1,5 +1,7 @@
 // The command line of `etalon`: options in, one function of station/commands.h called, its exit
 // code out. Nothing else happens here.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>

@@ -1,4 +1,6 @@
 // `etalon marker`: a marker in its true size, ready to print.
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <nlohmann/json.hpp>
 

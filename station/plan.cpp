@@ -1,5 +1,7 @@
 #include "station/plan.h"
 
+#include <fmt/format.h>
+
 #include "core/errors.h"
 #include "sim/pose_sampling.h"
 

@@ -1,5 +1,7 @@
 #include "station/progress.h"
 
+#include <fmt/format.h>
+
 namespace etalon {
 namespace {
 

@@ -1,5 +1,7 @@
 #include "station/qualify_result.h"
 
+#include <fmt/format.h>
+
 #include "core/errors.h"
 
 namespace etalon {

@@ -1,4 +1,6 @@
 // `etalon render`: markers as a calibrated camera would see them, one image.
+#include <fmt/format.h>
+
 #include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>

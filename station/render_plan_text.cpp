@@ -1,5 +1,7 @@
 #include "station/render_plan_text.h"
 
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
 
 #include "core/text.h"

@@ -1,5 +1,6 @@
 #include "station/render_set.h"
 
+#include <fmt/format.h>
 #include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
 

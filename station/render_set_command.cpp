@@ -1,4 +1,5 @@
 // `etalon render --poses`: an image set.
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <chrono>

@@ -1,5 +1,7 @@
 #include "station/render_view.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "calib/camera_file.h"

@@ -1,5 +1,7 @@
 #include "station/runner.h"
 
+#include <fmt/format.h>
+
 #include "compare/detector.h"
 #include "core/errors.h"
 #include "station/camera_recovery.h"

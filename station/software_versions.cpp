@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <opencv2/core.hpp>
 
 #include "core/version.h"

@@ -1,5 +1,6 @@
 // Extreme cameras: distortion that bulges, folds and has poles, all f-numbers and focal lengths,
 // one pixel and a hundred million.
+#include <fmt/format.h>
 #include <sys/resource.h>
 
 #include "sim/benchmark_scenes.h"

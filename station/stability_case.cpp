@@ -1,5 +1,7 @@
 #include "station/stability_case.h"
 
+#include <fmt/format.h>
+
 #include "core/errors.h"
 #include "station/reference_check.h"
 

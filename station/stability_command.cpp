@@ -1,4 +1,6 @@
 // `etalon stability`: every stiff and extreme case of rendering and projection, as a table.
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <nlohmann/json.hpp>
 

@@ -1,4 +1,6 @@
 // Where the marker is and how it is seen: edge-on, through the focus, near, far, tiny, huge.
+#include <fmt/format.h>
+
 #include "station/stability_case.h"
 #include "station/stability_scenes.h"
 

@@ -1,4 +1,6 @@
 // Numbers without a meaning are refused, each by itself; and the sensor's quantisation.
+#include <fmt/format.h>
+
 #include "core/errors.h"
 #include "sim/sensor_model.h"
 #include "station/stability_case.h"

@@ -1,4 +1,6 @@
 // What must not depend on how a scene is described: symmetries, limits, and energy.
+#include <fmt/format.h>
+
 #include <opencv2/imgproc.hpp>
 
 #include "station/stability_case.h"

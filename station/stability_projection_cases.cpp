@@ -1,5 +1,7 @@
 // Projection and undistortion, there and back over the whole image and beyond the border of the
 // valid region.
+#include <fmt/format.h>
+
 #include "calib/projector.h"
 #include "sim/benchmark_scenes.h"
 #include "station/stability_case.h"

@@ -1,5 +1,6 @@
 #include "calib/camera_file.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,5 +1,6 @@
 // The 26 chessboard photographs of OpenCV's documentation package, copied flat into
 // ETALON_PHOTO_DIR.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "calib/calibrate.h"

@@ -1,5 +1,6 @@
 // Two sets of 13 real photographs of a chessboard (OpenCV's samples), against their renderings from
 // our own corners and a calibration of those.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>

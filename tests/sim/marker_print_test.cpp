@@ -2,6 +2,7 @@
 
 #include <apriltag/apriltag.h>
 #include <apriltag/tag36h11.h>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <cstdio>

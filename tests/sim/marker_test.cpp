@@ -10,6 +10,7 @@
 #include <apriltag/tagCustom48h12.h>
 #include <apriltag/tagStandard41h12.h>
 #include <apriltag/tagStandard52h13.h>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <cstdlib>

@@ -1,5 +1,6 @@
 #include "sim/sensor_model.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <hwy/targets.h>
 

@@ -1,4 +1,5 @@
 // The built program as a user meets it: exit codes, one-line errors, nothing half-written.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <sys/wait.h>
 

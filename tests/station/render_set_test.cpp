@@ -1,5 +1,6 @@
 #include "station/render_set.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <tbb/global_control.h>
 

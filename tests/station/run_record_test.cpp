@@ -1,5 +1,6 @@
 #include "station/run_record.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>

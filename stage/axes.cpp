@@ -19,6 +19,29 @@ Eigen::Vector3d read_direction(const Value& value) {
     return (direction / length).normalized();
 }
 
+// How a kind's numbers are written: lengths in mm with small ones in um, or angles in degrees.
+struct Units {
+    bool rotary;
+    double position() const { return rotary ? rad_per_deg : 1.0; }
+    double small() const { return rotary ? rad_per_deg : 1e-3; }
+    std::string large_key(const std::string& name) const { return name + (rotary ? "_deg" : ""); }
+    std::string mm_key(const std::string& name) const { return name + (rotary ? "_deg" : "_mm"); }
+    std::string small_key(const std::string& name) const {
+        return name + (rotary ? "_deg" : "_um");
+    }
+};
+
+std::optional<double> optional_number(const Value& item, const std::string& key, Range range,
+                                      double unit) {
+    const auto value = item.find(key);
+    return value ? std::optional(value->number(range) * unit) : std::nullopt;
+}
+
+// A length in um or an angle in degrees.
+std::optional<double> small_size(const Value& item, const std::string& name, const Units& units) {
+    return optional_number(item, units.small_key(name), non_negative, units.small());
+}
+
 void read_travel(const Value& value, double unit, Axis& axis) {
     const std::vector<double> travel = value.numbers(2);
     if (travel[0] >= travel[1])
@@ -28,22 +51,64 @@ void read_travel(const Value& value, double unit, Axis& axis) {
     axis.high = travel[1] * unit;
 }
 
-void read_linear(const Value& item, Axis& axis) {
-    axis.kind = Axis::Kind::linear;
-    read_travel(item.at("travel"), 1.0, axis);
-    axis.speed = item.at("speed").number(positive);
-    if (const auto value = item.find("repeatability_um"))
-        axis.repeatability = value->number(non_negative) * 1e-3;
+void read_controller(const Value& item, const Units& units, Axis& axis) {
+    if (const auto value = item.find("unit"))
+        axis.unit = value->integer(0, 255);
+    const std::string counts = units.mm_key("counts_per");
+    axis.counts_per_unit = optional_number(item, counts, any_number, 1.0 / units.position());
+    if (axis.counts_per_unit == 0.0)
+        item.at(counts).fail("must not be 0");
+    axis.lead = optional_number(item, units.mm_key("lead"), positive, units.position());
 }
 
-void read_rotary(const Value& item, Axis& axis) {
-    axis.kind = Axis::Kind::rotary;
-    const std::vector<double> point = item.at("point_mm").numbers(3);
-    axis.point_mm = {point[0], point[1], point[2]};
-    read_travel(item.at("travel_deg"), rad_per_deg, axis);
-    axis.speed = item.at("speed_deg").number(positive) * rad_per_deg;
-    if (const auto value = item.find("repeatability_deg"))
-        axis.repeatability = value->number(non_negative) * rad_per_deg;
+Rigid read_mount(const Value& mount) {
+    const auto rotation = mount.at("rotation_deg").numbers(3, {-360.0, 360.0});
+    const auto translation = mount.at("translation_mm").numbers(3);
+    return {rotation_from_vector(Eigen::Vector3d(rotation.data()) * rad_per_deg),
+            Eigen::Vector3d(translation.data())};
+}
+
+void read_errors(const Value& value, Axis& axis) {
+    axis.errors = read_error_map(value, axis.kind == Axis::Kind::rotary);
+    const auto& points = axis.errors->points();
+    if (points.front().position > axis.low || points.back().position < axis.high)
+        value.fail("does not cover the travel of axis " + axis.name);
+}
+
+void read_approach(const Value& value, const Units& units, Axis& axis) {
+    axis.approach = value.at("from").one_of({"below", "above"}) == "below" ? 1 : -1;
+    const Value overrun = value.at(units.small_key("overrun"));
+    axis.overrun = overrun.number(positive) * units.small();
+    if (axis.overrun < axis.backlash)
+        overrun.fail("must be at least the backlash");
+}
+
+void read_geometry(const Value& item, const Units& units, Axis& axis) {
+    axis.direction = read_direction(item.at("direction"));
+    if (units.rotary)
+        axis.point_mm = Eigen::Vector3d(item.at("point_mm").numbers(3).data());
+    if (const auto mount = item.find("mount"))
+        axis.previous_from_mount = read_mount(*mount);
+    read_travel(item.at(units.large_key("travel")), units.position(), axis);
+    axis.speed = item.at(units.large_key("speed")).number(positive) * units.position();
+    axis.zero =
+        optional_number(item, units.large_key("zero"), any_number, units.position()).value_or(0.0);
+    if (const auto map = item.find("error_map"))
+        read_errors(*map, axis);
+    axis.backlash = small_size(item, "backlash", units).value_or(0.0);
+    if (const auto approach = item.find("approach"))
+        read_approach(*approach, units, axis);
+}
+
+void read_uncertainties(const Value& item, const Units& units, Axis& axis) {
+    axis.scale_uncertainty = optional_number(item, "scale_uncertainty_ppm", non_negative, 1e-6);
+    axis.repeatability = small_size(item, "repeatability", units);
+    axis.backlash_uncertainty = small_size(item, "backlash_uncertainty", units);
+    axis.read_noise = small_size(item, "read_noise", units);
+    axis.direction_uncertainty =
+        optional_number(item, "direction_uncertainty_urad", non_negative, 1e-6);
+    if (units.rotary)
+        axis.point_uncertainty = optional_number(item, "point_uncertainty_um", non_negative, 1e-3);
 }
 
 Axis read_axis(const Value& item) {
@@ -51,20 +116,32 @@ Axis read_axis(const Value& item) {
     axis.name = item.at("name").text();
     if (axis.name.empty())
         item.at("name").fail("must not be empty");
-    axis.direction = read_direction(item.at("direction"));
-    if (item.at("kind").one_of({"linear", "rotary"}) == "linear")
-        read_linear(item, axis);
-    else
-        read_rotary(item, axis);
-    if (const auto value = item.find("scale_uncertainty_ppm"))
-        axis.scale_uncertainty = value->number(non_negative) * 1e-6;
+    const Units units{item.at("kind").one_of({"linear", "rotary"}) == "rotary"};
+    axis.kind = units.rotary ? Axis::Kind::rotary : Axis::Kind::linear;
+    read_controller(item, units, axis);
+    read_geometry(item, units, axis);
+    read_uncertainties(item, units, axis);
     return axis;
 }
 
-Rigid motion(const Axis& axis, double position) {
+// How far the axis truly is from where it sits as mounted.
+double displacement(const Axis& axis, double position) {
+    double error = 0.0;
+    if (axis.errors) {
+        const auto here = axis.errors->at(position);
+        if (!here)
+            throw ConfigError({"stage axes", 0, axis.name},
+                              fmt::format("its error map says nothing at position {} {}", position,
+                                          axis.kind == Axis::Kind::linear ? "mm" : "rad"));
+        error = here->error;
+    }
+    return position - axis.zero + error;
+}
+
+Rigid motion(const Axis& axis, double distance) {
     if (axis.kind == Axis::Kind::linear)
-        return {Eigen::Quaterniond::Identity(), axis.direction * position};
-    const Eigen::Quaterniond turn = rotation_from_vector(axis.direction * position);
+        return {Eigen::Quaterniond::Identity(), axis.direction * distance};
+    const Eigen::Quaterniond turn = rotation_from_vector(axis.direction * distance);
     return {turn, axis.point_mm - turn * axis.point_mm};
 }
 
@@ -99,7 +176,8 @@ Rigid base_from_carriage(std::span<const Axis> axes, std::span<const double> pos
     require_same_count(axes.size(), positions.size(), {"stage axes"});
     Rigid base_from_moved;
     for (std::size_t i = 0; i < axes.size(); ++i)
-        base_from_moved = base_from_moved * motion(axes[i], positions[i]);
+        base_from_moved = base_from_moved * axes[i].previous_from_mount *
+                          motion(axes[i], displacement(axes[i], positions[i]));
     return base_from_moved;
 }
 

@@ -1,0 +1,41 @@
+// What an interferometer said about one axis: how far it truly is from what it reads, as a table
+// over its travel, interpolated linearly. ISO 230-2's deviation: actual minus indicated position.
+//
+// The standard uncertainty is interpolated in the same way, which is right when the errors of
+// neighbouring points are fully correlated and on the safe side otherwise. Pure, no device.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "core/strict_reader.h"
+
+namespace etalon {
+
+struct ErrorMapPoint {
+    double position = 0.0;     // as the axis reads, mm or rad
+    double error = 0.0;        // actual minus read, mm or rad
+    double uncertainty = 0.0;  // standard, of the error, >= 0, mm or rad
+};
+
+class ErrorMap {
+public:
+    // At least two points, positions rising, else ConfigError at `place`.
+    ErrorMap(std::vector<ErrorMapPoint> points, const SourcePlace& place);
+
+    const std::vector<ErrorMapPoint>& points() const { return points_; }
+
+    // Nothing outside the table, which says nothing there. An axis at rest at its end reads a
+    // little more or less: as far as 1/1000 of the table's length beyond it the end counts.
+    std::optional<ErrorMapPoint> at(double position) const;
+
+private:
+    std::vector<ErrorMapPoint> points_;
+};
+
+// Reads [[position, error, standard uncertainty], ...] or {file: map.csv}, a file with the header
+// `position_mm,error_um,uncertainty_um` (rotary: position_deg,error_deg,uncertainty_deg) beside the
+// YAML file. Positions in mm, errors in um; of a rotary axis both in degrees. Throws ConfigError.
+ErrorMap read_error_map(const Value& value, bool rotary);
+
+}  // namespace etalon

@@ -1,5 +1,6 @@
 #include "calib/distortion.h"
 
+#include <Eigen/Geometry>  // homogeneous()
 #include <Eigen/LU>
 
 namespace etalon {

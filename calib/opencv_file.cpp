@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <opencv2/core/persistence.hpp>
+#include <opencv2/core.hpp>
 
 #include "calib/foreign_camera.h"
 #include "core/text.h"

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>  // homogeneous()
 #include <Eigen/LU>
 
 #include "core/errors.h"

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>  // homogeneous()
 #include <complex>
 #include <opencv2/calib3d.hpp>
 

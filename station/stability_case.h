@@ -1,4 +1,4 @@
-// Stiff and extreme cases of rendering and projection: what each must end in, and how far it is
+// Stiff and extreme cases of rendering, projection and the twin's servo: what each must end in, and how far it is
 // from that. `etalon stability` runs them all; docs/stability.md explains each.
 //
 // The cases get the renderer as a function, so that a test can hand them a wrong one.
@@ -40,6 +40,7 @@ std::vector<StabilityCase> camera_cases();      // distortion, f-number, focal l
 std::vector<StabilityCase> input_cases();       // what is refused, and the sensor's bits
 std::vector<StabilityCase> invariant_cases();   // symmetries and limits
 std::vector<StabilityCase> projection_cases();  // there and back
+std::vector<StabilityCase> servo_cases();       // the twin's stage; no renderer is asked
 
 // An exception is a failure with its message.
 StabilityOutcome outcome_of(const StabilityCase& one, const RenderFunction& render);

@@ -96,6 +96,14 @@ TEST(Stability, ProjectionComesBack) {
     }
 }
 
+TEST(Stability, StiffServosFollowTheirClosedForm) {
+    for (const StabilityCase& one : servo_cases()) {
+        const StabilityOutcome outcome = outcome_of(one, credulous);
+        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
+        EXPECT_GT(outcome.figure, 0.0) << one.name;
+    }
+}
+
 TEST(Stability, NamesAreDistinctFitTheTableAndCoverWhatIsPromised) {
     std::set<std::string> names;
     std::string all;
@@ -106,7 +114,7 @@ TEST(Stability, NamesAreDistinctFitTheTableAndCoverWhatIsPromised) {
         all += one.name + "\n";
     }
     for (const char* word : {"tilt", "focus", "behind", "fold", "pole", "nan", "infinity", "barrel",
-                             "tiny", "background", "megapixel"})
+                             "tiny", "background", "megapixel", "stiff"})
         EXPECT_THAT(all, testing::HasSubstr(word));
 }
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "stage/axes.h"
+#include "stage/kinematics.h"
 #include "stage/profile.h"
 
 namespace etalon {

@@ -124,27 +124,6 @@ Axis read_axis(const Value& item) {
     return axis;
 }
 
-// How far the axis truly is from where it sits as mounted.
-double displacement(const Axis& axis, double position) {
-    double error = 0.0;
-    if (axis.errors) {
-        const auto here = axis.errors->at(position);
-        if (!here)
-            throw ConfigError({"stage axes", 0, axis.name},
-                              fmt::format("its error map says nothing at position {} {}", position,
-                                          axis.kind == Axis::Kind::linear ? "mm" : "rad"));
-        error = here->error;
-    }
-    return position - axis.zero + error;
-}
-
-Rigid motion(const Axis& axis, double distance) {
-    if (axis.kind == Axis::Kind::linear)
-        return {Eigen::Quaterniond::Identity(), axis.direction * distance};
-    const Eigen::Quaterniond turn = rotation_from_vector(axis.direction * distance);
-    return {turn, axis.point_mm - turn * axis.point_mm};
-}
-
 // In the unit that people type: mm or degrees.
 std::string as_typed(const Axis& axis, double value) {
     return axis.kind == Axis::Kind::linear ? fmt::format("{:.6g} mm", value)
@@ -170,15 +149,6 @@ std::vector<Axis> read_axes(const Value& list) {
     if (axes.empty())
         list.fail("must have at least one axis");
     return axes;
-}
-
-Rigid base_from_carriage(std::span<const Axis> axes, std::span<const double> positions) {
-    require_same_count(axes.size(), positions.size(), {"stage axes"});
-    Rigid base_from_moved;
-    for (std::size_t i = 0; i < axes.size(); ++i)
-        base_from_moved = base_from_moved * axes[i].previous_from_mount *
-                          motion(axes[i], displacement(axes[i], positions[i]));
-    return base_from_moved;
 }
 
 void require_within_limits(std::span<const Axis> axes, std::span<const double> positions,

@@ -1,12 +1,13 @@
-// The stage's axes as geometry: from axis positions to the transform of what they carry.
+// The stage's axes: their geometry, limits, errors and declared uncertainties, as station.yaml
+// lists them.
 //
-//     base_from_carriage(q) = M_1 A_1(d_1) M_2 A_2(d_2) ... M_n A_n(d_n)   first axis nearest to
-//     base d_i = q_i - zero_i + error_i(q_i)                                    how far it truly is
+//     base_from_carriage(q) = M_1 A_1(d_1) M_2 A_2(d_2) ... M_n A_n(d_n)
+//     d_i = q_i - zero_i + error_i(q_i)         how far axis i truly is; axis 1 is next to the base
 //
 // M_i is how axis i is mounted on what the one before it carries (identity unless declared). A
 // linear axis translates by d along `direction`, a rotary one turns by d about `direction` through
 // `point_mm`, both given in the mounted frame. Positions q are as the controller counts them, in mm
-// or rad. Pure functions, no device. The same with its uncertainty: stage/kinematics.h.
+// or rad. Pure data; the transform itself is stage/kinematics.h's.
 #pragma once
 
 #include <Eigen/Core>
@@ -69,10 +70,6 @@ struct Axis {
 //     direction_uncertainty_urad, point_uncertainty_um (rotary)
 // Throws ConfigError.
 std::vector<Axis> read_axes(const Value& list);
-
-// positions.size() == axes.size() and within the error maps, else ConfigError. The soft limits are
-// not looked at.
-Rigid base_from_carriage(std::span<const Axis> axes, std::span<const double> positions);
 
 // Throws ConfigError at `place` naming the first axis and position outside its soft limits (the
 // limits themselves are inside, NaN is outside), or when the numbers of axes and positions differ.

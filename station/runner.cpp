@@ -4,6 +4,7 @@
 
 #include "compare/detector.h"
 #include "core/errors.h"
+#include "stage/kinematics.h"
 #include "station/camera_recovery.h"
 #include "station/expected_view.h"
 #include "station/qualify_report.h"

@@ -1,6 +1,7 @@
 #include "station/stage_terms.h"
 
 #include "core/errors.h"
+#include "stage/kinematics.h"
 
 namespace etalon {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "compare/qualification.h"
 #include "core/random.h"
-#include "stage/axes.h"
+#include "stage/kinematics.h"
 
 namespace etalon {
 

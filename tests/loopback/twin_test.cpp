@@ -9,6 +9,7 @@
 
 #include "capture/camera.h"
 #include "core/errors.h"
+#include "stage/kinematics.h"
 #include "stage/profile.h"
 #include "stage/stage.h"
 #include "tests/mocks/twin_folder.h"

@@ -26,19 +26,6 @@ std::string error_of(const std::string& list) {
     return "no error";
 }
 
-Axis linear(Eigen::Vector3d direction) {
-    Axis axis;
-    axis.direction = direction.normalized();
-    return axis;
-}
-
-Axis rotary(Eigen::Vector3d direction, Eigen::Vector3d point) {
-    Axis axis = linear(direction);
-    axis.kind = Axis::Kind::rotary;
-    axis.point_mm = point;
-    return axis;
-}
-
 TEST(Axes, AreReadWithTheirUnits) {
     const auto axes = axes_from(
         "- {name: x, kind: linear, direction: [0, 3, 4], travel: [-7, 50], speed: 12,"
@@ -81,37 +68,66 @@ TEST(Axes, NameFileLineAndKeyOfEveryFault) {
               "s.yml:3: axes[0].point_mm: missing");
 }
 
-// x, then a quarter turn about (7, 5), then y in the turned frame. By hand: the turn takes the
-// origin to (7, 5) + (5, -7) = (12, -2); x adds (3, 0); y = 2 points along -x after the turn.
-TEST(Axes, ChainFromTheBaseOutwards) {
-    const std::vector<Axis> axes = {linear({1, 0, 0}), rotary({0, 0, 1}, {7, 5, 0}),
-                                    linear({0, 1, 0})};
-    const Rigid base_from_carriage_q = base_from_carriage(axes, std::vector{3.0, pi / 2, 2.0});
-    EXPECT_LT((base_from_carriage_q.translation - Eigen::Vector3d(13, -2, 0)).norm(), 1e-14);
-    const Eigen::Vector3d turned = base_from_carriage_q.rotation * Eigen::Vector3d(5, 7, 11);
-    EXPECT_LT((turned - Eigen::Vector3d(-7, 5, 11)).norm(), 1e-14);
+TEST(Axes, AreReadWithTheirErrorsAndTheirController) {
+    const auto axes = axes_from(
+        "- {name: x, kind: linear, direction: [1, 0, 0], travel: [-7, 50], speed: 12, unit: 3,"
+        " counts_per_mm: -250, lead_mm: 5, zero: 11, backlash_um: 8, backlash_uncertainty_um: 3,"
+        " approach: {from: above, overrun_um: 90}, read_noise_um: 0.7,"
+        " direction_uncertainty_urad: 40, error_map: [[-7, 2, 0.5], [50, -3, 0.7]]}\n"
+        "- {name: rz, kind: rotary, direction: [0, 0, 1], point_mm: [7, 5, 3], speed_deg: 18,"
+        " travel_deg: [-90, 45], zero_deg: 30, counts_per_deg: 500, lead_deg: 4,"
+        " mount: {rotation_deg: [0, 90, 0], translation_mm: [3, 5, 7]}, backlash_deg: 0.09,"
+        " approach: {from: below, overrun_deg: 0.36}, point_uncertainty_um: 6}\n");
+    const Axis &x = axes.at(0), &rz = axes.at(1);
+    EXPECT_EQ(x.unit, 3);
+    EXPECT_DOUBLE_EQ(x.counts_per_unit.value(), -250.0);
+    EXPECT_DOUBLE_EQ(x.lead.value(), 5.0);
+    EXPECT_EQ(x.zero, 11.0);
+    EXPECT_DOUBLE_EQ(x.backlash, 8e-3);
+    EXPECT_DOUBLE_EQ(x.backlash_uncertainty.value(), 3e-3);
+    EXPECT_EQ(x.approach, -1);
+    EXPECT_DOUBLE_EQ(x.overrun, 90e-3);
+    EXPECT_DOUBLE_EQ(x.read_noise.value(), 0.7e-3);
+    EXPECT_DOUBLE_EQ(x.direction_uncertainty.value(), 40e-6);
+    EXPECT_DOUBLE_EQ(x.errors->points().at(1).error, -3e-3);
+    EXPECT_FALSE(rz.unit.has_value());
+    EXPECT_DOUBLE_EQ(rz.counts_per_unit.value(), 500.0 * 180.0 / pi);
+    EXPECT_DOUBLE_EQ(rz.lead.value(), pi / 45);
+    EXPECT_DOUBLE_EQ(rz.zero, pi / 6);
+    EXPECT_DOUBLE_EQ(rz.backlash, pi / 2000);
+    EXPECT_EQ(rz.approach, 1);
+    EXPECT_DOUBLE_EQ(rz.overrun, pi / 500);
+    EXPECT_DOUBLE_EQ(rz.point_uncertainty.value(), 6e-3);
+    EXPECT_EQ(rz.previous_from_mount.translation, Eigen::Vector3d(3, 5, 7));
+    EXPECT_TRUE((rz.previous_from_mount.rotation * Eigen::Vector3d(0, 0, 2))
+                    .isApprox(Eigen::Vector3d(2, 0, 0)));
 }
 
-// A third of a turn about (1, 1, 1) permutes the coordinates: x -> y -> z -> x.
-TEST(Axes, TurnAboutAnObliqueDirection) {
-    const std::vector<Axis> axes = {rotary({1, 1, 1}, {2, 2, 2})};
-    const Rigid turn = base_from_carriage(axes, std::vector{2 * pi / 3});
-    EXPECT_LT((turn * Eigen::Vector3d(5, 7, 11) - Eigen::Vector3d(11, 5, 7)).norm(), 1e-14);
-}
-
-TEST(Axes, LeaveThePointsOfARotaryAxisWhereTheyAre) {
-    const std::vector<Axis> axes = {rotary({1, -2, 3}, {7, 5, -3})};
-    const Rigid turn = base_from_carriage(axes, std::vector{0.7});
-    const Eigen::Vector3d on_axis = axes[0].point_mm + 11.0 * axes[0].direction;
-    EXPECT_LT((turn * on_axis - on_axis).norm(), 1e-13);
+TEST(Axes, RefuseWhatContradictsItself) {
+    const auto with = [](const std::string& keys) {
+        return error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [-7, 50]," + keys +
+                        " speed: 7}");
+    };
+    EXPECT_EQ(with(""), "no error");
+    EXPECT_EQ(with("counts_per_mm: 0,"), "s.yml:3: axes[0].counts_per_mm: must not be 0");
+    EXPECT_EQ(with("counts_per_deg: 7,"),
+              "s.yml:3: axes[0].counts_per_deg: unknown key; did you mean 'counts_per_mm'?");
+    EXPECT_EQ(with("error_map: [[-7, 1, 1], [49, 1, 1]],"),
+              "s.yml:3: axes[0].error_map: does not cover the travel of axis x");
+    EXPECT_EQ(with("backlash_um: 8, approach: {from: below, overrun_um: 7},"),
+              "s.yml:3: axes[0].approach.overrun_um: must be at least the backlash");
+    EXPECT_EQ(with("point_uncertainty_um: 7,"),
+              "s.yml:3: axes[0].point_uncertainty_um: unknown key; did you mean "
+              "'scale_uncertainty_ppm'?");
 }
 
 TEST(SoftLimits, RefuseWhatIsOutsideAndNameTheAxis) {
-    std::vector<Axis> axes = {linear({1, 0, 0}), rotary({0, 0, 1}, {0, 0, 0})};
+    std::vector<Axis> axes(2);
     axes[0].name = "x";
     axes[0].low = -7.0;
     axes[0].high = 5.0;
     axes[1].name = "rz";
+    axes[1].kind = Axis::Kind::rotary;
     axes[1].low = -pi / 2;
     axes[1].high = pi / 4;
     const auto check = [&](std::vector<double> positions) -> std::string {

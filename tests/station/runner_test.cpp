@@ -7,6 +7,7 @@
 #include "core/errors.h"
 #include "mocks/fake_camera.h"
 #include "mocks/fake_stage.h"
+#include "stage/kinematics.h"
 #include "station/expected_view.h"
 #include "tests/station/stations.h"
 

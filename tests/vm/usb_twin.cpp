@@ -3,7 +3,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "stage/axes.h"
+#include "stage/kinematics.h"
 #include "stage/profile.h"
 
 namespace etalon {

@@ -36,6 +36,7 @@ void FakeStage::move(std::span<const double> target, std::stop_token stop) {
     require_within_limits(axes_, target, {"fake stage", 0, "move"});
     require_going_on(stop);
     moves.emplace_back(target.begin(), target.end());
+    speed_shares.push_back(speed_share_);
     if (before_move)
         before_move(target);
     position_.assign(target.begin(), target.end());

@@ -17,6 +17,7 @@ public:
     void enable(std::stop_token stop) override;
     void home(std::stop_token stop) override;
     void move(std::span<const double> target, std::stop_token stop) override;
+    void limit_speed(double share) override { speed_share_ = share; }
     std::vector<double> position() override { return position_; }
     std::vector<AxisStatus> status() override;
     bool stop() noexcept override;
@@ -24,6 +25,7 @@ public:
     // What happened so far.
     int enables = 0, homings = 0, stops = 0;
     std::vector<std::vector<double>> moves;  // targets, in order
+    std::vector<double> speed_shares;        // of each move
 
     // Called in move() before it arrives; throws what the move is to fail with.
     std::function<void(std::span<const double> target)> before_move;
@@ -35,6 +37,7 @@ public:
 private:
     std::vector<Axis> axes_;
     std::vector<double> position_;
+    double speed_share_ = 1.0;
     bool enabled_ = false, homed_ = false;
 };
 

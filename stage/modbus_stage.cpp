@@ -297,6 +297,12 @@ void ModbusStage::move(std::span<const double> target, std::stop_token stop) {
     guarded([&] { run_move(target, stop); });
 }
 
+void ModbusStage::limit_speed(double share) {
+    if (!(share > 0.0 && share <= 1.0))
+        throw ConfigError({"stage speed"}, fmt::format("a share of {} is not in (0, 1]", share));
+    speed_share_ = share;
+}
+
 void ModbusStage::run_move(std::span<const double> target, std::stop_token stop) {
     if (stop.stop_requested())
         throw Interrupted();
@@ -321,7 +327,7 @@ void ModbusStage::write_targets(std::span<const double> target) {
         const double counts = profile_.counts_per_unit(axes_[i]);
         const int group = static_cast<int>(i) * map.stride;
         append(registers, group + map.target, target[i] * counts);
-        append(registers, group + map.speed, axes_[i].speed * counts);
+        append(registers, group + map.speed, speed_share_ * axes_[i].speed * counts);
     }
     write_and_verify(map.address, registers);
     if (link_.read(map.address, static_cast<int>(registers.size())) != registers)
@@ -341,7 +347,8 @@ Duration ModbusStage::time_limit(const std::vector<AxisStatus>& axes,
                                  std::span<const double> target) const {
     double seconds = 0.0;
     for (std::size_t i = 0; i < axes.size(); ++i)
-        seconds = std::max(seconds, std::abs(target[i] - axes[i].position) / axes_[i].speed);
+        seconds = std::max(seconds, std::abs(target[i] - axes[i].position) /
+                                        (speed_share_ * axes_[i].speed));
     const std::chrono::duration<double> motion(seconds * profile_.limits.move_factor);
     return std::chrono::duration_cast<Duration>(motion) + profile_.limits.move_margin;
 }

@@ -38,6 +38,7 @@ public:
     void enable(std::stop_token stop) override;
     void home(std::stop_token stop) override;
     void move(std::span<const double> target, std::stop_token stop) override;
+    void limit_speed(double share) override;
     std::vector<double> position() override;
     std::vector<AxisStatus> status() override;
     bool stop() noexcept override;
@@ -78,6 +79,7 @@ private:
     Clock& clock_;
     ModbusLink link_;
     State state_ = State::connected;
+    double speed_share_ = 1.0;  // of each axis' speed
     bool drives_on_ = false;      // the command register's enable bit, as last seen or written
     bool ever_enabled_ = false;   // by this object
     Instant watchdog_written_{};  // 0: never

@@ -43,6 +43,9 @@ public:
     // or a move that does not end in time, Interrupted on request; the axes are stopped first.
     virtual void move(std::span<const double> target, std::stop_token stop) = 0;
 
+    // Moves from now on run at this share of each axis' speed, 0 < share <= 1; at first 1.
+    virtual void limit_speed(double share) = 0;
+
     // Read back from the device, mm or rad, one per axis.
     virtual std::vector<double> position() = 0;
     virtual std::vector<AxisStatus> status() = 0;

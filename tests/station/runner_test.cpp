@@ -77,6 +77,7 @@ private:
             owner_.moves = static_cast<int>(stage_.moves.size());
             owner_.carriage.assign(target.begin(), target.end());
         }
+        void limit_speed(double share) override { stage_.limit_speed(share); }
         std::vector<double> position() override {
             if (owner_.stage_is_silent)
                 throw DeviceError("stage fake", "position", "no answer");

@@ -1,7 +1,5 @@
 #include "mocks/simulated_stage.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -10,260 +8,233 @@
 namespace etalon {
 namespace {
 
-void require_options(const std::vector<Axis>& axes, const SimulatedStageOptions& options) {
-    const SourcePlace place{"simulated stage"};
-    if (axes.empty())
-        throw ConfigError(place, "needs at least one axis");
-    if (!options.errors.empty() && options.errors.size() != axes.size())
-        throw ConfigError(
-            place, fmt::format("{} axis errors for {} axes", options.errors.size(), axes.size()));
-    for (const AxisErrors& errors : options.errors) {
-        if (!std::isfinite(errors.scale) || !std::isfinite(errors.backlash) ||
-            !(errors.repeatability >= 0.0 && std::isfinite(errors.repeatability)))
-            throw ConfigError(place, "axis errors must be finite, repeatability not negative");
-    }
-    if (!options.power_on_position.empty())
-        require_within_limits(axes, options.power_on_position, place);
-    if (options.ramp.count() <= 0 || options.homing.count() < 0)
-        throw ConfigError(place, "the ramp must be longer than 0 ms, homing not negative");
-}
+using When = FaultTrigger::When;
+using Fault = StageFault::Kind;
+
+constexpr std::uint32_t noise_stream = 1U << 16;  // beside the axes' streams of drawn errors
 
 }  // namespace
 
-TrapezoidalMotion TrapezoidalMotion::between(double from, double to, double speed,
-                                             double acceleration) {
-    TrapezoidalMotion motion;
-    motion.from_ = from;
-    motion.to_ = to;
-    const double distance = std::abs(to - from);
-    const double peak = std::min(speed, std::sqrt(distance * acceleration));
-    if (!(peak > 0.0))
-        return motion;
-    motion.peak_velocity_ = to > from ? peak : -peak;
-    motion.ramp_up_ = motion.ramp_down_ = peak / acceleration;
-    motion.cruise_ = std::max(0.0, distance / peak - motion.ramp_up_);
-    return motion;
-}
-
-TrapezoidalMotion TrapezoidalMotion::braking(double from, double velocity, double acceleration) {
-    TrapezoidalMotion motion;
-    motion.from_ = from;
-    motion.peak_velocity_ = velocity;
-    motion.ramp_down_ = std::abs(velocity) / acceleration;
-    motion.to_ = from + 0.5 * velocity * motion.ramp_down_;
-    return motion;
-}
-
-double TrapezoidalMotion::position(double t) const {
-    if (t <= 0.0)
-        return from_;
-    if (t >= duration())
-        return to_;
-    if (t < ramp_up_)
-        return from_ + 0.5 * peak_velocity_ * t * t / ramp_up_;
-    if (t < ramp_up_ + cruise_)
-        return from_ + peak_velocity_ * (t - 0.5 * ramp_up_);
-    const double left = duration() - t;
-    return to_ - 0.5 * peak_velocity_ * left * left / ramp_down_;
-}
-
-double TrapezoidalMotion::velocity(double t) const {
-    if (t < 0.0 || t >= duration())
-        return 0.0;
-    if (t < ramp_up_)
-        return peak_velocity_ * t / ramp_up_;
-    if (t < ramp_up_ + cruise_)
-        return peak_velocity_;
-    return peak_velocity_ * (duration() - t) / ramp_down_;
-}
-
 SimulatedStage::SimulatedStage(std::vector<Axis> axes, SimulatedStageOptions options, Clock& clock)
     : axes_(std::move(axes)),
-      options_(std::move(options)),
+      options_(complete(std::move(options), axes_)),
       clock_(clock),
-      states_(axes_.size()),
-      motion_start_(clock.now()) {
-    require_options(axes_, options_);
-    options_.errors.resize(axes_.size());
-    options_.power_on_position.resize(axes_.size(), 0.0);
-    for (std::size_t i = 0; i < axes_.size(); ++i) {
-        const double rest = options_.power_on_position[i];
-        states_[i].motion = TrapezoidalMotion::between(rest, rest, 1.0, 1.0);
-        states_[i].target = rest;
+      power_on_(clock.now()),
+      controllers_(controllers_of(axes_)),
+      alarms_(controllers_.size(), StageAlarm::none),
+      pending_(options_.faults) {
+    for (std::size_t c = 0; c < controllers_.size(); ++c) {
+        for (std::size_t i = states_.size(); i < controllers_[c].first + controllers_[c].count; ++i)
+            states_.push_back({SimulatedAxis(dynamics_of(options_, axes_, i), options_.errors[i],
+                                             options_.power_on_position[i]),
+                               c});
     }
+    std::ranges::stable_sort(pending_, {}, [](const StageFault& fault) { return fault.at.value; });
 }
 
-double SimulatedStage::seconds_since_start(Instant now) const {
-    return std::chrono::duration<double>(now - motion_start_).count();
+// ---- time
+
+double SimulatedStage::seconds(Instant now) const {
+    return std::chrono::duration<double>(now - power_on_).count();
 }
 
-double SimulatedStage::acceleration(std::size_t axis) const {
-    return axes_[axis].speed / std::chrono::duration<double>(options_.ramp).count();
+double SimulatedStage::catch_up() {
+    const double t = seconds(clock_.now());
+    while (!pending_.empty()) {
+        const auto due = std::ranges::find_if(pending_, [t](const StageFault& fault) {
+            return fault.at.when == When::time_ms && fault.at.value * 1e-3 <= t;
+        });
+        if (due == pending_.end())
+            break;
+        const StageFault fault = *due;
+        pending_.erase(due);
+        happen(fault, fault.at.value * 1e-3);
+    }
+    return t;
 }
 
-double SimulatedStage::encoder(const AxisState& axis, double t) const {
-    return axis.motion.position(t);
+// ---- what is known of an axis
+
+std::span<SimulatedStage::AxisState> SimulatedStage::axes_of(std::size_t controller) {
+    const StageController& part = controllers_.at(controller);
+    return std::span(states_).subspan(part.first, part.count);
+}
+
+std::size_t SimulatedStage::index_of(const AxisState& axis) const {
+    return static_cast<std::size_t>(&axis - states_.data());
+}
+
+bool SimulatedStage::is_homed(const AxisState& axis, double t) const {
+    return axis.homed && t >= axis.homing_until;
 }
 
 bool SimulatedStage::moves(const AxisState& axis, double t) const {
-    return axis.stuck_now || t < axis.motion.duration() || t < homing_seconds_;
+    return axis.physics.runs(t) || t < axis.homing_until;
 }
 
 bool SimulatedStage::any_moves(double t) const {
     return std::ranges::any_of(states_, [&](const AxisState& axis) { return moves(axis, t); });
 }
 
-double SimulatedStage::offset(const AxisState& axis, double t) const {
-    const double way = axis.motion.end() - axis.motion.start();
-    const double done = way == 0.0 ? 1.0 : (encoder(axis, t) - axis.motion.start()) / way;
-    return axis.offset_before + done * (axis.offset_after - axis.offset_before);
+// Noise is a function of the time, so that it does not matter who else reads.
+double SimulatedStage::reading(const AxisState& axis, double t) const {
+    const std::size_t index = index_of(axis);
+    RandomStream random(options_.seed, noise_stream + static_cast<std::uint32_t>(index),
+                        static_cast<std::uint64_t>(std::llround(t * 1e9)));
+    const double sigma = options_.errors[index].encoder_noise;
+    return axis.physics.encoder(t) + (sigma > 0.0 ? sigma * random.normal() : 0.0);
 }
 
-// Restarts the time of all axes, which all rest or brake from here on.
-void SimulatedStage::brake() {
-    const Instant now = clock_.now();
-    const double t = seconds_since_start(now);
-    if (!is_homed(t))
-        homed_ = false;
-    for (std::size_t i = 0; i < states_.size(); ++i) {
-        AxisState& axis = states_[i];
-        const double held = offset(axis, t);
-        axis.motion =
-            TrapezoidalMotion::braking(encoder(axis, t), axis.motion.velocity(t), acceleration(i));
-        axis.offset_before = axis.offset_after = held;
-        axis.stuck_now = false;
+AxisStatus SimulatedStage::status_of(const AxisState& axis, double t) const {
+    const int alarm = alarms_[axis.controller];
+    AxisStatus status;
+    status.enabled = axis.enabled;
+    status.homed = is_homed(axis, t);
+    status.homing = axis.homed && t < axis.homing_until;
+    status.moving = moves(axis, t) && !axis.claims_arrival;
+    status.in_position =
+        axis.claims_arrival || (axis.enabled && !status.moving && axis.physics.is_at_target(t));
+    status.alarm = alarm;
+    status.position = reading(axis, t);
+    status.ready = axis.enabled && !status.moving && alarm == StageAlarm::none;
+    status.emergency_stop = emergency_stop_;
+    status.limit = axis.at_limit;
+    return status;
+}
+
+double SimulatedStage::drawn_error(std::size_t axis) const {
+    RandomStream random(options_.seed, static_cast<std::uint32_t>(axis), motions_);
+    return options_.errors[axis].repeatability * random.normal();
+}
+
+// ---- commands
+
+void SimulatedStage::brake(std::size_t controller, double t) {
+    for (AxisState& axis : axes_of(controller)) {
+        axis.homed = is_homed(axis, t);
+        axis.homing_until = 0.0;
+        axis.claims_arrival = false;
+        axis.physics.brake(t);
     }
-    motion_start_ = now;
-    homing_seconds_ = 0.0;
 }
 
-// From rest; the caller restarts the time.
-void SimulatedStage::begin(std::size_t index, double target, double speed) {
-    AxisState& axis = states_[index];
-    const double from = axis.motion.end();
-    axis.target = target;
-    axis.offset_before = axis.offset_after;
-    axis.stuck_now = axis.jammed && target != from;
-    if (axis.stuck_now || target == from) {
-        axis.motion = TrapezoidalMotion::braking(from, 0.0, 1.0);
-        return;
-    }
-    const AxisErrors& errors = options_.errors[index];
-    RandomStream random(options_.seed, static_cast<std::uint32_t>(index), moves_started_);
-    axis.offset_after =
-        errors.repeatability * random.normal() + (target < from ? errors.backlash : 0.0);
-    axis.motion = TrapezoidalMotion::between(from, target, speed, acceleration(index));
+// An alarm that is there already is the cause and stays.
+void SimulatedStage::fail(int code, std::size_t controller, double t) {
+    if (alarms_.at(controller) == StageAlarm::none)
+        alarms_[controller] = code;
+    brake(controller, t);
 }
 
-bool SimulatedStage::is_homed(double t) const {
-    return homed_ && t >= homing_seconds_;
-}
-
-void SimulatedStage::enable(bool on) {
+void SimulatedStage::enable(bool on, std::size_t controller) {
     const std::scoped_lock lock(mutex_);
-    if (enabled_ && !on) {
-        brake();
-        homed_ = false;
+    const double t = catch_up();
+    for (AxisState& axis : axes_of(controller)) {
+        if (axis.enabled && !on) {
+            brake(controller, t);
+            axis.homed = false;
+        }
+        axis.enabled = on && !emergency_stop_;
     }
-    enabled_ = on;
 }
 
-void SimulatedStage::home() {
+void SimulatedStage::home(std::size_t controller) {
     const std::scoped_lock lock(mutex_);
-    const Instant now = clock_.now();
-    if (!enabled_ || alarm_ != StageAlarm::none || any_moves(seconds_since_start(now))) {
-        fail(StageAlarm::not_ready);
-        return;
+    const double t = catch_up();
+    const bool able = std::ranges::all_of(axes_of(controller), [&](const AxisState& axis) {
+        return axis.enabled && !moves(axis, t);
+    });
+    if (able && alarms_[controller] == StageAlarm::none)
+        begin_homing(controller, t);
+    else
+        fail(StageAlarm::not_ready, controller, t);
+}
+
+void SimulatedStage::begin_homing(std::size_t controller, double t) {
+    ++motions_;
+    double end = t + std::chrono::duration<double>(options_.homing).count();
+    for (AxisState& axis : axes_of(controller)) {
+        const std::size_t i = index_of(axis);
+        axis.claims_arrival = false;
+        axis.physics.find_zero(std::clamp(0.0, axes_[i].low, axes_[i].high), axes_[i].speed,
+                               drawn_error(i), t);
+        end = std::max(end, axis.physics.ends());
+        if (axis.jammed && axis.physics.runs(t))
+            axis.physics.seize(t);
     }
-    ++moves_started_;
-    for (std::size_t i = 0; i < axes_.size(); ++i)
-        begin(i, std::clamp(0.0, axes_[i].low, axes_[i].high), axes_[i].speed);
-    motion_start_ = now;
-    homing_seconds_ = std::chrono::duration<double>(options_.homing).count();
-    for (const AxisState& axis : states_)
-        homing_seconds_ = std::max(homing_seconds_, axis.motion.duration());
-    homed_ = true;  // once the homing time has passed, see is_homed()
+    for (AxisState& axis : axes_of(controller)) {
+        axis.homed = true;
+        axis.homing_until = end;
+    }
 }
 
 int SimulatedStage::reason_to_refuse(const std::vector<double>& target,
-                                     const std::vector<double>& speed, double t) const {
-    if (!enabled_ || !is_homed(t) || alarm_ != StageAlarm::none || any_moves(t))
+                                     const std::vector<double>& speed, std::size_t controller,
+                                     double t) {
+    const std::span<AxisState> axes = axes_of(controller);
+    const bool able = std::ranges::all_of(axes, [&](const AxisState& axis) {
+        return axis.enabled && is_homed(axis, t) && !moves(axis, t);
+    });
+    if (!able || alarms_[controller] != StageAlarm::none)
         return StageAlarm::not_ready;
-    if (target.size() != axes_.size() || speed.size() != axes_.size())
+    if (target.size() != axes.size() || speed.size() != axes.size())
         return StageAlarm::outside_travel;
-    for (std::size_t i = 0; i < axes_.size(); ++i) {
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        const Axis& axis = axes_[index_of(axes[i])];
         // Targets come rounded to counts: the last half count beyond a limit is inside.
-        const double rounding = axes_[i].kind == Axis::Kind::linear ? 1e-4 : 1e-6;
-        const bool inside =
-            target[i] >= axes_[i].low - rounding && target[i] <= axes_[i].high + rounding;
-        if (!inside || !(speed[i] > 0.0 && speed[i] <= 1.001 * axes_[i].speed))
+        const double rounding = axis.kind == Axis::Kind::linear ? 1e-4 : 1e-6;
+        const bool inside = target[i] >= axis.low - rounding && target[i] <= axis.high + rounding;
+        if (!inside || !(speed[i] > 0.0 && speed[i] <= 1.001 * axis.speed))
             return StageAlarm::outside_travel;
     }
     return StageAlarm::none;
 }
 
-void SimulatedStage::start(const std::vector<double>& target, const std::vector<double>& speed) {
+void SimulatedStage::start(const std::vector<double>& target, const std::vector<double>& speed,
+                           std::size_t controller) {
     const std::scoped_lock lock(mutex_);
-    const Instant now = clock_.now();
-    const int refused = reason_to_refuse(target, speed, seconds_since_start(now));
+    const double t = catch_up();
+    const int refused = reason_to_refuse(target, speed, controller, t);
     if (refused != StageAlarm::none) {
-        fail(refused);
+        fail(refused, controller, t);
         return;
     }
+    ++motions_;
+    const std::span<AxisState> axes = axes_of(controller);
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        axes[i].claims_arrival = false;
+        axes[i].physics.move_to(target[i], speed[i], drawn_error(index_of(axes[i])), t);
+        if (axes[i].jammed && axes[i].physics.runs(t))
+            axes[i].physics.seize(t);
+    }
     ++moves_started_;
-    for (std::size_t i = 0; i < axes_.size(); ++i)
-        begin(i, target[i], speed[i]);
-    motion_start_ = now;
-    homing_seconds_ = 0.0;
+    fire(When::move, moves_started_, moves_started_, t);
 }
 
-void SimulatedStage::stop() {
+void SimulatedStage::stop(std::size_t controller) {
     const std::scoped_lock lock(mutex_);
-    brake();
+    brake(controller, catch_up());
 }
 
-void SimulatedStage::reset() {
+void SimulatedStage::reset(std::size_t controller) {
     const std::scoped_lock lock(mutex_);
-    alarm_ = StageAlarm::none;
+    catch_up();
+    if (emergency_stop_)
+        return;
+    alarms_.at(controller) = StageAlarm::none;
+    for (AxisState& axis : axes_of(controller))
+        axis.at_limit = false;
 }
 
-// An alarm that is there already is the cause and stays.
-void SimulatedStage::fail(int code) {
-    if (alarm_ == StageAlarm::none)
-        alarm_ = code;
-    brake();
-}
+// ---- reading
 
-void SimulatedStage::raise_alarm(int code) {
-    const std::scoped_lock lock(mutex_);
-    fail(code);
-}
-
-void SimulatedStage::jam(std::size_t axis, bool jammed) {
-    const std::scoped_lock lock(mutex_);
-    AxisState& state = states_.at(axis);
-    const double t = seconds_since_start(clock_.now());
-    if (jammed && t < state.motion.duration()) {
-        const double held = offset(state, t);
-        state.motion = TrapezoidalMotion::braking(encoder(state, t), 0.0, 1.0);
-        state.offset_before = state.offset_after = held;
-        state.stuck_now = true;
-    }
-    state.jammed = jammed;
-}
-
-std::vector<AxisStatus> SimulatedStage::status() const {
+std::vector<AxisStatus> SimulatedStage::status() {
     std::unique_lock lock(mutex_);
-    const double t = seconds_since_start(clock_.now());
+    const double t = catch_up();
     std::vector<AxisStatus> statuses;
-    for (const AxisState& axis : states_) {
-        AxisStatus status{enabled_, is_homed(t), moves(axis, t)};
-        status.alarm = alarm_;
-        status.position = encoder(axis, t);
-        status.in_position = enabled_ && !status.moving && status.position == axis.target;
-        statuses.push_back(status);
-    }
-    if (!ready_ || any_moves(t))
+    for (const AxisState& axis : states_)
+        statuses.push_back(status_of(axis, t));
+    const bool lies = std::ranges::any_of(states_, &AxisState::claims_arrival);
+    if (!ready_ || lies || any_moves(t))
         return statuses;
     const auto ready = ready_;
     const std::vector<double> truth = true_positions_at(t);
@@ -276,34 +247,155 @@ std::vector<AxisStatus> SimulatedStage::status() const {
 }
 
 std::vector<double> SimulatedStage::true_positions_at(double t) const {
+    const double kelvin = options_.temperature.at(t);
     std::vector<double> positions;
-    for (std::size_t i = 0; i < states_.size(); ++i)
-        positions.push_back(encoder(states_[i], t) * (1.0 + options_.errors[i].scale) +
-                            offset(states_[i], t));
-    return positions;
+    for (const AxisState& axis : states_)
+        positions.push_back(axis.physics.true_position(t, kelvin));
+    return with_lean(options_.errors, std::move(positions));
 }
 
-std::vector<double> SimulatedStage::true_positions() const {
+std::vector<double> SimulatedStage::true_positions() {
     const std::scoped_lock lock(mutex_);
-    return true_positions_at(seconds_since_start(clock_.now()));
+    return true_positions_at(catch_up());
 }
 
-bool SimulatedStage::is_moving() const {
+bool SimulatedStage::is_moving() {
     const std::scoped_lock lock(mutex_);
-    return any_moves(seconds_since_start(clock_.now()));
+    return any_moves(catch_up());
 }
 
-std::vector<double> SimulatedStage::target() const {
+bool SimulatedStage::is_moving(std::size_t controller) {
+    const std::scoped_lock lock(mutex_);
+    const double t = catch_up();
+    return std::ranges::any_of(axes_of(controller),
+                               [&](const AxisState& axis) { return moves(axis, t); });
+}
+
+std::vector<double> SimulatedStage::target() {
     const std::scoped_lock lock(mutex_);
     std::vector<double> targets;
     for (const AxisState& axis : states_)
-        targets.push_back(axis.target);
+        targets.push_back(axis.physics.target());
     return targets;
 }
 
 void SimulatedStage::hold_in_position_until(std::function<bool(const std::vector<double>&)> ready) {
     const std::scoped_lock lock(mutex_);
     ready_ = std::move(ready);
+}
+
+int SimulatedStage::moves_started() {
+    const std::scoped_lock lock(mutex_);
+    return moves_started_;
+}
+
+Duration SimulatedStage::uptime() {
+    return clock_.now() - power_on_;
+}
+
+// ---- faults
+
+void SimulatedStage::jam_at(std::size_t index, double t) {
+    AxisState& axis = states_.at(index);
+    axis.jammed = true;
+    if (axis.physics.runs(t))
+        axis.physics.seize(t);
+}
+
+void SimulatedStage::hit_limit_at(std::size_t index, double t) {
+    AxisState& axis = states_.at(index);
+    axis.at_limit = true;
+    fail(StageAlarm::limit, axis.controller, t);
+}
+
+void SimulatedStage::press_emergency_stop_at(double t) {
+    emergency_stop_ = true;
+    for (std::size_t c = 0; c < controllers_.size(); ++c) {
+        alarms_[c] = StageAlarm::emergency_stop;
+        brake(c, t);
+    }
+    for (AxisState& axis : states_)
+        axis.enabled = axis.homed = false;
+}
+
+void SimulatedStage::happen(const StageFault& fault, double t) {
+    switch (fault.kind) {
+        case Fault::stuck_axis:
+            return jam_at(fault.axis, t);
+        case Fault::false_in_position:
+            states_[fault.axis].claims_arrival = true;
+            return;
+        case Fault::encoder_jump:
+            return states_[fault.axis].physics.jump_encoder(fault.size);
+        case Fault::limit_hit:
+            return hit_limit_at(fault.axis, t);
+        case Fault::emergency_stop:
+            return press_emergency_stop_at(t);
+        case Fault::alarm:
+            return fail(fault.code, states_[fault.axis].controller, t);
+    }
+}
+
+// Every fault that waits for one of the values first to last.
+void SimulatedStage::fire(When when, int first, int last, double t) {
+    std::vector<StageFault> due;
+    std::erase_if(pending_, [&](const StageFault& fault) {
+        const bool now = fault.at.when == when && fault.at.value >= first && fault.at.value <= last;
+        if (now)
+            due.push_back(fault);
+        return now;
+    });
+    for (const StageFault& fault : due)
+        happen(fault, t);
+}
+
+void SimulatedStage::notice_request(int first_written, int count) {
+    const std::scoped_lock lock(mutex_);
+    const double t = catch_up();
+    ++requests_;
+    fire(When::request, requests_, requests_, t);
+    if (count > 0)
+        fire(When::write_to, first_written, first_written + count - 1, t);
+}
+
+void SimulatedStage::raise_alarm(int code, std::size_t controller) {
+    const std::scoped_lock lock(mutex_);
+    fail(code, controller, catch_up());
+}
+
+void SimulatedStage::jam(std::size_t axis, bool jammed) {
+    const std::scoped_lock lock(mutex_);
+    const double t = catch_up();
+    if (jammed)
+        jam_at(axis, t);
+    else
+        states_.at(axis).jammed = false;
+}
+
+void SimulatedStage::claim_arrival(std::size_t axis) {
+    const std::scoped_lock lock(mutex_);
+    catch_up();
+    states_.at(axis).claims_arrival = true;
+}
+
+void SimulatedStage::jump_encoder(std::size_t axis, double size) {
+    const std::scoped_lock lock(mutex_);
+    catch_up();
+    states_.at(axis).physics.jump_encoder(size);
+}
+
+void SimulatedStage::hit_limit(std::size_t axis) {
+    const std::scoped_lock lock(mutex_);
+    hit_limit_at(axis, catch_up());
+}
+
+void SimulatedStage::press_emergency_stop(bool pressed) {
+    const std::scoped_lock lock(mutex_);
+    const double t = catch_up();
+    if (pressed)
+        press_emergency_stop_at(t);
+    else
+        emergency_stop_ = false;
 }
 
 }  // namespace etalon

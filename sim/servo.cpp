@@ -64,6 +64,13 @@ Servo::State Servo::at_rest(double position) const {
     return state;
 }
 
+Servo::State Servo::with_motor_stopped(State state) const {
+    if (motor_ > 0)
+        state(0) = state(motor_);
+    state(motor_ + 1) = 0.0;
+    return state;
+}
+
 Servo::State Servo::advance(const State& state, const Motion& motion, double from,
                             double to) const {
     State now = state;

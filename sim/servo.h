@@ -33,6 +33,10 @@ public:
 
     State at_rest(double position) const;
 
+    // The motor stands from now on, as if jammed, while the carriage swings on behind it. The
+    // motion that follows should rest there.
+    State with_motor_stopped(State state) const;
+
     // The state at `to` seconds of the motion, given that at `from`; 0 <= from <= to. One matrix
     // exponential per piece in between.
     State advance(const State& state, const Motion& motion, double from, double to) const;

@@ -51,7 +51,7 @@ public:
     }
 
     // Whether x is on its way beyond `position` mm: where scripts begin their faults.
-    bool is_beyond(double position) const {
+    bool is_beyond(double position) {
         return simulation.is_moving() && simulation.true_positions()[0] > position;
     }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 
 namespace etalon {
 namespace {
@@ -31,54 +32,6 @@ struct Rig {
     VirtualClock clock;
     SimulatedStage stage;
 };
-
-// 100 mm at 50 mm/s and 200 mm/s^2: ramps of 0.25 s and 6.25 mm, 87.5 mm in 1.75 s between.
-TEST(TrapezoidalMotion, ALongMoveRampsCruisesAndRamps) {
-    const auto motion = TrapezoidalMotion::between(7.0, 107.0, 50.0, 200.0);
-    EXPECT_DOUBLE_EQ(motion.duration(), 2.25);
-    EXPECT_DOUBLE_EQ(motion.position(-1.0), 7.0);
-    EXPECT_DOUBLE_EQ(motion.position(0.25), 13.25);
-    EXPECT_DOUBLE_EQ(motion.position(1.25), 63.25);
-    EXPECT_DOUBLE_EQ(motion.position(2.0), 100.75);
-    EXPECT_DOUBLE_EQ(motion.position(2.125), 107.0 - 1.5625);
-    EXPECT_EQ(motion.position(2.25), 107.0);
-    EXPECT_DOUBLE_EQ(motion.velocity(1.0), 50.0);
-}
-
-// 7 mm at 28 mm/s^2 never reaches 100 mm/s: peak sqrt(7 * 28) = 14 mm/s after 0.5 s.
-TEST(TrapezoidalMotion, AShortMoveIsTriangular) {
-    const auto motion = TrapezoidalMotion::between(5.0, -2.0, 100.0, 28.0);
-    EXPECT_DOUBLE_EQ(motion.duration(), 1.0);
-    EXPECT_DOUBLE_EQ(motion.position(0.5), 1.5);
-    EXPECT_DOUBLE_EQ(motion.velocity(0.5), -14.0);
-    EXPECT_EQ(motion.position(1.0), -2.0);
-}
-
-// Independent of the closed form: the velocity's integral (midpoint rule, 10000 steps; the velocity
-// is piecewise linear, so at most the four steps with a corner are off, each by < a h^2 / 4).
-TEST(TrapezoidalMotion, PositionIsTheIntegralOfVelocity) {
-    for (const auto& motion : {TrapezoidalMotion::between(3.0, -11.0, 9.0, 17.0),
-                               TrapezoidalMotion::between(3.0, 3.5, 9.0, 17.0),
-                               TrapezoidalMotion::braking(5.0, -7.0, 17.0)}) {
-        const double step = motion.duration() / 10000;
-        double integral = motion.start();
-        for (int i = 0; i < 10000; ++i)
-            integral += motion.velocity((i + 0.5) * step) * step;
-        EXPECT_NEAR(integral, motion.end(), 4 * 17.0 * step * step / 4 + 1e-9);
-    }
-}
-
-TEST(TrapezoidalMotion, BrakingEndsAfterVSquaredOverTwoA) {
-    const auto motion = TrapezoidalMotion::braking(5.0, -30.0, 60.0);
-    EXPECT_DOUBLE_EQ(motion.duration(), 0.5);
-    EXPECT_DOUBLE_EQ(motion.end(), -2.5);
-    EXPECT_DOUBLE_EQ(motion.position(0.25), 5.0 - 30.0 * 0.25 + 30.0 * 0.0625);
-}
-
-TEST(TrapezoidalMotion, NowhereToGoTakesNoTime) {
-    EXPECT_EQ(TrapezoidalMotion::between(7.0, 7.0, 5.0, 3.0).duration(), 0.0);
-    EXPECT_EQ(TrapezoidalMotion::between(7.0, 7.0, 5.0, 3.0).position(0.0), 7.0);
-}
 
 TEST(SimulatedStage, MovesEachAxisAtItsSpeed) {
     Rig rig;
@@ -274,6 +227,108 @@ TEST(SimulatedStage, AJammedAxisClaimsToMoveUntilStopped) {
     EXPECT_EQ(rig.stage.status()[0].position, 200.0);
 }
 
+// A ramp of 50 ms whose acceleration builds up in 20 ms: 0.5 s at 30 mm/s and 70 ms of ramp.
+TEST(SimulatedStage, MovesByAnSCurveWhenTheJerkIsLimited) {
+    SimulatedStageOptions options;
+    options.jerk = 20ms;
+    Rig rig(options);
+    rig.enable_and_home();
+    rig.stage.start({0.0, 15.0}, {100.0, 30.0});
+    rig.clock.advance(20ms);  // j t^3 / 6 = 600 mm/s^2 / 20 ms * (20 ms)^3 / 6
+    EXPECT_NEAR(rig.stage.status()[1].position, 600.0 * 0.02 * 0.02 / 6.0, 1e-12);
+    rig.clock.advance(549ms);
+    EXPECT_TRUE(rig.stage.status()[1].moving);
+    rig.clock.advance(2ms);
+    EXPECT_TRUE(rig.stage.status()[1].in_position);
+    EXPECT_EQ(rig.stage.status()[1].position, 15.0);
+}
+
+// The plan stops from 30 mm/s within 1 ms around 500.5 ms. A loop of w rad/s with damping 1 is
+// then behind by (v / w) (2 + w s) exp(-w s), s seconds later.
+TEST(SimulatedStage, IsInPositionOnceTheServoHasSettled) {
+    SimulatedStageOptions options;
+    options.ramp = 1ms;
+    options.servos = {std::nullopt, AxisServo{{.bandwidth_hz = 5.0, .damping = 1.0}, 0.01}};
+    Rig rig(options);
+    rig.enable_and_home();
+    rig.stage.start({0.0, 15.0}, {100.0, 30.0});
+    const double w = 10.0 * std::numbers::pi;
+    const auto behind = [&](double s) { return 30.0 / w * (2.0 + w * s) * std::exp(-w * s); };
+    rig.clock.advance(502ms);
+    EXPECT_FALSE(rig.stage.status()[1].moving || rig.stage.status()[1].in_position);
+    EXPECT_NEAR(rig.stage.status()[1].position, 15.0 - behind(1.5e-3), 1e-4);
+    int settled_ms = 2;
+    while (behind(settled_ms * 1e-3 - 0.5e-3) > 0.01)
+        ++settled_ms;
+    rig.clock.advance(std::chrono::milliseconds(settled_ms - 2 - 2));
+    EXPECT_FALSE(rig.stage.status()[1].in_position);
+    rig.clock.advance(3ms);
+    EXPECT_TRUE(rig.stage.status()[1].in_position);
+    EXPECT_EQ(rig.stage.target()[1], 15.0);
+    EXPECT_TRUE(rig.stage.status()[0].in_position);
+}
+
+TEST(SimulatedStage, ANewCommandTakesTheServoAsItIs) {
+    SimulatedStageOptions options;
+    options.jerk = 10ms;
+    options.servos = {AxisServo{{.bandwidth_hz = 9.0, .resonance_hz = 14.0}, 0.01}, std::nullopt};
+    Rig rig(options);
+    rig.enable_and_home();
+    rig.stage.start({100.0, 0.0}, {100.0, 30.0});
+    rig.clock.advance(300ms);
+    for (int i = 0; i < 3; ++i) {  // stopped while it stops
+        const double truth = rig.stage.true_positions()[0], read = rig.stage.status()[0].position;
+        rig.stage.stop();
+        EXPECT_NEAR(rig.stage.true_positions()[0], truth, 1e-9);
+        EXPECT_NEAR(rig.stage.status()[0].position, read, 1e-9);
+        rig.clock.advance(7ms);
+        // At no more than 100 mm/s and its ringing.
+        EXPECT_NEAR(rig.stage.true_positions()[0], truth, 7e-3 * 130.0);
+    }
+    rig.clock.advance(20s);
+    EXPECT_NEAR(rig.stage.true_positions()[0], rig.stage.status()[0].position, 1e-9);
+}
+
+TEST(SimulatedStage, EachControllerDrivesItsOwnAxes) {
+    std::vector<Axis> axes = two_axes();
+    axes.push_back({.name = "z", .low = -5.0, .high = 7.0, .speed = 10.0});
+    axes[1].unit = axes[2].unit = 3;
+    VirtualClock clock;
+    SimulatedStage stage(axes, {}, clock);
+    ASSERT_EQ(stage.controllers().size(), 2U);
+    EXPECT_EQ(stage.controllers()[1].unit, 3);
+    EXPECT_EQ(stage.controllers()[1].first, 1U);
+    EXPECT_EQ(stage.controllers()[1].count, 2U);
+    stage.enable(true, 1);
+    stage.home(1);
+    clock.advance(1s);
+    stage.start({15.0, -3.0}, {30.0, 10.0}, 1);
+    clock.advance(100ms);
+    EXPECT_TRUE(stage.is_moving(1) && stage.is_moving());
+    EXPECT_FALSE(stage.is_moving(0) || stage.status()[0].enabled || stage.status()[0].homed);
+    stage.start({5.0}, {100.0}, 0);  // not enabled: its own alarm, and the others go on
+    clock.advance(5s);
+    EXPECT_EQ(stage.status()[0].alarm, StageAlarm::not_ready);
+    EXPECT_EQ(stage.status()[2].alarm, StageAlarm::none);
+    EXPECT_EQ(stage.status()[1].position, 15.0);
+    EXPECT_EQ(stage.status()[2].position, -3.0);
+    EXPECT_EQ(stage.moves_started(), 1);
+}
+
+TEST(SimulatedStage, TellsReadyAndHoming) {
+    Rig rig;
+    EXPECT_FALSE(rig.stage.status()[0].ready);
+    rig.stage.enable(true);
+    EXPECT_TRUE(rig.stage.status()[0].ready);
+    rig.stage.home();
+    rig.clock.advance(100ms);
+    EXPECT_TRUE(rig.stage.status()[0].homing && !rig.stage.status()[0].ready);
+    rig.clock.advance(200ms);
+    EXPECT_TRUE(!rig.stage.status()[0].homing && rig.stage.status()[0].ready);
+    rig.stage.raise_alarm(17);
+    EXPECT_FALSE(rig.stage.status()[0].ready);
+}
+
 TEST(SimulatedStage, HoldsInPositionUntilThePictureIsReady) {
     SimulatedStageOptions options;
     options.errors = {{.scale = 0.01}, {}};
@@ -305,9 +360,24 @@ TEST(SimulatedStage, RefusesOptionsThatDoNotFit) {
     SimulatedStageOptions outside;
     outside.power_on_position = {501.0, 0.0};
     EXPECT_THROW(SimulatedStage(two_axes(), outside, clock), ConfigError);
-    SimulatedStageOptions no_ramp;
-    no_ramp.ramp = 0ms;
-    EXPECT_THROW(SimulatedStage(two_axes(), no_ramp, clock), ConfigError);
+    const auto refused = [&](auto change) {
+        SimulatedStageOptions options;
+        options.errors = {{}, {}};
+        options.servos.resize(2);
+        change(options);
+        EXPECT_THROW(SimulatedStage(two_axes(), options, clock), ConfigError);
+    };
+    refused([](auto& options) { options.ramp = 0ms; });
+    refused([](auto& options) { options.jerk = -1ms; });
+    refused([](auto& options) { options.servos = {std::nullopt}; });
+    refused([](auto& options) { options.servos[1] = AxisServo{.window = 0.0}; });
+    refused([](auto& options) { options.temperature.time_constant = 0.0; });
+    refused([](auto& options) { options.errors[0].backlash = -0.1; });
+    refused([](auto& options) { options.errors[1].period = 0.0; });
+    refused([](auto& options) { options.errors[1].lean = {1e-3}; });
+    refused([](auto& options) { options.errors[1].lean = {1e-3, 1e-3}; });
+    refused([](auto& options) { options.faults = {{.axis = 2}}; });
+    refused([](auto& options) { options.faults = {{.kind = StageFault::Kind::alarm}}; });
 }
 
 }  // namespace

@@ -121,6 +121,21 @@ TEST(Servo, TheCarriageRingsAfterTheMotorStands) {
     EXPECT_NEAR(swing(t + period) / swing(t), std::exp(-2 * pi * p.resonance_damping / root), 1e-9);
 }
 
+TEST(Servo, TheCarriageSwingsOnBehindAJammedMotor) {
+    const Servo servo(soft_servo());
+    const auto moving = servo.advance(servo.at_rest(3.0), s_curve(), 0.0, 0.2);
+    const auto jammed = servo.with_motor_stopped(moving);
+    const double place = servo.motor(moving);
+    EXPECT_EQ(servo.motor(jammed), place);
+    EXPECT_EQ(servo.carriage(jammed), servo.carriage(moving));
+    // It moves at about -20 mm/s: on, and half a period of 13.5 ms later back.
+    const auto later = servo.advance(jammed, Motion(place), 0.0, 3e-3);
+    EXPECT_NEAR(servo.motor(later), place, 1e-12);
+    EXPECT_LT(servo.carriage(later), servo.carriage(jammed) - 0.02);
+    const auto rest = servo.advance(jammed, Motion(place), 0.0, 20.0);
+    EXPECT_NEAR(servo.carriage(rest), place, 1e-12);
+}
+
 TEST(Servo, PartsThatAreLeftOutDoNothing) {
     const ServoParameters p{.bandwidth_hz = 11.0, .damping = 0.6};
     ServoParameters hardly = p;

@@ -48,6 +48,8 @@ std::vector<AxisStatus> FakeStage::status() {
     std::vector<AxisStatus> axes;
     for (const double position : position_)
         axes.push_back({enabled_, homed_, false, true, 0, position});
+    if (on_status)
+        on_status(axes);
     return axes;
 }
 

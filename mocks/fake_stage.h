@@ -30,6 +30,9 @@ public:
     // Called in move() before it arrives; throws what the move is to fail with.
     std::function<void(std::span<const double> target)> before_move;
 
+    // Called in status() and changes what it tells: an alarm, a pressed emergency stop.
+    std::function<void(std::vector<AxisStatus>&)> on_status;
+
     // Added to the target to give the position that is read back; empty: nothing.
     std::vector<double> read_back_error;
     bool confirms_stop = true;

@@ -1,0 +1,108 @@
+#include "stage/guarded_stage.h"
+
+#include <gtest/gtest.h>
+
+#include "core/errors.h"
+#include "mocks/fake_stage.h"
+
+namespace etalon {
+namespace {
+
+using Positions = std::vector<double>;
+
+std::vector<Axis> xz() {
+    return {{.name = "x", .low = -100.0, .high = 100.0, .speed = 10.0},
+            {.name = "z", .low = -50.0, .high = 200.0, .speed = 5.0}};
+}
+
+// Forbidden: |x| < 20 with z > 100; slow from z = 85 on.
+const MotionRules lens{{{"lens", {{-20, 20}, {100, 160}}}}, {0, 15}, 0.2};
+
+struct Rig {
+    explicit Rig(const MotionRules& rules = lens) : Rig(std::make_unique<FakeStage>(xz()), rules) {}
+    Rig(std::unique_ptr<FakeStage> stage, const MotionRules& rules)
+        : fake(*stage), guarded(std::move(stage), rules) {
+        guarded.enable({});
+        guarded.home({});
+    }
+    FakeStage& fake;
+    GuardedStage guarded;
+};
+
+TEST(GuardedStage, MovesInAsManyMotionsAsTheBoxesTake) {
+    Rig rig;
+    rig.guarded.move(Positions{-40, 120}, {});
+    rig.guarded.move(Positions{40, 130}, {});
+    EXPECT_EQ(rig.fake.moves.front(), (Positions{-40, 0}));
+    ASSERT_EQ(rig.fake.moves.size(), 5u);
+    EXPECT_NEAR(rig.fake.moves[2][1], 99.9, 1e-12);
+    EXPECT_EQ(rig.fake.moves[3][0], 40);
+    EXPECT_EQ(rig.fake.moves[4], (Positions{40, 130}));
+    EXPECT_EQ(rig.guarded.position(), (Positions{40, 130}));
+}
+
+TEST(GuardedStage, PlansFromWhereTheAxesReadToBe) {
+    Rig rig;
+    rig.fake.read_back_error = {0, 40};  // z really stands beside the lens
+    rig.guarded.move(Positions{-40, 80}, {});
+    rig.fake.read_back_error = {};
+    rig.guarded.move(Positions{40, 90}, {});
+    EXPECT_EQ(rig.fake.moves, (std::vector<Positions>{{-40, 80}, {-40, 90}, {40, 90}}));
+}
+
+TEST(GuardedStage, MovesNothingToWhatIsForbidden) {
+    Rig rig;
+    EXPECT_THROW(rig.guarded.move(Positions{7, 120}, {}), ConfigError);
+    EXPECT_THROW(rig.guarded.move(Positions{7, 201}, {}), ConfigError);
+    EXPECT_THROW(rig.guarded.move(Positions{7}, {}), ConfigError);
+    EXPECT_TRUE(rig.fake.moves.empty());
+}
+
+TEST(GuardedStage, IsSlowNearABoxAndNeverFasterThanItWasLimitedTo) {
+    Rig rig;
+    rig.guarded.move(Positions{7, 50}, {});
+    rig.guarded.move(Positions{7, 95}, {});
+    rig.guarded.limit_speed(0.1);
+    rig.guarded.move(Positions{7, 90}, {});
+    rig.guarded.move(Positions{7, 20}, {});
+    EXPECT_EQ(rig.fake.speed_shares, (std::vector<double>{1.0, 0.2, 0.1, 0.1}));
+}
+
+TEST(GuardedStage, EndsTheMoveWhereAMotionFails) {
+    Rig rig;
+    rig.guarded.move(Positions{-40, 120}, {});
+    rig.fake.before_move = [&](std::span<const double>) {
+        if (rig.fake.moves.size() == 4)
+            throw DeviceError("fake stage", "move", "alarm 7");
+    };
+    EXPECT_THROW(rig.guarded.move(Positions{40, 130}, {}), DeviceError);
+    EXPECT_EQ(rig.fake.moves.size(), 4u);
+}
+
+TEST(GuardedStage, TellsWhatDisturbsTheAxesAtRest) {
+    const auto error_with = [](void (*disturb)(AxisStatus&)) -> std::string {
+        Rig rig;
+        rig.fake.on_status = [disturb](std::vector<AxisStatus>& axes) { disturb(axes[1]); };
+        try {
+            rig.guarded.position();
+        } catch (const DeviceError& error) {
+            return error.what();
+        }
+        return "no error";
+    };
+    const std::string read = "stage: read the positions: axis z: ";
+    EXPECT_EQ(error_with([](AxisStatus&) {}), "no error");
+    EXPECT_EQ(error_with([](AxisStatus& z) { z.alarm = 7; }), read + "alarm 7");
+    EXPECT_EQ(error_with([](AxisStatus& z) { z.emergency_stop = true; }), read + "emergency stop");
+    EXPECT_EQ(error_with([](AxisStatus& z) { z.limit = true; }), read + "at a limit");
+}
+
+TEST(GuardedStage, MayLeaveTheLimitSwitchThatItWasHomedTo) {
+    Rig rig;
+    rig.fake.on_status = [](std::vector<AxisStatus>& axes) { axes[0].limit = true; };
+    rig.guarded.move(Positions{7, 5}, {});
+    EXPECT_EQ(rig.fake.moves, (std::vector<Positions>{{7, 5}}));
+}
+
+}  // namespace
+}  // namespace etalon

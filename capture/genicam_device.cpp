@@ -83,9 +83,10 @@ void GenicamDevice::fail(const std::string& request, const std::string& cause) c
 void GenicamDevice::require_answer(const std::string& request, const ErrorSlot& error) const {
     if (!error)
         return;
-    if (error.is_silence())
-        *lost_ = true;
-    fail(request, error.message());
+    if (!error.is_silence())
+        fail(request, error.message());
+    *lost_ = true;
+    fail(request, "the camera is lost: " + error.message());
 }
 
 bool GenicamDevice::has(const char* feature) const {

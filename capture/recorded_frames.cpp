@@ -87,6 +87,20 @@ RecordedFrame frame_of(const json& event, const fs::path& folder) {
     return frame;
 }
 
+// A frame is logged before its image is on the disk: where that was full or the machine went down,
+// the images of the last ones are missing.
+void leave_out_unwritten_end(std::vector<RecordedFrame>& frames) {
+    const auto written = [](const RecordedFrame& frame) {
+        std::error_code ignored;
+        return !frame.path.empty() && fs::exists(frame.path, ignored);
+    };
+    const auto after_the_last = std::find_if(frames.rbegin(), frames.rend(), written).base();
+    const auto first_missing =
+        std::find_if(after_the_last, frames.end(),
+                     [](const RecordedFrame& frame) { return !frame.path.empty(); });
+    frames.erase(first_missing, frames.end());
+}
+
 // The log's last line may be half there when the machine went down; a line before it may not.
 std::vector<RecordedFrame> frames_in_log(const fs::path& folder, const fs::path& log) {
     std::ifstream lines(log);
@@ -105,8 +119,9 @@ std::vector<RecordedFrame> frames_in_log(const fs::path& folder, const fs::path&
             throw ConfigError({log.string(), number}, error.what());
         }
     }
+    leave_out_unwritten_end(frames);
     if (frames.empty())
-        throw ConfigError({log.string()}, "lists no frame");
+        throw ConfigError({log.string()}, "lists no frame whose image is there");
     return frames;
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -124,16 +125,19 @@ std::string read_text(const std::filesystem::path& path) {
 void write_text(const std::filesystem::path& path, std::string_view text) {
     std::filesystem::path part = path;
     part += ".part";
+    errno = 0;
     std::ofstream file(part, std::ios::binary | std::ios::trunc);
     file.write(text.data(), static_cast<std::streamsize>(text.size()));
     file.close();
     std::error_code error;
     if (file)
         std::filesystem::rename(part, path, error);
-    if (!file || error) {
+    else
+        error.assign(errno ? errno : EIO, std::generic_category());
+    if (error) {
         std::error_code ignored;
         std::filesystem::remove(part, ignored);
-        throw ConfigError({path.string()}, "cannot be written");
+        throw ConfigError({path.string()}, "cannot be written: " + error.message());
     }
 }
 

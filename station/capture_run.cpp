@@ -36,20 +36,36 @@ public:
         record_->log_frame(number, entry);
     }
 
-    void finish(const CaptureResult& result, const FrameAverager& averager) {
+    // What cannot be written any more is the reason, unless there is one. capture.json comes last,
+    // so that it says so: it is small and often still finds its place on a full disk.
+    void finish(CaptureResult& result, const FrameAverager& averager) {
         if (!record_)
             return;
-        record_->images().flush();
-        if (averager.frames() >= 2) {
-            const FrameAverage average = averager.average();
-            Radiance mean;
-            average.mean.convertTo(mean, CV_32F, 1.0 / ((1 << average.bits) - 1));
-            write_radiance(record_->folder() / "mean.tiff", mean);
-        }
-        write_text(record_->folder() / "capture.json", capture_json(result));
+        attempt(result, [&] { record_->images().flush(); });
+        attempt(result, [&] { write_mean(averager); });
+        attempt(result,
+                [&] { write_text(record_->folder() / "capture.json", capture_json(result)); });
     }
 
 private:
+    void write_mean(const FrameAverager& averager) const {
+        if (averager.frames() < 2)
+            return;
+        const FrameAverage average = averager.average();
+        Radiance mean;
+        average.mean.convertTo(mean, CV_32F, 1.0 / ((1 << average.bits) - 1));
+        write_radiance(record_->folder() / "mean.tiff", mean);
+    }
+
+    static void attempt(CaptureResult& result, const std::function<void()>& step) {
+        try {
+            step();
+        } catch (const ConfigError& error) {
+            if (result.reason.empty())
+                result.reason = error.what();
+        }
+    }
+
     Instant start_;
     std::optional<RunRecord> record_;
 };
@@ -109,12 +125,7 @@ CaptureResult capture_frames(Camera& camera, const CaptureRequest& request, Cloc
     result.statistics = camera.statistics();
     result.remarks = camera.remarks();
     result.duration_s = std::chrono::duration<double>(clock.now() - start).count();
-    try {
-        record.finish(result, averager);
-    } catch (const ConfigError& error) {  // the disk is full
-        if (result.reason.empty())
-            result.reason = error.what();
-    }
+    record.finish(result, averager);
     return result;
 }
 

@@ -2,7 +2,9 @@
 
 #include <fmt/chrono.h>
 
+#include <cerrno>
 #include <ctime>
+#include <system_error>
 
 #include "core/errors.h"
 #include "core/text.h"
@@ -60,9 +62,11 @@ RunRecord::RunRecord(const std::filesystem::path& folder, std::initializer_list<
 }
 
 void RunRecord::append(const std::string& line) {
+    errno = 0;
     events_ << line << '\n' << std::flush;
     if (!events_)
-        throw ConfigError({(folder_ / "events.jsonl").string()}, "cannot be written");
+        throw ConfigError({(folder_ / "events.jsonl").string()},
+                          "cannot be written: " + std::generic_category().message(errno));
 }
 
 void RunRecord::log_state(double time_s, const std::string& state, const std::string& detail) {
@@ -79,8 +83,8 @@ void RunRecord::log_pose(const PoseRecord& pose) {
 }
 
 void RunRecord::write(const QualifyResult& result) {
-    write_text(folder_ / "poses.csv", poses_csv(result));
     write_text(folder_ / "run.json", run_json(result));
+    write_text(folder_ / "poses.csv", poses_csv(result));
 }
 
 }  // namespace etalon

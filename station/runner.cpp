@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <functional>
+
 #include "compare/detector.h"
 #include "core/errors.h"
 #include "stage/kinematics.h"
@@ -329,7 +331,27 @@ void carry_out(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<S
     }
     run.progress.end();
     result.duration_s = run.now_s();
-    run.log(name(result.outcome), result.reason);
+}
+
+// A run whose record cannot be completed is an error, but what fits is kept: a disk that is too
+// full for one file may still take a smaller one.
+void close_record(const Run& run) {
+    QualifyResult& result = run.result;
+    const RunOutcome measured = result.outcome;
+    const auto attempt = [&result](const std::function<void()>& step) {
+        try {
+            step();
+        } catch (const ConfigError& error) {
+            result.outcome = RunOutcome::error;
+            if (result.reason.empty())
+                result.reason = error.what();
+        }
+    };
+    attempt([&] { run.log(name(result.outcome), result.reason); });
+    attempt([&] { run.record.write(result); });
+    attempt([&] { write_qualify_report(result, result.folder / "report.html"); });
+    if (result.outcome != measured)
+        attempt([&] { run.record.write(result); });
 }
 
 }  // namespace
@@ -355,8 +377,7 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
     record.write(result);
     const Run run{result, record, clock, progress, stop, clock.now()};
     carry_out(run, std::move(camera), std::move(stage));
-    record.write(result);
-    write_qualify_report(result, folder / "report.html");
+    close_record(run);
     return result;
 }
 

@@ -163,6 +163,27 @@ TEST_F(FilesCameraTest, ReplaysARecordWithItsBadFramesCountersAndSettings) {
     EXPECT_THROW(camera->configure(wanted), DeviceError);
 }
 
+// The images of the last frames that were logged did not fit on the disk any more.
+TEST_F(FilesCameraTest, LeavesOutTheEndOfARecordWhoseImagesWereNotWritten) {
+    fs::create_directory(folder_ / "frames");
+    add("frames/0.png", 7, 5, CV_16UC1, 4000);
+    add("frames/2.png", 7, 5, CV_16UC1, 4002);
+    std::ofstream(folder_ / "events.jsonl")
+        << frame_line("frames/0.png", "complete", 41) << frame_line("frames/1.png", "complete", 42)
+        << frame_line("frames/2.png", "complete", 43) << frame_line("", "corrupt", 44)
+        << frame_line("frames/4.png", "complete", 45) << frame_line("", "corrupt", 46);
+    CaptureSettings wanted;
+    wanted.bits = 12;
+    auto camera = armed(wanted);
+    EXPECT_EQ(next_value(*camera), 4000);
+    // One that is missing between others was removed later, which is no end.
+    EXPECT_THROW(camera->frame_after(clock_.now(), 0, {}), ConfigError);
+    fs::remove(folder_ / "frames/2.png");
+    camera = armed(wanted);
+    EXPECT_EQ(next_value(*camera), 4000);
+    EXPECT_THROW(camera->frame_after(clock_.now(), 0, {}), DeviceError);
+}
+
 TEST_F(FilesCameraTest, NamesTheLineOfADamagedRecord) {
     for (const std::string& damage :
          {std::string("not JSON\n"), frame_line("../else.png", "complete", 1),

@@ -1,11 +1,12 @@
 // `etalon capture` as its user sees it, with a GigE Vision camera on loopback.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
 
+#include "core/errors.h"
 #include "core/text.h"
-#include "tests/loopback/gige_rig.h"
-#include "tests/loopback/program.h"
+#include "tests/loopback/powered_camera.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -21,13 +22,6 @@ GigeCameraOptions options_of_12_bits() {
     return options;
 }
 
-std::string rest_of(Program& program) {
-    std::string text, line;
-    while (!(line = program.line()).empty())
-        text += line + "\n";
-    return text;
-}
-
 TEST(CaptureCommand, RecordsFramesOfACameraWithItsSettings) {
     GigeRig rig(options_of_12_bits());
     TemporaryFolder folder;
@@ -36,7 +30,7 @@ TEST(CaptureCommand, RecordsFramesOfACameraWithItsSettings) {
                     {"capture", "--camera", "genicam:127.0.0.1", "--format", "Mono12p",
                      "--exposure-us", "7000", "--gain-db", "3", "--black-level", "5", "--set",
                      "AcquisitionFrameRate=40", "--frames", "6", "--out", out, "--live"});
-    const std::string printed = rest_of(program);
+    const std::string printed = program.rest();
     EXPECT_EQ(program.exit_code(), 0) << printed;
     EXPECT_THAT(printed, HasSubstr("captured 6 frames\nnoise 0.000 DN\nrecord " + out));
     EXPECT_THAT(printed, HasSubstr("fps  mean"));
@@ -61,7 +55,7 @@ TEST(CaptureCommand, ShowsFramesLiveUntilItIsInterrupted) {
         line = program.line();
     EXPECT_THAT(line, HasSubstr("mean"));
     program.send(SIGINT);
-    const std::string rest = rest_of(program);
+    const std::string rest = program.rest();
     EXPECT_THAT(rest, HasSubstr("captured "));
     EXPECT_EQ(program.exit_code(), 0) << rest;
 }
@@ -71,8 +65,82 @@ TEST(CaptureCommand, EndsWithFourWhenTheCameraRefuses) {
     TemporaryFolder folder;
     Program program("etalon", {"capture", "--camera", "genicam:127.0.0.1", "--gain-db", "11",
                                "--frames", "2", "--out", (folder / "record").string()});
-    EXPECT_THAT(rest_of(program), HasSubstr("set gain 11 dB"));
+    EXPECT_THAT(program.rest(), HasSubstr("set gain 11 dB"));
     EXPECT_EQ(program.exit_code(), 4);
+}
+
+// ---- a camera that is killed meanwhile
+
+// `etalon capture` of a powered camera, when its first frame has been taken.
+class CaptureOfAPoweredCamera : public testing::Test {
+protected:
+    void start(int frames) {
+        power_.switch_on(1);
+        capture_ = std::make_unique<Program>(
+            "etalon",
+            std::vector<std::string>{"capture", "--camera", "genicam:127.0.0.1", "--bits", "12",
+                                     "--frames", fmt::to_string(frames), "--out", out_, "--live"});
+        EXPECT_THAT(capture_->line(), HasSubstr("fps"));
+    }
+
+    // How many frames of the record show each of the pictures 1 and 2, and nothing else.
+    std::array<int, 2> pictures_in_the_record() const {
+        SteadyClock clock;
+        const auto replay = open_camera("files:" + out_, {}, clock);
+        CaptureSettings as_recorded;
+        as_recorded.bits = PoweredCamera::bits;
+        replay->configure(as_recorded);
+        replay->arm();
+        std::array<int, 2> found{};
+        const int complete = record()["frames_complete"];
+        while (found[0] + found[1] < complete) {
+            const Frame frame = replay->frame_after(clock.now(), 0, {});
+            if (frame.status != FrameStatus::complete)
+                continue;
+            const bool second = !same(frame.image.pixels, PoweredCamera::shown(1).pixels);
+            if (second && !same(frame.image.pixels, PoweredCamera::shown(2).pixels)) {
+                ADD_FAILURE() << "frame " << frame.id << " is none of the camera's pictures";
+            }
+            ++found[second];
+        }
+        return found;
+    }
+    nlohmann::json record() const {
+        return nlohmann::json::parse(read_text(out_ + "/capture.json"));
+    }
+
+    TemporaryFolder folder_;
+    const std::string out_ = (folder_ / "record").string();
+    PoweredCamera power_;
+    std::unique_ptr<Program> capture_;
+};
+
+TEST_F(CaptureOfAPoweredCamera, GoesOnWhenTheCameraIsBack) {
+    start(300);
+    power_.cut_power();
+    power_.switch_on(2);
+    const std::string printed = capture_->rest();
+    EXPECT_EQ(capture_->exit_code(), 0) << printed;
+    EXPECT_THAT(printed, HasSubstr("captured 300 frames"));
+    EXPECT_EQ(record()["camera"]["reconnects"], 1);
+    const auto [before, after] = pictures_in_the_record();
+    EXPECT_GT(before, 0);
+    EXPECT_GT(after, 0);
+    EXPECT_THAT(read_text(out_ + "/events.jsonl"), HasSubstr("\"camera reconnected\""));
+}
+
+TEST_F(CaptureOfAPoweredCamera, EndsWith4AndAReadableRecordWhenItStaysAway) {
+    start(2000);
+    power_.cut_power();
+    const std::string printed = capture_->rest();
+    EXPECT_EQ(capture_->exit_code(), 4);
+    EXPECT_THAT(printed, HasSubstr("etalon: camera genicam:127.0.0.1: "));
+    EXPECT_THAT(printed, HasSubstr("the camera is lost"));
+    const int complete = record()["frames_complete"];
+    EXPECT_THAT(printed, HasSubstr(fmt::format("captured {} frames\n", complete)));
+    EXPECT_LT(complete, 2000);
+    EXPECT_EQ(pictures_in_the_record()[0], complete);
+    EXPECT_THAT(read_text(out_ + "/events.jsonl"), HasSubstr("\"camera not reconnected\""));
 }
 
 }  // namespace

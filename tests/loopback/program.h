@@ -8,12 +8,14 @@
 
 #include <array>
 #include <csignal>
+#include <filesystem>
 #include <string>
 #include <vector>
 
 namespace etalon {
 
-// A child process with its stdout and stderr in one pipe; ended and reaped on destruction.
+// A child process with its stdout and stderr in one pipe; ended and reaped on destruction. `name`
+// is relative to the build folder.
 class Program {
 public:
     Program(const std::string& name, std::vector<std::string> arguments) {
@@ -24,7 +26,7 @@ public:
         posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
         posix_spawn_file_actions_adddup2(&actions, ends[1], STDERR_FILENO);
         posix_spawn_file_actions_addclose(&actions, ends[0]);
-        std::string program = ETALON_BINARY_DIR "/" + name;
+        std::string program = (std::filesystem::path(ETALON_BINARY_DIR) / name).string();
         std::vector<char*> argv{program.data()};
         for (std::string& argument : arguments)
             argv.push_back(argument.data());
@@ -48,6 +50,13 @@ public:
     std::string line() {
         std::string text;
         for (char c = 0; read(output_, &c, 1) == 1 && c != '\n';)
+            text += c;
+        return text;
+    }
+    // All that it prints from now on; returns when it has closed its output.
+    std::string rest() {
+        std::string text;
+        for (char c = 0; read(output_, &c, 1) == 1;)
             text += c;
         return text;
     }

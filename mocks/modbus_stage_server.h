@@ -13,15 +13,10 @@
 #include <vector>
 
 #include "mocks/simulated_stage.h"
+#include "stage/modbus_transport.h"
 #include "stage/profile.h"
 
 namespace etalon {
-
-struct ModbusRequest {
-    int unit = 0, function = 0;
-    int address = 0, count = 0;
-    std::vector<std::uint16_t> values;  // of a write
-};
 
 // What a scripted fault does with a request.
 struct ModbusReaction {

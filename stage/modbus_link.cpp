@@ -2,74 +2,112 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <modbus.h>
 
-#include <cerrno>
+#include <algorithm>
 #include <utility>
 
 namespace etalon {
 namespace {
 
+using Outcome = ModbusReply::Outcome;
+
 constexpr std::size_t trace_length = 200;
 
-std::string describe_range(const char* verb, int address, int count) {
-    return count == 1 ? fmt::format("{} register {}", verb, address)
-                      : fmt::format("{} registers {}..{}", verb, address, address + count - 1);
+// Exceptions after which nobody knows whether a write is carried out: "accepted, takes long" and
+// "the device behind the gateway did not answer".
+constexpr int acknowledged = 5, gateway_heard_nothing = 11;
+// Exceptions that may pass: reading is tried again.
+constexpr int busy = 6;
+
+const char* word_for(RegisterSpace space) {
+    switch (space) {
+        case RegisterSpace::coils:
+            return "coil";
+        case RegisterSpace::discrete_inputs:
+            return "discrete input";
+        case RegisterSpace::holding_registers:
+            return "register";
+        case RegisterSpace::input_registers:
+            return "input register";
+    }
+    return "";
 }
 
-// The device answered, but with a refusal; the connection is in order.
-bool is_modbus_exception(int error) {
-    return error >= EMBXILFUN && error <= EMBXGTAR;
+std::string describe(const ModbusRequest& request, RegisterSpace space) {
+    const char* verb = request.values.empty() ? "read" : "write";
+    const char* word = word_for(space);
+    return request.count == 1 ? fmt::format("{} {} {}", verb, word, request.address)
+                              : fmt::format("{} {}s {}..{}", verb, word, request.address,
+                                            request.address + request.count - 1);
 }
 
-void require_range(const std::string& device, const std::string& request, int address, int count,
+int read_function(RegisterSpace space) {
+    switch (space) {
+        case RegisterSpace::coils:
+            return 1;
+        case RegisterSpace::discrete_inputs:
+            return 2;
+        case RegisterSpace::holding_registers:
+            return 3;
+        case RegisterSpace::input_registers:
+            return 4;
+    }
+    return 0;
+}
+
+void require_range(const std::string& device, const ModbusRequest& request, RegisterSpace space,
                    int most) {
-    if (address < 0 || count < 1 || count > most || address + count > 65536)
-        throw DeviceError(device, request,
-                          fmt::format("a request may hold 1 to {} registers up to 65535", most));
+    if (request.address < 0 || request.count < 1 || request.count > most ||
+        request.address + request.count > 65536)
+        throw DeviceError(
+            device, describe(request, space),
+            fmt::format("a request may hold 1 to {} {}s up to 65535", most, word_for(space)));
 }
 
-bool set_timeout(modbus_t* context, std::chrono::milliseconds timeout) {
-    return modbus_set_response_timeout(context, static_cast<std::uint32_t>(timeout.count() / 1000),
-                                       static_cast<std::uint32_t>(timeout.count() % 1000 * 1000)) ==
-           0;
+bool may_be_carried_out(const ModbusReply& reply) {
+    return reply.outcome == Outcome::unknown || reply.exception == acknowledged ||
+           reply.exception == gateway_heard_nothing;
+}
+
+bool may_pass(const ModbusReply& reply) {
+    return reply.outcome != Outcome::refused || reply.exception == busy ||
+           reply.exception == acknowledged || reply.exception == gateway_heard_nothing;
 }
 
 }  // namespace
 
-struct ModbusLink::Connection {
-    explicit Connection(modbus_t* made) : context(made) {}
-    ~Connection() {
-        if (!context)
-            return;
-        modbus_close(context);
-        modbus_free(context);
-    }
-    Connection(const Connection&) = delete;
-    Connection& operator=(const Connection&) = delete;
-
-    modbus_t* context;
-};
-
-ModbusLink::ModbusLink(const StageLink& link, Clock& clock)
-    : link_(link),
-      clock_(clock),
-      device_(fmt::format("stage {}:{} unit {}", link.host, link.port, link.unit)) {}
+ModbusLink::ModbusLink(const StageLink& link, Clock& clock,
+                       std::unique_ptr<ModbusTransport> transport)
+    : link_(link), clock_(clock), transport_(std::move(transport)) {
+    require_usable(link);
+    device_ = device(link.unit);
+    if (!transport_)
+        transport_ = make_modbus_transport(link);
+}
 
 ModbusLink::~ModbusLink() = default;
 
+std::string ModbusLink::device(int unit) const {
+    return fmt::format("stage {} unit {}", describe(link_), unit);
+}
+
 void ModbusLink::close() {
-    connection_.reset();
+    drop_connection();
     failures_ = 0;
+}
+
+void ModbusLink::drop_connection() {
+    transport_->close();
+    connected_ = false;
 }
 
 void ModbusLink::set_response_timeout(std::chrono::milliseconds timeout) {
     link_.response_timeout = timeout;
-    if (connection_ && !set_timeout(connection_->context, timeout))
-        connection_.reset();
 }
 
 void ModbusLink::record(const ModbusExchange& exchange) {
+    if (sink_)
+        sink_(exchange);
     const std::scoped_lock lock(trace_mutex_);
     trace_.push_back(exchange);
     if (trace_.size() > trace_length)
@@ -90,112 +128,113 @@ void ModbusLink::pause_after_failures() {
 }
 
 // Returns why not, or nothing.
-std::string ModbusLink::connect() {
-    const std::string port = std::to_string(link_.port);
-    auto fresh = std::make_unique<Connection>(modbus_new_tcp_pi(link_.host.c_str(), port.c_str()));
-    modbus_t* context = fresh->context;
-    // No error recovery flags: libmodbus' own reconnecting hangs for ever when the server is gone.
-    // Byte time-out 0: the response time-out then bounds the whole reply, however it trickles in.
-    const bool connected = context && modbus_set_slave(context, link_.unit) == 0 &&
-                           set_timeout(context, link_.response_timeout) &&
-                           modbus_set_byte_timeout(context, 0, 0) == 0 &&
-                           modbus_connect(context) == 0;
-    if (!connected)
-        return fmt::format("cannot connect: {}", modbus_strerror(errno));
-    connection_ = std::move(fresh);
-    return {};
+std::string ModbusLink::make_connection() {
+    std::string failure = transport_->connect(link_.response_timeout);
+    connected_ = failure.empty();
+    if (connected_ && link_.is_serial()) {
+        failure = drain();
+        if (!failure.empty())
+            drop_connection();
+    }
+    return failure;
 }
 
-// `call` carries out the request on the open connection: the number of registers, or -1 and errno.
-// Whatever may still arrive after a failure belongs to that request, so the connection is given up.
-template <class Call>
-ModbusLink::Outcome ModbusLink::transact(ModbusExchange& exchange, int expected, Call call) {
-    if (!connection_)
-        pause_after_failures();
-    exchange.start = clock_.now();
-    Outcome outcome = Outcome::not_sent;
-    if (!connection_)
-        exchange.failure = connect();
-    if (connection_) {
-        const int done = call();
-        const int error = done < 0 ? errno : EMBBADDATA;
-        outcome = done == expected             ? Outcome::answered
-                  : is_modbus_exception(error) ? Outcome::refused
-                                               : Outcome::unknown;
-        exchange.failure = outcome == Outcome::answered ? "" : describe_error(error);
+// Reads the line empty until nothing has arrived for as long as the slowest reply takes. Returns
+// why not, or nothing.
+std::string ModbusLink::drain() {
+    const Instant deadline = clock_.now() + 3 * link_.quiet;
+    for (;;) {
+        const auto heard = transport_->discard(link_.quiet);
+        if (heard == ModbusTransport::Heard::nothing)
+            return {};
+        if (heard == ModbusTransport::Heard::hang_up)
+            return "the line is gone";
+        if (clock_.now() >= deadline)
+            return "the line does not become quiet: another master, or wrong settings?";
     }
-    exchange.took = clock_.now() - exchange.start;
-    const bool link_works = outcome == Outcome::answered || outcome == Outcome::refused;
+}
+
+// Over the open connection, or a new one.
+ModbusReply ModbusLink::exchange(const ModbusRequest& request) {
+    if (!connected_) {
+        std::string failure = make_connection();
+        if (!failure.empty())
+            return {.outcome = Outcome::not_sent, .values = {}, .cause = std::move(failure)};
+    }
+    return transport_->exchange(request, link_.response_timeout);
+}
+
+// Whatever may still arrive after a failure belongs to that request, so the connection is given up.
+ModbusReply ModbusLink::transact(const ModbusRequest& request, RegisterSpace space) {
+    if (connected_ && transport_->discard({}) != ModbusTransport::Heard::nothing)
+        drop_connection();
+    if (!connected_)
+        pause_after_failures();
+    const Instant start = clock_.now();
+    ModbusReply reply = exchange(request);
+    const bool link_works = reply.outcome == Outcome::answered || reply.outcome == Outcome::refused;
     failures_ = link_works ? 0 : failures_ + 1;
     if (!link_works)
-        connection_.reset();
-    record(exchange);
-    return outcome;
+        drop_connection();
+    record({start, clock_.now() - start, request.unit, describe(request, space),
+            request.values.empty() ? reply.values : request.values, reply.cause});
+    return reply;
 }
 
-std::string ModbusLink::describe_error(int error) const {
-    return error == ETIMEDOUT
-               ? fmt::format("no answer within {} ms", link_.response_timeout.count())
-               : modbus_strerror(error);
-}
-
-std::vector<std::uint16_t> ModbusLink::read(int address, int count, int attempts) {
-    const std::string request = describe_range("read", address, count);
-    require_range(device_, request, address, count, MODBUS_MAX_READ_REGISTERS);
+std::vector<std::uint16_t> ModbusLink::read(int unit, RegisterSpace space, int address, int count,
+                                            int attempts) {
+    const ModbusRequest request{unit, read_function(space), address, count, {}};
+    require_range(device(unit), request, space, most_read(space));
     std::string cause = "no attempt was allowed";
     for (int attempt = 0; attempt < attempts; ++attempt) {
-        ModbusExchange exchange{.request = request, .values = {}, .failure = {}};
-        std::vector<std::uint16_t> values(static_cast<std::size_t>(count));
-        const Outcome outcome = transact(exchange, count, [&] {
-            const int got =
-                modbus_read_registers(connection_->context, address, count, values.data());
-            exchange.values = got == count ? values : std::vector<std::uint16_t>{};
-            return got;
-        });
-        if (outcome == Outcome::answered)
-            return values;
-        cause = exchange.failure;
-        if (outcome == Outcome::refused)
+        ModbusReply reply = transact(request, space);
+        if (reply.outcome == Outcome::answered)
+            return std::move(reply.values);
+        cause = reply.cause;
+        if (!may_pass(reply))
             break;
     }
-    throw DeviceError(device_, request, cause);
+    throw DeviceError(device(unit), describe(request, space), cause);
 }
 
-void ModbusLink::write(int address, std::span<const std::uint16_t> values) {
+void ModbusLink::write(int unit, RegisterSpace space, int address,
+                       std::span<const std::uint16_t> values) {
     const int count = static_cast<int>(std::min<std::size_t>(values.size(), 65536));
-    const std::string request = describe_range("write", address, count);
-    require_range(device_, request, address, count, MODBUS_MAX_WRITE_REGISTERS);
-    ModbusExchange exchange{
-        .request = request, .values = {values.begin(), values.end()}, .failure = {}};
-    const Outcome outcome = transact(exchange, count, [&] {
-        return modbus_write_registers(connection_->context, address, count, values.data());
-    });
-    if (outcome == Outcome::unknown)
-        throw UncertainWrite(device_, request, exchange.failure);
-    if (outcome != Outcome::answered)
-        throw DeviceError(device_, request, exchange.failure);
+    const int function = space != RegisterSpace::coils ? 16 : count == 1 ? 5 : 15;
+    send_write({unit, function, address, count, {values.begin(), values.end()}}, space);
 }
 
-std::int32_t int32_from_registers(std::uint16_t high, std::uint16_t low) {
-    return static_cast<std::int32_t>(static_cast<std::uint32_t>(high) << 16 | low);
+void ModbusLink::write_single(int unit, int address, std::uint16_t value) {
+    send_write({unit, 6, address, 1, {value}}, RegisterSpace::holding_registers);
 }
 
-RegisterPair registers_from_int32(std::int32_t value) {
-    const auto bits = static_cast<std::uint32_t>(value);
-    return {static_cast<std::uint16_t>(bits >> 16), static_cast<std::uint16_t>(bits & 0xFFFFU)};
+void ModbusLink::send_write(const ModbusRequest& request, RegisterSpace space) {
+    const std::string device = this->device(request.unit), text = describe(request, space);
+    require_range(device, request, space, is_writable(space) ? most_written(space) : 0);
+    const ModbusReply reply = transact(request, space);
+    if (reply.outcome == Outcome::answered)
+        return;
+    if (may_be_carried_out(reply))
+        throw UncertainWrite(device, text, reply.cause);
+    throw DeviceError(device, text, reply.cause);
+}
+
+std::string describe(const ModbusExchange& exchange, Instant origin) {
+    using Milliseconds = std::chrono::duration<double, std::milli>;
+    const Milliseconds start = exchange.start - origin, took = exchange.took;
+    std::string text = fmt::format("{:+.1f} ms, took {:.1f} ms: unit {}: {}", start.count(),
+                                   took.count(), exchange.unit, exchange.request);
+    if (!exchange.values.empty())
+        text += fmt::format(" = {:04x}", fmt::join(exchange.values, " "));
+    if (!exchange.failure.empty())
+        text += fmt::format(": {}", exchange.failure);
+    return text;
 }
 
 std::string describe(const std::vector<ModbusExchange>& exchanges) {
-    using Milliseconds = std::chrono::duration<double, std::milli>;
     std::string text;
-    for (const ModbusExchange& exchange : exchanges) {
-        const Milliseconds age = exchange.start - exchanges.back().start, took = exchange.took;
-        text += fmt::format("{:+.1f} ms, took {:.1f} ms: {}", age.count(), took.count(),
-                            exchange.request);
-        if (!exchange.values.empty())
-            text += fmt::format(" = {:04x}", fmt::join(exchange.values, " "));
-        text += exchange.failure.empty() ? "\n" : fmt::format(": {}\n", exchange.failure);
-    }
+    for (const ModbusExchange& exchange : exchanges)
+        text += describe(exchange, exchanges.back().start) + "\n";
     return text;
 }
 

@@ -18,17 +18,6 @@ constexpr int write_attempts = 3;
 constexpr int alarm_without_code = -1;
 constexpr double deg_per_rad = 180.0 / std::numbers::pi;
 
-void require_link(const StageLink& link) {
-    if (link.host.empty())
-        throw ConfigError({"stage link", 0, "host"}, "must not be empty");
-    if (link.port < 1 || link.port > 65535)
-        throw ConfigError({"stage link", 0, "port"}, "must be 1 to 65535");
-    if (link.unit < 0 || (link.unit > 247 && link.unit != 255))
-        throw ConfigError({"stage link", 0, "unit"}, "must be 0 to 247, or 255");
-    if (link.response_timeout < 10ms || link.response_timeout > 10s)
-        throw ConfigError({"stage link", 0, "response_timeout"}, "must be 10 ms to 10 s");
-}
-
 void require_counts(const StageProfile& profile, const std::vector<Axis>& axes) {
     constexpr double most = std::numeric_limits<std::int32_t>::max();
     if (axes.empty() || axes.size() > static_cast<std::size_t>(profile.max_axes))
@@ -58,16 +47,15 @@ bool any_moves(const std::vector<AxisStatus>& axes) {
 }  // namespace
 
 ModbusStage::ModbusStage(const StageLink& link, StageProfile profile, std::vector<Axis> axes,
-                         Clock& clock)
+                         Clock& clock, std::unique_ptr<ModbusTransport> transport)
     : link_settings_(link),
       profile_(std::move(profile)),
       axes_(std::move(axes)),
       clock_(clock),
-      link_(link, clock) {
-    require_link(link);
+      link_(link, clock, std::move(transport)) {
     require_counts(profile_, axes_);
     poll();
-    const std::uint16_t command = link_.read(profile_.command.address, 1).front();
+    const std::uint16_t command = read(profile_.command.address, 1).front();
     drives_on_ = command >> profile_.command.enable & 1;
 }
 
@@ -78,6 +66,24 @@ ModbusStage::~ModbusStage() {
 
 std::string ModbusStage::trace() const {
     return etalon::describe(link_.last_exchanges());
+}
+
+void ModbusStage::set_trace(std::function<void(const std::string&)> line) {
+    if (!line)
+        return link_.set_trace({});
+    link_.set_trace(
+        [line = std::move(line), origin = clock_.now()](const ModbusExchange& exchange) {
+            line(etalon::describe(exchange, origin));
+        });
+}
+
+std::vector<std::uint16_t> ModbusStage::read(int address, int count, int attempts) {
+    return link_.read(link_settings_.unit, RegisterSpace::holding_registers, address, count,
+                      attempts);
+}
+
+void ModbusStage::write(int address, std::span<const std::uint16_t> values) {
+    link_.write(link_settings_.unit, RegisterSpace::holding_registers, address, values);
 }
 
 std::vector<AxisStatus> ModbusStage::status() {
@@ -95,7 +101,7 @@ std::vector<AxisStatus> ModbusStage::poll(int attempts) {
     const auto& map = profile_.poll;
     const auto& bits = profile_.status_bits;
     const int count = static_cast<int>(axes_.size()) * map.stride;
-    const auto registers = link_.read(map.address, count, attempts);
+    const auto registers = read(map.address, count, attempts);
     std::vector<AxisStatus> statuses;
     for (std::size_t i = 0; i < axes_.size(); ++i) {
         const std::uint16_t* group = &registers[i * static_cast<std::size_t>(map.stride)];
@@ -184,9 +190,9 @@ void ModbusStage::set_command(std::initializer_list<int> bits) {
 void ModbusStage::write_and_verify(int address, const std::vector<std::uint16_t>& values) {
     for (int attempt = 1;; ++attempt) {
         try {
-            return link_.write(address, values);
+            return write(address, values);
         } catch (const UncertainWrite&) {
-            if (link_.read(address, static_cast<int>(values.size())) == values)
+            if (read(address, static_cast<int>(values.size())) == values)
                 return;
             if (attempt == write_attempts)
                 throw;
@@ -330,7 +336,7 @@ void ModbusStage::write_targets(std::span<const double> target) {
         append(registers, group + map.speed, speed_share_ * axes_[i].speed * counts);
     }
     write_and_verify(map.address, registers);
-    if (link_.read(map.address, static_cast<int>(registers.size())) != registers)
+    if (read(map.address, static_cast<int>(registers.size())) != registers)
         throw DeviceError(link_.device(), "write the targets", "they read back differently");
 }
 
@@ -384,7 +390,7 @@ bool ModbusStage::stop_by(Instant deadline) {
 bool ModbusStage::stop_and_confirm(Instant deadline) {
     limit_requests_to(deadline);
     const std::uint16_t word = command_word({profile_.command.stop});
-    link_.write(profile_.command.address, std::span(&word, 1));
+    write(profile_.command.address, std::span(&word, 1));
     for (int resting = 0; resting < profile_.done.stable_polls;) {
         if (clock_.now() >= deadline)
             return false;

@@ -1,4 +1,4 @@
-// A stage behind Modbus TCP, driven by a profile (stage/profile.h). What keeps it safe:
+// A stage behind Modbus TCP or RTU, driven by a profile (stage/profile.h). What keeps it safe:
 //
 //   * status and position come from one request, so they belong together;
 //   * targets are written in one block and read back before the start is given;
@@ -23,8 +23,10 @@ class ModbusStage final : public Stage {
 public:
     // Connects and reads the status once; commands nothing. Throws ConfigError when the axes do not
     // fit the profile (number, counts beyond 32 bits) or the link's numbers are out of range,
-    // DeviceError when nobody answers. The clock must outlive the stage.
-    ModbusStage(const StageLink& link, StageProfile profile, std::vector<Axis> axes, Clock& clock);
+    // DeviceError when nobody answers. The clock must outlive the stage. Without a transport
+    // libmodbus is taken.
+    ModbusStage(const StageLink& link, StageProfile profile, std::vector<Axis> axes, Clock& clock,
+                std::unique_ptr<ModbusTransport> transport = nullptr);
 
     // Stops the axes if they were ever enabled by this object; leaves them enabled, since a
     // vertical axis may drop without its motor.
@@ -43,6 +45,7 @@ public:
     std::vector<AxisStatus> status() override;
     bool stop() noexcept override;
     std::string trace() const override;
+    void set_trace(std::function<void(const std::string&)> line) override;
 
 private:
     enum class State { connected, enabled, homed, faulted };
@@ -51,6 +54,8 @@ private:
     void require_usable(const char* request) const;
     void guarded(const std::function<void()>& action);
     std::vector<AxisStatus> poll(int attempts = 3);
+    std::vector<std::uint16_t> read(int address, int count, int attempts = 3);
+    void write(int address, std::span<const std::uint16_t> values);
     void require_no_alarm(const std::vector<AxisStatus>& axes, const char* request) const;
     void require_healthy(const std::vector<AxisStatus>& axes, const char* request) const;
     void require_ready(const std::vector<AxisStatus>& axes) const;

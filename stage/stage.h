@@ -9,6 +9,7 @@
 // where only stop() is allowed. One thread owns a stage.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <span>
 #include <stop_token>
@@ -17,6 +18,7 @@
 
 #include "core/clock.h"
 #include "stage/axes.h"
+#include "stage/stage_link.h"
 
 namespace etalon {
 
@@ -56,18 +58,14 @@ public:
     // The last exchanges with the device, one line each, for the record. Empty where there are
     // none. Safe from every thread.
     virtual std::string trace() const { return {}; }
+
+    // Called with one line for every exchange from now on, on the thread that makes it, times
+    // relative to this call. An empty function ends it.
+    virtual void set_trace(std::function<void(const std::string&)>) {}
 };
 
-// Where a stage is reached and how it speaks.
-struct StageLink {
-    std::string host = "127.0.0.1";
-    int port = 502;
-    int unit = 1;
-    std::chrono::milliseconds response_timeout{300};
-};
-
-// Opens a Modbus TCP stage that speaks the given profile ("generic", the only one so far).
-// Throws ConfigError for an unknown profile, DeviceError when nobody answers.
+// Opens a stage on Modbus TCP or RTU that speaks the given profile ("generic", the only one so
+// far). Throws ConfigError for an unknown profile, DeviceError when nobody answers.
 std::unique_ptr<Stage> open_stage(const StageLink& link, const std::string& profile,
                                   std::vector<Axis> axes, Clock& clock);
 

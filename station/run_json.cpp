@@ -1,5 +1,7 @@
 #include "station/run_json.h"
 
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -107,15 +109,25 @@ Json axis_json(const Axis& axis) {
             {"repeatability", axis.repeatability ? Json(*axis.repeatability * unit) : Json()}};
 }
 
+Json link_json(const StageLink& link) {
+    Json json = {{"unit", link.unit}, {"response_timeout_ms", link.response_timeout.count()}};
+    if (const auto* port = std::get_if<SerialPort>(&link.address)) {
+        json["device"] = port->device;
+        json["baud"] = port->baud;
+        json["format"] = fmt::format("{}{}{}", port->data_bits, port->parity, port->stop_bits);
+        json["quiet_ms"] = link.quiet.count();
+    } else {
+        json["host"] = std::get<TcpAddress>(link.address).host;
+        json["port"] = std::get<TcpAddress>(link.address).port;
+    }
+    return json;
+}
+
 Json stage_json(const StationStage& stage) {
     Json axes = Json::array();
     for (const Axis& axis : stage.axes)
         axes.push_back(axis_json(axis));
-    return {{"host", stage.link.host},
-            {"port", stage.link.port},
-            {"unit", stage.link.unit},
-            {"profile", stage.profile},
-            {"axes", axes}};
+    return {{"link", link_json(stage.link)}, {"profile", stage.profile}, {"axes", axes}};
 }
 
 Json plan_json(const StationFile& station, const Plan& plan) {

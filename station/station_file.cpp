@@ -1,5 +1,7 @@
 #include "station/station_file.h"
 
+#include <fmt/format.h>
+
 #include <numbers>
 
 #include "calib/camera_file.h"
@@ -82,13 +84,7 @@ StationCamera read_camera_section(const StrictFile& file, const Value& section) 
 
 StationStage read_stage_section(const Value& section) {
     StationStage stage;
-    const Value link = section.at("link");
-    stage.link.host = non_empty_text(link.at("host"));
-    stage.link.port = link.at("port").integer(1, 65535);
-    stage.link.unit = integer_or(link, "unit", stage.link.unit, 0, 247);
-    stage.link.response_timeout = std::chrono::milliseconds(
-        integer_or(link, "response_timeout_ms",
-                   static_cast<int>(stage.link.response_timeout.count()), 1, 60000));
+    stage.link = read_stage_link(section.at("link"));
     stage.profile = text_or(section, "profile", "generic");
     stage.axes = read_axes(section.at("axes"));
     return stage;

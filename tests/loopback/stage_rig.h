@@ -31,7 +31,9 @@ public:
     explicit StageRig(std::chrono::milliseconds response_timeout = std::chrono::seconds(2))
         : timeout_(response_timeout) {}
 
-    StageLink link() const { return {"127.0.0.1", server->port(), 1, timeout_}; }
+    StageLink link() const {
+        return {.address = TcpAddress{"127.0.0.1", server->port()}, .response_timeout = timeout_};
+    }
 
     std::unique_ptr<ModbusStage> connect() {
         return std::make_unique<ModbusStage>(link(), profile, fast_axes(), clock);

@@ -348,7 +348,7 @@ TEST(ModbusStage, NobodyAnsweringIsADeviceErrorThatSaysWho) {
     rig.server.reset();
     const std::string error = device_error_of(
         [&] { ModbusStage(link, builtin_stage_profile("generic"), fast_axes(), rig.clock); });
-    EXPECT_EQ(error, "stage 127.0.0.1:" + std::to_string(link.port) +
+    EXPECT_EQ(error, "stage " + describe(link) +
                          " unit 1: read registers 0..7: cannot connect: Connection refused");
 }
 
@@ -366,7 +366,7 @@ TEST(ModbusStage, RefusesAxesAndLinksThatDoNotFitTheProfile) {
     bad.unit = 250;
     EXPECT_THROW(open(bad, fast_axes()), ConfigError);
     bad = rig.link();
-    bad.port = 70000;
+    bad.address = TcpAddress{"127.0.0.1", 70000};
     EXPECT_THROW(open(bad, fast_axes()), ConfigError);
 }
 

@@ -23,7 +23,7 @@ constexpr double deg = std::numbers::pi / 180.0;
 struct Station {
     explicit Station(const Twin& twin) {
         StageLink link;
-        link.port = twin.stage_port();
+        link.address = TcpAddress{"127.0.0.1", twin.stage_port()};
         stage = open_stage(link, "generic", axes, clock);
         camera = open_camera("genicam:127.0.0.1", {}, clock);
     }

@@ -8,6 +8,7 @@ namespace etalon {
 namespace {
 
 using namespace std::chrono_literals;
+constexpr auto holding = RegisterSpace::holding_registers;
 
 TEST(ModbusInt32, HasTheHighWordFirst) {
     const auto [high, low] = registers_from_int32(0x00070005);
@@ -29,14 +30,14 @@ TEST(ModbusInt32, RoundTripsWhereSignedMacrosFail) {
 
 TEST(ModbusLink, RefusesWhatDoesNotFitIntoARequestWithoutConnecting) {
     VirtualClock clock;
-    ModbusLink link({.host = "127.0.0.1", .port = 1}, clock);
+    ModbusLink link({.address = TcpAddress{"127.0.0.1", 1}}, clock);
     const std::vector<std::uint16_t> values(124);
-    EXPECT_THROW(link.read(0, 126), DeviceError);
-    EXPECT_THROW(link.read(0, 0), DeviceError);
-    EXPECT_THROW(link.read(-1, 5), DeviceError);
-    EXPECT_THROW(link.read(65535, 2), DeviceError);
-    EXPECT_THROW(link.write(0, values), DeviceError);
-    EXPECT_THROW(link.write(0, {}), DeviceError);
+    EXPECT_THROW(link.read(1, holding, 0, 126), DeviceError);
+    EXPECT_THROW(link.read(1, holding, 0, 0), DeviceError);
+    EXPECT_THROW(link.read(1, holding, -1, 5), DeviceError);
+    EXPECT_THROW(link.read(1, holding, 65535, 2), DeviceError);
+    EXPECT_THROW(link.write(1, holding, 0, values), DeviceError);
+    EXPECT_THROW(link.write(1, holding, 0, {}), DeviceError);
     EXPECT_TRUE(link.last_exchanges().empty());
 }
 
@@ -44,20 +45,20 @@ TEST(ModbusLink, RefusesWhatDoesNotFitIntoARequestWithoutConnecting) {
 // virtual clock; nothing was sent, so a write is not uncertain.
 TEST(ModbusLink, PausesLongerAfterEachFailureAndKeepsATrace) {
     VirtualClock clock;
-    ModbusLink link({.host = "127.0.0.1", .port = 1}, clock);
+    ModbusLink link({.address = TcpAddress{"127.0.0.1", 1}}, clock);
     const Instant start = clock.now();
-    EXPECT_THROW(link.read(7, 5), DeviceError);
+    EXPECT_THROW(link.read(1, holding, 7, 5), DeviceError);
     EXPECT_EQ(clock.now() - start, 60ms);
     const auto exchanges = link.last_exchanges();
     ASSERT_EQ(exchanges.size(), 3U);
     EXPECT_EQ(exchanges[0].request, "read registers 7..11");
     EXPECT_EQ(exchanges[2].failure, "cannot connect: Connection refused");
-    EXPECT_EQ(describe(exchanges).substr(0, 51),
-              "-60.0 ms, took 0.0 ms: read registers 7..11: cannot");
+    EXPECT_EQ(describe(exchanges).substr(0, 59),
+              "-60.0 ms, took 0.0 ms: unit 1: read registers 7..11: cannot");
 
     const std::uint16_t value = 5;
     try {
-        link.write(3, std::span(&value, 1));
+        link.write(1, holding, 3, std::span(&value, 1));
         FAIL() << "written to nobody";
     } catch (const UncertainWrite&) {
         FAIL() << "nothing was sent";
@@ -70,9 +71,9 @@ TEST(ModbusLink, PausesLongerAfterEachFailureAndKeepsATrace) {
 
 TEST(ModbusLink, KeepsTheLastTwoHundredExchanges) {
     VirtualClock clock;
-    ModbusLink link({.host = "127.0.0.1", .port = 1}, clock);
+    ModbusLink link({.address = TcpAddress{"127.0.0.1", 1}}, clock);
     for (int address = 0; address < 207; ++address)
-        EXPECT_THROW(link.read(address, 1, 1), DeviceError);
+        EXPECT_THROW(link.read(1, holding, address, 1, 1), DeviceError);
     const auto exchanges = link.last_exchanges();
     ASSERT_EQ(exchanges.size(), 200U);
     EXPECT_EQ(exchanges.front().request, "read register 7");

@@ -38,7 +38,7 @@ TEST(StationFile, GivesWhatItSays) {
     EXPECT_EQ(station.camera.settings.exposure, std::chrono::microseconds(2000));
     EXPECT_EQ(station.camera.link.frame_timeout, std::chrono::milliseconds(900));
     EXPECT_EQ(station.camera.retries, 3);
-    EXPECT_EQ(station.stage.link.port, 1599);
+    EXPECT_EQ(std::get<TcpAddress>(station.stage.link.address).port, 1599);
     EXPECT_EQ(station.stage.link.unit, 2);
     ASSERT_EQ(station.stage.axes.size(), 4u);
     EXPECT_EQ(station.marker.id, 5);

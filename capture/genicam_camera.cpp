@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "capture/frame_checks.h"
@@ -62,6 +63,7 @@ private:
     Frame nothing_came() const;
     void discard_stale_frames();
     void read_clock();
+    void remark(const PtpState& ptp);
     std::optional<TimeWindow> exposure_start_by_stamp(std::uint64_t device_ns, Instant arrival);
     void date(Frame& frame, const TimeWindow& seen);
 
@@ -79,9 +81,12 @@ private:
     bool armed_ = false;
     std::unique_ptr<GenicamStream> stream_;
     DeviceClock device_clock_;
+    std::set<std::string> ptp_states_;  // that were seen
+    std::vector<std::string> ptp_remarks_;
     std::uint64_t last_device_ns_ = 0;
     bool answer_outstanding_ = false;  // a trigger was sent whose frame never came
-    CaptureStatistics statistics_;     // without those of stream_
+    bool had_unreadable_chunks_ = false;
+    CaptureStatistics statistics_;  // without those of stream_
 };
 
 void add(const CaptureStatistics& of_stream, CaptureStatistics& sum) {
@@ -114,9 +119,15 @@ CaptureSettings GenicamCamera::configure(const CaptureSettings& wanted) {
 }
 
 std::vector<std::string> GenicamCamera::remarks() const {
-    std::vector<std::string> remarks = capture_.remarks;
+    std::vector<std::string> remarks;
     if (device_)
-        remarks.insert(remarks.begin(), device_->remarks().begin(), device_->remarks().end());
+        remarks = device_->remarks();
+    for (const auto* more : {&capture_.remarks, &ptp_remarks_})
+        remarks.insert(remarks.end(), more->begin(), more->end());
+    if (had_unreadable_chunks_ || (stream_ && stream_->had_unreadable_chunks()))
+        remarks.emplace_back(
+            "this version of Aravis cannot read the camera's chunks: the exposure "
+            "and gain of each frame are not compared");
     return remarks;
 }
 
@@ -177,8 +188,10 @@ void GenicamCamera::disarm() noexcept {
 }
 
 void GenicamCamera::stop_stream() noexcept {
-    if (stream_)
+    if (stream_) {
         add(stream_->statistics(), statistics_);
+        had_unreadable_chunks_ |= stream_->had_unreadable_chunks();
+    }
     stream_.reset();
 }
 
@@ -278,10 +291,28 @@ void GenicamCamera::discard_stale_frames() {
 
 // ---- time ------------------------------------------------------------------------------------
 
+// A clock that PTP is about to set is as good as none. One that it keeps in step is read like any
+// other: whether the station's own clock follows the same master, nobody here can know.
 void GenicamCamera::read_clock() {
     device_clock_.forget();
+    const auto ptp = read_ptp(*device_);
+    if (ptp)
+        remark(*ptp);
+    if (ptp && !ptp->steady())
+        return;
     if (const auto reading = read_genicam_clock(*device_, clock_))
         device_clock_.read(reading->device_ns, reading->window);
+}
+
+void GenicamCamera::remark(const PtpState& ptp) {
+    if (!ptp_states_.insert(ptp.status).second)
+        return;
+    std::string text = "PTP: the camera's clock is " + ptp.status;
+    if (ptp.offset_ns)
+        text += fmt::format(", {} ns from its master's", *ptp.offset_ns);
+    if (!ptp.steady())
+        text += ": no frame is dated by it, since it may be set at any moment";
+    ptp_remarks_.push_back(text);
 }
 
 // A stamp may lie anywhere from the beginning to the end of the exposure: devices differ. Nothing

@@ -11,7 +11,11 @@
 // arrival. Of any other the device's clock must say so: it is read before each frame, and a stamp
 // may lie anywhere in the exposure. A device without a readable clock is stopped and started again
 // after the moment asked for. A frame whose stamp contradicts what the station saw (a clock that
-// was set, wrapped or went back) is `corrupt`, and a triggered one is dated by its trigger alone.
+// was set, wrapped or went back) is `corrupt`, and a triggered one is dated by its trigger alone. A
+// clock that PTP has not synchronised yet counts as none.
+//
+// Where the device says what a frame was taken with (chunks), a frame that was taken otherwise than
+// asked is `corrupt`.
 //
 // Loss: a request to a device that has gone fails after the control protocol's own five tries of
 // 0.5 s, which no setting of the library shortens (and waits for the heartbeat's). From then on

@@ -33,17 +33,63 @@ std::uint64_t in_nanoseconds(const GenicamDevice& device, const LatchFeatures& f
                              std::uint64_t value) {
     if (!features.in_ticks || !arv_camera_is_gv_device(device.camera()))
         return value;
-    const guint64 frequency = device.ask("read the tick frequency", [&](GError** e) {
-        return arv_gv_device_get_timestamp_tick_frequency(
-            ARV_GV_DEVICE(arv_camera_get_device(device.camera())), e);
-    });
+    const std::uint64_t frequency = genicam_tick_frequency(device);
     if (frequency == 0)
         device.fail("read the tick frequency", "it is 0");
-    const std::uint64_t seconds = value / frequency, rest = value % frequency;
-    return seconds * 1'000'000'000 + rest * 1'000'000'000 / frequency;
+    return nanoseconds_of_ticks(value, frequency);
+}
+
+// SFNC 2, then what cameras had before it.
+struct PtpFeatures {
+    const char* enable;
+    const char* latch;
+    const char* status;
+    const char* offset;
+};
+constexpr PtpFeatures ptp_features[] = {
+    {"PtpEnable", "PtpDataSetLatch", "PtpStatus", "PtpOffsetFromMaster"},
+    {"GevIEEE1588", "GevIEEE1588DataSetLatch", "GevIEEE1588Status", "GevIEEE1588OffsetFromMaster"}};
+
+bool is_switched_off(const GenicamDevice& device, const PtpFeatures& features) {
+    return device.has(features.enable) && !device.ask("read whether PTP is on", [&](GError** e) {
+        return arv_camera_get_boolean(device.camera(), features.enable, e);
+    });
+}
+
+PtpState ptp_state(const GenicamDevice& device, const PtpFeatures& features) {
+    ArvCamera* camera = device.camera();
+    if (device.has(features.latch))
+        device.ask("latch the PTP state",
+                   [&](GError** e) { arv_camera_execute_command(camera, features.latch, e); });
+    PtpState state;
+    const char* status = device.ask("read the PTP state", [&](GError** e) {
+        return arv_camera_get_string(camera, features.status, e);
+    });
+    state.status = status ? status : "";
+    if (state.status == "Slave" && device.has(features.offset))
+        state.offset_ns = device.ask("read the PTP offset", [&](GError** e) {
+            return arv_camera_get_integer(camera, features.offset, e);
+        });
+    return state;
 }
 
 }  // namespace
+
+std::uint64_t genicam_tick_frequency(const GenicamDevice& device) {
+    if (!arv_camera_is_gv_device(device.camera()))
+        return 0;
+    return device.ask("read the tick frequency", [&](GError** e) {
+        return arv_gv_device_get_timestamp_tick_frequency(
+            ARV_GV_DEVICE(arv_camera_get_device(device.camera())), e);
+    });
+}
+
+std::uint64_t nanoseconds_of_ticks(std::uint64_t ticks, std::uint64_t frequency) {
+    if (frequency == 0)
+        return ticks;
+    const std::uint64_t seconds = ticks / frequency, rest = ticks % frequency;
+    return seconds * 1'000'000'000 + rest * 1'000'000'000 / frequency;
+}
 
 // A device may take its time to latch, so the clock counts as read when the value has changed: it
 // lies between sending the command and seeing that.
@@ -63,6 +109,17 @@ std::optional<GenicamClockReading> read_genicam_clock(const GenicamDevice& devic
             return GenicamClockReading{in_nanoseconds(device, *features, value),
                                        {before, clock.now()}};
     } while (clock.now() < before + latch_timeout);
+    return std::nullopt;
+}
+
+std::optional<PtpState> read_ptp(const GenicamDevice& device) {
+    for (const PtpFeatures& features : ptp_features) {
+        if (!device.has(features.status) || is_switched_off(device, features))
+            continue;
+        PtpState state = ptp_state(device, features);
+        if (state.status != "Disabled" && state.status != "Off")
+            return state;
+    }
     return std::nullopt;
 }
 

@@ -35,12 +35,11 @@ void switch_automatics_off(const GenicamDevice& device) {
     }
 }
 
-// Functions that most devices do not have, and some will not part with. Chunks would be appended to
-// the image and change its size.
+// Functions that most devices do not have, and some will not part with.
 std::vector<std::string> switch_enhancements_off(const GenicamDevice& device) {
     std::vector<std::string> remarks;
     for (const char* feature : {"GammaEnable", "LUTEnable", "SharpnessEnable", "SharpeningEnable",
-                                "NoiseReductionEnable", "ChunkModeActive"}) {
+                                "NoiseReductionEnable"}) {
         if (!device.has(feature))
             continue;
         ErrorSlot refused;
@@ -331,16 +330,19 @@ GenicamCapture configure_genicam(const GenicamDevice& device, const CaptureSetti
     GenicamCapture capture;
     switch_automatics_off(device);
     capture.remarks = switch_enhancements_off(device);
+    capture.chunks = switch_chunks_on(device);
     capture.format = set_pixel_format(device, wanted);
     set_image_size(device, wanted.width, wanted.height);
     set_exposure(device, wanted.exposure);
     set_levels(device, wanted);
     for (const auto& [name, value] : wanted.controls)
         set_feature(device, name, value);
+    capture.chunks.active = chunks_are_on(device);
     set_trigger(device, wanted.trigger);
     capture.settings = read_back(device, wanted, *capture.format);
+    capture.exposure_step_us = exposure_step_us(device);
     if (const auto difference =
-            first_difference(wanted, capture.settings, exposure_step_us(device)))
+            first_difference(wanted, capture.settings, capture.exposure_step_us))
         device.fail(difference->request, difference->cause);
     if (has_gain(device) && !device.has("Gain"))
         capture.remarks.emplace_back(

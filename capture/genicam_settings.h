@@ -1,8 +1,10 @@
 // What a GenICam device is told before a capture, and what it says of itself: pixel format, size,
-// exposure, gain, black level, trigger, further features; automatic and enhancing functions off.
+// exposure, gain, black level, trigger, further features; automatic and enhancing functions off,
+// chunks on.
 // Names follow SFNC 2; older names of exposure, gain and black level are known to the library.
 #pragma once
 
+#include "capture/genicam_chunks.h"
 #include "capture/genicam_device.h"
 #include "capture/pixel_formats.h"
 
@@ -11,7 +13,9 @@ namespace etalon {
 struct GenicamCapture {
     CaptureSettings settings;          // in force
     const PixelFormat* format;         // of the pixels
-    std::size_t payload = 0;           // bytes of a frame
+    double exposure_step_us = 0.5;     // of the device
+    GenicamChunks chunks;              // that come with a frame
+    std::size_t payload = 0;           // bytes of a frame, its chunks included
     std::vector<std::string> remarks;  // what cannot be switched off
 };
 

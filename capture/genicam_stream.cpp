@@ -3,6 +3,8 @@
 #include <arv.h>
 #include <fmt/format.h>
 
+#include <utility>
+
 #include "capture/frame_checks.h"
 #include "capture/genicam_support.h"
 #include "core/errors.h"
@@ -17,6 +19,13 @@ constexpr microseconds packet_timeout = milliseconds(20);    // then a packet is
 constexpr microseconds frame_retention = milliseconds(200);  // then a frame is given up
 constexpr int buffers = 4;
 constexpr milliseconds look_around{20};  // while waiting: how often a stop or a loss is noticed
+constexpr std::uint64_t skipped_at_most = 1'000'000;  // exposures between two that were sent
+
+std::span<const std::uint8_t> bytes_of(ArvBuffer* buffer) {
+    std::size_t received = 0;
+    const void* data = arv_buffer_get_data(buffer, &received);
+    return {static_cast<const std::uint8_t*>(data), received};
+}
 
 }  // namespace
 
@@ -86,43 +95,61 @@ bool GenicamStream::is_newer(ArvBuffer* buffer) {
     return true;
 }
 
-Frame GenicamStream::judged(ArvBuffer* buffer) const {
+namespace {
+
+void reject(Frame& frame, FrameStatus status, const std::string& why) {
+    frame.status = status;
+    frame.status_detail = why;
+}
+
+}  // namespace
+
+Frame GenicamStream::judged(ArvBuffer* buffer) {
     Frame frame;
     frame.id = arv_buffer_get_frame_id(buffer);
     frame.settings = capture_.settings;
     frame.mosaic = capture_.format->mosaic;
     frame.device_time_ns = device_time_ns(buffer);
     const ArvBufferStatus status = arv_buffer_get_status(buffer);
-    frame.status = genicam_frame_status(status);
-    frame.status_detail = describe_buffer_status(status);
+    reject(frame, genicam_frame_status(status), describe_buffer_status(status));
     if (frame.status != FrameStatus::complete)
         return frame;
-    std::string fault = size_fault(buffer);
-    if (fault.empty()) {
-        std::size_t size = 0;
-        const auto* data = static_cast<const std::uint8_t*>(arv_buffer_get_data(buffer, &size));
-        fault =
-            unpack(*capture_.format,
-                   {{data, size}, capture_.settings.width, capture_.settings.height}, frame.image);
-    }
-    if (!fault.empty()) {
-        frame.status = FrameStatus::short_frame;
-        frame.status_detail = fault;
-        return frame;
-    }
-    frame.image.bits = capture_.settings.bits;
-    fault = code_fault(frame.image, *capture_.format);
-    if (!fault.empty())
-        device_.fail("take a frame", fault);
+    PayloadParts parts;
+    if (const std::string fault = leader_fault(buffer); !fault.empty())
+        reject(frame, FrameStatus::short_frame, fault);
+    else if (const std::string damage = split(buffer, parts); !damage.empty())
+        reject(frame, FrameStatus::corrupt, damage);
+    else if (const std::string doubt = chunk_fault(buffer, parts); !doubt.empty())
+        reject(frame, FrameStatus::corrupt, doubt);
+    else
+        unpack_into(frame, parts.image);
     return frame;
 }
 
-// What is wrong with the size of a frame that the library calls good; empty if nothing.
-std::string GenicamStream::size_fault(ArvBuffer* buffer) const {
-    if (arv_buffer_get_payload_type(buffer) != ARV_BUFFER_PAYLOAD_TYPE_IMAGE)
+void GenicamStream::unpack_into(Frame& frame, std::span<const std::uint8_t> image) const {
+    const CaptureSettings& settings = capture_.settings;
+    std::string fault =
+        unpack(*capture_.format, {image, settings.width, settings.height}, frame.image);
+    if (!fault.empty()) {
+        reject(frame, FrameStatus::short_frame, fault);
+        return;
+    }
+    frame.image.bits = settings.bits;
+    fault = code_fault(frame.image, *capture_.format);
+    if (!fault.empty())
+        device_.fail("take a frame", fault);
+}
+
+// What is wrong with what a frame that the library calls good says of itself before its pixels, and
+// with its size; empty if nothing. With chunks the size is judged by them. The leader of pure chunk
+// data describes no image: the chunk's length must do.
+std::string GenicamStream::leader_fault(ArvBuffer* buffer) const {
+    const ArvBufferPayloadType type = arv_buffer_get_payload_type(buffer);
+    if (capture_.chunks.active && type == ARV_BUFFER_PAYLOAD_TYPE_CHUNK_DATA)
+        return "";
+    if (type != ARV_BUFFER_PAYLOAD_TYPE_IMAGE &&
+        !(capture_.chunks.active && type == ARV_BUFFER_PAYLOAD_TYPE_EXTENDED_CHUNK_DATA))
         return "not an image payload";
-    std::size_t received = 0;
-    arv_buffer_get_data(buffer, &received);
     const int width = arv_buffer_get_image_width(buffer);
     const int height = arv_buffer_get_image_height(buffer);
     const ArvPixelFormat code = arv_buffer_get_image_pixel_format(buffer);
@@ -131,8 +158,73 @@ std::string GenicamStream::size_fault(ArvBuffer* buffer) const {
         static_cast<std::uint32_t>(code) != capture_.format->pfnc_code)
         return fmt::format("frame of {}x{} in format {:#x}, expected {}x{} in {:#x}", width, height,
                            code, expected.width, expected.height, capture_.format->pfnc_code);
-    if (received != capture_.payload)
+    const std::size_t received = bytes_of(buffer).size();
+    if (!capture_.chunks.active && received != capture_.payload)
         return fmt::format("{} bytes received, payload {}", received, capture_.payload);
+    return "";
+}
+
+// ---- chunks ----------------------------------------------------------------------------------
+
+std::string GenicamStream::split(ArvBuffer* buffer, PayloadParts& parts) const {
+    const auto payload = bytes_of(buffer);
+    if (!capture_.chunks.active) {
+        parts.image = payload;
+        return "";
+    }
+    const CaptureSettings& settings = capture_.settings;
+    return split_payload(payload, image_bytes(*capture_.format, settings.width, settings.height, 0),
+                         ARV_IS_GV_STREAM(stream_.get()) ? std::endian::big : std::endian::little,
+                         parts);
+}
+
+// What makes a frame doubtful by its own account; empty if nothing.
+std::string GenicamStream::chunk_fault(ArvBuffer* buffer, const PayloadParts& parts) {
+    if (!capture_.chunks.active || capture_.chunks.fields.empty())
+        return "";
+    if (!chunks_are_readable(buffer)) {
+        had_unreadable_chunks_ = true;
+        return "";
+    }
+    ChunkValues values;
+    std::string fault = read_chunks(capture_.chunks, buffer, parts, values);
+    if (fault.empty() && values.frame_id)
+        fault = frame_id_fault(arv_buffer_get_frame_id(buffer), *values.frame_id);
+    if (fault.empty())
+        fault = stamp_fault(buffer, values);
+    if (fault.empty())
+        fault = contradiction(values, capture_.settings, capture_.exposure_step_us);
+    return fault;
+}
+
+// Both stamps lie in the exposure, so they cannot be further apart than it is long.
+std::string GenicamStream::stamp_fault(ArvBuffer* buffer, const ChunkValues& values) const {
+    const std::uint64_t stamp = device_time_ns(buffer);
+    if (!values.time_ns || stamp == 0)
+        return "";
+    const microseconds allowed = capture_.settings.exposure + milliseconds(1);
+    const auto apart = std::chrono::nanoseconds(static_cast<std::int64_t>(*values.time_ns - stamp));
+    if (std::chrono::abs(apart) <= allowed)
+        return "";
+    return fmt::format(
+        "the time stamp in its chunks lies {} ns from the other: both cannot lie in "
+        "its exposure",
+        apart.count());
+}
+
+// The number in the chunk counts exposures, the other one what was sent: the former may run ahead,
+// but a chunk that falls behind belongs to an earlier frame.
+std::string GenicamStream::frame_id_fault(std::uint64_t id, std::uint64_t chunk_id) {
+    const auto last = std::exchange(last_ids_, FrameIds{id, chunk_id});
+    if (!last || !frame_id_advanced(last->id, id))
+        return "";
+    const std::uint64_t sent = frames_between(last->id, id);
+    const bool advanced = frame_id_advanced(last->in_chunk, chunk_id);
+    const std::uint64_t taken = advanced ? frames_between(last->in_chunk, chunk_id) : 0;
+    if (!advanced || taken < sent || taken - sent > skipped_at_most)
+        return fmt::format("its chunks are of another frame: {} after {}, with {} frames between",
+                           chunk_id, last->in_chunk, sent);
+    skipped_ += static_cast<long>(taken - sent);
     return "";
 }
 

@@ -1,6 +1,7 @@
 // The frames of an armed GenICam device: one acquisition, from start to stop, with its buffers.
 // Every default of a GigE Vision stream was measured to fail somewhere, so all of them are set here
-// on purpose. A frame is judged by its size too: the library calls truncated ones good.
+// on purpose. A frame is judged by its size too: the library calls truncated ones good; and by what
+// its chunks say, where the device sends them.
 #pragma once
 
 #include <memory>
@@ -36,20 +37,33 @@ public:
 
     // The frame in the buffer, without its times. Throws DeviceError for codes above the full
     // scale.
-    Frame judged(ArvBuffer* buffer) const;
+    Frame judged(ArvBuffer* buffer);
     static std::uint64_t device_time_ns(ArvBuffer* buffer);
 
     // Packets, underruns and skipped frames of this acquisition.
     CaptureStatistics statistics() const;
 
+    // Whether chunks came that the library cannot read.
+    bool had_unreadable_chunks() const { return had_unreadable_chunks_; }
+
 private:
     void set_properties();
-    std::string size_fault(ArvBuffer* buffer) const;
+    void unpack_into(Frame& frame, std::span<const std::uint8_t> image) const;
+    std::string leader_fault(ArvBuffer* buffer) const;
+    std::string split(ArvBuffer* buffer, PayloadParts& parts) const;
+    std::string chunk_fault(ArvBuffer* buffer, const PayloadParts& parts);
+    std::string stamp_fault(ArvBuffer* buffer, const ChunkValues& values) const;
+    std::string frame_id_fault(std::uint64_t id, std::uint64_t chunk_id);
 
     GenicamDevice& device_;
     const GenicamCapture& capture_;
     std::unique_ptr<ArvStream, UnrefObject> stream_;
     std::optional<std::uint64_t> last_id_;
+    struct FrameIds {
+        std::uint64_t id, in_chunk;
+    };
+    std::optional<FrameIds> last_ids_;  // of the last frame whose chunks were read
+    bool had_unreadable_chunks_ = false;
     long skipped_ = 0;
 };
 

@@ -6,16 +6,22 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
+#include <bit>
 #include <cerrno>
+#include <cmath>
 #include <condition_variable>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include "capture/pixel_formats.h"
 #include "core/errors.h"
+#include "mocks/gige_chunks.h"
 #include "mocks/gige_description.h"
 
 namespace etalon {
@@ -26,6 +32,11 @@ constexpr int gige_vision_port = 3956;  // GVCP's, fixed by the standard
 // The fake camera looks for a trigger this often. Its loop polls with whole milliseconds left and
 // spins through the last one: 1000 Hz would burn a whole core.
 constexpr double trigger_poll_hz = 200.0;
+
+// Where the client writes where the stream goes (GigE Vision's bootstrap registers).
+constexpr guint32 stream_port_register = 0x0d00;
+constexpr guint32 stream_packet_size_register = 0x0d04;
+constexpr guint32 stream_address_register = 0x0d18;
 
 const std::string device_name = fmt::format("camera {}:{}", address, gige_vision_port);
 
@@ -149,8 +160,14 @@ struct GigeCamera::Device {
     bool frozen = false;
     bool ending = false;
     int lossy_frames = 0, short_frames = 0;  // still to come
+    double lossy_part = 0.0;                 // of their packets
     std::chrono::nanoseconds clock_offset{0};
     std::thread latch;
+
+    std::optional<GvspSender> sender;  // of frames with chunks
+    std::uint64_t exposures = 70000;   // as the chunks count them: not as the stream does
+    std::function<void(GigeChunkValues&)> alter_values;
+    std::function<void(std::vector<std::uint8_t>&)> alter_payload;
 
     Device(const GigeCameraOptions& given, Source shown)
         : options(given), source(std::move(shown)) {}
@@ -172,31 +189,47 @@ struct GigeCamera::Device {
     void set(guint32 which, int value) {
         arv_fake_camera_write_register(registers(), which, static_cast<guint32>(value));
     }
+    guint32 get(guint32 which) {
+        guint32 value = 0;
+        arv_fake_camera_read_register(registers(), which, &value);
+        return value;
+    }
+    void set_wide(guint32 which, std::uint64_t value) {
+        const guint64 big_endian = GUINT64_TO_BE(value);
+        arv_fake_camera_write_memory(registers(), which, sizeof big_endian, &big_endian);
+    }
+    bool sends_chunks() { return sender && get(chunk_mode_register) != 0; }
+    // Of the library's own packets.
     void set_loss(double part) { g_object_set(camera, "gvsp-lost-ratio", part, nullptr); }
     guint64 time_ns() { return nanoseconds_now() + static_cast<guint64>(clock_offset.count()); }
 
     void start();
     void answer_latches();
-    void go_through_faults();
+    double go_through_faults(bool chunks);
     CaptureSettings settings(const cv::Rect& region, const PixelFormat& format, guint32 exposure_us,
                              guint32 gain_db);
     void fill(ArvBuffer* buffer, guint32 exposure_us, guint32 gain_db, ArvPixelFormat format);
+    guint64 stamp(ArvBuffer* buffer);
+    std::vector<std::uint8_t> chunked(std::span<const std::uint8_t> image, GigeChunkValues values);
+    void send_chunked(const cv::Mat& codes, const PixelFormat& format, const GvspLeader& leader,
+                      const GigeChunkValues& values, double loss);
 };
 
-// On the camera's thread, once for each frame.
-void GigeCamera::Device::go_through_faults() {
+// On the camera's thread, once for each frame. Returns the part of its packets that are dropped.
+double GigeCamera::Device::go_through_faults(bool chunks) {
     std::unique_lock lock(mutex);
     changed.wait(lock, [this] { return !frozen || ending; });
-    if (lossy_frames > 0 && --lossy_frames == 0)
-        set_loss(options.packet_loss);
     if (short_frames > 0 && --short_frames == 0)
         set(ARV_FAKE_CAMERA_REGISTER_HEIGHT, options.height);
+    const double loss = lossy_frames > 0 ? lossy_part : options.packet_loss;
+    lossy_frames = std::max(0, lossy_frames - 1);
+    if (!ending)  // the library's object is no longer whole then
+        set_loss(chunks ? 1.0 : loss);
+    return loss;
 }
 
 CaptureSettings GigeCamera::Device::settings(const cv::Rect& region, const PixelFormat& format,
                                              guint32 exposure_us, guint32 gain_db) {
-    guint32 black_level = 0;
-    arv_fake_camera_read_register(registers(), black_level_register, &black_level);
     CaptureSettings settings;
     settings.width = region.width;
     settings.height = region.height;
@@ -204,17 +237,67 @@ CaptureSettings GigeCamera::Device::settings(const cv::Rect& region, const Pixel
     settings.format = format.pfnc;
     settings.exposure = std::chrono::microseconds(exposure_us);
     settings.gain_db = gain_db;
-    settings.black_level = black_level;
+    settings.black_level = get(black_level_register);
     return settings;
+}
+
+namespace {
+
+std::array<std::uint8_t, 8> bytes_of(std::uint64_t value, std::endian order) {
+    std::array<std::uint8_t, 8> bytes;
+    for (std::size_t i = 0; i < bytes.size(); ++i)
+        bytes[order == std::endian::big ? 7 - i : i] = static_cast<std::uint8_t>(value >> 8 * i);
+    return bytes;
+}
+
+}  // namespace
+
+// The image and those chunks that the client chose.
+std::vector<std::uint8_t> GigeCamera::Device::chunked(std::span<const std::uint8_t> image,
+                                                      GigeChunkValues values) {
+    const std::lock_guard lock(mutex);
+    if (alter_values)
+        alter_values(values);
+    std::vector<std::uint8_t> payload;
+    append_chunk(payload, image_chunk_id, image);
+    const auto append = [&](const MockChunk& chunk, std::uint64_t value, std::endian order) {
+        const auto bytes = bytes_of(value, order);
+        if (get(chunk_enable_registers + 4 * chunk.selected) != 0)
+            append_chunk(payload, chunk.id, std::span(bytes).first(chunk.bytes));
+    };
+    append(exposure_chunk, std::bit_cast<std::uint64_t>(values.exposure_us), std::endian::little);
+    append(gain_chunk, static_cast<std::uint64_t>(std::llround(10.0 * values.gain_db)),
+           std::endian::little);
+    append(timestamp_chunk, values.timestamp_ns, std::endian::big);
+    append(frame_id_chunk, values.frame_id, std::endian::big);
+    if (alter_payload)
+        alter_payload(payload);
+    return payload;
+}
+
+void GigeCamera::Device::send_chunked(const cv::Mat& codes, const PixelFormat& format,
+                                      const GvspLeader& leader, const GigeChunkValues& values,
+                                      double loss) {
+    std::vector<std::uint8_t> image(image_bytes(format, codes.cols, codes.rows, 0));
+    pack(codes, format, image.data());
+    const GvspChannel channel{get(stream_address_register),
+                              static_cast<std::uint16_t>(get(stream_port_register)),
+                              static_cast<std::uint16_t>(get(stream_packet_size_register))};
+    sender->send(channel, leader, chunked(image, values), loss);
+}
+
+guint64 GigeCamera::Device::stamp(ArvBuffer* buffer) {
+    const std::lock_guard lock(mutex);
+    const guint64 now = time_ns();
+    arv_buffer_set_timestamp(buffer, now);
+    return now;
 }
 
 void GigeCamera::Device::fill(ArvBuffer* buffer, guint32 exposure_us, guint32 gain_db,
                               ArvPixelFormat code) {
-    go_through_faults();
-    {
-        const std::lock_guard lock(mutex);
-        arv_buffer_set_timestamp(buffer, time_ns());
-    }
+    const bool chunks = sends_chunks();
+    const double loss = go_through_faults(chunks);
+    const guint64 now = stamp(buffer);
     const cv::Rect region = region_of(buffer);
     const PixelFormat* format = find_pfnc_format(code);
     std::size_t unknown_size = 0;  // reads 0 here; the payload is what the region needs
@@ -223,7 +306,12 @@ void GigeCamera::Device::fill(ArvBuffer* buffer, guint32 exposure_us, guint32 ga
         return;
     cv::Mat codes(region.height, region.width, format->bits <= 8 ? CV_8UC1 : CV_16UC1);
     copy_region(source(settings(region, *format, exposure_us, gain_db)).pixels, region, codes);
-    pack(codes, *format, static_cast<std::uint8_t*>(data));
+    if (chunks)
+        send_chunked(codes, *format,
+                     {options.chunk_payload_type, now, static_cast<std::uint32_t>(code), region},
+                     {double(exposure_us), double(gain_db), now, ++exposures}, loss);
+    else
+        pack(codes, *format, static_cast<std::uint8_t*>(data));
 }
 
 // The fake camera has no hook for commands, so the latch is looked at often. A client that waits
@@ -231,19 +319,16 @@ void GigeCamera::Device::fill(ArvBuffer* buffer, guint32 exposure_us, guint32 ga
 void GigeCamera::Device::answer_latches() {
     std::unique_lock lock(mutex);
     while (!changed.wait_for(lock, std::chrono::milliseconds(2), [this] { return ending; })) {
-        guint32 asked = 0;
-        arv_fake_camera_read_register(registers(), latch_register, &asked);
-        if (asked == 0)
+        if (get(latch_register) == 0)
             continue;
-        const guint64 big_endian = GUINT64_TO_BE(time_ns());
         set(latch_register, 0);
-        arv_fake_camera_write_memory(registers(), latched_time_register, sizeof big_endian,
-                                     &big_endian);
+        set_wide(latched_time_register, time_ns());
     }
 }
 
 void GigeCamera::Device::start() {
-    const DescriptionFile description(gige_description(options.formats, options.latches));
+    const DescriptionFile description(gige_description(
+        {options.formats, options.latches, options.chunk_payload_type != 0, options.ptp}));
     camera = arv_gv_fake_camera_new_full(address, options.serial.c_str(), description.path());
     if (!arv_gv_fake_camera_is_running(camera))
         throw DeviceError(device_name, "listen", "the fake camera did not start");
@@ -263,7 +348,8 @@ void GigeCamera::Device::start() {
             static_cast<Device*>(device)->fill(buffer, exposure_us, gain_db, format);
         },
         this);
-    set_loss(options.packet_loss);
+    if (options.chunk_payload_type != 0)
+        sender.emplace();
     if (options.latches)
         latch = std::thread([this] { answer_latches(); });
 }
@@ -288,8 +374,8 @@ void GigeCamera::change_size_unasked(int width, int height) {
 
 void GigeCamera::lose_packets(double part, int frames) {
     const std::lock_guard lock(device_->mutex);
-    device_->set_loss(part);
-    device_->lossy_frames = frames + 1;  // counted down before each frame
+    device_->lossy_part = part;
+    device_->lossy_frames = frames;
 }
 
 void GigeCamera::cut_short(int frames) {
@@ -314,6 +400,23 @@ void GigeCamera::thaw() {
 void GigeCamera::jump_clock(std::chrono::nanoseconds by) {
     const std::lock_guard lock(device_->mutex);
     device_->clock_offset += by;
+}
+
+void GigeCamera::alter_chunk_values(std::function<void(GigeChunkValues&)> alter) {
+    const std::lock_guard lock(device_->mutex);
+    device_->alter_values = std::move(alter);
+}
+
+void GigeCamera::alter_payload(std::function<void(std::vector<std::uint8_t>&)> alter) {
+    const std::lock_guard lock(device_->mutex);
+    device_->alter_payload = std::move(alter);
+}
+
+void GigeCamera::set_ptp(const std::string& status, std::chrono::nanoseconds offset) {
+    for (const PtpStatusCode& code : ptp_status_codes)
+        if (code.name == status)
+            device_->set(ptp_status_register, static_cast<int>(code.value));
+    device_->set_wide(ptp_offset_register, static_cast<std::uint64_t>(offset.count()));
 }
 
 }  // namespace etalon

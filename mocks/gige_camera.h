@@ -1,6 +1,7 @@
 // A GigE Vision camera on 127.0.0.1 that shows the pictures it is given: Aravis' fake camera, which
 // speaks the real control and stream protocols over UDP, with our pixels in place of its pattern
-// and a GenICam description of our own (mocks/gige_description.h).
+// and a GenICam description of our own (mocks/gige_description.h). Frames with chunks, which it
+// does not know, are sent in place of its own (mocks/gige_chunks.h).
 //
 // Settings: Width, Height, OffsetX, OffsetY, PixelFormat, ExposureTime (us), Gain (dB), BlackLevel
 // and AcquisitionFrameRate can be set by the client; it runs freely, or is triggered by software or
@@ -9,6 +10,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -28,6 +30,15 @@ struct GigeCameraOptions {
                                         "Mono10p",  "Mono12p",  "Mono12Packed", "Mono10Packed",
                                         "BayerRG8", "BayerGB12"};
     bool latches = false;  // whether the client can read the device's clock
+    // Of a frame in chunk mode, one of mocks/gige_chunks.h; 0: the camera has no chunks.
+    std::uint16_t chunk_payload_type = 0;
+    bool ptp = false;  // switched off until the client switches it on
+};
+
+// What a frame's chunks say of it.
+struct GigeChunkValues {
+    double exposure_us = 0.0, gain_db = 0.0;
+    std::uint64_t timestamp_ns = 0, frame_id = 0;
 };
 
 class GigeCamera {
@@ -60,6 +71,12 @@ public:
     void thaw();
     // The device's clock goes on from another time.
     void jump_clock(std::chrono::nanoseconds by);
+    // From now on the chunks say what this makes of the truth, and are sent as that makes of them.
+    // Called on the camera's thread; null: nothing is changed.
+    void alter_chunk_values(std::function<void(GigeChunkValues&)> alter);
+    void alter_payload(std::function<void(std::vector<std::uint8_t>&)> alter);
+    // The state of PTP, by its name in SFNC 2, and the offset from the master.
+    void set_ptp(const std::string& status, std::chrono::nanoseconds offset);
 
 private:
     struct Device;

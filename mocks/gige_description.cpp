@@ -136,32 +136,131 @@ std::string analog_features() {
            whole_float("BlackLevel", black_level_register, 0, 255, "DN");
 }
 
-std::string transport_features(bool latches) {
-    std::string text = category("TransportLayerControl", {"PayloadSize"}) +
-                       "<IntSwissKnife Name=\"PayloadSize\"><pVariable Name=\"W\">Width</pVariable>"
-                       "<pVariable Name=\"H\">Height</pVariable>"
-                       "<pVariable Name=\"F\">PixelFormat</pVariable>"
-                       "<Formula>W * H * ((F &gt;&gt; 16) &amp; 0xFF) / 8</Formula>"
-                       "</IntSwissKnife>\n"
-                       "<Integer Name=\"TLParamsLocked\"><Value>0</Value>" +
-                       limits(0, 1) + "</Integer>\n";
-    if (latches)
-        text += register_node("TimestampLatchRegister", latch_register) +
-                command("TimestampLatch", "TimestampLatchRegister", 1) +
-                "<Integer Name=\"TimestampLatchValue\"><pValue>LatchedTimeRegister</pValue>"
-                "<Unit>ns</Unit></Integer>\n" +
-                register_node("LatchedTimeRegister", latched_time_register, 8);
+std::string boolean(const std::string& name, std::uint32_t address) {
+    return fmt::format(
+               "<Boolean Name=\"{0}\"><pValue>{0}Register</pValue><OnValue>1</OnValue>"
+               "<OffValue>0</OffValue></Boolean>\n",
+               name) +
+           register_node(name + "Register", address);
+}
+
+// The image, and with chunks their bytes and the 8 that follow each.
+std::string payload_size(bool chunks) {
+    std::string variables, extra;
+    if (chunks) {
+        variables = "<pVariable Name=\"C\">ChunkModeActiveRegister</pVariable>";
+        extra = " + C * (8";
+        for (const MockChunk& chunk : mock_chunks) {
+            variables += fmt::format("<pVariable Name=\"E{0}\">{1}EnabledRegister</pVariable>",
+                                     chunk.selected, chunk.name);
+            extra += fmt::format(" + E{} * {}", chunk.selected, chunk.bytes + 8);
+        }
+        extra += ")";
+    }
+    return "<IntSwissKnife Name=\"PayloadSize\"><pVariable Name=\"W\">Width</pVariable>"
+           "<pVariable Name=\"H\">Height</pVariable>"
+           "<pVariable Name=\"F\">PixelFormat</pVariable>" +
+           variables + "<Formula>W * H * ((F &gt;&gt; 16) &amp; 0xFF) / 8" + extra +
+           "</Formula></IntSwissKnife>\n";
+}
+
+std::string clock_features() {
+    return register_node("TimestampLatchRegister", latch_register) +
+           command("TimestampLatch", "TimestampLatchRegister", 1) +
+           "<Integer Name=\"TimestampLatchValue\"><pValue>LatchedTimeRegister</pValue>"
+           "<Unit>ns</Unit></Integer>\n" +
+           register_node("LatchedTimeRegister", latched_time_register, 8);
+}
+
+std::string ptp_feature_nodes() {
+    std::vector<Choice> states;
+    for (const PtpStatusCode& code : ptp_status_codes)
+        states.push_back({code.name, code.value});
+    return boolean("PtpEnable", ptp_enable_register) +
+           register_node("PtpDataSetLatchRegister", ptp_latch_register) +
+           command("PtpDataSetLatch", "PtpDataSetLatchRegister", 1) +
+           enumeration("PtpStatus", ptp_status_register, states) +
+           fmt::format(
+               "<Integer Name=\"PtpOffsetFromMaster\"><pValue>PtpOffsetRegister</pValue>"
+               "<Unit>ns</Unit></Integer>\n<IntReg Name=\"PtpOffsetRegister\">"
+               "<Address>{:#x}</Address><Length>8</Length><AccessMode>RO</AccessMode>"
+               "<pPort>Device</pPort><Cachable>NoCache</Cachable><Sign>Signed</Sign>"
+               "<Endianess>BigEndian</Endianess></IntReg>\n",
+               ptp_offset_register);
+}
+
+std::string transport_features(const GigeFeatures& features) {
+    std::string text =
+        category("TransportLayerControl", {"PayloadSize"}) + payload_size(features.chunks) +
+        "<Integer Name=\"TLParamsLocked\"><Value>0</Value>" + limits(0, 1) + "</Integer>\n";
+    if (features.latches)
+        text += clock_features();
+    if (features.ptp)
+        text += ptp_feature_nodes();
     return text;
+}
+
+// `type` is IntReg or FloatReg.
+std::string chunk_register(const MockChunk& chunk, const char* type, const char* order) {
+    return fmt::format(
+        "<Port Name=\"{0}ChunkPort\"><ChunkID>{1:x}</ChunkID></Port>\n"
+        "<{2} Name=\"{0}ChunkRegister\"><Address>0</Address><Length>{3}</Length>"
+        "<AccessMode>RO</AccessMode><pPort>{0}ChunkPort</pPort>"
+        "<Cachable>NoCache</Cachable>{4}<Endianess>{5}</Endianess></{2}>\n",
+        chunk.name, chunk.id, type, chunk.bytes,
+        std::string_view(type) == "IntReg" ? "<Sign>Unsigned</Sign>" : "", order);
+}
+
+std::string chunk_values() {
+    return chunk_register(exposure_chunk, "FloatReg", "LittleEndian") +
+           "<Float Name=\"ChunkExposureTime\"><pValue>ExposureTimeChunkRegister</pValue>"
+           "<Unit>us</Unit></Float>\n" +
+           chunk_register(gain_chunk, "IntReg", "LittleEndian") +
+           "<Float Name=\"ChunkGain\"><pValue>ChunkGainConverter</pValue></Float>\n"
+           "<Converter Name=\"ChunkGainConverter\"><FormulaTo>FROM * 10</FormulaTo>"
+           "<FormulaFrom>TO * 0.1</FormulaFrom><pValue>GainChunkRegister</pValue></Converter>\n" +
+           chunk_register(timestamp_chunk, "IntReg", "BigEndian") +
+           "<Integer Name=\"ChunkTimestamp\"><pValue>TimestampChunkRegister</pValue>"
+           "<Unit>ns</Unit></Integer>\n" +
+           chunk_register(frame_id_chunk, "IntReg", "BigEndian") +
+           "<Integer Name=\"ChunkFrameID\"><pValue>FrameIDChunkRegister</pValue></Integer>\n";
+}
+
+std::string chunk_features() {
+    std::vector<Choice> choices{{"Image", 0}};
+    std::string enabled;
+    for (const MockChunk& chunk : mock_chunks) {
+        choices.push_back({chunk.name, chunk.selected});
+        enabled += register_node(fmt::format("{}EnabledRegister", chunk.name),
+                                 chunk_enable_registers + 4 * chunk.selected);
+    }
+    return category("ChunkDataControl",
+                    {"ChunkModeActive", "ChunkSelector", "ChunkEnable", "ChunkExposureTime",
+                     "ChunkGain", "ChunkTimestamp", "ChunkFrameID"}) +
+           boolean("ChunkModeActive", chunk_mode_register) +
+           enumeration("ChunkSelector", chunk_selector_register, choices) +
+           "<Boolean Name=\"ChunkEnable\"><pValue>ChunkEnableRegister</pValue><OnValue>1</OnValue>"
+           "<OffValue>0</OffValue></Boolean>\n" +
+           fmt::format(
+               "<IntReg Name=\"ChunkEnableRegister\"><Address>{:#x}</Address>"
+               "<pIndex Offset=\"4\">ChunkSelectorRegister</pIndex><Length>4</Length>"
+               "<AccessMode>RW</AccessMode><pPort>Device</pPort><Cachable>NoCache</Cachable>"
+               "<Sign>Unsigned</Sign><Endianess>BigEndian</Endianess></IntReg>\n",
+               chunk_enable_registers) +
+           enabled + chunk_values();
 }
 
 }  // namespace
 
-std::string gige_description(const std::vector<std::string>& formats, bool latches) {
-    return head +
-           category("Root", {"DeviceControl", "ImageFormatControl", "AcquisitionControl",
-                             "AnalogControl", "TransportLayerControl"}) +
-           device_features() + image_features(formats) + acquisition_features() +
-           analog_features() + transport_features(latches) + "</RegisterDescription>\n";
+std::string gige_description(const GigeFeatures& features) {
+    std::vector<std::string> categories{"DeviceControl", "ImageFormatControl", "AcquisitionControl",
+                                        "AnalogControl", "TransportLayerControl"};
+    if (features.chunks)
+        categories.emplace_back("ChunkDataControl");
+    return head + category("Root", categories) + device_features() +
+           image_features(features.formats) + acquisition_features() + analog_features() +
+           transport_features(features) + (features.chunks ? chunk_features() : "") +
+           "</RegisterDescription>\n";
 }
 
 }  // namespace etalon

@@ -1,6 +1,8 @@
 // The contract of Camera, kept by the GenICam backend on loopback: for packed and plain formats,
 // for a camera that is triggered by software and for one that runs freely, with and without a clock
-// that can be read.
+// that can be read, with and without chunks.
+#include "mocks/gige_chunks.h"
+#include "mocks/in_process_camera.h"
 #include "tests/capture/camera_contract.h"
 #include "tests/loopback/gige_rig.h"
 
@@ -14,6 +16,7 @@ struct GenicamCase {
     int bits = 8;
     std::string trigger = "Software";
     bool latches = false;
+    std::uint16_t chunk_payload_type = 0;
 };
 
 GigeCameraOptions options_of(const GenicamCase& tested) {
@@ -22,6 +25,7 @@ GigeCameraOptions options_of(const GenicamCase& tested) {
     options.height = 80;
     options.bits = tested.bits;
     options.latches = tested.latches;
+    options.chunk_payload_type = tested.chunk_payload_type;
     return options;
 }
 
@@ -95,11 +99,63 @@ CameraRigMaker rig(const std::string& name, const GenicamCase& tested) {
     return {name, [=] { return std::make_unique<GenicamContractRig>(tested); }};
 }
 
+// Another transport than GigE Vision, as far as one can be had without a device.
+class InProcessRig final : public CameraRig {
+public:
+    Clock& clock() override { return clock_; }
+    std::unique_ptr<Camera> open() override {
+        return open_camera(InProcessCamera::uri, {}, clock_);
+    }
+    CaptureSettings settings() const override {
+        CaptureSettings settings;
+        settings.width = 150;
+        settings.height = 80;
+        settings.bits = bits_;
+        settings.trigger = trigger_;
+        settings.exposure = 7000us;
+        settings.gain_db = 3.0;
+        return settings;
+    }
+    std::vector<Refusal> refusals() const override {
+        CaptureSettings wide = settings(), long_exposure = wide, loud = wide, unknown = wide,
+                        nameless = wide;
+        wide.width = 4096;
+        long_exposure.exposure = 11s;
+        loud.gain_db = 11.0;
+        unknown.format = "Mono14";
+        nameless.controls["Sharpness"] = 1.0;
+        return {{wide, "4096x80"},
+                {long_exposure, "11000000 us"},
+                {loud, "11 dB"},
+                {unknown, "Mono14"},
+                {nameless, "Sharpness"}};
+    }
+
+    InProcessRig(int bits, const std::string& trigger) : bits_(bits), trigger_(trigger) {}
+
+private:
+    InProcessCamera device_;
+    SteadyClock clock_;
+    int bits_;
+    std::string trigger_;
+};
+
+CameraRigMaker in_process(const std::string& name, int bits, const std::string& trigger) {
+    return {name, [=] { return std::make_unique<InProcessRig>(bits, trigger); }};
+}
+
+INSTANTIATE_TEST_SUITE_P(InProcess, CameraContract,
+                         testing::Values(in_process("Mono8", 8, "Software"),
+                                         in_process("FreeMono16", 16, "none")),
+                         rig_name);
+
 INSTANTIATE_TEST_SUITE_P(
     Genicam, CameraContract,
     testing::Values(rig("Mono8", {"Mono8", 8}), rig("Mono12p", {"Mono12p", 12}),
                     rig("FreeWithoutClock", {"Mono8", 8, "none"}),
-                    rig("FreeWithClockMono12Packed", {"Mono12Packed", 12, "none", true})),
+                    rig("FreeWithClockMono12Packed", {"Mono12Packed", 12, "none", true}),
+                    rig("Chunks", {"Mono12", 12, "Software", false, image_with_chunks}),
+                    rig("FreeWithChunksOnly", {"Mono8", 8, "none", true, chunks_only})),
     rig_name);
 
 }  // namespace

@@ -17,6 +17,7 @@ if [ "$backend" = libcamera ]; then
 fi
 # shellcheck disable=SC2086  # none or two words
 "$binaries/tests/vm/usb-camera" "$work/twin.yaml" ${neutral-} >"$work/twin.log" &
+trap "kill $!; wait" EXIT
 exec 3<"$work/twin.log"
 read -r _ device <&3
 read -r ready <&3

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# run-in-guest.sh [-m MODULE]... [-t SECONDS] [-v] COMMAND [ARGUMENT]...
+# run-in-guest.sh [-m MODULE]... [-t SECONDS] [-w FOLDER] [-v] COMMAND [ARGUMENT]...
 #
 # Runs a command in a virtual machine that has the distribution's stock kernel, so that it meets
 # real device drivers on a machine that has none. The guest sees this machine's files, may change
@@ -8,6 +8,7 @@
 #
 #   -m MODULE    a kernel module to load first, with parameters if wished: -m "vivid n_devs=1"
 #   -t SECONDS   after which the machine is switched off (default 120)
+#   -w FOLDER    that the command may write to: /run/results in the guest
 #   -v           the kernel's messages as well
 #
 # The processor is emulated, never lent (KVM is there on few build machines): programs run about
@@ -22,17 +23,18 @@ skip() {
     exit 77
 }
 
-modules=() limit=120 verbose=""
-while getopts m:t:v option; do
+modules=() limit=120 results="" verbose=""
+while getopts m:t:w:v option; do
     case $option in
         m) modules+=("$OPTARG") ;;
         t) limit=$OPTARG ;;
+        w) results=$OPTARG ;;
         v) verbose=1 ;;
         *) exit 2 ;;
     esac
 done
 shift $((OPTIND - 1))
-[ $# -gt 0 ] || { echo "usage: run-in-guest.sh [-m MODULE]... [-t SECONDS] [-v] COMMAND..." >&2; exit 2; }
+[ $# -gt 0 ] || { echo "usage: run-in-guest.sh [-m MODULE]... [-t SECONDS] [-w FOLDER] [-v] COMMAND..." >&2; exit 2; }
 
 PATH=$PATH:/usr/sbin:/sbin:/lib/systemd
 [ "$(uname -m)" = x86_64 ] || skip "the guest runs this machine's programs, and knows x86_64 only"
@@ -71,6 +73,7 @@ timeout -k 5 "$limit" qemu-system-x86_64 -nodefaults -no-user-config -display no
     -append "console=ttyS0 loglevel=5 panic=-1 tsc=reliable no_timer_check mitigations=off
              random.trust_cpu=on cryptomgr.notests audit=0 selinux=0 apparmor=0 $usb" \
     -serial "file:$job/console" $(share host / ,readonly=on) $(share job "$job") \
+    $([ -z "$results" ] || share results "$results") \
     </dev/null >"$job/qemu" 2>&1 || true
 
 [ -z "$verbose" ] || cat "$job/console" >&2

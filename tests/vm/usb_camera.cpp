@@ -115,11 +115,11 @@ struct UsbCamera::Session {
         sent = 0;
         exposed = std::max(now + exposure.time, clock.now());
         interval_end = now + Duration(std::chrono::seconds(1)) / camera.options_.frames_per_second;
-        if (camera.truncate_next_.exchange(false))
-            frame.resize(frame.size() / 2);
     }
 
     void send_piece() {
+        if (sent == 0 && camera.truncate_next_.exchange(false))
+            frame.resize(frame.size() / 2);
         const UsbTransfer& reader = readers.front();
         const std::size_t size = std::min(reader.length, frame.size() - sent);
         plug.send(reader, std::span(frame).subspan(sent, size));

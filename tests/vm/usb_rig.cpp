@@ -14,7 +14,7 @@ constexpr const char* libcamera_id = "libcamera:virtual-1:1.0-1d6b:0102";
 UsbCameraOptions options() {
     UsbCameraOptions options;
     options.sizes = {{640, 480}, {width, height}};
-    options.frames_per_second = 30;  // slow enough for a busy guest to stamp frames in time
+    options.frames_per_second = 60;
     return options;
 }
 

@@ -23,8 +23,9 @@ public:
     Darkroom(Develop develop, std::vector<double> positions);
     ~Darkroom();  // waits for the picture in work
 
-    // Whether the picture on show is the one of these positions; if not, it will be the next one
-    // (a newer wish replaces one that is not in work yet). Returns at once. Safe from every thread.
+    // Whether the picture on show is the one of these positions, within 10 nm or 10 urad; if not,
+    // it will be the next one (a newer wish replaces one that is not in work yet). Returns at once.
+    // Safe from every thread.
     bool shows(const std::vector<double>& positions);
 
     // The last finished picture; its pixels are shared and must not be written. Safe from every

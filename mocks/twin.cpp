@@ -11,8 +11,7 @@ namespace etalon {
 namespace {
 
 SimulatedStageOptions stage_options(const TwinFile& file) {
-    SimulatedStageOptions options;
-    options.errors = file.axis_errors;
+    SimulatedStageOptions options = file.stage.options;
     options.seed = file.seed;
     return options;
 }
@@ -33,11 +32,11 @@ GigeCameraOptions camera_options(const TwinFile& file) {
 
 Twin::Twin(const TwinFile& file)
     : nominal_exposure_(file.nominal_exposure),
-      stage_(file.axes, stage_options(file), clock_),
+      stage_(file.stage.axes, stage_options(file), clock_),
       physics_(file.true_camera, file.scene, file.method, file.seed),
       darkroom_([this](const std::vector<double>& q) { return develop(q); },
                 stage_.true_positions()),
-      server_(stage_, builtin_stage_profile("generic"), file.stage_port),
+      server_(stage_, builtin_stage_profile(file.stage.profile), file.stage.port),
       camera_(camera_options(file), [this](const CaptureSettings& s) { return expose(s); }) {
     stage_.hold_in_position_until(
         [this](const std::vector<double>& positions) { return darkroom_.shows(positions); });

@@ -21,30 +21,6 @@ double optional_number(const Value& mapping, const std::string& key, Range range
     return value ? value->number(range) : 0.0;
 }
 
-// Linear axes are given in um, rotary ones in degrees.
-AxisErrors read_axis_errors(const Value& value, Axis::Kind kind) {
-    const bool linear = kind == Axis::Kind::linear;
-    const std::string unit = linear ? "_um" : "_deg";
-    const double factor = linear ? 1e-3 : rad_per_deg;
-    AxisErrors errors;
-    errors.scale = optional_number(value, "scale_ppm", {-1e5, 1e5}) * 1e-6;
-    errors.repeatability = optional_number(value, "repeatability" + unit, non_negative) * factor;
-    errors.backlash = optional_number(value, "backlash" + unit) * factor;
-    return errors;
-}
-
-void read_stage(const Value& stage, TwinFile& twin) {
-    twin.stage_port = stage.at("port").integer(0, 65535);
-    twin.axes = read_axes(stage.at("axes"));
-    twin.axis_errors.assign(twin.axes.size(), {});
-    const auto errors = stage.find("errors");
-    if (!errors)
-        return;
-    for (std::size_t i = 0; i < twin.axes.size(); ++i)
-        if (const auto of_axis = errors->find(twin.axes[i].name))
-            twin.axis_errors[i] = read_axis_errors(*of_axis, twin.axes[i].kind);
-}
-
 CameraErrors read_camera_errors(const Value& value) {
     CameraErrors errors;
     const Range above_minus_half{-50.0, 50.0};  // percent; more is another camera
@@ -103,7 +79,7 @@ TwinFile read_twin_file(const std::filesystem::path& path) {
     TwinFile twin;
     twin.seed =
         static_cast<std::uint64_t>(root.at("seed").integer(0, std::numeric_limits<int>::max()));
-    read_stage(root.at("stage"), twin);
+    twin.stage = read_twin_stage(root.at("stage"));
     read_twin_camera(file, root.at("camera"), twin);
     twin.scene = read_scene(root.at("scene"));
     file.finish();

@@ -2,13 +2,8 @@
 // differ from what the station under test is told. Relative paths are relative to the file.
 //
 //     etalon: twin/1
-//     seed: 7                                   # of noise and repeatability
-//     stage:
-//       port: 1502                              # Modbus TCP on 127.0.0.1; 0: any free one
-//       axes: [...]                             # as in station.yaml: stage/axes.h
-//       errors:                                 # optional, by axis; each value optional (0)
-//         x: {scale_ppm: 0, repeatability_um: 0.5, backlash_um: 0}
-//         rz: {scale_ppm: 0, repeatability_deg: 0.0005, backlash_deg: 0}
+//     seed: 7                                   # of all noise
+//     stage: {port: 1502, axes: [...], ...}     # mocks/twin_stage_file.h
 //     camera:
 //       calibration: camera.yml                 # what the station is told
 //       errors: {focal_length_percent: 0, k1_percent: 0, principal_point_px: [0, 0]}   # optional
@@ -27,22 +22,18 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
-#include <vector>
 
 #include "calib/camera_model.h"
-#include "mocks/simulated_stage.h"
+#include "mocks/twin_stage_file.h"
 #include "sim/renderer.h"
 #include "sim/twin_physics.h"
-#include "stage/axes.h"
 
 namespace etalon {
 
 struct TwinFile {
     std::uint64_t seed = 0;
 
-    int stage_port = 0;
-    std::vector<Axis> axes;
-    std::vector<AxisErrors> axis_errors;  // one per axis
+    TwinStage stage;
 
     CameraModel true_camera;  // errors applied
     std::chrono::microseconds nominal_exposure{0};

@@ -52,7 +52,7 @@ struct Station {
 
 private:
     static std::vector<Axis> read_axes_of_twin() {
-        return read_twin_file(TwinFolder().file("twin.yaml")).axes;
+        return read_twin_file(TwinFolder().file("twin.yaml")).stage.axes;
     }
 };
 
@@ -144,9 +144,9 @@ TEST(Twin, RefusesAStagePortThatIsTaken) {
     const TwinFolder folder;
     TwinFile file = read_twin_file(folder.file("twin.yaml"));
     SteadyClock clock;
-    SimulatedStage other_stage(file.axes, {}, clock);
+    SimulatedStage other_stage(file.stage.axes, {}, clock);
     const ModbusStageServer other(other_stage, builtin_stage_profile("generic"), 0);
-    file.stage_port = other.port();
+    file.stage.port = other.port();
     EXPECT_THROW(Twin twin(file), DeviceError);
 }
 

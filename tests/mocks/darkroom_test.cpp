@@ -28,6 +28,14 @@ TEST(Darkroom, HasAPictureFromTheBeginning) {
     EXPECT_TRUE(darkroom.shows({7.0}));
 }
 
+// As while a warm stage drifts: every 10 nm a new one.
+TEST(Darkroom, APictureServesPlacesThatItCannotTellApart) {
+    Darkroom darkroom([](const std::vector<double>& q) { return flat(q[0]); }, {7.0, 5.0});
+    EXPECT_TRUE(darkroom.shows({7.0 + 9e-6, 5.0 - 9e-6}));
+    EXPECT_FALSE(darkroom.shows({7.0, 5.0 + 11e-6}));
+    EXPECT_FALSE(darkroom.shows({7.0}));
+}
+
 TEST(Darkroom, ShowsWhatWasWishedOnceItSaysSo) {
     Darkroom darkroom([](const std::vector<double>& q) { return flat(q[0] + 10 * q[1]); }, {0, 0});
     for (int i = 1; i <= 100; ++i) {

@@ -14,20 +14,13 @@ constexpr double deg = std::numbers::pi / 180.0;
 
 TEST(TwinFile, IsReadWithItsUnitsConverted) {
     const TwinFolder folder;
-    folder.write("twin.yaml",
-                 twin_yaml_with("x: {scale_ppm: 2000, backlash_um: 50}",
-                                "x: {scale_ppm: 2000, backlash_um: 50, repeatability_um: 3}\n"
-                                "    rz: {repeatability_deg: 0.01, backlash_deg: 0.02}"));
+    folder.write("twin.yaml", TwinFolder::twin_yaml());
     const TwinFile twin = read_twin_file(folder.file("twin.yaml"));
     EXPECT_EQ(twin.seed, 7u);
-    EXPECT_EQ(twin.stage_port, 0);
-    ASSERT_EQ(twin.axis_errors.size(), 2u);
-    EXPECT_NEAR(twin.axis_errors[0].scale, 0.002, 1e-15);
-    EXPECT_NEAR(twin.axis_errors[0].backlash, 0.05, 1e-15);
-    EXPECT_NEAR(twin.axis_errors[0].repeatability, 0.003, 1e-15);
-    EXPECT_NEAR(twin.axis_errors[1].repeatability, 0.01 * deg, 1e-15);
-    EXPECT_NEAR(twin.axis_errors[1].backlash, 0.02 * deg, 1e-15);
-    EXPECT_EQ(twin.axis_errors[1].scale, 0.0);
+    EXPECT_EQ(twin.stage.port, 0);
+    ASSERT_EQ(twin.stage.options.errors.size(), 2u);
+    EXPECT_NEAR(twin.stage.options.errors[0].scale, 0.002, 1e-15);
+    EXPECT_NEAR(twin.stage.options.errors[0].backlash, 0.05, 1e-15);
     EXPECT_EQ(twin.nominal_exposure, std::chrono::microseconds(5000));
     EXPECT_EQ(twin.method, RenderMethod::automatic);
     EXPECT_EQ(twin.packet_loss, 0.0);

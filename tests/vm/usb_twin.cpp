@@ -13,8 +13,7 @@ namespace {
 constexpr double automatic_exposure = 0.8;
 
 SimulatedStageOptions stage_options(const TwinFile& file) {
-    SimulatedStageOptions options;
-    options.errors = file.axis_errors;
+    SimulatedStageOptions options = file.stage.options;
     options.seed = file.seed;
     return options;
 }
@@ -52,11 +51,11 @@ std::vector<std::uint8_t> bytes_of(const CodeImage& image, const StreamMode& mod
 
 UsbTwin::UsbTwin(const TwinFile& file, int sharpness)
     : nominal_exposure_(file.nominal_exposure),
-      stage_(file.axes, stage_options(file), clock_),
+      stage_(file.stage.axes, stage_options(file), clock_),
       physics_(file.true_camera, file.scene, file.method, file.seed),
       darkroom_([this](const std::vector<double>& q) { return develop(q); },
                 stage_.true_positions()),
-      server_(stage_, builtin_stage_profile("generic"), file.stage_port),
+      server_(stage_, builtin_stage_profile(file.stage.profile), file.stage.port),
       camera_(camera_options(file, sharpness), [this](const UsbExposure& e) { return expose(e); }) {
     stage_.hold_in_position_until(
         [this](const std::vector<double>& positions) { return darkroom_.shows(positions); });

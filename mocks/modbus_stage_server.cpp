@@ -94,7 +94,8 @@ Bytes answer(StageRegisters& registers, const ModbusRequest& request) {
     const Bytes no_such_register = {static_cast<std::uint8_t>(request.function | 0x80),
                                     illegal_address};
     if (request.values.empty()) {
-        const auto values = registers.read(request.address, request.count);
+        const auto values =
+            registers.read(RegisterSpace::holding_registers, request.address, request.count);
         if (!values)
             return no_such_register;
         pdu.push_back(static_cast<std::uint8_t>(2 * values->size()));
@@ -102,7 +103,7 @@ Bytes answer(StageRegisters& registers, const ModbusRequest& request) {
             append_word(pdu, value);
         return pdu;
     }
-    if (!registers.write(request.address, request.values))
+    if (!registers.write(RegisterSpace::holding_registers, request.address, request.values))
         return no_such_register;
     append_word(pdu, request.address);
     append_word(pdu, request.function == 6 ? request.values[0] : request.count);

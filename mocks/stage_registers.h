@@ -1,10 +1,13 @@
-// The register image of a stage profile in front of a simulated stage: what a controller's firmware
-// does between its registers and its motors. No sockets. For one thread.
+// The registers of a stage profile in front of a simulated stage: what a controller's firmware does
+// between its registers and its motors, by the same file that the client reads. No sockets. For one
+// thread.
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "mocks/simulated_stage.h"
@@ -14,33 +17,53 @@ namespace etalon {
 
 class StageRegisters {
 public:
-    // The stage must outlive this. Throws ConfigError when it has more axes than the profile.
-    StageRegisters(SimulatedStage& stage, const StageProfile& profile);
+    // Of one of the stage's controllers. The stage must outlive this. Throws ConfigError when the
+    // controller has more axes than the profile.
+    StageRegisters(SimulatedStage& stage, const StageProfile& profile, std::size_t controller = 0);
 
-    // Nothing when one of the registers does not exist. Poll registers of absent axes read as 0.
-    std::optional<std::vector<std::uint16_t>> read(int address, int count) const;
+    // Of coils and discrete inputs 0 or 1. Nothing when one of them does not exist. What is polled
+    // of absent axes reads as 0, and so do registers that take codes.
+    std::optional<std::vector<std::uint16_t>> read(RegisterSpace space, int address,
+                                                   int count) const;
 
     // False, and nothing written, when one of the registers does not exist or is read-only.
     // Commands take effect before it returns.
-    bool write(int address, std::span<const std::uint16_t> values);
+    bool write(RegisterSpace space, int address, std::span<const std::uint16_t> values);
 
     // To be called every few milliseconds: stops the axes, with an alarm, when they move and the
     // watchdog register was not written in time.
     void check_watchdog();
 
+    // Motions (homing and moves) that were started by writing, for tests: a repeated one counts.
+    int starts() const { return starts_; }
+
 private:
-    std::uint16_t status_word(const AxisStatus& axis) const;
-    void write_poll_group(std::vector<std::uint16_t>& image, const AxisStatus& axis,
-                          std::size_t index) const;
-    std::vector<std::uint16_t> poll_image() const;
-    void obey(std::uint16_t command);
+    using Place = std::pair<RegisterSpace, int>;
+
+    std::vector<std::uint16_t> poll_image(const PollBlock& block) const;
+    void show_number(std::vector<std::uint16_t>& image, const PollBlock& block,
+                     const PolledNumber& number, std::size_t axis, double value) const;
+    void show_signals(std::vector<std::uint16_t>& image, const PollBlock& block,
+                      const std::vector<AxisStatus>& axes) const;
+
+    bool is_on(Input input) const;  // as the memory says; a controller without the input: false
+    bool acts(Input input, bool was_on, std::span<const Place> written) const;
+    void obey_enable(bool given);
+    void obey(const std::map<Input, bool>& before, std::span<const Place> written);
+    bool starts_by(std::span<const Place> written) const;
     void start();
+    bool decode_target(std::vector<double>& target, std::vector<double>& speed) const;
+
+    std::vector<AxisStatus> status() const;  // of its axes
 
     SimulatedStage& stage_;
+    std::size_t controller_;
+    std::vector<Axis> axes_;
+    std::size_t first_axis_;  // of the stage's
     StageProfile profile_;
-    std::vector<std::uint16_t> move_;
-    std::uint16_t command_ = 0, watchdog_ms_ = 0;
+    std::map<Place, std::uint16_t> memory_;  // everything that can be written
     Instant watchdog_written_;
+    int starts_ = 0;
 };
 
 }  // namespace etalon

@@ -4,44 +4,36 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
+#include <set>
+#include <utility>
 
 namespace etalon {
 namespace {
 
-using namespace std::chrono_literals;
-
-constexpr auto poll_period = 5ms;  // at most 200 polls a second
-constexpr auto stop_time = 2s;     // stop() takes no longer
-constexpr int write_attempts = 3;
-constexpr int alarm_without_code = -1;
 constexpr double deg_per_rad = 180.0 / std::numbers::pi;
 
-void require_counts(const StageProfile& profile, const std::vector<Axis>& axes) {
-    constexpr double most = std::numeric_limits<std::int32_t>::max();
-    if (axes.empty() || axes.size() > static_cast<std::size_t>(profile.max_axes))
-        throw ConfigError({"stage axes"}, fmt::format("profile '{}' drives 1 to {} axes, not {}",
-                                                      profile.name, profile.max_axes, axes.size()));
-    for (const Axis& axis : axes) {
-        const double counts = profile.counts_per_unit(axis);
-        const double reach = std::max(std::abs(axis.low), std::abs(axis.high));
-        if (!(reach * counts <= most))
-            throw ConfigError({"stage axes", 0, axis.name}, "its limits exceed 32-bit counts");
-        if (!(axis.speed * counts >= 1.0 && axis.speed * counts <= most))
-            throw ConfigError({"stage axes", 0, axis.name},
-                              "its speed is not 1 to 2147483647 counts per second");
+// How far an axis at rest may be read elsewhere than where it was left: noise and creep.
+constexpr double rest_tolerances = 10.0;
+
+// Consecutive axes of the same unit are one controller's.
+std::vector<StageUnit> make_units(ModbusLink& link, const StageProfile& profile, int default_unit,
+                                  const std::vector<Axis>& axes) {
+    std::vector<StageUnit> units;
+    std::set<int> seen;
+    for (std::size_t first = 0, end = 0; first < axes.size() || units.empty(); first = end) {
+        const auto unit_of = [&](std::size_t i) { return axes[i].unit.value_or(default_unit); };
+        while (end < axes.size() && unit_of(end) == unit_of(first))
+            ++end;
+        const int unit = axes.empty() ? default_unit : unit_of(first);
+        if (!seen.insert(unit).second)
+            throw ConfigError({"stage axes", 0, axes[first].name},
+                              fmt::format("the axes of unit {} must stand together", unit));
+        units.emplace_back(link, profile, unit,
+                           std::vector<Axis>(axes.begin() + static_cast<std::ptrdiff_t>(first),
+                                             axes.begin() + static_cast<std::ptrdiff_t>(end)));
     }
-}
-
-void append(std::vector<std::uint16_t>& registers, int offset, double counts) {
-    const auto [high, low] = registers_from_int32(static_cast<std::int32_t>(std::llround(counts)));
-    registers[static_cast<std::size_t>(offset)] = high;
-    registers[static_cast<std::size_t>(offset) + 1] = low;
-}
-
-bool any_moves(const std::vector<AxisStatus>& axes) {
-    return std::ranges::any_of(axes, &AxisStatus::moving);
+    return units;
 }
 
 }  // namespace
@@ -52,11 +44,11 @@ ModbusStage::ModbusStage(const StageLink& link, StageProfile profile, std::vecto
       profile_(std::move(profile)),
       axes_(std::move(axes)),
       clock_(clock),
-      link_(link, clock, std::move(transport)) {
-    require_counts(profile_, axes_);
+      link_(link, clock, std::move(transport)),
+      units_(make_units(link_, profile_, link.unit, axes_)) {
     poll();
-    const std::uint16_t command = read(profile_.command.address, 1).front();
-    drives_on_ = command >> profile_.command.enable & 1;
+    for (StageUnit& unit : units_)
+        unit.read_inputs();
 }
 
 ModbusStage::~ModbusStage() {
@@ -77,15 +69,6 @@ void ModbusStage::set_trace(std::function<void(const std::string&)> line) {
         });
 }
 
-std::vector<std::uint16_t> ModbusStage::read(int address, int count, int attempts) {
-    return link_.read(link_settings_.unit, RegisterSpace::holding_registers, address, count,
-                      attempts);
-}
-
-void ModbusStage::write(int address, std::span<const std::uint16_t> values) {
-    link_.write(link_settings_.unit, RegisterSpace::holding_registers, address, values);
-}
-
 std::vector<AxisStatus> ModbusStage::status() {
     return poll();
 }
@@ -97,63 +80,10 @@ std::vector<double> ModbusStage::position() {
     return positions;
 }
 
-std::vector<AxisStatus> ModbusStage::poll(int attempts) {
-    const auto& map = profile_.poll;
-    const auto& bits = profile_.status_bits;
-    const int count = static_cast<int>(axes_.size()) * map.stride;
-    const auto registers = read(map.address, count, attempts);
-    std::vector<AxisStatus> statuses;
-    for (std::size_t i = 0; i < axes_.size(); ++i) {
-        const std::uint16_t* group = &registers[i * static_cast<std::size_t>(map.stride)];
-        const auto bit = [word = group[map.status]](int number) {
-            return (word >> number & 1) != 0;
-        };
-        AxisStatus status{bit(bits.enabled), bit(bits.homed), bit(bits.moving),
-                          bit(bits.in_position)};
-        if (bit(bits.alarm))
-            status.alarm = group[map.alarm] != 0 ? group[map.alarm] : alarm_without_code;
-        status.position = int32_from_registers(group[map.position], group[map.position + 1]) /
-                          profile_.counts_per_unit(axes_[i]);
-        statuses.push_back(status);
-    }
-    return statuses;
-}
-
 void ModbusStage::require_usable(const char* request) const {
     if (state_ == State::faulted)
         throw DeviceError(link_.device(), request,
                           "the stage is faulted since an earlier error; only stopping is allowed");
-}
-
-void ModbusStage::require_no_alarm(const std::vector<AxisStatus>& axes, const char* request) const {
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-        if (axes[i].alarm == 0)
-            continue;
-        const std::string alarm = axes[i].alarm == alarm_without_code
-                                      ? "alarm without a code"
-                                      : profile_.describe_alarm(axes[i].alarm);
-        throw DeviceError(link_.device(), request,
-                          fmt::format("axis {}: {}", axes_[i].name, alarm));
-    }
-}
-
-void ModbusStage::require_healthy(const std::vector<AxisStatus>& axes, const char* request) const {
-    require_no_alarm(axes, request);
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-        if (!axes[i].enabled)
-            throw DeviceError(link_.device(), request,
-                              fmt::format("axis {} is not enabled any more", axes_[i].name));
-    }
-}
-
-void ModbusStage::require_ready(const std::vector<AxisStatus>& axes) const {
-    require_healthy(axes, "move");
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-        if (!axes[i].homed || axes[i].moving)
-            throw DeviceError(link_.device(), "move",
-                              fmt::format("axis {} is {}", axes_[i].name,
-                                          axes[i].homed ? "moving already" : "not homed"));
-    }
 }
 
 // Runs `action`; whatever it throws goes on only after the axes were told to stop.
@@ -175,69 +105,92 @@ void ModbusStage::guarded(const std::function<void()>& action) {
     }
 }
 
-std::uint16_t ModbusStage::command_word(std::initializer_list<int> bits) const {
-    unsigned word = drives_on_ ? 1U << profile_.command.enable : 0U;
-    for (const int bit : bits)
-        word |= 1U << bit;
-    return static_cast<std::uint16_t>(word);
+ModbusStage::Run ModbusStage::begin(const char* request, Guards guards, std::stop_token stop) {
+    if (stop.stop_requested())
+        throw Interrupted();
+    Run run{.request = request,
+            .guards = guards,
+            .stop = std::move(stop),
+            .target = {},
+            .before = {},
+            .now = {}};
+    poll(run);
+    run.before = run.now;
+    return run;
 }
 
-void ModbusStage::set_command(std::initializer_list<int> bits) {
-    write_and_verify(profile_.command.address, {command_word(bits)});
-}
-
-// Writes, and where the reply is missing reads back before anything is written again.
-void ModbusStage::write_and_verify(int address, const std::vector<std::uint16_t>& values) {
-    for (int attempt = 1;; ++attempt) {
-        try {
-            return write(address, values);
-        } catch (const UncertainWrite&) {
-            if (read(address, static_cast<int>(values.size())) == values)
-                return;
-            if (attempt == write_attempts)
-                throw;
+void ModbusStage::enable(std::stop_token stop) {
+    require_usable("enable");
+    guarded([&] {
+        const Statuses axes = poll();
+        ever_enabled_ = true;
+        if (std::ranges::any_of(axes, [](const AxisStatus& axis) { return axis.alarm != 0; })) {
+            Run reset = begin("reset the alarms", {.emergency_stop = true}, stop);
+            carry_out(profile_.sequences.reset, reset);
         }
+        Run run = begin("enable", {.alarm = true, .emergency_stop = true}, stop);
+        carry_out(profile_.sequences.enable, run);
+        state_ = State::enabled;
+    });
+}
+
+// Limit switches may be what the axes look for.
+void ModbusStage::home(std::stop_token stop) {
+    require_usable("home");
+    if (state_ == State::connected)
+        throw DeviceError(link_.device(), "home", "the axes are not enabled");
+    guarded([&] {
+        state_ = State::enabled;
+        left_at_.clear();
+        Run run = begin("home", {.alarm = true, .emergency_stop = true, .disabled = true},
+                        std::move(stop));
+        keep_watchdog(true);
+        carry_out(profile_.sequences.home, run);
+        state_ = State::homed;
+    });
+}
+
+void ModbusStage::move(std::span<const double> target, std::stop_token stop) {
+    require_usable("move");
+    if (state_ != State::homed)
+        throw DeviceError(link_.device(), "move", "the axes are not homed");
+    require_within_limits(axes_, target, {link_.device(), 0, "move"});
+    guarded([&] {
+        Run run =
+            begin("move", {.alarm = true, .emergency_stop = true, .limit = true, .disabled = true},
+                  std::move(stop));
+        require_left_alone(run.now);
+        left_at_.clear();
+        run.target = target;
+        keep_watchdog(true);
+        carry_out(profile_.sequences.move, run);
+        for (const AxisStatus& axis : run.now)
+            left_at_.push_back(axis.position);
+    });
+}
+
+void ModbusStage::limit_speed(double share) {
+    if (!(share > 0.0 && share <= 1.0))
+        throw ConfigError({"stage speed"}, fmt::format("a share of {} is not in (0, 1]", share));
+    speed_share_ = share;
+}
+
+// An encoder that jumped, or a stage that was pushed, has lost its zero.
+void ModbusStage::require_left_alone(const Statuses& axes) const {
+    for (std::size_t i = 0; i < left_at_.size(); ++i) {
+        if (std::abs(axes[i].position - left_at_[i]) <=
+            rest_tolerances * profile_.tolerance(axes_[i]))
+            continue;
+        Statuses left = axes;
+        for (std::size_t k = 0; k < left.size(); ++k)
+            left[k].position = left_at_[k];
+        throw DeviceError(link_.device(), "move",
+                          fmt::format("the axes are not where they were left: {}, not {}",
+                                      describe(axes), describe(left)));
     }
 }
 
-void ModbusStage::keep_watchdog(bool at_once) {
-    if (!profile_.watchdog)
-        return;
-    const auto& watchdog = *profile_.watchdog;
-    const Instant now = clock_.now();
-    if (!at_once && now - watchdog_written_ < watchdog.timeout / 4)
-        return;
-    write_and_verify(watchdog.address, {static_cast<std::uint16_t>(watchdog.timeout.count())});
-    watchdog_written_ = now;
-}
-
-void ModbusStage::wait_until(const Done& done, Duration limit, const char* request,
-                             std::stop_token stop) {
-    const Instant deadline = clock_.now() + limit;
-    int stable = 0;
-    Instant stable_since{};
-    for (;;) {
-        if (stop.stop_requested())
-            throw Interrupted();
-        keep_watchdog(false);
-        const std::vector<AxisStatus> axes = poll();
-        const Instant now = clock_.now();
-        stable = done(axes) ? stable + 1 : 0;
-        if (stable == 1)
-            stable_since = now;
-        if (stable >= profile_.done.stable_polls && now - stable_since >= profile_.done.settle)
-            return;
-        if (now >= deadline) {
-            const auto allowed = std::chrono::duration_cast<std::chrono::milliseconds>(limit);
-            throw DeviceError(
-                link_.device(), request,
-                fmt::format("not done after {} ms: {}", allowed.count(), describe(axes)));
-        }
-        clock_.wait_for(poll_period, stop);
-    }
-}
-
-std::string ModbusStage::describe(const std::vector<AxisStatus>& axes) const {
+std::string ModbusStage::describe(const Statuses& axes) const {
     std::string text;
     for (std::size_t i = 0; i < axes.size(); ++i) {
         const bool linear = axes_[i].kind == Axis::Kind::linear;
@@ -248,120 +201,10 @@ std::string ModbusStage::describe(const std::vector<AxisStatus>& axes) const {
     return text;
 }
 
-void ModbusStage::reset_alarms(std::stop_token stop) {
-    set_command({});
-    set_command({profile_.command.reset});
-    const auto no_alarm = [](const std::vector<AxisStatus>& axes) {
-        return std::ranges::all_of(axes, [](const AxisStatus& axis) { return axis.alarm == 0; });
-    };
-    wait_until(no_alarm, profile_.limits.enable, "reset the alarms", stop);
-    set_command({});
-}
-
-void ModbusStage::enable(std::stop_token stop) {
-    require_usable("enable");
-    guarded([&] {
-        const auto before = poll();
-        if (std::ranges::any_of(before, [](const AxisStatus& axis) { return axis.alarm != 0; }))
-            reset_alarms(stop);
-        ever_enabled_ = drives_on_ = true;
-        set_command({});
-        const auto all_enabled = [this](const std::vector<AxisStatus>& axes) {
-            require_no_alarm(axes, "enable");
-            return std::ranges::all_of(axes, &AxisStatus::enabled);
-        };
-        wait_until(all_enabled, profile_.limits.enable, "enable", stop);
-        state_ = State::enabled;
-    });
-}
-
-void ModbusStage::home(std::stop_token stop) {
-    require_usable("home");
-    if (state_ == State::connected)
-        throw DeviceError(link_.device(), "home", "the axes are not enabled");
-    guarded([&] {
-        state_ = State::enabled;
-        require_healthy(poll(), "home");
-        keep_watchdog(true);
-        set_command({});
-        set_command({profile_.command.home});
-        const auto homed = [this](const std::vector<AxisStatus>& axes) {
-            require_healthy(axes, "home");
-            return !any_moves(axes) && std::ranges::all_of(axes, &AxisStatus::homed);
-        };
-        wait_until(homed, profile_.limits.home, "home", stop);
-        set_command({});
-        state_ = State::homed;
-    });
-}
-
-void ModbusStage::move(std::span<const double> target, std::stop_token stop) {
-    require_usable("move");
-    if (state_ != State::homed)
-        throw DeviceError(link_.device(), "move", "the axes are not homed");
-    require_within_limits(axes_, target, {link_.device(), 0, "move"});
-    guarded([&] { run_move(target, stop); });
-}
-
-void ModbusStage::limit_speed(double share) {
-    if (!(share > 0.0 && share <= 1.0))
-        throw ConfigError({"stage speed"}, fmt::format("a share of {} is not in (0, 1]", share));
-    speed_share_ = share;
-}
-
-void ModbusStage::run_move(std::span<const double> target, std::stop_token stop) {
-    if (stop.stop_requested())
-        throw Interrupted();
-    const auto before = poll();
-    require_ready(before);
-    keep_watchdog(true);
-    set_command({});
-    write_targets(target);
-    set_command({profile_.command.start});
-    const auto arrived = [&](const std::vector<AxisStatus>& axes) {
-        require_healthy(axes, "move");
-        return is_at(axes, target);
-    };
-    wait_until(arrived, time_limit(before, target), "move", stop);
-    set_command({});
-}
-
-void ModbusStage::write_targets(std::span<const double> target) {
-    const auto& map = profile_.move;
-    std::vector<std::uint16_t> registers(axes_.size() * static_cast<std::size_t>(map.stride));
-    for (std::size_t i = 0; i < axes_.size(); ++i) {
-        const double counts = profile_.counts_per_unit(axes_[i]);
-        const int group = static_cast<int>(i) * map.stride;
-        append(registers, group + map.target, target[i] * counts);
-        append(registers, group + map.speed, speed_share_ * axes_[i].speed * counts);
-    }
-    write_and_verify(map.address, registers);
-    if (read(map.address, static_cast<int>(registers.size())) != registers)
-        throw DeviceError(link_.device(), "write the targets", "they read back differently");
-}
-
-bool ModbusStage::is_at(const std::vector<AxisStatus>& axes, std::span<const double> target) const {
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-        const double error = std::abs(axes[i].position - target[i]);
-        if (axes[i].moving || !axes[i].in_position || !(error <= profile_.tolerance(axes_[i])))
-            return false;
-    }
-    return true;
-}
-
-Duration ModbusStage::time_limit(const std::vector<AxisStatus>& axes,
-                                 std::span<const double> target) const {
-    double seconds = 0.0;
-    for (std::size_t i = 0; i < axes.size(); ++i)
-        seconds = std::max(seconds, std::abs(target[i] - axes[i].position) /
-                                        (speed_share_ * axes_[i].speed));
-    const std::chrono::duration<double> motion(seconds * profile_.limits.move_factor);
-    return std::chrono::duration_cast<Duration>(motion) + profile_.limits.move_margin;
-}
-
 bool ModbusStage::stop() noexcept {
     try {
-        const bool stopped = stop_by(clock_.now() + stop_time);
+        left_at_.clear();
+        const bool stopped = stop_by(clock_.now() + stop_time());
         link_.set_response_timeout(link_settings_.response_timeout);
         if (!stopped)
             state_ = State::faulted;
@@ -370,43 +213,6 @@ bool ModbusStage::stop() noexcept {
         state_ = State::faulted;
         return false;
     }
-}
-
-// The existing connection first; after each failure a fresh one, as long as there is time.
-bool ModbusStage::stop_by(Instant deadline) {
-    for (;;) {
-        try {
-            return stop_and_confirm(deadline);
-        } catch (const DeviceError&) {
-            link_.close();
-        }
-        if (clock_.now() + 4 * poll_period >= deadline)
-            return false;
-        clock_.wait_for(4 * poll_period, {});
-    }
-}
-
-// A stop is a level and harmless to repeat, so it is written without reading back.
-bool ModbusStage::stop_and_confirm(Instant deadline) {
-    limit_requests_to(deadline);
-    const std::uint16_t word = command_word({profile_.command.stop});
-    write(profile_.command.address, std::span(&word, 1));
-    for (int resting = 0; resting < profile_.done.stable_polls;) {
-        if (clock_.now() >= deadline)
-            return false;
-        limit_requests_to(deadline);
-        resting = any_moves(poll(1)) ? 0 : resting + 1;
-        clock_.wait_for(poll_period, {});
-    }
-    return true;
-}
-
-// A request may have to connect first, so each of the two gets half of what is left.
-void ModbusStage::limit_requests_to(Instant deadline) {
-    const auto half =
-        std::chrono::duration_cast<std::chrono::milliseconds>((deadline - clock_.now()) / 2);
-    link_.set_response_timeout(
-        std::clamp<std::chrono::milliseconds>(half, 5ms, link_settings_.response_timeout));
 }
 
 std::unique_ptr<Stage> open_stage(const StageLink& link, const std::string& profile,

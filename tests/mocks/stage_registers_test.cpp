@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "stage/modbus_link.h"
+#include "stage/registers.h"
 
 namespace etalon {
 namespace {
@@ -10,6 +10,7 @@ namespace {
 using namespace std::chrono_literals;
 
 // Of the generic profile, as docs/stage.md says them: written out here, not taken from the struct.
+constexpr auto holding = RegisterSpace::holding_registers;
 constexpr int move_block = 100, command = 200, watchdog = 201;
 constexpr std::uint16_t enable = 1, home = 2, start = 4, stop = 8, reset = 16;
 constexpr std::uint16_t enabled = 1, homed = 2, moving = 4, in_position = 8, alarm = 16;
@@ -21,7 +22,7 @@ std::vector<Axis> two_axes() {
 
 struct Rig {
     void write(int address, std::vector<std::uint16_t> values) {
-        EXPECT_TRUE(registers.write(address, values));
+        EXPECT_TRUE(registers.write(holding, address, values));
     }
     void home_all() {
         write(command, {enable});
@@ -37,9 +38,9 @@ struct Rig {
         const auto [vr_high, vr_low] = registers_from_int32(2'000'000);
         write(move_block, {x_high, x_low, vx_high, vx_low, r_high, r_low, vr_high, vr_low});
     }
-    std::uint16_t status(int axis) { return registers.read(4 * axis, 1)->front(); }
+    std::uint16_t status(int axis) { return registers.read(holding, 4 * axis, 1)->front(); }
     std::int32_t position(int axis) {
-        const auto pair = registers.read(4 * axis + 2, 2).value();
+        const auto pair = registers.read(holding, 4 * axis + 2, 2).value();
         return int32_from_registers(pair[0], pair[1]);
     }
 
@@ -111,7 +112,7 @@ TEST(StageRegisters, ShowAnAlarmAndResetIt) {
     rig.home_all();
     rig.stage.raise_alarm(7);
     EXPECT_TRUE(rig.status(1) & alarm);
-    EXPECT_EQ(rig.registers.read(5, 1)->front(), 7);
+    EXPECT_EQ(rig.registers.read(holding, 5, 1)->front(), 7);
     rig.write(command, {enable | reset});
     EXPECT_FALSE(rig.status(1) & alarm);
 }
@@ -131,7 +132,7 @@ TEST(StageRegisters, TheWatchdogStopsAMoveThatNobodyWatches) {
     rig.registers.check_watchdog();
     rig.clock.advance(51ms);
     EXPECT_EQ(rig.status(0), enabled | homed | alarm);
-    EXPECT_EQ(rig.registers.read(1, 1)->front(), StageAlarm::watchdog);
+    EXPECT_EQ(rig.registers.read(holding, 1, 1)->front(), StageAlarm::watchdog);
 }
 
 TEST(StageRegisters, TheWatchdogLeavesAStageAtRestAlone) {
@@ -145,15 +146,15 @@ TEST(StageRegisters, TheWatchdogLeavesAStageAtRestAlone) {
 
 TEST(StageRegisters, RegistersThatDoNotExistAreRefusedAndNothingIsWritten) {
     Rig rig;
-    EXPECT_FALSE(rig.registers.read(90, 1));
-    EXPECT_FALSE(rig.registers.read(30, 3)) << "beyond the eighth axis";
-    EXPECT_TRUE(rig.registers.read(30, 2));
-    EXPECT_FALSE(rig.registers.read(65535, 2));
-    EXPECT_FALSE(rig.registers.write(0, std::vector<std::uint16_t>{7})) << "read-only";
-    EXPECT_FALSE(rig.registers.write(131, std::vector<std::uint16_t>{7, 5}));
-    EXPECT_EQ(rig.registers.read(131, 1)->front(), 0);
-    EXPECT_FALSE(rig.registers.write(201, std::vector<std::uint16_t>{7, 5}));
-    EXPECT_EQ(rig.registers.read(201, 1)->front(), 0);
+    EXPECT_FALSE(rig.registers.read(holding, 90, 1));
+    EXPECT_FALSE(rig.registers.read(holding, 30, 3)) << "beyond the eighth axis";
+    EXPECT_TRUE(rig.registers.read(holding, 30, 2));
+    EXPECT_FALSE(rig.registers.read(holding, 65535, 2));
+    EXPECT_FALSE(rig.registers.write(holding, 0, std::vector<std::uint16_t>{7})) << "read-only";
+    EXPECT_FALSE(rig.registers.write(holding, 131, std::vector<std::uint16_t>{7, 5}));
+    EXPECT_EQ(rig.registers.read(holding, 131, 1)->front(), 0);
+    EXPECT_FALSE(rig.registers.write(holding, 201, std::vector<std::uint16_t>{7, 5}));
+    EXPECT_EQ(rig.registers.read(holding, 201, 1)->front(), 0);
 }
 
 TEST(StageRegisters, DisablingLosesTheHomePosition) {

@@ -238,8 +238,8 @@ std::string contradiction(const ChunkValues& values, const CaptureSettings& sett
     const auto exposure_us = static_cast<double>(settings.exposure.count());
     const double tolerance_us = std::max({exposure_step_us, 1.0, 1e-3 * exposure_us});
     if (values.exposure_us && !(std::abs(*values.exposure_us - exposure_us) <= tolerance_us))
-        return fmt::format("it was taken with an exposure of {:.7g} us, not {:.7g} us", *values.exposure_us,
-                           exposure_us);
+        return fmt::format("it was taken with an exposure of {:.7g} us, not {:.7g} us",
+                           *values.exposure_us, exposure_us);
     if (values.gain_db && !(std::abs(*values.gain_db - settings.gain_db) <= 0.05))
         return fmt::format("it was taken with a gain of {:.4g} dB, not {:.4g} dB", *values.gain_db,
                            settings.gain_db);

@@ -4,28 +4,15 @@
 
 #include <nlohmann/json.hpp>
 
-#include "capture/camera.h"
 #include "core/errors.h"
 #include "stage/profile.h"
 #include "station/commands.h"
+#include "station/devices_table.h"
 
 namespace etalon {
 namespace {
 
 using nlohmann::ordered_json;
-
-constexpr std::size_t columns = 79;
-
-struct ListedCamera {
-    CameraIdentity identity;
-    CameraAbilities abilities;
-    std::string fault;  // why it has none: it is in use, or we may not open it
-};
-
-struct ListedBackend {
-    CameraBackend backend;
-    std::vector<ListedCamera> cameras;
-};
 
 ListedCamera listed(const CameraIdentity& identity, Clock& clock) {
     ListedCamera camera{identity, {}, ""};
@@ -105,88 +92,6 @@ void print_json(const std::vector<ListedBackend>& backends) {
     fmt::print("{}\n", json.dump(2, ' ', false, ordered_json::error_handler_t::replace));
 }
 
-// ---- table ---------------------------------------------------------------------------------
-
-// Words after a heading, continued on further lines under its end.
-void print_words(const std::string& heading, const std::vector<std::string>& words) {
-    std::string line = heading;
-    bool empty = true;
-    for (const std::string& word : words) {
-        if (!empty && line.size() + word.size() + 2 > columns) {
-            fmt::print("{},\n", line);
-            line = std::string(heading.size(), ' ');
-            empty = true;
-        }
-        line += (empty ? "" : ", ") + word;
-        empty = false;
-    }
-    fmt::print("{}\n", line);
-}
-
-std::string sizes_text(const FrameSizes& sizes) {
-    const auto text = [](cv::Size size) { return fmt::format("{}x{}", size.width, size.height); };
-    if (sizes.smallest == sizes.largest)
-        return text(sizes.largest);
-    return text(sizes.smallest) + " to " + text(sizes.largest);
-}
-
-void print_format(const CameraFormat& format) {
-    std::vector<std::string> sizes;
-    for (const FrameSizes& each : format.sizes)
-        sizes.push_back(sizes_text(each));
-    const std::string bits =
-        format.bits ? fmt::format("{} bits", format.bits) : std::string("cannot be unpacked");
-    print_words(fmt::format("        {:<16}{:<9}", format.name, bits), sizes);
-}
-
-std::string range_text(const CameraControl& control) {
-    std::string text;
-    if (control.low && control.high)
-        text = fmt::format("{:g} to {:g}", *control.low, *control.high);
-    if (control.step && *control.step != 1.0)
-        text += fmt::format(" in steps of {:g}", *control.step);
-    return text;
-}
-
-void print_control(const CameraControl& control) {
-    std::vector<std::string> words = control.choices;
-    if (words.empty())
-        words.push_back(range_text(control));
-    if (control.read_only)
-        words.emplace_back("read only");
-    std::erase(words, "");
-    const std::string value = control.value + (control.unit.empty() ? "" : " " + control.unit);
-    print_words(fmt::format("        {:<24} {:<14} ", control.name, value), words);
-}
-
-void print_camera(const ListedCamera& camera) {
-    const CameraIdentity& identity = camera.identity;
-    fmt::print("      {}  {} {}, serial {}\n", identity.uri, identity.vendor, identity.model,
-               identity.serial.empty() ? "unknown" : identity.serial);
-    if (!camera.fault.empty())
-        fmt::print("        {}\n", camera.fault);
-    for (const CameraFormat& format : camera.abilities.formats)
-        print_format(format);
-    for (const CameraControl& control : camera.abilities.controls)
-        print_control(control);
-}
-
-void print_table(const std::vector<ListedBackend>& backends) {
-    fmt::print("cameras\n");
-    for (const ListedBackend& listed : backends) {
-        const CameraBackend& backend = listed.backend;
-        fmt::print("  {:<11}{:<5}{}\n", backend.name, backend.built_in ? "yes" : "no",
-                   backend.detail);
-        for (const ListedCamera& camera : listed.cameras)
-            print_camera(camera);
-        if (backend.built_in && backend.name != "files" && listed.cameras.empty())
-            fmt::print("      no camera answers\n");
-    }
-    fmt::print("stages\n");
-    for (const std::string& profile : builtin_stage_profile_names())
-        fmt::print("  {:<11}{:<5}Modbus TCP\n", profile, "yes");
-}
-
 }  // namespace
 
 int run_devices(const DevicesArguments& arguments) {
@@ -194,7 +99,7 @@ int run_devices(const DevicesArguments& arguments) {
     if (arguments.json)
         print_json(backends);
     else
-        print_table(backends);
+        fmt::print("{}", devices_table(backends, builtin_stage_profile_names()));
     return 0;
 }
 

@@ -365,8 +365,7 @@ std::string version_text() {
             text += fmt::format("  {:<14}{}\n", software.name, software.version);
     text += "camera backends:\n";
     for (const CameraBackend& backend : list_cameras())
-        text += fmt::format("  {:<14}{}{}\n", backend.name,
-                            backend.built_in ? "" : "left out: ", backend.detail);
+        text += fmt::format("  {:<14}{}\n", backend.name, backend.detail);
     text += "stage backends:\n  modbus-tcp    built in";
     return text;
 }

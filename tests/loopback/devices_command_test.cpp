@@ -24,14 +24,14 @@ TEST(DevicesCommand, NamesWhatIsThereAndWhatIsLeftOutAndWhy) {
     const std::string table = printed(false);
     for (const char* words :
          {"genicam    yes  Aravis", "genicam:Aravis-Fake-SN-75  Aravis Fake, serial SN-75",
-          "Mono12p         12 bits  1x1 to 512x384",
-          "ExposureTime             10000 us       10 to 1e+07",
-          "GainAuto                 Off            Off, Continuous", "files      yes",
-          "v4l2       ", "libcamera  ", "generic    yes  Modbus TCP"})
+          "Mono12p       12 bits  1x1 to 512x384",
+          "ExposureTime          10000 us    10 to 10000000",
+          "GainAuto              Off         Off, Continuous", "files      yes", "v4l2       ",
+          "libcamera  ", "generic    yes  Modbus TCP"})
         EXPECT_NE(table.find(words), std::string::npos) << words << " is missing in\n" << table;
     for (std::size_t begin = 0, end = 0; begin < table.size(); begin = end + 1) {
         end = table.find('\n', begin);
-        EXPECT_LT(end - begin, 100u) << table.substr(begin, end - begin);
+        EXPECT_LT(end - begin, 80u) << table.substr(begin, end - begin);
     }
 }
 
@@ -61,7 +61,7 @@ TEST(DevicesCommand, SaysWhyACameraTellsNothingOfItself) {
     const GigeCamera camera({}, [](const CaptureSettings&) { return CodeImage{}; });
     SteadyClock clock;
     const auto user = open_camera("genicam:127.0.0.1", {}, clock);
-    EXPECT_NE(printed(false).find("controlled by another program"), std::string::npos);
+    EXPECT_NE(printed(true).find("controlled by another program"), std::string::npos);
 }
 
 }  // namespace

@@ -199,10 +199,8 @@ void StageRegisters::obey(const std::map<Input, bool>& before, std::span<const P
         return;
     if (given(Input::reset))
         stage_.reset(controller_);
-    if (given(Input::home)) {
-        ++starts_;
+    if (given(Input::home))
         stage_.home(controller_);
-    }
     if (given(Input::start) || starts_by(written))
         start();
 }
@@ -246,7 +244,6 @@ bool StageRegisters::decode_target(std::vector<double>& target, std::vector<doub
 }
 
 void StageRegisters::start() {
-    ++starts_;
     std::vector<double> target, speed;
     if (decode_target(target, speed))
         stage_.start(target, speed, controller_);

@@ -34,9 +34,6 @@ public:
     // watchdog register was not written in time.
     void check_watchdog();
 
-    // Motions (homing and moves) that were started by writing, for tests: a repeated one counts.
-    int starts() const { return starts_; }
-
 private:
     using Place = std::pair<RegisterSpace, int>;
 
@@ -63,7 +60,6 @@ private:
     StageProfile profile_;
     std::map<Place, std::uint16_t> memory_;  // everything that can be written
     Instant watchdog_written_;
-    int starts_ = 0;
 };
 
 }  // namespace etalon

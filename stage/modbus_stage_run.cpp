@@ -81,6 +81,8 @@ void ModbusStage::check_plausible(const Run& run, const Statuses& axes, Instant 
 
 void ModbusStage::carry_out(const std::vector<Step>& steps, Run& run) {
     for (const Step& step : steps) {
+        if (run.stop.stop_requested())
+            throw Interrupted();
         switch (step.kind) {
             case Step::Kind::require:
                 require_conditions(step, run);

@@ -166,5 +166,121 @@ TEST(StageRegisters, DisablingLosesTheHomePosition) {
     EXPECT_FALSE(rig.status(0) & homed);
 }
 
+// ---- what other profiles say
+
+// A unit of one axis whose input bits are coils, told by codes, and only when it obeys the bus.
+StageProfile coils_and_codes() {
+    StageProfile profile = builtin_stage_profile("generic");
+    profile.max_axes = 1;
+    profile.inputs = {
+        {Input::remote, {.space = RegisterSpace::coils, .address = 7}},
+        {Input::enable, {.space = RegisterSpace::coils, .address = 5, .inverted = true}},
+        {Input::home, {.address = 30, .act = InputPoint::Act::code, .code = 0x20}},
+        {Input::stop, {.address = 30, .act = InputPoint::Act::code, .code = 0x40}},
+    };
+    profile.target[0].starts = true;
+    profile.target[0].fields.push_back({.type = NumberType::uint16, .constant = 3.0});
+    profile.signals[Signal::alarm].push_back({.address = 0, .bit = 9, .inverted = true});
+    return profile;
+}
+
+struct CodedRig {
+    explicit CodedRig(std::vector<Axis> axes = {two_axes()[0]})
+        : stage(std::move(axes), {}, clock) {}
+
+    void write(RegisterSpace space, int address, std::vector<std::uint16_t> values) {
+        EXPECT_TRUE(registers.write(space, address, values));
+    }
+    void move_to(std::int32_t counts, std::uint16_t constant = 3) {
+        const auto [high, low] = registers_from_int32(counts);
+        const auto [v_high, v_low] = registers_from_int32(1'000'000);
+        write(holding, move_block, {high, low, v_high, v_low, constant});
+    }
+    void home() {
+        write(RegisterSpace::coils, 7, {1});
+        write(holding, 30, {0x20});
+        clock.advance(10s);
+    }
+
+    VirtualClock clock;
+    SimulatedStage stage;
+    StageRegisters registers{stage, coils_and_codes(), stage.controllers().size() - 1};
+};
+
+TEST(StageRegisters, AMotorThatOnlyABitSwitchesOffIsOnFromTheBeginning) {
+    CodedRig rig;
+    EXPECT_TRUE(rig.stage.status()[0].enabled);
+    rig.write(RegisterSpace::coils, 7, {1});
+    rig.write(RegisterSpace::coils, 5, {1});
+    EXPECT_FALSE(rig.stage.status()[0].enabled);
+}
+
+TEST(StageRegisters, ACodeActsWheneverItIsWrittenAndReadsAsZero) {
+    CodedRig rig;
+    rig.home();
+    EXPECT_TRUE(rig.stage.status()[0].homed);
+    EXPECT_EQ(rig.registers.read(holding, 30, 1)->front(), 0);
+    rig.move_to(500'000);
+    rig.clock.advance(200ms);
+    rig.write(holding, 30, {0x41});
+    EXPECT_TRUE(rig.stage.is_moving()) << "another code";
+    rig.write(holding, 30, {0x40});
+    rig.clock.advance(51ms);
+    EXPECT_FALSE(rig.stage.is_moving());
+    rig.write(holding, 30, {0x20});
+    EXPECT_TRUE(rig.stage.is_moving()) << "homing again";
+}
+
+TEST(StageRegisters, ObeyNothingButStopBeforeTheyAreRemote) {
+    CodedRig rig;
+    rig.write(holding, 30, {0x20});
+    EXPECT_FALSE(rig.stage.is_moving());
+    rig.home();
+    rig.write(RegisterSpace::coils, 7, {0});
+    rig.move_to(500'000);
+    EXPECT_FALSE(rig.stage.is_moving());
+    rig.write(RegisterSpace::coils, 7, {1});
+    rig.move_to(500'000);
+    rig.clock.advance(100ms);
+    rig.write(RegisterSpace::coils, 7, {0});
+    rig.write(holding, 30, {0x40});
+    rig.clock.advance(51ms);
+    EXPECT_FALSE(rig.stage.is_moving());
+}
+
+TEST(StageRegisters, ATargetThatStartsDoesSoWhenWrittenUnlessItIsOfAnotherKind) {
+    CodedRig rig;
+    rig.home();
+    rig.move_to(70'000);
+    EXPECT_TRUE(rig.stage.is_moving());
+    rig.clock.advance(10s);
+    EXPECT_NEAR(rig.stage.true_positions()[0], 7.0, 1e-9);
+    rig.move_to(50'000, 5);
+    EXPECT_FALSE(rig.stage.is_moving());
+    EXPECT_EQ(rig.stage.status()[0].alarm, StageAlarm::outside_travel);
+}
+
+TEST(StageRegisters, ASignalOfSeveralBitsShowsOnTheFirstAndTheOthersAreOff) {
+    CodedRig rig;
+    EXPECT_EQ(rig.registers.read(holding, 0, 1)->front() & (alarm | 1 << 9), 1 << 9);
+    rig.stage.raise_alarm(7);
+    EXPECT_EQ(rig.registers.read(holding, 0, 1)->front() & (alarm | 1 << 9), alarm | 1 << 9);
+}
+
+TEST(StageRegisters, EachUnitHasItsOwnAxes) {
+    auto axes = two_axes();
+    axes[0].unit = 3;
+    axes[1] = {.name = "y", .low = -70.0, .high = 500.0, .speed = 100.0, .unit = 5};
+    CodedRig rig(axes);
+    StageRegisters first(rig.stage, coils_and_codes(), 0);
+    rig.home();
+    rig.move_to(70'000);
+    rig.clock.advance(10s);
+    EXPECT_NEAR(rig.stage.true_positions()[1], 7.0, 1e-9);
+    EXPECT_FALSE(rig.stage.status()[0].homed);
+    EXPECT_EQ(first.read(holding, 3, 1)->front(), 0);
+    EXPECT_EQ(rig.registers.read(holding, 2, 2), (std::vector<std::uint16_t>{1, 4464}));  // 70 000
+}
+
 }  // namespace
 }  // namespace etalon

@@ -35,6 +35,11 @@ void require_lean(const std::vector<Axis>& axes, std::size_t axis,
     }
 }
 
+double error_on_map(const ErrorMap& map, double motor) {
+    const auto& points = map.points();
+    return map.at(std::clamp(motor, points.front().position, points.back().position))->error;
+}
+
 }  // namespace
 
 double StageTemperature::at(double seconds) const {
@@ -43,7 +48,8 @@ double StageTemperature::at(double seconds) const {
 
 double error_at(const AxisErrors& errors, double motor, double kelvin) {
     const double turns = motor / errors.period;
-    return motor * (errors.scale + errors.expansion * kelvin) + errors.drift * kelvin +
+    const double mapped = errors.map ? error_on_map(*errors.map, motor) : 0.0;
+    return mapped + motor * (errors.scale + errors.expansion * kelvin) + errors.drift * kelvin +
            errors.periodic * std::sin(2.0 * std::numbers::pi * turns + errors.phase);
 }
 

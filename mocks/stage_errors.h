@@ -7,22 +7,25 @@
 #include <vector>
 
 #include "stage/axes.h"
+#include "stage/error_map.h"
 
 namespace etalon {
 
 // Of one axis, at the position m of its motor; all finite:
 //     true = m (1 + scale + expansion T) + drift T + periodic sin(2 pi m / period + phase)
-//            + what is drawn for each move + backlash + what other axes lean this way
+//            + what the map says + what is drawn for each move + backlash + what other axes lean
+//            this way
 struct AxisErrors {
-    double scale = 0.0;          // relative; 0.002 = 0.2 % too far
-    double repeatability = 0.0;  // standard deviation, drawn anew for each move; >= 0
-    double backlash = 0.0;       // >= 0; the carriage is that much above when it came from above
-    double periodic = 0.0;       // amplitude, of a screw's turn or a scale's division
-    double period = 1.0;         // > 0
-    double phase = 0.0;          // rad
-    double expansion = 0.0;      // relative per K
-    double drift = 0.0;          // per K
-    double encoder_noise = 0.0;  // standard deviation of each reading; >= 0
+    double scale = 0.0;           // relative; 0.002 = 0.2 % too far
+    double repeatability = 0.0;   // standard deviation, drawn anew for each move; >= 0
+    double backlash = 0.0;        // >= 0; the carriage is that much above when it came from above
+    double periodic = 0.0;        // amplitude, of a screw's turn or a scale's division
+    double period = 1.0;          // > 0
+    double phase = 0.0;           // rad
+    double expansion = 0.0;       // relative per K
+    double drift = 0.0;           // per K
+    double encoder_noise = 0.0;   // standard deviation of each reading; >= 0
+    std::optional<ErrorMap> map;  // what an interferometer would find; its ends count beyond them
     // Out of square: how far the carriage goes along each of the axes, in their order, per way
     // along this one, rad. Empty: 0. Between linear axes only.
     std::vector<double> lean;

@@ -6,6 +6,7 @@
 #include <map>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "stage/profile.h"
 
@@ -199,11 +200,12 @@ void read_errors(const Value& section, TwinStage& stage) {
     stage.options.servos.resize(stage.axes.size());
     const auto errors = section.find("errors"), servos = section.find("servo");
     for (std::size_t i = 0; i < stage.axes.size(); ++i) {
-        const Axis& axis = stage.axes[i];
+        Axis& axis = stage.axes[i];
         if (const auto value = errors ? errors->find(axis.name) : std::nullopt)
             stage.options.errors[i] = read_axis_errors(*value, i, stage.axes);
         if (const auto value = servos ? servos->find(axis.name) : std::nullopt)
             stage.options.servos[i] = read_servo(*value, Units(axis.kind));
+        stage.options.errors[i].map = std::exchange(axis.errors, std::nullopt);
     }
 }
 

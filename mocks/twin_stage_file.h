@@ -4,7 +4,7 @@
 //     stage:
 //       port: 1502                       # Modbus TCP on 127.0.0.1; 0: any free one
 //       profile: generic                 # the controller it behaves as; a built-in one
-//       axes: [...]                      # as in station.yaml: stage/axes.h
+//       axes: [...]                      # as in station.yaml, error maps included: stage/axes.h
 //       ramp_ms: 50                      # from rest to an axis' speed
 //       jerk_ms: 20                      # until its acceleration is there: S-curves; 0: trapezoids
 //       homing_ms: 200                   # homing takes at least as long
@@ -44,7 +44,7 @@ namespace etalon {
 struct TwinStage {
     int port = 0;
     std::string profile = "generic";
-    std::vector<Axis> axes;
+    std::vector<Axis> axes;         // their error maps are in the options
     SimulatedStageOptions options;  // but for the seed
     std::vector<ModbusFault> link_faults;
 };

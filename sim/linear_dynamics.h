@@ -4,7 +4,7 @@
 // Trans. Automatic Control 23, 1978). Stable systems stay stable for every step, however stiff.
 //
 // The exponential is by scaling and squaring of exp(M) - 1 rather than of exp(M): a slow part
-// beside a fast one would be lost in the 1 (10 of 16 digits at time constants 1 : 1 000 000).
+// beside a fast one would be lost in the 1 (6 of 16 digits at time constants 1 : 1 000 000).
 #pragma once
 
 #include <Eigen/Core>

@@ -20,6 +20,14 @@ TEST(StageErrors, PeriodicErrorRepeatsWithItsPeriod) {
     EXPECT_NEAR(error_at(screw, 7.3, 0.0), error_at(screw, -4.7, 0.0), 1e-15);
 }
 
+TEST(StageErrors, AMapIsInterpolatedAndGoesOnBeyondItsEnds) {
+    AxisErrors errors;
+    errors.map = ErrorMap({{-10.0, 0.002}, {0.0, -0.001}, {20.0, 0.005}}, {"map"});
+    EXPECT_NEAR(error_at(errors, 5.0, 0.0), 0.0005, 1e-15);
+    EXPECT_NEAR(error_at(errors, -17.0, 0.0), 0.002, 1e-15);
+    EXPECT_NEAR(error_at(errors, 23.0, 0.0), 0.005, 1e-15);
+}
+
 // 3 K: 11 ppm/K of 200 mm are 6.6 um, 1.5 um/K are 4.5 um.
 TEST(StageErrors, WarmthExpandsAndShifts) {
     const AxisErrors warm{.expansion = 11e-6, .drift = 1.5e-3};

@@ -77,6 +77,17 @@ errors:
     EXPECT_NEAR(rz.drift, 0.04 * deg, 1e-15);
 }
 
+TEST(TwinStageFile, AnErrorMapIsTrueAndNotAppliedTwice) {
+    std::string text = axes;
+    text.replace(text.find("speed: 400}"), 11,
+                 "speed: 400, error_map: [[-30, 1, 0.1], [30, 7, 0.1]]}");
+    const StrictFile file = StrictFile::from_text(text, "twin.yaml", "twin/1");
+    const TwinStage stage = read_twin_stage(file.root());
+    ASSERT_TRUE(stage.options.errors[0].map);
+    EXPECT_NEAR(error_at(stage.options.errors[0], 15.0, 0.0), 0.0055, 1e-12);
+    EXPECT_FALSE(stage.axes[0].errors || stage.options.errors[1].map);
+}
+
 TEST(TwinStageFile, ServosAreReadByAxis) {
     const TwinStage stage = read(R"(servo:
   y: {bandwidth_hz: 30, damping: 0.6, window_um: 5}

@@ -3,8 +3,12 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
+#include <vector>
 
 #include "mocks/fault_trigger.h"
+#include "mocks/simulated_stage.h"
+#include "stage/modbus_transport.h"
 
 namespace etalon {
 
@@ -26,6 +30,29 @@ struct ModbusFault {
     int requests = 1;  // so many in a row
     std::chrono::milliseconds delay{0};
     int code = 0;  // 1 to 255
+
+    // False: as if the request itself had been lost (silence, garbage, wrong_id, half_open, reset).
+    bool carried_out = true;
 };
+
+// What the controller does with one request and its reply.
+struct ModbusReaction {
+    bool carry_out = true;               // false: as if the request had been lost
+    bool reply = true;                   // false: as if the reply had been lost
+    std::chrono::milliseconds delay{0};  // of the reply; the request is carried out at once
+    bool close = false;                  // the connection, after the reply; a line has none
+    int exception = 0;                   // instead of carrying it out
+    bool garbage = false;                // instead of the reply
+    bool wrong_id = false;               // of the reply
+    std::chrono::milliseconds between_bytes{0};
+    bool half_open = false;  // from now on this connection is not listened to; a line: this once
+};
+using ModbusScript = std::function<ModbusReaction(const ModbusRequest&)>;
+
+ModbusReaction reaction_to(const ModbusFault& fault);
+
+// The faults at their moments; requests are counted from now on. The stage, which tells time and
+// moves, must outlive the script. For one thread.
+ModbusScript scripted_faults(std::vector<ModbusFault> faults, SimulatedStage& stage);
 
 }  // namespace etalon

@@ -13,31 +13,22 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
-#include <mutex>
 #include <stop_token>
 #include <thread>
 #include <utility>
 
 #include "core/errors.h"
-#include "mocks/stage_registers.h"
+#include "mocks/modbus_controller.h"
+#include "mocks/modbus_framing.h"
 
 namespace etalon {
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
 using namespace std::chrono_literals;
 
 constexpr std::size_t max_clients = 16;
-constexpr auto tick = 10ms;           // how often the watchdog is looked at
-constexpr std::size_t header = 7;     // MBAP: transaction, protocol, length, unit
-constexpr std::size_t max_pdu = 253;  // function code and data
-
-enum Exception : std::uint8_t {
-    none = 0,
-    illegal_function = 1,
-    illegal_address = 2,
-    illegal_value = 3
-};
+constexpr auto tick = 10ms;          // how often the watchdog is looked at
+constexpr auto end_of_frame = 20ms;  // on a serial line: what began before such a pause is lost
 
 class FileDescriptor {
 public:
@@ -56,59 +47,6 @@ public:
 private:
     int fd_;
 };
-
-int word_at(const Bytes& bytes, std::size_t at) {
-    return bytes[at] << 8 | bytes[at + 1];
-}
-
-void append_word(Bytes& bytes, int word) {
-    bytes.push_back(static_cast<std::uint8_t>(word >> 8));
-    bytes.push_back(static_cast<std::uint8_t>(word & 0xFF));
-}
-
-// What a PDU asks. Everything is checked here, before anything is done.
-Exception decode(const Bytes& pdu, ModbusRequest& request) {
-    request.function = pdu[0];
-    const bool reads = request.function == 3 || request.function == 4;
-    if (!reads && request.function != 6 && request.function != 16)
-        return illegal_function;
-    if (pdu.size() < 5)
-        return illegal_value;
-    request.address = word_at(pdu, 1);
-    request.count = request.function == 6 ? 1 : word_at(pdu, 3);
-    if (request.function == 6)
-        request.values.push_back(static_cast<std::uint16_t>(word_at(pdu, 3)));
-    if (request.function != 16)
-        return pdu.size() == 5 && request.count >= 1 && request.count <= 125 ? none : illegal_value;
-    const auto bytes = static_cast<std::size_t>(request.count) * 2;
-    if (request.count < 1 || request.count > 123 || pdu.size() != 6 + bytes || pdu[5] != bytes)
-        return illegal_value;
-    for (std::size_t at = 6; at < pdu.size(); at += 2)
-        request.values.push_back(static_cast<std::uint16_t>(word_at(pdu, at)));
-    return none;
-}
-
-// Carries the request out and returns the reply's PDU.
-Bytes answer(StageRegisters& registers, const ModbusRequest& request) {
-    Bytes pdu = {static_cast<std::uint8_t>(request.function)};
-    const Bytes no_such_register = {static_cast<std::uint8_t>(request.function | 0x80),
-                                    illegal_address};
-    if (request.values.empty()) {
-        const auto values =
-            registers.read(RegisterSpace::holding_registers, request.address, request.count);
-        if (!values)
-            return no_such_register;
-        pdu.push_back(static_cast<std::uint8_t>(2 * values->size()));
-        for (const std::uint16_t value : *values)
-            append_word(pdu, value);
-        return pdu;
-    }
-    if (!registers.write(RegisterSpace::holding_registers, request.address, request.values))
-        return no_such_register;
-    append_word(pdu, request.address);
-    append_word(pdu, request.function == 6 ? request.values[0] : request.count);
-    return pdu;
-}
 
 FileDescriptor listen_on(int port) {
     const std::string device = fmt::format("stage controller 127.0.0.1:{}", port);
@@ -138,30 +76,57 @@ int bound_port(const FileDescriptor& socket) {
     return ntohs(address.sin_port);
 }
 
-struct Client {
-    FileDescriptor socket;
+// A client's connection, or the serial line.
+struct Channel {
+    struct Outgoing {
+        Bytes bytes;
+        Instant due;
+    };
+
+    FileDescriptor fd;
+    ModbusFraming framing = ModbusFraming::tcp;
     Bytes received;
+    Instant last_received{};
+    std::vector<Outgoing> outgoing;
+    bool deaf = false;  // half open: read, but not listened to
     bool closing = false;
+
+    // A serial line is not closed; what has been received of the next request is lost.
+    void give_up() {
+        received.clear();
+        closing = framing == ModbusFraming::tcp;
+    }
 };
 
-struct DelayedReply {
-    int socket;
-    Bytes frame;
-    Instant due;
-};
+// Until when the reply waits, and how its bytes are spread.
+void queue(Channel& channel, const Bytes& bytes, const ModbusReaction& reaction) {
+    Instant due = std::chrono::steady_clock::now() + reaction.delay;
+    if (reaction.between_bytes == 0ms) {
+        channel.outgoing.push_back({bytes, due});
+        return;
+    }
+    for (const std::uint8_t byte : bytes) {
+        channel.outgoing.push_back({{byte}, due});
+        due += reaction.between_bytes;
+    }
+}
 
 }  // namespace
 
 class ModbusStageServer::Worker {
 public:
     Worker(SimulatedStage& stage, const StageProfile& profile, int port)
-        : registers_(stage, profile),
-          listener_(listen_on(port)),
-          wake_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
-          port_(bound_port(listener_)) {
-        if (wake_.get() < 0)
-            throw DeviceError("stage controller", "eventfd", std::strerror(errno));
-        thread_ = std::jthread([this](std::stop_token stop) { serve(stop); });
+        : controller_(stage, profile), listener_(listen_on(port)), port_(bound_port(listener_)) {
+        begin();
+    }
+
+    Worker(SimulatedStage& stage, const StageProfile& profile, const SerialPair& line, int unit)
+        : controller_(stage, profile, unit) {
+        channels_.push_back({.fd = FileDescriptor(dup(line.controller_end())),
+                             .framing = ModbusFraming::rtu,
+                             .received = {},
+                             .outgoing = {}});
+        begin();
     }
 
     ~Worker() {
@@ -170,23 +135,21 @@ public:
     }
 
     int port() const { return port_; }
-
-    void set_script(ModbusScript script) {
-        const std::scoped_lock lock(mutex_);
-        script_ = std::move(script);
-    }
+    ModbusController& controller() { return controller_; }
 
     void close_connections() {
         close_requested_ = true;
         wake();
     }
 
-    std::vector<ModbusRequest> writes() const {
-        const std::scoped_lock lock(mutex_);
-        return writes_;
+private:
+    void begin() {
+        wake_ = FileDescriptor(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+        if (wake_.get() < 0)
+            throw DeviceError("stage controller", "eventfd", std::strerror(errno));
+        thread_ = std::jthread([this](std::stop_token stop) { serve(stop); });
     }
 
-private:
     void wake() { eventfd_write(wake_.get(), 1); }
 
     void serve(std::stop_token stop) {
@@ -194,164 +157,160 @@ private:
             const std::vector<pollfd> ready = wait_for_events();
             eventfd_t ignored = 0;
             eventfd_read(wake_.get(), &ignored);
-            for (std::size_t i = 0; i < clients_.size(); ++i) {
+            for (std::size_t i = 0; i < channels_.size(); ++i) {
                 if (ready[2 + i].revents != 0)
-                    receive(clients_[i]);
+                    receive(channels_[i]);
+                send_due(channels_[i]);
             }
-            send_due_replies();
-            const bool all = close_requested_.exchange(false);
-            if (all)
-                delayed_.clear();
-            std::erase_if(clients_, [all](const Client& client) { return all || client.closing; });
+            close_channels();
             accept_clients();
-            registers_.check_watchdog();
+            controller_.check_watchdogs();
         }
     }
 
     std::vector<pollfd> wait_for_events() {
         std::vector<pollfd> watched = {{wake_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}};
-        for (const Client& client : clients_)
-            watched.push_back({client.socket.get(), POLLIN, 0});
-        if (::poll(watched.data(), watched.size(), static_cast<int>(tick.count())) <= 0) {
+        for (const Channel& channel : channels_)
+            watched.push_back({channel.fd.get(), POLLIN, 0});
+        const auto wait = std::max<Duration>(next_due() - std::chrono::steady_clock::now(), 0ms);
+        const timespec limit{0, std::min<Duration>(wait, tick) / 1ns};
+        if (ppoll(watched.data(), watched.size(), &limit, nullptr) <= 0) {
             for (pollfd& entry : watched)
                 entry.revents = 0;
         }
         return watched;
     }
 
+    Instant next_due() const {
+        Instant next = std::chrono::steady_clock::now() + tick;
+        for (const Channel& channel : channels_)
+            for (const Channel::Outgoing& outgoing : channel.outgoing)
+                next = std::min(next, outgoing.due);
+        return next;
+    }
+
+    void close_channels() {
+        const bool all = close_requested_.exchange(false);
+        std::erase_if(channels_, [all](const Channel& channel) {
+            return channel.closing || (all && channel.framing == ModbusFraming::tcp);
+        });
+    }
+
     void accept_clients() {
-        for (;;) {
+        while (listener_.get() >= 0) {
             FileDescriptor socket(
                 accept4(listener_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
             if (socket.get() < 0)
                 return;
             const int on = 1;
             setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-            if (clients_.size() < max_clients)
-                clients_.push_back({std::move(socket), {}, false});
+            if (channels_.size() < max_clients)
+                channels_.push_back({.fd = std::move(socket), .received = {}, .outgoing = {}});
         }
     }
 
-    void receive(Client& client) {
+    void receive(Channel& channel) {
         std::uint8_t chunk[1024];
-        const ssize_t count = recv(client.socket.get(), chunk, sizeof chunk, MSG_DONTWAIT);
+        const ssize_t count = ::read(channel.fd.get(), chunk, sizeof chunk);
         if (count <= 0) {
-            client.closing = count == 0 || (errno != EAGAIN && errno != EINTR);
+            if (count == 0 || (errno != EAGAIN && errno != EINTR))
+                channel.give_up();
             return;
         }
-        client.received.insert(client.received.end(), chunk, chunk + count);
-        while (!client.closing && take_frame(client)) {
+        const Instant now = std::chrono::steady_clock::now();
+        if (channel.framing == ModbusFraming::rtu && now - channel.last_received > end_of_frame)
+            channel.received.clear();
+        channel.last_received = now;
+        if (!channel.deaf)
+            channel.received.insert(channel.received.end(), chunk, chunk + count);
+        while (!channel.closing && take_frame(channel)) {
         }
     }
 
     // Handles one complete frame, if there is one.
-    bool take_frame(Client& client) {
-        Bytes& bytes = client.received;
-        if (bytes.size() < header)
-            return false;
-        const auto length = static_cast<std::size_t>(word_at(bytes, 4));  // unit and PDU
-        if (word_at(bytes, 2) != 0 || length < 2 || length > max_pdu + 1) {
-            client.closing = true;  // not Modbus: there is no way back into step
-            return false;
-        }
-        const auto end = bytes.begin() + static_cast<std::ptrdiff_t>(header - 1 + length);
-        if (bytes.size() < header - 1 + length)
-            return false;
-        const Bytes frame(bytes.begin(), end);
-        bytes.erase(bytes.begin(), end);
-        handle(client, frame);
-        return true;
+    bool take_frame(Channel& channel) {
+        bool out_of_step = false;
+        const auto frame = take_request(channel.framing, channel.received, out_of_step);
+        if (out_of_step)
+            channel.give_up();
+        if (frame)
+            handle(channel, *frame);
+        return frame.has_value();
     }
 
-    void handle(Client& client, const Bytes& frame) {
-        const Bytes pdu(frame.begin() + header, frame.end());
-        ModbusRequest request{.unit = frame[6], .values = {}};
-        ModbusReaction reaction;
-        Bytes reply_pdu;
-        if (const Exception exception = decode(pdu, request); exception != none) {
-            reply_pdu = {static_cast<std::uint8_t>(request.function | 0x80), exception};
+    void handle(Channel& channel, const ModbusFrame& frame) {
+        ModbusRequest request{.unit = frame.unit, .values = {}};
+        const ModbusException fault = decode_request(frame.pdu, request);
+        if (!controller_.has_unit(frame.unit)) {
+            if (channel.framing == ModbusFraming::tcp)
+                reply(channel, frame, encode_exception(request.function, target_silent), {});
+        } else if (fault != no_exception) {
+            reply(channel, frame, encode_exception(request.function, fault), {});
         } else {
-            reaction = ask_script(request);
-            if (reaction.carry_out)
-                reply_pdu = carry_out(request);
+            const ModbusAnswer answer = controller_.handle(request);
+            reply(channel, frame,
+                  answer.exception == no_exception
+                      ? encode_reply(request, answer.values)
+                      : encode_exception(request.function, answer.exception),
+                  answer.reaction);
         }
-        if (reaction.reply && !reply_pdu.empty())
-            reply(client, frame, reply_pdu, reaction.delay);
-        client.closing = client.closing || reaction.close;
     }
 
-    ModbusReaction ask_script(const ModbusRequest& request) {
-        ModbusScript script;
-        {
-            const std::scoped_lock lock(mutex_);
-            script = script_;
+    void reply(Channel& channel, const ModbusFrame& request, const Bytes& pdu,
+               const ModbusReaction& reaction) {
+        ModbusFrame frame{request.transaction, request.unit, pdu};
+        if (reaction.wrong_id) {
+            frame.transaction = (frame.transaction + 7) & 0xFFFF;
+            frame.unit += channel.framing == ModbusFraming::rtu ? 5 : 0;
         }
-        return script ? script(request) : ModbusReaction{};
-    }
-
-    Bytes carry_out(const ModbusRequest& request) {
-        Bytes pdu = answer(registers_, request);
-        const bool refused = (pdu[0] & 0x80) != 0;
-        if (!request.values.empty() && !refused) {
-            const std::scoped_lock lock(mutex_);
-            writes_.push_back(request);
+        Bytes bytes = to_bytes(channel.framing, frame);
+        if (reaction.garbage)
+            std::ranges::transform(bytes, bytes.begin(), [](std::uint8_t byte) {
+                return static_cast<std::uint8_t>(byte ^ 0x5A);
+            });
+        if (reaction.reply)
+            queue(channel, bytes, reaction);
+        const bool is_line = channel.framing == ModbusFraming::rtu;
+        channel.deaf = channel.deaf || (reaction.half_open && !is_line);
+        if (reaction.close) {
+            send_due(channel);
+            channel.give_up();
         }
-        return pdu;
-    }
-
-    void reply(Client& client, const Bytes& request, const Bytes& pdu,
-               std::chrono::milliseconds delay) {
-        Bytes frame(request.begin(), request.begin() + 4);  // transaction and protocol
-        append_word(frame, static_cast<int>(pdu.size()) + 1);
-        frame.push_back(request[6]);
-        frame.insert(frame.end(), pdu.begin(), pdu.end());
-        if (delay > 0ms)
-            delayed_.push_back(
-                {client.socket.get(), std::move(frame), std::chrono::steady_clock::now() + delay});
-        else
-            send_frame(client, frame);
     }
 
     // A client that does not read its replies is given up.
-    void send_frame(Client& client, const Bytes& frame) {
-        const ssize_t sent =
-            send(client.socket.get(), frame.data(), frame.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-        if (sent != static_cast<ssize_t>(frame.size()))
-            client.closing = true;
-    }
-
-    // Before clients are removed, so that a socket's number is still the same client's.
-    void send_due_replies() {
+    void send_due(Channel& channel) {
         const Instant now = std::chrono::steady_clock::now();
-        for (Client& client : clients_) {
-            for (const DelayedReply& reply : delayed_) {
-                if (reply.socket == client.socket.get() && reply.due <= now)
-                    send_frame(client, reply.frame);
-            }
+        for (const Channel::Outgoing& outgoing : channel.outgoing) {
+            if (outgoing.due <= now && !send(channel, outgoing.bytes))
+                channel.give_up();
         }
-        std::erase_if(delayed_, [&](const DelayedReply& reply) {
-            const bool gone = std::ranges::none_of(clients_, [&](const Client& client) {
-                return client.socket.get() == reply.socket && !client.closing;
-            });
-            return gone || reply.due <= now;
-        });
+        std::erase_if(channel.outgoing,
+                      [now](const Channel::Outgoing& outgoing) { return outgoing.due <= now; });
     }
 
-    StageRegisters registers_;
-    FileDescriptor listener_, wake_;
-    int port_;
-    std::vector<Client> clients_;        // of the server's thread
-    std::vector<DelayedReply> delayed_;  // of the server's thread
-    std::atomic<bool> close_requested_ = false;
+    bool send(const Channel& channel, const Bytes& bytes) {
+        const ssize_t sent =
+            channel.framing == ModbusFraming::tcp
+                ? ::send(channel.fd.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL)
+                : ::write(channel.fd.get(), bytes.data(), bytes.size());
+        return sent == static_cast<ssize_t>(bytes.size());
+    }
 
-    mutable std::mutex mutex_;
-    ModbusScript script_;
-    std::vector<ModbusRequest> writes_;
+    ModbusController controller_;
+    FileDescriptor listener_, wake_;  // no listener on a serial line
+    int port_ = 0;
+    std::vector<Channel> channels_;  // of the server's thread
+    std::atomic<bool> close_requested_ = false;
     std::jthread thread_;  // last, so that it ends first
 };
 
 ModbusStageServer::ModbusStageServer(SimulatedStage& stage, const StageProfile& profile, int port)
     : worker_(std::make_unique<Worker>(stage, profile, port)) {}
+
+ModbusStageServer::ModbusStageServer(SimulatedStage& stage, const StageProfile& profile,
+                                     const SerialPair& line, int unit)
+    : worker_(std::make_unique<Worker>(stage, profile, line, unit)) {}
 
 ModbusStageServer::~ModbusStageServer() = default;
 
@@ -360,7 +319,7 @@ int ModbusStageServer::port() const {
 }
 
 void ModbusStageServer::set_script(ModbusScript script) {
-    worker_->set_script(std::move(script));
+    worker_->controller().set_script(std::move(script));
 }
 
 void ModbusStageServer::close_connections() {
@@ -368,7 +327,7 @@ void ModbusStageServer::close_connections() {
 }
 
 std::vector<ModbusRequest> ModbusStageServer::writes() const {
-    return worker_->writes();
+    return worker_->controller().writes();
 }
 
 }  // namespace etalon

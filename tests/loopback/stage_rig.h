@@ -1,4 +1,5 @@
-// A simulated stage behind a real server on 127.0.0.1, for the loopback tests of the stage.
+// A simulated stage behind a real server, on 127.0.0.1 or on a serial line, for the loopback tests
+// of the stage.
 #pragma once
 
 #include <memory>
@@ -25,14 +26,29 @@ inline bool gives(const ModbusRequest& request, std::uint16_t bit) {
            (request.values[0] & bit) != 0;
 }
 
+enum class Wire { tcp, rtu };
+
 class StageRig {
 public:
     // The long time-out is for tests that lose nothing: they shall pass on a busy machine.
-    explicit StageRig(std::chrono::milliseconds response_timeout = std::chrono::seconds(2))
-        : timeout_(response_timeout) {}
+    explicit StageRig(std::chrono::milliseconds response_timeout = std::chrono::seconds(2),
+                      Wire wire = Wire::tcp)
+        : timeout_(response_timeout) {
+        if (wire == Wire::rtu) {
+            line = std::make_unique<SerialPair>();
+            server = std::make_unique<ModbusStageServer>(simulation, profile, *line);
+        } else {
+            server = std::make_unique<ModbusStageServer>(simulation, profile);
+        }
+    }
 
     StageLink link() const {
-        return {.address = TcpAddress{"127.0.0.1", server->port()}, .response_timeout = timeout_};
+        StageLink link{.response_timeout = timeout_, .quiet = std::chrono::milliseconds(100)};
+        if (line)
+            link.address = SerialPort{.device = line->device()};
+        else
+            link.address = TcpAddress{"127.0.0.1", server->port()};
+        return link;
     }
 
     std::unique_ptr<ModbusStage> connect() {
@@ -60,8 +76,8 @@ public:
     SteadyClock clock;
     StageProfile profile = builtin_stage_profile("generic");
     SimulatedStage simulation{fast_axes(), {.homing = std::chrono::milliseconds(30)}, clock};
-    std::unique_ptr<ModbusStageServer> server =
-        std::make_unique<ModbusStageServer>(simulation, profile);
+    std::unique_ptr<SerialPair> line;  // of a serial rig
+    std::unique_ptr<ModbusStageServer> server;
 
 private:
     std::chrono::milliseconds timeout_;

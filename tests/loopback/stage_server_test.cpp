@@ -60,8 +60,8 @@ TEST(ModbusStageServer, AnswersByTheLetterOfTheProtocol) {
     EXPECT_EQ(client.receive(), (Bytes{7, 6, 0, 0, 0, 5, 9, 3, 2, 0, 1}));
     client.send({7, 7, 0, 0, 0, 11, 9, 16, 0, 100, 0, 2, 4, 0, 3, 0, 4});
     EXPECT_EQ(client.receive(), (Bytes{7, 7, 0, 0, 0, 6, 9, 16, 0, 100, 0, 2}));
-    client.send({7, 8, 0, 0, 0, 6, 9, 4, 0, 100, 0, 2});
-    EXPECT_EQ(client.receive(), (Bytes{7, 8, 0, 0, 0, 7, 9, 4, 4, 0, 3, 0, 4}));
+    client.send({7, 8, 0, 0, 0, 6, 9, 3, 0, 100, 0, 2});
+    EXPECT_EQ(client.receive(), (Bytes{7, 8, 0, 0, 0, 7, 9, 3, 4, 0, 3, 0, 4}));
 }
 
 TEST(ModbusStageServer, AnswersWhatItCannotDoWithAnExceptionAtOnce) {
@@ -72,6 +72,8 @@ TEST(ModbusStageServer, AnswersWhatItCannotDoWithAnExceptionAtOnce) {
     EXPECT_EQ(client.receive(), (Bytes{0, 1, 0, 0, 0, 3, 1, 0xAB, 1}));
     client.send({0, 2, 0, 0, 0, 6, 1, 3, 0, 90, 0, 1});  // no such register
     EXPECT_EQ(client.receive(), (Bytes{0, 2, 0, 0, 0, 3, 1, 0x83, 2}));
+    client.send({0, 7, 0, 0, 0, 6, 1, 4, 0, 100, 0, 1});  // another space
+    EXPECT_EQ(client.receive(), (Bytes{0, 7, 0, 0, 0, 3, 1, 0x84, 2}));
     client.send({0, 3, 0, 0, 0, 6, 1, 3, 0, 0, 0, 126});  // too many
     EXPECT_EQ(client.receive(), (Bytes{0, 3, 0, 0, 0, 3, 1, 0x83, 3}));
     client.send({0, 4, 0, 0, 0, 6, 1, 3, 0, 0, 0, 0});  // none

@@ -38,6 +38,7 @@ Twin::Twin(const TwinFile& file)
                 stage_.true_positions()),
       server_(stage_, builtin_stage_profile(file.stage.profile), file.stage.port),
       camera_(camera_options(file), [this](const CaptureSettings& s) { return expose(s); }) {
+    server_.set_script(scripted_faults(file.stage.link_faults, stage_));
     stage_.hold_in_position_until(
         [this](const std::vector<double>& positions) { return darkroom_.shows(positions); });
 }

@@ -64,6 +64,15 @@ void require_range(const std::string& device, const ModbusRequest& request, Regi
             fmt::format("a request may hold 1 to {} {}s up to 65535", most, word_for(space)));
 }
 
+// The silence that begins a serial frame ("MODBUS over Serial Line V1.02", 2.5.1.1): 3.5 characters
+// of 11 bits, and 1.75 ms where that is less. A controller may take anything sooner for the rest of
+// the frame before. TCP needs none.
+Duration silence_before_frame(const StageLink& link) {
+    using namespace std::chrono_literals;
+    const auto* port = std::get_if<SerialPort>(&link.address);
+    return port ? std::max<Duration>(1750us, Duration(38500ms) / port->baud) : Duration::zero();
+}
+
 bool may_be_carried_out(const ModbusReply& reply) {
     return reply.outcome == Outcome::unknown || reply.exception == acknowledged ||
            reply.exception == gateway_heard_nothing;
@@ -166,7 +175,8 @@ ModbusReply ModbusLink::exchange(const ModbusRequest& request) {
 
 // Whatever may still arrive after a failure belongs to that request, so the connection is given up.
 ModbusReply ModbusLink::transact(const ModbusRequest& request, RegisterSpace space) {
-    if (connected_ && transport_->discard({}) != ModbusTransport::Heard::nothing)
+    if (connected_ &&
+        transport_->discard(silence_before_frame(link_)) != ModbusTransport::Heard::nothing)
         drop_connection();
     if (!connected_)
         pause_after_failures();

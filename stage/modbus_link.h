@@ -5,7 +5,7 @@
 //
 // A serial line keeps late replies, and a reply does not say which request it answers. After
 // opening it and after every failure the line is therefore read empty until it was quiet for long
-// enough; what arrives unasked before a request is a failure too.
+// enough, and a request is sent only after the silence that begins a frame.
 //
 // Reading has no effect on the device and is repeated after a failure. A write is NEVER repeated
 // here: when its reply is missing nobody knows whether it was carried out, and only the caller can

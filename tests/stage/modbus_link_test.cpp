@@ -189,6 +189,21 @@ TEST(ModbusLink, DrainsASerialLineAfterOpeningItAndAfterEveryFailure) {
     EXPECT_EQ(rig.clock.now().time_since_epoch(), 35ms + 70ms + 20ms + 70ms);
 }
 
+// 3.5 characters of 11 bits at 9600 baud: 4.01 ms; at 115200 the standard's 1.75 ms.
+TEST(ModbusLink, BeginsASerialFrameWithSilence) {
+    for (const int baud : {9600, 115200}) {
+        VirtualClock clock;
+        ScriptedTransport::Record record;
+        ModbusLink link({.address = SerialPort{.device = "/dev/ttyUSB5", .baud = baud}}, clock,
+                        std::make_unique<ScriptedTransport>(record, clock));
+        link.read(1, holding, 5, 1);
+        const Instant start = clock.now();
+        link.read(1, holding, 5, 1);
+        const double ms = std::chrono::duration<double, std::milli>(clock.now() - start).count();
+        EXPECT_NEAR(ms, baud == 9600 ? 3.5 * 11 / 9.6 : 1.75, 1e-3);
+    }
+}
+
 TEST(ModbusLink, SendsNothingOnALineThatDoesNotBecomeQuiet) {
     ScriptedLink rig(true);
     rig.record.heard.assign(7, Heard::something);
@@ -215,8 +230,9 @@ TEST(ModbusLink, TakesAFreshConnectionWhenSomethingCameUnasked) {
         rig.record.heard = {Heard::something};
         const std::uint16_t value = 5;
         rig.link.write(1, holding, 3, std::span(&value, 1));
-        EXPECT_EQ(rig.record.steps, serial ? (Steps{"close", "connect", "listen", "request"})
-                                           : (Steps{"close", "connect", "request"}));
+        EXPECT_EQ(rig.record.steps, serial
+                                        ? (Steps{"listen", "close", "connect", "listen", "request"})
+                                        : (Steps{"close", "connect", "request"}));
     }
 }
 

@@ -315,7 +315,7 @@ Information evaluate(const std::vector<CalibrationView>& views, const Fit& fit,
     const double points = static_cast<double>(point_count(views));
     calibration.rms_px = std::sqrt(squares / points);
     const Information inverse = inverted(information);
-    const Information formal = squares / (2.0 * points - parameter_count - 6.0 * n) * inverse;
+    Information formal = squares / (2.0 * points - parameter_count - 6.0 * n) * inverse;
     const Information robust = n / (n - 1.0) * inverse * scores * inverse;
     for (int i = 0; i < parameter_count; ++i)
         calibration.deviations.push_back({parameter_names[i], std::sqrt(formal(i, i)),

@@ -54,7 +54,7 @@ Eigen::Matrix3d tilt_matrix(double tau_x, double tau_y) {
 }
 
 Distorted distort(const Distortion& distortion, const Eigen::Vector2d& undistorted) {
-    const Distorted before = distort_before_tilt(distortion, undistorted);
+    Distorted before = distort_before_tilt(distortion, undistorted);
     if (distortion.tau_x == 0.0 && distortion.tau_y == 0.0)
         return before;
     return apply_tilt(tilt_matrix(distortion.tau_x, distortion.tau_y), before);

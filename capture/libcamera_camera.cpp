@@ -20,7 +20,7 @@ using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
 constexpr int settling_frames = 20;  // a pipeline delays settings by 2 to 10 frames
-constexpr int warm_up_frames = FrameTiming::frames_on_their_way + 1;
+constexpr int warm_up_frames = UsbDelay::frames_on_their_way + 1;
 constexpr int most_stale_frames = 40;  // in a row, of a camera whose frames all seem old
 constexpr milliseconds stop_patience{2000};
 constexpr milliseconds reopen_pause{250};

@@ -166,21 +166,17 @@ SensorClock::Age SensorClock::age(std::int64_t stamp_ns, const KernelTime& now) 
 }
 
 std::optional<Duration> FrameTiming::period() const {
-    if (!first_ || latest_.back().sequence <= first_->sequence)
+    if (!first_ || last_->sequence <= first_->sequence)
         return std::nullopt;
-    const auto frames = static_cast<std::int64_t>(latest_.back().sequence - first_->sequence);
-    return std::chrono::nanoseconds((latest_.back().time_ns - first_->time_ns) / frames);
+    const auto frames = static_cast<std::int64_t>(last_->sequence - first_->sequence);
+    return std::chrono::nanoseconds((last_->time_ns - first_->time_ns) / frames);
 }
 
 // How long before its stamp the exposure of the newest frame may have begun.
 std::optional<Duration> FrameTiming::longest_age(const LibcameraFrame& frame) const {
     if (const auto exposure = value_in(frame.metadata, "ExposureTime"))
         return std::chrono::microseconds(std::llround(*exposure));
-    const Stamp& newest = latest_.back();
-    for (auto before = latest_.rbegin() + 1; before != latest_.rend(); ++before)
-        if (before->sequence + frames_on_their_way <= newest.sequence)
-            return std::chrono::nanoseconds(newest.time_ns - before->time_ns);
-    return std::nullopt;
+    return usb_delay_.longest();
 }
 
 FrameTiming::Start FrameTiming::place(const LibcameraFrame& frame, const KernelTime& now,
@@ -188,15 +184,13 @@ FrameTiming::Start FrameTiming::place(const LibcameraFrame& frame, const KernelT
     if (!frame.timestamp_ns)
         return {"the frame has no SensorTimestamp"};
     const Stamp stamp{frame.sequence, *frame.timestamp_ns};
-    if (!latest_.empty() && stamp.time_ns <= latest_.back().time_ns) {
-        const std::int64_t back = latest_.back().time_ns - stamp.time_ns;
-        latest_ = {stamp};
+    usb_delay_.came(frame.sequence, std::chrono::nanoseconds(stamp.time_ns));
+    const auto before = std::exchange(last_, stamp);
+    if (before && stamp.time_ns <= before->time_ns) {
         first_ = stamp;
-        return {fmt::format("stamped {} ns before the frame that came before it", back)};
+        return {fmt::format("stamped {} ns before the frame that came before it",
+                            before->time_ns - stamp.time_ns)};
     }
-    latest_.push_back(stamp);
-    if (latest_.size() > frames_on_their_way + 1)
-        latest_.pop_front();
     if (!first_)
         first_ = stamp;
     const SensorClock::Age stamped = clock_.age(stamp.time_ns, now);

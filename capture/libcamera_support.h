@@ -2,7 +2,6 @@
 // what the frames' metadata say about them, and when an exposure began.
 #pragma once
 
-#include <deque>
 #include <map>
 #include <optional>
 #include <string>
@@ -11,6 +10,7 @@
 #include "capture/frame_checks.h"
 #include "capture/libcamera_device.h"
 #include "capture/pixel_formats.h"
+#include "capture/usb_delay.h"
 
 namespace etalon {
 
@@ -75,13 +75,9 @@ private:
 
 // Says of each frame of a stream when its exposure began. The stamp is the readout's beginning, so
 // the exposure began within the ExposureTime before it. A frame that does not tell that comes from
-// a USB camera: its driver stamps the arrival of the first data, at once or late, and the camera
-// has held it back before. Then what counts is that at most four frames are on their way, one being
-// exposed and three held: the exposure began after the data of the fourth frame before had arrived.
+// a USB camera, of which usb_delay.h tells.
 class FrameTiming {
 public:
-    static constexpr std::uint64_t frames_on_their_way = 4;
-
     struct Start {
         std::string fault;  // why the stamp cannot be believed; empty: it can
         Instant earliest = Instant::min(), latest = Instant::min();  // on the station's clock
@@ -101,8 +97,8 @@ private:
     std::optional<Duration> longest_age(const LibcameraFrame& frame) const;
 
     SensorClock clock_;
-    std::optional<Stamp> first_;
-    std::deque<Stamp> latest_;  // as many as may be on their way and one, the newest at the back
+    std::optional<Stamp> first_, last_;
+    UsbDelay usb_delay_;
 };
 
 }  // namespace etalon

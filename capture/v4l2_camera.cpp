@@ -21,7 +21,6 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds look_around{10};  // a stop request is noticed within this
 constexpr milliseconds look_again{100};  // for a device to come back
-constexpr milliseconds usb_hold{100};    // see V4l2Timing::Camera::longest_hold
 
 // The first node that is a camera and `matches`; empty if there is none.
 template <class Matches>
@@ -267,7 +266,7 @@ V4l2Timing::Camera V4l2Camera::timing_of(const CaptureSettings& settings) {
     const bool usb = device_identity_.driver == "uvcvideo";
     const Duration period = frame_period();
     V4l2Timing::Camera timing;
-    timing.longest_hold = usb ? std::max<Duration>(3 * period, usb_hold) : period;
+    timing.longest_hold = usb ? UsbDelay::expected(period) : period;
     timing.shortest_exposure = settings.exposure;
     timing.longest_exposure = settings.exposure.count() ? settings.exposure : period;
     timing.over_usb = usb;
@@ -347,8 +346,9 @@ void V4l2Camera::require_codes(const Frame& frame) const {
 // Nothing for a frame that is too old.
 std::optional<Frame> V4l2Camera::judged(const FilledBuffer& buffer, Instant t) {
     const Instant now = clock_.now();
+    count(buffer.sequence);
+    const std::string stamp_fault = timing_->check(buffer, frame_id_, now);
     Frame frame = described(buffer, now);
-    const std::string stamp_fault = timing_->check(buffer, now);
     if (stamp_fault.empty() && frame.exposure_start - frame.exposure_start_uncertainty <= t)
         return std::nullopt;
     frame.status = FrameStatus::corrupt;
@@ -361,7 +361,6 @@ std::optional<Frame> V4l2Camera::judged(const FilledBuffer& buffer, Instant t) {
 }
 
 Frame V4l2Camera::described(const FilledBuffer& buffer, Instant now) {
-    count(buffer.sequence);
     const ExposureStart start = timing_->exposure_start(buffer, now);
     if (start.source == TimeSource::request)
         remark(

@@ -8,10 +8,8 @@
 //   any other clock, or ahead of    the frame came between the moment at which the queue was last
 //   its frame's arrival             seen empty and now; else as end of frame
 //
-// The driver uvcvideo calls the arrival of a frame's first data the start of its exposure, and USB
-// cameras hold pictures back: of that driver's stamps any proves only that the exposure had ended,
-// at most three frame periods or 100 ms earlier, or as long as the last frame but one is ago. A
-// device that holds them longer cannot be told.
+// The driver uvcvideo calls the arrival of a frame's first data the start of its exposure: what any
+// of its stamps proves is in usb_delay.h.
 //
 // Stamps that lie further in the future or do not advance make a frame `corrupt`; frames that are
 // old by their stamps are thrown away until the time-out.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace etalon {
 namespace {
@@ -23,19 +24,17 @@ Instant instant_of(std::chrono::nanoseconds stamp) {
 
 }  // namespace
 
-std::string V4l2Timing::check(const FilledBuffer& buffer, Instant now) {
+std::string V4l2Timing::check(const FilledBuffer& buffer, std::uint64_t number, Instant now) {
     if (buffer.meaning == StampMeaning::nothing)
         return "";
-    const auto last = stamps_.empty() ? std::chrono::nanoseconds::min() : stamps_.back();
-    stamps_.push_back(buffer.stamp);
-    if (stamps_.size() > 2)
-        stamps_.pop_front();
+    const auto last = std::exchange(last_stamp_, buffer.stamp);
+    usb_delay_.came(number, buffer.stamp);
     if (instant_of(buffer.stamp) > now + camera_.longest_hold + stamp_lead)
         return fmt::format("its time stamp lies {:.3f} ms in the future",
                            milliseconds_of(instant_of(buffer.stamp) - now));
-    if (buffer.stamp <= last)
+    if (last && buffer.stamp <= *last)
         return fmt::format("its time stamp is {:.3f} ms before the last frame's",
-                           milliseconds_of(last - buffer.stamp));
+                           milliseconds_of(*last - buffer.stamp));
     return "";
 }
 
@@ -45,13 +44,14 @@ StampMeaning V4l2Timing::meaning_of(const FilledBuffer& buffer, Instant now) con
     return ahead ? StampMeaning::nothing : buffer.meaning;
 }
 
-// However slow the camera really is, with two frames on their way an exposure began after the last
-// frame but one had come.
 ExposureStart V4l2Timing::exposure_start(const FilledBuffer& buffer, Instant now) const {
     ExposureStart start = stamped(buffer, now);
-    if (camera_.over_usb && buffer.meaning != StampMeaning::nothing)
-        start.earliest =
-            stamps_.size() < 2 ? Instant() : std::min(start.earliest, instant_of(stamps_.front()));
+    if (!camera_.over_usb || buffer.meaning == StampMeaning::nothing)
+        return start;
+    const auto delay = usb_delay_.longest();
+    const Instant earliest = delay ? instant_of(buffer.stamp - *delay) : Instant();
+    const bool by_arrival = start.source == TimeSource::request;
+    start.earliest = by_arrival ? std::min(start.earliest, earliest) : earliest;
     return start;
 }
 

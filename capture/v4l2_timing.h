@@ -2,9 +2,10 @@
 // proves is in v4l2_camera.h.
 #pragma once
 
-#include <deque>
+#include <optional>
 #include <string>
 
+#include "capture/usb_delay.h"
 #include "capture/v4l2_stream.h"
 
 namespace etalon {
@@ -20,9 +21,7 @@ public:
     struct Camera {
         Duration longest_hold{};  // from the end of an exposure to the stamp of its frame
         Duration shortest_exposure{}, longest_exposure{};  // equal where known
-        // Calls the arrival of the first data the start of the exposure, and two frames may be on
-        // their way, one in the camera and one in the host's transfers.
-        bool over_usb = false;
+        bool over_usb = false;                             // stamped as in usb_delay.h
     };
     // For a stream that starts now.
     V4l2Timing(const Camera& camera, Instant now) : camera_(camera), seen_empty_(now) {}
@@ -30,12 +29,13 @@ public:
     // No frame was waiting at that moment.
     void saw_empty_queue(Instant now) { seen_empty_ = now; }
 
-    // For each frame once, in their order: what is wrong with its stamp; empty if nothing. A stamp
-    // ahead of the frame's arrival by up to the longest hold is none, but is not used either.
-    std::string check(const FilledBuffer& buffer, Instant now);
+    // For each frame once, in their order, with its number in the stream: what is wrong with its
+    // stamp; empty if nothing. A stamp ahead of the frame's arrival by up to the longest hold is
+    // none, but is not used either.
+    std::string check(const FilledBuffer& buffer, std::uint64_t number, Instant now);
 
-    // Of a frame that was taken from the queue at `now`, before check() of it. Where nothing is
-    // known of the earliest start it is the beginning of time.
+    // Of the frame that was checked last, taken from the queue at `now`. Where nothing is known of
+    // the earliest start it is the beginning of time.
     ExposureStart exposure_start(const FilledBuffer& buffer, Instant now) const;
 
     // Until a frame comes that surely began later than now: it is stamped so much later, and is the
@@ -50,7 +50,8 @@ private:
 
     Camera camera_;
     Instant seen_empty_;
-    std::deque<std::chrono::nanoseconds> stamps_;  // of the last two frames
+    std::optional<std::chrono::nanoseconds> last_stamp_;
+    UsbDelay usb_delay_;
 };
 
 }  // namespace etalon

@@ -175,19 +175,19 @@ TEST(FrameTiming, TakesAStampForTheReadoutOfTheFirstLine) {
 TEST(FrameTiming, LooksAtTheFourthFrameBeforeWhereTheExposureIsUnknown) {
     FrameTiming timing;
     const Instant now = Instant(700s);
-    const auto width = [&](std::uint64_t sequence, std::int64_t ns) {
-        const auto start =
-            timing.place(stamped(sequence, 100 * second + ns, {}), at(101 * second), now);
+    const auto width = [&](std::uint64_t sequence, std::int64_t ms) {
+        const auto start = timing.place(stamped(sequence, 100 * second + ms * 1'000'000, {}),
+                                        at(101 * second), now);
         return start.earliest == Instant::min() ? Duration::max() : start.latest - start.earliest;
     };
     EXPECT_EQ(width(7, 0), Duration::max());
     EXPECT_EQ(width(8, 33), Duration::max());
     EXPECT_EQ(width(9, 70), Duration::max());
     EXPECT_EQ(width(10, 99), Duration::max());
-    EXPECT_EQ(width(11, 140), 140ns);
-    EXPECT_EQ(width(12, 160), 127ns);
-    EXPECT_EQ(width(15, 320), 180ns) << "between them were some that nobody received";
-    EXPECT_EQ(timing.period(), 40ns);
+    EXPECT_EQ(width(11, 140), 140ms);
+    EXPECT_EQ(width(12, 160), 127ms);
+    EXPECT_EQ(width(15, 320), 180ms) << "between them were some that nobody received";
+    EXPECT_EQ(timing.period(), 40ms);
 }
 
 TEST(FrameTiming, BelievesNoStampThatJumpsOrIsMissing) {
@@ -498,8 +498,8 @@ public:
             return FrameStatus::timed_out;
         }
         // Nobody misses one that may have begun too early: a USB camera's may have
-        // by four periods less what its exposure really takes.
-        const Instant since = world_.clock.now() + (usb_ ? 73ms : 0ms);
+        // by 100 ms less what its exposure really takes.
+        const Instant since = world_.clock.now() + (usb_ ? 93ms : 0ms);
         world_.spoil = [fault, frames, since](LibcameraFrame& frame, Instant begin) mutable {
             if (begin <= since || --frames < 0)
                 return;

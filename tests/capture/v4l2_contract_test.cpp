@@ -85,11 +85,12 @@ std::optional<FrameStatus> V4l2Rig::spoil(FrameFault fault, int frames) {
         return std::nullopt;  // what a free-running camera loses, it does not announce
     const bool usb = kind_.driver == "uvcvideo";
     const bool start = kind_.stamps == FakeV4l2::Stamps::exposure_start;
-    const Duration hold = usb ? 3 * device_.period : device_.period;
-    const Duration margin = start && !usb                                 ? 500us
-                            : start                                       ? hold + 7ms
-                            : kind_.stamps == FakeV4l2::Stamps::frame_end ? hold - device_.readout
-                                                                          : hold;
+    const Duration to_end = 7ms + device_.readout;
+    const Duration margin = usb     ? 4 * device_.period - (start ? 0ms : to_end)
+                            : start ? 500us
+                            : kind_.stamps == FakeV4l2::Stamps::frame_end
+                                ? device_.period - device_.readout
+                                : device_.period;
     const Instant from = clock_.now() + margin, to = from + frames * device_.period;
     device_.spoil = [=](FakeV4l2Frame& frame) {
         if (frame.exposure_start <= from || frame.exposure_start > to)

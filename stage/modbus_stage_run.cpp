@@ -159,7 +159,7 @@ bool ModbusStage::has_started(const Run& run, const Statuses& axes, std::size_t 
     if (now.moving || (before.in_position && !now.in_position))
         return true;
     if (run.target.empty())
-        return before.homed && !now.homed;
+        return before.homed != now.homed;
     const double way = std::abs(run.target[axis] - before.position);
     return way <= profile_.tolerance(axes_[axis]) ||
            std::abs(now.position - before.position) >= 0.5 * way;

@@ -306,6 +306,16 @@ BudgetRow repeatability_row(const DeclaredRepeatability& declared, const SmoothF
     return row;
 }
 
+BudgetRow error_map_row(const DeclaredErrorMap& map) {
+    BudgetRow row;
+    row.source = "stage error map " + map.axis;
+    row.unit = "mm";
+    row.standard_uncertainty = row.rms_contribution_mm = map.marker_rms_mm;
+    row.max_contribution_mm = map.marker_max_mm;
+    row.basis = "the map's own uncertainties";
+    return row;
+}
+
 void fill_budget(const QualificationInput& input, Qualification& result) {
     result.budget = {noise_row(result), registration_row(input, result)};
     for (const DeclaredStageTerm& term : input.stage_terms)
@@ -314,6 +324,8 @@ void fill_budget(const QualificationInput& input, Qualification& result) {
                                                  term.standard_uncertainty, result.signatures));
     for (const DeclaredRepeatability& declared : input.repeatability)
         result.budget.push_back(repeatability_row(declared, *result.position_field));
+    for (const DeclaredErrorMap& map : input.error_maps)
+        result.budget.push_back(error_map_row(map));
     result.budget.push_back(
         declared_row("marker print size", "1", input.marker_size_uncertainty, result.signatures));
     result.budget_complete = true;

@@ -48,6 +48,14 @@ struct DeclaredRepeatability {
     std::optional<double> marker_mm;
 };
 
+// What the uncertainty of an axis' error map leaves at the marker's centre, standard, mm.
+// Neighbouring points of a map may be wrong together, in whatever way hurts most: it counts in
+// full.
+struct DeclaredErrorMap {
+    std::string axis;
+    double marker_rms_mm = 0.0, marker_max_mm = 0.0;  // over the poses
+};
+
 struct QualificationInput {
     const CameraModel* camera = nullptr;     // the calibration under test
     std::vector<Eigen::Vector3d> points_mm;  // of the marker, as its detector reports them
@@ -57,6 +65,7 @@ struct QualificationInput {
                                          // hold-out pose; may throw Interrupted
     std::vector<DeclaredStageTerm> stage_terms;
     std::vector<DeclaredRepeatability> repeatability;
+    std::vector<DeclaredErrorMap> error_maps;
     // Relative standard uncertainty of the marker's printed size. Nothing: unknown.
     std::optional<double> marker_size_uncertainty;
     Limits limits;

@@ -36,6 +36,9 @@ public:
     std::vector<AxisStatus> status() override { return stage_->status(); }
     bool stop() noexcept override { return stage_->stop(); }
     std::string trace() const override { return stage_->trace(); }
+    void set_trace(std::function<void(const std::string&)> line) override {
+        stage_->set_trace(std::move(line));
+    }
 
 private:
     std::unique_ptr<Stage> stage_;

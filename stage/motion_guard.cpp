@@ -341,7 +341,10 @@ MotionRules read_motion_rules(const Value& stage, std::span<const Axis> axes) {
 
 bool is_clear(std::span<const Axis> axes, const MotionRules& rules,
               std::span<const double> target) {
-    return Space(axes, rules).obstacle(target, target, 1.0) == nullptr;
+    const Space space(axes, rules);
+    const Positions end(target.begin(), target.end()), before = before_approach(axes, end);
+    return !space.obstacle(end, end, 1.0) && !space.obstacle(before, before, 1.0) &&
+           space.is_free(before, end);
 }
 
 void require_allowed(std::span<const Axis> axes, const MotionRules& rules,

@@ -59,10 +59,13 @@ struct MotionSegment {
 constexpr double clearance_mm = 0.1;
 constexpr double clearance_deg = 0.1;
 
-// Whether a target is inside the soft limits and clear of every forbidden box; else throws
-// ConfigError at `place` saying what is in the way.
+// Throws ConfigError at `place`, saying what is in the way, unless the target is inside the soft
+// limits and clear of every forbidden box.
 void require_allowed(std::span<const Axis> axes, const MotionRules& rules,
                      std::span<const double> target, const SourcePlace& place);
+
+// Whether the target, and the way on which it would be approached, is clear of every forbidden box.
+// The limits are not looked at.
 bool is_clear(std::span<const Axis> axes, const MotionRules& rules, std::span<const double> target);
 
 // The motions that take the axes from where they are to the target, the quickest that is free, at

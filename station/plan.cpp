@@ -11,6 +11,9 @@ namespace {
 // From trigger to image in hand, beyond the exposure: a guess that only the estimate uses.
 constexpr std::chrono::milliseconds frame_overhead{30};
 
+// A volume of which less than this part is free is a mistake rather than a wish.
+constexpr long max_points_per_pose = 100;
+
 // Axes whose interval is a point take no dimension of the sequence.
 int dimensions_of(const PlanRequest& request) {
     return static_cast<int>(
@@ -26,7 +29,8 @@ std::vector<double> target_of(const PlanRequest& request, const std::vector<doub
     return target;
 }
 
-std::vector<PlannedPose> sampled_poses(const PlanRequest& request) {
+std::vector<PlannedPose> sampled_poses(const PlanRequest& request, std::span<const Axis> axes,
+                                       const MotionRules& rules) {
     const long hold_out = std::lround(request.hold_out * request.poses);
     const long training = request.poses - hold_out;
     if (hold_out < 1 || training < 1)
@@ -38,19 +42,37 @@ std::vector<PlannedPose> sampled_poses(const PlanRequest& request) {
         throw ConfigError(request.place, "no axis moves");
     const HaltonSequence sequence(dimensions_of(request), request.seed);
     std::vector<PlannedPose> poses;
-    for (long i = 0; i < request.poses; ++i)
-        poses.push_back(
-            {target_of(request, sequence.point(static_cast<std::uint64_t>(i))), i >= training});
+    const long last = max_points_per_pose * request.poses;
+    for (long i = 0; i < last && poses.size() < static_cast<std::size_t>(request.poses); ++i) {
+        const auto target = target_of(request, sequence.point(static_cast<std::uint64_t>(i)));
+        if (is_clear(axes, rules, target))
+            poses.push_back({target, static_cast<long>(poses.size()) >= training});
+    }
+    if (poses.size() < static_cast<std::size_t>(request.poses))
+        throw ConfigError(request.place, fmt::format("hardly any of it is clear of the forbidden "
+                                                     "boxes: {} of {} points",
+                                                     poses.size(), last));
     return poses;
+}
+
+// Where homing is expected to end.
+std::vector<double> home_position(std::span<const Axis> axes) {
+    std::vector<double> home;
+    for (const Axis& axis : axes)
+        home.push_back(std::clamp(0.0, axis.low, axis.high));
+    return home;
+}
+
+SourcePlace place_of(const PlanRequest& request, std::size_t pose) {
+    SourcePlace place = request.place;
+    place.key += fmt::format(" (pose {})", pose + 1);
+    return place;
 }
 
 void require_all_within_limits(const PlanRequest& request, std::span<const Axis> axes,
                                const std::vector<PlannedPose>& poses) {
-    for (std::size_t i = 0; i < poses.size(); ++i) {
-        SourcePlace place = request.place;
-        place.key += fmt::format(" (pose {})", i + 1);
-        require_within_limits(axes, poses[i].target, place);
-    }
+    for (std::size_t i = 0; i < poses.size(); ++i)
+        require_within_limits(axes, poses[i].target, place_of(request, i));
 }
 
 double seconds(Duration duration) {
@@ -62,9 +84,7 @@ class TravelTable {
 public:
     TravelTable(std::span<const Axis> axes, const std::vector<PlannedPose>& poses)
         : count_(poses.size()), seconds_((count_ + 1) * count_) {
-        std::vector<double> home;
-        for (const Axis& axis : axes)
-            home.push_back(std::clamp(0.0, axis.low, axis.high));
+        const std::vector<double> home = home_position(axes);
         for (std::size_t from = 0; from <= count_; ++from)
             for (std::size_t to = 0; to < count_; ++to)
                 seconds_[from * count_ + to] = seconds(travel_time(
@@ -136,25 +156,25 @@ Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
 }
 
 Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
-               std::chrono::microseconds exposure) {
+               std::chrono::microseconds exposure, const MotionRules& rules) {
     if (request.volume.size() != axes.size())
         throw ConfigError(request.place, fmt::format("{} intervals for {} axes",
                                                      request.volume.size(), axes.size()));
-    const std::vector<PlannedPose> poses = sampled_poses(request);
+    const std::vector<PlannedPose> poses = sampled_poses(request, axes, rules);
     require_all_within_limits(request, axes, poses);
-    const TravelTable travel(axes, poses);
     Plan plan;
-    double travelled_s = 0.0;
-    std::size_t at = travel.home();
-    for (const std::size_t next : short_path(travel)) {
-        travelled_s += travel(at, next);
+    for (const std::size_t next : short_path(TravelTable(axes, poses)))
         plan.poses.push_back(poses[next]);
-        at = next;
-    }
+    std::vector<double> at = home_position(axes);
     const Duration per_pose = request.settle + request.frames * (exposure + frame_overhead);
-    plan.expected_duration =
-        std::chrono::duration_cast<Duration>(std::chrono::duration<double>(travelled_s)) +
-        request.poses * per_pose;
+    for (std::size_t i = 0; i < plan.poses.size(); ++i) {
+        const auto& target = plan.poses[i].target;
+        plan.legs.push_back(plan_motion(axes, rules, at, target, place_of(request, i)));
+        for (const MotionSegment& segment : plan.legs.back())
+            plan.expected_duration += segment.time;
+        plan.expected_duration += per_pose;
+        at = target;
+    }
     return plan;
 }
 

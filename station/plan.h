@@ -14,6 +14,7 @@
 
 #include "core/clock.h"
 #include "stage/axes.h"
+#include "stage/motion_guard.h"
 #include "station/station_file.h"
 
 namespace etalon {
@@ -25,14 +26,19 @@ struct PlannedPose {
 
 struct Plan {
     std::vector<PlannedPose> poses;  // in the order of the run
+    // How the stage gets to each pose from the one before, to the first from where homing is
+    // expected to end (0, or the limit nearest to it). A run plans anew from what it reads.
+    std::vector<std::vector<MotionSegment>> legs;
     // Travel at the axes' speeds, settling and exposing; without homing and analysis.
     Duration expected_duration{};
 };
 
-// Deterministic in the request. Throws ConfigError at request.place, naming the axis and the pose,
-// when a pose lies outside a soft limit, and when a split of the poses leaves either side empty.
+// Deterministic in the request. Points of the sequence in or too near to a forbidden box are left
+// out. Throws ConfigError at request.place, naming the axis and the pose, when a pose lies outside
+// a soft limit or no way leads to it, when hardly any of the volume is free, and when a split of
+// the poses leaves either side empty.
 Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
-               std::chrono::microseconds exposure);
+               std::chrono::microseconds exposure, const MotionRules& rules = {});
 
 // Time to go from one position to another with all axes moving together at their speeds.
 Duration travel_time(std::span<const Axis> axes, std::span<const double> from,

@@ -11,6 +11,7 @@
 #include "capture/camera.h"
 #include "compare/pixel_difference.h"
 #include "compare/qualification.h"
+#include "stage/kinematics.h"
 #include "station/plan.h"
 #include "station/station_file.h"
 
@@ -35,7 +36,11 @@ struct FrameRecord {
 struct PoseRecord {
     int index = 0;  // 0-based, names the frames
     PlannedPose planned;
-    std::vector<double> read_back;  // per axis after settling, mm or rad
+    // Per axis, mm or rad: mean of the n readings after settling and after each frame, their
+    // standard deviation s, and the standard uncertainty of the mean: s, but no less than the
+    // axis' declared noise, over sqrt(n).
+    std::vector<double> read_back, read_back_deviation, read_back_uncertainty;
+    StagePose stage;  // of the mean
     // Side from which each axis came: +1 upwards, -1 downwards, 0 did not move.
     std::vector<int> approach;
     double move_start_s = 0.0, settled_s = 0.0, done_s = 0.0;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -95,6 +96,20 @@ Json camera_json(const QualifyResult& result) {
     return camera;
 }
 
+// In the axis' unit.
+Json optional_size(const std::optional<double>& size, double unit) {
+    return size ? Json(*size * unit) : Json();
+}
+
+Json error_map_json(const std::optional<ErrorMap>& map, double unit) {
+    if (!map)
+        return {};
+    Json rows = Json::array();
+    for (const ErrorMapPoint& point : map->points())
+        rows.push_back({point.position * unit, point.error * unit, point.uncertainty * unit});
+    return rows;
+}
+
 Json axis_json(const Axis& axis) {
     const double unit = unit_of(axis);
     const bool rotary = axis.kind == Axis::Kind::rotary;
@@ -106,7 +121,30 @@ Json axis_json(const Axis& axis) {
             {"travel", {axis.low * unit, axis.high * unit}},
             {"speed", axis.speed * unit},
             {"scale_uncertainty", optional_number(axis.scale_uncertainty)},
-            {"repeatability", axis.repeatability ? Json(*axis.repeatability * unit) : Json()}};
+            {"repeatability", optional_size(axis.repeatability, unit)},
+            {"previous_from_mount", pose(axis.previous_from_mount)},
+            {"zero", axis.zero * unit},
+            {"approach", axis.approach},
+            {"overrun", axis.overrun * unit},
+            {"backlash", axis.backlash * unit},
+            {"backlash_uncertainty", optional_size(axis.backlash_uncertainty, unit)},
+            {"read_noise", optional_size(axis.read_noise, unit)},
+            {"direction_uncertainty_rad", optional_number(axis.direction_uncertainty)},
+            {"point_uncertainty_mm", optional_number(axis.point_uncertainty)},
+            {"error_map", error_map_json(axis.errors, unit)}};
+}
+
+Json forbidden_json(const StationStage& stage) {
+    Json boxes = Json::array();
+    for (const ForbiddenBox& box : stage.rules.forbidden) {
+        Json sides = {{"name", box.name}};
+        for (std::size_t i = 0; i < stage.axes.size(); ++i)
+            if (std::isfinite(box.sides[i].low))
+                sides[stage.axes[i].name] = {box.sides[i].low * unit_of(stage.axes[i]),
+                                             box.sides[i].high * unit_of(stage.axes[i])};
+        boxes.push_back(sides);
+    }
+    return boxes;
 }
 
 Json link_json(const StageLink& link) {
@@ -127,7 +165,10 @@ Json stage_json(const StationStage& stage) {
     Json axes = Json::array();
     for (const Axis& axis : stage.axes)
         axes.push_back(axis_json(axis));
-    return {{"link", link_json(stage.link)}, {"profile", stage.profile}, {"axes", axes}};
+    return {{"link", link_json(stage.link)},
+            {"profile", stage.profile},
+            {"axes", axes},
+            {"forbidden", forbidden_json(stage)}};
 }
 
 Json plan_json(const StationFile& station, const Plan& plan) {
@@ -277,7 +318,7 @@ void add_bias(Row& row, const std::optional<PoseError>& bias) {
 
 Row csv_header(const std::vector<Axis>& axes) {
     Row header = {"pose", "split"};
-    for (const char* prefix : {"commanded_", "read_back_", "approach_"})
+    for (const char* prefix : {"commanded_", "read_back_", "deviation_", "approach_"})
         for (const Axis& axis : axes) {
             const bool is_length = prefix != std::string("approach_");
             const char* unit = axis.kind == Axis::Kind::rotary ? "_deg" : "_mm";
@@ -327,6 +368,8 @@ Row csv_row(const PoseRecord& record, const std::vector<Axis>& axes,
         row.push_back(exact(record.planned.target[i] * unit_of(axes[i])));
     for (std::size_t i = 0; i < axes.size(); ++i)
         row.push_back(exact(record.read_back[i] * unit_of(axes[i])));
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        row.push_back(exact(record.read_back_deviation[i] * unit_of(axes[i])));
     for (std::size_t i = 0; i < axes.size(); ++i)
         row.push_back(std::to_string(record.approach[i]));
     row.push_back(std::to_string(record.frames.size()));
@@ -409,12 +452,16 @@ std::string frame_event(int pose_index, const FrameRecord& frame) {
 }
 
 std::string pose_event(const PoseRecord& record) {
+    const Vector6d uncertainty = record.stage.covariance.diagonal().cwiseSqrt();
     return text_of({{"t", record.done_s},
                     {"event", "pose"},
                     {"pose", record.index},
                     {"hold_out", record.planned.hold_out},
                     {"commanded", record.planned.target},
                     {"read_back", record.read_back},
+                    {"read_back_deviation", record.read_back_deviation},
+                    {"base_from_carriage", pose(record.stage.base_from_carriage)},
+                    {"base_from_carriage_uncertainty", numbers(uncertainty)},
                     {"approach", record.approach},
                     {"move_start_s", record.move_start_s},
                     {"settled_s", record.settled_s},

@@ -2,11 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <functional>
 
 #include "compare/detector.h"
 #include "core/errors.h"
-#include "stage/kinematics.h"
+#include "stage/guarded_stage.h"
 #include "station/camera_recovery.h"
 #include "station/expected_view.h"
 #include "station/qualify_report.h"
@@ -74,7 +75,9 @@ Frame take_frame(const Run& run, Camera& camera, Instant after) {
     return frame;
 }
 
-std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, PoseRecord& pose) {
+// Calls `after_each` after every frame.
+std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, PoseRecord& pose,
+                               const std::function<void()>& after_each) {
     std::vector<Frame> frames;
     Instant after = settled;
     for (int i = 0; i < run.result.station.plan.frames; ++i) {
@@ -86,6 +89,7 @@ std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, 
             after = frames.back().exposure_start;
         }
         pose.frames.push_back(record);
+        after_each();
     }
     if (std::none_of(frames.begin(), frames.end(),
                      [](const Frame& f) { return f.status == FrameStatus::complete; }))
@@ -122,11 +126,45 @@ void average_corners(PoseRecord& pose) {
         corner /= pose.detections;
 }
 
-std::vector<int> approach(const std::vector<double>& from, const std::vector<double>& to) {
+std::vector<int> approach(const std::vector<Axis>& axes, const std::vector<double>& from,
+                          const std::vector<double>& to) {
     std::vector<int> sides;
-    for (std::size_t i = 0; i < to.size(); ++i)
-        sides.push_back((to[i] > from[i]) - (to[i] < from[i]));
+    for (std::size_t i = 0; i < to.size(); ++i) {
+        const int straight = (to[i] > from[i]) - (to[i] < from[i]);
+        sides.push_back(axes[i].approach != 0 ? axes[i].approach : straight);
+    }
     return sides;
+}
+
+// An alarm or an emergency stop while the axes rest ends the run within this time.
+constexpr std::chrono::milliseconds rest_poll_period{20};
+
+void rest(const Run& run, Stage& stage, Duration time) {
+    const Instant end = run.clock.now() + time;
+    while (run.clock.now() < end) {
+        stage.position();
+        run.clock.wait_for(std::min<Duration>(rest_poll_period, end - run.clock.now()), run.stop);
+        run.throw_if_stopped();
+    }
+}
+
+// What was read back during the exposures, and the pose that follows.
+void average_positions(const std::vector<std::vector<double>>& readings,
+                       const std::vector<Axis>& axes, PoseRecord& pose) {
+    const auto n = static_cast<double>(readings.size());
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        double sum = 0.0, squares = 0.0;
+        for (const auto& reading : readings)
+            sum += reading.at(i);
+        for (const auto& reading : readings)
+            squares += std::pow(reading[i] - sum / n, 2);
+        const double deviation = std::sqrt(squares / (n - 1.0));
+        pose.read_back.push_back(sum / n);
+        pose.read_back_deviation.push_back(deviation);
+        const double single = std::max(deviation, axes[i].read_noise.value_or(0.0));
+        pose.read_back_uncertainty.push_back(single / std::sqrt(n));
+    }
+    pose.stage = stage_pose(axes, pose.read_back, pose.read_back_uncertainty);
 }
 
 PoseRecord visit(const Run& run, int index, const std::vector<double>& from, Camera& camera,
@@ -135,15 +173,17 @@ PoseRecord visit(const Run& run, int index, const std::vector<double>& from, Cam
     PoseRecord pose;
     pose.index = index;
     pose.planned = run.result.plan.poses.at(static_cast<std::size_t>(index));
-    pose.approach = approach(from, pose.planned.target);
+    pose.approach = approach(run.result.station.stage.axes, from, pose.planned.target);
     pose.move_start_s = run.now_s();
     stage.move(pose.planned.target, run.stop);
-    run.clock.wait_for(run.result.station.plan.settle, run.stop);
+    rest(run, stage, run.result.station.plan.settle);
     run.throw_if_stopped();
     const Instant settled = run.clock.now();
     pose.settled_s = run.seconds_until(settled);
-    pose.read_back = stage.position();
-    const std::vector<Frame> frames = take_frames(run, camera, settled, pose);
+    std::vector<std::vector<double>> readings = {stage.position()};
+    const std::vector<Frame> frames =
+        take_frames(run, camera, settled, pose, [&] { readings.push_back(stage.position()); });
+    average_positions(readings, run.result.station.stage.axes, pose);
     detect_all(detector, frames, pose);
     average_corners(pose);
     pose.done_s = run.now_s();
@@ -173,7 +213,9 @@ void visit_all(const Run& run, Camera& camera, Stage& stage) {
     const auto detector = make_detector(run.result.station.detector, run.result.station.marker,
                                         run.result.station.detector);
     const auto count = static_cast<int>(run.result.plan.poses.size());
-    std::vector<double> from = stage.position();
+    std::vector<double> from;
+    for (const AxisStatus& axis : stage.status())
+        from.push_back(axis.position);
     run.progress.begin("measuring", count, run.result.plan.expected_duration);
     for (int i = 0; i < count; ++i) {
         const PoseRecord pose = visit(run, i, from, camera, stage, *detector);
@@ -218,12 +260,20 @@ void measure(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Sta
         stop_axes(run, *stage);
     } catch (const std::exception&) {
         stop_axes(run, *stage);
+        run.log("stage trace", stage->trace());
         stage.reset();
         release_camera(run, *camera);
         throw;
     }
     stage.reset();
     release_camera(run, *camera);
+}
+
+std::vector<StageVisit> visits_of(const std::vector<PoseRecord>& poses) {
+    std::vector<StageVisit> visits;
+    for (const PoseRecord& pose : poses)
+        visits.push_back({pose.read_back, pose.read_back_uncertainty});
+    return visits;
 }
 
 QualificationInput qualification_input(const Run& run) {
@@ -235,18 +285,17 @@ QualificationInput qualification_input(const Run& run) {
     input.marker_size_uncertainty = station.marker_size_uncertainty;
     input.limits = station.limits;
     input.seed = station.plan.seed;
-    std::vector<std::vector<double>> positions;
     for (const PoseRecord& pose : run.result.poses) {
-        positions.push_back(pose.read_back);
-        QualificationPose seen{base_from_carriage(station.stage.axes, pose.read_back),
-                               pose.planned.hold_out, std::nullopt};
+        QualificationPose seen{pose.stage.base_from_carriage, pose.planned.hold_out, std::nullopt};
         if (!pose.corners.empty())
             seen.corners = pose.corners;
         input.poses.push_back(seen);
     }
-    input.stage_terms = declared_stage_terms(station.stage.axes, positions);
-    input.repeatability =
-        declared_repeatability(station.stage.axes, positions, station.carriage_from_marker_nominal);
+    const std::vector<StageVisit> visits = visits_of(run.result.poses);
+    const Rigid& mount = station.carriage_from_marker_nominal;
+    input.stage_terms = declared_stage_terms(station.stage.axes, visits);
+    input.repeatability = declared_repeatability(station.stage.axes, visits, mount);
+    input.error_maps = declared_error_maps(station.stage.axes, visits, mount);
     return input;
 }
 
@@ -361,12 +410,14 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
                                 std::stop_token stop) {
     QualifyResult result;
     result.station = station;
-    result.plan = make_plan(station.plan, station.stage.axes, station.camera.settings.exposure);
+    result.plan = make_plan(station.plan, station.stage.axes, station.camera.settings.exposure,
+                            station.stage.rules);
     result.folder = folder;
     result.software = software_versions();
     require_new_folder(folder);
     std::unique_ptr<Camera> camera = open.camera();
-    std::unique_ptr<Stage> stage = open.stage();
+    std::unique_ptr<Stage> stage =
+        std::make_unique<GuardedStage>(open.stage(), station.stage.rules);
     result.camera = camera->identity();
     require_same_camera(station, result.camera);
 

@@ -4,11 +4,24 @@
 
 namespace etalon {
 
+namespace {
+
+bool is_ignored(int signal) {
+    struct sigaction action {};
+    return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
+}  // namespace
+
 StopOnSignals::StopOnSignals(std::stop_source source) {
     sigemptyset(&signals_);
-    sigaddset(&signals_, SIGINT);
-    sigaddset(&signals_, SIGTERM);
-    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+    for (const int signal : {SIGINT, SIGTERM, SIGQUIT})
+        sigaddset(&signals_, signal);
+    if (!is_ignored(SIGHUP))
+        sigaddset(&signals_, SIGHUP);
+    sigset_t blocked = signals_;
+    sigaddset(&blocked, SIGPIPE);
+    pthread_sigmask(SIG_BLOCK, &blocked, nullptr);
     thread_ = std::thread([this, source] { wait(source); });
 }
 

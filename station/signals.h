@@ -1,5 +1,6 @@
-// Ctrl-C and kill, turned into a stop request. One thread takes the signals; nobody else is ever
-// interrupted, so files and devices are left in order by the normal unwinding.
+// Ctrl-C, Ctrl-\, kill and a terminal that is closed, turned into a stop request. One thread takes
+// the signals; nobody else is ever interrupted, so files and devices are left in order by the
+// normal unwinding, axes standing still.
 #pragma once
 
 #include <atomic>
@@ -9,10 +10,12 @@
 
 namespace etalon {
 
-// From construction to destruction, SIGINT and SIGTERM request a stop of `source` instead of ending
-// the process; further ones change nothing, so that an impatient second Ctrl-C cannot skip stopping
-// the axes. Construct it before any other thread is started: threads inherit the blocked signals.
-// They stay blocked afterwards, for the short rest of the program. One per process.
+// From construction to destruction, SIGINT, SIGTERM, SIGQUIT and SIGHUP request a stop of `source`
+// instead of ending the process; further ones change nothing, so that an impatient second Ctrl-C
+// cannot skip stopping the axes. SIGHUP is left alone where the parent ignores it (nohup). SIGPIPE
+// is blocked as well: a reader of stdout that goes away is a write error, not the end of a program
+// whose axes move. Construct it before any other thread is started: threads inherit the blocked
+// signals. They stay blocked afterwards, for the short rest of the program. One per process.
 class StopOnSignals {
 public:
     explicit StopOnSignals(std::stop_source source);
@@ -23,7 +26,7 @@ public:
 private:
     void wait(std::stop_source source);
 
-    sigset_t signals_{};
+    sigset_t signals_{};  // those that request a stop
     std::atomic<bool> ending_ = false;
     std::thread thread_;
 };

@@ -87,6 +87,7 @@ StationStage read_stage_section(const Value& section) {
     stage.link = read_stage_link(section.at("link"));
     stage.profile = text_or(section, "profile", "generic");
     stage.axes = read_axes(section.at("axes"));
+    stage.rules = read_motion_rules(section, stage.axes);
     return stage;
 }
 

@@ -9,6 +9,7 @@
 //             profile: generic, axes: [...]}    # axes: stage/axes.h; a serial line instead of host
 //             and port: {device: /dev/ttyUSB0, baud: 38400, parity: none, data_bits: 8, stop_bits: 1,
 //             unit: 1, response_timeout_ms: 300, quiet_ms: 250}    # stage/stage_link.h
+//     (in stage, optional: forbidden boxes and slow zones, stage/motion_guard.h)
 //     marker: "apriltag:36h11:5@50mm"
 //     marker_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 0]}
 //     marker_size_uncertainty_ppm: 100          # standard uncertainty
@@ -38,6 +39,7 @@
 #include "core/rigid.h"
 #include "sim/marker.h"
 #include "stage/axes.h"
+#include "stage/motion_guard.h"
 #include "stage/stage.h"
 
 namespace etalon {
@@ -61,6 +63,7 @@ struct StationStage {
     StageLink link;
     std::string profile;
     std::vector<Axis> axes;
+    MotionRules rules;  // of these axes
 };
 
 struct PlanRequest {

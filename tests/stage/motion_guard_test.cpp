@@ -220,6 +220,8 @@ TEST(MotionGuard, ComesFromTheDeclaredSide) {
     EXPECT_EQ(error_of(axes, lens(axes), {-60, 190}, {0, 160.2}), "no error");
     axes[1].approach = 1;
     EXPECT_NE(error_of(axes, lens(axes), {-60, 190}, {0, 160.2}), "no error");
+    EXPECT_FALSE(is_clear(axes, lens(axes), Positions{0, 160.2}));
+    EXPECT_TRUE(is_clear(axes, lens(axes), Positions{0, 160.4}));
 }
 
 TEST(MotionGuard, IsOneMotionWhereNothingHasToMove) {

@@ -155,6 +155,48 @@ TEST(Plan, RefusesASplitWithAnEmptySide) {
     EXPECT_THROW(plan_of(wanted), ConfigError);
 }
 
+// A box in the middle of the volume, of 8 % of its size, and whole axes of slow ways beside it.
+TEST(Plan, KeepsOutOfForbiddenBoxesOnItsWayAsWell) {
+    const PlanRequest wanted = request();
+    const MotionRules rules{{{"lens", {{-60, 30}, {-40, 50}, {100, 250}}}}, {5, 5, 5}, 0.25};
+    const Plan plan = make_plan(wanted, axes, std::chrono::milliseconds(5), rules);
+    ASSERT_EQ(plan.poses.size(), 75u);
+    ASSERT_EQ(plan.legs.size(), 75u);
+    EXPECT_EQ(std::ranges::count(plan.poses, true, &PlannedPose::hold_out), 40);
+    const std::vector<double> home = {0, 0, 0};
+    std::size_t split = 0;
+    Duration travel{};
+    for (std::size_t i = 0; i < plan.poses.size(); ++i) {
+        EXPECT_TRUE(is_clear(axes, rules, plan.poses[i].target));
+        EXPECT_EQ(plan.legs[i].front().from, i == 0 ? home : plan.poses[i - 1].target);
+        EXPECT_EQ(plan.legs[i].back().to, plan.poses[i].target);
+        split += plan.legs[i].size() > 1;
+        for (const MotionSegment& segment : plan.legs[i])
+            travel += segment.time;
+    }
+    EXPECT_GE(split, 3u);
+    EXPECT_EQ(plan.expected_duration,
+              travel + 75 * (std::chrono::milliseconds(70) + 3 * std::chrono::milliseconds(35)));
+}
+
+TEST(Plan, RefusesAVolumeWithoutRoom) {
+    const auto error = [](const MotionRules& rules) -> std::string {
+        try {
+            make_plan(request(), axes, {}, rules);
+        } catch (const ConfigError& fault) {
+            return fault.what();
+        }
+        return "no error";
+    };
+    EXPECT_EQ(
+        error({{{"all", {{-121, 111}, {}, {}}}}, {}, 1.0}),
+        "station.yaml:17: plan.volume: hardly any of it is clear of the forbidden boxes: 0 of "
+        "7500 points");
+    // A wall through the whole travel.
+    EXPECT_NE(error({{{"wall", {{}, {5, 15}, {}}}}, {}, 1.0}).find("no way was found"),
+              std::string::npos);
+}
+
 // x: 70 mm at 70 mm/s, y: 100 mm at 50 mm/s, z: 55 mm at 110 mm/s, together: the slowest counts.
 TEST(Plan, TakesTheSlowestAxisForTheTravelTime) {
     const std::vector<double> from = {0, 0, 0}, to = {70, -100, 55};

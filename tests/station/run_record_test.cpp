@@ -73,6 +73,9 @@ TEST(RunRecord, LogsAPoseOnlyWhenItsFramesAreWritten) {
     pose.index = 3;
     pose.planned.target = {7, -5};
     pose.read_back = {7.001, -5.002};
+    pose.read_back_deviation = {0.003, 0.0};
+    pose.stage.base_from_carriage.translation = {7.5, -5.5, 0};
+    pose.stage.covariance(3, 3) = 25;
     pose.corners = {{1.25, 2.5}};
     record.images().write(folder / "run/frames/0003_0.png", image_of(9));
     record.log_pose(pose);
@@ -80,6 +83,9 @@ TEST(RunRecord, LogsAPoseOnlyWhenItsFramesAreWritten) {
     const Json event = Json::parse(read_text(folder / "run/events.jsonl"));
     EXPECT_EQ(event["pose"], 3);
     EXPECT_EQ(event["read_back"], Json({7.001, -5.002}));
+    EXPECT_EQ(event["read_back_deviation"], Json({0.003, 0.0}));
+    EXPECT_EQ(event["base_from_carriage"], Json({0.0, 0.0, 0.0, 7.5, -5.5, 0.0}));
+    EXPECT_EQ(event["base_from_carriage_uncertainty"], Json({0.0, 0.0, 0.0, 5.0, 0.0, 0.0}));
     EXPECT_EQ(event["corners"], Json::parse("[[1.25, 2.5]]"));
 }
 
@@ -94,6 +100,7 @@ QualifyResult result_of(const TemporaryFolder& folder) {
     pose.planned = result.plan.poses.front();
     pose.planned.target = {7, -5, 3, 0.5};
     pose.read_back = {7.25, -5, 3, 0.5};
+    pose.read_back_deviation = {0.125, 0, 0, 0};
     pose.approach = {1, -1, 0, 1};
     result.poses = {pose};
     return result;
@@ -160,6 +167,7 @@ TEST(PosesCsv, HasAsManyFieldsInEachRowAsInItsHeader) {
                                          : row.at(static_cast<std::size_t>(found - header.begin()));
         };
         EXPECT_EQ(column("read_back_x_mm"), "7.25");
+        EXPECT_EQ(column("deviation_x_mm"), "0.125");
         EXPECT_NEAR(std::stod(column("commanded_rz_deg")), 28.64788976, 1e-6);  // 0.5 rad
         EXPECT_EQ(column("approach_y"), "-1");
         EXPECT_EQ(column("b3_y_mm"), analysed ? "0.25" : "");

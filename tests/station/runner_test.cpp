@@ -54,6 +54,7 @@ public:
     std::function<void(FakeCamera&)> on_camera = [](FakeCamera&) {};
     std::function<void(FakeStage&)> on_stage = [](FakeStage&) {};
     FakeCamera::Picture picture;
+    std::function<void(std::vector<AxisStatus>&)> on_status = [](auto&) {};
     std::function<void(std::size_t move)> before_move = [](std::size_t) {};
     int opened = 0, moves = 0, stops = 0, closings = 0;  // closing a stage stops it, too
     bool stage_is_silent = false;
@@ -83,7 +84,14 @@ private:
                 throw DeviceError("stage fake", "position", "no answer");
             return stage_.position();
         }
-        std::vector<AxisStatus> status() override { return stage_.status(); }
+        std::vector<AxisStatus> status() override {
+            if (owner_.stage_is_silent)
+                throw DeviceError("stage fake", "status", "no answer");
+            auto axes = stage_.status();
+            owner_.on_status(axes);
+            return axes;
+        }
+        std::string trace() const override { return "-3 ms read registers 0..13\n"; }
         bool stop() noexcept override {
             ++owner_.stops;
             return stage_.stop();
@@ -129,6 +137,7 @@ TEST(Runner, KeepsWhatWasMeasuredAndStopsTheAxesWhenTheStageFails) {
     EXPECT_TRUE(std::filesystem::exists(mocks.folder / "record/frames/0002_1.png"));
     EXPECT_EQ(mocks.run_file()["outcome"], "ERROR");
     EXPECT_EQ(mocks.run_file()["reason"], "stage 127.0.0.1:1599: move: alarm 12");
+    EXPECT_EQ(mocks.events("stage trace").at(0)["detail"], "-3 ms read registers 0..13\n");
     EXPECT_TRUE(std::filesystem::exists(mocks.folder / "record/report.html"));
 }
 
@@ -198,6 +207,67 @@ TEST(Runner, LeavesAnErrorBehindIfItNeverComesToItsEnd) {
     mocks.run();
     EXPECT_EQ(while_running["outcome"], "ERROR");
     EXPECT_EQ(while_running["poses_visited"], 2);
+}
+
+// x reads 0.3, 0.5 and 1.0 mm too far: after settling and after each of the two frames. Their mean
+// is 0.6; the deviation is sqrt((0.09 + 0.01 + 0.16) / 2), by hand.
+TEST(Runner, TakesThePoseFromWhatItReadsDuringTheExposures) {
+    StationOfMocks mocks;
+    std::vector<double> further;
+    mocks.on_status = [&](std::vector<AxisStatus>& axes) {
+        if (!further.empty()) {
+            axes[0].position += further.front();
+            further.erase(further.begin());
+        }
+    };
+    mocks.before_move = [&](std::size_t move) {
+        if (move == 2)
+            mocks.stop.request_stop();
+        further = {0, 0, 0.3, 0.5, 1.0};  // twice while it settles for 40 ms
+    };
+    const QualifyResult result = mocks.run();
+    ASSERT_EQ(result.poses.size(), 2u);
+    const PoseRecord& pose = result.poses[0];
+    EXPECT_NEAR(pose.read_back[0] - pose.planned.target[0], 0.6, 1e-12);
+    EXPECT_NEAR(pose.read_back_deviation[0], std::sqrt(0.13), 1e-12);
+    EXPECT_NEAR(pose.read_back_uncertainty[0], std::sqrt(0.13 / 3), 1e-12);
+    EXPECT_EQ(pose.read_back_deviation[1], 0.0);
+    EXPECT_NEAR(pose.stage.base_from_carriage.translation.x(), pose.read_back[0], 1e-12);
+    // Scale 30 ppm and repeatability 2 um are declared as well.
+    const double scale = 30e-6 * pose.read_back[0];
+    EXPECT_NEAR(pose.stage.covariance(3, 3), 0.13 / 3 + 4e-6 + scale * scale, 1e-12);
+}
+
+TEST(Runner, EndsWhenTheEmergencyStopIsPressedWhileTheAxesRest) {
+    StationOfMocks mocks;
+    bool pressed = false;
+    mocks.on_status = [&](std::vector<AxisStatus>& axes) { axes[2].emergency_stop = pressed; };
+    mocks.on_camera = [&](FakeCamera&) {};
+    mocks.picture = [&](const CaptureSettings&) {
+        pressed = mocks.moves == 3;  // during an exposure at the third pose
+        return CodeImage{cv::Mat(240, 320, CV_8UC1, cv::Scalar(130)), 8};
+    };
+    const QualifyResult result = mocks.run();
+    EXPECT_EQ(result.outcome, RunOutcome::error);
+    EXPECT_EQ(result.reason, "stage: read the positions: axis z: emergency stop");
+    EXPECT_EQ(result.poses.size(), 2u);
+    EXPECT_GE(mocks.stops + mocks.closings, 1);
+}
+
+TEST(Runner, KeepsOutOfForbiddenBoxes) {
+    StationOfMocks mocks(replaced(station_text, "  profile: generic\n",
+                                  "  profile: generic\n"
+                                  "  forbidden: [{name: lens, x: [-20, 20], z: [40, 90]}]\n"));
+    int inside = 0;
+    mocks.before_move = [&](std::size_t) {
+        inside +=
+            !mocks.carriage.empty() && std::abs(mocks.carriage[0]) < 20 && mocks.carriage[2] > 40;
+    };
+    const QualifyResult result = mocks.run();
+    EXPECT_EQ(result.poses.size(), 25u);
+    EXPECT_EQ(inside, 0);
+    EXPECT_GT(mocks.moves, 25);
+    EXPECT_EQ(mocks.run_file()["stage"]["forbidden"][0]["z"][1], 90.0);
 }
 
 TEST(Runner, TouchesNothingWhenThePlanLeavesTheSoftLimits) {

@@ -65,6 +65,21 @@ TEST(StationFile, GivesWhatElseTheCameraIsTold) {
     EXPECT_EQ(camera.link.interface, "192.168.7.1");
 }
 
+TEST(StationFile, GivesWhereTheAxesMayNotGo) {
+    const TemporaryFolder folder;
+    const std::string rules =
+        "  forbidden: [{name: lens, x: [-5, 7], rz: [0, 90]}]\n"
+        "  slow_near: {margin: {y: 3}, speed_share: 0.25}\n";
+    const StationFile station = read_station(write_station(
+        folder, replaced(station_text, "  profile: generic\n", "  profile: generic\n" + rules)));
+    ASSERT_EQ(station.stage.rules.forbidden.size(), 1u);
+    EXPECT_EQ(station.stage.rules.forbidden[0].sides.at(0).high, 7.0);
+    EXPECT_NEAR(station.stage.rules.forbidden[0].sides.at(3).high, 90 * deg, 1e-12);
+    EXPECT_EQ(station.stage.rules.slow_margin, (std::vector<double>{0, 3, 0, 0}));
+    EXPECT_THAT(fault("  profile: generic\n", "  profile: generic\n  forbidden: [{name: lens}]\n"),
+                HasSubstr(":14: stage.forbidden[0]: names no axis"));
+}
+
 TEST(StationFile, TurnsDegreesIntoRadians) {
     const TemporaryFolder folder;
     const StationFile station = read_station(write_station(folder));

@@ -1,22 +1,12 @@
 #include "tests/vm/usb_twin.h"
 
-#include <cmath>
 #include <opencv2/imgproc.hpp>
-
-#include "stage/kinematics.h"
-#include "stage/profile.h"
 
 namespace etalon {
 namespace {
 
 // What the camera's automatic aims at: radiance 1 at this part of full scale.
 constexpr double automatic_exposure = 0.8;
-
-SimulatedStageOptions stage_options(const TwinFile& file) {
-    SimulatedStageOptions options = file.stage.options;
-    options.seed = file.seed;
-    return options;
-}
 
 UsbCameraOptions camera_options(const TwinFile& file, int sharpness) {
     UsbCameraOptions options;
@@ -50,28 +40,16 @@ std::vector<std::uint8_t> bytes_of(const CodeImage& image, const StreamMode& mod
 }  // namespace
 
 UsbTwin::UsbTwin(const TwinFile& file, int sharpness)
-    : nominal_exposure_(file.nominal_exposure),
-      stage_(file.stage.axes, stage_options(file), clock_),
-      physics_(file.true_camera, file.scene, file.method, file.seed),
-      darkroom_([this](const std::vector<double>& q) { return develop(q); },
-                stage_.true_positions()),
-      server_(stage_, builtin_stage_profile(file.stage.profile), file.stage.port),
+    : rig_(file),
       camera_(camera_options(file, sharpness), [this](const UsbExposure& e) { return expose(e); }) {
-    stage_.hold_in_position_until(
-        [this](const std::vector<double>& positions) { return darkroom_.shows(positions); });
-}
-
-Radiance UsbTwin::develop(const std::vector<double>& positions) const {
-    return physics_.radiance(base_from_carriage(stage_.axes(), positions));
 }
 
 // On the camera's thread.
 std::vector<std::uint8_t> UsbTwin::expose(const UsbExposure& exposure) const {
-    const double time = std::chrono::duration<double>(exposure.time) / nominal_exposure_;
     const double light =
-        exposure.automatic ? automatic_exposure : time * std::pow(10.0, exposure.gain_db / 20.0);
-    const Radiance picture = sharpened(darkroom_.picture(), exposure.sharpness);
-    return bytes_of(physics_.expose(picture, light, exposure.frame), exposure.mode);
+        exposure.automatic ? automatic_exposure : rig_.light(exposure.time, exposure.gain_db);
+    const Radiance picture = sharpened(rig_.picture(), exposure.sharpness);
+    return bytes_of(rig_.physics().expose(picture, light, exposure.frame), exposure.mode);
 }
 
 }  // namespace etalon

@@ -130,12 +130,14 @@ double jump(F f, double until, double slope) {
 }
 
 TEST(Motion, NeverJumpsAndKeepsItsLimits) {
-    for (const auto& [name, motion, limits] : all_kinds()) {
+    for (const Case& kind : all_kinds()) {
+        const Motion& motion = kind.motion;
+        const MotionLimits& limits = kind.limits;
         const double end = motion.duration();
         double speed = 0.0;
         for (const MotionPiece& piece : motion.pieces())
             speed = std::max(speed, std::abs(piece.velocity));
-        if (name == "move") {
+        if (kind.name == "move") {
             EXPECT_LE(speed, limits.speed * (1.0 + 1e-12));
         }
         // A stop that is begun while the axis speeds up goes beyond the speed of the move.

@@ -108,6 +108,23 @@ TEST(Qualification, DoesNotPassWithATermOfTheBudgetUnknown) {
     }
 }
 
+// Standard uncertainties of 0.03 mm RMS and 0.07 mm at most count twice (k = 2) at least.
+TEST(Qualification, CountsAnErrorMapInFull) {
+    const SimulatedRun run = demo_run();
+    QualificationInput input = input_of(run, 1);
+    const Qualification without = qualify(input);
+    input.error_maps = {{"z", 0.03, 0.07}};
+    const Qualification with = qualify(input);
+    const auto row = std::ranges::find(with.budget, "stage error map z", &BudgetRow::source);
+    ASSERT_NE(row, with.budget.end());
+    EXPECT_EQ(row->rms_contribution_mm, 0.03);
+    EXPECT_EQ(row->max_contribution_mm, 0.07);
+    EXPECT_EQ(with.budget.size(), without.budget.size() + 1);
+    EXPECT_GT(with.quantities[0].expanded_uncertainty, 2 * 0.03);
+    EXPECT_GT(with.quantities[1].expanded_uncertainty, 2 * 0.07);
+    EXPECT_LT(without.quantities[1].expanded_uncertainty, with.quantities[1].expanded_uncertainty);
+}
+
 TEST(Qualification, SkipsItsQuantitiesWhenTooFewPosesWereDetected) {
     const SimulatedRun run = demo_run();
     QualificationInput input = input_of(run, 1);

@@ -2,8 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "core/errors.h"
+#include "core/random.h"
 #include "mocks/fake_stage.h"
+#include "mocks/memory_transport.h"
+#include "mocks/modbus_controller.h"
+#include "mocks/simulated_stage.h"
+#include "stage/modbus_stage.h"
 
 namespace etalon {
 namespace {
@@ -102,6 +110,79 @@ TEST(GuardedStage, MayLeaveTheLimitSwitchThatItWasHomedTo) {
     rig.fake.on_status = [](std::vector<AxisStatus>& axes) { axes[0].limit = true; };
     rig.guarded.move(Positions{7, 5}, {});
     EXPECT_EQ(rig.fake.moves, (std::vector<Positions>{{7, 5}}));
+}
+
+// ---- Against the twin's controller and physics, on virtual time
+
+class SimulatedRig {
+public:
+    SimulatedRig(const std::vector<Axis>& axes, MotionRules rules, SimulatedStageOptions options)
+        : simulation(axes, std::move(options), clock), guarded(connected(axes), std::move(rules)) {
+        guarded.enable({});
+        guarded.home({});
+    }
+
+    VirtualClock clock;
+    SimulatedStage simulation;
+    ModbusController controller{simulation, builtin_stage_profile("generic")};
+    GuardedStage guarded;
+
+private:
+    std::unique_ptr<Stage> connected(const std::vector<Axis>& axes) {
+        return std::make_unique<ModbusStage>(
+            StageLink{}, builtin_stage_profile("generic"), axes, clock,
+            std::make_unique<MemoryTransport>(controller, clock, false));
+    }
+};
+
+// Looked at with every request, that is every 5 ms: where the carriage truly is.
+TEST(GuardedStage, NeverCarriesAnythingIntoABox) {
+    SimulatedRig rig(xz(), lens, {});
+    int looks = 0, inside = 0, beside = 0;
+    rig.controller.set_script([&](const ModbusRequest&) {
+        const Positions q = rig.simulation.true_positions();
+        ++looks;
+        inside += std::abs(q[0]) < 20 && q[1] > 100 && q[1] < 160;
+        beside += std::abs(q[0]) > 20 && q[1] > 100 && q[1] < 160;
+        return ModbusReaction{};
+    });
+    RandomStream random(7, 3);
+    int moves = 0;
+    while (moves < 40) {
+        const Positions target = {200 * random.uniform() - 100, 120 * random.uniform() + 60};
+        if (!is_clear(xz(), lens, target))
+            continue;
+        rig.guarded.move(target, {});
+        ++moves;
+        EXPECT_NEAR(rig.simulation.true_positions()[0], target[0], 1e-3);
+        EXPECT_NEAR(rig.simulation.true_positions()[1], target[1], 1e-3);
+    }
+    EXPECT_EQ(inside, 0);
+    EXPECT_GT(beside, 1000);
+    EXPECT_GT(looks, 10000);
+}
+
+// 0.03 mm of lost motion: from either side the carriage is off by all of it or by nothing.
+TEST(GuardedStage, ApproachesSoThatTheBacklashIsAConstant) {
+    const auto errors_with = [](int approach) {
+        std::vector<Axis> axes = xz();
+        axes[0].approach = approach;
+        axes[0].overrun = 0.1;
+        SimulatedRig rig(axes, {}, {.errors = {{.backlash = 0.03}, {}}});
+        Positions errors;
+        for (const double x : {7.0, -5.0, -5.0, 3.0, 3.05, 40.0, 39.95, 0.0}) {
+            rig.guarded.move(Positions{x, 11.0}, {});
+            errors.push_back(rig.simulation.true_positions()[0] - rig.guarded.position()[0]);
+        }
+        return errors;
+    };
+    const auto spread = [](const Positions& errors) {
+        const auto [low, high] = std::ranges::minmax(errors);
+        return high - low;
+    };
+    EXPECT_NEAR(spread(errors_with(0)), 0.03, 1e-9);
+    EXPECT_NEAR(spread(errors_with(1)), 0.0, 1e-9);
+    EXPECT_NEAR(spread(errors_with(-1)), 0.0, 1e-9);
 }
 
 }  // namespace

@@ -52,12 +52,12 @@ void ModbusStage::check(const Run& run, const Statuses& axes) const {
     for (std::size_t i = 0; i < axes.size(); ++i) {
         if (run.guards.emergency_stop && axes[i].emergency_stop)
             fail(i, ": emergency stop");
+        if (run.guards.limit && axes[i].limit)
+            fail(i, " is at a limit switch");
         if (run.guards.alarm && axes[i].alarm != 0)
             fail(i, axes[i].alarm == alarm_without_code
                         ? ": alarm without a code"
                         : ": " + profile_.describe_alarm(axes[i].alarm));
-        if (run.guards.limit && axes[i].limit)
-            fail(i, " is at a limit switch");
         if (run.guards.disabled && !axes[i].enabled)
             fail(i, " is not enabled any more");
     }

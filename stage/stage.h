@@ -2,8 +2,8 @@
 //
 //   * nothing moves before enable() and home(), with an alarm, or to outside the soft limits;
 //   * a motion command is never repeated without reading back first;
-//   * destroying the object stops every axis, whatever the reason (best effort, bounded by 2 s,
-//     on a fresh connection when the old one is broken).
+//   * destroying the object stops every axis, whatever the reason (best effort, bounded by the
+//     profile's time for stopping, at most 3 s; on a fresh connection when the old one is broken).
 //
 // States: connected -> enabled -> homed <-> moving; an alarm or a lost link leads to faulted, from
 // where only stop() is allowed. One thread owns a stage.

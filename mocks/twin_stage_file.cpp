@@ -147,8 +147,10 @@ ModbusFault read_link_fault(const Value& value, ModbusFault::Kind kind) {
         fault.requests = requests->integer(1, 1'000'000'000);
     if (kind == Kind::late_reply || kind == Kind::slow_bytes)
         fault.delay = std::chrono::milliseconds(value.at("delay_ms").integer(1, day_ms));
-    if (kind == Kind::exception)
+    else if (kind == Kind::exception)
         fault.code = value.at("code").integer(1, 255);
+    else if (const auto carried_out = value.find("carried_out"))
+        fault.carried_out = carried_out->flag();
     return fault;
 }
 

@@ -28,7 +28,8 @@
 //         - {fault: late_reply, at: {request: 120}, delay_ms: 400, requests: 3}  # three in a row
 //         - {fault: slow_bytes, at: {request: 120}, delay_ms: 50}
 //         - {fault: exception, at: {request: 120}, code: 4}
-//         - {fault: silence, at: {request: 120}}      # as: garbage, wrong_id, half_open, reset
+//         - {fault: silence, at: {request: 120}}      # as: garbage, wrong_id, half_open, reset;
+//                                      # carried_out: false loses the request as well
 #pragma once
 
 #include <string>

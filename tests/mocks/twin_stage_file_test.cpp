@@ -119,7 +119,7 @@ TEST(TwinStageFile, EveryFaultHasItsName) {
   - {fault: late_reply, at: {request: 13}, delay_ms: 400, requests: 3}
   - {fault: silence, at: {move: 3}}
   - {fault: exception, at: {register: 100}, code: 4}
-  - {fault: garbage, at: {time_ms: 700}}
+  - {fault: garbage, at: {time_ms: 700}, carried_out: false}
   - {fault: wrong_id, at: {request: 17}}
   - {fault: half_open, at: {request: 19}}
   - {fault: slow_bytes, at: {request: 23}, delay_ms: 50}
@@ -156,6 +156,8 @@ TEST(TwinStageFile, EveryFaultHasItsName) {
     EXPECT_EQ(stage.link_faults[0].requests, 3);
     EXPECT_EQ(stage.link_faults[1].requests, 1);
     EXPECT_EQ(stage.link_faults[2].code, 4);
+    EXPECT_TRUE(stage.link_faults[1].carried_out);
+    EXPECT_FALSE(stage.link_faults[3].carried_out);
     EXPECT_EQ(stage.link_faults[6].delay, std::chrono::milliseconds(50));
     EXPECT_EQ(stage.link_faults[7].at.value, 29);
 }
@@ -194,6 +196,8 @@ TEST(TwinStageFile, NamesTheKeyOfEveryMistake) {
         {"faults: [{fault: encoder_jump, axis: x, at: {move: 7}, size_deg: 5}]",
          "faults[0].size_um"},
         {"faults: [{fault: late_reply, at: {move: 7}}]", "faults[0].delay_ms"},
+        {"faults: [{fault: exception, at: {move: 7}, code: 4, carried_out: true}]",
+         "faults[0].carried_out"},
         {"faults: [{fault: exception, at: {move: 7}, code: 256}]", "faults[0].code"}};
     for (const auto& [rest, key] : cases) {
         try {

@@ -25,7 +25,7 @@ public:
         : station(read_station(write_station(folder, text))),
           null_(std::fopen("/dev/null", "w")),
           progress_(null_, false, clock) {
-        picture = [this](const CaptureSettings&) {
+        picture = [](const CaptureSettings&) {
             return CodeImage{cv::Mat(240, 320, CV_8UC1, cv::Scalar(130)), 8};
         };
     }

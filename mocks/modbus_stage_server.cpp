@@ -51,7 +51,7 @@ private:
 FileDescriptor listen_on(int port) {
     const std::string device = fmt::format("stage controller 127.0.0.1:{}", port);
     if (port < 0 || port > 65535)
-        throw ConfigError({device}, "the port must be 0 (any) to 65535");
+        throw ConfigError({device, 0, {}}, "the port must be 0 (any) to 65535");
     FileDescriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
     const int on = 1;
     sockaddr_in address{};

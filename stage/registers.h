@@ -1,8 +1,6 @@
 // The four spaces of Modbus registers and the limits of one request (MODBUS Application Protocol
-// V1.1b3), and 32-bit numbers in two registers.
+// V1.1b3).
 #pragma once
-
-#include <cstdint>
 
 namespace etalon {
 
@@ -28,12 +26,5 @@ constexpr int most_read(RegisterSpace space) {
 constexpr int most_written(RegisterSpace space) {
     return is_bits(space) ? 1968 : 123;
 }
-
-// 32-bit values in two registers, high word first. Every value round-trips.
-std::int32_t int32_from_registers(std::uint16_t high, std::uint16_t low);
-struct RegisterPair {
-    std::uint16_t high, low;
-};
-RegisterPair registers_from_int32(std::int32_t value);
 
 }  // namespace etalon

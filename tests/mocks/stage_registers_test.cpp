@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <utility>
+
 #include "stage/registers.h"
 
 namespace etalon {
@@ -18,6 +20,15 @@ constexpr std::uint16_t enabled = 1, homed = 2, moving = 4, in_position = 8, ala
 std::vector<Axis> two_axes() {
     return {{.name = "x", .low = -70.0, .high = 500.0, .speed = 100.0},
             {.name = "rz", .kind = Axis::Kind::rotary, .low = -1.0, .high = 2.0, .speed = 1.0}};
+}
+
+// 32 bits in two registers, high word first, as the generic profile says.
+std::pair<std::uint16_t, std::uint16_t> registers_from_int32(std::int32_t value) {
+    const auto bits = static_cast<std::uint32_t>(value);
+    return {static_cast<std::uint16_t>(bits >> 16), static_cast<std::uint16_t>(bits & 0xFFFFU)};
+}
+std::int32_t int32_from_registers(std::uint16_t high, std::uint16_t low) {
+    return static_cast<std::int32_t>(static_cast<std::uint32_t>(high) << 16 | low);
 }
 
 struct Rig {

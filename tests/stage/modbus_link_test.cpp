@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
-
 namespace etalon {
 namespace {
 
@@ -78,24 +76,6 @@ ModbusReply refusal(int exception) {
 }
 using Steps = std::vector<std::string>;
 using Heard = ModbusTransport::Heard;
-
-TEST(ModbusInt32, HasTheHighWordFirst) {
-    const auto [high, low] = registers_from_int32(0x00070005);
-    EXPECT_EQ(high, 7);
-    EXPECT_EQ(low, 5);
-    EXPECT_EQ(int32_from_registers(7, 5), 7 * 65536 + 5);
-}
-
-TEST(ModbusInt32, RoundTripsWhereSignedMacrosFail) {
-    constexpr std::int32_t least = std::numeric_limits<std::int32_t>::min();
-    constexpr std::int32_t most = std::numeric_limits<std::int32_t>::max();
-    for (const std::int32_t value : {0, 1, -1, 32767, 32768, -32768, -32769, 65535, 65536, -65536,
-                                     40000, -40000, least, most}) {
-        const auto [high, low] = registers_from_int32(value);
-        EXPECT_EQ(int32_from_registers(high, low), value);
-    }
-    EXPECT_EQ(int32_from_registers(0xFFFF, 0xFFF9), -7);
-}
 
 TEST(ModbusLink, RefusesWhatDoesNotFitIntoARequestWithoutConnecting) {
     VirtualClock clock;

@@ -158,7 +158,10 @@ void V4l2Camera::require_alive(const std::string& request) const {
 
 CameraAbilities V4l2Camera::abilities() const {
     require_alive("list abilities");
-    return {device_->formats(), controls_->list()};
+    CameraAbilities abilities{device_->formats(), controls_->list()};
+    if (const auto frame_rate = device_->frame_rate_control())
+        abilities.controls.push_back(*frame_rate);
+    return abilities;
 }
 
 // ---- settings ------------------------------------------------------------------------------
@@ -204,8 +207,11 @@ const PixelFormat& V4l2Camera::chosen_format(const CaptureSettings& wanted) {
     return *format;
 }
 
-// Those asked for by name come last: who asks for sharpness gets it.
+// The frame rate comes first, since it limits the exposure. Those asked for by name come last: who
+// asks for sharpness gets it.
 void V4l2Camera::apply_controls(const CaptureSettings& wanted) {
+    if (const auto rate = wanted.controls.find(frame_rate_name); rate != wanted.controls.end())
+        device_->set_frame_rate(rate->second);
     remarks_ = controls_->bring_to_rest();
     if (wanted.exposure.count())
         controls_->set_exposure(wanted.exposure);
@@ -215,7 +221,8 @@ void V4l2Camera::apply_controls(const CaptureSettings& wanted) {
     if (wanted.black_level)
         controls_->set("black_level", *wanted.black_level);
     for (const auto& [name, value] : wanted.controls)
-        controls_->set(name, value);
+        if (name != frame_rate_name)
+            controls_->set(name, value);
 }
 
 CaptureSettings V4l2Camera::read_back(const CaptureSettings& wanted) {
@@ -230,7 +237,8 @@ CaptureSettings V4l2Camera::read_back(const CaptureSettings& wanted) {
     if (wanted.black_level)
         actual.black_level = controls_->get("black_level");
     for (const auto& [name, value] : wanted.controls)
-        actual.controls[name] = controls_->get(name);
+        actual.controls[name] =
+            name == frame_rate_name ? device_->frame_rate().value_or(0.0) : controls_->get(name);
     return actual;
 }
 

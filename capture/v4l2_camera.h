@@ -15,7 +15,7 @@
 // old by their stamps are thrown away until the time-out.
 //
 // Gains of this interface have no unit: gain_db must be 0, which is the lowest gain; set others
-// by name in CaptureSettings::controls.
+// by name in CaptureSettings::controls. So is the frame rate, as "frame_rate" (Hz).
 #pragma once
 
 #include <memory>

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <future>
 #include <system_error>
@@ -16,7 +17,8 @@ namespace etalon {
 namespace {
 
 constexpr std::uint32_t big_endian_bit = 1u << 31;
-constexpr double longest_period_s = 3600.0;           // between frames; more is no answer
+constexpr double longest_period_s = 3600.0;  // between frames; more is no answer
+constexpr double highest_rate_hz = 1e5;
 constexpr std::chrono::milliseconds run_limit{1200};  // twice (stream, file) within 3 s
 
 // A field of fixed size that the driver need not end with a zero.
@@ -72,6 +74,15 @@ void ask_for(v4l2_format& format, bool multi_planar, std::uint32_t fourcc, int w
         set(format.fmt.pix_mp);
     else
         set(format.fmt.pix);
+}
+
+double seconds(const v4l2_fract& period) {
+    return period.denominator ? double(period.numerator) / period.denominator : 0.0;
+}
+
+// Drivers count periods in whole microseconds or 100 ns.
+double rate_hz(double period_s) {
+    return std::round(100.0 / period_s) / 100.0;
 }
 
 FrameSizes frame_sizes(const v4l2_frmsizeenum& answer) {
@@ -254,11 +265,63 @@ Duration V4l2Device::frame_period() {
     answer.type = buffer_type();
     if (ask(VIDIOC_G_PARM, &answer) != 0)
         return {};
-    const v4l2_fract& period = answer.parm.capture.timeperframe;
-    const double seconds = period.denominator ? double(period.numerator) / period.denominator : 0.0;
-    if (seconds > longest_period_s)
+    const double period_s = seconds(answer.parm.capture.timeperframe);
+    if (period_s > longest_period_s)
         return {};
-    return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
+    return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(period_s));
+}
+
+std::optional<double> V4l2Device::frame_rate() {
+    const std::chrono::duration<double> period = frame_period();
+    return period.count() > 0.0 ? std::optional(rate_hz(period.count())) : std::nullopt;
+}
+
+void V4l2Device::set_frame_rate(double hz) {
+    const std::string what = fmt::format("set {} to {}", frame_rate_name, hz);
+    if (!(hz >= 1.0 / longest_period_s && hz <= highest_rate_hz))
+        fail(what, "that is no frame rate");
+    v4l2_streamparm wanted{};
+    wanted.type = buffer_type();
+    require(VIDIOC_G_PARM, &wanted, what);
+    if (!(wanted.parm.capture.capability & V4L2_CAP_TIMEPERFRAME))
+        fail(what, "the driver cannot set it");
+    constexpr unsigned ten_thousand = 10000;
+    wanted.parm.capture.timeperframe = {ten_thousand,
+                                        static_cast<std::uint32_t>(std::lround(hz * ten_thousand))};
+    require(VIDIOC_S_PARM, &wanted, what);
+}
+
+std::optional<CameraControl> V4l2Device::frame_rate_control() {
+    const std::optional<double> now = frame_rate();
+    if (!now)
+        return std::nullopt;
+    CameraControl control;
+    control.name = frame_rate_name;
+    control.value = fmt::format("{}", *now);
+    control.unit = "Hz";
+    list_frame_rates(control);
+    return control;
+}
+
+// Those of the image format that is set.
+void V4l2Device::list_frame_rates(CameraControl& control) {
+    v4l2_format format{};
+    format.type = buffer_type();
+    if (ask(VIDIOC_G_FMT, &format) != 0)
+        return;
+    const Layout image = layout_of(format, multi_planar_);
+    v4l2_frmivalenum answer{};
+    answer.pixel_format = image.fourcc;
+    answer.width = image.width;
+    answer.height = image.height;
+    for (; answer.index < 256 && ask(VIDIOC_ENUM_FRAMEINTERVALS, &answer) == 0; ++answer.index) {
+        if (answer.type != V4L2_FRMIVAL_TYPE_DISCRETE) {
+            control.low = rate_hz(seconds(answer.stepwise.max));
+            control.high = rate_hz(seconds(answer.stepwise.min));
+            return;
+        }
+        control.choices.push_back(fmt::format("{}", rate_hz(seconds(answer.discrete))));
+    }
 }
 
 }  // namespace etalon

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -69,9 +70,16 @@ public:
     // Between two frames, as the driver says; 0 where it does not.
     Duration frame_period();
 
+    // The frame rate, which is no control of V4L2's but is set and listed like one (Hz, told to a
+    // hundredth). Nothing where the driver does not say.
+    std::optional<double> frame_rate();
+    void set_frame_rate(double hz);  // throws where it is none or the driver refuses
+    std::optional<CameraControl> frame_rate_control();
+
 private:
     void read_capability();
     std::vector<FrameSizes> sizes(std::uint32_t fourcc);
+    void list_frame_rates(CameraControl& control);
 
     V4l2System& system_;
     std::string name_;
@@ -80,6 +88,8 @@ private:
     bool lost_ = false;
     V4l2Identity identity_;
 };
+
+constexpr const char* frame_rate_name = "frame_rate";  // in CaptureSettings::controls
 
 // A format's four characters without trailing blanks, as people write them: "Y10", "Y16 -BE".
 std::string v4l2_format_name(std::uint32_t fourcc);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 
 #include "capture/pixel_formats.h"
@@ -75,6 +76,8 @@ void FakeV4l2::plug_in(const std::string& as_node) {
     width = 640;
     height = 480;
     format = "YUYV";
+    period = unset_period_.value_or(period);
+    unset_period_.reset();
 }
 
 FakeControl& FakeV4l2::control(const std::string& name) {
@@ -159,6 +162,10 @@ int FakeV4l2::answer(unsigned long request, void* argument) {
             return set_format(argument);
         case VIDIOC_G_PARM:
             return get_rate(argument);
+        case VIDIOC_S_PARM:
+            return set_rate(argument);
+        case VIDIOC_ENUM_FRAMEINTERVALS:
+            return enumerate_rate(argument);
         case VIDIOC_QUERY_EXT_CTRL:
             return query_control(argument);
         case VIDIOC_QUERYMENU:
@@ -272,9 +279,30 @@ int FakeV4l2::set_format(void* argument) {
 int FakeV4l2::get_rate(void* argument) const {
     if (!says_period)
         return ENOTTY;
-    auto& period_now = static_cast<v4l2_streamparm*>(argument)->parm.capture.timeperframe;
-    period_now.numerator = static_cast<std::uint32_t>(period / 1us);
-    period_now.denominator = 1000000;
+    auto& capture = static_cast<v4l2_streamparm*>(argument)->parm.capture;
+    capture.capability = sets_period ? V4L2_CAP_TIMEPERFRAME : 0;
+    capture.timeperframe = {static_cast<std::uint32_t>(period / 1us), 1000000};
+    return 0;
+}
+
+int FakeV4l2::set_rate(void* argument) {
+    const auto& wanted = static_cast<v4l2_streamparm*>(argument)->parm.capture.timeperframe;
+    const double hz = double(wanted.denominator) / wanted.numerator;
+    const int nearest =
+        *std::min_element(frame_rates.begin(), frame_rates.end(),
+                          [=](int a, int b) { return std::abs(a - hz) < std::abs(b - hz); });
+    unset_period_ = unset_period_.value_or(period);
+    period = Duration(1s) / nearest;
+    return get_rate(argument);
+}
+
+int FakeV4l2::enumerate_rate(void* argument) const {
+    auto& answer = *static_cast<v4l2_frmivalenum*>(argument);
+    if (answer.index >= frame_rates.size() || answer.pixel_format != fourcc(format) ||
+        answer.width != static_cast<std::uint32_t>(width))
+        return EINVAL;
+    answer.type = V4L2_FRMIVAL_TYPE_DISCRETE;
+    answer.discrete = {1, static_cast<std::uint32_t>(frame_rates[answer.index])};
     return 0;
 }
 

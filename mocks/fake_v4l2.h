@@ -58,7 +58,8 @@ public:
     Duration exposure = std::chrono::milliseconds(7);  // where there is no control for it
     Stamps stamps = Stamps::frame_end;
     unsigned padding = 0;  // bytes behind each line
-    bool says_period = true;
+    bool says_period = true, sets_period = true;
+    std::vector<int> frame_rates{25, 50};  // Hz; the nearest is taken
 
     // ---- what it does
     // The bytes of the frame whose exposure begins then, lines padded.
@@ -108,6 +109,8 @@ private:
     int get_format(void* argument) const;
     int set_format(void* argument);
     int get_rate(void* argument) const;
+    int set_rate(void* argument);
+    int enumerate_rate(void* argument) const;
     int query_control(void* argument) const;
     int query_menu(void* argument) const;
     int access_control(void* argument, bool set);
@@ -129,6 +132,7 @@ private:
     int next_file_ = 3;
     bool plugged_ = true, streaming_ = false;
     std::vector<FakeControl> defaults_;
+    std::optional<Duration> unset_period_;  // before one was set
     std::vector<std::vector<std::uint8_t>> memory_;
     std::deque<unsigned> queued_;
     std::deque<Filled> filled_;

@@ -18,6 +18,7 @@ namespace etalon {
 namespace {
 
 using namespace std::chrono_literals;
+using testing::AllOf;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -134,6 +135,9 @@ TEST_F(V4l2, ListsFormatsAndControls) {
     EXPECT_EQ(control("exposure_time_absolute").unit, "100 us");
     EXPECT_EQ(control("gain").low, 3.0);
     EXPECT_EQ(control("gain").value, "20");
+    EXPECT_EQ(control("frame_rate").value, "25");
+    EXPECT_EQ(control("frame_rate").unit, "Hz");
+    EXPECT_THAT(control("frame_rate").choices, ElementsAre("25", "50"));
 }
 
 // ---- settings --------------------------------------------------------------------------------
@@ -191,6 +195,41 @@ TEST_F(V4l2, RefusesControlsThatAreNotSetAsAsked) {
     EXPECT_THAT(error_with("gain", 70), HasSubstr("gain = 50"));
     device_.errors[VIDIOC_S_EXT_CTRLS] = EIO;
     EXPECT_THAT(error_with("gain", 70), HasSubstr("EIO"));
+}
+
+TEST_F(V4l2, SetsTheFrameRateAndSetsItAgainWhenTheDeviceReturns) {
+    settings_.controls["frame_rate"] = 50;
+    auto camera = open();
+    EXPECT_EQ(camera->configure(settings_).controls.at("frame_rate"), 50);
+    EXPECT_EQ(device_.period, 20ms);
+    device_.unplug();
+    device_.plug_in("/dev/video0");
+    EXPECT_EQ(device_.period, 40ms);
+    camera->reconnect(clock_.now() + 1s, {});
+    EXPECT_EQ(device_.period, 20ms);
+}
+
+TEST_F(V4l2, RefusesAFrameRateThatIsNotSetAsAsked) {
+    const auto error_with = [&](double hz) {
+        CaptureSettings settings = settings_;
+        settings.controls["frame_rate"] = hz;
+        return configure_error(settings);
+    };
+    EXPECT_THAT(error_with(30),
+                AllOf(HasSubstr("set frame_rate to 30"), HasSubstr("the device uses 25")));
+    EXPECT_THAT(error_with(0), HasSubstr("no frame rate"));
+    EXPECT_THAT(error_with(std::nan("")), HasSubstr("no frame rate"));
+    device_.sets_period = false;
+    EXPECT_THAT(error_with(50), HasSubstr("cannot set it"));
+    device_.says_period = false;
+    EXPECT_THAT(error_with(50), HasSubstr("set frame_rate to 50"));
+}
+
+// A driver that counts in whole microseconds.
+TEST_F(V4l2, TakesARoundedPeriodForTheFrameRateThatWasAsked) {
+    device_.frame_rates = {30};
+    settings_.controls["frame_rate"] = 30;
+    EXPECT_EQ(open()->configure(settings_).controls.at("frame_rate"), 30);
 }
 
 TEST_F(V4l2, RoundsTheExposureToTheStepsOf100Microseconds) {

@@ -41,13 +41,6 @@ public:
         return false;
     }
 
-    void set_rate(unsigned frames_per_second, unsigned type) {
-        v4l2_streamparm rate{};
-        rate.type = type;
-        rate.parm.capture.timeperframe = {1, frames_per_second};
-        ioctl(file_, VIDIOC_S_PARM, &rate);
-    }
-
 private:
     int file_;
 };
@@ -71,8 +64,6 @@ public:
         Node node(path_of(device));
         node.set("OSD Text Mode", 2);  // none: it would change with time
         node.set("Test Pattern", 4);   // squares of all colours
-        node.set_rate(
-            30, device == 0 ? V4L2_BUF_TYPE_VIDEO_CAPTURE : V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE);
     }
 
     std::string missing() const override {
@@ -88,16 +79,22 @@ public:
         settings.height = height;
         settings.bits = bits_;
         settings.format = format_;
+        settings.controls["frame_rate"] = 30;
         return settings;
     }
     std::vector<Refusal> refusals() const override {
         CaptureSettings wide = settings(), deep = settings(), exposed = settings(),
-                        triggered = settings();
+                        triggered = settings(), fast = settings();
         wide.width = 322;
         deep.bits = 15;
         exposed.exposure = 7ms;
         triggered.trigger = "Line1";
-        return {{wide, "322"}, {deep, "15 bits"}, {exposed, "7000 us"}, {triggered, "Line1"}};
+        fast.controls["frame_rate"] = 1001;
+        return {{wide, "322"},
+                {deep, "15 bits"},
+                {exposed, "7000 us"},
+                {triggered, "Line1"},
+                {fast, "1001"}};
     }
 
 private:

@@ -31,6 +31,10 @@ void FakeStage::home(std::stop_token stop) {
     position_.assign(axes_.size(), 0.0);
 }
 
+void FakeStage::resume() {
+    require(enabled_ && homed_, "resume", "the axes are not homed");
+}
+
 void FakeStage::move(std::span<const double> target, std::stop_token stop) {
     require(homed_, "move", "the axes are not homed");
     require_within_limits(axes_, target, {"fake stage", 0, "move"});

@@ -16,6 +16,7 @@ public:
     const std::vector<Axis>& axes() const override { return axes_; }
     void enable(std::stop_token stop) override;
     void home(std::stop_token stop) override;
+    void resume() override;
     void move(std::span<const double> target, std::stop_token stop) override;
     void limit_speed(double share) override { speed_share_ = share; }
     std::vector<double> position() override { return position_; }

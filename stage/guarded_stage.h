@@ -22,6 +22,7 @@ public:
     const std::vector<Axis>& axes() const override { return stage_->axes(); }
     void enable(std::stop_token stop) override { stage_->enable(stop); }
     void home(std::stop_token stop) override { stage_->home(stop); }
+    void resume() override { stage_->resume(); }
 
     // Throws ConfigError, before anything moves, for a target that is not allowed or to which no
     // way is found.

@@ -150,6 +150,35 @@ void ModbusStage::home(std::stop_token stop) {
     });
 }
 
+void ModbusStage::require_homed(const Statuses& axes) const {
+    if (!profile_.has(Signal::homed))
+        throw DeviceError(link_.device(), "resume",
+                          "the controller does not tell whether its axes are homed");
+    const auto refuse = [&](std::size_t i, const std::string& what) {
+        throw DeviceError(link_.device(), "resume",
+                          fmt::format("axis {} {}", axes_[i].name, what));
+    };
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        if (axes[i].alarm != 0)
+            refuse(i, "has " + profile_.describe_alarm(axes[i].alarm));
+        if (axes[i].emergency_stop)
+            refuse(i, "is in emergency stop");
+        if (axes[i].moving || axes[i].homing)
+            refuse(i, "moves");
+        if (!axes[i].enabled)
+            refuse(i, "is not enabled: home the axes first");
+        if (!axes[i].homed)
+            refuse(i, "is not homed: home the axes first");
+    }
+}
+
+void ModbusStage::resume() {
+    require_usable("resume");
+    require_homed(poll());
+    ever_enabled_ = true;
+    state_ = State::homed;
+}
+
 void ModbusStage::move(std::span<const double> target, std::stop_token stop) {
     require_usable("move");
     if (state_ != State::homed)
@@ -217,7 +246,7 @@ bool ModbusStage::stop() noexcept {
 
 std::unique_ptr<Stage> open_stage(const StageLink& link, const std::string& profile,
                                   std::vector<Axis> axes, Clock& clock) {
-    return std::make_unique<ModbusStage>(link, builtin_stage_profile(profile), std::move(axes),
+    return std::make_unique<ModbusStage>(link, named_stage_profile(profile), std::move(axes),
                                          clock);
 }
 

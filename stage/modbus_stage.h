@@ -48,6 +48,7 @@ public:
     // Also resets alarms that are left from before; one that stays is a DeviceError.
     void enable(std::stop_token stop) override;
     void home(std::stop_token stop) override;
+    void resume() override;
     void move(std::span<const double> target, std::stop_token stop) override;
     void limit_speed(double share) override;
     std::vector<double> position() override;
@@ -82,6 +83,7 @@ private:
     void guarded(const std::function<void()>& action);
     Run begin(const char* request, Guards guards, std::stop_token stop);
     void require_left_alone(const Statuses& axes) const;
+    void require_homed(const Statuses& axes) const;
     std::string describe(const Statuses& axes) const;
 
     // modbus_stage_run.cpp: sequences and waiting

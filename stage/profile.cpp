@@ -107,4 +107,8 @@ std::string StageProfile::describe_alarm(int code) const {
                                  : fmt::format("alarm {} ({})", code, known->second);
 }
 
+StageProfile named_stage_profile(const std::string& name) {
+    return name.ends_with(".yaml") ? read_stage_profile(name) : builtin_stage_profile(name);
+}
+
 }  // namespace etalon

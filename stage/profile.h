@@ -217,4 +217,7 @@ StageProfile stage_profile_from_text(const std::string& text, const std::string&
 StageProfile builtin_stage_profile(const std::string& name);
 std::vector<std::string> builtin_stage_profile_names();  // without the bases
 
+// What station.yaml and people may name: a built-in profile, or a file that ends in .yaml.
+StageProfile named_stage_profile(const std::string& name);
+
 }  // namespace etalon

@@ -5,7 +5,7 @@
 //   * destroying the object stops every axis, whatever the reason (best effort, bounded by the
 //     profile's time for stopping, at most 3 s; on a fresh connection when the old one is broken).
 //
-// States: connected -> enabled -> homed <-> moving; an alarm or a lost link leads to faulted, from
+// States: connected -> enabled -> homed <-> moving (or at once homed, by resume()); an alarm or a lost link leads to faulted, from
 // where only stop() is allowed. One thread owns a stage.
 #pragma once
 
@@ -40,6 +40,11 @@ public:
     virtual void enable(std::stop_token stop) = 0;
     virtual void home(std::stop_token stop) = 0;
 
+    // In place of enable() and home(): goes on where an earlier program left the axes. Commands
+    // nothing. Throws DeviceError unless every axis is enabled, says itself that it is homed, rests
+    // and has no alarm.
+    virtual void resume() = 0;
+
     // Moves all axes together, returns when every one is done and settled. Throws ConfigError for a
     // target outside the soft limits (before anything moves), DeviceError for an alarm, a lost link
     // or a move that does not end in time, Interrupted on request; the axes are stopped first.
@@ -64,8 +69,8 @@ public:
     virtual void set_trace(std::function<void(const std::string&)>) {}
 };
 
-// Opens a stage on Modbus TCP or RTU that speaks the given profile ("generic", the only one so
-// far). Throws ConfigError for an unknown profile, DeviceError when nobody answers.
+// Opens a stage on Modbus TCP or RTU that speaks the given profile, built in ("generic") or a file
+// ("stage.yaml"). Throws ConfigError for an unknown profile, DeviceError when nobody answers.
 std::unique_ptr<Stage> open_stage(const StageLink& link, const std::string& profile,
                                   std::vector<Axis> axes, Clock& clock);
 

@@ -120,4 +120,28 @@ struct QualifyArguments {
 };
 int run_qualify(const QualifyArguments& arguments);
 
+// `etalon stage ...`: one structure for all of them but `check`.
+struct StageArguments {
+    std::filesystem::path station;
+    std::vector<std::string> targets;  // move and jog: "x=12.5", mm or degrees
+    double speed_percent = 100.0;      // of the axes' speeds
+    int polls = 1;                     // trace
+    bool yes = false;                  // home: do not ask
+    bool trace = false;                // print every exchange on stderr
+    bool json = false;
+};
+int run_stage_status(const StageArguments& arguments);
+int run_stage_home(const StageArguments& arguments);
+int run_stage_move(const StageArguments& arguments);
+int run_stage_jog(const StageArguments& arguments);
+int run_stage_stop(const StageArguments& arguments);
+int run_stage_trace(const StageArguments& arguments);
+int run_stage_plan(const StageArguments& arguments);
+
+struct StageCheckArguments {
+    std::string profile;  // built in, or a file.yaml
+    bool json = false;
+};
+int run_stage_check(const StageCheckArguments& arguments);
+
 }  // namespace etalon

@@ -9,6 +9,7 @@
 #include "compare/limits_file.h"
 #include "core/sha256.h"
 #include "core/strict_reader.h"
+#include "stage/profile.h"
 
 namespace etalon {
 namespace {
@@ -82,10 +83,16 @@ StationCamera read_camera_section(const StrictFile& file, const Value& section) 
     return camera;
 }
 
-StationStage read_stage_section(const Value& section) {
+// A profile that is a file is meant relative to this one.
+std::string read_profile_name(const StrictFile& file, const Value& section) {
+    const std::string name = text_or(section, "profile", "generic");
+    return name.ends_with(".yaml") ? existing_file(file, section.at("profile")).string() : name;
+}
+
+StationStage read_stage_section(const StrictFile& file, const Value& section) {
     StationStage stage;
-    stage.link = read_stage_link(section.at("link"));
-    stage.profile = text_or(section, "profile", "generic");
+    stage.profile = read_profile_name(file, section);
+    stage.link = read_stage_link(section.at("link"), named_stage_profile(stage.profile).link);
     stage.axes = read_axes(section.at("axes"));
     stage.rules = read_motion_rules(section, stage.axes);
     return stage;
@@ -161,7 +168,7 @@ StationFile read_station(const std::filesystem::path& path) {
     station.id = non_empty_text(root.at("id"));
     const Value camera = root.at("camera");
     station.camera = read_camera_section(file, camera);
-    station.stage = read_stage_section(root.at("stage"));
+    station.stage = read_stage_section(file, root.at("stage"));
     station.carriage_from_marker_nominal = read_mount(root);
     if (const auto ppm = root.find("marker_size_uncertainty_ppm"))
         station.marker_size_uncertainty = ppm->number({0.0, 1e5}) * 1e-6;
@@ -181,6 +188,11 @@ StationFile read_station(const std::filesystem::path& path) {
                       identify("calibration", existing_file(file, camera.at("calibration"))),
                       identify("limits", limits_path)};
     return station;
+}
+
+StationStage read_station_stage(const std::filesystem::path& path) {
+    const StrictFile file(path, "station/1");
+    return read_stage_section(file, file.root().at("stage"));
 }
 
 }  // namespace etalon

@@ -61,7 +61,7 @@ struct StationCamera {
 
 struct StationStage {
     StageLink link;
-    std::string profile;
+    std::string profile;  // built in, or a path
     std::vector<Axis> axes;
     MotionRules rules;  // of these axes
 };
@@ -100,5 +100,9 @@ struct StationFile {
 // that the calibration has what the run needs, and that the volume fits the axes' soft limits.
 // Touches no device. Throws ConfigError with file, line and key.
 StationFile read_station(const std::filesystem::path& path);
+
+// The stage's section alone, whatever the rest of the file is: stopping the axes must not depend on
+// a calibration. Unknown keys are not looked for.
+StationStage read_station_stage(const std::filesystem::path& path);
 
 }  // namespace etalon

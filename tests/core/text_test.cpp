@@ -10,6 +10,7 @@ namespace {
 TEST(Text, ParsesWholeFiniteNumbersOnly) {
     EXPECT_EQ(parse_number(" -7.5e2 "), -750.0);
     EXPECT_EQ(parse_number("+3"), 3.0);
+    EXPECT_FALSE(parse_number("+-3"));
     for (const char* wrong : {"", "nan", "inf", "1.5x", "1,5", "0x10", "1e999", "--1"})
         EXPECT_FALSE(parse_number(wrong)) << wrong;
 }

@@ -97,7 +97,7 @@ public:
             read_block(block);
         profile_.position = read_number(root_.at("position"), "position");
         if (const auto code = root_.find("alarm_code"))
-            profile_.alarm_code = read_number(*code, "alarm_code");
+            read_alarm_code(*code);
         read_signals(root_.section("signals"));
         read_inputs(root_.section("inputs"));
         read_target(root_.at("target"));
@@ -192,6 +192,12 @@ private:
         for (int i = 0; i < registers_of(number.type); ++i)
             claim(value, {place.space, place.address + i}, whole, meaning);
         return number;
+    }
+
+    void read_alarm_code(const Value& value) {
+        profile_.alarm_code = read_number(value, "alarm_code");
+        if (profile_.alarm_code->type == NumberType::float32)
+            value.fail("must be a whole number");
     }
 
     void read_signals(const Layers& signals) {

@@ -44,11 +44,13 @@ double speed_number(const StageProfile& profile, const TargetBlock::Field& field
 
 void require_fits(const StageProfile& profile, const Axis& axis) {
     const NumberRange target = range_of(field_of(profile, TargetBlock::Field::Is::target).type);
+    const NumberRange position = range_of(profile.position.type);
     for (const double limit : {axis.low, axis.high}) {
         const double counts = profile.counts_of(axis, limit);
-        if (!(counts >= target.low && counts <= target.high))
+        if (!(counts >= std::max(target.low, position.low) &&
+              counts <= std::min(target.high, position.high)))
             throw ConfigError({"stage axes", 0, axis.name},
-                              "its soft limits exceed the counts of the target register");
+                              "its soft limits exceed what the controller's registers count");
     }
     const TargetBlock::Field& field = field_of(profile, TargetBlock::Field::Is::speed);
     const double speed = profile.register_of_speed(axis, axis.speed);

@@ -320,6 +320,14 @@ INSTANTIATE_TEST_SUITE_P(
                     "axis x cannot have come so far"}),
     [](const auto& test) { return std::string(test.param.name); });
 
+TEST(ModbusStageProfiles, AxesMustFitEveryRegisterThatCountsThem) {
+    Rig rig;
+    rig.profile.position.type = NumberType::int16;  // 3.2767 mm at 10 000 counts per mm
+    EXPECT_THROW(rig.connect(), ConfigError);
+    rig.profile.counts.per_mm = rig.profile.counts.per_deg = 40.0;
+    EXPECT_NO_THROW(rig.connect());
+}
+
 TEST(ModbusStageMoves, AFalseInPositionIsNoArrival) {
     Rig rig;
     rig.profile.limits.move_margin = 300ms;

@@ -170,6 +170,8 @@ TEST(StageProfile, NamesFileLineAndKeyOfRegistersThatAreWrong) {
               "p.yaml:14: position: lies in no block of 'poll'");
     EXPECT_EQ(error_of(replaced("{register: 10, type", "{register: 12, type")),
               "p.yaml:15: alarm_code: register 12 is 'position' already");
+    EXPECT_EQ(error_of(replaced("register: 10, type: uint16", "register: 10, type: float32")),
+              "p.yaml:15: alarm_code: must be a whole number");
     EXPECT_EQ(error_of(replaced("bit: 7", "bit: 5")),
               "p.yaml:19: signals.homed: this bit of register 11 is 'enabled' already");
     EXPECT_EQ(error_of(replaced("bit: 7", "bit: 16")),

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "mocks/modbus_stage_server.h"
@@ -32,8 +33,10 @@ class StageRig {
 public:
     // The long time-out is for tests that lose nothing: they shall pass on a busy machine.
     explicit StageRig(std::chrono::milliseconds response_timeout = std::chrono::seconds(2),
-                      Wire wire = Wire::tcp)
-        : timeout_(response_timeout) {
+                      Wire wire = Wire::tcp,
+                      StageProfile of_controller = builtin_stage_profile("generic"),
+                      std::vector<Axis> of_stage = fast_axes())
+        : profile(std::move(of_controller)), axes(std::move(of_stage)), timeout_(response_timeout) {
         if (wire == Wire::rtu) {
             line = std::make_unique<SerialPair>();
             server = std::make_unique<ModbusStageServer>(simulation, profile, *line);
@@ -52,7 +55,7 @@ public:
     }
 
     std::unique_ptr<ModbusStage> connect() {
-        return std::make_unique<ModbusStage>(link(), profile, fast_axes(), clock);
+        return std::make_unique<ModbusStage>(link(), profile, axes, clock);
     }
     std::unique_ptr<ModbusStage> connect_and_home() {
         auto stage = connect();
@@ -74,8 +77,9 @@ public:
     }
 
     SteadyClock clock;
-    StageProfile profile = builtin_stage_profile("generic");
-    SimulatedStage simulation{fast_axes(), {.homing = std::chrono::milliseconds(30)}, clock};
+    StageProfile profile;
+    std::vector<Axis> axes;
+    SimulatedStage simulation{axes, {.homing = std::chrono::milliseconds(30)}, clock};
     std::unique_ptr<SerialPair> line;  // of a serial rig
     std::unique_ptr<ModbusStageServer> server;
 

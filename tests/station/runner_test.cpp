@@ -72,6 +72,7 @@ private:
         const std::vector<Axis>& axes() const override { return stage_.axes(); }
         void enable(std::stop_token token) override { stage_.enable(token); }
         void home(std::stop_token token) override { stage_.home(token); }
+        void resume() override { stage_.resume(); }
         void move(std::span<const double> target, std::stop_token token) override {
             owner_.before_move(stage_.moves.size());
             stage_.move(target, token);

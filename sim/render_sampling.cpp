@@ -135,22 +135,35 @@ private:
                       gray_without_lens(image_.blur.largest_px));
     }
 
+    // Bounds are of one edge. In a grid of cells smaller than a pixel a pixel sees more of them,
+    // 1 / cell times the length; of very many the errors cancel. Measured in stripes, checkerboards
+    // and random cells of 0.1 to 8 px (tests/sim/small_cells_test.cpp).
+    double edges() const {
+        constexpr double most = 8.0;
+        return image_.cell_px > 0.0 ? std::clamp(1.0 / image_.cell_px, 1.0, most) : 1.0;
+    }
+    double step_of_edges() const { return image_.step * edges(); }
+    // Short pieces of an edge err as one along the pixels does.
+    EdgeTangents tangents() const {
+        return edges() > 1.0 ? image_.tangents | EdgeTangents(1) : image_.tangents;
+    }
+
     Choice of_points(int most) const {
         const double blur = image_.blur.smallest_px;
         if (blur < least_blur_for_points_px)
             return {};
         return least_k(1, most, allowed(share_of_sampling),
-                       [&](int k) { return image_.step * gray_of_points(k, blur); });
+                       [&](int k) { return step_of_edges() * gray_of_points(k, blur); });
     }
     // Blur disks much smaller than a sample's part cancel along an edge only, not at its end.
     double gray_of_points(int k, double blur_px) const {
         constexpr double least_radius = 0.6;  // of samples
         return k * blur_px < least_radius ? std::numeric_limits<double>::infinity()
-                                          : bound_.of_points(k, blur_px, image_.tangents);
+                                          : bound_.of_points(k, blur_px, tangents());
     }
     Choice of_boxes() const {
         return least_k(fewest_boxes(), most_boxes, allowed(share_of_sampling),
-                       [&](int k) { return image_.step * gray_of_boxes(k); });
+                       [&](int k) { return step_of_edges() * gray_of_boxes(k); });
     }
     bool needs_lens() const { return image_.blur.largest_px > chosen_.sampling.sharp_up_to_px; }
 
@@ -163,8 +176,9 @@ private:
             !image_.bend.is_polynomial || image_.bend.curvature > largest_curvature)
             return {};
         const auto gray = [&](int k, bool is_thinned) {
-            return image_.step * bound_.of_disks(k, *sharpened, image_.blur.smallest_px,
-                                                 image_.tangents, is_thinned);
+            return step_of_edges() * bound_.of_disks(k, *sharpened,
+                                                     disk_blur(image_.blur.smallest_px), tangents(),
+                                                     is_thinned);
         };
         if (const int k = options_.samples_per_side; k > 0)
             return {k, gray(k, false)};
@@ -177,6 +191,15 @@ private:
             thinned.k > 0 && (direct.k == 0 || cost_of_disks(thinned) < cost_of_disks(direct));
         return thin ? thinned : direct;
     }
+    // From this blur radius on; none where the lens is left out.
+    DiskBlur disk_blur(double least_px) const {
+        const double sharp = chosen_.sampling.sharp_up_to_px;
+        return {least_px <= sharp ? 0.0 : least_px, needs_lens() ? image_.blur.largest_px : 0.0,
+                one_disk_up_to_px()};
+    }
+    double one_disk_up_to_px() const {
+        return filter_.sharpened()->blur_of_one_disk_px(allowed(share_of_lens) / image_.step);
+    }
     double cost_of_disks(const Choice& disks) const {
         const int count = needs_lens() ? disks_of_lens() : 1;
         return cost(disks.k, disks.is_thinned ? 4 * count : count);
@@ -184,7 +207,7 @@ private:
     // Concentric disks that stand for a sample's disk and the lens.
     int disks_of_lens() const {
         const double gray = allowed(share_of_lens) / image_.step;
-        if (image_.blur.largest_px <= filter_.sharpened()->blur_of_one_disk_px(gray))
+        if (image_.blur.largest_px <= one_disk_up_to_px())
             return 1;
         return filter_.sharpened()->disks_for_any_blur(gray);
     }
@@ -192,7 +215,7 @@ private:
     // by the mean of the sagitta, curvature / (24 k^2).
     double gray_of_boxes(int k) const {
         const double by_bend = 255.0 * image_.bend.curvature / (24.0 * k * k);
-        return by_bend + (chosen_.with_spread ? bound_.of_boxes(k, image_.tangents) : 0.0);
+        return by_bend + (chosen_.with_spread ? bound_.of_boxes(k, tangents()) : 0.0);
     }
 
     // A sharp edge exactly along the pixels under a pattern of some hundredths of a pixel is beyond
@@ -203,8 +226,8 @@ private:
         for (const int k : {1, 2, 4, 9, 16, 24, 36, most_boxes}) {
             if (k < fewest_boxes())
                 continue;
-            const double gray = image_.step * gray_of_boxes(k);
-            if (gray <= let_pass * options_.tolerance_gray &&
+            const double gray = step_of_edges() * gray_of_boxes(k);
+            if (gray <= let_pass * edges() * options_.tolerance_gray &&
                 (best.k == 0 || gray < 0.8 * best.gray))
                 best = {k, gray};
         }
@@ -263,8 +286,8 @@ private:
     Choice forced(bool by_points) const {
         const int k = options_.samples_per_side;
         const double blur = std::max(image_.blur.smallest_px, least_blur_for_points_px);
-        return {k, image_.step *
-                       (by_points ? bound_.of_points(k, blur, image_.tangents) : gray_of_boxes(k))};
+        return {k, step_of_edges() *
+                       (by_points ? bound_.of_points(k, blur, tangents()) : gray_of_boxes(k))};
     }
 
     [[noreturn]] void refuse(bool by_points) const {
@@ -327,7 +350,7 @@ private:
         const double least =
             std::max(image_.blur.smallest_px / coarse_blur_step, least_blur_for_points_px);
         double from = std::numeric_limits<double>::infinity();
-        for (; blur >= least && image_.step * gray_of_tiles(k, blur) <= gray;
+        for (; blur >= least && step_of_edges() * gray_of_tiles(k, blur) <= gray;
              blur /= coarse_blur_step)
             from = blur;
         return from;
@@ -335,16 +358,15 @@ private:
 
     double gray_of_tiles(int k, double blur_px) const {
         return chosen_.sampling.kind == SampleKind::disk
-                   ? bound_.of_disks(k, *filter_.sharpened(), blur_px, image_.tangents)
+                   ? bound_.of_disks(k, *filter_.sharpened(), disk_blur(blur_px), tangents())
                    : gray_of_points(k, blur_px);
     }
 
     void take_disks(const Choice& disks) {
         take(disks, RenderMethod::exact_area, SampleKind::disk);
-        const double gray = allowed(share_of_lens) / image_.step;
         Sampling& sampling = chosen_.sampling;
         sampling.disk_radius_px = filter_.sharpened()->disk_radius_px();
-        sampling.one_disk_up_to_px = filter_.sharpened()->blur_of_one_disk_px(gray);
+        sampling.one_disk_up_to_px = one_disk_up_to_px();
         sampling.disks = needs_lens() ? disks_of_lens() : 1;
         add_coarser(points_of_tile(disks.k));
         if (disks.is_thinned) {

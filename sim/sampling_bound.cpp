@@ -131,6 +131,25 @@ std::vector<float> point_errors(int k, const std::vector<BlurDisk>& disks, bool 
     return errors;
 }
 
+// The sharpened spread seen along one axis, in bins of a step.
+std::vector<double> line(const SharpenedSpread& sharpened, int k) {
+    const int bins_per_px = steps_per_sample * k;
+    std::vector<double> bins(static_cast<std::size_t>(sharpened.reach_px() * bins_per_px) + 2);
+    for (std::size_t b = 0; b < bins.size(); ++b)
+        bins[b] = sharpened.line(static_cast<double>(b) / bins_per_px) / bins_per_px;
+    return bins;
+}
+
+// What stands for a sample's disk and a blur.
+std::vector<BlurDisk> two_disks(double disk_px, double blur_px) {
+    std::vector<BlurDisk> disks;
+    for (const ConcentricDisk& one : concentric_disks(2))
+        disks.push_back({std::sqrt(blur_px * blur_px + disk_px * disk_px +
+                                   2.0 * one.cosine * blur_px * disk_px),
+                         one.weight});
+    return disks;
+}
+
 // The largest error of an edge that moves by `tangent` samples from each of a pixel's k rows of
 // samples to the next.
 double largest_over_rows(const std::vector<float>& errors, int k, double tangent) {
@@ -277,31 +296,39 @@ double SamplingBound::of_points(int k, double blur_radius_px, EdgeTangents tange
     return largest;
 }
 
-// Blur takes from every frequency of the samples: there are no ripples to look for. Two disks for
-// both tell enough (sim/sharpened_spread.h).
-double SamplingBound::of_disks(int k, const SharpenedSpread& sharpened, double blur_radius_px,
+// The disks that stand for a sample's disk and the lens do so at the frequencies that the spread
+// leaves, not at those that the samples take for them: there they have ripples of their own, whose
+// largest counts. Two disks for more of them tell enough (sim/sharpened_spread.h).
+double SamplingBound::of_disks(int k, const SharpenedSpread& sharpened, const DiskBlur& blur,
                                EdgeTangents tangents, bool is_thinned) const {
-    constexpr int blurs = 30;
-    const int index_of_disks = std::numeric_limits<int>::min() + (is_thinned ? 2 * blurs : 2);
-    constexpr double bin = 1.25, least_by_disk = 0.4;
-    const double disk = sharpened.disk_radius_px(), ratio = blur_radius_px / disk / least_by_disk;
-    const int place =
-        ratio < 1.0 ? 0 : std::min(blurs, 1 + static_cast<int>(std::log(ratio) / std::log(bin)));
-    return largest_of(k, index_of_disks + place, tangents, [&] {
-        const int bins_per_px = steps_per_sample * k;
-        std::vector<double> spread(static_cast<std::size_t>(sharpened.reach_px() * bins_per_px) +
-                                   2);
-        for (std::size_t b = 0; b < spread.size(); ++b)
-            spread[b] = sharpened.line(static_cast<double>(b) / bins_per_px) / bins_per_px;
-        if (place == 0)
-            return point_errors(k, {{disk, 1.0}}, is_thinned, spread);
-        const double blur = disk * least_by_disk * std::pow(bin, place - 1);
-        std::vector<BlurDisk> disks;
-        for (const ConcentricDisk& one : concentric_disks(2))
-            disks.push_back({std::sqrt(blur * blur + disk * disk + 2.0 * one.cosine * blur * disk),
-                             one.weight});
-        return point_errors(k, disks, is_thinned, spread);
-    });
+    constexpr double bin_of_one = 1.03, bin_of_two = 1.15, no_ripples_from_samples = 3.0;
+    const double disk = sharpened.disk_radius_px();
+    const auto place = [&](double radius_px, double bin) {
+        return std::log(radius_px / disk) / std::log(bin);
+    };
+    double largest = 0.0;
+    const auto see = [&](int kind, int index, const std::vector<BlurDisk>& disks) {
+        constexpr int kinds = 4, first_index = std::numeric_limits<int>::min() / 2;
+        const int key = first_index + kinds * index + 2 * kind + (is_thinned ? 1 : 0);
+        const auto errors = [&] { return point_errors(k, disks, is_thinned, line(sharpened, k)); };
+        largest = std::max(largest, largest_of(k, key, tangents, errors));
+    };
+    if (blur.smallest_px <= blur.one_disk_up_to_px) {
+        const double most = std::min(blur.largest_px, blur.one_disk_up_to_px);
+        const auto first = static_cast<int>(place(std::hypot(disk, blur.smallest_px), bin_of_one));
+        const auto last = std::lround(place(std::hypot(disk, most), bin_of_one));
+        for (int index = first; index <= std::max<long>(first, last); ++index)
+            see(0, index, {{disk * std::pow(bin_of_one, index), 1.0}});
+    }
+    if (blur.largest_px > blur.one_disk_up_to_px) {
+        const double least = std::max(blur.smallest_px, blur.one_disk_up_to_px);
+        const double most = std::min(blur.largest_px, no_ripples_from_samples / k);
+        const auto first = static_cast<int>(std::floor(place(least, bin_of_two)));
+        const auto last = std::lround(place(most, bin_of_two));
+        for (int index = first; index <= std::max<long>(first, last); ++index)
+            see(1, index, two_disks(disk, disk * std::pow(bin_of_two, index)));
+    }
+    return largest;
 }
 
 SamplingBound::Known& SamplingBound::known_at(std::pair<int, int> key) const {

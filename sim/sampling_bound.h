@@ -23,6 +23,12 @@ namespace etalon {
 // of the pixels' axes.
 using EdgeTangents = std::bitset<17>;
 
+// Blur radii, and up to which of them one disk stands for a sample's disk and the lens together;
+// beyond, two or more.
+struct DiskBlur {
+    double smallest_px, largest_px, one_disk_up_to_px;
+};
+
 // Safe from every thread; remembers what it has computed (some ms each).
 class SamplingBound {
 public:
@@ -36,9 +42,9 @@ public:
     // Of exact areas over boxes (method C) of a sharp edge of contrast 1; gray.
     double of_boxes(int k, EdgeTangents tangents) const;
 
-    // Of exact averages over the sharpened spread's disk, for an edge of contrast 1 that is sharp
-    // or under a blur of this radius or a larger one; gray. Thinned out: from 2 k places a side.
-    double of_disks(int k, const SharpenedSpread& sharpened, double blur_radius_px,
+    // Of exact averages over the sharpened spread's disk, for an edge of contrast 1 under any of
+    // these blurs; gray. Thinned out: from 2 k places a side.
+    double of_disks(int k, const SharpenedSpread& sharpened, const DiskBlur& blur,
                     EdgeTangents tangents, bool is_thinned = false) const;
 
     // Of box averages in place of the spread, for a sharp edge of contrast 1; gray.

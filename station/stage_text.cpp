@@ -189,7 +189,8 @@ std::string stage_plan_json(std::span<const Axis> axes, const Plan& plan) {
 
 std::string stage_profile_text(const StageProfile& profile) {
     std::string text = wrapped(profile.name + ": ", profile.about);
-    text += fmt::format("  {} axes a unit, {}\n", profile.max_axes, link_text(profile.link));
+    text += fmt::format("  {} {} a unit, {}\n", profile.max_axes,
+                        profile.max_axes == 1 ? "axis" : "axes", link_text(profile.link));
     const auto list = [&](const char* title, const std::vector<std::string>& items) {
         text += fmt::format("  {}\n", title);
         for (const std::string& item : items)

@@ -50,8 +50,8 @@ void PointSpreadSampler::tabulate_profile(const std::vector<std::pair<double, do
     radius_ = {0.0};
     energy_ = {0.0};
     for (std::size_t i = 0; i + 1 < profile.size(); ++i) {
-        const auto [a, da] = profile[i];
-        const auto [b, db] = profile[i + 1];
+        const double a = profile[i].first, da = profile[i].second;
+        const double b = profile[i + 1].first, db = profile[i + 1].second;
         const auto value = [&](double t) { return (a + t * (b - a)) * (da + t * (db - da)); };
         for (int n = 0; n < parts_of_interval; ++n) {
             const double from = n / double(parts_of_interval), to = (n + 1.0) / parts_of_interval;

@@ -61,7 +61,7 @@ void TileMap::finish() {
         else
             std::fill(here.begin(), here.end(), 0.0f);
         for (std::size_t i = 0; i < width; ++i)
-            differs[i] = (here[i + 1] != here[i]) | (here[i + 1] != above[i + 1]);
+            differs[i] = int(here[i + 1] != here[i]) | int(here[i + 1] != above[i + 1]);
         if (own)
             for (std::size_t i = 0; i < own_width; ++i)
                 differs[i + 1] |= refined_[(j - 1) * own_width + i];

@@ -9,8 +9,6 @@
 namespace etalon {
 namespace {
 
-constexpr int tile_px = UndistortionMap::tile_px;
-
 // Lagrange's cubic basis on the nodes -1, 0, 1, 2, and its derivative.
 Eigen::Vector4d cubic_weights(double t) {
     return {-t * (t - 1) * (t - 2) / 6, (t + 1) * (t - 1) * (t - 2) / 2, -(t + 1) * t * (t - 2) / 2,

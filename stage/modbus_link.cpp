@@ -115,12 +115,20 @@ void ModbusLink::set_response_timeout(std::chrono::milliseconds timeout) {
 }
 
 void ModbusLink::record(const ModbusExchange& exchange) {
-    if (sink_)
+    {
+        const std::scoped_lock lock(trace_mutex_);
+        trace_.push_back(exchange);
+        if (trace_.size() > trace_length)
+            trace_.pop_front();
+    }
+    if (!sink_)
+        return;
+    try {
         sink_(exchange);
-    const std::scoped_lock lock(trace_mutex_);
-    trace_.push_back(exchange);
-    if (trace_.size() > trace_length)
-        trace_.pop_front();
+    } catch (...) {
+        sink_ = {};  // fails once, and not the stop that follows
+        throw;
+    }
 }
 
 std::vector<ModbusExchange> ModbusLink::last_exchanges() const {

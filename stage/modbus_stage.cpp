@@ -39,13 +39,16 @@ std::vector<StageUnit> make_units(ModbusLink& link, const StageProfile& profile,
 }  // namespace
 
 ModbusStage::ModbusStage(const StageLink& link, StageProfile profile, std::vector<Axis> axes,
-                         Clock& clock, std::unique_ptr<ModbusTransport> transport)
+                         Clock& clock, std::unique_ptr<ModbusTransport> transport,
+                         Opening opening)
     : link_settings_(link),
       profile_(std::move(profile)),
       axes_(std::move(axes)),
       clock_(clock),
       link_(link, clock, std::move(transport)),
       units_(make_units(link_, profile_, link.unit, axes_)) {
+    if (opening == Opening::asks_nothing)
+        return;
     poll();
     for (StageUnit& unit : units_)
         unit.read_inputs();
@@ -92,7 +95,7 @@ void ModbusStage::guarded(const std::function<void()>& action) {
         action();
     } catch (const Interrupted&) {
         if (!stop())
-            state_ = State::faulted;
+            throw DeviceError(link_.device(), "stop", "interrupted; the stop was NOT confirmed");
         throw;
     } catch (const DeviceError& error) {
         state_ = State::faulted;
@@ -124,6 +127,9 @@ void ModbusStage::enable(std::stop_token stop) {
     guarded([&] {
         const Statuses axes = poll();
         ever_enabled_ = true;
+        if (is_stop_left_on() && !this->stop())
+            throw DeviceError(link_.device(), "enable",
+                              "an earlier program's stop is still on and cannot be ended");
         if (std::ranges::any_of(axes, [](const AxisStatus& axis) { return axis.alarm != 0; })) {
             Run reset = begin("reset the alarms", {.emergency_stop = true}, stop);
             carry_out(profile_.sequences.reset, reset);
@@ -132,6 +138,14 @@ void ModbusStage::enable(std::stop_token stop) {
         carry_out(profile_.sequences.enable, run);
         state_ = State::enabled;
     });
+}
+
+// By a program that ended before its stop was confirmed. While it is on, a homing or a start may be
+// ignored without a word, and what was homed then still says so.
+bool ModbusStage::is_stop_left_on() const {
+    return profile_.inputs.contains(Input::stop) &&
+           std::ranges::any_of(units_,
+                               [](const StageUnit& unit) { return unit.is_on(Input::stop); });
 }
 
 // Limit switches may be what the axes look for.
@@ -175,6 +189,9 @@ void ModbusStage::require_homed(const Statuses& axes) const {
 void ModbusStage::resume() {
     require_usable("resume");
     require_homed(poll());
+    if (is_stop_left_on())
+        throw DeviceError(link_.device(), "resume",
+                          "an earlier program's stop is still on: stop the axes again to end it");
     ever_enabled_ = true;
     state_ = State::homed;
 }
@@ -245,9 +262,9 @@ bool ModbusStage::stop() noexcept {
 }
 
 std::unique_ptr<Stage> open_stage(const StageLink& link, const std::string& profile,
-                                  std::vector<Axis> axes, Clock& clock) {
-    return std::make_unique<ModbusStage>(link, named_stage_profile(profile), std::move(axes),
-                                         clock);
+                                  std::vector<Axis> axes, Clock& clock, Opening opening) {
+    return std::make_unique<ModbusStage>(link, named_stage_profile(profile), std::move(axes), clock,
+                                         nullptr, opening);
 }
 
 }  // namespace etalon

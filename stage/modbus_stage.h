@@ -35,7 +35,8 @@ public:
     // units) or the link's numbers are out of range, DeviceError when nobody answers. The clock
     // must outlive the stage. Without a transport libmodbus is taken.
     ModbusStage(const StageLink& link, StageProfile profile, std::vector<Axis> axes, Clock& clock,
-                std::unique_ptr<ModbusTransport> transport = nullptr);
+                std::unique_ptr<ModbusTransport> transport = nullptr,
+                Opening opening = Opening::asks);
 
     // Stops the axes if they were ever enabled by this object; leaves them enabled, since a
     // vertical axis may drop without its motor.
@@ -84,6 +85,7 @@ private:
     Run begin(const char* request, Guards guards, std::stop_token stop);
     void require_left_alone(const Statuses& axes) const;
     void require_homed(const Statuses& axes) const;
+    bool is_stop_left_on() const;
     std::string describe(const Statuses& axes) const;
 
     // modbus_stage_run.cpp: sequences and waiting

@@ -48,8 +48,8 @@ bool ModbusStage::stop_once(Instant deadline) {
     return confirmed;
 }
 
-// A stop is harmless to repeat, so it is written without reading back. A unit that does not answer
-// keeps none of the others from being told.
+// A stop is harmless to repeat, so it is written without reading back. A unit that does not answer,
+// or a trace that cannot be written, keeps none of the others from being told.
 bool ModbusStage::tell(const Step& step, Instant deadline) {
     bool all = true;
     for (StageUnit& unit : units_) {
@@ -59,7 +59,7 @@ bool ModbusStage::tell(const Step& step, Instant deadline) {
             if (step.kind == Step::Kind::pulse &&
                 profile_.inputs.at(step.input).act != InputPoint::Act::code)
                 unit.set_at_once(step.input, false);
-        } catch (const DeviceError&) {
+        } catch (const std::exception&) {
             link_.close();
             all = false;
         }
@@ -78,7 +78,7 @@ bool ModbusStage::confirm(const Step& step, Instant deadline) {
         limit_requests_to(deadline);
         try {
             resting = std::ranges::all_of(poll(1), rests) ? resting + 1 : 0;
-        } catch (const DeviceError&) {
+        } catch (const std::exception&) {
             link_.close();
             return false;
         }

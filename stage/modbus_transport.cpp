@@ -4,6 +4,7 @@
 #include <modbus.h>
 #include <poll.h>
 #include <sys/file.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -76,9 +77,12 @@ std::string LibmodbusTransport::connect(std::chrono::milliseconds timeout) {
     return failure;
 }
 
+// What a serial line has not sent yet must not go out later, and closing would wait for it.
 void LibmodbusTransport::close() noexcept {
     if (!context_)
         return;
+    if (link_.is_serial() && modbus_get_socket(context_) >= 0)
+        tcflush(modbus_get_socket(context_), TCOFLUSH);
     modbus_close(context_);
     modbus_free(context_);
     context_ = nullptr;

@@ -69,9 +69,14 @@ public:
     virtual void set_trace(std::function<void(const std::string&)>) {}
 };
 
+// For stopping alone a stage is opened without a question: a unit that does not answer must not
+// keep the others from being stopped.
+enum class Opening { asks, asks_nothing };
+
 // Opens a stage on Modbus TCP or RTU that speaks the given profile, built in ("generic") or a file
 // ("stage.yaml"). Throws ConfigError for an unknown profile, DeviceError when nobody answers.
 std::unique_ptr<Stage> open_stage(const StageLink& link, const std::string& profile,
-                                  std::vector<Axis> axes, Clock& clock);
+                                  std::vector<Axis> axes, Clock& clock,
+                                  Opening opening = Opening::asks);
 
 }  // namespace etalon

@@ -164,8 +164,32 @@ void StageUnit::read_inputs() {
         if (!word.reads_back || word.certain)
             continue;
         word.value = read(place, 1).front();
-        word.certain = true;
+        word.certain = word.known = true;
     }
+}
+
+// With one attempt, for stopping.
+void StageUnit::get_to_know(Place place, Word& word) {
+    if (word.known || !word.reads_back)
+        return;
+    try {
+        word.value = link_.read(unit_, place.first, place.second, 1, 1).front();
+        word.known = true;
+    } catch (const DeviceError&) {
+        for (const auto& [input, point] : profile_.inputs) {
+            const bool is_here = point.act == InputPoint::Act::level &&
+                                 Place{point.space, point.address} == place;
+            if (is_here && (input == Input::enable || input == Input::remote))
+                word.value = with_bit(word.value, point, true);
+        }
+    }
+}
+
+bool StageUnit::is_on(Input input) const {
+    const InputPoint& point = profile_.inputs.at(input);
+    const auto found = words_.find({point.space, point.address});
+    return point.act != InputPoint::Act::code && found != words_.end() && found->second.certain &&
+           is_given(found->second.value, point);
 }
 
 // Where the reply is missing: reads back before anything is written again.
@@ -192,6 +216,7 @@ void StageUnit::write_level(Input input, bool on) {
         read_inputs();
     word.value = with_bit(word.value, point, on);
     word.certain = false;
+    word.known = true;
     write_verified(place, {&word.value, 1}, word.reads_back, !(on && means_motion(input)));
     word.certain = true;
 }
@@ -223,6 +248,7 @@ void StageUnit::set_at_once(Input input, bool on) {
     if (point.act == InputPoint::Act::code)
         return link_.write(unit_, place.first, place.second, {&point.code, 1});
     Word& word = words_.at(place);
+    get_to_know(place, word);
     for (const auto& [other, edge] : profile_.inputs) {
         if (edge.act == InputPoint::Act::edge && Place{edge.space, edge.address} == place)
             word.value = with_bit(word.value, edge, false);

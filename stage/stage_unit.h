@@ -31,6 +31,9 @@ public:
     // Reads what the inputs are set to, so that writing one leaves the others of its register.
     void read_inputs();
 
+    // As last read or written; false when that is not known, and for codes.
+    bool is_on(Input input) const;
+
     // One input on or off; an edge that is on already goes off first. A missing reply is followed
     // by reading back, and only if that shows that nothing was written, by writing again. Throws
     // UncertainWrite where reading back tells nothing: the same input must not be given again then
@@ -42,7 +45,9 @@ public:
     // Throws UncertainWrite for a block that starts the motion.
     void write_target(std::span<const double> target, double speed_share);
 
-    // One write and no question: for stopping. Edges of the same register go off.
+    // One write and no question: for stopping. Edges of the same register go off. Only a register
+    // that was never read is read before; where that fails the motors are taken to be on, since an
+    // axis whose motor goes off may drop.
     void set_at_once(Input input, bool on);
 
     void feed_watchdog();
@@ -55,6 +60,7 @@ private:
     struct Word {
         std::uint16_t value = 0;  // as last written or read
         bool certain = false;
+        bool known = false;  // was read or written once
         bool reads_back = true;
     };
 
@@ -67,6 +73,7 @@ private:
     bool polled_signal(const std::vector<std::vector<std::uint16_t>>& blocks, Signal signal,
                        std::size_t axis, bool unavailable) const;
 
+    void get_to_know(Place place, Word& word);
     void write_level(Input input, bool on);
     void write_code(Input input);
     void write_block(const TargetBlock& block, std::span<const double> target, double speed_share);

@@ -20,9 +20,9 @@ constexpr int run_error = 4;
 // The stage with its rules, and what it is told to show. Traces go to stderr.
 class Session {
 public:
-    Session(const StationStage& stage, bool trace)
+    Session(const StationStage& stage, bool trace, Opening opening = Opening::asks)
         : profile_(named_stage_profile(stage.profile)),
-          stage_(open_stage(stage.link, stage.profile, stage.axes, clock_), stage.rules) {
+          stage_(open_stage(stage.link, stage.profile, stage.axes, clock_, opening), stage.rules) {
         if (trace)
             stage_.set_trace([](const std::string& line) { fmt::print(stderr, "{}\n", line); });
     }
@@ -108,8 +108,11 @@ int run_stage_jog(const StageArguments& arguments) {
     return move_axes(arguments, true);
 }
 
+// Ctrl-C does not end it: it takes 3 s at most, and half of it would leave the stop on.
 int run_stage_stop(const StageArguments& arguments) {
-    Session session(read_station_stage(arguments.station), arguments.trace);
+    std::stop_source ignored;
+    const StopOnSignals signals(ignored);
+    Session session(read_station_stage(arguments.station), arguments.trace, Opening::asks_nothing);
     if (!session.stage().stop()) {
         fmt::print(stderr, "etalon: the stage did NOT confirm that its axes stand still\n");
         return run_error;

@@ -18,7 +18,7 @@ using namespace std::chrono_literals;
 
 // Of the generic profile (docs/stage.md).
 constexpr int command = 200;
-constexpr std::uint16_t start_bit = 4, stop_bit = 8;
+constexpr std::uint16_t enable_bit = 1, start_bit = 4, stop_bit = 8;
 
 // Unlike the generic one in everything that a profile can say differently: targets and speeds by
 // number format, sign and offset; status in other spaces; start, stop and home by code.
@@ -98,10 +98,10 @@ public:
                  std::vector<Axis> axes = two_axes())
         : profile(std::move(profile_)), simulation(std::move(axes), {}, clock) {}
 
-    std::unique_ptr<ModbusStage> connect() {
+    std::unique_ptr<ModbusStage> connect(Opening opening = Opening::asks) {
         return std::make_unique<ModbusStage>(
             StageLink{.response_timeout = 100ms}, profile, simulation.axes(), clock,
-            std::make_unique<MemoryTransport>(controller, clock, false));
+            std::make_unique<MemoryTransport>(controller, clock, false), opening);
     }
     std::unique_ptr<ModbusStage> connect_and_home() {
         auto stage = connect();
@@ -359,6 +359,38 @@ TEST(ModbusStageMoves, NothingStartsWhenInterruptedBefore) {
     stage->move(std::vector{7.0, 0.5}, {});
 }
 
+TEST(ModbusStageMoves, AnInterruptionSaysWhenItsStopWasNotConfirmed) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    std::stop_source interrupt;
+    rig.once_beyond(20.0, [&] {
+        interrupt.request_stop();
+        rig.controller.set_script([](const ModbusRequest& request) {
+            const bool read = request.values.empty();
+            return ModbusReaction{.carry_out = read, .reply = read};
+        });
+    });
+    const std::string error = device_error_of([&] {
+        stage->move(std::vector{600.0, 1.0}, interrupt.get_token());
+    });
+    EXPECT_TRUE(has(error, "interrupted; the stop was NOT confirmed")) << error;
+    EXPECT_TRUE(has(device_error_of([&] { stage->move(std::vector{7.0, 0.5}, {}); }), "faulted"));
+}
+
+// While it is on the controller ignores homing, and says "homed" since an earlier one.
+TEST(ModbusStageMoves, AStopThatWasLeftOnIsEndedBeforeHoming) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    stage->move(std::vector{70.0, 0.5}, {});
+    stage.reset();
+    rig.controller.handle(
+        {.function = 6, .address = command, .count = 1, .values = {enable_bit | stop_bit}});
+    EXPECT_TRUE(has(device_error_of([&] { rig.connect()->resume(); }), "stop is still on"));
+    stage = rig.connect_and_home();
+    EXPECT_NEAR(rig.simulation.true_positions()[0], 0.0, 1e-9);
+    stage->move(std::vector{7.0, 0.5}, {});
+}
+
 TEST(ModbusStageMoves, TheWatchdogIsFedWhileALongMoveLasts) {
     Rig rig;
     auto stage = rig.connect_and_home();
@@ -434,6 +466,52 @@ TEST(ModbusStageUnits, ASilentOneKeepsNoOtherFromBeingStopped) {
     EXPECT_EQ(stopped, (std::set{3, 7}));
     EXPECT_LT(rig.clock.now() - start, 3500ms);
     EXPECT_FALSE(rig.simulation.is_moving());
+}
+
+// As `etalon stage move --trace | head`.
+TEST(ModbusStageUnits, ATraceThatCannotBeWrittenKeepsNoneFromBeingStopped) {
+    Rig rig(builtin_stage_profile("generic"), three_units());
+    auto stage = rig.connect_and_home();
+    stage->set_trace([&](const std::string&) {
+        if (rig.simulation.true_positions()[0] > 20.0)
+            throw std::runtime_error("broken pipe");
+    });
+    EXPECT_THROW(stage->move(std::vector{600.0, 400.0, 200.0}, {}), std::runtime_error);
+    EXPECT_FALSE(rig.simulation.is_moving());
+    EXPECT_LT(rig.simulation.true_positions()[0], 50.0);
+}
+
+// `etalon stage stop` while unit 5 is silent and another program's motion goes on.
+TEST(ModbusStageUnits, ASilentOneKeepsNoOtherFromBeingStoppedByHand) {
+    Rig rig(builtin_stage_profile("generic"), three_units());
+    auto moving = rig.connect_and_home();
+    bool stopped = true;
+    const auto stop_by_hand = [&] {
+        rig.controller.set_script([](const ModbusRequest& request) {
+            const bool answers = request.unit != 5;
+            return ModbusReaction{.carry_out = answers, .reply = answers};
+        });
+        stopped = rig.connect(Opening::asks_nothing)->stop();
+    };
+    rig.once_beyond(20.0, stop_by_hand);
+    EXPECT_THROW(moving->move(std::vector{600.0, 400.0, 200.0}, {}), DeviceError);
+    EXPECT_FALSE(stopped);
+    EXPECT_FALSE(rig.simulation.is_moving());
+    EXPECT_LT(rig.simulation.true_positions()[0], 50.0);
+}
+
+TEST(ModbusStageUnits, StoppingByHandLeavesTheMotorsOn) {
+    for (const bool reads : {true, false}) {
+        Rig rig;
+        rig.connect_and_home().reset();
+        rig.controller.set_script([&](const ModbusRequest& request) {
+            const bool lost = !reads && request.values.empty() && request.address == command;
+            return ModbusReaction{.carry_out = !lost, .reply = !lost};
+        });
+        EXPECT_TRUE(rig.connect(Opening::asks_nothing)->stop());
+        for (const AxisStatus& axis : rig.simulation.status())
+            EXPECT_TRUE(axis.enabled && axis.homed);
+    }
 }
 
 TEST(ModbusStageUnits, TheAxesOfAUnitMustStandTogetherAndFit) {

@@ -156,6 +156,18 @@ TEST(Runner, LeavesTheLastAttemptToStopToClosingAStageThatDoesNotAnswer) {
     EXPECT_EQ(mocks.events("axes stopped").at(0)["detail"], "NOT confirmed by the controller");
 }
 
+// An alarm must not look like silence: the axes of others may still move.
+TEST(Runner, StopsTheAxesWhenOneHasAnAlarmWhileItRests) {
+    StationOfMocks mocks;
+    mocks.on_status = [&](std::vector<AxisStatus>& axes) {
+        if (mocks.moves == 2)
+            axes[0].alarm = 17;
+    };
+    EXPECT_EQ(mocks.run().outcome, RunOutcome::error);
+    EXPECT_EQ(mocks.stops, 1);
+    EXPECT_EQ(mocks.events("axes stopped").at(0)["detail"], "confirmed");
+}
+
 TEST(Runner, StopsTheAxesWhenTheCameraIsGone) {
     StationOfMocks mocks;
     mocks.on_camera = [](FakeCamera& camera) { camera.triggers_left = 5; };  // 2 frames a pose
@@ -239,20 +251,63 @@ TEST(Runner, TakesThePoseFromWhatItReadsDuringTheExposures) {
     EXPECT_NEAR(pose.stage.covariance(3, 3), 0.13 / 3 + 4e-6 + scale * scale, 1e-12);
 }
 
+// What may happen to axes at rest, and what the run says about it.
+struct Disturbance {
+    void (*happens)(AxisStatus& axis);
+    const char* cause;
+};
+const Disturbance disturbances[] = {
+    {[](AxisStatus& axis) { axis.emergency_stop = true; }, "emergency stop"},
+    {[](AxisStatus& axis) { axis.alarm = 12; }, "alarm 12"},
+    {[](AxisStatus& axis) { axis.limit = true; }, "at a limit"}};
+
+// During an exposure at the third pose: the pose's other frame is not taken.
 TEST(Runner, EndsWhenTheEmergencyStopIsPressedWhileTheAxesRest) {
-    StationOfMocks mocks;
-    bool pressed = false;
-    mocks.on_status = [&](std::vector<AxisStatus>& axes) { axes[2].emergency_stop = pressed; };
-    mocks.on_camera = [&](FakeCamera&) {};
-    mocks.picture = [&](const CaptureSettings&) {
-        pressed = mocks.moves == 3;  // during an exposure at the third pose
-        return CodeImage{cv::Mat(240, 320, CV_8UC1, cv::Scalar(130)), 8};
-    };
-    const QualifyResult result = mocks.run();
-    EXPECT_EQ(result.outcome, RunOutcome::error);
-    EXPECT_EQ(result.reason, "stage: read the positions: axis z: emergency stop");
-    EXPECT_EQ(result.poses.size(), 2u);
-    EXPECT_GE(mocks.stops + mocks.closings, 1);
+    for (const Disturbance& disturbance : disturbances) {
+        StationOfMocks mocks;
+        int pictures_since = 0;
+        mocks.on_status = [&](std::vector<AxisStatus>& axes) {
+            if (pictures_since > 0)
+                disturbance.happens(axes[2]);
+        };
+        mocks.picture = [&](const CaptureSettings&) {
+            pictures_since += mocks.moves == 3;
+            return CodeImage{cv::Mat(240, 320, CV_8UC1, cv::Scalar(130)), 8};
+        };
+        const QualifyResult result = mocks.run();
+        EXPECT_EQ(result.outcome, RunOutcome::error);
+        EXPECT_EQ(result.reason,
+                  std::string("stage: read the positions: axis z: ") + disturbance.cause);
+        EXPECT_EQ(result.poses.size(), 2u);
+        EXPECT_EQ(pictures_since, 1);
+        EXPECT_EQ(mocks.moves, 3);
+        EXPECT_EQ(mocks.stops, 1);
+        EXPECT_THAT(result.remarks, testing::Not(testing::Contains(HasSubstr("stand still"))));
+    }
+}
+
+// While the stage settles after the third move: 40 ms, asked every 20 ms.
+TEST(Runner, SeesAnEmergencyStopWithinOnePollPeriodWhileTheAxesSettle) {
+    for (const Disturbance& disturbance : disturbances) {
+        StationOfMocks mocks;
+        std::optional<Instant> happened, seen;
+        mocks.on_status = [&](std::vector<AxisStatus>& axes) {
+            if (mocks.moves != 3)
+                return;
+            happened = happened.value_or(mocks.clock.now() + std::chrono::milliseconds(1));
+            if (mocks.clock.now() < *happened)
+                return;
+            seen = seen.value_or(mocks.clock.now());
+            disturbance.happens(axes[2]);
+        };
+        const QualifyResult result = mocks.run();
+        EXPECT_THAT(result.reason, HasSubstr(disturbance.cause));
+        ASSERT_TRUE(seen);
+        EXPECT_LE(*seen - *happened, std::chrono::milliseconds(20));
+        EXPECT_EQ(mocks.moves, 3);
+        EXPECT_EQ(mocks.stops, 1);
+        EXPECT_EQ(result.poses.size(), 2u);
+    }
 }
 
 TEST(Runner, KeepsOutOfForbiddenBoxes) {

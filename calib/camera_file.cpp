@@ -5,9 +5,8 @@
 #include <Eigen/Eigenvalues>
 #include <numbers>
 
-#include "calib/opencv_file.h"
+#include "calib/camera_formats.h"
 #include "calib/parameter_names.h"
-#include "calib/ros_file.h"
 #include "core/strict_reader.h"
 #include "core/text.h"
 
@@ -321,16 +320,6 @@ CameraModel read_own_camera(const std::filesystem::path& path) {
     }
     file.finish();
     return camera;
-}
-
-// cv::FileStorage writes one of these beginnings; anything else can only be ROS' plain YAML.
-CameraModel read_foreign_camera(const std::filesystem::path& path) {
-    const std::string text = read_text(path);
-    const std::string_view beginning = trimmed(text);
-    if (beginning.starts_with("%YAML") || beginning.starts_with("<?xml") ||
-        beginning.starts_with("{"))
-        return read_opencv_camera(path);
-    return read_ros_camera(path);
 }
 
 void settle_image_size(CameraModel& camera, const std::filesystem::path& path,

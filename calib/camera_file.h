@@ -1,6 +1,6 @@
 // A camera from a file and back. Our own camera.yml (`etalon: camera/1`) carries everything that
-// CameraModel has; calibrations of OpenCV (calib/opencv_file.h) and ROS (calib/ros_file.h) are read
-// as cameras without lens and sensor sections.
+// CameraModel has; calibrations of other tools (calib/camera_formats.h) are read as cameras without
+// lens and sensor sections.
 //
 //     etalon: camera/1
 //     serial: "U3V-1234"                                           # optional
@@ -31,7 +31,7 @@
 
 namespace etalon {
 
-// Reads any of the formats above; which one is told by how the file begins.
+// Reads ours or any other tool's; which one is told by the content.
 //
 // `image_size` is what the caller knows from elsewhere (a photo): it stands in where a foreign file
 // gives no size, and must agree where the file does.

@@ -1,80 +1,17 @@
 #include "calib/ros_file.h"
 
 #include <fmt/format.h>
-#include <yaml-cpp/yaml.h>
+#include <fmt/ranges.h>
 
 #include "calib/foreign_camera.h"
+#include "calib/foreign_value.h"
+#include "calib/pixel_origin.h"
 #include "core/text.h"
 
 namespace etalon {
 namespace {
 
-YAML::Node parse(const std::string& text, const std::string& file) {
-    try {
-        const YAML::Node root = YAML::Load(text);
-        if (!root.IsMap())
-            throw ConfigError({file, 1}, "is no camera calibration of a known format");
-        return root;
-    } catch (const YAML::Exception& error) {
-        throw ConfigError({file, error.mark.line + 1}, error.msg);
-    }
-}
-
-// A value of a mapping with its place. yaml-cpp lets the first of two equal keys win; here that is
-// an error.
-class Entry {
-public:
-    Entry(YAML::Node node, SourcePlace place) : node_(std::move(node)), place_(std::move(place)) {}
-
-    Entry at(const std::string& key) const {
-        if (!node_.IsMap())
-            throw ConfigError(place_, "must be a mapping (key: value)");
-        SourcePlace place = place_;
-        place.key += (place.key.empty() ? "" : ".") + key;
-        std::optional<YAML::Node> found;
-        for (const auto& entry : node_) {
-            if (!entry.first.IsScalar() || entry.first.Scalar() != key)
-                continue;
-            place.line = entry.first.Mark().line + 1;
-            if (found)
-                throw ConfigError(place, "doubled key");
-            found = entry.second;
-        }
-        if (!found)
-            throw ConfigError(place, "missing");
-        return {*found, place};
-    }
-
-    double number() const {
-        const auto value = node_.IsScalar() ? parse_number(node_.Scalar()) : std::nullopt;
-        if (!value)
-            throw ConfigError(place_, "must be a finite number");
-        return *value;
-    }
-
-    std::string text() const {
-        if (!node_.IsScalar())
-            throw ConfigError(place_, "must be a word");
-        return node_.Scalar();
-    }
-
-    std::vector<double> numbers() const {
-        if (!node_.IsSequence())
-            throw ConfigError(place_, "must be a list of numbers");
-        std::vector<double> numbers;
-        for (const YAML::Node& item : node_)
-            numbers.push_back(Entry(item, place_).number());
-        return numbers;
-    }
-
-    const SourcePlace& place() const { return place_; }
-
-private:
-    YAML::Node node_;
-    SourcePlace place_;
-};
-
-ForeignMatrix read_matrix(const Entry& entry) {
+ForeignMatrix read_matrix(const ForeignValue& entry) {
     ForeignMatrix matrix{entry.place()};
     const double rows = entry.at("rows").number(), cols = entry.at("cols").number();
     matrix.values = entry.at("data").numbers();
@@ -86,7 +23,7 @@ ForeignMatrix read_matrix(const Entry& entry) {
     return matrix;
 }
 
-void check_model(const Entry& model, const ForeignMatrix& distortion) {
+void check_model(const ForeignValue& model, const ForeignMatrix& distortion) {
     const std::string name = model.text();
     if (name != "plumb_bob" && name != "rational_polynomial")
         throw ConfigError(model.place(),
@@ -101,15 +38,41 @@ void check_model(const Entry& model, const ForeignMatrix& distortion) {
 
 CameraModel read_ros_camera(const std::filesystem::path& path) {
     const std::string file = path.string();
-    const Entry root(parse(read_text(path), file), {file, 1});
-    const Entry camera_matrix = root.at("camera_matrix");
+    const ForeignValue root = ForeignValue::parse(read_text(path), file);
+    const ForeignValue camera_matrix = root.at("camera_matrix");
     const ForeignMatrix distortion = read_matrix(root.at("distortion_coefficients"));
     check_model(root.at("distortion_model"), distortion);
     CameraModel camera = camera_from_matrices(read_matrix(camera_matrix), distortion);
-    const Entry width = root.at("image_width"), height = root.at("image_height");
+    camera.intrinsics = from_pixels_of(CalibrationTool::ros, camera.intrinsics);
+    const ForeignValue width = root.at("image_width"), height = root.at("image_height");
     camera.width = checked_image_side(width.number(), width.place());
     camera.height = checked_image_side(height.number(), height.place());
     return camera;
+}
+
+void write_ros_camera(const std::filesystem::path& path, const CameraModel& camera) {
+    require_foreign_camera(camera, path, "ROS camera_info");
+    const int count = shortest_distortion(camera, {5, 8}, path, "ROS camera_info");
+    const Intrinsics i = to_pixels_of(CalibrationTool::ros, camera.intrinsics);
+    const auto coefficients = camera.distortion.in_opencv_order();
+    std::vector<std::string> listed;
+    for (int k = 0; k < count; ++k)
+        listed.push_back(yaml_real(coefficients[static_cast<std::size_t>(k)]));
+    const std::string fx = yaml_real(i.fx), fy = yaml_real(i.fy), cx = yaml_real(i.cx),
+                      cy = yaml_real(i.cy);
+    write_text(path,
+               fmt::format("image_width: {}\nimage_height: {}\ncamera_name: camera\n"
+                           "camera_matrix:\n  rows: 3\n  cols: 3\n"
+                           "  data: [{}, 0.0, {}, 0.0, {}, {}, 0.0, 0.0, 1.0]\n"
+                           "distortion_model: {}\n"
+                           "distortion_coefficients:\n  rows: 1\n  cols: {}\n  data: [{}]\n"
+                           "rectification_matrix:\n  rows: 3\n  cols: 3\n"
+                           "  data: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]\n"
+                           "projection_matrix:\n  rows: 3\n  cols: 4\n"
+                           "  data: [{}, 0.0, {}, 0.0, 0.0, {}, {}, 0.0, 0.0, 0.0, 1.0, 0.0]\n",
+                           camera.width, camera.height, fx, cx, fy, cy,
+                           count == 5 ? "plumb_bob" : "rational_polynomial", count,
+                           fmt::join(listed, ", "), fx, cx, fy, cy));
 }
 
 }  // namespace etalon

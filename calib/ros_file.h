@@ -15,4 +15,8 @@ namespace etalon {
 // Throws ConfigError with file, line and key.
 CameraModel read_ros_camera(const std::filesystem::path& path);
 
+// plumb_bob if it holds the coefficients, else rational_polynomial; no rectification, and the
+// camera matrix as the projection. Throws ConfigError for s1..s4, tau_x and tau_y.
+void write_ros_camera(const std::filesystem::path& path, const CameraModel& camera);
+
 }  // namespace etalon

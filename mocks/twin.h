@@ -1,4 +1,4 @@
-// The twin: a stage controller on Modbus TCP and a GigE Vision camera, both on 127.0.0.1, whose
+// The twin: a stage controller on Modbus TCP or RTU and a GigE Vision camera on 127.0.0.1, whose
 // pictures show the marker where the simulated stage truly is (twin_rig.h). A station under test
 // cannot tell it from devices, except that the camera it was calibrated for may be another one.
 // Each frame has its own noise, a pure function of (seed, frames before it, pixel).
@@ -18,6 +18,7 @@ public:
     explicit Twin(const TwinFile& file);
 
     int stage_port() const { return rig_.stage_port(); }
+    std::string stage_place() const { return rig_.stage_place(); }
 
     // The parts, for tests: to script faults, and to know the truth.
     SimulatedStage& stage() { return rig_.stage(); }

@@ -79,7 +79,7 @@ TwinFile read_twin_file(const std::filesystem::path& path) {
     TwinFile twin;
     twin.seed =
         static_cast<std::uint64_t>(root.at("seed").integer(0, std::numeric_limits<int>::max()));
-    twin.stage = read_twin_stage(root.at("stage"));
+    twin.stage = read_twin_stage(file, root.at("stage"));
     read_twin_camera(file, root.at("camera"), twin);
     twin.scene = read_scene(root.at("scene"));
     file.finish();

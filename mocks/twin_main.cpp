@@ -1,5 +1,6 @@
-// etalon-twin: a virtual stage and camera on 127.0.0.1 to try `etalon qualify` on. Runs until it is
-// interrupted. Exit codes: 0 interrupted as intended, 3 usage or config error, 4 a port is taken.
+// etalon-twin: a virtual stage (on 127.0.0.1 or a serial line) and camera to try `etalon qualify`
+// on. Runs until it is interrupted. Exit codes: 0 interrupted as intended, 3 usage or config error,
+// 4 a port is taken.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -36,8 +37,8 @@ int run(const Arguments& arguments) {
     if (arguments.seed)
         file.seed = *arguments.seed;
     const etalon::Twin twin(file);
-    const std::string ready = fmt::format(
-        "twin ready: stage 127.0.0.1:{}, camera 127.0.0.1 (GigE Vision)\n", twin.stage_port());
+    const std::string ready =
+        fmt::format("twin ready: stage {}, camera 127.0.0.1 (GigE Vision)\n", twin.stage_place());
     fmt::print("{}", ready);
     std::fflush(stdout);
     if (!arguments.ready_file.empty())
@@ -56,7 +57,7 @@ int failed(int code, const std::exception& error) {
 
 int main(int argc, char** argv) {
     Arguments arguments;
-    CLI::App app("A virtual stage (Modbus TCP) and camera (GigE Vision) on 127.0.0.1.");
+    CLI::App app("A virtual stage (Modbus) and camera (GigE Vision) on 127.0.0.1.");
     declare(app, arguments);
     try {
         app.parse(argc, argv);

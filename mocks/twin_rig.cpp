@@ -1,10 +1,11 @@
 #include "mocks/twin_rig.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <vector>
 
 #include "stage/kinematics.h"
-#include "stage/profile.h"
 
 namespace etalon {
 namespace {
@@ -15,6 +16,11 @@ SimulatedStageOptions stage_options(const TwinFile& file) {
     return options;
 }
 
+// A name for a new line, if the stage is on one.
+std::optional<std::filesystem::path> line_of(const TwinStage& stage) {
+    return stage.serial.empty() ? std::nullopt : std::optional(stage.serial);
+}
+
 }  // namespace
 
 TwinRig::TwinRig(const TwinFile& file)
@@ -23,10 +29,16 @@ TwinRig::TwinRig(const TwinFile& file)
       physics_(file.true_camera, file.scene, file.method, file.seed),
       darkroom_([this](const std::vector<double>& q) { return develop(q); },
                 stage_.true_positions()),
-      server_(stage_, builtin_stage_profile(file.stage.profile), file.stage.port) {
+      line_(line_of(file.stage)),
+      server_(line_ ? ModbusStageServer(stage_, file.stage.profile, line_->pair())
+                    : ModbusStageServer(stage_, file.stage.profile, file.stage.port)) {
     server_.set_script(scripted_faults(file.stage.link_faults, stage_));
     stage_.hold_in_position_until(
         [this](const std::vector<double>& positions) { return darkroom_.shows(positions); });
+}
+
+std::string TwinRig::stage_place() const {
+    return line_ ? line_->path().string() : fmt::format("127.0.0.1:{}", stage_port());
 }
 
 Radiance TwinRig::develop(const std::vector<double>& positions) const {

@@ -1,5 +1,5 @@
-// What every twin has, whatever its camera: a stage controller on Modbus TCP, and pictures of the
-// marker where the simulated stage truly is.
+// What every twin has, whatever its camera: a stage controller on Modbus TCP or RTU, and pictures
+// of the marker where the simulated stage truly is.
 //
 //   station --Modbus--> stage --true positions--> darkroom (renders) --picture--> camera
 //
@@ -9,10 +9,13 @@
 #pragma once
 
 #include <chrono>
+#include <optional>
+#include <string>
 
 #include "core/clock.h"
 #include "mocks/darkroom.h"
 #include "mocks/modbus_stage_server.h"
+#include "mocks/serial_link.h"
 #include "mocks/simulated_stage.h"
 #include "mocks/twin_file.h"
 #include "sim/twin_physics.h"
@@ -21,11 +24,12 @@ namespace etalon {
 
 class TwinRig {
 public:
-    // Renders the first picture, then listens. Throws DeviceError when the port is taken,
-    // ConfigError for what the parts cannot be.
+    // Renders the first picture, then listens. Throws DeviceError when the port or the serial
+    // line's name is taken, ConfigError for what the parts cannot be.
     explicit TwinRig(const TwinFile& file);
 
-    int stage_port() const { return server_.port(); }  // the bound one
+    int stage_port() const { return server_.port(); }  // the bound one; 0: a serial line
+    std::string stage_place() const;                   // "127.0.0.1:1502" or "/tmp/stage"
     SimulatedStage& stage() { return stage_; }
     const TwinPhysics& physics() const { return physics_; }
     Radiance picture() const { return darkroom_.picture(); }  // safe from every thread
@@ -42,6 +46,7 @@ private:
     SimulatedStage stage_;
     TwinPhysics physics_;
     Darkroom darkroom_;
+    std::optional<SerialLink> line_;
     ModbusStageServer server_;  // last: its thread uses all the others
 };
 

@@ -211,16 +211,33 @@ void read_errors(const Value& section, TwinStage& stage) {
     }
 }
 
+// One of the two.
+void read_wire(const StrictFile& file, const Value& section, TwinStage& stage) {
+    const auto serial = section.find("serial");
+    if (!serial)
+        stage.port = section.at("port").integer(0, 65535);
+    else if (section.find("port"))
+        serial->fail("a stage has a port or a serial line, not both");
+    else
+        stage.serial = file.resolve(serial->text()).lexically_normal();
+}
+
+StageProfile read_profile(const StrictFile& file, const Value& value) {
+    const std::string name = value.text();
+    if (name.ends_with(".yaml"))
+        return read_stage_profile(file.resolve(name));
+    if (!std::ranges::count(builtin_stage_profile_names(), name))
+        value.fail(fmt::format("'{}' is no profile that is built in", name));
+    return builtin_stage_profile(name);
+}
+
 }  // namespace
 
-TwinStage read_twin_stage(const Value& section) {
+TwinStage read_twin_stage(const StrictFile& file, const Value& section) {
     TwinStage stage;
-    stage.port = section.at("port").integer(0, 65535);
-    if (const auto profile = section.find("profile")) {
-        stage.profile = profile->text();
-        if (!std::ranges::count(builtin_stage_profile_names(), stage.profile))
-            profile->fail(fmt::format("'{}' is no profile that is built in", stage.profile));
-    }
+    read_wire(file, section, stage);
+    if (const auto profile = section.find("profile"))
+        stage.profile = read_profile(file, *profile);
     stage.axes = read_axes(section.at("axes"));
     SimulatedStageOptions& options = stage.options;
     options.ramp = optional_ms(section, "ramp_ms", 1, options.ramp);

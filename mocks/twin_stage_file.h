@@ -1,9 +1,11 @@
 // The `stage` section of twin.yaml (mocks/twin_file.h): the TRUE stage, how it moves, errs and
-// fails. Every key but port and axes is optional. Of rotary axes `_um` and `_mm` are `_deg`.
+// fails. Every key but axes and port or serial is optional. Of rotary axes `_um` and `_mm` are
+// `_deg`.
 //
 //     stage:
-//       port: 1502                       # Modbus TCP on 127.0.0.1; 0: any free one
-//       profile: generic                 # the controller it behaves as; a built-in one
+//       port: 1502                       # Modbus TCP on 127.0.0.1; 0: any free one; or
+//       serial: /tmp/stage               # Modbus RTU: a link to the line is made there
+//       profile: generic                 # the controller it behaves as; built in or a file.yaml
 //       axes: [...]                      # as in station.yaml, error maps included: stage/axes.h
 //       ramp_ms: 50                      # from rest to an axis' speed
 //       jerk_ms: 20                      # until its acceleration is there: S-curves; 0: trapezoids
@@ -32,6 +34,7 @@
 //                                      # carried_out: false loses the request as well
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -39,18 +42,20 @@
 #include "mocks/modbus_fault.h"
 #include "mocks/simulated_stage_options.h"
 #include "stage/axes.h"
+#include "stage/profile.h"
 
 namespace etalon {
 
 struct TwinStage {
-    int port = 0;
-    std::string profile = "generic";
+    int port = 0;                  // Modbus TCP
+    std::filesystem::path serial;  // or Modbus RTU: where the link to the line is to be
+    StageProfile profile = builtin_stage_profile("generic");
     std::vector<Axis> axes;         // their error maps are in the options
     SimulatedStageOptions options;  // but for the seed
     std::vector<ModbusFault> link_faults;
 };
 
-// Throws ConfigError with file, line and key.
-TwinStage read_twin_stage(const Value& section);
+// Throws ConfigError with file, line and key. The section is of this file.
+TwinStage read_twin_stage(const StrictFile& file, const Value& section);
 
 }  // namespace etalon

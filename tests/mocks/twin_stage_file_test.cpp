@@ -5,6 +5,8 @@
 #include <numbers>
 
 #include "core/errors.h"
+#include "core/text.h"
+#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
@@ -22,7 +24,7 @@ axes:
 
 TwinStage read(const std::string& rest) {
     const StrictFile file = StrictFile::from_text(axes + rest, "twin.yaml", "twin/1");
-    TwinStage stage = read_twin_stage(file.root());
+    TwinStage stage = read_twin_stage(file, file.root());
     file.finish();
     return stage;
 }
@@ -30,7 +32,7 @@ TwinStage read(const std::string& rest) {
 TEST(TwinStageFile, WithoutMoreItIsAStageWithoutErrors) {
     const TwinStage stage = read("");
     EXPECT_EQ(stage.port, 1507);
-    EXPECT_EQ(stage.profile, "generic");
+    EXPECT_EQ(stage.profile.name, "generic");
     ASSERT_EQ(stage.axes.size(), 3U);
     EXPECT_EQ(stage.options.ramp, std::chrono::milliseconds(50));
     EXPECT_EQ(stage.options.jerk.count(), 0);
@@ -82,10 +84,24 @@ TEST(TwinStageFile, AnErrorMapIsTrueAndNotAppliedTwice) {
     text.replace(text.find("speed: 400}"), 11,
                  "speed: 400, error_map: [[-30, 1, 0.1], [30, 7, 0.1]]}");
     const StrictFile file = StrictFile::from_text(text, "twin.yaml", "twin/1");
-    const TwinStage stage = read_twin_stage(file.root());
+    const TwinStage stage = read_twin_stage(file, file.root());
     ASSERT_TRUE(stage.options.errors[0].map);
     EXPECT_NEAR(error_at(stage.options.errors[0], 15.0, 0.0), 0.0055, 1e-12);
     EXPECT_FALSE(stage.axes[0].errors || stage.options.errors[1].map);
+}
+
+// Both paths are relative to the file.
+TEST(TwinStageFile, MayBeASerialLineAndOfAProfileOfItsOwn) {
+    const TemporaryFolder folder;
+    write_text(folder / "mine.yaml", "etalon: stage-profile/1\nname: mine\nextends: generic\n");
+    std::string text = axes + "profile: mine.yaml\n";
+    text.replace(text.find("port: 1507"), 10, "serial: line/stage");
+    write_text(folder / "twin.yaml", text);
+    const StrictFile file(folder / "twin.yaml", "twin/1");
+    const TwinStage stage = read_twin_stage(file, file.root());
+    EXPECT_EQ(stage.serial, folder / "line/stage");
+    EXPECT_EQ(stage.profile.name, "mine");
+    EXPECT_TRUE(stage.profile.watchdog);
 }
 
 TEST(TwinStageFile, ServosAreReadByAxis) {
@@ -166,6 +182,7 @@ TEST(TwinStageFile, EveryFaultHasItsName) {
 TEST(TwinStageFile, NamesTheKeyOfEveryMistake) {
     const std::pair<std::string, std::string> cases[] = {
         {"profile: nobody", "profile"},
+        {"serial: line", "serial"},  // beside a port
         {"ramp_ms: 0", "ramp_ms"},
         {"jerk_ms: -1", "jerk_ms"},
         {"temperature: {change_k: 2}", "temperature.time_constant_s"},

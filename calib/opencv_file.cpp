@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 
 #include "calib/foreign_camera.h"
+#include "calib/pixel_origin.h"
 #include "core/text.h"
 
 namespace etalon {
@@ -69,6 +70,8 @@ OpenedFile open(const std::filesystem::path& path) {
         opened.storage.open(opened.text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
     } catch (const cv::Exception& error) {
         throw ConfigError({opened.file}, "OpenCV cannot parse it: " + one_line(error.err));
+    } catch (const std::length_error&) {  // of some unfinished tags and quotes
+        throw ConfigError({opened.file}, "OpenCV cannot parse it: a text without an end");
     }
     if (!opened.storage.isOpened() || !opened.storage.root().isMap())
         throw ConfigError({opened.file}, "is no OpenCV YAML, XML or JSON with named values");
@@ -163,6 +166,7 @@ CameraModel read_camera_from(const OpenedFile& opened) {
     const ForeignMatrix camera_matrix = read_matrix(opened, require(opened, camera_matrix_names));
     const ForeignMatrix distortion = read_matrix(opened, require(opened, distortion_names));
     CameraModel camera = camera_from_matrices(camera_matrix, distortion);
+    camera.intrinsics = from_pixels_of(CalibrationTool::opencv, camera.intrinsics);
     const auto width = find(opened, width_names), height = find(opened, height_names);
     if (width.has_value() != height.has_value())
         throw ConfigError(opened.place(width ? width->key : height->key),
@@ -189,7 +193,7 @@ CameraModel read_opencv_camera(const std::filesystem::path& path) {
 
 void write_opencv_camera(const std::filesystem::path& path, const CameraModel& camera) {
     require_perspective(camera, "an OpenCV calibration file");
-    const Intrinsics& i = camera.intrinsics;
+    const Intrinsics i = to_pixels_of(CalibrationTool::opencv, camera.intrinsics);
     const auto coefficients = camera.distortion.in_opencv_order();
     int count = 14;
     for (const int shorter : {12, 8, 5})
@@ -199,7 +203,9 @@ void write_opencv_camera(const std::filesystem::path& path, const CameraModel& c
     const cv::Matx33d camera_matrix(i.fx, 0, i.cx, 0, i.fy, i.cy, 0, 0, 1);
     const cv::Mat distortion(1, count, CV_64F, const_cast<double*>(coefficients.data()));
 
-    cv::FileStorage storage(".yml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
+    const std::string kind = path.extension();
+    cv::FileStorage storage(kind == ".xml" || kind == ".json" ? kind : ".yml",
+                            cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
     storage << "image_width" << camera.width << "image_height" << camera.height;
     storage << "camera_matrix" << cv::Mat(camera_matrix);
     storage << "distortion_coefficients" << distortion;

@@ -18,8 +18,9 @@ namespace etalon {
 // Width and height are 0 where the file gives none. Throws ConfigError.
 CameraModel read_opencv_camera(const std::filesystem::path& path);
 
-// OpenCV YAML with the shortest list of coefficients that holds all that are not 0 (at least 5);
-// numbers read back as the same doubles. Serial, covariance, lens and sensor have no place in it.
+// OpenCV YAML, or XML or JSON for a path that ends so, with the shortest list of coefficients that
+// holds all that are not 0 (at least 5); numbers read back as the same doubles. Serial, covariance,
+// lens and sensor have no place in it.
 void write_opencv_camera(const std::filesystem::path& path, const CameraModel& camera);
 
 }  // namespace etalon

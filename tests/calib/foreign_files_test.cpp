@@ -323,6 +323,24 @@ TEST(ForeignFiles, WriteWhatReadsBack) {
         }
 }
 
+TEST(OpenCvFile, WritesXmlAndJsonByTheEnding) {
+    const CameraModel camera = test::all_fourteen();
+    for (const auto& [name, beginning] :
+         {std::pair{"c.xml", "<?xml"}, std::pair{"c.json", "{"}, std::pair{"c.yml", "%YAML"}}) {
+        const auto path = written("").replace_filename(name);
+        write_opencv_camera(path, camera);
+        std::ifstream file(path);
+        std::string first;
+        file >> first;
+        EXPECT_THAT(first, testing::StartsWith(beginning));
+        EXPECT_EQ(tool_of(path), CalibrationTool::opencv);
+        const CameraModel back = read_camera(path);
+        EXPECT_EQ(back.distortion.in_opencv_order(), camera.distortion.in_opencv_order()) << name;
+        EXPECT_EQ(back.intrinsics.cy, camera.intrinsics.cy);
+        expect_size(back, camera.width, camera.height);
+    }
+}
+
 TEST(ForeignFiles, RefuseACoefficientThatTheyCannotHold) {
     for (const auto& [tool, most] : held) {
         if (most == 14)

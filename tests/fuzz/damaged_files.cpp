@@ -2,8 +2,6 @@
 
 #include <array>
 
-#include "core/random.h"
-
 namespace etalon::test {
 namespace {
 
@@ -65,9 +63,14 @@ std::vector<DamagedFile> damaged_files(std::uint64_t seed) {
     std::vector<DamagedFile> files = {
         {"camera.yml", camera_file}, {"poses.csv", csv_file}, {"poses.json", json_file}};
     for (DamagedFile& file : files)
-        for (int times = static_cast<int>(4.0 * random.uniform()); times > 0; --times)
-            damage(file.content, random);
+        file.content = damaged(std::move(file.content), random);
     return files;
+}
+
+std::string damaged(std::string text, RandomStream& random) {
+    for (int times = static_cast<int>(4.0 * random.uniform()); times > 0; --times)
+        damage(text, random);
+    return text;
 }
 
 }  // namespace etalon::test

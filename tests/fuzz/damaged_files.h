@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "core/random.h"
+
 namespace etalon::test {
 
 struct DamagedFile {
@@ -15,5 +17,8 @@ struct DamagedFile {
 // that mean trouble (nan, huge numbers, brackets, control characters), or the end cut off; one
 // in four is whole.
 std::vector<DamagedFile> damaged_files(std::uint64_t seed);
+
+// The text with up to three of these damages.
+std::string damaged(std::string text, RandomStream& random);
 
 }  // namespace etalon::test

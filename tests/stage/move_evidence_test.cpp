@@ -10,6 +10,8 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <optional>
+#include <string>
 
 #include "core/random.h"
 #include "mocks/memory_transport.h"
@@ -29,8 +31,9 @@ constexpr std::array<const char*, kinds> kind_names = {"late reply", "silence", 
                                                        "garbage",    "wrong id", "half-open",
                                                        "slow bytes", "reset"};
 
-// x: 200 mm/s; rz: 2 rad/s. What a profile leaves to the axis: 800 pulses per mm, 100 per degree
-// and counting backwards, and a unit for each where a unit has one axis.
+// x: 200 mm/s; rz: 2 rad/s. What a profile leaves to the axis: 800 pulses per mm and 5 mm per turn,
+// 100 per degree, counting backwards, and 90 degrees per turn; a unit each where a unit has one
+// axis.
 std::vector<Axis> axes_for(const StageProfile& profile) {
     std::vector<Axis> axes = {
         {.name = "x", .low = -7.0, .high = 70.0, .speed = 200.0},
@@ -41,7 +44,9 @@ std::vector<Axis> axes_for(const StageProfile& profile) {
     }
     if (!profile.counts.per_mm) {
         axes[0].counts_per_unit = 800.0;
+        axes[0].lead = 5.0;
         axes[1].counts_per_unit = -100.0 * 180.0 / std::numbers::pi;
+        axes[1].lead = 0.5 * std::numbers::pi;
     }
     return axes;
 }
@@ -62,9 +67,7 @@ struct Trouble {
 class FaultyWire {
 public:
     FaultyWire(const StageProfile& profile, Trouble trouble)
-        : trouble_(trouble),
-          targets_(profile.target.front().address),
-          starting_block_(profile.target.back().starts) {
+        : trouble_(trouble), targets_(profile.target.back().address) {
         if (const auto input = profile.inputs.find(Input::start); input != profile.inputs.end())
             start_ = input->second;
     }
@@ -106,16 +109,24 @@ private:
     }
 
     bool starts(const ModbusRequest& request) const {
-        if (starting_block_)
+        if (!start_)
             return request.address == targets_;
-        return request.address == start_.address && (request.values[0] >> start_.bit & 1) != 0;
+        const std::uint16_t value = request.values[0];
+        return request.address == start_->address &&
+               (start_->act == InputPoint::Act::code ? value == start_->code
+                                                     : (value >> start_->bit & 1) != 0);
+    }
+    // A code, or a target that starts, tells nothing when it is read.
+    bool reads_start(const ModbusRequest& request) const {
+        return start_ && start_->read_back && start_->act != InputPoint::Act::code &&
+               request.address == start_->address;
     }
 
     // New targets by themselves are a new motion, where they do not start it.
     void watch_starts(const ModbusRequest& request) {
         Given& given = given_[request.unit];
         if (request.values.empty()) {
-            given.read_back = given.read_back || request.address == start_.address;
+            given.read_back = given.read_back || reads_start(request);
         } else if (starts(request)) {
             given_again += given.times > 0;
             given_again_blindly += given.times > 0 && !given.read_back;
@@ -128,9 +139,8 @@ private:
     Trouble trouble_;
     int left_ = 0, kind_ = 0;  // of the fault that lasts
     int targets_;
-    bool starting_block_;
-    InputPoint start_{.address = -1};
-    std::map<int, Given> given_;  // by unit
+    std::optional<InputPoint> start_;  // nothing: the target starts
+    std::map<int, Given> given_;       // by unit
     RandomStream random_{20'261'121, 7};
 };
 
@@ -303,7 +313,7 @@ double seconds(Duration duration) {
     return std::chrono::duration<double>(duration).count();
 }
 
-void print(const char* name, const Rig& rig) {
+void print(const std::string& name, const Rig& rig) {
     const Figures& f = rig.figures;
     fmt::print("{}: {} moves: {} done, {} aborted ({} stops not confirmed)\n", name, moves,
                f.succeeded, f.aborted, f.unconfirmed);
@@ -318,7 +328,7 @@ void print(const char* name, const Rig& rig) {
                f.homed, seconds(f.longest));
 }
 
-void expect_promises(const char* name, Rig& rig) {
+void expect_promises(const std::string& name, Rig& rig) {
     rig.run();
     print(name, rig);
     const Figures& f = rig.figures;
@@ -355,11 +365,26 @@ TEST(MoveEvidence, GenericThroughOutages) {
     EXPECT_GT(rig.figures.unconfirmed, 10);
 }
 
-// Two drivers on a bus; the targets start the motion and tell nothing when they are read back.
-TEST(MoveEvidence, OrientalAzOverRtu) {
-    Rig rig("oriental-az", true);
-    expect_promises("oriental-az over RTU", rig);
+// The vendors' profiles, two units on a bus: starts by a bit, a code and a target.
+class MoveEvidenceOfVendors : public testing::TestWithParam<std::string> {};
+
+TEST_P(MoveEvidenceOfVendors, OverRtu) {
+    Rig rig(GetParam(), true);
+    expect_promises(GetParam() + " over RTU", rig);
 }
+
+std::vector<std::string> vendors() {
+    std::vector<std::string> names = builtin_stage_profile_names();
+    std::erase(names, "generic");
+    return names;
+}
+
+INSTANTIATE_TEST_SUITE_P(Profiles, MoveEvidenceOfVendors, testing::ValuesIn(vendors()),
+                         [](const auto& name) {
+                             std::string text = name.param;
+                             std::ranges::replace(text, '-', '_');
+                             return text;
+                         });
 
 }  // namespace
 }  // namespace etalon

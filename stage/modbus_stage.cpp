@@ -39,8 +39,7 @@ std::vector<StageUnit> make_units(ModbusLink& link, const StageProfile& profile,
 }  // namespace
 
 ModbusStage::ModbusStage(const StageLink& link, StageProfile profile, std::vector<Axis> axes,
-                         Clock& clock, std::unique_ptr<ModbusTransport> transport,
-                         Opening opening)
+                         Clock& clock, std::unique_ptr<ModbusTransport> transport, Opening opening)
     : link_settings_(link),
       profile_(std::move(profile)),
       axes_(std::move(axes)),
@@ -169,8 +168,7 @@ void ModbusStage::require_homed(const Statuses& axes) const {
         throw DeviceError(link_.device(), "resume",
                           "the controller does not tell whether its axes are homed");
     const auto refuse = [&](std::size_t i, const std::string& what) {
-        throw DeviceError(link_.device(), "resume",
-                          fmt::format("axis {} {}", axes_[i].name, what));
+        throw DeviceError(link_.device(), "resume", fmt::format("axis {} {}", axes_[i].name, what));
     };
     for (std::size_t i = 0; i < axes.size(); ++i) {
         if (axes[i].alarm != 0)

@@ -177,8 +177,8 @@ void StageUnit::get_to_know(Place place, Word& word) {
         word.known = true;
     } catch (const DeviceError&) {
         for (const auto& [input, point] : profile_.inputs) {
-            const bool is_here = point.act == InputPoint::Act::level &&
-                                 Place{point.space, point.address} == place;
+            const bool is_here =
+                point.act == InputPoint::Act::level && Place{point.space, point.address} == place;
             if (is_here && (input == Input::enable || input == Input::remote))
                 word.value = with_bit(word.value, point, true);
         }

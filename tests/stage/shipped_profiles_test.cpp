@@ -124,9 +124,24 @@ TEST(ShippedProfiles, SmcStartsAStepAndItsAlarmIsAZero) {
     EXPECT_TRUE(profile.signals.at(Signal::alarm)[0].inverted);
     EXPECT_DOUBLE_EQ(profile.register_of_speed(Axis{.name = "x"}, 30.0), 30.0);  // mm/s
     const auto& stop = profile.sequences.stop;  // HOLD goes off only after RESET
-    ASSERT_EQ(stop.size(), 4U);
-    EXPECT_EQ(stop[1].input, Input::reset);
-    EXPECT_EQ(stop[3].kind, Step::Kind::clear);
+    ASSERT_EQ(stop.size(), 5U);
+    EXPECT_EQ(stop[2].input, Input::reset);
+    EXPECT_EQ(stop[4].kind, Step::Kind::clear);
+}
+
+// A homing whose bit stays on after it was stopped might go on.
+TEST(ShippedProfiles, AStopTakesBackAHomingThatHasACoilOfItsOwn) {
+    for (const std::string& name : families) {
+        const StageProfile profile = builtin_stage_profile(name);
+        const InputPoint &home = profile.inputs.at(Input::home),
+                         &stop = profile.inputs.at(Input::stop);
+        const bool apart = home.act != InputPoint::Act::code &&
+                           std::pair(home.space, home.address) != std::pair(stop.space, stop.address);
+        const bool cleared = std::ranges::any_of(profile.sequences.stop, [](const Step& step) {
+            return step.kind == Step::Kind::clear && step.input == Input::home;
+        });
+        EXPECT_EQ(cleared, apart) << name;
+    }
 }
 
 TEST(ShippedProfiles, LeadshineRunsPathZeroInTurnsPerMinute) {

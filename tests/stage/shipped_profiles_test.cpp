@@ -47,10 +47,12 @@ TEST_P(ShippedProfile, SaysWhatItIsAndWhereThatComesFrom) {
 }
 
 TEST_P(ShippedProfile, HasAToleranceThatItsCountsCanMeet) {
-    if (profile.counts.per_mm)
+    if (profile.counts.per_mm) {
         EXPECT_GE(profile.done.tolerance_mm, 0.5 / *profile.counts.per_mm);
-    if (profile.counts.per_deg)
+    }
+    if (profile.counts.per_deg) {
         EXPECT_GE(profile.done.tolerance_deg, 0.5 / *profile.counts.per_deg);
+    }
 }
 
 INSTANTIATE_TEST_SUITE_P(Every, ShippedProfile, testing::ValuesIn(families), [](const auto& one) {
@@ -135,8 +137,9 @@ TEST(ShippedProfiles, AStopTakesBackAHomingThatHasACoilOfItsOwn) {
         const StageProfile profile = builtin_stage_profile(name);
         const InputPoint &home = profile.inputs.at(Input::home),
                          &stop = profile.inputs.at(Input::stop);
-        const bool apart = home.act != InputPoint::Act::code &&
-                           std::pair(home.space, home.address) != std::pair(stop.space, stop.address);
+        const bool apart =
+            home.act != InputPoint::Act::code &&
+            std::pair(home.space, home.address) != std::pair(stop.space, stop.address);
         const bool cleared = std::ranges::any_of(profile.sequences.stop, [](const Step& step) {
             return step.kind == Step::Kind::clear && step.input == Input::home;
         });

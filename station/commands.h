@@ -144,4 +144,15 @@ struct StageCheckArguments {
 };
 int run_stage_check(const StageCheckArguments& arguments);
 
+// `etalon camera show|convert|check`.
+struct CameraFileArguments {
+    std::filesystem::path file, out;  // out: convert
+    std::string select;               // which of several cameras; empty: the only one
+    std::string to;                   // convert: etalon or a tool's name
+    bool json = false;
+};
+int run_camera_show(const CameraFileArguments& arguments);
+int run_camera_convert(const CameraFileArguments& arguments);
+int run_camera_check(const CameraFileArguments& arguments);
+
 }  // namespace etalon

@@ -436,6 +436,42 @@ void add_stage_commands(CLI::App& app, Run& run) {
     add_stage_check(*stage, run);
 }
 
+std::shared_ptr<CameraFileArguments> add_camera_command(CLI::App& camera, Run& run,
+                                                        int (*command)(const CameraFileArguments&),
+                                                        const char* name, const char* summary,
+                                                        const char* details) {
+    auto arguments = std::make_shared<CameraFileArguments>();
+    CLI::App* sub = add_command(camera, run, arguments, command, name, summary, details);
+    sub->add_option("CAMERA", arguments->file, "calibration: ours or another tool's")
+        ->required()
+        ->type_name("");
+    sub->add_option("--select", arguments->select,
+                    "which camera of a file with several:\ncam1 (Kalibr), 3 (COLMAP)")
+        ->type_name("NAME");
+    return arguments;
+}
+
+void add_camera_commands(CLI::App& app, Run& run) {
+    CLI::App* camera = app.add_subcommand("camera", "show, convert and check a calibration");
+    camera->set_help_flag("-h,--help", "show this help");
+    camera->require_subcommand(1);
+    add_camera_command(*camera, run, run_camera_show, "show", "print what the file says", "");
+    const auto convert = add_camera_command(
+        *camera, run, run_camera_convert, "convert", "write it as another tool's file",
+        "Pixel origins are converted. A coefficient that the tool does not have is an\n"
+        "error; what else it has no place for is named on stderr. Prints `camera FILE`.\n");
+    CLI::App* sub = camera->get_subcommand("convert");
+    sub->add_option("--to", convert->to,
+                    "etalon, opencv, ros, kalibr, mrcal, matlab, boofcv\nor colmap")
+        ->required()
+        ->type_name("TOOL");
+    sub->add_option("--out", convert->out, "file to write")->required()->type_name("FILE");
+    add_camera_command(*camera, run, run_camera_check, "check",
+                       "check that the whole image can be used",
+                       "Field of view, where the distortion model ends, what is unusual, and what\n"
+                       "the renderer will miss. Exit code 1 when part of the image has no ray.\n");
+}
+
 std::string version_text() {
     std::string text = fmt::format("etalon {}\n", version);
     text += "libraries:\n";
@@ -468,6 +504,7 @@ void add_commands(CLI::App& app, Run& run) {
     add_devices_command(app, run);
     add_capture_command(app, run);
     add_stage_commands(app, run);
+    add_camera_commands(app, run);
     add_bench_command(app, run);
     add_stability_command(app, run);
 }

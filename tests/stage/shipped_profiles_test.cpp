@@ -127,7 +127,7 @@ TEST(ShippedProfiles, SmcStartsAStepAndItsAlarmIsAZero) {
     EXPECT_DOUBLE_EQ(profile.register_of_speed(Axis{.name = "x"}, 30.0), 30.0);  // mm/s
     const auto& stop = profile.sequences.stop;  // HOLD goes off only after RESET
     ASSERT_EQ(stop.size(), 5U);
-    EXPECT_EQ(stop[2].input, Input::reset);
+    EXPECT_EQ(stop[1].input, Input::reset);
     EXPECT_EQ(stop[4].kind, Step::Kind::clear);
 }
 

@@ -1,8 +1,10 @@
 #include "calib/camera_check.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numbers>
 

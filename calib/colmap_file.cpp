@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <array>
+
 #include "calib/foreign_camera.h"
 #include "calib/pixel_origin.h"
 #include "core/text.h"

@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 
 #include "calib/foreign_camera.h"
+#include "calib/parameter_names.h"
 #include "calib/pixel_origin.h"
 #include "core/text.h"
 
@@ -13,8 +14,8 @@ namespace {
 
 using Names = std::initializer_list<const char*>;
 constexpr Names camera_matrix_names{"camera_matrix", "cameraMatrix", "Camera_Matrix"};
-constexpr Names distortion_names{"distortion_coefficients", "dist_coeffs", "distCoeffs",
-                                 "Distortion_Coefficients"};
+constexpr Names distortion_keys{"distortion_coefficients", "dist_coeffs", "distCoeffs",
+                                "Distortion_Coefficients"};
 constexpr Names width_names{"image_width", "image_Width"};
 constexpr Names height_names{"image_height", "image_Height"};
 
@@ -150,6 +151,45 @@ ForeignMatrix read_matrix(const OpenedFile& opened, const NamedNode& named) {
     return matrix;
 }
 
+// Standard deviations as OpenCV's interactive-calibration writes them: of fx fy cx cy, and of the
+// first coefficients. Those of parameters that were held fixed are 0 and say nothing.
+void append_deviations(const OpenedFile& opened, Names names, bool of_intrinsics, std::size_t most,
+                       std::vector<std::pair<std::string, double>>& deviations) {
+    const auto named = find(opened, names);
+    if (!named)
+        return;
+    const ForeignMatrix list = read_matrix(opened, *named);
+    if ((list.rows != 1 && list.cols != 1) || list.values.size() > most)
+        throw ConfigError(list.place, fmt::format("must be a row or column of at most {}", most));
+    for (std::size_t i = 0; i < list.values.size(); ++i) {
+        const double deviation = list.values[i];
+        if (!std::isfinite(deviation) || deviation < 0.0)
+            throw ConfigError(list.place,
+                              "has a standard deviation that is negative or not finite");
+        if (deviation > 0.0)
+            deviations.emplace_back(of_intrinsics ? intrinsic_names[i] : distortion_names[i],
+                                    deviation);
+    }
+}
+
+std::optional<ParameterCovariance> read_covariance(const OpenedFile& opened) {
+    std::vector<std::pair<std::string, double>> deviations;
+    append_deviations(opened, {"camera_matrix_std_dev", "cameraMatrix_std_dev"}, true, 4,
+                      deviations);
+    append_deviations(opened, {"distortion_coefficients_std_dev", "dist_coeffs_std_dev"}, false, 14,
+                      deviations);
+    if (deviations.empty())
+        return std::nullopt;
+    const auto n = static_cast<Eigen::Index>(deviations.size());
+    ParameterCovariance covariance{{}, Eigen::MatrixXd::Zero(n, n)};
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const auto& [name, deviation] = deviations[static_cast<std::size_t>(i)];
+        covariance.order.push_back(name);
+        covariance.matrix(i, i) = deviation * deviation;
+    }
+    return covariance;
+}
+
 // Some ROS drivers write camera_info with OpenCV and say the model.
 void refuse_other_models(const OpenedFile& opened) {
     const cv::FileNode model = opened.storage["distortion_model"];
@@ -164,9 +204,10 @@ void refuse_other_models(const OpenedFile& opened) {
 CameraModel read_camera_from(const OpenedFile& opened) {
     refuse_other_models(opened);
     const ForeignMatrix camera_matrix = read_matrix(opened, require(opened, camera_matrix_names));
-    const ForeignMatrix distortion = read_matrix(opened, require(opened, distortion_names));
+    const ForeignMatrix distortion = read_matrix(opened, require(opened, distortion_keys));
     CameraModel camera = camera_from_matrices(camera_matrix, distortion);
     camera.intrinsics = from_pixels_of(CalibrationTool::opencv, camera.intrinsics);
+    camera.covariance = read_covariance(opened);
     const auto width = find(opened, width_names), height = find(opened, height_names);
     if (width.has_value() != height.has_value())
         throw ConfigError(opened.place(width ? width->key : height->key),

@@ -4,6 +4,8 @@
 //   distortion_coefficients | dist_coeffs | distCoeffs | Distortion_Coefficients
 //                                               4, 5, 8, 12 or 14, as a row or a column
 //   image_width, image_height | image_Width, image_Height            optional
+//   cameraMatrix_std_dev | camera_matrix_std_dev, dist_coeffs_std_dev |
+//   distortion_coefficients_std_dev             optional: a covariance without correlations
 //
 // Pixel (0, 0) is the centre of the top-left pixel there too. Four coefficients are read as
 // k1 k2 p1 p2: a file of cv::fisheye has four as well and does not say what they are.

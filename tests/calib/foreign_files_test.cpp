@@ -341,6 +341,24 @@ TEST(OpenCvFile, WritesXmlAndJsonByTheEnding) {
     }
 }
 
+TEST(OpenCvFile, ReadsStandardDeviations) {
+    const std::string text =
+        "{\"cameraMatrix\": [[538.0, 0, 342.5], [0, 541.0, 233.5], [0, 0, 1]],\n"
+        "\"cameraMatrix_std_dev\": [0.5, 0.25, 1.5, 0],\n"
+        "\"image_width\": 640, \"image_height\": 480,\n"
+        "\"dist_coeffs\": [-0.25, 0.125, 0.5, -0.0625, 7.0],\n"
+        "\"dist_coeffs_std_dev\": [0.125, 3, 0, 0, 0.75]}\n";
+    const CameraModel camera = read(text);
+    ASSERT_TRUE(camera.covariance);
+    EXPECT_THAT(camera.covariance->order, testing::ElementsAre("fx", "fy", "cx", "k1", "k2", "k3"));
+    EXPECT_EQ(camera.covariance->matrix(2, 2), 2.25);
+    EXPECT_EQ(camera.covariance->matrix(5, 5), 0.5625);
+    EXPECT_EQ(camera.covariance->matrix(0, 1), 0.0);
+    EXPECT_THAT(error_of(replaced(text, "1.5, 0]", "-1.5, 0]")),
+                HasSubstr("case:2: cameraMatrix_std_dev: has a standard deviation"));
+    EXPECT_THAT(error_of(replaced(text, "1.5, 0]", "1.5, 0, 9]")), HasSubstr("at most 4"));
+}
+
 TEST(ForeignFiles, RefuseACoefficientThatTheyCannotHold) {
     for (const auto& [tool, most] : held) {
         if (most == 14)

@@ -3,10 +3,11 @@
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sim/filter_simd.cpp"
-#include <hwy/foreach_target.h>
 #include <hwy/cache_control.h>
+#include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include <algorithm>
 #include <cstdint>
 
 #include "sim/filter_simd.h"
@@ -63,38 +64,57 @@ HWY_INLINE void add_window_rows(const MirroredKernel& kernel, const float* windo
     sums = s;
 }
 
-// All rows of the window. The first see one, two and three of the outputs only, the last likewise.
+// The window's rows `from` ... `to` - 1, as far as they are within [begin, end).
+template <bool wide, int least, int most>
+HWY_INLINE void add_band(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
+                         int begin, int end, int from, int to, FourRows& sums) {
+    add_window_rows<wide, least, most>(kernel, window, stride, std::max(begin, from),
+                                       std::min(end, to), sums);
+}
+
+// Rows `begin` ... `end` - 1 of the window. Its first rows see one, two and three of the outputs
+// only, the last likewise.
 template <bool wide>
 HWY_INLINE void add_window(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
-                           FourRows& sums) {
+                           int begin, int end, FourRows& sums) {
     const int k = kernel.k, rows = kernel.rows;
     if (rows < 3 * k)
-        return add_window_rows<wide, 0, 3>(kernel, window, stride, 0, rows + 3 * k, sums);
-    add_window_rows<wide, 0, 0>(kernel, window, stride, 0, k, sums);
-    add_window_rows<wide, 0, 1>(kernel, window, stride, k, 2 * k, sums);
-    add_window_rows<wide, 0, 2>(kernel, window, stride, 2 * k, 3 * k, sums);
-    add_window_rows<wide, 0, 3>(kernel, window, stride, 3 * k, rows, sums);
-    add_window_rows<wide, 1, 3>(kernel, window, stride, rows, rows + k, sums);
-    add_window_rows<wide, 2, 3>(kernel, window, stride, rows + k, rows + 2 * k, sums);
-    add_window_rows<wide, 3, 3>(kernel, window, stride, rows + 2 * k, rows + 3 * k, sums);
+        return add_window_rows<wide, 0, 3>(kernel, window, stride, begin, end, sums);
+    add_band<wide, 0, 0>(kernel, window, stride, begin, end, 0, k, sums);
+    add_band<wide, 0, 1>(kernel, window, stride, begin, end, k, 2 * k, sums);
+    add_band<wide, 0, 2>(kernel, window, stride, begin, end, 2 * k, 3 * k, sums);
+    add_band<wide, 0, 3>(kernel, window, stride, begin, end, 3 * k, rows, sums);
+    add_band<wide, 1, 3>(kernel, window, stride, begin, end, rows, rows + k, sums);
+    add_band<wide, 2, 3>(kernel, window, stride, begin, end, rows + k, rows + 2 * k, sums);
+    add_band<wide, 3, 3>(kernel, window, stride, begin, end, rows + 2 * k, rows + 3 * k, sums);
 }
 
 template <bool wide>
+HWY_ATTR void add_to(const RowSums& row, float* out) {
+    const Vector16 d;
+    hn::StoreU(hn::Add(row.first, hn::LoadU(d, out)), d, out);
+    if (wide) {
+        float* to = out + hn::Lanes(d);
+        hn::StoreU(hn::Add(row.second, hn::LoadU(d, to)), d, to);
+    }
+}
+
+// In bands of rows: a sum of a million products in single precision loses what each of them adds.
+template <bool wide>
 HWY_ATTR void add_four_rows(const MirroredKernel& kernel, const float* window,
                             std::ptrdiff_t stride, float* out, std::ptrdiff_t out_stride) {
-    const Vector16 d;
-    const RowSums zero{hn::Zero(d), hn::Zero(d)};
-    FourRows sums{zero, zero, zero, zero};
-    add_window<wide>(kernel, window, stride, sums);
-    const auto add = [&](const RowSums& row) HWY_ATTR {
-        hn::StoreU(hn::Add(row.first, hn::LoadU(d, out)), d, out);
-        if (wide) {
-            float* to = out + hn::Lanes(d);
-            hn::StoreU(hn::Add(row.second, hn::LoadU(d, to)), d, to);
-        }
-        out += out_stride;
-    };
-    add(sums.a), add(sums.b), add(sums.c), add(sums.e);
+    constexpr int most_products = 4096;
+    const int rows = kernel.rows + 3 * kernel.k;
+    const int band = std::max(1, most_products / std::max(1, kernel.pairs));
+    for (int begin = 0; begin < rows; begin += band) {
+        const RowSums zero{hn::Zero(Vector16()), hn::Zero(Vector16())};
+        FourRows sums{zero, zero, zero, zero};
+        add_window<wide>(kernel, window, stride, begin, std::min(begin + band, rows), sums);
+        add_to<wide>(sums.a, out);
+        add_to<wide>(sums.b, out + out_stride);
+        add_to<wide>(sums.c, out + 2 * out_stride);
+        add_to<wide>(sums.e, out + 3 * out_stride);
+    }
 }
 
 HWY_ATTR void AddConvolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,

@@ -158,9 +158,15 @@ private:
     // Blur disks much smaller than a sample's part cancel along an edge only, not at its end.
     double gray_of_points(int k, double blur_px) const {
         constexpr double least_radius = 0.6;  // of samples
-        return k * blur_px < least_radius ? std::numeric_limits<double>::infinity()
-                                          : bound_.of_points(k, blur_px, tangents());
+        if (k * blur_px < least_radius)
+            return std::numeric_limits<double>::infinity();
+        // Where the undistortion bends, a sample stands for a part whose mean lies the sagitta off,
+        // in x and in y, on an edge that blur makes as flat as 2 / (pi R).
+        const double slope = std::min(1.0, 2.0 / (std::numbers::pi * blur_px));
+        return bound_.of_points(k, blur_px, tangents()) + 2.0 * slope * gray_of_bend(k);
     }
+    // Of a sharp edge across parts of 1 / k px.
+    double gray_of_bend(int k) const { return 255.0 * image_.bend.curvature / (24.0 * k * k); }
     Choice of_boxes() const {
         return least_k(fewest_boxes(), most_boxes, allowed(share_of_sampling),
                        [&](int k) { return step_of_edges() * gray_of_boxes(k); });
@@ -214,8 +220,7 @@ private:
     // A box counts as a parallelogram: where the undistortion bends, an edge across it is shifted
     // by the mean of the sagitta, curvature / (24 k^2).
     double gray_of_boxes(int k) const {
-        const double by_bend = 255.0 * image_.bend.curvature / (24.0 * k * k);
-        return by_bend + (chosen_.with_spread ? bound_.of_boxes(k, tangents()) : 0.0);
+        return gray_of_bend(k) + (chosen_.with_spread ? bound_.of_boxes(k, tangents()) : 0.0);
     }
 
     // A sharp edge exactly along the pixels under a pattern of some hundredths of a pixel is beyond

@@ -212,8 +212,9 @@ TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
     return {RenderMethod::exact_area, sampling_.k, finest_rule.points(), 1};
 }
 
+// Parts of 1/32 px at most: the border cuts them anyhow.
 double TileEvaluator::mean_of_parts(int i, int j, int column, int row) {
-    constexpr int parts = 4;
+    const int parts = std::max(4, 32 / sampling_.k);
     const double sample_px = 1.0 / sampling_.k;
     double sum = 0.0;
     for (int q = 0; q < parts * parts; ++q) {

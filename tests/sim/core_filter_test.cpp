@@ -189,5 +189,20 @@ TEST(CellsOf, HoldEveryPixel) {
     EXPECT_TRUE(cells_of({3, 3, 0, 5}, 8).empty());
 }
 
+// A single sum in single precision loses what each of so many equal products adds.
+TEST(AddFiltered, KeepsTheEnergyOfAKernelOfHundredThousandsOfWeights) {
+    constexpr int k = 12, reach = 300;
+    Field field(4 * k, 1.0, 3);
+    for (cv::Mat& values : field.store)
+        values.setTo(0.7f);
+    const int side = k + 2 * reach;
+    const FilterKernel kernel(k, cv::Mat(side, side, CV_64FC1, cv::Scalar(1.0 / (side * side))));
+    const cv::Rect region(18, 8, 16, 4);  // it sees nothing but the field
+    cv::Mat out = cv::Mat::zeros(region.size(), CV_32FC1);
+    add_filtered(field.view(), kernel, region, out);
+    for (int x = 0; x < out.cols; ++x)
+        EXPECT_NEAR(out.at<float>(2, x), 0.7, 0.3e-4) << x;
+}
+
 }  // namespace
 }  // namespace etalon

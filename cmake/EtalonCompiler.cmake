@@ -10,7 +10,7 @@ target_compile_options(etalon_compiler INTERFACE
 
 # g++ 12 sees an impossible memcpy inside std::string (its bug 105651): not our warning.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    target_compile_options(etalon_compiler INTERFACE -Wno-stringop-overflow -Wno-restrict -Wno-array-bounds)
+    target_compile_options(etalon_compiler INTERFACE -Wno-stringop-overflow -Wno-stringop-overread -Wno-restrict -Wno-array-bounds)
 endif()
 
 if(ETALON_SANITIZE)

@@ -103,7 +103,7 @@ HWY_ATTR void add_to(const RowSums& row, float* out) {
 template <bool wide>
 HWY_ATTR void add_four_rows(const MirroredKernel& kernel, const float* window,
                             std::ptrdiff_t stride, float* out, std::ptrdiff_t out_stride) {
-    constexpr int most_products = 4096;
+    constexpr int most_products = 1024;
     const int rows = kernel.rows + 3 * kernel.k;
     const int band = std::max(1, most_products / std::max(1, kernel.pairs));
     for (int begin = 0; begin < rows; begin += band) {

@@ -7,7 +7,6 @@ export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin
 
 mkdir -p /dev/shm /dev/pts /run/udev /lib/modules
 mount -t tmpfs -o mode=1777 tmpfs /dev/shm
-mount -t tmpfs -o mode=1777 tmpfs /tmp
 mount -t devpts devpts /dev/pts
 mount --bind "$kernel_modules" /lib/modules
 mkdir -p /run/results

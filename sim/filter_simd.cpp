@@ -64,29 +64,20 @@ HWY_INLINE void add_window_rows(const MirroredKernel& kernel, const float* windo
     sums = s;
 }
 
-// The window's rows `from` ... `to` - 1, as far as they are within [begin, end).
-template <bool wide, int least, int most>
-HWY_INLINE void add_band(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
-                         int begin, int end, int from, int to, FourRows& sums) {
-    add_window_rows<wide, least, most>(kernel, window, stride, std::max(begin, from),
-                                       std::min(end, to), sums);
-}
-
-// Rows `begin` ... `end` - 1 of the window. Its first rows see one, two and three of the outputs
-// only, the last likewise.
+// All rows of the window. The first see one, two and three of the outputs only, the last likewise.
 template <bool wide>
 HWY_INLINE void add_window(const MirroredKernel& kernel, const float* window, std::ptrdiff_t stride,
-                           int begin, int end, FourRows& sums) {
+                           FourRows& sums) {
     const int k = kernel.k, rows = kernel.rows;
     if (rows < 3 * k)
-        return add_window_rows<wide, 0, 3>(kernel, window, stride, begin, end, sums);
-    add_band<wide, 0, 0>(kernel, window, stride, begin, end, 0, k, sums);
-    add_band<wide, 0, 1>(kernel, window, stride, begin, end, k, 2 * k, sums);
-    add_band<wide, 0, 2>(kernel, window, stride, begin, end, 2 * k, 3 * k, sums);
-    add_band<wide, 0, 3>(kernel, window, stride, begin, end, 3 * k, rows, sums);
-    add_band<wide, 1, 3>(kernel, window, stride, begin, end, rows, rows + k, sums);
-    add_band<wide, 2, 3>(kernel, window, stride, begin, end, rows + k, rows + 2 * k, sums);
-    add_band<wide, 3, 3>(kernel, window, stride, begin, end, rows + 2 * k, rows + 3 * k, sums);
+        return add_window_rows<wide, 0, 3>(kernel, window, stride, 0, rows + 3 * k, sums);
+    add_window_rows<wide, 0, 0>(kernel, window, stride, 0, k, sums);
+    add_window_rows<wide, 0, 1>(kernel, window, stride, k, 2 * k, sums);
+    add_window_rows<wide, 0, 2>(kernel, window, stride, 2 * k, 3 * k, sums);
+    add_window_rows<wide, 0, 3>(kernel, window, stride, 3 * k, rows, sums);
+    add_window_rows<wide, 1, 3>(kernel, window, stride, rows, rows + k, sums);
+    add_window_rows<wide, 2, 3>(kernel, window, stride, rows + k, rows + 2 * k, sums);
+    add_window_rows<wide, 3, 3>(kernel, window, stride, rows + 2 * k, rows + 3 * k, sums);
 }
 
 template <bool wide>
@@ -99,21 +90,33 @@ HWY_ATTR void add_to(const RowSums& row, float* out) {
     }
 }
 
-// In bands of rows: a sum of a million products in single precision loses what each of them adds.
+template <bool wide>
+HWY_INLINE void add_to(const FourRows& sums, float* out, std::ptrdiff_t stride) {
+    add_to<wide>(sums.a, out);
+    add_to<wide>(sums.b, out + stride);
+    add_to<wide>(sums.c, out + 2 * stride);
+    add_to<wide>(sums.e, out + 3 * stride);
+}
+
+// Large kernels in bands of rows: a sum of a million products in single precision loses what each
+// of them adds.
 template <bool wide>
 HWY_ATTR void add_four_rows(const MirroredKernel& kernel, const float* window,
                             std::ptrdiff_t stride, float* out, std::ptrdiff_t out_stride) {
     constexpr int most_products = 1024;
+    const RowSums zero{hn::Zero(Vector16()), hn::Zero(Vector16())};
     const int rows = kernel.rows + 3 * kernel.k;
     const int band = std::max(1, most_products / std::max(1, kernel.pairs));
-    for (int begin = 0; begin < rows; begin += band) {
-        const RowSums zero{hn::Zero(Vector16()), hn::Zero(Vector16())};
+    if (rows <= band) {
         FourRows sums{zero, zero, zero, zero};
-        add_window<wide>(kernel, window, stride, begin, std::min(begin + band, rows), sums);
-        add_to<wide>(sums.a, out);
-        add_to<wide>(sums.b, out + out_stride);
-        add_to<wide>(sums.c, out + 2 * out_stride);
-        add_to<wide>(sums.e, out + 3 * out_stride);
+        add_window<wide>(kernel, window, stride, sums);
+        return add_to<wide>(sums, out, out_stride);
+    }
+    for (int begin = 0; begin < rows; begin += band) {
+        FourRows sums{zero, zero, zero, zero};
+        add_window_rows<wide, 0, 3>(kernel, window, stride, begin, std::min(begin + band, rows),
+                                    sums);
+        add_to<wide>(sums, out, out_stride);
     }
 }
 

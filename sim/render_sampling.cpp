@@ -161,9 +161,11 @@ private:
         if (k * blur_px < least_radius)
             return std::numeric_limits<double>::infinity();
         // Where the undistortion bends, a sample stands for a part whose mean lies the sagitta off,
-        // in x and in y, on an edge that blur makes as flat as 2 / (pi R).
+        // on an edge that blur makes as flat as 2 / (pi R). At the border of the valid region the
+        // curvature is a guess, 1: twice that.
+        const double safety = image_.bend.curvature < 1.0 ? 1.0 : 2.0;
         const double slope = std::min(1.0, 2.0 / (std::numbers::pi * blur_px));
-        return bound_.of_points(k, blur_px, tangents()) + 2.0 * slope * gray_of_bend(k);
+        return bound_.of_points(k, blur_px, tangents()) + safety * slope * gray_of_bend(k);
     }
     // Of a sharp edge across parts of 1 / k px.
     double gray_of_bend(int k) const { return 255.0 * image_.bend.curvature / (24.0 * k * k); }

@@ -29,7 +29,7 @@ public:
     explicit TwinRig(const TwinFile& file);
 
     int stage_port() const { return server_.port(); }  // the bound one; 0: a serial line
-    std::string stage_place() const;                   // "127.0.0.1:1502" or "/tmp/stage"
+    std::string stage_place() const;                   // "127.0.0.1:1502" or the serial line's name
     SimulatedStage& stage() { return stage_; }
     const TwinPhysics& physics() const { return physics_; }
     Radiance picture() const { return darkroom_.picture(); }  // safe from every thread

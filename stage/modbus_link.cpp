@@ -121,14 +121,12 @@ void ModbusLink::record(const ModbusExchange& exchange) {
         if (trace_.size() > trace_length)
             trace_.pop_front();
     }
-    if (!sink_)
+    // One that throws is gone: it fails once, and not the stop that follows.
+    auto sink = std::exchange(sink_, {});
+    if (!sink)
         return;
-    try {
-        sink_(exchange);
-    } catch (...) {
-        sink_ = {};  // fails once, and not the stop that follows
-        throw;
-    }
+    sink(exchange);
+    sink_ = std::move(sink);
 }
 
 std::vector<ModbusExchange> ModbusLink::last_exchanges() const {

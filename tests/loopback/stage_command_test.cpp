@@ -27,19 +27,23 @@ protected:
             << "  forbidden: [{name: lens, x: [300, 400]}]\n";
     }
 
+    // What is printed until its end, however that comes.
+    class Capture {
+    public:
+        explicit Capture(std::string& text) : text_(text) { testing::internal::CaptureStdout(); }
+        ~Capture() { text_ = testing::internal::GetCapturedStdout(); }
+        Capture(const Capture&) = delete;
+        Capture& operator=(const Capture&) = delete;
+
+    private:
+        std::string& text_;
+    };
+
     // The exit code; what was printed is in `printed`.
     int run(int (*command)(const StageArguments&), std::vector<std::string> targets = {}) {
         arguments.targets = std::move(targets);
-        testing::internal::CaptureStdout();
-        int code = -1;
-        try {
-            code = command(arguments);
-        } catch (...) {
-            printed = testing::internal::GetCapturedStdout();
-            throw;
-        }
-        printed = testing::internal::GetCapturedStdout();
-        return code;
+        const Capture capture(printed);
+        return command(arguments);
     }
 
     bool tells(const std::string& part) const { return printed.find(part) != std::string::npos; }

@@ -6,27 +6,13 @@
 #include <future>
 #include <thread>
 
+#include "tests/error_text.h"
 #include "tests/loopback/stage_rig.h"
 
 namespace etalon {
 namespace {
 
 using namespace std::chrono_literals;
-
-// Runs `act`, which must fail with a DeviceError, and returns its text.
-template <class Act>
-std::string device_error_of(Act act) {
-    try {
-        act();
-    } catch (const DeviceError& error) {
-        return error.what();
-    }
-    return "no error";
-}
-
-bool has(const std::string& text, const std::string& part) {
-    return text.find(part) != std::string::npos;
-}
 
 TEST(ModbusStage, EnablesHomesMovesAndReadsBack) {
     StageRig rig;

@@ -10,6 +10,7 @@
 #include "mocks/memory_transport.h"
 #include "mocks/modbus_controller.h"
 #include "mocks/simulated_stage.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
@@ -136,20 +137,6 @@ public:
     bool happened = false;
     std::vector<ModbusRequest> requests;  // since it happened
 };
-
-template <class Act>
-std::string device_error_of(Act act) {
-    try {
-        act();
-    } catch (const DeviceError& error) {
-        return error.what();
-    }
-    return "no error";
-}
-
-bool has(const std::string& text, const std::string& part) {
-    return text.find(part) != std::string::npos;
-}
 
 bool writes_to(const ModbusRequest& request, int address) {
     return !request.values.empty() && request.address == address;

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "core/errors.h"
+#include "tests/error_text.h"
 
 namespace etalon {
 namespace {
@@ -17,10 +18,6 @@ constexpr double rad_per_deg = std::numbers::pi / 180.0;
 std::vector<Axis> two_axes() {
     return {{.name = "x", .low = -7.0, .high = 70.0, .speed = 20.0},
             {.name = "rz", .kind = Axis::Kind::rotary, .low = -1.0, .high = 2.0, .speed = 2.0}};
-}
-
-bool has(const std::string& text, const std::string& part) {
-    return text.find(part) != std::string::npos;
 }
 
 std::size_t longest_line(const std::string& text) {

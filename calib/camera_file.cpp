@@ -82,14 +82,23 @@ ParameterCovariance read_covariance(const Value& value) {
     return covariance;
 }
 
+// Pairs of a table, and the standard uncertainty of each second number where the file has them.
+struct MeasuredTable {
+    std::vector<std::pair<double, double>> pairs;
+    std::vector<double> uncertainties;
+};
+
 // A radial profile, `etalon: psf/1`.
-std::vector<std::pair<double, double>> read_profile(const std::filesystem::path& path) {
+MeasuredTable read_profile(const std::filesystem::path& path) {
     const StrictFile file(path, "psf/1");
     const Value radius = file.root().at("radius_px"), density = file.root().at("density");
     const std::vector<double> radii = radius.numbers(0, non_negative);
     if (radii.size() < 4)
         radius.fail("needs at least 4 radii");
     const std::vector<double> densities = density.numbers(radii.size(), non_negative);
+    MeasuredTable profile;
+    if (const auto uncertainty = file.root().find("standard_uncertainty"))
+        profile.uncertainties = uncertainty->numbers(radii.size(), non_negative);
     file.finish();
     if (radii.front() != 0.0)
         radius.fail("must begin with 0");
@@ -98,19 +107,21 @@ std::vector<std::pair<double, double>> read_profile(const std::filesystem::path&
             radius.fail(fmt::format("must ascend: {} after {}", radii[i], radii[i - 1]));
     if (std::all_of(densities.begin(), densities.end(), [](double d) { return d == 0.0; }))
         density.fail("holds no energy");
-    std::vector<std::pair<double, double>> profile;
     for (std::size_t i = 0; i < radii.size(); ++i)
-        profile.emplace_back(radii[i], densities[i]);
+        profile.pairs.emplace_back(radii[i], densities[i]);
     return profile;
 }
 
-PointSpread read_point_spread(const StrictFile& file, const Value& value) {
+PointSpread read_point_spread(const StrictFile& file, const Value& value,
+                              std::vector<double>& density_uncertainties) {
     if (value.is_scalar())
         return {.kind = value.one_of({"ideal", "wave"}) == "ideal" ? PointSpread::Kind::ideal
                                                                    : PointSpread::Kind::wave};
-    if (const auto measured = value.find("measured"))
-        return {.kind = PointSpread::Kind::measured,
-                .profile = read_profile(file.resolve(measured->at("file").text()))};
+    if (const auto measured = value.find("measured")) {
+        MeasuredTable profile = read_profile(file.resolve(measured->at("file").text()));
+        density_uncertainties = std::move(profile.uncertainties);
+        return {.kind = PointSpread::Kind::measured, .profile = std::move(profile.pairs)};
+    }
     return {.kind = PointSpread::Kind::gaussian,
             .sigma_px = value.at("gaussian").at("sigma_px").number(positive)};
 }
@@ -137,7 +148,8 @@ double read_f_number(const Value& lens, double image_distance_mm, double focus_d
     return f_number;
 }
 
-Lens read_lens(const StrictFile& file, const Value& value, const CameraModel& camera) {
+Lens read_lens(const StrictFile& file, const Value& value, const CameraModel& camera,
+               CameraUncertainty& uncertainty) {
     Lens lens;
     if (camera.projection == Projection::telecentric) {
         lens.focus_distance_mm = value.at("focus_distance_mm").number(positive);
@@ -152,48 +164,65 @@ Lens read_lens(const StrictFile& file, const Value& value, const CameraModel& ca
     }
     lens.wavelength_nm = value.at("wavelength_nm").number(positive);
     if (const auto psf = value.find("psf"))
-        lens.psf = read_point_spread(file, *psf);
+        lens.psf = read_point_spread(file, *psf, uncertainty.psf_density);
     return lens;
 }
 
-// CSV `radiance,code`; codes become fractions of full scale.
-std::vector<std::pair<double, double>> read_transfer_table(const std::filesystem::path& path,
-                                                           int full_scale) {
-    std::vector<std::pair<double, double>> table;
+// The numbers of one line of a transfer table; throws for anything else.
+std::vector<double> read_table_line(const std::string& line, std::size_t columns, int full_scale,
+                                    const SourcePlace& place) {
+    std::vector<double> numbers;
+    for (const std::string& cell : split(line, ','))
+        if (const auto number = parse_number(cell))
+            numbers.push_back(*number);
+    if (numbers.size() != columns || split(line, ',').size() != columns)
+        throw ConfigError(place,
+                          fmt::format("must be {} finite numbers", columns == 2 ? "two" : "three"));
+    if (numbers[0] < 0.0 || numbers[1] < 0.0 || numbers[1] > full_scale)
+        throw ConfigError(
+            place,
+            fmt::format("radiance must be at least 0 and code between 0 and {}", full_scale));
+    if (columns == 3 && numbers[2] < 0.0)
+        throw ConfigError(place, "a standard uncertainty must be at least 0");
+    return numbers;
+}
+
+// CSV `radiance,code` or `radiance,code,u_code`; codes become fractions of full scale.
+MeasuredTable read_transfer_table(const std::filesystem::path& path, int full_scale) {
+    MeasuredTable table;
     const std::vector<std::string> lines = split(read_text(path), '\n');
-    if (trimmed(lines.front()) != "radiance,code")
-        throw ConfigError({path.string(), 1}, "must begin with the header radiance,code");
+    const std::string header(trimmed(lines.front()));
+    if (header != "radiance,code" && header != "radiance,code,u_code")
+        throw ConfigError({path.string(), 1},
+                          "must begin with the header radiance,code or radiance,code,u_code");
+    const std::size_t columns = header == "radiance,code" ? 2 : 3;
     for (std::size_t i = 1; i < lines.size(); ++i) {
         const SourcePlace place{path.string(), static_cast<int>(i) + 1};
         if (trimmed(lines[i]).empty())
             continue;
-        const auto cells = split(lines[i], ',');
-        const auto radiance = cells.size() == 2 ? parse_number(cells[0]) : std::nullopt;
-        const auto code = cells.size() == 2 ? parse_number(cells[1]) : std::nullopt;
-        if (!radiance || !code)
-            throw ConfigError(place, "must be two finite numbers");
-        if (*radiance < 0.0 || *code < 0.0 || *code > full_scale)
-            throw ConfigError(
-                place,
-                fmt::format("radiance must be at least 0 and code between 0 and {}", full_scale));
-        const std::pair<double, double> entry(*radiance, *code / full_scale);
-        if (!table.empty() &&
-            (entry.first <= table.back().first || entry.second <= table.back().second))
+        const std::vector<double> line = read_table_line(lines[i], columns, full_scale, place);
+        const std::pair<double, double> entry(line[0], line[1] / full_scale);
+        if (!table.pairs.empty() &&
+            (entry.first <= table.pairs.back().first || entry.second <= table.pairs.back().second))
             throw ConfigError(place, "must be greater than the line before, in both columns");
-        table.push_back(entry);
+        table.pairs.push_back(entry);
+        if (columns == 3)
+            table.uncertainties.push_back(line[2] / full_scale);
     }
-    if (table.size() < 2)
+    if (table.pairs.size() < 2)
         throw ConfigError({path.string()}, "must have at least two lines of numbers");
     return table;
 }
 
-Transfer read_transfer(const StrictFile& file, const Value& value, int full_scale) {
+Transfer read_transfer(const StrictFile& file, const Value& value, int full_scale,
+                       std::vector<double>& code_uncertainties) {
     if (value.is_scalar())
         return {.kind = value.one_of({"linear", "rec709"}) == "linear" ? Transfer::Kind::linear
                                                                        : Transfer::Kind::rec709};
-    const std::string table = value.at("table").at("file").text();
-    return {.kind = Transfer::Kind::table,
-            .table = read_transfer_table(file.resolve(table), full_scale)};
+    MeasuredTable table =
+        read_transfer_table(file.resolve(value.at("table").at("file").text()), full_scale);
+    code_uncertainties = std::move(table.uncertainties);
+    return {.kind = Transfer::Kind::table, .table = std::move(table.pairs)};
 }
 
 Illumination read_illumination(const Value& value, Projection projection) {
@@ -229,7 +258,8 @@ void read_mosaic(const Value& value, Sensor& sensor) {
     }
 }
 
-Sensor read_sensor(const StrictFile& file, const Value& value, Projection projection) {
+Sensor read_sensor(const StrictFile& file, const Value& value, Projection projection,
+                   CameraUncertainty& uncertainty) {
     Sensor sensor;
     const auto number = [&value](const char* key, Range range) {
         const auto given = value.find(key);
@@ -240,7 +270,7 @@ Sensor read_sensor(const StrictFile& file, const Value& value, Projection projec
         sensor.bits = bits->integer(1, 16);
     const int full_scale = (1 << sensor.bits) - 1;
     if (const auto transfer = value.find("transfer"))
-        sensor.transfer = read_transfer(file, *transfer, full_scale);
+        sensor.transfer = read_transfer(file, *transfer, full_scale, uncertainty.transfer_code);
     sensor.black_dn = number("black", {0.0, static_cast<double>(full_scale)});
     sensor.gain_e_per_dn = number("gain_e_per_dn", non_negative);
     sensor.read_noise_e = number("read_noise_e", non_negative);
@@ -293,10 +323,50 @@ void check_distortion(const CameraModel& camera, const Value& distortion) {
                 tilt->fail("belongs to a perspective camera");
 }
 
+// Only of what the file has: the uncertainty of a default would be that of nothing measured.
+void read_uncertainty(const Value& root, const CameraModel& camera, CameraUncertainty& result) {
+    const auto given = root.find("standard_uncertainty");
+    if (!given)
+        return;
+    const auto number = [&](const char* key, const char* section, std::optional<double>& target) {
+        const auto value = given->find(key);
+        if (!value)
+            return;
+        const auto holder = root.find(section);
+        if (!holder || !holder->find(key))
+            value->fail(fmt::format("is of {}.{}, which this file does not have", section, key));
+        target = value->number(non_negative);
+    };
+    number("f_number", "lens", result.f_number);
+    number("focus_distance_mm", "lens", result.focus_distance_mm);
+    number("black", "sensor", result.black_dn);
+    number("gain_e_per_dn", "sensor", result.gain_e_per_dn);
+    number("read_noise_e", "sensor", result.read_noise_e);
+    if (const auto sigma = given->find("psf_sigma_px")) {
+        if (!camera.lens || camera.lens->psf.kind != PointSpread::Kind::gaussian)
+            sigma->fail("is of lens.psf.gaussian, which this file does not have");
+        result.psf_sigma_px = sigma->number(non_negative);
+    }
+    if (const auto illumination = given->find("illumination")) {
+        if (!camera.sensor || camera.sensor->illumination.kind != Illumination::Kind::polynomial)
+            illumination->fail(
+                "is of sensor.illumination.polynomial, which this file does not have");
+        const std::vector<double> deviations = illumination->numbers(3, non_negative);
+        result.illumination = {deviations[0], deviations[1], deviations[2]};
+    }
+}
+
+bool is_empty(const CameraUncertainty& u) {
+    return !u.f_number && !u.focus_distance_mm && !u.psf_sigma_px && !u.black_dn &&
+           !u.gain_e_per_dn && !u.read_noise_e && !u.illumination && u.psf_density.empty() &&
+           u.transfer_code.empty();
+}
+
 CameraModel read_own_camera(const std::filesystem::path& path) {
     const StrictFile file(path, "camera/1");
     const Value root = file.root();
     CameraModel camera;
+    CameraUncertainty uncertainty;
     if (const auto serial = root.find("serial"))
         camera.serial = serial->text();
     camera.width = root.at("image").at("width").integer(1, 100'000);
@@ -310,14 +380,17 @@ CameraModel read_own_camera(const std::filesystem::path& path) {
     if (const auto covariance = root.find("covariance"))
         camera.covariance = read_covariance(*covariance);
     if (const auto sensor = root.find("sensor")) {
-        camera.sensor = read_sensor(file, *sensor, camera.projection);
+        camera.sensor = read_sensor(file, *sensor, camera.projection, uncertainty);
         check_illumination(camera, *sensor);
     }
     if (const auto lens = root.find("lens")) {
         root.at("sensor").at("pixel_pitch_um").number(positive);
-        camera.lens = read_lens(file, *lens, camera);
+        camera.lens = read_lens(file, *lens, camera, uncertainty);
         check_lens(camera, *lens);
     }
+    read_uncertainty(root, camera, uncertainty);
+    if (!is_empty(uncertainty))
+        camera.standard_uncertainty = std::move(uncertainty);
     file.finish();
     return camera;
 }

@@ -21,6 +21,14 @@
 // 1e-6. focus_distance_mm may be the word infinity. psf: ideal or {gaussian: {sigma_px: 0.7}}.
 // transfer: linear, rec709 or {table: {file: t.csv}}, a path relative to the camera file, to a CSV
 // with the header `radiance,code` and both columns ascending (code in code values).
+//
+// What was measured may carry standard uncertainties (`etalon characterise` writes them):
+//
+//     standard_uncertainty: {f_number: 0.03, focus_distance_mm: 1.2, psf_sigma_px: 0.01,
+//         black: 0.05, gain_e_per_dn: 0.02, read_noise_e: 0.1, illumination: [0.01, 0.02, 0.01]}
+//
+// each only of what the file has; a psf.yml as `standard_uncertainty: [...]`, one a density, and a
+// transfer CSV as a third column `u_code`.
 #pragma once
 
 #include <filesystem>

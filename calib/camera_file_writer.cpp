@@ -1,7 +1,10 @@
 #include <fmt/format.h>
 
+#include <span>
+
 #include "calib/camera_file.h"
 #include "calib/parameter_names.h"
+#include "core/errors.h"
 #include "core/text.h"
 
 namespace etalon {
@@ -56,13 +59,32 @@ std::string point_spread_word(const PointSpread& psf, const std::filesystem::pat
     return "{measured: {file: " + quoted(profile.filename().string()) + "}}";
 }
 
-void write_profile(const std::filesystem::path& path, const PointSpread& psf) {
-    std::string radii, densities;
+std::string exact_list(std::span<const double> values) {
+    std::string text;
+    for (const double value : values)
+        text += (text.empty() ? "" : ", ") + exact(value);
+    return "[" + text + "]";
+}
+
+// Uncertainties of a table's rows: one each, or none at all.
+void check_uncertainties(const std::filesystem::path& path, std::size_t given, std::size_t rows) {
+    if (given != 0 && given != rows)
+        throw ConfigError({path.string()}, fmt::format("{} uncertainties of {} rows", given, rows));
+}
+
+void write_profile(const std::filesystem::path& path, const PointSpread& psf,
+                   const std::vector<double>& uncertainties) {
+    check_uncertainties(path, uncertainties.size(), psf.profile.size());
+    std::vector<double> radii, densities;
     for (const auto& [radius, density] : psf.profile) {
-        radii += (radii.empty() ? "" : ", ") + exact(radius);
-        densities += (densities.empty() ? "" : ", ") + exact(density);
+        radii.push_back(radius);
+        densities.push_back(density);
     }
-    write_text(path, "etalon: psf/1\nradius_px: [" + radii + "]\ndensity: [" + densities + "]\n");
+    std::string text = "etalon: psf/1\nradius_px: " + exact_list(radii) +
+                       "\ndensity: " + exact_list(densities) + "\n";
+    if (!uncertainties.empty())
+        text += "standard_uncertainty: " + exact_list(uncertainties) + "\n";
+    write_text(path, text);
 }
 
 std::string lens_lines(const CameraModel& camera, const std::filesystem::path& profile) {
@@ -87,11 +109,18 @@ double code_of(double fraction, double full_scale) {
     return code;
 }
 
-void write_transfer_table(const std::filesystem::path& path, const Sensor& sensor) {
+void write_transfer_table(const std::filesystem::path& path, const Sensor& sensor,
+                          const std::vector<double>& uncertainties) {
+    const auto& table = sensor.transfer.table;
+    check_uncertainties(path, uncertainties.size(), table.size());
     const double full_scale = (1 << sensor.bits) - 1;
-    std::string text = "radiance,code\n";
-    for (const auto& [radiance, fraction] : sensor.transfer.table)
-        text += exact(radiance) + "," + exact(code_of(fraction, full_scale)) + "\n";
+    std::string text = uncertainties.empty() ? "radiance,code\n" : "radiance,code,u_code\n";
+    for (std::size_t i = 0; i < table.size(); ++i) {
+        text += exact(table[i].first) + "," + exact(code_of(table[i].second, full_scale));
+        if (!uncertainties.empty())
+            text += "," + exact(code_of(uncertainties[i], full_scale));
+        text += "\n";
+    }
     write_text(path, text);
 }
 
@@ -105,10 +134,6 @@ std::string transfer_word(const Transfer& transfer, const std::filesystem::path&
             break;
     }
     return "{table: {file: " + quoted(table.filename().string()) + "}}";
-}
-
-std::string exact_list(const std::array<double, 3>& values) {
-    return fmt::format("[{}, {}, {}]", exact(values[0]), exact(values[1]), exact(values[2]));
 }
 
 std::string illumination_line(const Illumination& illumination) {
@@ -144,10 +169,31 @@ std::string sensor_lines(const Sensor& sensor, const std::filesystem::path& tabl
     return text + illumination_line(sensor.illumination) + mosaic_lines(sensor);
 }
 
+std::string uncertainty_lines(const CameraUncertainty& uncertainty) {
+    std::string entries;
+    const auto add = [&entries](const char* key, const std::string& value) {
+        entries += std::string("  ") + key + ": " + value + "\n";
+    };
+    const auto add_number = [&add](const char* key, const std::optional<double>& value) {
+        if (value)
+            add(key, exact(*value));
+    };
+    add_number("f_number", uncertainty.f_number);
+    add_number("focus_distance_mm", uncertainty.focus_distance_mm);
+    add_number("psf_sigma_px", uncertainty.psf_sigma_px);
+    add_number("black", uncertainty.black_dn);
+    add_number("gain_e_per_dn", uncertainty.gain_e_per_dn);
+    add_number("read_noise_e", uncertainty.read_noise_e);
+    if (uncertainty.illumination)
+        add("illumination", exact_list(*uncertainty.illumination));
+    return entries.empty() ? "" : "standard_uncertainty:\n" + entries;
+}
+
 }  // namespace
 
 void write_camera(const std::filesystem::path& path, const CameraModel& camera) {
     const Intrinsics& i = camera.intrinsics;
+    const CameraUncertainty uncertainty = camera.standard_uncertainty.value_or(CameraUncertainty{});
     std::filesystem::path table = path, profile = path;
     table.replace_extension(".transfer.csv");
     profile.replace_extension(".psf.yml");
@@ -166,14 +212,14 @@ void write_camera(const std::filesystem::path& path, const CameraModel& camera) 
     if (camera.lens) {
         text += lens_lines(camera, profile);
         if (camera.lens->psf.kind == PointSpread::Kind::measured)
-            write_profile(profile, camera.lens->psf);
+            write_profile(profile, camera.lens->psf, uncertainty.psf_density);
     }
     if (camera.sensor) {
         text += sensor_lines(*camera.sensor, table);
         if (camera.sensor->transfer.kind == Transfer::Kind::table)
-            write_transfer_table(table, *camera.sensor);
+            write_transfer_table(table, *camera.sensor, uncertainty.transfer_code);
     }
-    write_text(path, text);
+    write_text(path, text + uncertainty_lines(uncertainty));
 }
 
 }  // namespace etalon

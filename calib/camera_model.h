@@ -108,6 +108,17 @@ struct Sensor {
     std::array<double, 3> channel_response = {1.0, 1.0, 1.0};
 };
 
+// Standard uncertainties of entries that were measured (`etalon characterise`); nothing where the
+// uncertainty is not known, which does not mean that it is zero.
+struct CameraUncertainty {
+    std::optional<double> f_number, focus_distance_mm, psf_sigma_px;
+    std::optional<double> black_dn, gain_e_per_dn, read_noise_e;
+    std::optional<std::array<double, 3>> illumination;  // of the polynomial's coefficients
+    // Of each density of PointSpread::profile and of each code of Transfer::table, in their
+    // units; empty where not known.
+    std::vector<double> psf_density, transfer_code;
+};
+
 struct CameraModel {
     std::string serial;  // empty: not known
     int width = 0, height = 0;
@@ -117,6 +128,7 @@ struct CameraModel {
     std::optional<ParameterCovariance> covariance;
     std::optional<Lens> lens;  // present only together with a sensor
     std::optional<Sensor> sensor;
+    std::optional<CameraUncertainty> standard_uncertainty;
 };
 
 // The thin lens in numbers, from the image distance that the calibration measured: v = fx * pitch.

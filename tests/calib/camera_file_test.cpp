@@ -299,6 +299,70 @@ TEST(CameraFile, ReadsAMeasuredPointSpreadAndWritesItBack) {
     EXPECT_EQ(read_camera(temporary("written.yml")).lens->psf.profile, profile);
 }
 
+TEST(CameraFile, CarriesStandardUncertainties) {
+    CameraModel camera = test::all_fourteen();
+    camera.lens = Lens{2.8, 1000.0 / 7, 650, {PointSpread::Kind::gaussian, 0.7}};
+    camera.sensor = Sensor{.pixel_pitch_um = 8.3, .bits = 12, .black_dn = 5, .gain_e_per_dn = 3};
+    camera.sensor->transfer = {Transfer::Kind::table, {{0, 0}, {0.1, 1203 / 4095.0}, {1, 1}}};
+    camera.sensor->illumination = {Illumination::Kind::polynomial, {-0.2, 0.1, -0.05}};
+    CameraUncertainty u;
+    u.f_number = 0.1 / 3;
+    u.focus_distance_mm = 1.2 / 7;
+    u.psf_sigma_px = 0.01;
+    u.black_dn = 0.05;
+    u.gain_e_per_dn = 0.02;
+    u.read_noise_e = 0.0;
+    u.illumination = {0.01, 1.0 / 30, 0.015};
+    u.transfer_code = {0, 1.0 / 3 / 4095, 0.25 / 4095};
+    camera.standard_uncertainty = u;
+    write_camera(temporary("uncertain.yml"), camera);
+    const auto back = read_camera(temporary("uncertain.yml")).standard_uncertainty;
+    ASSERT_TRUE(back);
+    EXPECT_EQ(back->f_number, u.f_number);
+    EXPECT_EQ(back->focus_distance_mm, u.focus_distance_mm);
+    EXPECT_EQ(back->psf_sigma_px, u.psf_sigma_px);
+    EXPECT_EQ(back->black_dn, u.black_dn);
+    EXPECT_EQ(back->gain_e_per_dn, u.gain_e_per_dn);
+    EXPECT_EQ(back->read_noise_e, u.read_noise_e);
+    EXPECT_EQ(back->illumination, u.illumination);
+    EXPECT_EQ(back->transfer_code, u.transfer_code);
+    EXPECT_TRUE(back->psf_density.empty());
+}
+
+TEST(CameraFile, CarriesUncertaintiesOfAMeasuredPointSpread) {
+    CameraModel camera = test::all_fourteen();
+    camera.lens = Lens{2.8, 150, 650, {PointSpread::Kind::measured, 0.0}};
+    camera.lens->psf.profile = {{0, 4}, {0.5, 3}, {1.25, 0.7}, {3, 0}};
+    camera.sensor = Sensor{.pixel_pitch_um = 8.3};
+    camera.standard_uncertainty.emplace().psf_density = {0.1, 0.2, 1.0 / 3, 0};
+    write_camera(temporary("uncertain.yml"), camera);
+    const auto back = read_camera(temporary("uncertain.yml")).standard_uncertainty;
+    ASSERT_TRUE(back);
+    EXPECT_EQ(back->psf_density, camera.standard_uncertainty->psf_density);
+    camera.standard_uncertainty->psf_density.pop_back();
+    EXPECT_THROW(write_camera(temporary("uncertain.yml"), camera), ConfigError);
+}
+
+TEST(CameraFile, RefusesUncertaintiesOfWhatItDoesNotHave) {
+    const auto error = [](const std::string& entry, const std::string& rest = lens_and_sensor) {
+        return error_of(head + rest + "standard_uncertainty: {" + entry + "}\n");
+    };
+    EXPECT_EQ(error("f_number: 0.03"), "no error");
+    EXPECT_THAT(error("f_number: -0.03"), HasSubstr("case.yml:6: standard_uncertainty.f_number"));
+    EXPECT_THAT(error("f_number: .inf"), HasSubstr("case.yml:6: standard_uncertainty.f_number"));
+    EXPECT_THAT(error("aperture: 0.03"),
+                HasSubstr("case.yml:6: standard_uncertainty.aperture: unknown key"));
+    EXPECT_THAT(error("black: 0.1"), HasSubstr("case.yml:6: standard_uncertainty.black: is of "
+                                               "sensor.black, which this file does not have"));
+    EXPECT_THAT(error("f_number: 0.03", ""), HasSubstr("is of lens.f_number, which this file"));
+    EXPECT_THAT(error("psf_sigma_px: 0.03"), HasSubstr("is of lens.psf.gaussian"));
+    EXPECT_THAT(error("illumination: [0.1, 0.1, 0.1]"),
+                HasSubstr("is of sensor.illumination.polynomial"));
+    written("broken.csv", "radiance,code,u_code\n0,0,0.1\n1,255,-1\n");
+    EXPECT_THAT(error_of(head + "sensor: {transfer: {table: {file: broken.csv}}}\n"),
+                HasSubstr("broken.csv:3: a standard uncertainty must be at least 0"));
+}
+
 TEST(CameraFile, RefusesAMeasuredPointSpreadByLineAndKey) {
     const auto error = [](const std::string& radii, const std::string& densities) {
         written("psf.yml", "etalon: psf/1\nradius_px: " + radii + "\ndensity: " + densities + "\n");

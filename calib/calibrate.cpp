@@ -19,35 +19,6 @@ constexpr std::array<const char*, parameter_count> parameter_names{"fx", "fy", "
 using Parameters = Eigen::Matrix<double, parameter_count, 1>;
 using Information = Eigen::Matrix<double, parameter_count, parameter_count>;
 
-[[noreturn]] void refuse_view(std::size_t view, const std::string& why) {
-    throw NumericalError(fmt::format("view {}: {}", view, why));
-}
-
-bool are_collinear(const std::vector<Eigen::Vector3d>& points) {
-    Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
-    for (const Eigen::Vector3d& point : points) {
-        const Eigen::Vector2d arm = (point - points.front()).head<2>();
-        scatter += arm * arm.transpose();
-    }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(scatter, Eigen::EigenvaluesOnly);
-    return !(eigen.eigenvalues()[0] > 1e-12 * eigen.eigenvalues()[1]);
-}
-
-void check_view(const CalibrationView& view, std::size_t index) {
-    if (view.points_mm.size() != view.pixels.size())
-        refuse_view(index, fmt::format("has {} points but {} pixels", view.points_mm.size(),
-                                       view.pixels.size()));
-    if (view.points_mm.size() < 6)
-        refuse_view(index, fmt::format("has {} points, six are needed", view.points_mm.size()));
-    for (std::size_t i = 0; i < view.pixels.size(); ++i)
-        if (!view.points_mm[i].allFinite() || !view.pixels[i].allFinite())
-            refuse_view(index, fmt::format("point {} is not finite", i));
-        else if (view.points_mm[i].z() != 0.0)
-            refuse_view(index, fmt::format("point {} is not in the plane z = 0", i));
-    if (are_collinear(view.points_mm))
-        refuse_view(index, "the points are collinear");
-}
-
 std::vector<cv::Point3f> object_points(const CalibrationView& view) {
     std::vector<cv::Point3f> points;
     for (const Eigen::Vector3d& p : view.points_mm)
@@ -270,13 +241,6 @@ std::vector<LeftOut> leave_each_out(const std::vector<CalibrationView>& views, c
     return all;
 }
 
-std::size_t point_count(const std::vector<CalibrationView>& views) {
-    std::size_t count = 0;
-    for (const CalibrationView& view : views)
-        count += view.pixels.size();
-    return count;
-}
-
 void report_left_out(const std::vector<CalibrationView>& views, const std::vector<LeftOut>& all,
                      CameraCalibration& calibration) {
     double squares = 0.0;
@@ -358,7 +322,7 @@ CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv
     if (views.size() < 3)
         throw NumericalError(fmt::format("{} views, three are needed", views.size()));
     for (std::size_t i = 0; i < views.size(); ++i)
-        check_view(views[i], i);
+        check_view(views[i], i, 6);
     const Fit fit = fit_camera(views, image_size, views.size());
     CameraCalibration calibration;
     const Information formal = evaluate(views, fit, calibration);

@@ -6,21 +6,15 @@
 // Takes observations, never photos; corners come from compare/chessboard_corners.h.
 #pragma once
 
-#include <Eigen/Core>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
 
+#include "calib/calibration_view.h"
 #include "calib/camera_model.h"
 #include "core/rigid.h"
 
 namespace etalon {
-
-// One view: points of the target (z = 0) in its frame and where they were seen, in px.
-struct CalibrationView {
-    std::vector<Eigen::Vector3d> points_mm;
-    std::vector<Eigen::Vector2d> pixels;
-};
 
 struct CalibratedView {
     Rigid camera_from_target;

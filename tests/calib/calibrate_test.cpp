@@ -153,7 +153,7 @@ TEST(Calibrate, NamesTheViewThatCannotBeUsed) {
     EXPECT_THAT(error_of(views), HasSubstr("view 3: the points are collinear"));
     views[3].points_mm.resize(5);
     views[3].pixels.resize(5);
-    EXPECT_THAT(error_of(views), HasSubstr("view 3: has 5 points, six are needed"));
+    EXPECT_THAT(error_of(views), HasSubstr("view 3: has 5 points, 6 are needed"));
 }
 
 // Parallel boards: distance and focal length trade against each other.

@@ -1,0 +1,33 @@
+// What a camera is calibrated from: points of a planar target and where one photo shows them.
+//
+// Plain observations; finding them in photos is in compare/.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace etalon {
+
+// One view. The points are in the target's frame, in its plane z = 0.
+struct CalibrationView {
+    std::vector<Eigen::Vector3d> points_mm;
+    std::vector<Eigen::Vector2d> pixels;
+    std::vector<int> ids = {};  // of each point on the target; empty: 0, 1, 2, ...
+    // Standard deviation of a coordinate of each pixel, up to a common factor, which is estimated
+    // from the residuals; empty: all alike.
+    std::vector<double> sigma_px = {};
+
+    double sigma(std::size_t point) const { return sigma_px.empty() ? 1.0 : sigma_px[point]; }
+};
+
+// Points of all views.
+std::size_t point_count(std::span<const CalibrationView> views);
+
+// Throws NumericalError, naming the view by `index`, unless the view has at least `least_points`
+// points that are finite, in the plane z = 0 and not collinear, as many finite pixels, positive
+// finite standard deviations or none, and distinct ids or none.
+void check_view(const CalibrationView& view, std::size_t index, std::size_t least_points);
+
+}  // namespace etalon

@@ -17,6 +17,13 @@ std::string detector_of(const Marker& marker, const std::string& place) {
             return "aruco";
         case Marker::Kind::chessboard:
             return "chessboard";
+        case Marker::Kind::charuco:
+        case Marker::Kind::aprilgrid:
+        case Marker::Kind::circles:
+        case Marker::Kind::acircles:
+            throw ConfigError({place}, marker.spec +
+                                           " is a target for `etalon calibrate --target`; poses "
+                                           "are found from single tags and chessboards");
         case Marker::Kind::bitmap:
             break;
     }

@@ -8,13 +8,14 @@
 #include "core/errors.h"
 #include "core/image.h"
 #include "core/text.h"
+#include "sim/board_pattern.h"
 #include "sim/tag_pattern.h"
 
 namespace etalon {
 namespace {
 
-constexpr double max_size_mm = 1e6;     // a kilometre: anything above is a slip of the unit
-constexpr int max_board_corners = 500;  // along one side
+constexpr double max_size_mm = 1e6;  // a kilometre: anything above is a slip of the unit
+constexpr int max_board_side = 500;  // corners, tags or circles
 
 // The name in its parts: "apriltag:36h11:5@50mm" is kind "apriltag", what "36h11:5", size "50".
 struct Spec {
@@ -62,6 +63,12 @@ std::string did_you_mean(const std::string& word, const std::vector<std::string>
     return nearest.empty() ? std::string() : "; did you mean '" + nearest + "'?";
 }
 
+void check_family(const Spec& spec, const char* title, const std::string& family,
+                  const std::vector<std::string>& families) {
+    if (std::find(families.begin(), families.end(), family) == families.end())
+        spec.fail(fmt::format("unknown {} '{}'{}", title, family, did_you_mean(family, families)));
+}
+
 // Splits "36h11:5" and checks both halves against what the library has.
 void read_family_and_id(const Spec& spec, const char* title, Marker& marker,
                         const std::vector<std::string>& families,
@@ -70,9 +77,7 @@ void read_family_and_id(const Spec& spec, const char* title, Marker& marker,
     if (parts.size() != 2)
         spec.fail(fmt::format("expected {}:FAMILY:ID@SIZEmm", spec.kind));
     marker.family = parts[0];
-    if (std::find(families.begin(), families.end(), marker.family) == families.end())
-        spec.fail(fmt::format("unknown {} '{}'{}", title, marker.family,
-                              did_you_mean(marker.family, families)));
+    check_family(spec, title, marker.family, families);
     const auto id = parse_integer(parts[1]);
     const int ids = count(marker.family);
     if (!id || *id < 0 || *id >= ids)
@@ -109,29 +114,104 @@ Marker parse_aruco(const Spec& spec) {
     return marker;
 }
 
+// "9x6" of a board, each at least `least`.
+void read_counts(const Spec& spec, const std::string& text, const char* what, int least,
+                 Marker& marker) {
+    std::tie(marker.columns, marker.rows) = pair_of(spec, text, [&](const std::string& part) {
+        const auto number = parse_integer(part);
+        if (!number || *number < least || *number > max_board_side)
+            spec.fail(fmt::format("'{}' is not a number of {}: {} to {}", part, what, least,
+                                  max_board_side));
+        return static_cast<int>(*number);
+    });
+}
+
+// "30mm/22mm", the last mm already gone.
+void read_two_lengths(const Spec& spec, const char* what, Marker& marker) {
+    const std::vector<std::string> parts = split(spec.size, '/');
+    if (parts.size() != 2 || !parts[0].ends_with("mm"))
+        spec.fail(fmt::format("the size must be two lengths, {}: for instance 20mm/12mm", what));
+    marker.size_mm = length_mm(spec, std::string_view(parts[0]).substr(0, parts[0].size() - 2));
+    marker.part_mm = length_mm(spec, parts[1]);
+}
+
+// "36h11:6x5": the family, and what is behind it.
+std::string read_family(const Spec& spec, const char* title, Marker& marker,
+                        const std::vector<std::string>& families) {
+    const std::vector<std::string> parts = split(spec.what, ':');
+    if (parts.size() != 2)
+        spec.fail(fmt::format("expected {}:FAMILY:COLUMNSxROWS@...", spec.kind));
+    marker.family = parts[0];
+    check_family(spec, title, marker.family, families);
+    return parts[1];
+}
+
+void require_ids(const Spec& spec, int needed, int available) {
+    if (needed > available)
+        spec.fail(fmt::format("{} tags are needed, but there are {}", needed, available));
+}
+
+// Draws the board; what cannot be drawn is a fault of the name.
+template <class Draw>
+void lay_out_board(const Spec& spec, Marker& marker, Draw draw) {
+    try {
+        BoardPattern board = draw();
+        marker.grid = board.grid;
+        marker.points_mm = std::move(board.points_mm);
+        marker.detail_mm = board.detail_mm;
+    } catch (const ConfigError& error) {
+        spec.fail(error.what());
+    }
+}
+
 Marker parse_chessboard(const Spec& spec) {
     Marker marker{spec.whole, Marker::Kind::chessboard};
-    const auto corners = [&](const std::string& text) {
-        const auto number = parse_integer(text);
-        if (!number || *number < 2 || *number > max_board_corners)
-            spec.fail(fmt::format("'{}' is not a number of inner corners: 2 to {}", text,
-                                  max_board_corners));
-        return static_cast<int>(*number);
-    };
-    std::tie(marker.columns, marker.rows) = pair_of(spec, spec.what, corners);
+    read_counts(spec, spec.what, "inner corners", 2, marker);
     marker.size_mm = length_mm(spec, spec.size);
-    const double square = marker.size_mm;
-    // One square more than corners each way, and the white margin of a square's width around.
-    cv::Mat cells(marker.rows + 3, marker.columns + 3, CV_32FC1, cv::Scalar::all(1.0));
-    for (int row = 0; row <= marker.rows; ++row) {
-        for (int column = row % 2; column <= marker.columns; column += 2)
-            cells.at<float>(row + 1, column + 1) = 0.0f;
-    }
-    marker.grid = {cells, {-2.0 * square, -2.0 * square}, {square, square}};
-    for (int row = 0; row < marker.rows; ++row) {
-        for (int column = 0; column < marker.columns; ++column)
-            marker.points_mm.emplace_back(column * square, row * square, 0.0);
-    }
+    lay_out_board(spec, marker,
+                  [&] { return chessboard_pattern(marker.columns, marker.rows, marker.size_mm); });
+    return marker;
+}
+
+Marker parse_charuco(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::charuco};
+    const std::string counts = read_family(spec, "ArUco dictionary", marker, aruco_dictionaries());
+    read_counts(spec, counts, "squares", 2, marker);
+    read_two_lengths(spec, "of a square and of a marker", marker);
+    if (marker.part_mm >= marker.size_mm)
+        spec.fail("the markers must be smaller than the squares that hold them");
+    require_ids(spec, marker.columns * marker.rows / 2, aruco_count(marker.family));
+    lay_out_board(spec, marker, [&] {
+        return charuco_pattern(marker.family, marker.columns, marker.rows, marker.size_mm,
+                               marker.part_mm);
+    });
+    return marker;
+}
+
+Marker parse_aprilgrid(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::aprilgrid};
+    const std::string counts = read_family(spec, "AprilTag family", marker, apriltag_families());
+    read_counts(spec, counts, "tags", 1, marker);
+    read_two_lengths(spec, "of a tag and of the gap between tags", marker);
+    require_ids(spec, marker.columns * marker.rows, apriltag_count(marker.family));
+    lay_out_board(spec, marker, [&] {
+        return aprilgrid_pattern(marker.family, marker.columns, marker.rows, marker.size_mm,
+                                 marker.part_mm);
+    });
+    return marker;
+}
+
+Marker parse_circles(const Spec& spec, Marker::Kind kind) {
+    Marker marker{spec.whole, kind};
+    const CircleLayout layout =
+        kind == Marker::Kind::circles ? CircleLayout::symmetric : CircleLayout::asymmetric;
+    read_counts(spec, spec.what, "circles", 2, marker);
+    read_two_lengths(spec, "the spacing and the diameter", marker);
+    if (marker.part_mm >= nearest_circle_mm(layout, marker.size_mm))
+        spec.fail("the circles touch: their diameter is not below the distance of their centres");
+    lay_out_board(spec, marker, [&] {
+        return circles_pattern(layout, marker.columns, marker.rows, marker.size_mm, marker.part_mm);
+    });
     return marker;
 }
 
@@ -161,10 +241,19 @@ Marker parse_marker(const std::string& text, const std::string& place) {
         return parse_aruco(spec);
     if (spec.kind == "chessboard")
         return parse_chessboard(spec);
+    if (spec.kind == "charuco")
+        return parse_charuco(spec);
+    if (spec.kind == "aprilgrid")
+        return parse_aprilgrid(spec);
+    if (spec.kind == "circles")
+        return parse_circles(spec, Marker::Kind::circles);
+    if (spec.kind == "acircles")
+        return parse_circles(spec, Marker::Kind::acircles);
     if (spec.kind == "bitmap")
         return parse_bitmap(spec);
     spec.fail("unknown kind of marker '" + spec.kind + "'" +
-              did_you_mean(spec.kind, {"apriltag", "aruco", "chessboard", "bitmap"}));
+              did_you_mean(spec.kind, {"apriltag", "aruco", "chessboard", "charuco", "aprilgrid",
+                                       "circles", "acircles", "bitmap"}));
 }
 
 }  // namespace etalon

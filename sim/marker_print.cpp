@@ -145,9 +145,10 @@ void check_resolution(const Marker& marker, const PrintPage& page, double dots_p
     };
     if (!(dots_per_mm >= 0.001 && std::isfinite(dots_per_mm)))
         refuse("is not a resolution of at least a dot per metre");
-    if (marker.grid.cell_mm.minCoeff() * dots_per_mm < 2.0)
-        refuse(fmt::format("a cell of {:.4g} mm would be smaller than 2 dots",
-                           marker.grid.cell_mm.minCoeff()));
+    const double smallest_mm =
+        marker.detail_mm > 0.0 ? marker.detail_mm : marker.grid.cell_mm.minCoeff();
+    if (smallest_mm * dots_per_mm < 2.0)
+        refuse(fmt::format("a cell of {:.4g} mm would be smaller than 2 dots", smallest_mm));
     if (page.width_mm * page.height_mm * dots_per_mm * dots_per_mm > max_pixels)
         refuse(fmt::format("a page of {:.4g} x {:.4g} mm would have more than {:.0f} megapixels",
                            page.width_mm, page.height_mm, max_pixels / 1e6));

@@ -192,6 +192,23 @@ bool is_at_border(const std::vector<std::optional<MappedPoint>>& points, int n, 
     return false;
 }
 
+// Points of the unit square whose error of an area falls with their number (Niederreiter, "Random
+// Number Generation and Quasi-Monte Carlo Methods", 1992, section 5.1).
+struct FibonacciLattice {
+    int points, generator;  // two Fibonacci numbers in a row
+
+    Eigen::Vector2d point(int q) const {
+        return Eigen::Vector2d(q + 0.5, q * generator % points + 0.5) / points;
+    }
+};
+
+FibonacciLattice lattice_of_at_least(int points) {
+    FibonacciLattice lattice{34, 21};
+    while (lattice.points < points)
+        lattice = {lattice.points + lattice.generator, lattice.points};
+    return lattice;
+}
+
 }  // namespace
 
 // Where some of a tile's points have no ray: those are background.
@@ -212,18 +229,20 @@ TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
     return {RenderMethod::exact_area, sampling_.k, finest_rule.points(), 1};
 }
 
-// Parts of 1/32 px at most: the border cuts them anyhow.
+// The border cuts parts, whichever way it runs: on a Fibonacci lattice no two parts share a row or
+// a column, so that even a border along the pixels' rows is found to a thousandth of a pixel.
 double TileEvaluator::mean_of_parts(int i, int j, int column, int row) {
-    const int parts = std::max(4, 32 / sampling_.k);
+    const FibonacciLattice lattice = lattice_of_at_least(1000 / sampling_.k);
     const double sample_px = 1.0 / sampling_.k;
+    const double part_px = sample_px / std::sqrt(lattice.points);
     double sum = 0.0;
-    for (int q = 0; q < parts * parts; ++q) {
-        const Eigen::Vector2d place(column + (q % parts + 0.5) / parts,
-                                    row + (q / parts + 0.5) / parts);
-        const auto point = map_.exact(UndistortionMap::tile_corner_px(i, j) + sample_px * place);
-        sum += point ? radiance_at(*point, sample_px / parts) : view_.background();
+    for (int q = 0; q < lattice.points; ++q) {
+        const auto point =
+            map_.exact(UndistortionMap::tile_corner_px(i, j) +
+                       sample_px * (Eigen::Vector2d(column, row) + lattice.point(q)));
+        sum += point ? radiance_at(*point, part_px) : view_.background();
     }
-    return sum / (parts * parts);
+    return sum / lattice.points;
 }
 
 double TileEvaluator::lens_average_at(const Eigen::Vector2d& x) {

@@ -5,6 +5,7 @@
 
 #include "core/errors.h"
 #include "core/text.h"
+#include "station/bench_poses.h"
 #include "station/bench_report.h"
 #include "station/bench_timing.h"
 #include "station/commands.h"
@@ -14,6 +15,7 @@ namespace {
 
 constexpr int quick_poses = 5;
 constexpr int quick_throughput = 40;
+constexpr std::uint64_t throughput_seed = 21;
 
 // All scenes, or those asked for by name; an unknown one is refused before anything is measured.
 std::vector<BenchmarkScene> chosen_scenes(const std::vector<std::string>& names) {
@@ -50,8 +52,13 @@ BenchResult measure(const BenchArguments& arguments, const std::vector<Benchmark
     const int poses = arguments.poses.value_or(arguments.quick ? quick_poses : 200);
     BenchResult result;
     if (frames > 0) {
+        const CellGrid& grid = webcam.scene.markers.front().grid;
         say(fmt::format("throughput: {} frames", frames));
-        result.throughput = measure_throughput(webcam, frames);
+        result.throughput =
+            measure_throughput(webcam, study_poses(webcam.camera, grid, frames, throughput_seed));
+        say("throughput from near focus to far");
+        result.wide_throughput =
+            measure_throughput(webcam, spread_poses(webcam.camera, grid, frames, throughput_seed));
     }
     for (const BenchmarkScene& scene : scenes) {
         say(scene.name);

@@ -162,6 +162,18 @@ SvgPlot panel(const BenchScene& scene) {
     return plot;
 }
 
+ordered_json throughput_json(const Throughput& t) {
+    return {{"frames", t.by_default.frames},
+            {"frames_per_s", t.by_default.frames_per_s},
+            {"cores_used", t.by_default.cores_used},
+            {"refused", t.refused},
+            {"published_frames", t.by_published.frames},
+            {"published_frames_per_s", t.by_published.frames_per_s},
+            {"ratio", t.ratio()},
+            {"early_peak_mib", t.early_peak_mib},
+            {"final_peak_mib", t.final_peak_mib}};
+}
+
 }  // namespace
 
 std::string bench_plot(const std::vector<BenchScene>& scenes) {
@@ -203,16 +215,10 @@ std::string bench_json(const BenchResult& result) {
                                   {"refined_pixels", scene.refined_pixels},
                                   {"baseline_ns_per_ray", scene.ns_per_ray},
                                   {"left_out", scene.left_out}});
-    if (const auto& t = result.throughput)
-        json["throughput"] = {{"frames", t->by_default.frames},
-                              {"frames_per_s", t->by_default.frames_per_s},
-                              {"cores_used", t->by_default.cores_used},
-                              {"refused", t->refused},
-                              {"published_frames", t->by_published.frames},
-                              {"published_frames_per_s", t->by_published.frames_per_s},
-                              {"ratio", t->ratio()},
-                              {"early_peak_mib", t->early_peak_mib},
-                              {"final_peak_mib", t->final_peak_mib}};
+    if (result.throughput)
+        json["throughput"] = throughput_json(*result.throughput);
+    if (result.wide_throughput)
+        json["wide_throughput"] = throughput_json(*result.wide_throughput);
     for (const BenchCheck& check : bench_checks(result))
         json["checks"].push_back(
             {{"what", check.what}, {"figure", check.figure}, {"reached", check.reached}});
@@ -266,9 +272,9 @@ std::string scene_words(const BenchScene& scene) {
     return text;
 }
 
-std::string throughput_words(const Throughput& t) {
+std::string throughput_words(const std::string& name, const Throughput& t) {
     std::string text =
-        fmt::format("throughput: {:.1f} frames/s over {} poses, {:.2f} cores used\n",
+        fmt::format("{}: {:.1f} frames/s over {} poses, {:.2f} cores used\n", name,
                     t.by_default.frames_per_s, t.by_default.frames, t.by_default.cores_used);
     text += fmt::format(
         "  published n256: {:.1f} frames/s over {} of them, {:.2f} cores used: {:.1f}x\n",
@@ -287,7 +293,9 @@ std::string bench_text(const BenchResult& result) {
     for (const BenchScene& scene : result.scenes)
         text += pareto_words(scene);
     if (result.throughput)
-        text += "\n" + throughput_words(*result.throughput);
+        text += "\n" + throughput_words("throughput", *result.throughput);
+    if (result.wide_throughput)
+        text += throughput_words("throughput from near focus to far", *result.wide_throughput);
     return text;
 }
 

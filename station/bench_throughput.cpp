@@ -9,13 +9,10 @@
 #include "core/errors.h"
 #include "sim/published_method.h"
 #include "sim/sensor_model.h"
-#include "station/bench_poses.h"
 #include "station/bench_timing.h"
 
 namespace etalon {
 namespace {
-
-constexpr std::uint64_t pose_seed = 21;
 
 // `render` makes the frame of a pose. One pose per task, because one may take 100 times as long as
 // another; each renders in an arena of one thread: only the loop over the poses is parallel.
@@ -43,9 +40,7 @@ std::vector<Rigid> every_nth(const std::vector<Rigid>& poses, std::size_t count)
 
 }  // namespace
 
-Throughput measure_throughput(const BenchmarkScene& scene, int frames) {
-    const auto poses =
-        spread_poses(scene.camera, scene.scene.markers.front().grid, frames, pose_seed);
+Throughput measure_throughput(const BenchmarkScene& scene, const std::vector<Rigid>& poses) {
     const auto posed = [&](const Rigid& pose) {
         Scene result = scene.scene;
         result.markers.front().camera_from_marker = pose;

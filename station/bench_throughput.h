@@ -20,9 +20,9 @@ struct Throughput {
     double ratio() const { return by_default.frames_per_s / by_published.frames_per_s; }
 };
 
-// The scene's camera and marker at spread_poses(); each frame is rendered on one thread, exposed by
-// the sensor model (no noise) and thrown away. The published method gets every n-th pose, a
-// twentieth of them but at least 20.
-Throughput measure_throughput(const BenchmarkScene& scene, int frames);
+// The scene's camera and marker at the poses; each frame is rendered on one thread, exposed by the
+// sensor model (no noise) and thrown away. The published method gets every n-th pose, a twentieth
+// of them but at least 20.
+Throughput measure_throughput(const BenchmarkScene& scene, const std::vector<Rigid>& poses);
 
 }  // namespace etalon

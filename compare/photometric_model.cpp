@@ -15,12 +15,6 @@ namespace {
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Levels = Eigen::Matrix<double, 6, 1>;  // black 0..2, white 3..5
 
-// Image position as the planes see it: 0 at the centre, -0.5 .. 0.5 over the image.
-Eigen::Vector3d plane_basis(double x, double y, cv::Size size) {
-    return {1.0, (x - 0.5 * (size.width - 1)) / size.width,
-            (y - 0.5 * (size.height - 1)) / size.height};
-}
-
 // What a pixel sees of the six levels.
 Levels level_basis(const Eigen::Vector3d& plane, double seen) {
     Levels basis;
@@ -44,7 +38,7 @@ struct Samples {
     cv::Mat radiance;  // of the region
     Transfer transfer;
     std::vector<cv::Point> places;    // within the region
-    std::vector<Eigen::Vector3d> at;  // plane basis in the whole image
+    std::vector<Eigen::Vector3d> at;  // plane's terms in the whole image
     std::vector<double> gray;
 };
 
@@ -62,7 +56,7 @@ Samples gather(const cv::Mat& photo_gray, const Radiance& radiance, const Transf
             if (!chosen.at<uchar>(y, x))
                 continue;
             samples.places.emplace_back(x - region.x, y - region.y);
-            samples.at.push_back(plane_basis(x, y, use.size()));
+            samples.at.emplace_back(level_terms(x, y, use.size()).head<3>());
             samples.gray.push_back(photo_gray.at<float>(y, x));
         }
     return samples;
@@ -198,6 +192,14 @@ void require_usable(const cv::Mat& photo_gray, const Radiance& radiance, const c
 
 }  // namespace
 
+Vector6d level_terms(double x, double y, cv::Size size) {
+    const double u = (x - 0.5 * (size.width - 1)) / size.width;
+    const double v = (y - 0.5 * (size.height - 1)) / size.height;
+    Vector6d terms;
+    terms << 1.0, u, v, u * u, u * v, v * v;
+    return terms;
+}
+
 cv::Mat gray_of(const CodeImage& image) {
     cv::Mat gray;
     image.pixels.convertTo(gray, CV_32F, 255.0 / image.full_scale());
@@ -232,7 +234,12 @@ PhotometricModel fit_photometric_model(const cv::Mat& photo_gray, const Radiance
     const double sigma = best_sigma(
         [&](double candidate) { return fit_levels(samples, candidate, threshold).loss; });
     const Levels levels = fit_levels(samples, sigma, threshold).levels;
-    return {levels.head<3>(), levels.tail<3>(), sigma, static_cast<int>(samples.places.size())};
+    PhotometricModel model;
+    model.black.head<3>() = levels.head<3>();
+    model.white.head<3>() = levels.tail<3>();
+    model.psf_sigma_px = sigma;
+    model.pixels = static_cast<int>(samples.places.size());
+    return model;
 }
 
 cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
@@ -241,9 +248,10 @@ cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
     for (int y = 0; y < gray.rows; ++y)
         for (int x = 0; x < gray.cols; ++x) {
             float& value = gray.at<float>(y, x);
-            const Eigen::Vector3d plane = plane_basis(x, y, gray.size());
-            const double black = model.black.dot(plane), white = model.white.dot(plane);
-            value = static_cast<float>(black + (white - black) * value);
+            const Vector6d terms = level_terms(x, y, gray.size());
+            const double black = model.black.dot(terms), white = model.white.dot(terms);
+            const double seen = value * (1.0 + model.tone * (1.0 - value));
+            value = static_cast<float>(black + (white - black) * seen);
         }
     return gray;
 }

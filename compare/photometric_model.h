@@ -1,15 +1,15 @@
 // How bright a rendering's black and white are in one photograph, and how much blurrier it is than
 // the rendering: what a calibration does not know and every photograph has anew.
 //
-//     gray(x, y) = black(x, y) + (white(x, y) - black(x, y)) * T((Gaussian(sigma) * radiance)(x,
-//     y))
+//     gray = black + (white - black) * C(T(Gaussian(sigma) * radiance))     at each pixel
 //
-// Black and white are planes over the image: seven parameters in all. The Gaussian (*: convolution)
-// stands for what the camera's lens section leaves out; without a lens section it is the whole
-// lens. T is the camera's transfer curve, not fitted; it is taken at radiances 0 to 1 although the
-// scene's own may span less, so that with a curve the half tones along edges are first order only.
-// Photographs are in gray = code value / full scale * 255. Not for clipped photographs: nothing in
-// it saturates.
+// Black and white are surfaces over the image: planes, or of second order. The Gaussian (*:
+// convolution) stands for what the camera's lens section leaves out; without a lens section it is
+// the whole lens. T is the camera's transfer curve, not fitted; it is taken at radiances 0 to 1
+// although the scene's own may span less, so that with a curve the half tones along edges are first
+// order only. C(s) = s + tone s (1 - s) stands for what is left of a curve that no calibration
+// told. Photographs are in gray = code value / full scale * 255. Not for clipped photographs:
+// nothing in it saturates.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,29 +17,35 @@
 
 #include "calib/camera_model.h"
 #include "core/image.h"
+#include "core/rigid.h"
 
 namespace etalon {
 
 struct PhotometricModel {
-    // Level at the image's centre, its change over the image's width and over its height, gray.
-    Eigen::Vector3d black = Eigen::Vector3d::Zero();
-    Eigen::Vector3d white = Eigen::Vector3d::Zero();
+    // Levels in gray, by level_terms(): at the image's centre, the change over the image's width
+    // and over its height, and the second order.
+    Vector6d black = Vector6d::Zero();
+    Vector6d white = Vector6d::Zero();
     double psf_sigma_px = 0.0;  // 0 .. 3
+    double tone = 0.0;          // -1 .. 1, where C still rises everywhere
     int pixels = 0;             // that were fitted
 };
 
 inline constexpr double max_psf_sigma_px = 3.0;
 
+// 1, x, y, x^2, x y, y^2 of a pixel with x and y from -0.5 to 0.5 over the image.
+Vector6d level_terms(double x, double y, cv::Size size);
+
 // CV_32FC1: code values / full scale * 255.
 cv::Mat gray_of(const CodeImage& image);
 
-// Fits the model on the pixels where `use` (CV_8UC1) equals `fitted`. Robust: Huber's loss, by
-// iteratively reweighted least squares for the levels, inside a search for the width from 0 to 3 px
-// (a grid, then golden section, to 0.002 px). All images have the same size; photo_gray and the
-// radiance are CV_32FC1. Throws NumericalError when sizes or types differ, a fitted pixel is not
-// finite, or the pixels do not determine the six levels (all dark, too few, on one line). About 5
-// ms per 100 000 pixels of the marker's bounding box and width tried, 30 of them. Safe from every
-// thread.
+// Fits the model with planes and without tone on the pixels where `use` (CV_8UC1) equals `fitted`.
+// Robust: Huber's loss, by iteratively reweighted least squares for the levels, inside a search for
+// the width from 0 to 3 px (a grid, then golden section, to 0.002 px). All images have the same
+// size; photo_gray and the radiance are CV_32FC1. Throws NumericalError when sizes or types differ,
+// a fitted pixel is not finite, or the pixels do not determine the six levels (all dark, too few,
+// on one line). About 5 ms per 100 000 pixels of the marker's bounding box and width tried, 30 of
+// them. Safe from every thread.
 PhotometricModel fit_photometric_model(const cv::Mat& photo_gray, const Radiance& radiance,
                                        const Transfer& transfer, const cv::Mat& use, uchar fitted);
 

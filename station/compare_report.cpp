@@ -48,8 +48,8 @@ ordered_json photo_json(const ComparedPhoto& photo) {
             json["alternative_rms_px"] = photo.estimate->alternative_rms_px;
         }
     }
-    json["photometric_model"] = {{"black_gray", three(photo.model.black)},
-                                 {"white_gray", three(photo.model.white)},
+    json["photometric_model"] = {{"black_gray", three(photo.model.black.head<3>())},
+                                 {"white_gray", three(photo.model.white.head<3>())},
                                  {"psf_sigma_px", photo.model.psf_sigma_px}};
     json["fitted"] = statistics_json(photo.fitted);
     json["scored"] = statistics_json(photo.scored);
@@ -62,7 +62,7 @@ std::string csv_row(const ComparedPhoto& photo) {
     std::vector<double> numbers;
     const Vector6d pose = vector_from_rigid(photo.camera_from_marker);
     numbers.assign(pose.data(), pose.data() + 6);
-    for (const Eigen::Vector3d& level : {photo.model.black, photo.model.white})
+    for (const Vector6d& level : {photo.model.black, photo.model.white})
         numbers.insert(numbers.end(), {level[0], level[1], level[2]});
     numbers.insert(numbers.end(),
                    {photo.model.psf_sigma_px, static_cast<double>(photo.scored.pixels),

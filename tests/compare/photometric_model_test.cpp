@@ -31,8 +31,8 @@ Radiance checkerboard() {
 
 PhotometricModel some_model() {
     PhotometricModel model;
-    model.black = {23.0, 7.0, -5.0};
-    model.white = {201.0, -31.0, 17.0};
+    model.black.head<3>() << 23.0, 7.0, -5.0;
+    model.white.head<3>() << 201.0, -31.0, 17.0;
     model.psf_sigma_px = 0.83;
     return model;
 }

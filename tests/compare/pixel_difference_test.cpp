@@ -111,8 +111,8 @@ struct Scene {
 
     CodeImage photo(double noise_gray, int bits) const {
         PhotometricModel model;
-        model.black = {30.0, 4.0, -6.0};
-        model.white = {190.0, -20.0, 10.0};
+        model.black.head<3>() << 30.0, 4.0, -6.0;
+        model.white.head<3>() << 190.0, -20.0, 10.0;
         model.psf_sigma_px = 0.9;
         cv::Mat gray = predicted_gray(model, radiance, {});
         RandomStream random(3, 9);

@@ -53,6 +53,7 @@ struct StraightEdge {
     double length_px = 0.0;                             // of the part that was used
     // Of the target along the edge: mean of 1/z and variance about it. A telecentric camera's is z.
     double depth_term = 0.0, depth_term_variance = 0.0;
+    Eigen::Vector2d undistorted = Eigen::Vector2d::Zero();  // of centre_px: normalised coordinates
     // Pixels along the normal per unit of undistorted image coordinate: fx and fy, distortion
     // included. Makes a blur on the normalised image plane one in pixels.
     double px_per_unit = 0.0;

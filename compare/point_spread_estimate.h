@@ -27,8 +27,8 @@
 namespace etalon {
 
 // A Gaussian's width, of the edges in one zone or of all. Standard uncertainty: the larger of the
-// formal one (from the noise, times the residuals' excess over it) and the cluster-robust one
-// (edges as clusters, from 8 of them).
+// formal one (from the noise, times the residuals' excess over it) and, from 8 edges, the one that
+// the scatter between edges gives (cluster-robust).
 struct BlurWidth {
     double sigma_px = 0.0, standard_uncertainty_px = 0.0;
     // sigma^2 and its uncertainty: what is estimated; near sigma = 0 this one is still normal.

@@ -68,6 +68,19 @@ struct CalibrateArguments {
 };
 int run_calibrate(const CalibrateArguments& arguments);
 
+// What is not given is not measured. Exit code 2 when photographs were given that cannot be used.
+struct CharacteriseArguments {
+    std::filesystem::path camera;
+    std::string target;                                        // "chessboard:9x6@25mm"
+    std::vector<std::filesystem::path> photos;                 // the target in several places
+    std::vector<std::filesystem::path> repeats, flats, darks;  // one view; uniform field; no light
+    std::filesystem::path exposures;                           // CSV file,exposure_us
+    std::filesystem::path out;                                 // camera.yml
+    std::filesystem::path report;                              // folder; empty: none
+    bool json = false;
+};
+int run_characterise(const CharacteriseArguments& arguments);
+
 struct DetectArguments {
     std::string marker;
     std::filesystem::path camera;

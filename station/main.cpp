@@ -219,6 +219,41 @@ void add_calibrate_command(CLI::App& app, Run& run) {
         ->type_name("FILE");
 }
 
+void add_characterise_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<CharacteriseArguments>();
+    CLI::App* sub = add_command(
+        app, run, arguments, run_characterise, "characterise",
+        "measure blur, noise, tone and illumination of a camera",
+        "Writes the camera file with the measured values and their uncertainties, and\n"
+        "prints a line `QUANTITY VALUE +- U` each (k = 2). What is not given is not\n"
+        "measured. Exit code 2 when photographs were given that cannot be used.\n"
+        "How to take them: docs/characterising.md.\n\n"
+        "Example:\n"
+        "  etalon characterise --camera camera.yml --target chessboard:9x6@25mm board*.png \\\n"
+        "      --repeats still*.png --flat flat*.png --dark dark*.png \\\n"
+        "      --exposures series.csv --out characterised.yml --report characterised\n");
+    sub->add_option("PHOTOS", arguments->photos, "the target in several places and tilts")
+        ->type_name("");
+    sub->add_option("--camera", arguments->camera, "calibration: ours or another tool's")
+        ->required()
+        ->type_name("FILE");
+    sub->add_option("--target", arguments->target, "the target, as for calibrating")
+        ->required()
+        ->type_name("M");
+    const auto add_photos = [sub](const char* name, std::vector<std::filesystem::path>& target,
+                                  const char* summary) {
+        sub->add_option(name, target, summary)->type_name("PHOTOS");
+    };
+    add_photos("--repeats", arguments->repeats, "one still view, two or more times");
+    add_photos("--flat", arguments->flats, "a uniform field");
+    add_photos("--dark", arguments->darks, "lens covered");
+    sub->add_option("--exposures", arguments->exposures,
+                    "CSV file,exposure_us: one still scene at\nseveral exposure times")
+        ->type_name("FILE");
+    sub->add_option("--out", arguments->out, "camera.yml to write")->required()->type_name("FILE");
+    sub->add_option("--report", arguments->report, "folder for report.html")->type_name("DIR");
+}
+
 void add_detect_command(CLI::App& app, Run& run) {
     auto arguments = std::make_shared<DetectArguments>();
     CLI::App* sub = add_command(app, run, arguments, run_detect, "detect",
@@ -498,6 +533,7 @@ void add_commands(CLI::App& app, Run& run) {
     add_qualify_command(app, run);
     add_compare_command(app, run);
     add_calibrate_command(app, run);
+    add_characterise_command(app, run);
     add_render_command(app, run);
     add_detect_command(app, run);
     add_marker_command(app, run);

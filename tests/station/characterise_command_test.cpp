@@ -1,0 +1,194 @@
+// `etalon characterise` end to end: photographs of a camera that is known are rendered, and every
+// value that the command finds is within its own stated U of the truth.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "calib/camera_file.h"
+#include "core/errors.h"
+#include "core/text.h"
+#include "sim/marker.h"
+#include "sim/renderer.h"
+#include "sim/sensor_model.h"
+#include "station/commands.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr const char* board = "chessboard:9x6@8mm";
+
+CameraModel truth() {
+    CameraModel camera;
+    camera.serial = "twin-7";
+    camera.width = 480;
+    camera.height = 360;
+    camera.intrinsics = {800.0, 800.0, 243.0, 171.0};
+    camera.distortion.k1 = -0.08;
+    camera.lens = Lens{1.4, 250.0, 550.0, {PointSpread::Kind::gaussian, 0.7}};
+    camera.sensor = Sensor{.pixel_pitch_um = 6.0,
+                           .bits = 8,
+                           .black_dn = 9.3,
+                           .gain_e_per_dn = 12.0,
+                           .read_noise_e = 14.0};
+    camera.sensor->illumination = {Illumination::Kind::polynomial, {-0.3, 0.08, -0.05}};
+    return camera;
+}
+
+// What a user knows before: the calibration, the data sheet's lens, nothing of the sensor.
+CameraModel data_sheet() {
+    CameraModel camera = truth();
+    camera.lens = Lens{1.8, 300.0, 550.0, {}};
+    camera.sensor = Sensor{.pixel_pitch_um = 6.0, .bits = 8};
+    return camera;
+}
+
+// The photographs of one session in a folder.
+class Session {
+public:
+    explicit Session(std::uint64_t seed) : seed_(seed), sensor_(truth()), renderer_(truth()) {
+        write_camera(folder_ / "camera.yml", data_sheet());
+    }
+
+    const std::filesystem::path& folder() const { return folder_.path(); }
+
+    std::filesystem::path expose(const std::string& name, const Radiance& radiance) {
+        const auto path = folder_ / (name + ".png");
+        write_image(path, sensor_.expose(radiance, NoiseKey{seed_, frame_++}));
+        return path;
+    }
+
+    Radiance view(const Vector6d& camera_from_board) const {
+        PlacedMarker placed{parse_marker(board, "test").grid, rigid_from_vector(camera_from_board)};
+        placed.grid.cells = 0.08 + 0.72 * placed.grid.cells;  // print and paper, not 0 and 1
+        return renderer_.render({{placed}, 0.45}, {.tolerance_gray = 0.02}).radiance;
+    }
+
+    // The light of a uniform field is a little uneven: brighter to the right.
+    Radiance field(double level) const {
+        Radiance radiance(truth().height, truth().width, CV_32FC1);
+        for (int y = 0; y < radiance.rows; ++y)
+            for (int x = 0; x < radiance.cols; ++x)
+                radiance.at<float>(y, x) =
+                    static_cast<float>(level * (1.0 + 0.04 * x / radiance.cols));
+        return radiance;
+    }
+
+    CharacteriseArguments arguments() const {
+        CharacteriseArguments arguments;
+        arguments.camera = folder_ / "camera.yml";
+        arguments.target = board;
+        arguments.out = folder_ / "characterised.yml";
+        arguments.json = true;
+        return arguments;
+    }
+
+private:
+    TemporaryFolder folder_;
+    std::uint64_t seed_;
+    std::uint32_t frame_ = 0;
+    SensorModel sensor_;
+    Renderer renderer_;
+};
+
+// Tilted by half a radian and more, from nearer than focus to farther.
+const std::vector<Vector6d> poses{
+    {0.1, 0.6, 0.06, -36, -18, 240},  {-0.6, 0.1, -0.07, -30, -26, 255},
+    {0.1, -0.65, 0.1, -28, -20, 235}, {0.65, 0.05, 0.05, -34, -16, 250},
+    {0.3, 0.5, -0.1, -50, -10, 300},  {-0.4, -0.4, 0.08, -10, -40, 215}};
+
+void add_darks(Session& session, CharacteriseArguments& arguments, int count) {
+    for (int i = 0; i < count; ++i)
+        arguments.darks.push_back(
+            session.expose(fmt::format("dark{}", i), Radiance::zeros(360, 480, CV_32FC1)));
+}
+
+CharacteriseArguments whole_session(Session& session) {
+    CharacteriseArguments arguments = session.arguments();
+    for (std::size_t i = 0; i < poses.size(); ++i)
+        arguments.photos.push_back(
+            session.expose(fmt::format("pose{}", i), session.view(poses[i])));
+    const Radiance still = session.view({0.05, -0.08, 0.1, -34, -20, 250});
+    for (int i = 0; i < 4; ++i)
+        arguments.repeats.push_back(session.expose(fmt::format("still{}", i), still));
+    for (int i = 0; i < 3; ++i)
+        arguments.flats.push_back(session.expose(fmt::format("flat{}", i), session.field(0.8)));
+    add_darks(session, arguments, 4);
+    arguments.exposures = session.folder() / "series.csv";
+    std::ofstream csv(arguments.exposures);
+    csv << "file,exposure_us\n";
+    int i = 0;
+    for (const double time : {100, 200, 400, 700, 1000, 1000, 1200, 1600, 4000}) {
+        const auto photo = session.expose(fmt::format("series{}", i++), still * (time / 1000.0));
+        csv << photo.filename().string() << "," << time << "\n";
+    }
+    return arguments;
+}
+
+json run(const CharacteriseArguments& arguments, int exit_code) {
+    testing::internal::CaptureStdout();
+    testing::internal::CaptureStderr();
+    const int code = run_characterise(arguments);
+    const std::string out = testing::internal::GetCapturedStdout();
+    const std::string remarks = testing::internal::GetCapturedStderr();
+    EXPECT_EQ(code, exit_code) << out << remarks;
+    return json::parse(out);
+}
+
+void expect_recovered(const json& values, const char* key, double true_value, double most_u) {
+    ASSERT_TRUE(values.contains(key)) << key;
+    const double value = values[key]["value"], u = values[key]["standard_uncertainty"];
+    EXPECT_LE(std::abs(value - true_value), 2.0 * u) << key << " " << value << " +- " << 2.0 * u;
+    EXPECT_LE(u, most_u) << key;
+    EXPECT_EQ(values[key]["expanded_uncertainty"], 2.0 * u);
+}
+
+TEST(CharacteriseCommand, RecoversEveryValueWithinItsUncertaintyAndWritesTheCamera) {
+    Session session(11);
+    CharacteriseArguments arguments = whole_session(session);
+    arguments.report = session.folder() / "report";
+    const json result = run(arguments, 0);
+    const json& values = result["values"];
+    const CameraModel camera = truth();
+    expect_recovered(values, "black_dn", 9.3, 0.01);
+    expect_recovered(values, "gain_e_per_dn", 12.0, 0.12);
+    expect_recovered(values, "read_noise_e", 14.0, 0.15);
+    const double farthest =
+        illumination_radius_squared(camera, Eigen::Vector2d(-0.5, camera.height - 0.5));
+    expect_recovered(values, "illumination_at_corner",
+                     polynomial_illumination(camera.sensor->illumination.polynomial, farthest),
+                     0.002);
+    expect_recovered(values, "focus_distance_mm", 250.0, 1.0);
+    expect_recovered(values, "f_number", 1.4, 0.02);
+    expect_recovered(values, "psf_sigma_px", 0.7, 0.01);
+    EXPECT_EQ(result["transfer"]["kind"], "linear");
+    EXPECT_EQ(result["illumination"]["kind"], "polynomial");
+    EXPECT_EQ(result["photos_with_target"], 6);
+    EXPECT_TRUE(result["not_measured"].empty()) << result["not_measured"];
+
+    const CameraModel written = read_camera(arguments.out);
+    EXPECT_EQ(written.serial, "twin-7");
+    EXPECT_EQ(written.sensor->black_dn, values["black_dn"]["value"]);
+    EXPECT_EQ(written.sensor->gain_e_per_dn, values["gain_e_per_dn"]["value"]);
+    EXPECT_EQ(written.sensor->read_noise_e, values["read_noise_e"]["value"]);
+    EXPECT_EQ(written.lens->f_number, values["f_number"]["value"]);
+    EXPECT_EQ(written.lens->focus_distance_mm, values["focus_distance_mm"]["value"]);
+    EXPECT_EQ(written.lens->psf.sigma_px, values["psf_sigma_px"]["value"]);
+    ASSERT_TRUE(written.standard_uncertainty);
+    EXPECT_EQ(written.standard_uncertainty->f_number, values["f_number"]["standard_uncertainty"]);
+    EXPECT_TRUE(written.standard_uncertainty->illumination);
+    EXPECT_NO_THROW(SensorModel{written});
+    const std::string page = read_text(arguments.report / "report.html");
+    EXPECT_THAT(page, HasSubstr("Photon transfer"));
+    EXPECT_THAT(page, Not(HasSubstr("http")));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "calib/camera_file.h"
@@ -145,6 +146,7 @@ json run(const CharacteriseArguments& arguments, int exit_code) {
 void expect_recovered(const json& values, const char* key, double true_value, double most_u) {
     ASSERT_TRUE(values.contains(key)) << key;
     const double value = values[key]["value"], u = values[key]["standard_uncertainty"];
+    fmt::print("{:<24} {:>10.5g} {:>10.5g} {:>10.2g}\n", key, true_value, value, 2.0 * u);
     EXPECT_LE(std::abs(value - true_value), 2.0 * u) << key << " " << value << " +- " << 2.0 * u;
     EXPECT_LE(u, most_u) << key;
     EXPECT_EQ(values[key]["expanded_uncertainty"], 2.0 * u);
@@ -157,6 +159,7 @@ TEST(CharacteriseCommand, RecoversEveryValueWithinItsUncertaintyAndWritesTheCame
     const json result = run(arguments, 0);
     const json& values = result["values"];
     const CameraModel camera = truth();
+    fmt::print("{:<24} {:>10} {:>10} {:>10}\n", "quantity", "truth", "value", "U");
     expect_recovered(values, "black_dn", 9.3, 0.01);
     expect_recovered(values, "gain_e_per_dn", 12.0, 0.12);
     expect_recovered(values, "read_noise_e", 14.0, 0.15);
@@ -188,6 +191,70 @@ TEST(CharacteriseCommand, RecoversEveryValueWithinItsUncertaintyAndWritesTheCame
     const std::string page = read_text(arguments.report / "report.html");
     EXPECT_THAT(page, HasSubstr("Photon transfer"));
     EXPECT_THAT(page, Not(HasSubstr("http")));
+}
+
+TEST(CharacteriseCommand, RefusesWhatItCannotUseAndMeasuresTheRest) {
+    Session session(12);
+    CharacteriseArguments arguments = session.arguments();
+    add_darks(session, arguments, 2);
+    arguments.flats.push_back(session.expose("bright", session.field(1.2)));
+    const json result = run(arguments, 2);
+    EXPECT_TRUE(result["values"].contains("black_dn"));
+    std::map<std::string, json> missing;
+    for (const json& entry : result["not_measured"])
+        missing[entry["quantity"]] = entry;
+    EXPECT_TRUE(missing["relative illumination"]["refused"]);
+    EXPECT_THAT(std::string(missing["relative illumination"]["reason"]),
+                HasSubstr("bright.png: 1e+02 % of the pixels are saturated"));
+    EXPECT_FALSE(missing["transfer curve"]["refused"]);
+    EXPECT_EQ(missing["transfer curve"]["reason"], "no exposure series");
+    EXPECT_EQ(missing["point spread, defocus and MTF"]["reason"], "no photos of the target");
+    const CameraModel written = read_camera(arguments.out);
+    EXPECT_EQ(written.lens->f_number, 1.8);  // as it was
+    EXPECT_FALSE(written.standard_uncertainty->f_number);
+}
+
+TEST(CharacteriseCommand, PrintsALineForEachQuantity) {
+    Session session(13);
+    CharacteriseArguments arguments = session.arguments();
+    arguments.json = false;
+    add_darks(session, arguments, 2);
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_characterise(arguments), 0);
+    const std::string out = testing::internal::GetCapturedStdout();
+    EXPECT_THAT(out, testing::ContainsRegex("black 9\\.[0-9]+ \\+- 0\\.0[0-9]+ DN\n"));
+    EXPECT_THAT(out, HasSubstr("not measured: gain and read noise: no repeats of one view\n"));
+    EXPECT_THAT(out, HasSubstr("camera " + arguments.out.string() + "\n"));
+}
+
+std::string input_error(const CharacteriseArguments& arguments) {
+    try {
+        run_characterise(arguments);
+    } catch (const ConfigError& error) {
+        return error.what();
+    }
+    return "no error";
+}
+
+TEST(CharacteriseCommand, NamesTheFileThatIsNoInput) {
+    Session session(14);
+    CharacteriseArguments arguments = session.arguments();
+    EXPECT_THAT(input_error(arguments), HasSubstr("no photograph given"));
+    add_darks(session, arguments, 1);
+    arguments.flats = arguments.darks;
+    EXPECT_THAT(input_error(arguments), HasSubstr("dark0.png: is given twice"));
+    const auto small = session.folder() / "small.png";
+    write_image(small, {cv::Mat(7, 5, CV_8UC1, cv::Scalar(100)), 8});
+    arguments.flats = {small};
+    EXPECT_THAT(input_error(arguments), HasSubstr("small.png: is 5 x 7 px, but the calibration"));
+    arguments.flats.clear();
+    arguments.exposures = session.folder() / "series.csv";
+    std::ofstream(arguments.exposures) << "file,exposure_us\nsmall.png,-5\n";
+    EXPECT_THAT(input_error(arguments), HasSubstr("series.csv:2: must be a file and an exposure"));
+    std::ofstream(arguments.exposures) << "file;exposure_us\n";
+    EXPECT_THAT(input_error(arguments), HasSubstr("series.csv:1: must begin with the header"));
+    std::ofstream(arguments.exposures) << "file,exposure_us\nmissing.png,5\n";
+    EXPECT_THAT(input_error(arguments), HasSubstr("missing.png"));
 }
 
 }  // namespace

@@ -5,8 +5,8 @@
 #include <cstdio>
 
 #include "core/errors.h"
-#include "core/text.h"
 #include "station/capture_run.h"
+#include "station/capture_settings.h"
 #include "station/commands.h"
 #include "station/live_view.h"
 #include "station/run_json.h"
@@ -17,33 +17,9 @@ namespace {
 
 constexpr int run_error = 4, interrupted = 130;
 
-// "Gamma=0.7"
-std::map<std::string, double> parse_controls(const std::vector<std::string>& words) {
-    std::map<std::string, double> controls;
-    for (const std::string& word : words) {
-        const std::size_t equals = word.find('=');
-        const auto value = equals == std::string::npos
-                               ? std::nullopt
-                               : parse_number(std::string_view(word).substr(equals + 1));
-        if (!value || equals == 0)
-            throw ConfigError({"--set"}, fmt::format("must be NAME=NUMBER, not '{}'", word));
-        controls[word.substr(0, equals)] = *value;
-    }
-    return controls;
-}
-
 CaptureRequest request_of(const CaptureArguments& arguments) {
     CaptureRequest request;
-    CaptureSettings& settings = request.settings;
-    settings.width = arguments.width;
-    settings.height = arguments.height;
-    settings.format = arguments.format;
-    settings.bits = arguments.bits.value_or(arguments.format.empty() ? 8 : 0);
-    settings.exposure = std::chrono::microseconds(std::llround(arguments.exposure_us));
-    settings.gain_db = arguments.gain_db;
-    settings.black_level = arguments.black_level;
-    settings.trigger = arguments.trigger;
-    settings.controls = parse_controls(arguments.controls);
+    request.settings = capture_settings(arguments);
     request.frames = arguments.frames;
     request.retries = arguments.retries;
     request.out = arguments.out;
@@ -118,15 +94,13 @@ void print_result(const CaptureResult& result, const CaptureArguments& arguments
 }  // namespace
 
 int run_capture(const CaptureArguments& arguments) {
+    if (arguments.drift)
+        return run_capture_drift(arguments);
     require_purpose(arguments);
     std::stop_source stop;
     const StopOnSignals signals(stop);
     SteadyClock clock;
-    CameraLink link;
-    link.packet_size = arguments.packet_size;
-    link.frame_timeout = std::chrono::milliseconds(arguments.frame_timeout_ms);
-    link.interface = arguments.interface;
-    const auto camera = open_camera(arguments.camera, link, clock);
+    const auto camera = open_camera(arguments.camera, camera_link(arguments), clock);
     CaptureResult result;
     {
         LivePrinter live(arguments.live, clock);

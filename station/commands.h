@@ -123,9 +123,14 @@ struct CaptureArguments {
     int retries = 5;
     int frame_timeout_ms = 1000, packet_size = 1400;
     std::string interface;
+    bool drift = false;                // warm-up check: the following are for it alone
+    std::string marker;                // the static target
+    std::optional<double> minutes;     // at most; default 60, or as `frames` say
+    std::optional<double> interval_s;  // between frames; default 1
     bool json = false;
 };
 int run_capture(const CaptureArguments& arguments);
+int run_capture_drift(const CaptureArguments& arguments);  // with drift
 
 struct QualifyArguments {
     std::filesystem::path station, out;

@@ -319,6 +319,28 @@ void add_devices_command(CLI::App& app, Run& run) {
                 "with the reason.\n");
 }
 
+void add_drift_options(CLI::App& capture, CaptureArguments& arguments) {
+    auto* drift = capture.add_flag("--drift", arguments.drift,
+                                   "warm-up check: watch a target until it is still");
+    auto* marker = capture
+                       .add_option("--marker", arguments.marker,
+                                   "the target: any marker or board that a\ndetector sees")
+                       ->needs(drift)
+                       ->type_name("M");
+    capture.add_option("--minutes", arguments.minutes, "at most (default 60, or as --frames says)")
+        ->check(positive_number())
+        ->needs(drift)
+        ->excludes("--frames")
+        ->type_name("M");
+    capture
+        .add_option("--interval-s", arguments.interval_s,
+                    "between frames (default 1); of files: how far\napart they were taken")
+        ->check(positive_number())
+        ->needs(drift)
+        ->type_name("S");
+    drift->needs(marker)->needs("--out")->excludes("--live");
+}
+
 void add_capture_command(CLI::App& app, Run& run) {
     auto arguments = std::make_shared<CaptureArguments>();
     CLI::App* sub = add_command(
@@ -327,9 +349,15 @@ void add_capture_command(CLI::App& app, Run& run) {
         "DIR gets capture.json, events.jsonl, frames/ and mean.tiff, and can be replayed\n"
         "as files:DIR. Settings are read back; what the camera does not do is an error.\n"
         "Cameras, formats and controls: `etalon devices`.\n\n"
-        "Example:\n"
+        "With --drift it watches a target that stands still until its image moves by less\n"
+        "than 0.02 px per minute, anywhere in the image and with its uncertainty: prints\n"
+        "`drift X px/min stable after T min` and `report FILE`. Exit code 2 if that does\n"
+        "not happen in the time. DIR gets drift.csv, drift.json and report.html.\n\n"
+        "Examples:\n"
         "  etalon capture --camera v4l2:/dev/video0 --format Y16 --exposure-us 5000 \\\n"
-        "      --frames 100 --out still\n");
+        "      --frames 100 --out still\n"
+        "  etalon capture --camera v4l2:/dev/video0 --drift --marker chessboard:9x6@25mm \\\n"
+        "      --minutes 90 --out warm-up\n");
     sub->add_option("--camera", arguments->camera,
                     "v4l2:/dev/video0, genicam:ID-OR-IP,\nlibcamera:ID or files:DIR")
         ->required()
@@ -371,6 +399,7 @@ void add_capture_command(CLI::App& app, Run& run) {
         ->type_name("BYTES");
     sub->add_option("--interface", arguments->interface, "GigE Vision: IP of the network card")
         ->type_name("IP");
+    add_drift_options(*sub, *arguments);
 }
 
 void add_qualify_command(CLI::App& app, Run& run) {

@@ -138,12 +138,14 @@ void write_foreign_camera(const std::filesystem::path& path, CalibrationTool too
     }
 }
 
-std::vector<std::string> lost_in_foreign_files(const CameraModel& camera) {
+std::vector<std::string> lost_in_foreign_file(CalibrationTool tool, const CameraModel& camera) {
     std::vector<std::string> lost;
     if (!camera.serial.empty())
         lost.push_back("serial");
-    if (camera.covariance)
+    if (camera.covariance && tool != CalibrationTool::opencv)
         lost.push_back("covariance");
+    else if (camera.covariance && !camera.covariance->matrix.isDiagonal(0.0))
+        lost.push_back("correlations of the covariance");
     if (camera.lens)
         lost.push_back("lens");
     if (camera.sensor)

@@ -27,11 +27,12 @@ CalibrationTool tool_of(const std::filesystem::path& path);
 CameraModel read_foreign_camera(const std::filesystem::path& path, const std::string& select = "");
 
 // Throws ConfigError when the tool's model lacks a coefficient of the camera that is not 0. Serial,
-// covariance, lens and sensor have no place in these files (see lost_in_foreign_files).
+// covariance, lens and sensor have no place in these files (see lost_in_foreign_file), but the
+// standard deviations of a covariance in OpenCV's.
 void write_foreign_camera(const std::filesystem::path& path, CalibrationTool tool,
                           const CameraModel& camera);
 
-// What of this camera no file of these tools holds, in words: "serial", "covariance", ...
-std::vector<std::string> lost_in_foreign_files(const CameraModel& camera);
+// What of this camera a file of this tool does not hold, in words: "serial", "covariance", ...
+std::vector<std::string> lost_in_foreign_file(CalibrationTool tool, const CameraModel& camera);
 
 }  // namespace etalon

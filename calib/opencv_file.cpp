@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <opencv2/core.hpp>
 
 #include "calib/foreign_camera.h"
@@ -201,6 +203,29 @@ void refuse_other_models(const OpenedFile& opened) {
                           "must be plumb_bob or rational_polynomial, not '" + one_line(name) + "'");
 }
 
+// As two numbers, or as the interactive calibration's cv::Size.
+void read_image_size(const OpenedFile& opened, CameraModel& camera) {
+    const auto width = find(opened, width_names), height = find(opened, height_names);
+    const auto size = find(opened, {"cameraResolution"});
+    if (width.has_value() != height.has_value())
+        throw ConfigError(opened.place(width ? width->key : height->key),
+                          "image width and height must be given together");
+    if (size && width)
+        throw ConfigError(opened.place(size->key), "is given as '" + width->key + "' too");
+    if (width) {
+        const SourcePlace of_width = opened.place(width->key),
+                          of_height = opened.place(height->key);
+        camera.width = checked_image_side(number(width->node, of_width), of_width);
+        camera.height = checked_image_side(number(height->node, of_height), of_height);
+    } else if (size) {
+        const SourcePlace place = opened.place(size->key);
+        if (!size->node.isSeq() || size->node.size() != 2)
+            throw ConfigError(place, "must be width and height");
+        camera.width = checked_image_side(number(size->node[0], place), place);
+        camera.height = checked_image_side(number(size->node[1], place), place);
+    }
+}
+
 CameraModel read_camera_from(const OpenedFile& opened) {
     refuse_other_models(opened);
     const ForeignMatrix camera_matrix = read_matrix(opened, require(opened, camera_matrix_names));
@@ -208,17 +233,33 @@ CameraModel read_camera_from(const OpenedFile& opened) {
     CameraModel camera = camera_from_matrices(camera_matrix, distortion);
     camera.intrinsics = from_pixels_of(CalibrationTool::opencv, camera.intrinsics);
     camera.covariance = read_covariance(opened);
-    const auto width = find(opened, width_names), height = find(opened, height_names);
-    if (width.has_value() != height.has_value())
-        throw ConfigError(opened.place(width ? width->key : height->key),
-                          "image width and height must be given together");
-    if (width) {
-        const SourcePlace of_width = opened.place(width->key),
-                          of_height = opened.place(height->key);
-        camera.width = checked_image_side(number(width->node, of_width), of_width);
-        camera.height = checked_image_side(number(height->node, of_height), of_height);
-    }
+    read_image_size(opened, camera);
     return camera;
+}
+
+// Standard deviations of these parameters, 0 for those that the covariance does not have.
+template <std::size_t N>
+std::array<double, N> deviations_of(const CameraModel& camera,
+                                    const std::array<const char*, N>& names) {
+    std::array<double, N> deviations{};
+    if (!camera.covariance)
+        return deviations;
+    const auto& [order, matrix] = *camera.covariance;
+    for (std::size_t i = 0; i < order.size(); ++i)
+        if (const auto at = std::find(names.begin(), names.end(), order[i]); at != names.end()) {
+            const auto k = static_cast<Eigen::Index>(i);
+            deviations[static_cast<std::size_t>(at - names.begin())] = std::sqrt(matrix(k, k));
+        }
+    return deviations;
+}
+
+// How many coefficients OpenCV would write to hold all that are not 0.
+int shortest_list(const std::array<double, 14>& values) {
+    int count = 14;
+    for (const int shorter : {12, 8, 5})
+        if (std::all_of(values.begin() + shorter, values.end(), [](double c) { return c == 0.0; }))
+            count = shorter;
+    return count;
 }
 
 }  // namespace
@@ -235,21 +276,21 @@ CameraModel read_opencv_camera(const std::filesystem::path& path) {
 void write_opencv_camera(const std::filesystem::path& path, const CameraModel& camera) {
     require_perspective(camera, "an OpenCV calibration file");
     const Intrinsics i = to_pixels_of(CalibrationTool::opencv, camera.intrinsics);
-    const auto coefficients = camera.distortion.in_opencv_order();
-    int count = 14;
-    for (const int shorter : {12, 8, 5})
-        if (std::all_of(coefficients.begin() + shorter, coefficients.end(),
-                        [](double c) { return c == 0.0; }))
-            count = shorter;
     const cv::Matx33d camera_matrix(i.fx, 0, i.cx, 0, i.fy, i.cy, 0, 0, 1);
-    const cv::Mat distortion(1, count, CV_64F, const_cast<double*>(coefficients.data()));
+    const auto coefficients = camera.distortion.in_opencv_order();
+    const auto deviations = deviations_of(camera, distortion_names);
+    const int count = std::max(shortest_list(coefficients), shortest_list(deviations));
 
     const std::string kind = path.extension();
     cv::FileStorage storage(kind == ".xml" || kind == ".json" ? kind : ".yml",
                             cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
     storage << "image_width" << camera.width << "image_height" << camera.height;
     storage << "camera_matrix" << cv::Mat(camera_matrix);
-    storage << "distortion_coefficients" << distortion;
+    storage << "distortion_coefficients" << cv::Mat(coefficients).rowRange(0, count).t();
+    if (camera.covariance) {
+        storage << "cameraMatrix_std_dev" << cv::Mat(deviations_of(camera, intrinsic_names));
+        storage << "dist_coeffs_std_dev" << cv::Mat(deviations).rowRange(0, count);
+    }
     write_text(path, storage.releaseAndGetString());
 }
 

@@ -3,7 +3,7 @@
 //   camera_matrix | cameraMatrix | Camera_Matrix                     3x3, no skew
 //   distortion_coefficients | dist_coeffs | distCoeffs | Distortion_Coefficients
 //                                               4, 5, 8, 12 or 14, as a row or a column
-//   image_width, image_height | image_Width, image_Height            optional
+//   image_width, image_height | image_Width, image_Height | cameraResolution    optional
 //   cameraMatrix_std_dev | camera_matrix_std_dev, dist_coeffs_std_dev |
 //   distortion_coefficients_std_dev             optional: a covariance without correlations
 //
@@ -21,8 +21,10 @@ namespace etalon {
 CameraModel read_opencv_camera(const std::filesystem::path& path);
 
 // OpenCV YAML, or XML or JSON for a path that ends so, with the shortest list of coefficients that
-// holds all that are not 0 (at least 5); numbers read back as the same doubles. Serial, covariance,
-// lens and sensor have no place in it.
+// holds all that are not 0 or have a standard deviation (at least 5); numbers read back as the same
+// doubles. Of a covariance the standard deviations are written as cameraMatrix_std_dev and
+// dist_coeffs_std_dev (0: not known), whose squares read back within rounding; correlations,
+// serial, lens and sensor have no place in it.
 void write_opencv_camera(const std::filesystem::path& path, const CameraModel& camera);
 
 }  // namespace etalon

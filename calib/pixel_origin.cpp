@@ -4,13 +4,16 @@ namespace etalon {
 
 // Sources:
 //   OpenCV, ROS    pixel centres at integers; camera_calibration of ROS calls cv::calibrateCamera
-//   Kalibr         pixel centres at integers as OpenCV's (COLMAP's FAQ on reusing OpenCV/Kalibr
-//                  parameters); its corners come from cv::cornerSubPix
-//   mrcal          "No changes to the content are made" from ROS/OpenCV models (mrcal-from-ros(1))
+//   Kalibr         its chessboards and tags end in cv::cornerSubPix, whose pixel centres are at
+//                  integers (Kalibr's issue 115 tries both detectors on drawn images)
+//   mrcal          "No changes to the content are made" from and to ROS' and Kalibr's models
+//                  (mrcal-from-ros(1), mrcal-to-kalibr(1))
 //   MATLAB         "specifies the pixel center at (1,1)" (documentation of
 //                  cameraIntrinsicsToOpenCV, which subtracts 1 from the principal point)
-//   BoofCV         its chessboard detector finds corners in samples at integers and then adds 0.5
-//                  (DetectChessboardCornersX.process); no document says so
+//   BoofCV         its simulator takes a pixel's value from model coordinates x to x + 1
+//                  (SimulatePlanarWorld.computeProjectionTable), and its chessboard detector adds
+//                  0.5 to what it finds in samples at integers (DetectChessboardCornersX.process);
+//                  no document says so
 //   COLMAP         "the center of the upper left most pixel has coordinate (0.5, 0.5)"
 //                  (its tutorial on features)
 double first_pixel_centre(CalibrationTool tool) {

@@ -144,8 +144,9 @@ int run_camera_convert(const CameraFileArguments& arguments) {
     if (arguments.to == "etalon") {
         write_camera(arguments.out, camera);
     } else {
-        write_foreign_camera(arguments.out, tool_named(arguments.to), camera);
-        lost = lost_in_foreign_files(camera);
+        const CalibrationTool tool = tool_named(arguments.to);
+        write_foreign_camera(arguments.out, tool, camera);
+        lost = lost_in_foreign_file(tool, camera);
     }
     if (!lost.empty())
         fmt::print(stderr, "etalon: left out, having no place there: {}\n", fmt::join(lost, ", "));

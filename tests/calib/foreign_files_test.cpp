@@ -150,12 +150,38 @@ TEST(KalibrFile, NamesFileLineAndKeyOfWhatItRefuses) {
                 HasSubstr("case:5: cam0.distortion_model: must be radtan or none, not 'equidist"));
     EXPECT_THAT(with("pinhole", "omni"),
                 HasSubstr("case:3: cam0.camera_model: must be pinhole, not 'omni'"));
+    EXPECT_THAT(with("radtan", "fov"), HasSubstr("must be radtan or none, not 'fov'"));
     EXPECT_THAT(with("461.5", "-461.5"), HasSubstr("case:6: cam0.intrinsics: fx and fy must be"));
     EXPECT_THAT(with("461.5", ".nan"), HasSubstr("case:6: cam0.intrinsics: must be a finite"));
     EXPECT_THAT(with("461.5, ", ""), HasSubstr("cam0.intrinsics: must have 4 numbers, not 3"));
     EXPECT_THAT(with("0.067, ", ""), HasSubstr("case:4: cam0.distortion_coeffs: must have 4"));
     EXPECT_THAT(with("752", "752.5"), HasSubstr("case:7: cam0.resolution: must be a whole"));
     EXPECT_THAT(with("rostopic", "resolution"), HasSubstr("case:8: cam0.resolution: doubled"));
+}
+
+// Each with the intrinsics and coefficients that Kalibr gives it (its wiki, "yaml formats").
+TEST(KalibrFile, RefusesEveryOtherModelOfKalibrByName) {
+    struct Model {
+        const char *camera, *intrinsics, *distortion, *coefficients, *refusal;
+    };
+    for (const Model& model :
+         {Model{"omni", "[0.8, 833.0, 830.3, 373.8, 253.7]", "radtan", "[-0.3, 0.1, 0.0, 0.0]",
+                "camera_model: must be pinhole, not 'omni'"},
+          Model{"ds", "[-0.2, 0.6, 190.0, 190.1, 254.9, 256.8]", "none", "[]",
+                "camera_model: must be pinhole, not 'ds'"},
+          Model{"eucm", "[0.6, 1.1, 190.0, 190.1, 254.9, 256.8]", "none", "[]",
+                "camera_model: must be pinhole, not 'eucm'"},
+          Model{"pinhole", "[190.9, 190.9, 254.9, 256.8]", "equidistant",
+                "[0.003, 0.0007, -0.002, 0.0002]",
+                "distortion_model: must be radtan or none, not 'equidistant'"},
+          Model{"pinhole", "[190.9, 190.9, 254.9, 256.8]", "fov", "[0.92]",
+                "distortion_model: must be radtan or none, not 'fov'"}})
+        EXPECT_THAT(error_of(std::string("cam0:\n  cam_overlaps: []\n  camera_model: ") +
+                             model.camera + "\n  distortion_coeffs: " + model.coefficients +
+                             "\n  distortion_model: " + model.distortion +
+                             "\n  intrinsics: " + model.intrinsics +
+                             "\n  resolution: [512, 512]\n  rostopic: /cam0/image_raw\n"),
+                    HasSubstr(model.refusal));
 }
 
 TEST(MrcalFile, ReadsTheOpenCvModels) {
@@ -359,6 +385,59 @@ TEST(OpenCvFile, ReadsStandardDeviations) {
     EXPECT_THAT(error_of(replaced(text, "1.5, 0]", "1.5, 0, 9]")), HasSubstr("at most 4"));
 }
 
+// Laid out as the example in OpenCV's tutorial on the interactive calibration.
+TEST(OpenCvFile, ReadsWhatTheInteractiveCalibrationWrites) {
+    const std::string text =
+        "<?xml version=\"1.0\"?>\n<opencv_storage>\n"
+        "<calibrationDate>\"Sat 07 Mar 2026 02:05:09 PM UTC\"</calibrationDate>\n"
+        "<framesCount>21</framesCount>\n"
+        "<cameraResolution>\n  1280 720</cameraResolution>\n"
+        "<cameraMatrix type_id=\"opencv-matrix\">\n  <rows>3</rows>\n  <cols>3</cols>\n"
+        "  <dt>d</dt>\n  <data>\n    1252.5 0. 666.75 0. 1251.25 363.5 0. 0. 1.</data>"
+        "</cameraMatrix>\n"
+        "<cameraMatrix_std_dev type_id=\"opencv-matrix\">\n  <rows>4</rows>\n  <cols>1</cols>\n"
+        "  <dt>d</dt>\n  <data>\n    0. 12.5 2.75 2.5</data></cameraMatrix_std_dev>\n"
+        "<dist_coeffs type_id=\"opencv-matrix\">\n  <rows>1</rows>\n  <cols>5</cols>\n"
+        "  <dt>d</dt>\n  <data>\n    0.125 -0.75 0. 0. 1.5</data></dist_coeffs>\n"
+        "<dist_coeffs_std_dev type_id=\"opencv-matrix\">\n  <rows>5</rows>\n  <cols>1</cols>\n"
+        "  <dt>d</dt>\n  <data>\n    0.015625 0.09375 0. 0. 0.1875</data></dist_coeffs_std_dev>\n"
+        "<avg_reprojection_error>0.42</avg_reprojection_error>\n</opencv_storage>\n";
+    const CameraModel camera = read(text);
+    expect_size(camera, 1280, 720);
+    EXPECT_EQ(camera.intrinsics.fy, 1251.25);
+    EXPECT_EQ(camera.distortion.k3, 1.5);
+    ASSERT_TRUE(camera.covariance);
+    EXPECT_THAT(camera.covariance->order, testing::ElementsAre("fy", "cx", "cy", "k1", "k2", "k3"));
+    EXPECT_EQ(camera.covariance->matrix(5, 5), 0.1875 * 0.1875);
+    EXPECT_THAT(error_of(replaced(text, "1280 720", "1280")), HasSubstr("cameraResolution"));
+    EXPECT_THAT(error_of(replaced(text, "1280 720", "1280 -720")), HasSubstr("cameraResolution"));
+    EXPECT_THAT(
+        error_of(replaced(text, "<framesCount>21</framesCount>",
+                          "<image_width>1280</image_width><image_height>720</image_height>")),
+        HasSubstr("is given as 'image_width' too"));
+}
+
+TEST(OpenCvFile, WritesStandardDeviationsThatReadBack) {
+    CameraModel camera = camera_with_coefficients(5);
+    // Of k6 too, which is 0: the list of coefficients must reach so far.
+    camera.covariance = ParameterCovariance{{"cy", "fx", "k6", "p1"}, Eigen::MatrixXd::Zero(4, 4)};
+    camera.covariance->matrix.diagonal() << 0.25, 9.0, 0.0625, 7.0;
+    camera.covariance->matrix(0, 1) = camera.covariance->matrix(1, 0) = 0.5;
+    for (const char* name : {"c.xml", "c.json", "c.yml"}) {
+        const auto path = written("").replace_filename(name);
+        write_opencv_camera(path, camera);
+        const CameraModel back = read_camera(path);
+        EXPECT_EQ(back.distortion.in_opencv_order(), camera.distortion.in_opencv_order());
+        ASSERT_TRUE(back.covariance) << name;
+        EXPECT_THAT(back.covariance->order, testing::ElementsAre("fx", "cy", "p1", "k6"));
+        EXPECT_EQ(back.covariance->matrix(0, 0), 9.0);
+        EXPECT_EQ(back.covariance->matrix(1, 1), 0.25);
+        EXPECT_NEAR(back.covariance->matrix(2, 2), 7.0, 1e-14);  // sqrt(7) squared
+        EXPECT_EQ(back.covariance->matrix(3, 3), 0.0625);
+        EXPECT_EQ(back.covariance->matrix(0, 1), 0.0);  // what the file has no place for
+    }
+}
+
 TEST(ForeignFiles, RefuseACoefficientThatTheyCannotHold) {
     for (const auto& [tool, most] : held) {
         if (most == 14)
@@ -408,10 +487,17 @@ TEST(ForeignFiles, PointsProjectOntoTheSamePixelOfTheSensor) {
 
 TEST(ForeignFiles, SayWhatTheyDoNotHold) {
     CameraModel camera = test::webcam();
-    EXPECT_TRUE(lost_in_foreign_files(camera).empty());
+    const auto lost = [&](CalibrationTool tool) { return lost_in_foreign_file(tool, camera); };
+    EXPECT_TRUE(lost(CalibrationTool::ros).empty());
     camera.serial = "U3V-7";
     camera.sensor = Sensor{.pixel_pitch_um = 5};
-    EXPECT_EQ(lost_in_foreign_files(camera), (std::vector<std::string>{"serial", "sensor"}));
+    EXPECT_THAT(lost(CalibrationTool::ros), testing::ElementsAre("serial", "sensor"));
+    camera.covariance = ParameterCovariance{{"fx", "k1"}, Eigen::Matrix2d::Identity()};
+    EXPECT_THAT(lost(CalibrationTool::ros), testing::ElementsAre("serial", "covariance", "sensor"));
+    EXPECT_THAT(lost(CalibrationTool::opencv), testing::ElementsAre("serial", "sensor"));
+    camera.covariance->matrix(0, 1) = camera.covariance->matrix(1, 0) = 0.5;
+    EXPECT_THAT(lost(CalibrationTool::opencv),
+                testing::ElementsAre("serial", "correlations of the covariance", "sensor"));
     camera.projection = Projection::telecentric;
     EXPECT_THROW(write_foreign_camera(written(""), CalibrationTool::colmap, camera), ConfigError);
 }

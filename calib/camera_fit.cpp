@@ -88,44 +88,64 @@ BundlePose<double> mirrored(const BundlePose<double>& pose) {
     return bundle_pose<double>(mirrored_pose(rigid_from(pose, origin), origin), origin);
 }
 
-// A plane seen without much perspective has two poses; the homography may have taken the wrong one.
-void choose_mirrored_poses(const Views& views, Bundle<double>& bundle, double huber) {
+// A plane seen without much perspective has two poses; the start may have taken the wrong one.
+// Returns whether one was.
+bool choose_mirrored_poses(const Views& views, Bundle<double>& bundle, double huber) {
     const BundleOptions options{.free = {}, .huber = huber, .most_iterations = 8};
+    bool changed = false;
     for (std::size_t i = 0; i < views.size(); ++i) {
         const auto as_is = adjusted_pose(views[i], bundle.camera, bundle.poses[i], options);
         const auto other =
             adjusted_pose(views[i], bundle.camera, mirrored(bundle.poses[i]), options);
-        if (as_is && other && other->cost < as_is->cost)
+        if (as_is && other && other->cost < 0.999 * as_is->cost) {
             bundle.poses[i] = other->bundle.poses.front();
+            changed = true;
+        }
     }
+    return changed;
 }
 
-// The focal lengths first, then with the simplest distortion, then all that is free: the
-// homographies know nothing of distortion, and high orders go astray before the low ones are right.
-Bundle<double> staged_start(const Views& views, Bundle<double> bundle, const BundleOptions& all) {
-    constexpr int few = 8;
-    for (const int last_free : {1, 5}) {
-        BundleOptions stage = all;
-        stage.most_iterations = few;
-        std::erase_if(stage.free, [=](int parameter) { return parameter > last_free; });
-        const auto solution = adjust_bundle(views, bundle, stage);
-        if (!solution)
-            refuse_start();
-        bundle = solution->bundle;
-        choose_mirrored_poses(views, bundle, all.huber);
+// Adjusts until no mirrored pose fits better.
+std::optional<Solution> adjust_with_mirrored(const Views& views, const Bundle<double>& start,
+                                             const BundleOptions& options) {
+    constexpr int most_rounds = 4;
+    auto solution = adjust_bundle(views, start, options);
+    for (int round = 0; solution && round < most_rounds; ++round) {
+        if (!choose_mirrored_poses(views, solution->bundle, options.huber))
+            break;
+        solution = adjust_bundle(views, solution->bundle, options);
     }
-    return bundle;
+    return solution;
 }
 
-Bundle<double> start_of(std::span<const CalibrationView> views, cv::Size size, const Views& all,
-                        const CameraFitOptions& options, const BundleOptions& bundle_options) {
+// From the start to the simplest distortion, which high orders need to begin with, then to all that
+// is free. A lens of 160 degrees, which the simplest distortion cannot follow, goes there at once.
+std::optional<Solution> adjust_in_stages(const Views& views, const Bundle<double>& start,
+                                         const BundleOptions& options) {
+    constexpr int last_free = 5;  // k2
+    BundleOptions stage = options;
+    stage.most_iterations = 10;
+    std::erase_if(stage.free, [=](int parameter) { return parameter > last_free; });
+    const auto simple = adjust_with_mirrored(views, start, stage);
+    auto solution = simple ? adjust_with_mirrored(views, simple->bundle, options) : std::nullopt;
+    if (solution && solution->converged)
+        return solution;
+    const auto at_once = adjust_with_mirrored(views, start, options);
+    return !solution || (at_once && at_once->cost < solution->cost) ? at_once : solution;
+}
+
+std::optional<Solution> solve(std::span<const CalibrationView> views, cv::Size size,
+                              const Views& all, const CameraFitOptions& options,
+                              const BundleOptions& bundle_options) {
     if (options.start) {
-        check_camera(options.start->camera, options.start->camera_from_target, views.size());
-        return bundle_of(options.start->camera, options.start->camera_from_target, all);
+        const CameraStart& start = *options.start;
+        check_camera(start.camera, start.camera_from_target, views.size());
+        return adjust_bundle(all, bundle_of(start.camera, start.camera_from_target, all),
+                             bundle_options);
     }
     const CameraStart start = calibration_start(views, size);
-    return staged_start(all, bundle_of(start.camera, start.camera_from_target, all),
-                        bundle_options);
+    return adjust_in_stages(all, bundle_of(start.camera, start.camera_from_target, all),
+                            bundle_options);
 }
 
 // The equations of all views below each other, columns scaled to length 1, after one more QR.
@@ -288,8 +308,7 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
     check_input(views, image_size, model);
     const BundleOptions bundle_options{indices_of(model), options.huber};
     const Views all = bundle_views(views);
-    const Bundle<double> start = start_of(views, image_size, all, options, bundle_options);
-    const auto solution = adjust_bundle(all, start, bundle_options);
+    const auto solution = solve(views, image_size, all, options, bundle_options);
     if (!solution)
         refuse_start();
     CameraFit fit = fit_from(*solution, views, all,

@@ -1,6 +1,8 @@
 // Targets that a camera is calibrated with, and what a photograph shows of them.
 //
-//   chessboard:9x6@25mm               inner corners across x down
+//   chessboard:9x6@25mm               charuco:4X4_50:9x6@30mm/22mm
+//   circles:7x6@20mm/12mm             aprilgrid:36h11:6x5@40mm/12mm (Kalibr's)
+//   acircles:4x11@20mm/12mm
 //
 // A target is a board of sim/marker.h, which can be printed, placed in a scene and rendered; here
 // is what finds its points in photographs: in our pixel convention (docs/conventions.md), to
@@ -11,8 +13,10 @@
 #include <optional>
 #include <string>
 
-#include "calib/calibrate.h"
+#include "calib/calibration_view.h"
+#include "calib/camera_model.h"
 #include "core/image.h"
+#include "core/rigid.h"
 #include "sim/marker.h"
 
 namespace etalon {
@@ -22,13 +26,33 @@ struct CalibrationTarget {
 };
 
 // Throws ConfigError at `place` for what sim/marker.h cannot parse and for a marker that is no
-// board with points enough to calibrate with (single tags, bitmaps, boards of less than 3x3).
+// board with points enough to calibrate with: single tags, bitmaps, boards with less than 3x3 inner
+// corners or circles, less than 2x2 tags, or less than 2x3 inner corners of a ChArUco board.
 CalibrationTarget parse_calibration_target(const std::string& spec, const std::string& place);
 
-// The target's points in a photograph; nothing when it is not seen. A chessboard is seen whole or
-// not at all, and `ids` stays empty. Another target's photograph gives nothing. Never throws for
-// what an image holds. The same image gives the same result; safe from every thread. Some 10 ms for
-// 640x480 px, up to a second where there is no target.
+// The target's points in a photograph, each with its index into Marker::points_mm in `ids`; nothing
+// when less than six are seen, or only some in one line. Chessboards and circles must be whole in
+// the picture, but single points that dirt or glare hides are left out; ChArUco boards and AprilTag
+// grids may be seen in part. Points of other things in the picture are not taken for the target's.
+// Never throws for what an image holds. The same image gives the same result; safe from every
+// thread. Some 10 ms for 640x480 px, up to a second where there is no target.
+//
+// Of circles these are the centroids of their images, which are not the images of their centres:
 std::optional<CalibrationView> observe(const CalibrationTarget& target, const CodeImage& image);
+
+// Where the centres of the circles are seen, for a camera and pose that are known about: each
+// centroid less the distance from the projected centre to the centroid of the projected disk,
+// perspective and distortion included (Mallon and Whelan, "Which pattern? Biasing aspects of planar
+// calibration patterns and detection methods", Pattern Recognition Letters 28, 2007). `observed` is
+// always what observe() gave: calibrate, correct, calibrate again; the second camera is so near to
+// the first that a third round changes nothing (the bias is a pixel at most, and its error that of
+// its camera, some 1e-3 of it). Points without a projection stay as they are, and so do the views
+// of all other kinds, which have no such bias.
+CalibrationView with_circle_centres(const CalibrationTarget& target,
+                                    const CalibrationView& observed, const CameraModel& camera,
+                                    const Rigid& camera_from_target);
+
+// Whether with_circle_centres() has anything to correct.
+bool has_circles(const CalibrationTarget& target);
 
 }  // namespace etalon

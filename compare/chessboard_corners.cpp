@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/detector_adaptors.h"
+#include "compare/saddle_point.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -19,6 +20,21 @@ struct Board {
 
     const cv::Point2f& at(int row, int column) const { return corners[row * columns + column]; }
 };
+
+Eigen::Vector2d to_eigen(const cv::Point2f& p) {
+    return {p.x, p.y};
+}
+
+// Pixels to the next corner along a row (1, 0) or a column (0, 1): the mean of both sides.
+Eigen::Vector2d step_at(const Board& board, int row, int column, int along, int down) {
+    const int last_column = board.columns - 1, last_row = board.rows - 1;
+    const int before_column = std::max(column - along, 0), before_row = std::max(row - down, 0);
+    const int after_column = std::min(column + along, last_column),
+              after_row = std::min(row + down, last_row);
+    const int steps = after_column - before_column + after_row - before_row;
+    return to_eigen(board.at(after_row, after_column) - board.at(before_row, before_column)) /
+           steps;
+}
 
 double smallest_spacing(const Board& board) {
     double smallest = std::numeric_limits<double>::infinity();
@@ -33,10 +49,14 @@ double smallest_spacing(const Board& board) {
     return smallest;
 }
 
-// 5 px serve most boards; large squares allow more, against noise and blur; small ones force less.
-int half_window(double spacing_px) {
-    const double wanted = std::max(5.0, spacing_px / 10.0);
-    return std::max(1, static_cast<int>(std::min(wanted, 0.4 * spacing_px)));
+// Room is what is left to the sides of the four squares that do not meet in the corner.
+SaddleGuess guess_of(const Board& board, int row, int column, bool lower_right_is_black) {
+    const Eigen::Vector2d along = step_at(board, row, column, 1, 0),
+                          down = step_at(board, row, column, 0, 1);
+    const double area = std::abs(along.x() * down.y() - along.y() * down.x());
+    return {to_eigen(board.at(row, column)),
+            {along, lower_right_is_black ? down : Eigen::Vector2d(-down)},
+            area / std::max(along.norm(), down.norm())};
 }
 
 // Mirrored orders do not occur on a board seen from the front: rows are then counted from the
@@ -72,6 +92,24 @@ double even_minus_odd(const Board& board, const cv::Mat& pixels) {
     return sum[0] / std::max(count[0], 1) - sum[1] / std::max(count[1], 1);
 }
 
+ChessboardCorners refined(const Board& board, const cv::Mat& pixels) {
+    ChessboardCorners found;
+    found.smallest_spacing_px = smallest_spacing(board);
+    double smallest_room = std::numeric_limits<double>::infinity();
+    const bool even_is_black = even_minus_odd(board, pixels) <= 0.0;
+    for (int row = 0; row < board.rows; ++row)
+        for (int column = 0; column < board.columns; ++column) {
+            const SaddleGuess guess =
+                guess_of(board, row, column, ((row + column) % 2 == 0) == even_is_black);
+            smallest_room = std::min(smallest_room, guess.room_px);
+            const auto corner = refine_saddle(pixels, guess);
+            found.pixels.push_back(corner.value_or(guess.pixel));
+            found.refined.push_back(corner.has_value());
+        }
+    found.refinement_half_window_px = static_cast<int>(saddle_window_px(smallest_room));
+    return found;
+}
+
 }  // namespace
 
 std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image, int columns,
@@ -89,19 +127,10 @@ std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image,
         return std::nullopt;
     make_right_handed(board);
     cv::Mat pixels;
-    image.pixels.convertTo(pixels, CV_32F);
+    image.pixels.convertTo(pixels, CV_32F, 1.0 / image.full_scale());
     if ((columns + rows) % 2 == 1 && even_minus_odd(board, pixels) > 0.0)
         std::reverse(board.corners.begin(), board.corners.end());
-
-    ChessboardCorners found;
-    found.smallest_spacing_px = smallest_spacing(board);
-    found.refinement_half_window_px = half_window(found.smallest_spacing_px);
-    const cv::Size window(found.refinement_half_window_px, found.refinement_half_window_px);
-    cv::cornerSubPix(pixels, board.corners, window, {-1, -1},
-                     {cv::TermCriteria::EPS + cv::TermCriteria::MAX_ITER, 100, 1e-4});
-    for (const cv::Point2f& corner : board.corners)
-        found.pixels.emplace_back(corner.x, corner.y);
-    return found;
+    return refined(board, pixels);
 }
 
 }  // namespace etalon

@@ -1,9 +1,8 @@
 // Inner corners of a chessboard in a photograph, to sub-pixel, in the order of sim/marker.h.
 //
-// Found by OpenCV's quad-linking finder, refined by Förstner's gradient method (cv::cornerSubPix).
-// The refinement window decides the accuracy: one that reaches the neighbouring corners pulls a
-// corner towards them. On real photos with squares of 20 to 50 px the usual 11 px of half size give
-// twice the calibration residual of 5 px.
+// Found by OpenCV's quad-linking finder, refined by compare/saddle_point.h. The refinement window
+// decides the accuracy: one that reaches the neighbouring corners pulls a corner towards them. It
+// is chosen for each corner from the size of the squares around it.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,8 +15,11 @@ namespace etalon {
 
 struct ChessboardCorners {
     std::vector<Eigen::Vector2d> pixels;  // row by row as Marker::points_mm, columns * rows
-    double smallest_spacing_px = 0.0;     // between neighbouring corners
-    int refinement_half_window_px = 0;
+    // Of each corner: whether it was refined. Where dirt, glare or the image's border is in the way
+    // it stays where the finder put it, to half a pixel or worse.
+    std::vector<bool> refined;
+    double smallest_spacing_px = 0.0;   // between neighbouring corners
+    int refinement_half_window_px = 0;  // of the smallest window, whole pixels
 };
 
 // Nothing when the whole board is not seen. columns and rows count inner corners, at least 3 each

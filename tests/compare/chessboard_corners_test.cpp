@@ -63,27 +63,38 @@ double largest_error(const ChessboardCorners& found, const Eigen::Matrix3d& pixe
     return largest;
 }
 
-// 0.1 px: the refinement's own bias reaches 0.07 px where edges run along the pixels.
+// 0.06 px: the drawing blurs pixels that are sampled already, which moves edges by as much.
 TEST(ChessboardCorners, AreInTheMarkersOrderHoweverTheBoardIsTurned) {
     for (const double degrees : {0.0, 77.0, 131.0, 180.0, 262.0, 311.0}) {
         const auto h = placed(23.0, degrees * 3.14159265358979 / 180, 7, 4, {203.3, 196.7});
         const auto found = find_chessboard_corners({drawn(h, 7, 4, {400, 400}), 12}, 7, 4);
         ASSERT_TRUE(found) << degrees;
         ASSERT_EQ(found->pixels.size(), 28u);
-        EXPECT_LT(largest_error(*found, h, 7), degrees == 0.0 || degrees == 180.0 ? 0.1 : 0.05)
-            << degrees;
+        EXPECT_LT(largest_error(*found, h, 7), 0.06) << degrees;
+        EXPECT_EQ(std::count(found->refined.begin(), found->refined.end(), true), 28);
     }
 }
 
-TEST(ChessboardCorners, WindowFollowsTheProjectedSquares) {
-    for (const auto& [square_px, expected] : {std::pair(9.0, 3), {23.0, 5}, {82.0, 7}}) {
+TEST(ChessboardCorners, AreFoundWithSmallAndWithLargeSquares) {
+    for (const double square_px : {9.0, 23.0, 82.0}) {
         const auto h = placed(square_px, 0.2, 7, 4, {403.3, 296.7});
         const auto found = find_chessboard_corners({drawn(h, 7, 4, {800, 600}), 12}, 7, 4);
         ASSERT_TRUE(found) << square_px;
-        EXPECT_EQ(found->refinement_half_window_px, expected) << found->smallest_spacing_px;
-        EXPECT_LE(found->refinement_half_window_px, 0.4 * found->smallest_spacing_px);
-        EXPECT_LT(largest_error(*found, h, 7), 0.1) << square_px;
+        EXPECT_NEAR(found->smallest_spacing_px, square_px, 0.15 * square_px);
+        EXPECT_LT(largest_error(*found, h, 7), 0.06) << square_px;
     }
+}
+
+// A thumb, say: the corner under it stays where the finder put it and is said not to be refined.
+TEST(ChessboardCorners, SayWhichOneCouldNotBeRefined) {
+    const auto h = placed(41.0, 0.2, 7, 4, {403.3, 296.7});
+    cv::Mat image = drawn(h, 7, 4, {800, 600});
+    const Eigen::Vector2d hidden = (h * Eigen::Vector3d(3, 2, 1)).hnormalized();
+    cv::circle(image, {cvRound(hidden.x()), cvRound(hidden.y())}, 8, cv::Scalar::all(1900), -1);
+    const auto found = find_chessboard_corners({image, 12}, 7, 4);
+    ASSERT_TRUE(found);
+    for (std::size_t i = 0; i < found->refined.size(); ++i)
+        EXPECT_EQ(found->refined[i], i != 2 * 7 + 3) << i;
 }
 
 // 8x4: turned by 180 degrees the board has the same colours. Either order is right-handed.
@@ -93,7 +104,7 @@ TEST(ChessboardCorners, OfAnEvenSumKeepOneOfTwoOrders) {
     ASSERT_TRUE(found);
     ChessboardCorners reversed = *found;
     std::reverse(reversed.pixels.begin(), reversed.pixels.end());
-    EXPECT_LT(std::min(largest_error(*found, h, 8), largest_error(reversed, h, 8)), 0.05);
+    EXPECT_LT(std::min(largest_error(*found, h, 8), largest_error(reversed, h, 8)), 0.06);
 }
 
 TEST(ChessboardCorners, AreNotInventedWhereThereIsNoWholeBoard) {

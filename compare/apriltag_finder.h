@@ -1,0 +1,30 @@
+// libapriltag 3 as a finder of all tags of a family in an image. Single tags behind the Detector
+// interface: compare/apriltag_detector.cpp; boards of them: compare/tag_grid_corners.h.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "compare/found_tag.h"
+
+namespace etalon {
+
+// Full resolution (no decimation), edges refined. Not thread-safe: one per thread. Some 10 ms to
+// make for a family of hundreds of codes.
+class ApriltagFinder {
+public:
+    // Families of sim/tag_pattern.h; Kalibr prints the classic ones with a border of two cells.
+    // Throws ConfigError for an unknown family.
+    explicit ApriltagFinder(const std::string& family, int border_cells = 1);
+    ~ApriltagFinder();
+
+    // `image`: CV_8UC1. The same image gives the same result.
+    std::vector<FoundTag> find(cv::Mat image);
+
+private:
+    struct Handles;
+    std::unique_ptr<Handles> handles_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,36 @@
+// Where two straight edges between dark and bright squares cross, to a few thousandths of a pixel:
+// an inner corner of a chessboard, a ChArUco board, or a grid of tags with black squares between.
+//
+// The pixels around are fitted with the product of two blurred steps, (1 + d . x) (b + a g(u1)
+// g(u2)): centre, the edges' directions, blur, the pattern's mean b and contrast a, the light's
+// gradient d. Such a crossing looks the same after half a turn about its centre, under every blur
+// that does so and under every tone curve; so neither moves the centre, and the model need not be
+// exact. The usual cv::cornerSubPix, which takes differences of interpolated pixels, is up to 0.1
+// px off on sharp images; this is 0.01 there and 0.002 px with the blur of a lens
+// (docs/calibration.md, "Targets").
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <optional>
+
+namespace etalon {
+
+// Where to look. The quadrant between the two directions is a dark one.
+struct SaddleGuess {
+    Eigen::Vector2d pixel;
+    Eigen::Vector2d edges[2];  // directions of the edges from the centre, any length
+    double room_px = 0.0;      // to the nearest other edge
+};
+
+// `pixels`: CV_32FC1, full scale 1. Nothing where there is no such crossing: too little room (less
+// than 2.5 px, or the image's border), contrast below 0.02, dark and bright the other way round, a
+// misfit above a quarter of the contrast, or a fit that leaves the guess by more than half the room
+// or turns an edge by more than 30 degrees. Safe from every thread; some 30 us.
+std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const SaddleGuess& guess);
+
+// The window's radius for that much room: 5.5 px serve most boards; large squares allow more,
+// against noise and blur; nothing else may show in it. 0: too little room.
+double saddle_window_px(double room_px);
+
+}  // namespace etalon

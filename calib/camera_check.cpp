@@ -91,9 +91,7 @@ void judge_intrinsics(const CameraModel& camera, std::vector<CameraFinding>& fin
                                         i.fy / i.fx)});
 }
 
-void judge_lens(const CameraModel& camera, std::vector<CameraFinding>& findings) {
-    if (!camera.lens || camera.projection == Projection::telecentric)
-        return;
+void judge_thin_lens(const CameraModel& camera, std::vector<CameraFinding>& findings) {
     const ThinLens lens = thin_lens(camera);
     const double sensor_mm = camera.width * camera.sensor->pixel_pitch_um * 1e-3;
     findings.push_back({Weight::note, "lens",
@@ -104,9 +102,74 @@ void judge_lens(const CameraModel& camera, std::vector<CameraFinding>& findings)
     if (lens.focal_length_mm < 0.5 || lens.focal_length_mm > 2000.0)
         findings.push_back({Weight::warning, "lens",
                             "the focal length is that of no usual lens: is pixel_pitch_um right?"});
-    if (lens.working_f_number < 0.5)
+    const double magnification = lens.image_distance_mm * lens.inverse_focus_per_mm;
+    if (magnification > 5.0)
+        findings.push_back({Weight::warning, "lens",
+                            fmt::format("focused at {:.3g} mm, which it magnifies {:.1f} times: is "
+                                        "focus_distance_mm right?",
+                                        1.0 / lens.inverse_focus_per_mm, magnification)});
+}
+
+void judge_telecentric_lens(const CameraModel& camera, std::vector<CameraFinding>& findings) {
+    const TelecentricLens lens = telecentric_lens(camera);
+    findings.push_back({Weight::note, "lens",
+                        fmt::format("telecentric, magnification {:.4f}, working f-number {:.3f}",
+                                    lens.magnification, lens.working_f_number)});
+}
+
+void judge_lens(const CameraModel& camera, std::vector<CameraFinding>& findings) {
+    if (!camera.lens)
+        return;
+    if (camera.projection == Projection::telecentric)
+        judge_telecentric_lens(camera, findings);
+    else
+        judge_thin_lens(camera, findings);
+    const double f_number = working_f_number(camera);
+    if (f_number < 0.5)
         findings.push_back(
             {Weight::warning, "lens", "faster than f/0.5, which no lens in air can be"});
+    // First zero of the Airy pattern.
+    const double airy_px =
+        1.22e-3 * camera.lens->wavelength_nm * f_number / camera.sensor->pixel_pitch_um;
+    if (airy_px > 10.0)
+        findings.push_back({Weight::warning, "lens",
+                            fmt::format("diffraction alone blurs by {:.1f} px (radius of the Airy "
+                                        "disk): do f-number, wavelength and pixel pitch agree?",
+                                        airy_px)});
+}
+
+// What a sensor says of itself, and what no usual one says.
+void judge_sensor(const CameraModel& camera, std::vector<CameraFinding>& findings) {
+    if (!camera.sensor)
+        return;
+    const Sensor& sensor = *camera.sensor;
+    const auto unusual = [&](const std::string& message) {
+        findings.push_back({Weight::warning, "sensor", message});
+    };
+    if (sensor.pixel_pitch_um > 0.0 && (sensor.pixel_pitch_um < 0.5 || sensor.pixel_pitch_um > 50))
+        unusual(fmt::format("pixels of {} um", sensor.pixel_pitch_um));
+    const double range_dn = std::exp2(sensor.bits) - 1.0 - sensor.black_dn;
+    if (sensor.black_dn > 0.25 * (range_dn + sensor.black_dn))
+        unusual(fmt::format("black is {} of {} code values", sensor.black_dn,
+                            range_dn + sensor.black_dn));
+    const double full_well_e = sensor.gain_e_per_dn * range_dn;
+    if (full_well_e > 0.0 && (full_well_e < 200.0 || full_well_e > 2e6))
+        unusual(fmt::format("full scale is {:.3g} electrons: is gain_e_per_dn that of {} bits?",
+                            full_well_e, sensor.bits));
+    if (full_well_e > 0.0 && sensor.read_noise_e > 0.05 * full_well_e)
+        unusual(fmt::format("read noise of {:.3g} electrons, {:.0f} % of full scale",
+                            sensor.read_noise_e, 100.0 * sensor.read_noise_e / full_well_e));
+}
+
+void judge_illumination(const CameraModel& camera, std::vector<CameraFinding>& findings) {
+    if (!camera.sensor || camera.sensor->illumination.kind != Illumination::Kind::polynomial)
+        return;
+    const double least = least_polynomial_illumination(camera);
+    if (least < 0.1)
+        findings.push_back({Weight::warning, "illumination",
+                            fmt::format("falls to {:.1f} % in the image: a polynomial beyond where "
+                                        "it was measured?",
+                                        100.0 * least)});
 }
 
 // What the renderer will leave out because the file does not say it.
@@ -139,6 +202,8 @@ CameraCheck check_camera(const CameraModel& camera) {
     judge_valid_region(check);
     judge_intrinsics(camera, check.findings);
     judge_lens(camera, check.findings);
+    judge_sensor(camera, check.findings);
+    judge_illumination(camera, check.findings);
     judge_completeness(camera, check.findings);
     return check;
 }

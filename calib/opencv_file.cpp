@@ -165,9 +165,11 @@ void append_deviations(const OpenedFile& opened, Names names, bool of_intrinsics
         throw ConfigError(list.place, fmt::format("must be a row or column of at most {}", most));
     for (std::size_t i = 0; i < list.values.size(); ++i) {
         const double deviation = list.values[i];
-        if (!std::isfinite(deviation) || deviation < 0.0)
+        const double variance = deviation * deviation;
+        if (!std::isfinite(variance) || deviation < 0.0 || (deviation > 0.0 && variance == 0.0))
             throw ConfigError(list.place,
-                              "has a standard deviation that is negative or not finite");
+                              "has a standard deviation that is negative or whose square is no "
+                              "finite number");
         if (deviation > 0.0)
             deviations.emplace_back(of_intrinsics ? intrinsic_names[i] : distortion_names[i],
                                     deviation);

@@ -72,6 +72,63 @@ TEST(CameraCheck, WarnsOfWhatIsUnusual) {
     camera.sensor = Sensor{.pixel_pitch_um = 8300};
     camera.lens = Lens{.f_number = 2.8, .focus_distance_mm = 15000, .wavelength_nm = 650};
     EXPECT_THAT(about(check_camera(camera), CameraFinding::Weight::warning),
+                testing::ElementsAre("lens", "sensor"));
+}
+
+CameraModel webcam_with(const Sensor& sensor, const Lens& lens) {
+    CameraModel camera = test::webcam();
+    camera.sensor = sensor;
+    camera.lens = lens;
+    return camera;
+}
+
+// Each camera says one thing that no other part of it can agree with.
+TEST(CameraCheck, WarnsOfALensAndASensorThatDoNotAgree) {
+    const Sensor sensor{.pixel_pitch_um = 8.3, .gain_e_per_dn = 80.0, .read_noise_e = 12.0};
+    const Lens lens{.f_number = 2.8, .focus_distance_mm = 150, .wavelength_nm = 650};
+    const auto warnings = [](const CameraModel& camera) {
+        return about(check_camera(camera), CameraFinding::Weight::warning);
+    };
+    EXPECT_THAT(warnings(webcam_with(sensor, lens)), testing::IsEmpty());
+    const auto with_lens = [&](auto change) {
+        Lens changed = lens;
+        change(changed);
+        return warnings(webcam_with(sensor, changed));
+    };
+    const auto with_sensor = [&](auto change) {
+        Sensor changed = sensor;
+        change(changed);
+        return warnings(webcam_with(changed, lens));
+    };
+    using testing::ElementsAre;
+    // 1.22 * 0.65 um * 128 = 101 um, 12 pixels.
+    EXPECT_THAT(with_lens([](Lens& l) { l.f_number = 128; }), ElementsAre("lens"));
+    EXPECT_THAT(with_lens([](Lens& l) { l.f_number = 0.4; }), ElementsAre("lens"));
+    // fx * pitch is 4.5 mm here: in focus at 0.5 mm it magnifies 9 times.
+    EXPECT_THAT(with_lens([](Lens& l) { l.focus_distance_mm = 0.5; }), testing::Contains("lens"));
+    EXPECT_THAT(with_sensor([](Sensor& s) { s.black_dn = 70; }), ElementsAre("sensor"));
+    EXPECT_THAT(with_sensor([](Sensor& s) { s.gain_e_per_dn = 80'000; }), ElementsAre("sensor"));
+    EXPECT_THAT(with_sensor([](Sensor& s) { s.gain_e_per_dn = 0.08; }),
+                ElementsAre("sensor", "sensor"));  // and the read noise is 60 % of 20 electrons
+    EXPECT_THAT(with_sensor([](Sensor& s) { s.read_noise_e = 2000; }), ElementsAre("sensor"));
+    EXPECT_THAT(with_sensor([](Sensor& s) {
+                    s.illumination = {Illumination::Kind::polynomial, {-0.95, 0, 0}};
+                }),
+                ElementsAre("illumination"));
+}
+
+TEST(CameraCheck, LooksAtATelecentricLensToo) {
+    CameraModel camera = test::camera_with(640, 480, {20, 20, 319.5, 239.5}, {});
+    camera.projection = Projection::telecentric;
+    camera.sensor = Sensor{.pixel_pitch_um = 5};
+    camera.lens = Lens{.focus_distance_mm = 100, .wavelength_nm = 520, .object_na = 0.005};
+    // Magnification 20 px/mm * 5 um = 0.1, working f-number 0.1 / 0.01 = 10.
+    const CameraCheck check = check_camera(camera);
+    EXPECT_THAT(about(check, CameraFinding::Weight::warning), testing::IsEmpty());
+    EXPECT_THAT(check.findings.front().message,
+                testing::HasSubstr("magnification 0.1000, working f-number 10.000"));
+    camera.lens->object_na = 0.2;  // f/0.25
+    EXPECT_THAT(about(check_camera(camera), CameraFinding::Weight::warning),
                 testing::ElementsAre("lens"));
 }
 

@@ -382,6 +382,9 @@ TEST(OpenCvFile, ReadsStandardDeviations) {
     EXPECT_EQ(camera.covariance->matrix(0, 1), 0.0);
     EXPECT_THAT(error_of(replaced(text, "1.5, 0]", "-1.5, 0]")),
                 HasSubstr("case:2: cameraMatrix_std_dev: has a standard deviation"));
+    for (const char* extreme : {"1e200, 0]", "1e-200, 0]"})
+        EXPECT_THAT(error_of(replaced(text, "1.5, 0]", extreme)),
+                    HasSubstr("cameraMatrix_std_dev: has a standard deviation"));
     EXPECT_THAT(error_of(replaced(text, "1.5, 0]", "1.5, 0, 9]")), HasSubstr("at most 4"));
 }
 

@@ -70,6 +70,23 @@ constexpr const char* opencv =
     "   rows: 3\n   cols: 3\n   dt: d\n   data: [ 538., 0., 342.5, 0., 541., 233.5, 0., 0., 1. ]\n"
     "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"
     "   data: [ -0.25, 0.125, 0.5, -0.0625, 7. ]\n";
+constexpr const char* opencv_interactive =
+    "<?xml version=\"1.0\"?>\n<opencv_storage>\n<cameraResolution>\n  1280 720</cameraResolution>\n"
+    "<cameraMatrix type_id=\"opencv-matrix\">\n  <rows>3</rows>\n  <cols>3</cols>\n  <dt>d</dt>\n"
+    "  <data>\n    1252.5 0. 666.75 0. 1251.25 363.5 0. 0. 1.</data></cameraMatrix>\n"
+    "<cameraMatrix_std_dev type_id=\"opencv-matrix\">\n  <rows>4</rows>\n  <cols>1</cols>\n"
+    "  <dt>d</dt>\n  <data>\n    0. 12.5 2.75 2.5</data></cameraMatrix_std_dev>\n"
+    "<dist_coeffs type_id=\"opencv-matrix\">\n  <rows>1</rows>\n  <cols>5</cols>\n  <dt>d</dt>\n"
+    "  <data>\n    0.125 -0.75 0. 0. 1.5</data></dist_coeffs>\n"
+    "<dist_coeffs_std_dev type_id=\"opencv-matrix\">\n  <rows>5</rows>\n  <cols>1</cols>\n"
+    "  <dt>d</dt>\n  <data>\n    0.015625 0.09375 0. 0. 0.1875</data></dist_coeffs_std_dev>\n"
+    "</opencv_storage>\n";
+constexpr const char* opencv_json =
+    "{\n    \"image_width\": 640,\n    \"image_height\": 480,\n    \"camera_matrix\": {\n"
+    "        \"type_id\": \"opencv-matrix\",\n        \"rows\": 3,\n        \"cols\": 3,\n"
+    "        \"dt\": \"d\",\n        \"data\": [ 538.0, 0.0, 342.5, 0.0, 541.0, 233.5, 0.0, 0.0, "
+    "1.0 ]\n"
+    "    },\n    \"distortion_coefficients\": [ -0.25, 0.125, 0.5, -0.0625, 7.0 ]\n}\n";
 
 std::array parsers{
     Parser{"kalibr", [](const auto& path) { return read_kalibr_camera(path); }, kalibr},
@@ -79,6 +96,8 @@ std::array parsers{
     Parser{"colmap", [](const auto& path) { return read_colmap_camera(path); }, colmap},
     Parser{"ros", read_ros_camera, ros},
     Parser{"opencv", read_opencv_camera, opencv},
+    Parser{"opencv, XML", read_opencv_camera, opencv_interactive},
+    Parser{"opencv, JSON", read_opencv_camera, opencv_json},
     Parser{"any, of kalibr", any, kalibr},
     Parser{"any, of mrcal", any, mrcal},
     Parser{"any, of colmap", any, colmap}};
@@ -89,6 +108,9 @@ bool is_sound(const CameraModel& camera) {
                   std::isfinite(i.cy) && i.fx > 0.0 && i.fy > 0.0;
     for (const double coefficient : camera.distortion.in_opencv_order())
         finite = finite && std::isfinite(coefficient);
+    if (camera.covariance)
+        finite = finite && camera.covariance->matrix.allFinite() &&
+                 (camera.covariance->matrix.diagonal().array() > 0.0).all();
     return finite && camera.width >= 0 && camera.height >= 0;
 }
 

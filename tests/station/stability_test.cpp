@@ -104,6 +104,14 @@ TEST(Stability, StiffServosFollowTheirClosedForm) {
     }
 }
 
+TEST(Stability, CalibrationsAgreeWithLongDouble) {
+    for (const StabilityCase& one : calibration_cases()) {
+        const StabilityOutcome outcome = outcome_of(one, credulous);
+        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
+        EXPECT_GT(outcome.figure, 0.0) << one.name;
+    }
+}
+
 TEST(Stability, NamesAreDistinctFitTheTableAndCoverWhatIsPromised) {
     std::set<std::string> names;
     std::string all;
@@ -114,7 +122,7 @@ TEST(Stability, NamesAreDistinctFitTheTableAndCoverWhatIsPromised) {
         all += one.name + "\n";
     }
     for (const char* word : {"tilt", "focus", "behind", "fold", "pole", "nan", "infinity", "barrel",
-                             "tiny", "background", "megapixel", "stiff"})
+                             "tiny", "background", "megapixel", "stiff", "calibrating"})
         EXPECT_THAT(all, testing::HasSubstr(word));
 }
 

@@ -1,59 +1,89 @@
-// Intrinsics from views of a planar target: OpenCV's calibrateCamera (Zhang, "A flexible new
-// technique for camera calibration", PAMI 2000) with free fx, fy, cx, cy and k1 k2 p1 p2 k3, and
-// what it does not tell: whether the model predicts a view that it has not seen (leave-one-out),
-// and how far the formal standard deviations can be trusted.
+// A camera's intrinsics from views of a planar target, and what they are worth:
+// which model the views support, which points do not fit, how uncertain every
+// parameter and every place of the image is, and whether two halves of the
+// views agree. The fit itself is calib/camera_fit.h.
 //
-// Takes observations, never photos; corners come from compare/chessboard_corners.h.
+// Takes observations, never photos; corners come from
+// compare/calibration_target.h. The method, to be repeated by hand:
+// docs/calibration.md.
 #pragma once
 
+#include <Eigen/Core>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <string>
 #include <vector>
 
+#include "calib/calibration_covariance.h"
+#include "calib/calibration_model.h"
 #include "calib/calibration_view.h"
 #include "calib/camera_model.h"
+#include "calib/cross_validation.h"
+#include "calib/model_advice.h"
+#include "calib/projection_uncertainty.h"
 #include "core/rigid.h"
 
 namespace etalon {
 
 struct CalibratedView {
     Rigid camera_from_target;
-    double rms_px = 0.0;  // over the view's points, of the distance in the image
-    // The same with the camera calibrated without this view and only its pose fitted to it.
-    std::optional<double> left_out_rms_px;
+    std::vector<Eigen::Vector2d> residuals_px;  // photo minus model, of all its points
+    std::vector<bool> left_out;                 // of each point: did not fit, was not used
+    // Over the points that were used, of the distance in the image; of a view
+    // that was left out as a whole, over all of its points with only the pose
+    // fitted.
+    double rms_px = 0.0;
+    // The same with the camera calibrated without this view.
+    std::optional<double> left_out_rms_px = std::nullopt;
+
+    bool used() const;
 };
 
-// One standard deviation of a parameter, three ways. Errors of corners in one photo are not
-// independent, which the formal one assumes; the other two only assume independent views.
-struct ParameterDeviation {
-    std::string name;                 // "fx"
-    double formal = 0.0;              // from J^T J and the residuals' variance
-    double cluster_robust = 0.0;      // sandwich over views (Liang and Zeger, 1986)
-    std::optional<double> jackknife;  // over views, from the leave-one-out calibrations
-
-    double largest() const;
+// Covariances of the model's parameters, in their order.
+struct CalibrationCovariances {
+    Eigen::MatrixXd formal, cluster_robust;
+    std::optional<Eigen::MatrixXd> bootstrap;
 };
 
 struct CameraCalibration {
-    // With the covariance of all nine parameters: the formal correlations, scaled to the largest of
-    // the standard deviations.
+    // With the covariance of the model's parameters: the formal correlations,
+    // scaled to the largest of the standard deviations.
     CameraModel camera;
-    double rms_px = 0.0;                         // over all points
-    std::optional<double> leave_one_out_rms_px;  // over all points; needs four views
+    CalibrationModel model;
+    double rms_px = 0.0;                         // over the points that were used
+    std::optional<double> leave_one_out_rms_px;  // over the same points; needs four views
+    double condition_number = 0.0;               // see CameraFit
     std::vector<CalibratedView> views;           // as given
-    std::vector<ParameterDeviation> deviations;  // in the order of the covariance
+    ModelAdvice advice;                          // of the views that were used
+    CalibrationCovariances covariances;
+    std::vector<ParameterDeviation> deviations;
+    ProjectionUncertainty uncertainty;
+    std::optional<CrossValidation> halves;  // needs six views that determine the camera in halves
+
+    std::size_t points() const, points_left_out() const;  // of all views
+    // The chosen model is richer than the advised one and overfits.
+    bool overfits() const;
 };
 
 struct CalibrationOptions {
-    bool leave_one_out = true;  // one more calibration per view
+    std::optional<std::string> model = std::nullopt;  // nothing: the advised one
+    bool leave_one_out = true;  // of every model; without it, "standard" when no model is named
+    int resamples = bootstrap_resamples;  // 0: no bootstrap
 };
 
-// Needs three views of at least six points each that are not collinear, and different orientations.
-// Throws NumericalError, naming the view by its index from 0, for fewer, for points and pixels that
-// do not match, are not finite or not in the plane z = 0, for geometry that does not determine the
-// parameters, and for a model that folds over inside a view.
-// Costs some 10 ms per view of 54 points, times the number of views when leaving out; runs on all
-// cores, with the same result for any number of them.
+// A ratio of the largest standard deviation to the formal one that is worth a
+// warning.
+inline constexpr double suspicious_deviation_ratio = 1.5;
+// Of all points, more than this share of outliers is refused.
+inline constexpr double largest_outlier_share = 0.1;
+
+// Needs three views of at least six points each that are not collinear, and
+// different orientations. Throws ConfigError for an unknown model;
+// NumericalError, naming the view by its index from 0, for what check_view()
+// refuses, for geometry that does not determine the parameters, for a model
+// that folds over inside a view, and for too many outliers. Costs some seconds
+// for 13 views of 54 points with everything; runs on all cores, with the same
+// result for any number of them.
 CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv::Size image_size,
                                    const CalibrationOptions& options = {});
 

@@ -58,12 +58,16 @@ struct StabilityArguments {
 };
 int run_stability(const StabilityArguments& arguments);
 
+// Either a target or, in short for a chessboard, board and square_mm.
 struct CalibrateArguments {
-    std::string board;  // "9x6"
+    std::string target;  // "chessboard:9x6@25mm"
+    std::string board;   // "9x6"
     double square_mm = 0.0;
     std::vector<std::filesystem::path> photos;
+    std::string model = "auto";        // or the name of a calibration model
     std::filesystem::path out;         // camera.yml
     std::filesystem::path opencv_out;  // optional: the same as OpenCV YAML
+    std::filesystem::path report;      // optional: folder
     bool json = false;
 };
 int run_calibrate(const CalibrateArguments& arguments);

@@ -196,27 +196,47 @@ void add_stability_command(CLI::App& app, Run& run) {
                 "two cores. Explained in docs/stability.md.\n");
 }
 
+constexpr const char* calibrate_details =
+    "Prints `RMS x px`, `leave-one-out x px over n photos` and `model NAME`; tables and\n"
+    "what speaks against the calibration go to stderr. With --report DIR gets\n"
+    "report.html, calibration.json and corners.csv. Explained in docs/calibration.md.\n\n"
+    "Models, each with the parameters of those before it:\n"
+    "  pinhole   fx fy cx cy          rational  k4 k5 k6\n"
+    "  radial    k1 k2                prism     s1 s2 s3 s4\n"
+    "  standard  p1 p2 k3             tilted    tau_x tau_y\n"
+    "`auto` takes the simplest one that predicts photos it has not seen as well as the\n"
+    "best, within a standard error.\n\n"
+    "Examples:\n"
+    "  etalon calibrate --board 9x6 --square-mm 25 left*.jpg --out camera.yml\n"
+    "  etalon calibrate --target chessboard:9x6@25mm left*.jpg --out camera.yml \\\n"
+    "      --report calibration\n";
+
 void add_calibrate_command(CLI::App& app, Run& run) {
     auto arguments = std::make_shared<CalibrateArguments>();
     CLI::App* sub =
         add_command(app, run, arguments, run_calibrate, "calibrate",
-                    "estimate intrinsics from photographs of a chessboard",
-                    "Prints `RMS x px`. Estimated are fx, fy, cx, cy, k1, k2, p1, p2 and k3.\n\n"
-                    "Example:\n"
-                    "  etalon calibrate --board 9x6 --square-mm 25 left*.jpg --out camera.yml\n");
-    sub->add_option("PHOTOS", arguments->photos, "two or more photographs of the board")
+                    "estimate intrinsics from photographs of a target", calibrate_details);
+    sub->add_option("PHOTOS", arguments->photos, "three or more photographs of the target")
         ->required()
         ->type_name("");
-    sub->add_option("--board", arguments->board, "inner corners, columns x rows: 9x6")
-        ->required()
-        ->type_name("CxR");
-    sub->add_option("--square-mm", arguments->square_mm, "side of a square")
-        ->required()
-        ->check(positive_number())
-        ->type_name("MM");
+    auto* target = sub->add_option("--target", arguments->target, "chessboard:9x6@25mm")
+                       ->type_name("T");
+    auto* board = sub->add_option("--board", arguments->board,
+                                  "short for a chessboard: inner corners,\ncolumns x rows: 9x6")
+                      ->excludes(target)
+                      ->type_name("CxR");
+    auto* square = sub->add_option("--square-mm", arguments->square_mm, "side of its squares")
+                       ->check(positive_number())
+                       ->needs(board)
+                       ->type_name("MM");
+    board->needs(square);
+    sub->add_option("--model", arguments->model, "auto (default) or a name, see below")
+        ->type_name("NAME");
     sub->add_option("--out", arguments->out, "camera.yml to write")->required()->type_name("FILE");
     sub->add_option("--opencv-out", arguments->opencv_out, "the same as OpenCV YAML")
         ->type_name("FILE");
+    sub->add_option("--report", arguments->report, "folder for report, JSON and corners")
+        ->type_name("DIR");
 }
 
 void add_characterise_command(CLI::App& app, Run& run) {

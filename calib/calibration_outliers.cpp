@@ -1,0 +1,119 @@
+#include "calib/calibration_outliers.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/errors.h"
+#include "core/median.h"
+
+namespace etalon {
+namespace {
+
+using Residuals = std::vector<std::vector<Eigen::Vector2d>>;
+
+constexpr double least_view_points = 6.0;
+
+double robust_scale(std::span<const std::vector<Eigen::Vector2d>> residuals) {
+    std::vector<double> sizes;
+    for (const auto& view : residuals)
+        for (const Eigen::Vector2d& residual : view) {
+            sizes.push_back(std::abs(residual.x()));
+            sizes.push_back(std::abs(residual.y()));
+        }
+    return 1.4826 * median(std::move(sizes));
+}
+
+// Weights that a view gives its points count as they are.
+Residuals in_sigmas(Residuals residuals, std::span<const CalibrationView> views) {
+    for (std::size_t v = 0; v < views.size(); ++v)
+        for (std::size_t i = 0; i < residuals[v].size(); ++i)
+            residuals[v][i] /= views[v].sigma(i);
+    return residuals;
+}
+
+// Twice, because the first scale is from residuals that outliers have pulled at.
+Residuals robust_residuals(std::span<const CalibrationView> views, cv::Size image_size,
+                           const CalibrationModel& model) {
+    constexpr double pulls_no_harder = 1.5;
+    CameraFit fit = fit_camera(views, image_size, model);
+    for (int pass = 0; pass < 2; ++pass) {
+        const double scale = robust_scale(in_sigmas(fit.residuals_px, views));
+        if (!(scale > 0.0))
+            break;
+        fit = fit_camera(views, image_size, model,
+                         {.start = CameraStart{fit.camera, fit.camera_from_target},
+                          .huber = pulls_no_harder * scale});
+    }
+    return in_sigmas(std::move(fit.residuals_px), views);
+}
+
+Residuals best_robust_residuals(std::span<const CalibrationView> views, cv::Size image_size,
+                                std::span<const CalibrationModel> models) {
+    std::optional<Residuals> best;
+    std::string failure;
+    for (const CalibrationModel& model : models) {
+        try {
+            Residuals residuals = robust_residuals(views, image_size, model);
+            if (!best || robust_scale(residuals) < robust_scale(*best))
+                best = std::move(residuals);
+        } catch (const NumericalError& error) {
+            failure = error.what();
+        }
+    }
+    if (!best)
+        throw NumericalError(failure);
+    return *best;
+}
+
+std::vector<bool> longer_than(std::span<const Eigen::Vector2d> residuals, double limit) {
+    std::vector<bool> longer;
+    for (const Eigen::Vector2d& residual : residuals)
+        longer.push_back(residual.norm() > limit);
+    const auto size = static_cast<double>(longer.size());
+    const auto count = static_cast<double>(std::count(longer.begin(), longer.end(), true));
+    if (count >= outlier_view_corners * size || (count > 0.0 && size - count < least_view_points))
+        longer.assign(longer.size(), true);
+    return longer;
+}
+
+}  // namespace
+
+CornerMask find_outlier_corners(std::span<const CalibrationView> views, cv::Size image_size,
+                                std::span<const CalibrationModel> models) {
+    const Residuals residuals = best_robust_residuals(views, image_size, models);
+    const double scale = robust_scale(residuals);
+    CornerMask mask;
+    for (const auto& view : residuals) {
+        const double larger = std::max(scale, robust_scale({&view, 1}));
+        mask.push_back(longer_than(view, std::max(outlier_scales * larger, least_outlier_px)));
+    }
+    return mask;
+}
+
+std::vector<std::size_t> find_outlier_views(std::span<const double> rms_px,
+                                            std::span<const double> left_out_rms_px) {
+    const double of_fit = median({rms_px.begin(), rms_px.end()});
+    const double left_out = median({left_out_rms_px.begin(), left_out_rms_px.end()});
+    std::vector<std::size_t> found;
+    for (std::size_t i = 0; i < rms_px.size(); ++i)
+        if (rms_px[i] > std::max(outlier_view_factor * of_fit, least_outlier_px) &&
+            left_out_rms_px[i] > outlier_view_factor * left_out)
+            found.push_back(i);
+    return found;
+}
+
+CalibrationView without_points(const CalibrationView& view, const std::vector<bool>& left_out) {
+    CalibrationView rest;
+    for (std::size_t i = 0; i < view.pixels.size(); ++i) {
+        if (left_out[i])
+            continue;
+        rest.points_mm.push_back(view.points_mm[i]);
+        rest.pixels.push_back(view.pixels[i]);
+        rest.ids.push_back(view.ids.empty() ? static_cast<int>(i) : view.ids[i]);
+        if (!view.sigma_px.empty())
+            rest.sigma_px.push_back(view.sigma_px[i]);
+    }
+    return rest;
+}
+
+}  // namespace etalon

@@ -1,0 +1,97 @@
+// One photograph against its rendering, linearised: normal equations for the camera's parameters,
+// the marker's pose and the photometric model together. The foundation of compare/
+// photometric_pose.h and photometric_refinement.h.
+//
+// A pixel's residual is (photograph - prediction) / (standard deviation of its noise): that of the
+// sensor where the camera's file knows it, else 1 gray, times a scale found from the residuals
+// themselves. Huber's loss beyond 3: noise counts in full, a finger on the board does not.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "compare/photometric_model.h"
+#include "compare/render_derivatives.h"
+
+namespace etalon {
+
+// A camera as photographs are compared with it. Some 50 ms to make for a VGA camera; safe from
+// every thread once built.
+class PhotometricCamera {
+public:
+    explicit PhotometricCamera(const CameraModel& camera);
+
+    const CameraModel& model() const { return projector_.camera(); }
+    const Projector& projector() const { return projector_; }
+    Transfer transfer() const { return model().sensor ? model().sensor->transfer : Transfer{}; }
+    bool knows_noise() const { return !noise_.empty(); }
+
+    // Standard deviation of a pixel's noise at a predicted gray; 1 where it is not known.
+    double noise_gray(double gray) const;
+
+    // What arrives at the sensor's pixels within the region, and its derivatives.
+    RenderedGradient at_sensor(const Scene& scene, const cv::Rect& region) const;
+
+private:
+    Projector projector_;
+    GradientRenderer renderer_;
+    cv::Mat response_;           // relative, by pixel; empty: 1
+    std::vector<double> noise_;  // of gray 0, 1, ... 255
+};
+
+// Which photometric parameters are free; the others keep their values.
+struct PhotometricTerms {
+    int level_terms = 3;  // of each of black and white: 1 constant, 3 plane, 6 quadratic surface
+    bool psf = true;      // the Gaussian's width
+    bool tone = false;
+
+    int count() const { return 2 * level_terms + (psf ? 1 : 0) + (tone ? 1 : 0); }
+};
+
+// A photograph and the marker in it.
+struct PhotoOfMarker {
+    cv::Mat gray;  // CV_32FC1
+    CellGrid grid;
+    cv::Mat use;              // CV_8UC1 of PixelUse, the photograph's size
+    uchar fitted;             // which of them count
+    double background = 1.0;  // radiance beside the marker
+};
+
+struct PhotoState {
+    Rigid camera_from_marker;
+    PhotometricModel photometry;
+};
+
+// A width or tone at the end of its range that would leave it has no score and an information of 1.
+// In the order: camera parameters, pose (left perturbation), photometric parameters (black levels,
+// white levels, variance of the Gaussian in px^2, tone).
+struct PhotoEquations {
+    Eigen::MatrixXd information;  // J^T J of the pixels within Huber's threshold
+    Eigen::VectorXd score;        // J^T r, r limited to the threshold
+    double loss = 0.0;            // sum of Huber's function
+    double squares = 0.0;         // sum of the squares of the limited r
+    double median_size = 0.0;     // of |r|
+    int pixels = 0;
+};
+
+// `noise_scale` multiplies the noise. Throws NumericalError for sizes that differ, fewer than 50
+// pixels and what the renderer refuses.
+PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                               const PhotoState& state, const PhotometricTerms& terms,
+                               const CalibrationModel& parameters, double noise_scale);
+
+// Photograph minus prediction in gray, RMS over the pixels that count.
+double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                         const PhotoState& state);
+
+// The state after a step in pose and photometric parameters (the tail of the equations' order);
+// the Gaussian's width and the tone stay in their ranges.
+PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
+                   const Eigen::VectorXd& step);
+
+// A start: constant levels from the pixels that the rendering at this pose shows as dark and light.
+// Throws NumericalError when there are none of either.
+PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                          const Rigid& camera_from_marker, const PhotometricTerms& terms);
+
+}  // namespace etalon

@@ -105,8 +105,8 @@ void expect_central_differences(const CameraModel& camera, double share, double 
 }
 
 // Measured: 0.4 % where the marker moves as a whole. Else the displacement is not constant over the
-// blur's width b of some 0.6 px: it grows by 1/r per px by depth and tilt, by 7/r for k3, at radii r
-// around 50 px: 2 % and 8 %.
+// blur's width b of some 0.6 px: it grows by 1/r per px by depth and tilt, by 7/r for k3, at radii
+// r around 50 px: 2 % and 8 %.
 TEST(RenderDerivatives, AreTheCentralDifferencesOfABlurredRendering) {
     expect_central_differences(distorted_camera(0.5), 0.015, 0.1);
 }

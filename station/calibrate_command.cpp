@@ -90,6 +90,17 @@ CameraCalibration calibrate_photos(const Observations& observations,
     }
 }
 
+// What is seen of a circle is not its centre: by how much not, a first camera tells.
+void correct_circles(const CalibrationTarget& target, Observations& observations,
+                     const std::optional<std::string>& model) {
+    const CameraCalibration first =
+        calibrate_camera(observations.views, observations.image_size,
+                         {.model = model, .leave_one_out = false, .resamples = 0});
+    for (std::size_t i = 0; i < observations.views.size(); ++i)
+        observations.views[i] = with_circle_centres(target, observations.views[i], first.camera,
+                                                    first.views[i].camera_from_target);
+}
+
 CalibrationRun calibrated(const CalibrateArguments& arguments) {
     const std::string spec = target_spec(arguments);
     const CalibrationTarget target =
@@ -98,6 +109,8 @@ CalibrationRun calibrated(const CalibrateArguments& arguments) {
     if (arguments.model != "auto")
         model = calibration_model(arguments.model).name;
     Observations observations = observe_all(target, spec, arguments.photos);
+    if (has_circles(target))
+        correct_circles(target, observations, model);
     CameraCalibration calibration = calibrate_photos(observations, model);
     return {spec,
             arguments.out,

@@ -200,6 +200,12 @@ constexpr const char* calibrate_details =
     "Prints `RMS x px`, `leave-one-out x px over n photos` and `model NAME`; tables and\n"
     "what speaks against the calibration go to stderr. With --report DIR gets\n"
     "report.html, calibration.json and corners.csv. Explained in docs/calibration.md.\n\n"
+    "Targets (`etalon marker` prints them):\n"
+    "  chessboard:9x6@25mm                  inner corners, side of a square\n"
+    "  charuco:4X4_50:9x6@30mm/22mm         squares, their side, side of a marker\n"
+    "  aprilgrid:36h11:6x5@40mm/12mm        tags, their side, gap between them\n"
+    "  circles:7x6@20mm/12mm                circles, spacing, diameter\n"
+    "  acircles:4x11@20mm/12mm              OpenCV's asymmetric grid\n\n"
     "Models, each with the parameters of those before it:\n"
     "  pinhole   fx fy cx cy          rational  k4 k5 k6\n"
     "  radial    k1 k2                prism     s1 s2 s3 s4\n"
@@ -219,7 +225,7 @@ void add_calibrate_command(CLI::App& app, Run& run) {
     sub->add_option("PHOTOS", arguments->photos, "three or more photographs of the target")
         ->required()
         ->type_name("");
-    auto* target = sub->add_option("--target", arguments->target, "chessboard:9x6@25mm")
+    auto* target = sub->add_option("--target", arguments->target, "what was photographed, see below")
                        ->type_name("T");
     auto* board = sub->add_option("--board", arguments->board,
                                   "short for a chessboard: inner corners,\ncolumns x rows: 9x6")

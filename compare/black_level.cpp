@@ -63,7 +63,7 @@ void refuse_floor(std::span<const CodeImage> frames) {
         share = std::max(share, share_at_floor(frame));
     if (share > most_at_floor)
         throw NumericalError(fmt::format(
-            "black level: {:.2g} % of a dark photo's pixels are at code 0, where it is cut off: "
+            "black level: {:.3g} % of a dark photo's pixels are at code 0, where it is cut off: "
             "raise the camera's black level",
             100.0 * share));
 }

@@ -23,6 +23,7 @@ constexpr int blocks_across = 40;
 constexpr int least_patches = 20, least_patches_of_a_photo = 4;
 constexpr double least_radius = 0.6;
 constexpr double most_residual = 0.05;
+constexpr double most_corner_uncertainty = 0.025;
 constexpr int rounds = 20;
 
 // Radiance and its uncertainty from a code value's.
@@ -44,12 +45,12 @@ void check_flat(const CodeImage& flat, const std::string& name, int saturation) 
     const double high = share_at_saturation(flat, saturation), low = share_at_floor(flat);
     if (high > most_clipped)
         throw NumericalError(
-            fmt::format("illumination: {}: {:.2g} % of the pixels are saturated: "
+            fmt::format("illumination: {}: {:.3g} % of the pixels are saturated: "
                         "expose less",
                         name, 100.0 * high));
     if (low > most_clipped)
         throw NumericalError(
-            fmt::format("illumination: {}: {:.2g} % of the pixels are at code 0: "
+            fmt::format("illumination: {}: {:.3g} % of the pixels are at code 0: "
                         "expose more, or raise the black level",
                         name, 100.0 * low));
 }
@@ -284,6 +285,13 @@ IlluminationEstimate estimate_illumination(std::span<const WhitePatch> given,
     const double corner = farthest_corner(camera);
     estimate.at_corner = polynomial_illumination(estimate.coefficients, corner * corner);
     estimate.at_corner_standard_uncertainty = standard_uncertainty_at(estimate, corner);
+
+    // With less any falloff would fit, and the simplest one would be chosen without evidence.
+    if (estimate.at_corner_standard_uncertainty > most_corner_uncertainty)
+        throw NumericalError(fmt::format(
+            "illumination: the white parts tell the falloff in the corner to {:.2f} +- {:.2f} only "
+            "(k = 2): flats, or the target in more places up to the corners",
+            estimate.at_corner, 2.0 * estimate.at_corner_standard_uncertainty));
 
     std::vector<Illumination::Kind> kinds{Illumination::Kind::uniform};
     if (camera.projection == Projection::perspective)

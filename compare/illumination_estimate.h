@@ -70,9 +70,9 @@ struct IlluminationEstimate {
 double standard_uncertainty_at(const IlluminationEstimate& estimate, double radius);
 
 // Throws NumericalError for fewer than 20 patches, photographs with fewer than 4, patches that do
-// not reach beyond 0.6 half diagonals (the falloff would be extrapolated), residuals over 5 %, or a
-// polynomial that is not positive all over the image. Safe from every thread; some 10 ms for 20
-// photographs.
+// not reach beyond 0.6 half diagonals (the falloff would be extrapolated), residuals over 5 %, a
+// falloff in the corner that is known to less than 0.05 (k = 2), or a polynomial that is not
+// positive all over the image. Safe from every thread; some 10 ms for 20 photographs.
 IlluminationEstimate estimate_illumination(std::span<const WhitePatch> patches,
                                            const CameraModel& camera);
 

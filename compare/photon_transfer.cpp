@@ -150,7 +150,7 @@ void add_view(const RepeatedView& view, const SensorModel& sensor, const LevelSc
     const double share = cv::countNonZero(changed) / std::max(1.0, double(cv::countNonZero(even)));
     if (share > most_changed)
         throw NumericalError(fmt::format(
-            "repeats: {:.2g} % of the pixels changed by more than noise: they do not show the same "
+            "repeats: {:.3g} % of the pixels changed by more than noise: they do not show the same "
             "view",
             100.0 * share));
     even &= ~changed;

@@ -60,6 +60,27 @@ std::string standard_deviation(const CameraModel& camera, const char* name) {
     return fmt::format("  +- {:.3g}", std::sqrt(camera.covariance->matrix(k, k)));
 }
 
+// What was measured of lens and sensor, and how well it is known.
+void print_uncertainties(const CameraModel& camera) {
+    if (!camera.standard_uncertainty)
+        return;
+    const auto line = [](const char* name, double value, const std::optional<double>& u) {
+        if (u)
+            fmt::print("{:<11} {}  +- {:.3g}\n", name, value, *u);
+    };
+    const CameraUncertainty& u = *camera.standard_uncertainty;
+    if (camera.lens) {
+        line("f_number", camera.lens->f_number, u.f_number);
+        line("focus mm", camera.lens->focus_distance_mm, u.focus_distance_mm);
+        line("psf sigma", camera.lens->psf.sigma_px, u.psf_sigma_px);
+    }
+    if (camera.sensor) {
+        line("black", camera.sensor->black_dn, u.black_dn);
+        line("gain e/DN", camera.sensor->gain_e_per_dn, u.gain_e_per_dn);
+        line("read e", camera.sensor->read_noise_e, u.read_noise_e);
+    }
+}
+
 void print_camera(const CameraModel& camera, const char* format) {
     const Intrinsics& i = camera.intrinsics;
     fmt::print("format      {}\nimage       {} x {} px{}\n", format, camera.width, camera.height,
@@ -77,6 +98,7 @@ void print_camera(const CameraModel& camera, const char* format) {
                        standard_deviation(camera, distortion_names[k]));
     fmt::print("lens        {}\nsensor      {}\n", camera.lens ? "known" : "not known",
                camera.sensor ? "known" : "not known");
+    print_uncertainties(camera);
 }
 
 const char* word_of(CameraFinding::Weight weight) {

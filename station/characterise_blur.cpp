@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 #include "compare/compared_area.h"
 #include "core/errors.h"
@@ -135,18 +136,21 @@ void remark_sharpening(Characterisation& result) {
          true});
 }
 
-// For the eye only: what the fit of the defocus used all at once, in groups of equal size.
+// For the eye only: what the fit of the defocus used all at once, in groups of equal size, of which
+// a few edges each will do.
 std::vector<BlurAtDepth> blur_by_depth(std::vector<StraightEdge> edges, CameraModel camera) {
-    constexpr std::size_t groups = 10, least_edges = 8;
+    constexpr std::size_t groups = 10, edges_of_a_group = 7;
     camera.lens.reset();
     std::sort(edges.begin(), edges.end(),
               [](const auto& a, const auto& b) { return a.depth_term > b.depth_term; });
     std::vector<BlurAtDepth> result;
     for (std::size_t i = 0; i < groups; ++i) {
         const std::size_t first = edges.size() * i / groups, last = edges.size() * (i + 1) / groups;
-        if (last - first < least_edges)
+        if (last - first < edges_of_a_group)
             continue;
-        const std::span group(edges.data() + first, last - first);
+        std::vector<StraightEdge> group;
+        for (std::size_t k = 0; k < edges_of_a_group; ++k)
+            group.push_back(edges[first + k * (last - first) / edges_of_a_group]);
         double depth = 0.0;
         for (const StraightEdge& edge : group)
             depth += 1.0 / edge.depth_term / static_cast<double>(group.size());

@@ -49,7 +49,12 @@ void add_values(HtmlPage& page, const Characterisation& result) {
 
 HtmlPage::Figure photon_transfer_plot(const PhotonTransfer& photon) {
     std::vector<double> xs, ys, left_out_xs, left_out_ys, line_xs, line_ys;
+    std::vector<std::string> notes;
     for (const NoiseLevel& level : photon.levels) {
+        if (level.is_used)
+            notes.push_back(fmt::format("{:.1f} DN: {:.3f} ± {:.3f} DN² (k = 2), {:.0f} pixels",
+                                        level.signal_dn, level.variance_dn2,
+                                        2.0 * level.standard_uncertainty_dn2, level.pixels));
         (level.is_used ? xs : left_out_xs).push_back(level.signal_dn);
         (level.is_used ? ys : left_out_ys).push_back(level.variance_dn2);
         line_xs.push_back(level.signal_dn);
@@ -57,7 +62,7 @@ HtmlPage::Figure photon_transfer_plot(const PhotonTransfer& photon) {
     }
     SvgPlot plot("linear signal above black, DN", "temporal variance, DN²");
     plot.add_line(line_xs, line_ys, Ink::gray, "read and photon noise");
-    plot.add_points(xs, ys, Ink::blue, "measured");
+    plot.add_points(xs, ys, Ink::blue, "measured", notes);
     if (!left_out_xs.empty())
         plot.add_points(left_out_xs, left_out_ys, Ink::orange, "left out (clipped, rounding)");
     return {
@@ -92,10 +97,36 @@ HtmlPage::Figure transfer_plot(const TransferEstimate& estimate) {
                 estimate.patches, estimate.photos, estimate.lowest_code, estimate.highest_code)};
 }
 
+// What the curve itself hides: how far the patches are from a straight line through black.
+HtmlPage::Figure nonlinearity_plot(const TransferEstimate& estimate) {
+    double product = 0.0, square = 0.0;
+    for (const TransferPoint& point : estimate.points) {
+        product += point.radiance * point.code;
+        square += point.radiance * point.radiance;
+    }
+    std::vector<double> xs, ys;
+    for (const TransferPoint& point : estimate.points) {
+        xs.push_back(100.0 * point.code);
+        ys.push_back(100.0 * (point.code - point.radiance * product / square));
+    }
+    SvgPlot plot("code above black, % of range", "off the straight line, % of range");
+    plot.add_points(xs, ys, Ink::blue, "patches");
+    plot.add_level(0.0, Ink::gray, "");
+    return {plot.svg(),
+            fmt::format(
+                "The patches' departure from the straight line through black that fits them "
+                "best. Largest of the measured curve between 5 and 95 %: {:.3f} % ± {:.3f} % "
+                "(k = 2).",
+                100.0 * estimate.nonlinearity, 200.0 * estimate.nonlinearity_standard_uncertainty)};
+}
+
 HtmlPage::Figure illumination_plot(const CameraModel& camera,
                                    const IlluminationEstimate& estimate) {
+    constexpr std::size_t most_points = 500;
     std::vector<double> xs, ys, curve_xs, low, high, middle;
-    for (const WhitePatch& patch : estimate.used) {
+    const std::size_t every = 1 + estimate.used.size() / most_points;
+    for (std::size_t i = 0; i < estimate.used.size(); i += every) {
+        const WhitePatch& patch = estimate.used[i];
         xs.push_back(std::sqrt(illumination_radius_squared(camera, patch.centre_px)));
         ys.push_back(patch.radiance);
     }
@@ -110,7 +141,7 @@ HtmlPage::Figure illumination_plot(const CameraModel& camera,
         high.push_back(value + expanded);
     }
     SvgPlot plot("distance from the principal point, half diagonals", "relative illumination");
-    plot.add_points(xs, ys, Ink::blue, "white parts");
+    plot.add_points(xs, ys, Ink::gray, every == 1 ? "white parts" : "some of the white parts");
     plot.add_band(curve_xs, low, high, Ink::red, "U (k = 2)");
     plot.add_line(curve_xs, middle, Ink::red, "polynomial");
     return {plot.svg(),
@@ -228,7 +259,8 @@ void add_curves(HtmlPage& page, const Characterisation& result) {
     if (result.photon_transfer)
         sensor.push_back(photon_transfer_plot(*result.photon_transfer));
     if (result.transfer)
-        sensor.push_back(transfer_plot(*result.transfer));
+        sensor.insert(sensor.end(),
+                      {transfer_plot(*result.transfer), nonlinearity_plot(*result.transfer)});
     if (!sensor.empty()) {
         page.add_heading("Sensor");
         page.add_figures(sensor);

@@ -12,6 +12,8 @@
 #include "compare/photon_transfer.h"
 #include "compare/transfer_estimate.h"
 #include "core/errors.h"
+#include "sim/marker.h"
+#include "sim/renderer.h"
 #include "tests/compare/level_scenes.h"
 
 namespace etalon {
@@ -232,6 +234,45 @@ TEST(IlluminationEstimate, RefusesWhatIsNoFlatField) {
                 HasSubstr("of the way to the image's corners"));
     EXPECT_THAT(refusal([&] { estimate_illumination({}, camera); }),
                 HasSubstr("0 even white parts"));
+}
+
+// A board that covers the image, in five places, under light that comes from another side each
+// time.
+std::vector<WhitePatch> white_squares(const CameraModel& camera) {
+    const Marker board = parse_marker("chessboard:9x7@10mm", "test");
+    const Renderer renderer(camera);
+    const SensorModel sensor(camera);
+    const Projector projector(camera);
+    std::vector<WhitePatch> patches;
+    for (int i = 0; i < 5; ++i) {
+        PlacedMarker placed{board.grid, rigid_from_vector({0.02 * i, -0.03, 0.01, -43.0 + 3 * i,
+                                                           -33.0 + 2 * i, 122.0})};
+        placed.grid.cells = cv::Mat(0.1 + 0.6 * board.grid.cells);  // a picture of its own
+        Radiance radiance = renderer.render({{placed}, 0.3}).radiance;
+        for (int x = 0; x < radiance.cols; ++x)
+            radiance.col(x) *= 1.0 + 0.05 * (i - 2) * x / radiance.cols;
+        const CodeImage photo = sensor.expose(radiance, NoiseKey{3, static_cast<std::uint32_t>(i)});
+        const auto more = white_cell_patches(photo, projector, board, placed.camera_from_marker, i);
+        patches.insert(patches.end(), more.begin(), more.end());
+    }
+    return patches;
+}
+
+TEST(IlluminationEstimate, OfATargetsWhiteSquares) {
+    CameraModel camera = noisy_camera();
+    camera.sensor->illumination = {Illumination::Kind::polynomial, {-0.3, 0.05, -0.05}};
+    const std::vector<WhitePatch> patches = white_squares(camera);
+    // Inner white squares: half of 8 x 6, those that lie in the image, in five photographs.
+    EXPECT_GT(patches.size(), 80u);
+    EXPECT_LE(patches.size(), 5u * 40u);
+    const IlluminationEstimate estimate = estimate_illumination(patches, camera);
+    EXPECT_EQ(estimate.photos, 5);
+    const double corner = illumination_radius_squared(camera, {-0.5, 239.5});
+    const double truth = polynomial_illumination(camera.sensor->illumination.polynomial, corner);
+    // One value, 3.5 standard uncertainties: wrong once in 2000.
+    EXPECT_NEAR(estimate.at_corner, truth, 3.5 * estimate.at_corner_standard_uncertainty);
+    EXPECT_LT(estimate.at_corner_standard_uncertainty, 0.02);
+    EXPECT_LT(estimate.reduced_chi_square, 2.0);
 }
 
 }  // namespace

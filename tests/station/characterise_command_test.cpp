@@ -14,6 +14,7 @@
 #include "sim/marker.h"
 #include "sim/renderer.h"
 #include "sim/sensor_model.h"
+#include "station/characterise_report.h"
 #include "station/commands.h"
 #include "tests/temporary_folder.h"
 
@@ -205,13 +206,23 @@ TEST(CharacteriseCommand, RefusesWhatItCannotUseAndMeasuresTheRest) {
         missing[entry["quantity"]] = entry;
     EXPECT_TRUE(missing["relative illumination"]["refused"]);
     EXPECT_THAT(std::string(missing["relative illumination"]["reason"]),
-                HasSubstr("bright.png: 1e+02 % of the pixels are saturated"));
+                HasSubstr("% of the pixels are saturated: expose less"));
     EXPECT_FALSE(missing["transfer curve"]["refused"]);
     EXPECT_EQ(missing["transfer curve"]["reason"], "no exposure series");
     EXPECT_EQ(missing["point spread, defocus and MTF"]["reason"], "no photos of the target");
     const CameraModel written = read_camera(arguments.out);
     EXPECT_EQ(written.lens->f_number, 1.8);  // as it was
     EXPECT_FALSE(written.standard_uncertainty->f_number);
+}
+
+TEST(CharacteriseCommand, RoundsToTwoDigitsOfU) {
+    const auto words = [](double value, double u) {
+        return with_uncertainty({"", "gain", "e/DN", value, u, "", false});
+    };
+    EXPECT_EQ(words(12.34567, 0.017), "gain 12.346 +- 0.034 e/DN");
+    EXPECT_EQ(words(1234.6, 7.0), "gain 1235 +- 14 e/DN");
+    EXPECT_EQ(words(1234.6, 700.0), "gain 1235 +- 1400 e/DN");
+    EXPECT_EQ(words(0.5, 0.0), "gain 0.500000 +- 0.000000 e/DN");
 }
 
 TEST(CharacteriseCommand, PrintsALineForEachQuantity) {

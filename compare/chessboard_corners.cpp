@@ -92,6 +92,16 @@ double even_minus_odd(const Board& board, const cv::Mat& pixels) {
     return sum[0] / std::max(count[0], 1) - sum[1] / std::max(count[1], 1);
 }
 
+// With the histogram spread over all levels, which dark photos need, and without, which serves
+// bright ones better.
+bool find_whole_board(const cv::Mat& image, Board& board) {
+    for (const int flags : {cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE,
+                            static_cast<int>(cv::CALIB_CB_ADAPTIVE_THRESH)})
+        if (cv::findChessboardCorners(image, {board.columns, board.rows}, board.corners, flags))
+            return true;
+    return false;
+}
+
 ChessboardCorners refined(const Board& board, const cv::Mat& pixels) {
     ChessboardCorners found;
     found.smallest_spacing_px = smallest_spacing(board);
@@ -122,8 +132,7 @@ std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image,
     if (std::min(image.pixels.cols, image.pixels.rows) < 2 * (std::min(columns, rows) + 1))
         return std::nullopt;
     Board board{{}, columns, rows};
-    if (!cv::findChessboardCorners(as_8_bit(image), {columns, rows}, board.corners,
-                                   cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE))
+    if (!find_whole_board(as_8_bit(image), board))
         return std::nullopt;
     make_right_handed(board);
     cv::Mat pixels;

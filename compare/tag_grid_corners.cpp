@@ -20,9 +20,8 @@ std::vector<MatchedTag> read_tags(const Marker& board, const cv::Mat& image) {
     std::vector<FoundTag> found;
     std::vector<bool> known(layout.size(), false);
     for (const int shrink_px : {1, 2, 0}) {
-        cv::Mat brightened = image;
-        if (shrink_px > 0)
-            cv::dilate(image, brightened, cv::Mat(), {-1, -1}, shrink_px);
+        cv::Mat brightened;  // of its own: the photograph stays as it is
+        cv::dilate(image, brightened, cv::Mat(), {-1, -1}, shrink_px);
         std::vector<FoundTag> more;
         for (const FoundTag& tag : finder.find(brightened))
             if (tag.id < static_cast<int>(known.size()) && !known[tag.id])

@@ -230,7 +230,7 @@ void print_json(const CharacteriseArguments& arguments, const Characterisation& 
     if (result.point_spread)
         json["psf_zones"] = zones_json(*result.point_spread);
     json["modulation"] = modulation_json(result);
-    std::puts(json.dump(2).c_str());
+    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
 }
 
 }  // namespace

@@ -58,7 +58,7 @@ void print_json(const DetectArguments& arguments, const Detector& detector,
                          {"detector", detector.name()}};
     for (const PhotoPose& pose : poses)
         json["photos"].push_back(photo_json(pose));
-    std::puts(json.dump(2).c_str());
+    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
 }
 
 // A line per photograph, and below it the other planar solution, so that columns line up.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <map>
 
@@ -99,6 +100,32 @@ void take_read_noise(Characterisation& result) {
                              "photon transfer at signal 0", true});
 }
 
+// The same curve, wrong by its uncertainty everywhere at once. The ends are no estimates.
+Transfer displaced(Transfer transfer, const std::vector<double>& uncertainties) {
+    for (std::size_t i = 1; i + 1 < transfer.table.size(); ++i)
+        transfer.table[i].second -= uncertainties[i];
+    return transfer;
+}
+
+// Linearised signals inherit what is not known of the curve: its share of gain and read noise is
+// what displacing the curve changes.
+void add_transfer_uncertainty(const std::vector<RepeatedView>& views,
+                              const Characterisation& result, PhotonTransfer& photon) {
+    if (!result.transfer || result.transfer->code_standard_uncertainty.empty())
+        return;
+    CameraModel camera = result.camera;
+    camera.sensor->transfer =
+        displaced(camera.sensor->transfer, result.transfer->code_standard_uncertainty);
+    const PhotonTransfer other = measure_photon_transfer(views, camera, result.black);
+    const Eigen::Vector2d change(other.gain_e_per_dn - photon.gain_e_per_dn,
+                                 photon.read_noise_e && other.read_noise_e
+                                     ? *other.read_noise_e - *photon.read_noise_e
+                                     : 0.0);
+    photon.covariance += change * change.transpose();
+    photon.gain_standard_uncertainty = std::sqrt(photon.covariance(0, 0));
+    photon.read_noise_standard_uncertainty_e = std::sqrt(photon.covariance(1, 1));
+}
+
 void measure_noise(const CharacteriseInput& input, Characterisation& result) {
     const std::vector<RepeatedView> views = repeated_views(input);
     if (views.empty()) {
@@ -106,7 +133,8 @@ void measure_noise(const CharacteriseInput& input, Characterisation& result) {
         return;
     }
     attempt(result, "gain and read noise", [&] {
-        const PhotonTransfer photon = measure_photon_transfer(views, result.camera, result.black);
+        PhotonTransfer photon = measure_photon_transfer(views, result.camera, result.black);
+        add_transfer_uncertainty(views, result, photon);
         result.photon_transfer = photon;
         result.camera.sensor->gain_e_per_dn = photon.gain_e_per_dn;
         uncertainty_of(result).gain_e_per_dn = photon.gain_standard_uncertainty;

@@ -55,7 +55,8 @@ CameraModel data_sheet() {
 // The photographs of one session in a folder.
 class Session {
 public:
-    explicit Session(std::uint64_t seed) : seed_(seed), sensor_(truth()), renderer_(truth()) {
+    explicit Session(std::uint64_t seed, const CameraModel& camera = truth())
+        : seed_(seed), sensor_(camera), renderer_(camera) {
         write_camera(folder_ / "camera.yml", data_sheet());
     }
 
@@ -112,6 +113,18 @@ void add_darks(Session& session, CharacteriseArguments& arguments, int count) {
             session.expose(fmt::format("dark{}", i), Radiance::zeros(360, 480, CV_32FC1)));
 }
 
+// One time twice: repeats, and a check of the light.
+void add_series(Session& session, CharacteriseArguments& arguments, const Radiance& still) {
+    arguments.exposures = session.folder() / "series.csv";
+    std::ofstream csv(arguments.exposures);
+    csv << "file,exposure_us\n";
+    int i = 0;
+    for (const double time : {100, 200, 400, 700, 1000, 1000, 1200, 1600, 4000}) {
+        const auto photo = session.expose(fmt::format("series{}", i++), still * (time / 1000.0));
+        csv << photo.filename().string() << "," << time << "\n";
+    }
+}
+
 CharacteriseArguments whole_session(Session& session) {
     CharacteriseArguments arguments = session.arguments();
     for (std::size_t i = 0; i < poses.size(); ++i)
@@ -123,14 +136,7 @@ CharacteriseArguments whole_session(Session& session) {
     for (int i = 0; i < 3; ++i)
         arguments.flats.push_back(session.expose(fmt::format("flat{}", i), session.field(0.8)));
     add_darks(session, arguments, 4);
-    arguments.exposures = session.folder() / "series.csv";
-    std::ofstream csv(arguments.exposures);
-    csv << "file,exposure_us\n";
-    int i = 0;
-    for (const double time : {100, 200, 400, 700, 1000, 1000, 1200, 1600, 4000}) {
-        const auto photo = session.expose(fmt::format("series{}", i++), still * (time / 1000.0));
-        csv << photo.filename().string() << "," << time << "\n";
-    }
+    add_series(session, arguments, still);
     return arguments;
 }
 
@@ -192,6 +198,34 @@ TEST(CharacteriseCommand, RecoversEveryValueWithinItsUncertaintyAndWritesTheCame
     const std::string page = read_text(arguments.report / "report.html");
     EXPECT_THAT(page, HasSubstr("Photon transfer"));
     EXPECT_THAT(page, Not(HasSubstr("http")));
+}
+
+// A soft shoulder, r + 0.3 r (1 - r): the table is found, and the noise behind it.
+TEST(CharacteriseCommand, RecoversACurvedTransferAndTheNoiseBehindIt) {
+    CameraModel camera = truth();
+    camera.sensor->transfer.kind = Transfer::Kind::table;
+    for (int i = 0; i <= 64; ++i) {
+        const double r = i / 64.0;
+        camera.sensor->transfer.table.emplace_back(r, r + 0.3 * r * (1.0 - r));
+    }
+    Session session(15, camera);
+    CharacteriseArguments arguments = session.arguments();
+    add_darks(session, arguments, 4);
+    add_series(session, arguments, session.view({0.05, -0.08, 0.1, -34, -20, 250}));
+    const json result = run(arguments, 0);
+    EXPECT_EQ(result["transfer"]["kind"], "table");
+    expect_recovered(result["values"], "gain_e_per_dn", 12.0, 0.2);
+    expect_recovered(result["values"], "read_noise_e", 14.0, 0.2);
+    const CameraModel written = read_camera(arguments.out);
+    const auto& table = written.sensor->transfer.table;
+    const auto& u = written.standard_uncertainty->transfer_code;
+    ASSERT_EQ(table.size(), 129u);
+    ASSERT_EQ(u.size(), table.size());
+    for (std::size_t i = 8; i < 129; i += 24) {
+        const double true_code = encode(camera.sensor->transfer, table[i].first);
+        EXPECT_NEAR(table[i].second, true_code, 2.5 * u[i]) << i;  // of six that move together
+        EXPECT_LT(u[i], 0.6 / 255.0);
+    }
 }
 
 TEST(CharacteriseCommand, RefusesWhatItCannotUseAndMeasuresTheRest) {

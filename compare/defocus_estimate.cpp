@@ -20,6 +20,8 @@ namespace {
 constexpr std::size_t least_edges = 12;
 constexpr int least_edges_a_side = 4;
 constexpr double least_blur_px = 0.5;
+constexpr double piece_length_px = 10.0;
+constexpr std::size_t least_pixels = 40;  // several for each of a piece's own parameters
 constexpr double largest_relative_uncertainty = 0.2;  // of the aperture
 
 // What does not depend on the edges. Depths in units of `depth_scale` (1/mm): numbers near 1.
@@ -94,6 +96,46 @@ Setting setting_of(std::span<const StraightEdge> edges, const CameraModel& camer
     return {camera.intrinsics.fx * pitch, pitch,
             spread == FocusSpread::diffraction ? camera.lens->wavelength_nm * 1e-6 : 0.0, depth,
             spread};
+}
+
+// The part of an edge between two places along it.
+StraightEdge piece_of(const StraightEdge& edge, double first_px, double last_px) {
+    StraightEdge piece = edge;
+    piece.pixels.clear();
+    double sum = 0.0, squares = 0.0;
+    for (const EdgePixel& pixel : edge.pixels)
+        if (pixel.along_px >= first_px && pixel.along_px < last_px) {
+            piece.pixels.push_back(pixel);
+            sum += pixel.depth_term;
+            squares += pixel.depth_term * pixel.depth_term;
+        }
+    const double n = std::max(1.0, static_cast<double>(piece.pixels.size()));
+    piece.length_px = last_px - first_px;
+    piece.depth_term = sum / n;
+    piece.depth_term_variance = std::max(0.0, squares / n - piece.depth_term * piece.depth_term);
+    return piece;
+}
+
+// The blur changes along an edge that runs into the depth, and is no longer one disk: edges in
+// pieces of 10 px and more. (A board tilted by 46 degrees, edges of 20 px, 1.8 px of blur: whole
+// edges give z_f and N wrong by one standard uncertainty of one photograph.)
+std::vector<StraightEdge> in_pieces(std::span<const StraightEdge> edges) {
+    std::vector<StraightEdge> pieces;
+    for (const StraightEdge& edge : edges) {
+        double first = 0.0, last = 0.0;
+        for (const EdgePixel& pixel : edge.pixels) {
+            first = std::min(first, pixel.along_px);
+            last = std::max(last, pixel.along_px);
+        }
+        const int count = std::max(1, static_cast<int>((last - first) / piece_length_px));
+        const double length = (last - first) / count + 1e-9;
+        for (int i = 0; i < count; ++i) {
+            StraightEdge piece = piece_of(edge, first + i * length, first + (i + 1) * length);
+            if (piece.pixels.size() >= least_pixels)
+                pieces.push_back(std::move(piece));
+        }
+    }
+    return pieces;
 }
 
 // Blur of each edge as a Gaussian's variance, for the start. A disk of radius R has R^2/4.
@@ -207,9 +249,13 @@ void set_values(const EdgeFit& fit, const Setting& setting, DefocusEstimate& est
 
 }  // namespace
 
-DefocusEstimate estimate_defocus(std::span<const StraightEdge> edges, const CameraModel& camera,
-                                 FocusSpread spread) {
-    require_usable(edges, camera, spread);
+DefocusEstimate estimate_defocus(std::span<const StraightEdge> whole_edges,
+                                 const CameraModel& camera, FocusSpread spread) {
+    require_usable(whole_edges, camera, spread);
+    const std::vector<StraightEdge> edges = in_pieces(whole_edges);
+    if (edges.size() < least_edges)
+        throw NumericalError(fmt::format("defocus: {} pieces of edges, at least {} are needed",
+                                         edges.size(), least_edges));
     const Setting setting = setting_of(edges, camera, spread);
     DefocusEstimate estimate;
     const auto start = start_of(edges, setting);
@@ -224,7 +270,14 @@ DefocusEstimate estimate_defocus(std::span<const StraightEdge> edges, const Came
     model.lower = Eigen::Vector3d(1e-6, -std::numeric_limits<double>::max(), 0.0).head(parameters);
     model.transfer = [&](const StraightEdge& edge, const Eigen::VectorXd& p,
                          const Eigen::ArrayXd& f) { return transfer_of(edge, setting, p, f); };
-    const EdgeFit fit = fit_edges(edges, model);
+    EdgeFit fit;
+    try {
+        fit = fit_edges(edges, model);
+    } catch (const NumericalError& error) {  // an aperture that vanishes: focus is then anywhere
+        estimate.undetermined =
+            fmt::format("focus distance and f-number: {} {}", error.what(), depths(edges));
+        return estimate;
+    }
     estimate.reduced_chi_square = fit.reduced_chi_square;
     estimate.edges = fit.used_edges;
     estimate.pixels = fit.pixels;

@@ -33,11 +33,11 @@ struct DefocusEstimate {
     double sigma_px = 0.0, sigma_standard_uncertainty_px = 0.0;  // FocusSpread::gaussian
     // Of (focus distance mm, f-number, sigma^2 px^2); without a sigma its row is zero.
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-    // Edges nearer than focus and farther, whose blur disk is larger than 0.5 px.
+    // Pieces of edges nearer than focus and farther, whose blur disk is larger than 0.5 px.
     int edges_nearer = 0, edges_farther = 0;
-    double largest_blur_px = 0.0;  // radius, over the edges used
+    double largest_blur_px = 0.0;  // radius, over the pieces used
     double reduced_chi_square = 0.0;
-    int edges = 0, pixels = 0, degrees_of_freedom = 0;
+    int edges = 0, pixels = 0, degrees_of_freedom = 0;  // edges: pieces of them
 };
 
 // Of the camera only intrinsics, pixel pitch and, for diffraction, the wavelength are used; its

@@ -157,7 +157,7 @@ public:
             return;
         }
         describe(*frame, found);
-        if (found.pixels.size() < least_pixels)
+        if (found.pixels.size() < least_pixels || found.length_px < selection_.least_length_px)
             ++result.too_small;
         else if (contrast(found) < selection_.least_contrast)
             ++result.faint;
@@ -246,8 +246,8 @@ private:
                     continue;
                 if (photo_.clipped.at<uchar>(y, x))
                     return false;
-                edge.pixels.push_back({distance, along, photo_.radiance.at<float>(y, x)});
                 const double depth = plane_.depth_term(uv);
+                edge.pixels.push_back({distance, along, photo_.radiance.at<float>(y, x), depth});
                 sum += depth;
                 squares += depth * depth;
             }
@@ -264,7 +264,14 @@ private:
         edge.centre_px = frame.centre;
         edge.undistorted = frame.undistorted;
         edge.normal = frame.normal;
-        edge.length_px = 2.0 * frame.half_length_px;
+        const auto by_place = [](const EdgePixel& a, const EdgePixel& b) {
+            return a.along_px < b.along_px;
+        };
+        if (!edge.pixels.empty()) {
+            const auto [first, last] =
+                std::minmax_element(edge.pixels.begin(), edge.pixels.end(), by_place);
+            edge.length_px = last->along_px - first->along_px;
+        }
         edge.px_per_unit = frame.px_per_unit;
         edge.px_per_pitch =
             std::hypot(frame.normal.x(), frame.normal.y() * intrinsics.fy / intrinsics.fx);

@@ -44,6 +44,7 @@ struct EdgePixel {
     double distance_px;  // from the edge along its normal, positive on the lighter side
     double along_px;     // from the edge's middle
     double radiance;
+    double depth_term = 0.0;  // of the target there, as StraightEdge's
 };
 
 // A piece of a grid line between a darker and a lighter cell, as seen in one photograph.

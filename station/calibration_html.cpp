@@ -49,10 +49,10 @@ void add_summary(HtmlPage& page, const CalibrationRun& run) {
          {"Corners used",
           fmt::format("{} of {}", calibration.points() - calibration.points_left_out(),
                       calibration.points())},
-         {"Projection uncertainty, mean",
-          fmt::format("{:.2f} px", uncertainty.mean(&PixelUncertainty::rotated))},
-         {"its worst among the corners",
+         {"Projection uncertain by at most, among the corners",
           fmt::format("{:.2f} px", uncertainty.worst_among_points(&PixelUncertainty::rotated))},
+         {"in the whole image",
+          fmt::format("{:.2f} px", uncertainty.worst(&PixelUncertainty::rotated))},
          {"Image among corners", fmt::format("{:.0f} %", 100.0 * uncertainty.share_among_points())},
          {"Two halves differ by",
           calibration.halves ? fmt::format("{:.3f} px", calibration.halves->rms_px) : "–"}});
@@ -78,9 +78,9 @@ void add_parameters(HtmlPage& page, const CameraCalibration& calibration) {
         const ParameterDeviation& each = calibration.deviations[i];
         rows.push_back({each.name,
                         with_uncertainty(values[static_cast<Eigen::Index>(i)], each.largest()),
-                        fmt::format("{:.2g}", each.largest()), fmt::format("{:.2g}", each.formal),
-                        fmt::format("{:.2g}", each.cluster_robust),
-                        each.bootstrap ? fmt::format("{:.2g}", *each.bootstrap) : "–",
+                        fmt::format("{:#.2g}", each.largest()), fmt::format("{:#.2g}", each.formal),
+                        fmt::format("{:#.2g}", each.cluster_robust),
+                        each.bootstrap ? fmt::format("{:#.2g}", *each.bootstrap) : "–",
                         fixed(each.ratio(), 2)});
     }
     page.add_table(

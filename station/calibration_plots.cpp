@@ -98,16 +98,19 @@ std::vector<std::string> short_labels(const std::vector<std::string>& photos) {
 
 }  // namespace
 
+// Models that are far worse would press the others into one line.
 HtmlPage::Figure model_figure(const CameraCalibration& calibration) {
+    constexpr double far_worse = 2.0;
+    const double best = chosen_score(calibration).rms_px;
     std::vector<double> parameters, fitted, left_out_parameters, left_out;
     std::vector<std::string> notes, left_out_notes;
     for (const ModelScore& score : calibration.advice.models) {
-        if (!score.fit)
+        if (!score.fit || score.rms_px > far_worse * best)
             continue;
         parameters.push_back(score.parameters);
         fitted.push_back(score.rms_px);
         notes.push_back(fmt::format("{}: {:.4f} px in the fit", score.model, score.rms_px));
-        if (!score.leave_one_out_rms_px)
+        if (!score.leave_one_out_rms_px || *score.leave_one_out_rms_px > 2.0 * far_worse * best)
             continue;
         left_out_parameters.push_back(score.parameters);
         left_out.push_back(*score.leave_one_out_rms_px);
@@ -116,14 +119,14 @@ HtmlPage::Figure model_figure(const CameraCalibration& calibration) {
     }
     SvgPlot plot("free parameters of the camera", "error / px");
     plot.set_size(map_width, map_height);
-    plot.set_log_axes();
     plot.add_line(parameters, fitted, Ink::gray, "");
     plot.add_points(parameters, fitted, Ink::gray, "in the fit", notes);
     plot.add_line(left_out_parameters, left_out, Ink::blue, "");
     plot.add_points(left_out_parameters, left_out, Ink::blue, "on photos left out", left_out_notes);
     return {plot.svg(),
-            "Error of each model. More parameters always fit better; where the blue line turns "
-            "up, they follow the photos and not the lens."};
+            "Error of each model, those left out of the picture that are far worse. More "
+            "parameters always fit better; where the blue line turns up, they follow the photos "
+            "and not the lens."};
 }
 
 HtmlPage::Figure deviation_figure(const CameraCalibration& calibration) {

@@ -6,9 +6,11 @@
 #include <set>
 
 #include "calib/calibrate.h"
+#include "calib/calibration_outliers.h"
 #include "calib/camera_file.h"
 #include "calib/opencv_file.h"
 #include "compare/calibration_target.h"
+#include "compare/compared_area.h"
 #include "core/errors.h"
 #include "core/image.h"
 #include "core/text.h"
@@ -121,6 +123,28 @@ CalibrationRun calibrated(const CalibrateArguments& arguments) {
             std::move(calibration)};
 }
 
+// The views and corners that were used, with the photographs they are from.
+PhotometricRefinement photometric_refinement(const CalibrationRun& run) {
+    const CameraCalibration& calibration = run.calibration;
+    std::vector<CodeImage> photos;
+    std::vector<CalibrationView> views;
+    CameraStart start{calibration.camera, {}};
+    for (std::size_t i = 0; i < run.views.size(); ++i) {
+        if (!calibration.views[i].used())
+            continue;
+        photos.push_back(read_image(run.photos[i]));
+        views.push_back(without_points(run.views[i], calibration.views[i].left_out));
+        start.camera_from_target.push_back(calibration.views[i].camera_from_target);
+    }
+    const CalibrationTarget target = parse_calibration_target(run.target, "--target");
+    const CameraFit corners =
+        fit_camera(views, {calibration.camera.width, calibration.camera.height}, calibration.model,
+                   {.start = start});
+    return refine_photometrically(photos, views, target.board.grid,
+                                  compared_area(target.board, {}, "--target"), corners,
+                                  calibration.model);
+}
+
 void write_report(const CalibrationRun& run, const std::filesystem::path& folder) {
     std::error_code failure;
     std::filesystem::create_directories(folder, failure);
@@ -159,6 +183,8 @@ void print_words(const CalibrationRun& run, const std::filesystem::path& report)
         fmt::print("leave-one-out {:.3f} px over {} photos\n", *calibration.leave_one_out_rms_px,
                    photos_used(calibration));
     fmt::print("model {}\n", calibration.model.name);
+    if (run.refinement)
+        fmt::print("photometric refinement {}\n", run.refinement->in_words());
     if (!report.empty())
         fmt::print("report {}\n", (report / "report.html").string());
 }
@@ -168,11 +194,13 @@ void print_words(const CalibrationRun& run, const std::filesystem::path& report)
 int run_calibrate(const CalibrateArguments& arguments) {
     if (arguments.photos.empty())
         throw ConfigError({"PHOTOS"}, "no photograph given");
-    const CalibrationRun run = calibrated(arguments);
+    CalibrationRun run = calibrated(arguments);
+    if (arguments.refine == "photometric")
+        run.refinement = photometric_refinement(run);
     print_findings(run);
-    write_camera(arguments.out, run.calibration.camera);
+    write_camera(arguments.out, run.camera());
     if (!arguments.opencv_out.empty())
-        write_opencv_camera(arguments.opencv_out, run.calibration.camera);
+        write_opencv_camera(arguments.opencv_out, run.camera());
     if (!arguments.report.empty())
         write_report(run, arguments.report);
     if (arguments.json)

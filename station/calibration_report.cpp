@@ -238,6 +238,28 @@ ordered_json photos_json(const CalibrationRun& run) {
     return json;
 }
 
+// In the order of the used photos.
+ordered_json refinement_json(const PhotometricRefinement& refinement) {
+    ordered_json json = {{"accepted", refinement.accepted},
+                         {"corners_rms_gray", refinement.corners_rms_gray},
+                         {"refined_rms_gray", refinement.refined_rms_gray},
+                         {"gain_gray", refinement.gain_gray},
+                         {"gain_standard_error_gray", refinement.gain_error_gray},
+                         {"least_gain_gray", refinement.least_gain_gray},
+                         {"folds", refinement.folds}};
+    const CameraParameters values = all_parameters(refinement.camera);
+    for (const ParameterDeviation& deviation : refinement.deviations)
+        json["parameters"][deviation.name] = {
+            {"value", values[parameter_index(deviation.name)]},
+            {"standard_deviation",
+             {{"formal", deviation.formal}, {"cluster_robust", deviation.cluster_robust}}}};
+    json["photos"] = ordered_json::array();
+    for (const RefinedPhoto& photo : refinement.photos)
+        json["photos"].push_back({{"corners_rms_gray", photo.corners_rms_gray},
+                                  {"refined_rms_gray", photo.refined_rms_gray}});
+    return json;
+}
+
 ordered_json software_json() {
     ordered_json json;
     for (const SoftwareVersion& each : software_versions())
@@ -292,6 +314,8 @@ std::vector<std::string> calibration_remarks(const CalibrationRun& run) {
     remark_on_model(run, remarks);
     remark_on_deviations(run, remarks);
     remark_on_image(run, remarks);
+    if (run.refinement)
+        remarks.push_back("Photometric refinement: " + run.refinement->in_words() + ".");
     return remarks;
 }
 
@@ -320,6 +344,8 @@ std::string calibration_json(const CalibrationRun& run) {
     json["projection_uncertainty"] = uncertainty_json(calibration.uncertainty);
     if (calibration.halves)
         json["halves"] = halves_json(*calibration.halves);
+    if (run.refinement)
+        json["photometric_refinement"] = refinement_json(*run.refinement);
     json["photos"] = photos_json(run);
     json["photos_without_target"] = run.without_target;
     json["remarks"] = calibration_remarks(run);

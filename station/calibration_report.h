@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "calib/calibrate.h"
+#include "compare/photometric_refinement.h"
 
 namespace etalon {
 
@@ -19,6 +20,12 @@ struct CalibrationRun {
     std::vector<std::string> without_target;
     std::optional<std::string> asked_model;  // nothing: the advised one was taken
     CameraCalibration calibration;
+    std::optional<PhotometricRefinement> refinement = std::nullopt;
+
+    // The refined one where the refinement was accepted.
+    const CameraModel& camera() const {
+        return refinement && refinement->accepted ? refinement->camera : calibration.camera;
+    }
 };
 
 // "left01.jpg" of "photos/left01.jpg".

@@ -86,7 +86,10 @@ ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
     const CellGrid& grid = marker.grid;
     const Eigen::Vector2d size =
         grid.cell_mm.cwiseProduct(Eigen::Vector2d(grid.columns(), grid.rows()));
-    return {grid.corner_mm, grid.corner_mm + size, grid.cell_mm, grid.corner_mm};
+    // Boards may be drawn with cells far smaller than what is on them: blocks of a square then.
+    const Eigen::Vector2d cell =
+        marker.columns > 0 ? Eigen::Vector2d::Constant(marker.size_mm / 2.0) : grid.cell_mm;
+    return {grid.corner_mm, grid.corner_mm + size, cell, grid.corner_mm};
 }
 
 cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,

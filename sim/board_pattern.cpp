@@ -215,6 +215,7 @@ double nearest_circle_mm(CircleLayout layout, double spacing) {
 BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double spacing,
                              double diameter) {
     constexpr double cells_a_diameter = 128.0, fewest_cells_a_diameter = 24.0;
+    constexpr double printable_cells = 3.9e6;  // as outlines: sim/print_page.h
     const bool asymmetric = layout == CircleLayout::asymmetric;
     BoardPattern board;
     for (int row = 0; row < rows; ++row)
@@ -225,7 +226,7 @@ BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double 
 
     // A whole number of cells to a spacing, and the same margin all around.
     const double across = asymmetric ? 2.0 * columns + 1.0 : columns + 1.0, down = rows + 1.0;
-    const double most = std::sqrt(max_cells / across / down);
+    const double most = std::sqrt(printable_cells / across / down);
     const double cell =
         spacing / std::floor(std::min(most, std::ceil(cells_a_diameter * spacing / diameter)));
     if (!(diameter / cell >= fewest_cells_a_diameter))

@@ -58,6 +58,6 @@ BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double 
 double nearest_circle_mm(CircleLayout layout, double spacing_mm);  // between neighbours' centres
 
 // All throw ConfigError (without a place: the callers know it) for a board whose lengths would need
-// more than 16 million cells.
+// more than 16 million cells, circles more than 4 million.
 
 }  // namespace etalon

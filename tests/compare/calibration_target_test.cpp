@@ -4,10 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "core/errors.h"
 #include "rendered_targets.h"
+#include "sim/marker_print.h"
 
 namespace etalon {
 namespace {
@@ -155,6 +157,29 @@ TEST_P(EveryTarget, IsNotSeenWhereItIsNot) {
         for (int x = 0; x < gradient.cols; ++x)
             gradient.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(100 * x + 50 * y);
     EXPECT_FALSE(observe(target, {gradient, 16}));
+}
+
+// The sheet that `etalon marker` prints, taken for a photograph: every point is where the page has
+// it, to the half dot that edges are rounded by.
+TEST_P(EveryTarget, IsFoundOnItsOwnPrint) {
+    const CalibrationTarget target = parse_calibration_target(GetParam().spec, "test");
+    const Marker& board = target.board;
+    const PrintPage page = lay_out_page(board, true);
+    const double dots_per_mm = 8.0;
+    const CodeImage sheet{cv::imdecode(marker_png(board, page, dots_per_mm), cv::IMREAD_GRAYSCALE),
+                          8};
+    const auto view = observe(target, sheet);
+    ASSERT_TRUE(view);
+    EXPECT_EQ(view->ids.size(), board.points_mm.size());
+    const Eigen::Vector2d corner(page.grid_mm.x, page.grid_mm.y);
+    for (std::size_t i = 0; i < view->ids.size(); ++i) {
+        const auto id = static_cast<std::size_t>(view->ids[i]);
+        const Eigen::Vector2d on_page =
+            board.points_mm[id].head<2>() - board.grid.corner_mm + corner;
+        EXPECT_LT((view->pixels[i] - (on_page * dots_per_mm - Eigen::Vector2d(0.5, 0.5))).norm(),
+                  0.72)
+            << id;
+    }
 }
 
 // Another kind of board is in the picture.

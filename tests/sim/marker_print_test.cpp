@@ -267,6 +267,19 @@ TEST(MarkerPng, RefusesAResolutionThatCannotShowTheCells) {
         EXPECT_THROW(marker_png(marker, page, bad), ConfigError) << bad;
 }
 
+TEST(PrintMarker, WritesEveryKindOfBoardInEveryFormat) {
+    for (const char* spec :
+         {"chessboard:9x6@25mm", "charuco:4X4_50:9x6@30mm/22mm", "aprilgrid:36h11:6x5@40mm/12mm",
+          "circles:7x6@20mm/12mm", "acircles:4x11@20mm/12mm"}) {
+        const Marker board = parse_marker(spec, "--marker");
+        for (const char* file : {"b.svg", "b.pdf", "b.png"}) {
+            EXPECT_NO_THROW(print_marker(board, temporary(file), 12.0)) << spec << ' ' << file;
+            EXPECT_GT(std::filesystem::file_size(temporary(file)), 1000u);
+        }
+        EXPECT_THROW(print_marker(board, temporary("c.png"), 0.07), ConfigError) << spec;
+    }
+}
+
 TEST(PrintMarker, WritesByExtensionAndLeavesNothingBehindWhenItCannot) {
     const Marker marker = parse_marker(tag, "--marker");
     EXPECT_THROW(print_marker(marker, temporary("x.jpg"), 40.0), ConfigError);

@@ -204,6 +204,35 @@ void count_sides(std::span<const StraightEdge> edges, const EdgeFit& fit, const 
     }
 }
 
+// Disk, point spread and half a pixel: what reaches farther carries less than 1 % of the contrast.
+double reach_px(const StraightEdge& edge, const EdgeFit& fit, const Setting& setting) {
+    const double radius =
+        std::sqrt(blur_of(edge, setting, fit.parameters[0], fit.parameters[1]).radius_squared);
+    const double sigma = fit.parameters.size() == 3 ? std::sqrt(fit.parameters[2]) : 0.0;
+    return radius + 2.5 * sigma + 0.5;
+}
+
+// An edge so blurred that the next one reaches into its pixels would bend the result: such are left
+// out and the others fitted again.
+EdgeFit fit_within_clearance(std::vector<StraightEdge>& edges, const BlurModel& model,
+                             const Setting& setting, DefocusEstimate& estimate) {
+    constexpr int most_rounds = 4;
+    EdgeFit fit = fit_edges(edges, model);
+    for (int round = 0; round < most_rounds; ++round) {
+        const auto removed = std::erase_if(edges, [&](const StraightEdge& edge) {
+            return reach_px(edge, fit, setting) > edge.clearance_px;
+        });
+        if (removed == 0)
+            break;
+        estimate.too_blurred += static_cast<int>(removed);
+        if (edges.size() < least_edges)
+            throw NumericalError(
+                fmt::format("the blur of all but {} edges reaches the next edge", edges.size()));
+        fit = fit_edges(edges, model);
+    }
+    return fit;
+}
+
 // What keeps the result from being one; empty when nothing does.
 std::string objection(std::span<const StraightEdge> edges, const EdgeFit& fit,
                       const DefocusEstimate& estimate) {
@@ -252,7 +281,7 @@ void set_values(const EdgeFit& fit, const Setting& setting, DefocusEstimate& est
 DefocusEstimate estimate_defocus(std::span<const StraightEdge> whole_edges,
                                  const CameraModel& camera, FocusSpread spread) {
     require_usable(whole_edges, camera, spread);
-    const std::vector<StraightEdge> edges = in_pieces(whole_edges);
+    std::vector<StraightEdge> edges = in_pieces(whole_edges);
     if (edges.size() < least_edges)
         throw NumericalError(fmt::format("defocus: {} pieces of edges, at least {} are needed",
                                          edges.size(), least_edges));
@@ -272,7 +301,7 @@ DefocusEstimate estimate_defocus(std::span<const StraightEdge> whole_edges,
                          const Eigen::ArrayXd& f) { return transfer_of(edge, setting, p, f); };
     EdgeFit fit;
     try {
-        fit = fit_edges(edges, model);
+        fit = fit_within_clearance(edges, model, setting, estimate);
     } catch (const NumericalError& error) {  // an aperture that vanishes: focus is then anywhere
         estimate.undetermined =
             fmt::format("focus distance and f-number: {} {}", error.what(), depths(edges));

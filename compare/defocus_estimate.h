@@ -36,6 +36,9 @@ struct DefocusEstimate {
     // Pieces of edges nearer than focus and farther, whose blur disk is larger than 0.5 px.
     int edges_nearer = 0, edges_farther = 0;
     double largest_blur_px = 0.0;  // radius, over the pieces used
+    // Pieces that were left out because their blur reaches the next edge (EdgeSelection's
+    // clearance).
+    int too_blurred = 0;
     double reduced_chi_square = 0.0;
     int edges = 0, pixels = 0, degrees_of_freedom = 0;  // edges: pieces of them
 };

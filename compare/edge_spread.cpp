@@ -152,6 +152,7 @@ public:
         StraightEdge found;
         found.photo = photo_number;
         found.noise = photo_.noise;
+        found.clearance_px = selection_.clearance_px;
         if (!add_pixels(line, *frame, found)) {
             ++result.clipped;
             return;

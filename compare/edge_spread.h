@@ -52,6 +52,7 @@ struct StraightEdge {
     Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
     Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  // in the image, towards the lighter side
     double length_px = 0.0;                             // of the part that was used
+    double clearance_px = 0.0;                          // from any pixel to the next edge, at least
     // Of the target along the edge: mean of 1/z and variance about it. A telecentric camera's is z.
     double depth_term = 0.0, depth_term_variance = 0.0;
     Eigen::Vector2d undistorted = Eigen::Vector2d::Zero();  // of centre_px: normalised coordinates

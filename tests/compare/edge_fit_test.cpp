@@ -221,6 +221,19 @@ TEST(DefocusEstimate, FindsFocusAndFNumber) {
     EXPECT_NEAR(estimate.sigma_px, 0.5, 0.01);
 }
 
+// f/0.6: disks of up to 4 px reach the next edge. With those left out the result is right.
+TEST(DefocusEstimate, LeavesOutEdgesWhoseBlurReachesTheNext) {
+    EdgeScene scene = test::defocused_board();
+    scene.camera.lens->f_number = 0.6;
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    const auto estimate = estimate_defocus(scene.edges(photo).edges, scene.camera);
+    ASSERT_TRUE(estimate.is_determined) << estimate.undetermined;
+    EXPECT_GT(estimate.too_blurred, 0);
+    EXPECT_LT(estimate.largest_blur_px, 4.0);
+    EXPECT_NEAR(estimate.focus_distance_mm, 303.0, 0.5);
+    EXPECT_NEAR(estimate.f_number, 0.6, 0.01);
+}
+
 // The same board wholly nearer than focus: nothing is guessed.
 TEST(DefocusEstimate, SaysWhatOneSideOfFocusLeavesOpen) {
     EdgeScene scene = test::defocused_board();

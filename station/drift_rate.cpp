@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "core/student_t.h"
 
@@ -44,33 +45,34 @@ double correlation_of_neighbours(const Eigen::Matrix4Xd& residuals) {
     return std::max(0.0, products / squares);
 }
 
-// Slope of every point's residuals over the blocks that have it.
+// Slope of a point's residuals; nothing where less than half of the blocks have the point.
+std::optional<Eigen::Vector2d> residual_slope(std::span<const DriftBlock> blocks, int id) {
+    std::vector<std::pair<double, Eigen::Vector2d>> rows;
+    for (const DriftBlock& block : blocks)
+        if (const auto at = block.residuals.find(id); at != block.residuals.end())
+            rows.emplace_back(block.time.count(), at->second);
+    if (2 * rows.size() < blocks.size())
+        return std::nullopt;
+    double middle = 0.0;
+    for (const auto& [time, residual] : rows)
+        middle += time / static_cast<double>(rows.size());
+    double squares = 0.0;
+    Eigen::Vector2d products = Eigen::Vector2d::Zero();
+    for (const auto& [time, residual] : rows) {
+        squares += (time - middle) * (time - middle);
+        products += (time - middle) * residual;
+    }
+    return squares > 0.0 ? std::optional<Eigen::Vector2d>(products / squares) : std::nullopt;
+}
+
 double shape_drift(std::span<const DriftBlock> blocks, const TargetPoints& points) {
     double squares = 0.0;
     int count = 0;
-    for (const auto& [id, unused] : points) {
-        double n = 0.0, time = 0.0;
-        Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-        for (const DriftBlock& block : blocks)
-            if (const auto at = block.residuals.find(id); at != block.residuals.end()) {
-                n += 1.0;
-                time += (block.time.count() - time) / n;
-                mean += (at->second - mean) / n;
-            }
-        if (n < 0.5 * static_cast<double>(blocks.size()))
-            continue;
-        double time_squares = 0.0;
-        Eigen::Vector2d products = Eigen::Vector2d::Zero();
-        for (const DriftBlock& block : blocks)
-            if (const auto at = block.residuals.find(id); at != block.residuals.end()) {
-                time_squares += (block.time.count() - time) * (block.time.count() - time);
-                products += (block.time.count() - time) * (at->second - mean);
-            }
-        if (time_squares > 0.0) {
-            squares += (products / time_squares).squaredNorm();
+    for (const auto& [id, pixel] : points)
+        if (const auto slope = residual_slope(blocks, id)) {
+            squares += slope->squaredNorm();
             ++count;
         }
-    }
     // Two points' worth of freedom went into the movement.
     return count > 2 ? std::sqrt(squares / (count - 2)) : 0.0;
 }

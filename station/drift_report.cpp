@@ -98,17 +98,14 @@ std::string obstacle(const DriftResult& result) {
     return "something jumped just before the end";
 }
 
-void add_summary(HtmlPage& page, const DriftResult& result, const std::string& target) {
+using Facts = std::vector<std::pair<std::string, std::string>>;
+
+Facts facts_of_the_watch(const DriftResult& result, const std::string& target) {
     const DriftMonitor& monitor = result.monitor;
-    page.add_verdict(result.stable ? "STABLE" : "NOT STABLE",
-                     result.stable
-                         ? drift_sentence(result) + ": " + in_words(monitor.rates().back())
-                     : result.reason.empty() ? obstacle(result)
-                                             : result.reason + "; " + obstacle(result));
     const auto px = [](const std::optional<double>& value) {
         return value ? fmt::format("{:.4f} px", *value) : "unknown";
     };
-    std::vector<std::pair<std::string, std::string>> facts = {
+    return {
         {"limit", fmt::format("{} px/min anywhere in the image", monitor.plan().limit_px_per_min)},
         {"camera", result.camera.uri + " " + result.camera.serial},
         {"target", target},
@@ -119,20 +116,33 @@ void add_summary(HtmlPage& page, const DriftResult& result, const std::string& t
         {"noise of a point", px(monitor.point_noise_px())},
         {"shake of the target", px(monitor.shake_px())},
         {"jumps", std::to_string(monitor.jumps().size())}};
-    if (!monitor.rates().empty()) {
-        const DriftRate& rate = monitor.rates().back();
-        const double radius = radius_of(monitor);
-        const auto with_u = [&](int i, double factor, const char* unit) {
-            return fmt::format("{:.3g} ± {:.2g} {}/min", factor * rate.per_min[i],
-                               2.0 * factor * rate.standard_uncertainty[i], unit);
-        };
-        facts.emplace_back("shift x", with_u(0, 1.0, "px"));
-        facts.emplace_back("shift y", with_u(1, 1.0, "px"));
-        facts.emplace_back("scale", with_u(2, 1e6 / radius, "ppm"));
-        facts.emplace_back("rotation", with_u(3, 1e6 / radius, "µrad"));
-        facts.emplace_back("between its points",
-                           fmt::format("{:.3g} px/min", rate.shape_px_per_min));
-    }
+}
+
+Facts facts_of_the_rate(const DriftMonitor& monitor) {
+    if (monitor.rates().empty())
+        return {};
+    const DriftRate& rate = monitor.rates().back();
+    const double per_radius = 1e6 / radius_of(monitor);
+    const auto with_u = [&](int i, double factor, const char* unit) {
+        return fmt::format("{:.3g} ± {:.2g} {}/min", factor * rate.per_min[i],
+                           2.0 * factor * rate.standard_uncertainty[i], unit);
+    };
+    return {{"shift x (U: k = 2)", with_u(0, 1.0, "px")},
+            {"shift y", with_u(1, 1.0, "px")},
+            {"scale", with_u(2, per_radius, "ppm")},
+            {"rotation", with_u(3, per_radius, "µrad")},
+            {"between its points", fmt::format("{:.3g} px/min", rate.shape_px_per_min)}};
+}
+
+void add_summary(HtmlPage& page, const DriftResult& result, const std::string& target) {
+    std::string sentence = result.reason.empty() ? "" : result.reason + "; ";
+    sentence += result.stable
+                    ? drift_sentence(result) + ": " + in_words(result.monitor.rates().back())
+                    : obstacle(result);
+    page.add_verdict(result.stable ? "STABLE" : "NOT STABLE", sentence);
+    Facts facts = facts_of_the_watch(result, target);
+    const Facts of_rate = facts_of_the_rate(result.monitor);
+    facts.insert(facts.end(), of_rate.begin(), of_rate.end());
     page.add_facts(facts);
 }
 

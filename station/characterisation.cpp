@@ -132,6 +132,12 @@ void measure_noise(const CharacteriseInput& input, Characterisation& result) {
         result.not_measured.push_back({"gain and read noise", "no repeats of one view"});
         return;
     }
+    if (!input.lossy_file.empty()) {
+        result.not_measured.push_back(
+            {"gain and read noise",
+             input.lossy_file + " is a JPEG file: compression changes the noise", true});
+        return;
+    }
     attempt(result, "gain and read noise", [&] {
         PhotonTransfer photon = measure_photon_transfer(views, result.camera, result.black);
         add_transfer_uncertainty(views, result, photon);

@@ -32,6 +32,9 @@ struct CharacteriseInput {
     std::vector<NamedPhoto> photos, flats;  // the target in several places; a uniform field
     std::vector<CodeImage> repeats, darks;
     std::vector<ExposedPhoto> exposures;
+    // A JPEG file among repeats, darks and exposures, of which no noise is measured: at high
+    // quality its gain is a fifth too low and nothing in the pixels tells. Empty: none.
+    std::string lossy_file;
 };
 
 // A number with its uncertainty, as it goes into words, JSON and the report.

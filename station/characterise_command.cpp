@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -21,6 +22,11 @@ using nlohmann::ordered_json;
 using Paths = std::vector<std::filesystem::path>;
 
 constexpr int inconclusive = 2;
+
+bool is_jpeg(const std::filesystem::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    return file.get() == 0xff && file.get() == 0xd8;
+}
 
 // Reads each photograph once; one that is named twice would count its noise as agreement.
 class PhotoReader {
@@ -42,14 +48,22 @@ public:
     std::vector<CodeImage> images(const Paths& paths) {
         std::vector<CodeImage> images;
         for (const auto& path : paths)
-            images.push_back(read(path).image);
+            images.push_back(read_for_noise(path).image);
         return images;
     }
+    NamedPhoto read_for_noise(const std::filesystem::path& path) {
+        NamedPhoto photo = read(path);
+        if (lossy_file_.empty() && is_jpeg(path))
+            lossy_file_ = photo.name;
+        return photo;
+    }
+    const std::string& lossy_file() const { return lossy_file_; }
 
 private:
     const CharacteriseArguments& arguments_;
     const CameraModel& camera_;
     std::set<std::filesystem::path> seen_;
+    std::string lossy_file_;
 };
 
 // CSV `file,exposure_us`; files are seen from the CSV's folder.
@@ -66,7 +80,8 @@ std::vector<ExposedPhoto> read_exposures(const std::filesystem::path& path, Phot
         const auto time = cells.size() == 2 ? parse_number(trimmed(cells[1])) : std::nullopt;
         if (!time || !(*time > 0.0))
             throw ConfigError(place, "must be a file and an exposure time above 0 us");
-        const NamedPhoto photo = reader.read(path.parent_path() / std::string(trimmed(cells[0])));
+        const NamedPhoto photo =
+            reader.read_for_noise(path.parent_path() / std::string(trimmed(cells[0])));
         photos.push_back({photo.image, *time, photo.name});
     }
     return photos;
@@ -84,7 +99,8 @@ CharacteriseInput read_input(const CharacteriseArguments& arguments) {
                             .flats = {},
                             .repeats = {},
                             .darks = {},
-                            .exposures = {}};
+                            .exposures = {},
+                            .lossy_file = {}};
     PhotoReader reader(arguments, input.camera);
     input.photos = reader.read_all(arguments.photos);
     input.flats = reader.read_all(arguments.flats);
@@ -92,6 +108,7 @@ CharacteriseInput read_input(const CharacteriseArguments& arguments) {
     input.darks = reader.images(arguments.darks);
     if (!arguments.exposures.empty())
         input.exposures = read_exposures(arguments.exposures, reader);
+    input.lossy_file = reader.lossy_file();
     return input;
 }
 

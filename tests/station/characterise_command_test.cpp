@@ -7,6 +7,7 @@
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
 
 #include "calib/camera_file.h"
 #include "core/errors.h"
@@ -247,6 +248,22 @@ TEST(CharacteriseCommand, RefusesWhatItCannotUseAndMeasuresTheRest) {
     const CameraModel written = read_camera(arguments.out);
     EXPECT_EQ(written.lens->f_number, 1.8);  // as it was
     EXPECT_FALSE(written.standard_uncertainty->f_number);
+}
+
+TEST(CharacteriseCommand, MeasuresNoNoiseOfJpegFiles) {
+    Session session(16);
+    CharacteriseArguments arguments = session.arguments();
+    add_darks(session, arguments, 2);
+    const Radiance still = session.view({0.05, -0.08, 0.1, -34, -20, 250});
+    for (int i = 0; i < 2; ++i) {
+        const auto raw = session.expose(fmt::format("still{}", i), still);
+        arguments.repeats.push_back(session.folder() / fmt::format("still{}.jpg", i));
+        cv::imwrite(arguments.repeats.back().string(), read_image(raw).pixels);  // quality 95
+    }
+    const json result = run(arguments, 2);
+    EXPECT_FALSE(result["values"].contains("gain_e_per_dn"));
+    EXPECT_TRUE(result["values"].contains("black_dn"));
+    EXPECT_THAT(result["not_measured"].dump(), HasSubstr("still0.jpg is a JPEG file"));
 }
 
 TEST(CharacteriseCommand, RoundsToTwoDigitsOfU) {

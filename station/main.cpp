@@ -72,6 +72,10 @@ constexpr const char* marker_names =
     "  apriltag:36h11:5@50mm   family, id, side of the black square\n"
     "  aruco:4X4_50:7@50mm     OpenCV's predefined dictionary, id, side\n"
     "  chessboard:9x6@25mm     inner corners, side of a square\n"
+    "  charuco:4X4_50:9x6@30mm/22mm   squares, side of a square and of a marker\n"
+    "  aprilgrid:36h11:6x5@40mm/12mm  Kalibr's grid: tags, side of a tag, gap\n"
+    "  circles:7x6@20mm/12mm   circles: spacing, diameter\n"
+    "  acircles:4x11@20mm/12mm  OpenCV's asymmetric circles\n"
     "  bitmap:FILE@50x50mm     each pixel a cell, 0..255 = radiance 0..1 (linear)\n";
 
 constexpr const char* pose_words =

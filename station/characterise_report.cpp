@@ -124,7 +124,8 @@ HtmlPage::Figure illumination_plot(const CameraModel& camera,
                                    const IlluminationEstimate& estimate) {
     constexpr std::size_t most_points = 500;
     std::vector<double> xs, ys, curve_xs, low, high, middle;
-    const std::size_t every = 1 + estimate.used.size() / most_points;
+    // Odd, or every eighth of forty blocks a row would be the same ones.
+    const std::size_t every = (1 + estimate.used.size() / most_points) | 1;
     for (std::size_t i = 0; i < estimate.used.size(); i += every) {
         const WhitePatch& patch = estimate.used[i];
         xs.push_back(std::sqrt(illumination_radius_squared(camera, patch.centre_px)));
@@ -145,7 +146,7 @@ HtmlPage::Figure illumination_plot(const CameraModel& camera,
     plot.add_band(curve_xs, low, high, Ink::red, "U (k = 2)");
     plot.add_line(curve_xs, middle, Ink::red, "polynomial");
     return {plot.svg(),
-            fmt::format("Relative illumination: every white part, its photo's level and "
+            fmt::format("Relative illumination: white parts, their photo's own level and "
                         "plane divided out; they scatter by {:.2g} %.",
                         100.0 * estimate.residual_rms)};
 }

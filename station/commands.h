@@ -65,6 +65,7 @@ struct CalibrateArguments {
     double square_mm = 0.0;
     std::vector<std::filesystem::path> photos;
     std::string model = "auto";        // or the name of a calibration model
+    std::string refine;                // empty or "photometric"
     std::filesystem::path out;         // camera.yml
     std::filesystem::path opencv_out;  // optional: the same as OpenCV YAML
     std::filesystem::path report;      // optional: folder

@@ -201,8 +201,8 @@ void add_stability_command(CLI::App& app, Run& run) {
 }
 
 constexpr const char* calibrate_details =
-    "Prints `RMS x px`, `leave-one-out x px over n photos` and `model NAME`; tables and\n"
-    "what speaks against the calibration go to stderr. With --report DIR gets\n"
+    "Prints `RMS x px`, `leave-one-out x px over n photos` and `model NAME`; tables\n"
+    "and what speaks against the calibration go to stderr. With --report DIR gets\n"
     "report.html, calibration.json and corners.csv. Explained in docs/calibration.md.\n\n"
     "Targets (`etalon marker` prints them):\n"
     "  chessboard:9x6@25mm                  inner corners, side of a square\n"
@@ -214,8 +214,8 @@ constexpr const char* calibrate_details =
     "  pinhole   fx fy cx cy          rational  k4 k5 k6\n"
     "  radial    k1 k2                prism     s1 s2 s3 s4\n"
     "  standard  p1 p2 k3             tilted    tau_x tau_y\n"
-    "`auto` takes the simplest one that predicts photos it has not seen as well as the\n"
-    "best, within a standard error.\n\n"
+    "`auto` takes the simplest one that predicts photos it has not seen as well as\n"
+    "the best, within a standard error.\n\n"
     "Examples:\n"
     "  etalon calibrate --board 9x6 --square-mm 25 left*.jpg --out camera.yml\n"
     "  etalon calibrate --target chessboard:9x6@25mm left*.jpg --out camera.yml \\\n"
@@ -242,6 +242,10 @@ void add_calibrate_command(CLI::App& app, Run& run) {
     board->needs(square);
     sub->add_option("--model", arguments->model, "auto (default) or a name, see below")
         ->type_name("NAME");
+    sub->add_option("--refine", arguments->refine,
+                    "photometric: fit all pixels, if held-out\nphotos show a gain")
+        ->check(CLI::IsMember({"photometric"}))
+        ->type_name("HOW");
     sub->add_option("--out", arguments->out, "camera.yml to write")->required()->type_name("FILE");
     sub->add_option("--opencv-out", arguments->opencv_out, "the same as OpenCV YAML")
         ->type_name("FILE");

@@ -204,6 +204,21 @@ TEST(PointSpreadEstimate, MeasuresAPatternThatIsNoGaussian) {
     }
 }
 
+// A flat board 23 mm before the plane of focus: disks of 1.3 px. Known, they are left out of sigma;
+// unknown, they are in it (a disk has the variance R^2/4).
+TEST(PointSpreadEstimate, LeavesOutTheDefocusThatTheCameraKnows) {
+    EdgeScene scene = test::defocused_board();
+    scene.pose = test::pose_of(0.0, 0.0, 0.12, -26.0, -22.0, 280.0);
+    CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    const auto edges = scene.edges(photo).edges;
+    EXPECT_NEAR(estimate_point_spread(edges, scene.camera).gaussian.sigma_px, 0.5, 0.01);
+    CameraModel unknown = scene.camera;
+    unknown.lens.reset();
+    const double blur = blur_radius_px(scene.camera, 280.0);
+    EXPECT_NEAR(estimate_point_spread(edges, unknown).gaussian.sigma_px,
+                std::sqrt(0.25 + 0.25 * blur * blur), 0.06);
+}
+
 TEST(PointSpreadEstimate, RefusesTooFewEdges) {
     const EdgeScene scene = small_board(0.5);
     const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());

@@ -233,6 +233,28 @@ void measure_illumination(const CharacteriseInput& input, const Projector& proje
         result.not_measured.back().was_refused = false;
 }
 
+// Of a camera that does not say them: those of its photographs, whatever they are for.
+int bits_of(const CharacteriseInput& input) {
+    std::vector<int> bits;
+    for (const auto* photos : {&input.photos, &input.flats})
+        for (const NamedPhoto& photo : *photos)
+            bits.push_back(photo.image.bits);
+    for (const auto* images : {&input.repeats, &input.darks})
+        for (const CodeImage& image : *images)
+            bits.push_back(image.bits);
+    for (const ExposedPhoto& photo : input.exposures)
+        bits.push_back(photo.image.bits);
+    if (bits.empty())
+        return Sensor{}.bits;
+    const auto [fewest, most] = std::minmax_element(bits.begin(), bits.end());
+    if (*fewest != *most)
+        throw NumericalError(
+            fmt::format("photographs of {} and of {} bits: say in the camera file's sensor section "
+                        "how many it has",
+                        *fewest, *most));
+    return bits.front();
+}
+
 }  // namespace
 
 bool Characterisation::was_anything_refused() const {
@@ -243,11 +265,8 @@ bool Characterisation::was_anything_refused() const {
 Characterisation characterise(const CharacteriseInput& input) {
     Characterisation result;
     result.camera = input.camera;
-    if (!result.camera.sensor) {
-        result.camera.sensor.emplace();
-        if (!input.photos.empty())
-            result.camera.sensor->bits = input.photos.front().image.bits;
-    }
+    if (!result.camera.sensor)
+        result.camera.sensor = Sensor{.bits = bits_of(input)};
     measure_black(input, result);
     measure_transfer(input, result);
     measure_noise(input, result);

@@ -266,6 +266,38 @@ TEST(CharacteriseCommand, MeasuresNoNoiseOfJpegFiles) {
     EXPECT_THAT(result["not_measured"].dump(), HasSubstr("still0.jpg is a JPEG file"));
 }
 
+// A calibration without a sensor section, and no photograph of a target: the dark ones say how many
+// bits there are. Of different depths none is the camera's.
+TEST(CharacteriseCommand, TakesTheBitsFromWhateverPhotographsThereAre) {
+    const TemporaryFolder folder;
+    CameraModel camera = truth();
+    camera.sensor.reset();
+    camera.lens.reset();
+    write_camera(folder / "camera.yml", camera);
+    CharacteriseArguments arguments;
+    arguments.camera = folder / "camera.yml";
+    arguments.target = board;
+    arguments.out = folder / "out.yml";
+    for (int i = 0; i < 3; ++i) {
+        cv::Mat codes(camera.height, camera.width, CV_16UC1);
+        cv::RNG random(static_cast<std::uint64_t>(7 + i));
+        random.fill(codes, cv::RNG::NORMAL, 1000.0, 20.0);
+        arguments.darks.push_back(folder / fmt::format("dark{}.png", i));
+        write_image(arguments.darks.back(), {codes, 16});
+    }
+    testing::internal::CaptureStdout();
+    run_characterise(arguments);
+    testing::internal::GetCapturedStdout();
+    const CameraModel back = read_camera(arguments.out);
+    ASSERT_TRUE(back.sensor);
+    EXPECT_EQ(back.sensor->bits, 16);
+    EXPECT_NEAR(back.sensor->black_dn, 1000.0, 1.0);
+    arguments.flats.push_back(folder / "flat.png");
+    write_image(arguments.flats.back(),
+                {cv::Mat(camera.height, camera.width, CV_8UC1, cv::Scalar(90)), 8});
+    EXPECT_THROW(run_characterise(arguments), NumericalError);
+}
+
 TEST(CharacteriseCommand, RoundsToTwoDigitsOfU) {
     const auto words = [](double value, double u) {
         return with_uncertainty({"", "gain", "e/DN", value, u, "", false});

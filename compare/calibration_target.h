@@ -35,7 +35,7 @@ CalibrationTarget parse_calibration_target(const std::string& spec, const std::s
 // the picture, but single points that dirt or glare hides are left out; ChArUco boards and AprilTag
 // grids may be seen in part. Points of other things in the picture are not taken for the target's.
 // Never throws for what an image holds. The same image gives the same result; safe from every
-// thread. Some 10 ms for 640x480 px, up to a second where there is no target.
+// thread. 50 to 250 ms for 640x480 px, up to a second where there is no target.
 //
 // Of circles these are the centroids of their images, which are not the images of their centres:
 std::optional<CalibrationView> observe(const CalibrationTarget& target, const CodeImage& image);

@@ -29,7 +29,7 @@ struct ChessboardCorners {
 //    squares as in sim/marker.h (black at the top left);
 //  - even: nothing tells; the order is OpenCV's (the first corner towards the image's top left for
 //    a board that is roughly upright), and so is the corner that a square board starts from.
-// Safe from every thread. Some 10 ms for a 640x480 photo, up to a second where there is no board
+// Safe from every thread. Some 50 ms for a 640x480 photo, up to a second where there is no board
 // (half a minute in pure noise).
 std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image, int columns,
                                                          int rows);

@@ -26,7 +26,7 @@ struct SaddleGuess {
 // `pixels`: CV_32FC1, full scale 1. Nothing where there is no such crossing: too little room (less
 // than 2.5 px, or the image's border), contrast below 0.02, dark and bright the other way round, a
 // misfit above a quarter of the contrast, or a fit that leaves the guess by more than half the room
-// or turns an edge by more than 30 degrees. Safe from every thread; some 30 us.
+// or turns an edge by more than 30 degrees. Safe from every thread; some 0.3 ms.
 std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const SaddleGuess& guess);
 
 // The window's radius for that much room: 5.5 px serve most boards; large squares allow more,

@@ -15,8 +15,9 @@
 
 namespace etalon {
 
-// A camera as photographs are compared with it. Some 50 ms to make for a VGA camera; safe from
-// every thread once built.
+// A camera as photographs are compared with it: five renderers. Making it takes some 0.4 s of CPU
+// time for a VGA camera, and its first rendering several times that where a lens section asks for
+// filters; a fit to one photograph after that 20 ms a step. Safe from every thread once built.
 class PhotometricCamera {
 public:
     explicit PhotometricCamera(const CameraModel& camera);

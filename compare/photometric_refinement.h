@@ -57,7 +57,7 @@ inline constexpr std::size_t least_refinement_photos = 6;
 // `photos` and `views` belong together; `area` is the part of the target that is compared;
 // `corners` is fit_camera()'s result for all views with this model. The covariance takes
 // photographs as independent, not pixels. Throws NumericalError for fewer than six photographs,
-// numbers that do not match, and photographs that do not determine the camera. About 10 s of CPU
+// numbers that do not match, and photographs that do not determine the camera. About 5 s of CPU
 // time per photograph of 640x480 px that a board fills; on all cores, with the same result for any
 // number of them.
 PhotometricRefinement refine_photometrically(std::span<const CodeImage> photos,

@@ -18,12 +18,12 @@ CameraModel true_camera() {
     CameraModel camera;
     camera.width = 160;
     camera.height = 120;
-    camera.intrinsics = {181.0, 178.5, 77.0, 61.5};
-    camera.distortion = {.k1 = -0.23, .k2 = 0.06};
+    camera.intrinsics = {383.0, 378.5, 77.0, 61.5};
     camera.sensor = Sensor{.pixel_pitch_um = 6.0};
     camera.sensor->gain_e_per_dn = 40.0;
     camera.sensor->read_noise_e = 20.0;
-    camera.lens = Lens{.f_number = 4.0, .focus_distance_mm = 130.0, .wavelength_nm = 550.0};
+    camera.lens = Lens{.f_number = 16.0, .focus_distance_mm = 300.0, .wavelength_nm = 550.0};
+    camera.lens->psf = {.kind = PointSpread::Kind::gaussian, .sigma_px = 0.7};
     return camera;
 }
 
@@ -40,7 +40,7 @@ Rigid pose_of(int photo) {
     const Eigen::Quaterniond rotation = rotation_from_vector(tilt);
     const Eigen::Vector3d centre(33.0, 22.0, 0.0);
     const Eigen::Vector3d place(6 * std::sin(5 * turn), 4 * std::cos(2 * turn),
-                                140 + 15 * std::sin(4 * turn));
+                                300 + 30 * std::sin(4 * turn));
     return {rotation, place - rotation * centre};
 }
 
@@ -86,23 +86,23 @@ Photographs photographs(double corner_noise_px, std::uint64_t seed) {
     return made;
 }
 
+// As a calibration does it: nothing is known of lens and noise.
 PhotometricRefinement refined(const Photographs& photos) {
-    const CalibrationModel& model = calibration_model("radial");
-    CameraFit corners = fit_camera(photos.views, {160, 120}, model);
-    corners.camera.sensor = true_camera().sensor;
-    corners.camera.lens = true_camera().lens;
+    const CalibrationModel& model = calibration_model("pinhole");
+    const CameraFit corners = fit_camera(photos.views, {160, 120}, model);
     return refine_photometrically(photos.images, photos.views, board().grid,
                                   compared_area(board(), {}, "test"), corners, model);
 }
 
-// Corners that are 0.3 px off leave a camera whose error the held-out pixels see; the refined one
-// is right to its formal deviations (the pixels' noise is independent here), which six parameters
-// of three seeds exceed 3.5-fold in 1 of 120 runs, and their mean square is near 1.
+// Corners that are 0.3 px off leave a camera whose error the held-out pixels see. The refined one
+// is right to its formal deviations, as this noise is independent from pixel to pixel: four
+// parameters of two seeds exceed 3.5 of them in 1 of 270 runs, and the mean of their squares is
+// near 1.
 TEST(PhotometricRefinement, FindsTheTrueCameraWhereCornersAreBad) {
-    const CalibrationModel& model = calibration_model("radial");
+    const CalibrationModel& model = calibration_model("pinhole");
     const Eigen::VectorXd truth = parameters_of(true_camera(), model);
     double squares = 0.0;
-    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    for (std::uint64_t seed = 1; seed <= 2; ++seed) {
         const PhotometricRefinement result = refined(photographs(0.3, seed));
         EXPECT_TRUE(result.accepted) << result.in_words();
         EXPECT_GT(result.gain_gray, 0.0);
@@ -110,7 +110,7 @@ TEST(PhotometricRefinement, FindsTheTrueCameraWhereCornersAreBad) {
         for (Eigen::Index i = 0; i < error.size(); ++i) {
             const ParameterDeviation& deviation = result.deviations[static_cast<std::size_t>(i)];
             EXPECT_LT(std::abs(error[i]), 3.5 * deviation.formal) << deviation.name;
-            squares += std::pow(error[i] / deviation.formal, 2) / 18.0;
+            squares += std::pow(error[i] / deviation.formal, 2) / 8.0;
         }
     }
     EXPECT_GT(squares, 0.2);
@@ -127,7 +127,7 @@ TEST(PhotometricRefinement, IsRefusedWhereCornersArePerfect) {
 
 TEST(PhotometricRefinement, NeedsSixPhotographsThatMatchTheirViews) {
     Photographs photos = photographs(0.3, 1);
-    const CalibrationModel& model = calibration_model("radial");
+    const CalibrationModel& model = calibration_model("pinhole");
     const ComparedArea area = compared_area(board(), {}, "test");
     const CameraFit corners = fit_camera(photos.views, {160, 120}, model);
     const auto images = std::span(photos.images);

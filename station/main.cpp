@@ -229,8 +229,9 @@ void add_calibrate_command(CLI::App& app, Run& run) {
     sub->add_option("PHOTOS", arguments->photos, "three or more photographs of the target")
         ->required()
         ->type_name("");
-    auto* target = sub->add_option("--target", arguments->target, "what was photographed, see below")
-                       ->type_name("T");
+    auto* target =
+        sub->add_option("--target", arguments->target, "what was photographed, see below")
+            ->type_name("T");
     auto* board = sub->add_option("--board", arguments->board,
                                   "short for a chessboard: inner corners,\ncolumns x rows: 9x6")
                       ->excludes(target)
@@ -390,8 +391,8 @@ void add_capture_command(CLI::App& app, Run& run) {
         "Examples:\n"
         "  etalon capture --camera v4l2:/dev/video0 --format Y16 --exposure-us 5000 \\\n"
         "      --frames 100 --out still\n"
-        "  etalon capture --camera v4l2:/dev/video0 --drift --marker chessboard:9x6@25mm \\\n"
-        "      --minutes 90 --out warm-up\n");
+        "  etalon capture --camera v4l2:/dev/video0 --drift --minutes 90 \\\n"
+        "      --marker chessboard:9x6@25mm --out warm-up\n");
     sub->add_option("--camera", arguments->camera,
                     "v4l2:/dev/video0, genicam:ID-OR-IP,\nlibcamera:ID or files:DIR")
         ->required()

@@ -57,9 +57,10 @@ void refuse_many_outliers(std::span<const CalibrationView> views, const CornerMa
 }
 
 std::vector<CalibrationModel> candidates(const CalibrationOptions& options) {
+    const CalibrationModel& named = calibration_model(options.model.value_or("standard"));
     if (options.leave_one_out)
         return calibration_models();
-    return {calibration_model(options.model.value_or("standard"))};
+    return {named};
 }
 
 // What the advice, or the user, chose among the scored models.

@@ -144,6 +144,11 @@ TEST(Calibrate, ThreeViewsHaveNoLeaveOneOut) {
     EXPECT_EQ(calibration.model.name, "standard");
 }
 
+TEST(Calibrate, RefusesAModelThatIsNone) {
+    const auto views = test::synthetic_views(test::calibration_truth(), 4, 0.1, 2);
+    EXPECT_THROW(calibrate_camera(views, image_size, {.model = "fisheye"}), ConfigError);
+}
+
 TEST(Calibrate, NamesTheViewThatCannotBeUsed) {
     const auto good = test::synthetic_views(test::calibration_truth(), 4, 0.1, 2);
     EXPECT_THAT(error_of({}), HasSubstr("0 views, three are needed"));

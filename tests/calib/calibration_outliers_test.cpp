@@ -65,10 +65,12 @@ TEST(OutlierViews, MustBeThreeTimesAsBadInTheFitAndLeftOut) {
 
 TEST(Outliers, AreNamedCountedAndLeftOut) {
     auto views = test::synthetic_views(test::calibration_truth(), 7, 0.2, 14);
-    const auto clean = calibrate_camera(views, image_size, {.model = "radial", .resamples = 0});
+    const auto clean = calibrate_camera(
+        views, image_size, {.model = "radial", .leave_one_out = false, .resamples = 0});
     EXPECT_EQ(clean.points_left_out(), 0u);
     views[3].pixels[20] += Eigen::Vector2d(12, 5);
-    const auto found = calibrate_camera(views, image_size, {.model = "radial", .resamples = 0});
+    const auto found = calibrate_camera(
+        views, image_size, {.model = "radial", .leave_one_out = false, .resamples = 0});
     EXPECT_EQ(found.points(), 7u * 54u);
     EXPECT_EQ(found.points_left_out(), 1u);
     EXPECT_TRUE(found.views[3].left_out[20]);
@@ -86,7 +88,7 @@ TEST(Outliers, OfAWholeViewLeaveTheOthersAsTheyAre) {
     views[2].pixels = others[2].pixels;  // view 6 claims to see what view 2 sees, bent
     for (std::size_t i = 0; i < 54; ++i)
         views[6].pixels[i] += 1.5 * Eigen::Vector2d(std::sin(0.9 * i), std::cos(1.7 * i));
-    const CalibrationOptions options{.model = "radial", .resamples = 0};
+    const CalibrationOptions options{.model = "radial", .leave_one_out = false, .resamples = 0};
     const auto found = calibrate_camera(views, image_size, options);
     EXPECT_FALSE(found.views[6].used());
     EXPECT_EQ(found.points_left_out(), 54u);
@@ -101,7 +103,8 @@ TEST(Outliers, OfMoreThanATenthAreRefused) {
     for (std::size_t i = 0; i < 54; ++i)
         views[1].pixels[i] += 8.0 * Eigen::Vector2d(std::sin(0.9 * i), std::cos(1.7 * i));
     try {
-        calibrate_camera(views, image_size, {.model = "radial", .resamples = 0});
+        calibrate_camera(views, image_size,
+                         {.model = "radial", .leave_one_out = false, .resamples = 0});
         FAIL() << "no error";
     } catch (const NumericalError& error) {
         EXPECT_THAT(error.what(), HasSubstr("54 of 378 points do not fit the others"));

@@ -158,10 +158,11 @@ TEST(LevelsStatistics, TheTransferCurvesKindIsFound) {
             const TransferEstimate estimate =
                 estimate_transfer(series(camera, seed), *camera.sensor, 0.003);
             EXPECT_EQ(estimate.transfer.kind, kind) << seed;
-            if (kind == Transfer::Kind::linear)
+            if (kind == Transfer::Kind::linear) {
                 // The largest of many departures that are each within their u: 4 of them are ample.
                 EXPECT_LT(estimate.nonlinearity,
                           4.0 * estimate.nonlinearity_standard_uncertainty + 1e-4);
+            }
         }
 }
 

@@ -98,10 +98,11 @@ bool for_each_pixel(const cv::Mat& pixels, const Eigen::Vector2d& centre,
                     const Eigen::Matrix2d& px_per_mm, double radius_mm, Use use) {
     const Eigen::Matrix2d mm_per_px = px_per_mm.inverse();
     const Eigen::Vector2d reach = px_per_mm.rowwise().norm() * radius_mm;
+    const Eigen::Vector2d last(pixels.cols - 1, pixels.rows - 1);
+    if (!((centre - reach).minCoeff() >= 0.0 && (last - centre - reach).minCoeff() >= 0.0))
+        return false;
     const Eigen::Vector2i low = (centre - reach).array().ceil().matrix().cast<int>(),
                           high = (centre + reach).array().floor().matrix().cast<int>();
-    if (low.minCoeff() < 0 || high.x() >= pixels.cols || high.y() >= pixels.rows)
-        return false;
     for (int y = low.y(); y <= high.y(); ++y)
         for (int x = low.x(); x <= high.x(); ++x) {
             const Eigen::Vector2d from_centre = Eigen::Vector2d(x, y) - centre;

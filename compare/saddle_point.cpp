@@ -26,12 +26,13 @@ struct Sample {
 std::vector<Sample> window_around(const cv::Mat& pixels, const Eigen::Vector2d& centre,
                                   double radius) {
     std::vector<Sample> samples;
+    const Eigen::Vector2d last(pixels.cols - 1, pixels.rows - 1);
+    if (!(centre.minCoeff() >= radius && (last - centre).minCoeff() >= radius))
+        return {};
     const int left = static_cast<int>(std::ceil(centre.x() - radius)),
               top = static_cast<int>(std::ceil(centre.y() - radius));
     const int right = static_cast<int>(std::floor(centre.x() + radius)),
               bottom = static_cast<int>(std::floor(centre.y() + radius));
-    if (left < 0 || top < 0 || right >= pixels.cols || bottom >= pixels.rows)
-        return {};
     for (int row = top; row <= bottom; ++row)
         for (int column = left; column <= right; ++column) {
             const Eigen::Vector2d place = Eigen::Vector2d(column, row) - centre;

@@ -227,7 +227,8 @@ EdgeFit fit_within_clearance(std::vector<StraightEdge>& edges, const BlurModel& 
         estimate.too_blurred += static_cast<int>(removed);
         if (edges.size() < least_edges)
             throw NumericalError(
-                fmt::format("the blur of all but {} edges reaches the next edge", edges.size()));
+                fmt::format("all but {} edges would be so blurred that they reach the next ones",
+                            edges.size()));
         fit = fit_edges(edges, model);
     }
     return fit;
@@ -304,7 +305,7 @@ DefocusEstimate estimate_defocus(std::span<const StraightEdge> whole_edges,
         fit = fit_within_clearance(edges, model, setting, estimate);
     } catch (const NumericalError& error) {  // an aperture that vanishes: focus is then anywhere
         estimate.undetermined =
-            fmt::format("focus distance and f-number: {} {}", error.what(), depths(edges));
+            fmt::format("focus distance and f-number: {} ({})", error.what(), depths(whole_edges));
         return estimate;
     }
     estimate.reduced_chi_square = fit.reduced_chi_square;

@@ -226,9 +226,8 @@ EdgeFit fit_within_clearance(std::vector<StraightEdge>& edges, const BlurModel& 
             break;
         estimate.too_blurred += static_cast<int>(removed);
         if (edges.size() < least_edges)
-            throw NumericalError(
-                fmt::format("all but {} edges would be so blurred that they reach the next ones",
-                            edges.size()));
+            throw NumericalError(fmt::format(
+                "no thin lens fits; the best one leaves {} edges clear of the next", edges.size()));
         fit = fit_edges(edges, model);
     }
     return fit;

@@ -51,7 +51,7 @@ void add_summary(HtmlPage& page, const CalibrationRun& run) {
                       calibration.points())},
          {"Projection uncertain by at most, among the corners",
           fmt::format("{:.2f} px", uncertainty.worst_among_points(&PixelUncertainty::rotated))},
-         {"in the whole image",
+         {"Projection uncertain by at most, in the whole image",
           fmt::format("{:.2f} px", uncertainty.worst(&PixelUncertainty::rotated))},
          {"Image among corners", fmt::format("{:.0f} %", 100.0 * uncertainty.share_among_points())},
          {"Two halves differ by",

@@ -148,9 +148,14 @@ void refuse_folds(const CameraModel& camera, std::span<const Rigid> poses,
 
 CalibratedView rejected_view(const CameraModel& camera, const CalibrationView& view) {
     CalibratedView rejected;
-    rejected.camera_from_target = fit_view_pose(camera, view);
-    rejected.residuals_px = view_residuals(camera, rejected.camera_from_target, view);
     rejected.left_out.assign(view.pixels.size(), true);
+    try {
+        const Rigid pose = fit_view_pose(camera, view);
+        rejected.residuals_px = view_residuals(camera, pose, view);
+        rejected.camera_from_target = pose;
+    } catch (const NumericalError&) {
+        return rejected;
+    }
     rejected.rms_px = view_rms(sum_of_squares(rejected.residuals_px), view);
     rejected.left_out_rms_px = rejected.rms_px;
     return rejected;
@@ -165,7 +170,7 @@ std::vector<CalibratedView> calibrated_views(std::span<const CalibrationView> vi
         const std::size_t i = selection.kept.indices[k];
         CalibratedView& view = result[i];
         view.camera_from_target = fit.camera_from_target[k];
-        view.residuals_px = view_residuals(fit.camera, view.camera_from_target, views[i]);
+        view.residuals_px = view_residuals(fit.camera, fit.camera_from_target[k], views[i]);
         view.left_out = selection.left_out[i];
         view.rms_px = view_rms(sum_of_squares(fit.residuals_px[k]), selection.kept.views[k]);
         if (score.leave_one_out_rms_px)

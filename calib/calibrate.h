@@ -26,7 +26,8 @@
 namespace etalon {
 
 struct CalibratedView {
-    Rigid camera_from_target;
+    // Nothing, and no residuals, of a view that was left out and that no pose explains.
+    std::optional<Rigid> camera_from_target;
     std::vector<Eigen::Vector2d> residuals_px;  // photo minus model, of all its points
     std::vector<bool> left_out;                 // of each point: did not fit, was not used
     // Over the points that were used, of the distance in the image; of a view

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/calibration_start.h"
 #include "core/errors.h"
 #include "core/median.h"
 
@@ -76,16 +77,41 @@ std::vector<bool> longer_than(std::span<const Eigen::Vector2d> residuals, double
     return longer;
 }
 
+// By view: whether its points are in an order that no plane shows. Such a view has no pose that a
+// robust fit could hold on to.
+std::vector<bool> are_no_planes(std::span<const CalibrationView> views) {
+    constexpr double times_the_median = 5.0;
+    std::vector<double> misfits;
+    for (const CalibrationView& view : views)
+        misfits.push_back(plane_misfit(view));
+    const double limit = std::max(no_plane_misfit, times_the_median * median(misfits));
+    std::vector<bool> none;
+    for (const double misfit : misfits)
+        none.push_back(misfit > limit);
+    return none;
+}
+
 }  // namespace
 
 CornerMask find_outlier_corners(std::span<const CalibrationView> views, cv::Size image_size,
                                 std::span<const CalibrationModel> models) {
-    const Residuals residuals = best_robust_residuals(views, image_size, models);
+    const std::vector<bool> no_plane = are_no_planes(views);
+    std::vector<CalibrationView> planes;
+    for (std::size_t v = 0; v < views.size(); ++v)
+        if (!no_plane[v])
+            planes.push_back(views[v]);
+    const Residuals residuals = best_robust_residuals(planes, image_size, models);
     const double scale = robust_scale(residuals);
     CornerMask mask;
-    for (const auto& view : residuals) {
-        const double larger = std::max(scale, robust_scale({&view, 1}));
-        mask.push_back(longer_than(view, std::max(outlier_scales * larger, least_outlier_px)));
+    auto of_plane = residuals.begin();
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        if (no_plane[v]) {
+            mask.emplace_back(views[v].pixels.size(), true);
+            continue;
+        }
+        const double larger = std::max(scale, robust_scale({&*of_plane, 1}));
+        mask.push_back(longer_than(*of_plane, std::max(outlier_scales * larger, least_outlier_px)));
+        ++of_plane;
     }
     return mask;
 }

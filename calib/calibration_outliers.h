@@ -7,9 +7,11 @@
 //    point pulls no harder than one at 1.5 scales. A corner is an outlier when its residual is more
 //    than six scales long, the scale of all views or of its own, whichever is larger.
 //  - a view is an outlier when a quarter of its corners are (or less than six are left), or when it
-//  is three times as bad as
-//    the median view both in the fit and left out of it. Both: a view that alone sees a corner of
-//    the image is badly predicted by the others without being wrong.
+//    is three times as bad as the median view both in the fit and left out of it. Both: a view that
+//    alone sees a corner of the image is badly predicted by the others without being wrong.
+//  - a view is no view of the target, and is left out before any fit, when its points are further
+//    from every homography of the target's plane than a tenth of its extent, and than five times
+//    the median view: its points are in a wrong order.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -25,13 +27,14 @@ inline constexpr double outlier_scales = 6.0;
 inline constexpr double least_outlier_px = 0.1;  // shorter residuals are never outliers
 inline constexpr double outlier_view_corners = 0.25;
 inline constexpr double outlier_view_factor = 3.0;
+inline constexpr double no_plane_misfit = 0.1;  // see plane_misfit() of calib/calibration_start.h
 
 // By view and point.
 using CornerMask = std::vector<std::vector<bool>>;
 
 // Corners by the first rule, under whichever of the models has the smallest scale. A view that is
-// an outlier has all of its corners set. Throws NumericalError, from the last model, when none
-// fits.
+// an outlier, or no view of the target, has all of its corners set. Throws NumericalError, from the
+// last model, when none fits.
 CornerMask find_outlier_corners(std::span<const CalibrationView> views, cv::Size image_size,
                                 std::span<const CalibrationModel> models);
 

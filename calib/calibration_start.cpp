@@ -232,6 +232,10 @@ Rigid rigid_of(const Plane& plane, const PlanePose& pose) {
 
 }  // namespace
 
+double plane_misfit(const CalibrationView& view) {
+    return std::sqrt(std::max(plane_of(view.points_mm, view.pixels).misfit, 0.0));
+}
+
 std::optional<Rigid> pose_from_homography(const std::vector<Eigen::Vector3d>& points_mm,
                                           const std::vector<Eigen::Vector2d>& normalised) {
     const Plane plane = plane_of(points_mm, normalised);

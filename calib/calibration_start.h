@@ -33,6 +33,11 @@ CameraStart calibration_start(std::span<const CalibrationView> views, cv::Size i
 std::optional<Rigid> pose_from_homography(const std::vector<Eigen::Vector3d>& points_mm,
                                           const std::vector<Eigen::Vector2d>& normalised);
 
+// How far the pixels are from any homography of the view's plane: root mean square of the algebraic
+// distances, relative to the view's extent. Noise makes some thousandths of it, a strong distortion
+// some hundredths, points in a wrong order tenths.
+double plane_misfit(const CalibrationView& view);
+
 // The other pose in which a small plane around `centre_mm` looks nearly the same: its normal
 // mirrored at the line of sight.
 Rigid mirrored_pose(const Rigid& camera_from_target, const Eigen::Vector3d& centre_mm);

@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "calib/projector.h"
 #include "compare/board_points.h"
@@ -63,7 +64,7 @@ std::optional<Eigen::Vector2d> disk_centroid(const Projector& projector,
     double area = 0.0;
     Eigen::Vector2d moment = Eigen::Vector2d::Zero();
     for (int i = 0; i < steps; ++i) {
-        const double angle = 2.0 * 3.14159265358979323846 * i / steps;
+        const double angle = 2.0 * std::numbers::pi * i / steps;
         const Eigen::Vector3d outward(std::cos(angle), std::sin(angle), 0.0),
             forward(-std::sin(angle), std::cos(angle), 0.0);
         const auto seen =

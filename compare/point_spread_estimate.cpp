@@ -19,9 +19,10 @@ constexpr std::size_t least_edges = 4, least_edges_for_profile = 8;
 constexpr double bin_px = 0.25;
 constexpr double profile_significance = 0.001;
 
-// Standard uncertainty of sqrt(v): its linear one far from v = 0, and finite there.
+// Standard uncertainty of sqrt(v), the larger of its two sides: finite at v = 0 too.
 double root_uncertainty(double v, double u) {
-    return std::sqrt(v + u) - std::sqrt(v);
+    return std::max(std::sqrt(v + u) - std::sqrt(v),
+                    std::sqrt(v) - std::sqrt(std::max(v - u, 0.0)));
 }
 
 BlurWidth width_of(const EdgeFit& fit) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
+#include <numbers>
 #include <vector>
 
 namespace etalon {
@@ -50,7 +51,7 @@ struct Step {
 };
 
 Step blurred_step(double distance, double blur, double box) {
-    const double sigma_slope = std::sqrt(2.0 / 3.14159265358979323846);
+    const double sigma_slope = std::sqrt(2.0 * std::numbers::inv_pi);
     double integral[2], step[2], bell[2];
     for (const int i : {0, 1}) {
         const double end = distance + (i - 0.5) * box;

@@ -99,8 +99,9 @@ void correct_circles(const CalibrationTarget& target, Observations& observations
         calibrate_camera(observations.views, observations.image_size,
                          {.model = model, .leave_one_out = false, .resamples = 0});
     for (std::size_t i = 0; i < observations.views.size(); ++i)
-        observations.views[i] = with_circle_centres(target, observations.views[i], first.camera,
-                                                    first.views[i].camera_from_target);
+        if (const auto& pose = first.views[i].camera_from_target)
+            observations.views[i] =
+                with_circle_centres(target, observations.views[i], first.camera, *pose);
 }
 
 CalibrationRun calibrated(const CalibrateArguments& arguments) {
@@ -134,7 +135,7 @@ PhotometricRefinement photometric_refinement(const CalibrationRun& run) {
             continue;
         photos.push_back(read_image(run.photos[i]));
         views.push_back(without_points(run.views[i], calibration.views[i].left_out));
-        start.camera_from_target.push_back(calibration.views[i].camera_from_target);
+        start.camera_from_target.push_back(*calibration.views[i].camera_from_target);
     }
     const CalibrationTarget target = parse_calibration_target(run.target, "--target");
     const CameraFit corners =

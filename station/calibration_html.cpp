@@ -187,11 +187,12 @@ void add_photos(HtmlPage& page, const CalibrationRun& run) {
     for (std::size_t i = 0; i < run.photos.size(); ++i) {
         const CalibratedView& view = run.calibration.views[i];
         const auto left_out = std::count(view.left_out.begin(), view.left_out.end(), true);
+        const auto& pose = view.camera_from_target;
         rows.push_back({short_name(run.photos[i]), std::to_string(view.left_out.size()),
-                        std::to_string(left_out), fixed(view.rms_px, 3),
+                        std::to_string(left_out), pose ? fixed(view.rms_px, 3) : "–",
                         fixed(view.left_out_rms_px, 3),
-                        fixed(view.camera_from_target.translation.norm(), 0),
-                        fixed(tilt_deg(view.camera_from_target), 1),
+                        pose ? fixed(pose->translation.norm(), 0) : "–",
+                        pose ? fixed(tilt_deg(*pose), 1) : "–",
                         view.used() ? "used" : "left out: does not fit the others"});
     }
     for (const std::string& photo : run.without_target)

@@ -28,7 +28,9 @@ void remark_on_outliers(const CalibrationRun& run, std::vector<std::string>& rem
     std::vector<std::string> parts;
     for (std::size_t i = 0; i < calibration.views.size(); ++i) {
         const CalibratedView& view = calibration.views[i];
-        if (!view.used())
+        if (!view.camera_from_target)
+            parts.push_back(short_name(run.photos[i]) + " as a whole (no pose explains it)");
+        else if (!view.used())
             parts.push_back(
                 fmt::format("{} as a whole ({:.2f} px)", short_name(run.photos[i]), view.rms_px));
         else if (count_left_out(view) > 0)
@@ -223,14 +225,15 @@ ordered_json photos_json(const CalibrationRun& run) {
     ordered_json json = ordered_json::array();
     for (std::size_t i = 0; i < run.photos.size(); ++i) {
         const CalibratedView& view = run.calibration.views[i];
-        const Vector6d pose = vector_from_rigid(view.camera_from_target);
-        ordered_json entry = {
-            {"photo", run.photos[i]},
-            {"used", view.used()},
-            {"corners", view.left_out.size()},
-            {"corners_left_out", count_left_out(view)},
-            {"rms_px", view.rms_px},
-            {"camera_from_target", std::vector<double>(pose.begin(), pose.end())}};
+        ordered_json entry = {{"photo", run.photos[i]},
+                              {"used", view.used()},
+                              {"corners", view.left_out.size()},
+                              {"corners_left_out", count_left_out(view)}};
+        if (view.camera_from_target) {
+            const Vector6d pose = vector_from_rigid(*view.camera_from_target);
+            entry["rms_px"] = view.rms_px;
+            entry["camera_from_target"] = std::vector<double>(pose.begin(), pose.end());
+        }
         if (view.left_out_rms_px)
             entry["left_out_rms_px"] = *view.left_out_rms_px;
         json.push_back(entry);
@@ -358,13 +361,17 @@ void write_corners_csv(const std::filesystem::path& path, const CalibrationRun& 
     for (std::size_t v = 0; v < run.views.size(); ++v) {
         const CalibrationView& view = run.views[v];
         for (std::size_t i = 0; i < view.pixels.size(); ++i) {
-            const Eigen::Vector2d& residual = run.calibration.views[v].residuals_px[i];
-            text += fmt::format("{},{},{},{},{},{},{},{},{}\n", csv_text(run.photos[v]),
+            const CalibratedView& calibrated = run.calibration.views[v];
+            const std::string residual =
+                calibrated.camera_from_target
+                    ? fmt::format("{},{}", exact(calibrated.residuals_px[i].x()),
+                                  exact(calibrated.residuals_px[i].y()))
+                    : ",";  // no pose, no residuals
+            text += fmt::format("{},{},{},{},{},{},{},{}\n", csv_text(run.photos[v]),
                                 view.ids.empty() ? static_cast<int>(i) : view.ids[i],
                                 exact(view.points_mm[i].x()), exact(view.points_mm[i].y()),
-                                exact(view.pixels[i].x()), exact(view.pixels[i].y()),
-                                exact(residual.x()), exact(residual.y()),
-                                run.calibration.views[v].left_out[i] ? 1 : 0);
+                                exact(view.pixels[i].x()), exact(view.pixels[i].y()), residual,
+                                calibrated.left_out[i] ? 1 : 0);
         }
     }
     write_text(path, text);

@@ -45,7 +45,7 @@ TEST(Calibrate, FindsTheCameraThatMadeTheViews) {
     EXPECT_LT(*calibration.leave_one_out_rms_px, 2e-4);
     ASSERT_EQ(calibration.views.size(), 7u);
     for (int i = 0; i < 7; ++i)
-        EXPECT_LT(left_difference(calibration.views[i].camera_from_target, test::synthetic_pose(i))
+        EXPECT_LT(left_difference(*calibration.views[i].camera_from_target, test::synthetic_pose(i))
                       .norm(),
                   2e-3)
             << i;

@@ -99,6 +99,26 @@ TEST(Outliers, OfAWholeViewLeaveTheOthersAsTheyAre) {
     EXPECT_GT(found.views[6].rms_px, 1.0);
 }
 
+// Before any fit: points in a wrong order would draw it anywhere.
+TEST(Outliers, AreViewsThatNoPlaneExplains) {
+    const auto good = test::synthetic_views(test::calibration_truth(), 11, 0.2, 17);
+    auto reversed = good, scattered = good;
+    std::reverse(reversed[4].pixels.begin(), reversed[4].pixels.begin() + 27);
+    RandomStream random(5, 2);
+    for (Eigen::Vector2d& pixel : scattered[7].pixels)
+        pixel = {640.0 * random.uniform(), 480.0 * random.uniform()};
+    const CalibrationOptions options{.model = "radial", .leave_one_out = false, .resamples = 0};
+    for (const auto& [views, bad] : {std::pair{reversed, 4}, std::pair{scattered, 7}}) {
+        const auto found = calibrate_camera(views, image_size, options);
+        EXPECT_FALSE(found.views[bad].used());
+        EXPECT_EQ(found.points_left_out(), 54u);
+        auto others = good;
+        others.erase(others.begin() + bad);
+        EXPECT_NEAR(found.camera.intrinsics.fx,
+                    calibrate_camera(others, image_size, options).camera.intrinsics.fx, 1e-6);
+    }
+}
+
 TEST(Outliers, OfMoreThanATenthAreRefused) {
     auto views = test::synthetic_views(test::calibration_truth(), 7, 0.2, 16);
     for (std::size_t i = 0; i < 54; ++i)

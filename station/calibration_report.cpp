@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/text.h"
+#include "station/csv.h"
 #include "station/qualify_result.h"
 
 namespace etalon {
@@ -268,16 +269,6 @@ ordered_json software_json() {
     for (const SoftwareVersion& each : software_versions())
         json[each.name] = each.version;
     return json;
-}
-
-// Text with commas, quotes or line ends is quoted (RFC 4180).
-std::string csv_text(const std::string& text) {
-    if (text.find_first_of(",\"\r\n") == std::string::npos)
-        return text;
-    std::string quoted = "\"";
-    for (const char c : text)
-        quoted += c == '"' ? "\"\"" : std::string(1, c);
-    return quoted + "\"";
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/text.h"
+#include "station/csv.h"
 #include "station/html.h"
 #include "station/qualify_result.h"
 #include "station/svg_plot.h"
@@ -74,16 +75,6 @@ std::string csv_row(const ComparedPhoto& photo) {
     row += "," + (photo.estimate ? exact(photo.estimate->reprojection_rms_px) : std::string());
     row += "," + (photo.scored.significant ? exact(*photo.scored.significant) : std::string());
     return row;
-}
-
-// Text with commas, quotes or line ends is quoted (RFC 4180).
-std::string csv_text(const std::string& text) {
-    if (text.find_first_of(",\"\r\n") == std::string::npos)
-        return text;
-    std::string quoted = "\"";
-    for (const char c : text)
-        quoted += c == '"' ? "\"\"" : std::string(1, c);
-    return quoted + "\"";
 }
 
 std::string scored_region(const Comparison& comparison) {

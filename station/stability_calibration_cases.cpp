@@ -10,6 +10,7 @@
 #include "core/errors.h"
 #include "core/random.h"
 #include "station/stability_case.h"
+#include "station/stability_scenes.h"
 
 namespace etalon {
 namespace {
@@ -209,21 +210,7 @@ std::vector<StabilityCase> calibration_cases() {
         camera_of(1000, 800, 300.0,
                   {.k1 = 735.0 / 945, .k2 = 64.0 / 945, .k4 = 1050.0 / 945, .k5 = 225.0 / 945});
     add("k1..k6 to 0.9999", {wide, "rational", {.share = 0.5, .tilt = 0.5}, 0.0, 0.9999});
-    add("all 18 parameters", {camera_of(700, 500, 420.0,
-                                        {.k1 = 0.31,
-                                         .k2 = -0.12,
-                                         .p1 = 0.0021,
-                                         .p2 = -0.0034,
-                                         .k3 = 0.05,
-                                         .k4 = 0.41,
-                                         .k5 = -0.08,
-                                         .k6 = 0.03,
-                                         .s1 = 0.0031,
-                                         .s2 = -0.0012,
-                                         .s3 = -0.0023,
-                                         .s4 = 0.0017,
-                                         .tau_x = 0.07,
-                                         .tau_y = -0.11}),
+    add("all 18 parameters", {camera_of(700, 500, 420.0, every_distortion()),
                               "tilted",
                               {.count = 16, .share = 0.5, .noise_px = 0.001},
                               0.0,

@@ -25,6 +25,23 @@ cv::Mat random_cells(int rows, int columns, std::uint64_t seed) {
     return cells;
 }
 
+Distortion every_distortion() {
+    return {.k1 = 0.31,
+            .k2 = -0.12,
+            .p1 = 0.0021,
+            .p2 = -0.0034,
+            .k3 = 0.05,
+            .k4 = 0.41,
+            .k5 = -0.08,
+            .k6 = 0.03,
+            .s1 = 0.0031,
+            .s2 = -0.0012,
+            .s3 = -0.0023,
+            .s4 = 0.0017,
+            .tau_x = 0.07,
+            .tau_y = -0.11};
+}
+
 Scene marker_scene(const CameraModel& camera, const MarkerPlace& place) {
     constexpr double degree = std::numbers::pi / 180.0;
     const double mm_per_px = place.depth_mm / camera.intrinsics.fx;

@@ -17,6 +17,9 @@ struct MarkerPlace {
 // 160 x 120 px of 10 um, f = 800 px (image distance 8 mm), 550 nm, no distortion.
 CameraModel short_camera(double f_number, double focus_mm);
 
+// All 14 coefficients, each of a size of its own.
+Distortion every_distortion();
+
 // The marker before the image's centre.
 Scene marker_scene(const CameraModel& camera, const MarkerPlace& place);
 

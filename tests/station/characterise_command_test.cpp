@@ -13,6 +13,7 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "sim/marker.h"
+#include "sim/reference_integrator.h"
 #include "sim/renderer.h"
 #include "sim/sensor_model.h"
 #include "station/characterise_report.h"
@@ -61,6 +62,8 @@ public:
         write_camera(folder_ / "camera.yml", data_sheet());
     }
 
+    bool by_reference = false;  // 12 s of CPU time a view
+
     const std::filesystem::path& folder() const { return folder_.path(); }
 
     std::filesystem::path expose(const std::string& name, const Radiance& radiance) {
@@ -72,7 +75,13 @@ public:
     Radiance view(const Vector6d& camera_from_board) const {
         PlacedMarker placed{parse_marker(board, "test").grid, rigid_from_vector(camera_from_board)};
         placed.grid.cells = 0.08 + 0.72 * placed.grid.cells;  // print and paper, not 0 and 1
-        return renderer_.render({{placed}, 0.45}, {.tolerance_gray = 0.02}).radiance;
+        const Scene scene{{placed}, 0.45};
+        if (by_reference)
+            return integrate_reference(renderer_.camera(), scene,
+                                       {0, 0, truth().width, truth().height},
+                                       {.scrambles = 16, .samples_per_scramble = 32})
+                .mean;
+        return renderer_.render(scene, {.tolerance_gray = 0.02}).radiance;
     }
 
     // The light of a uniform field is a little uneven: brighter to the right.
@@ -160,12 +169,7 @@ void expect_recovered(const json& values, const char* key, double true_value, do
     EXPECT_EQ(values[key]["expanded_uncertainty"], 2.0 * u);
 }
 
-TEST(CharacteriseCommand, RecoversEveryValueWithinItsUncertaintyAndWritesTheCamera) {
-    Session session(11);
-    CharacteriseArguments arguments = whole_session(session);
-    arguments.report = session.folder() / "report";
-    const json result = run(arguments, 0);
-    const json& values = result["values"];
+void expect_truth_recovered(const json& values) {
     const CameraModel camera = truth();
     fmt::print("{:<24} {:>10} {:>10} {:>10}\n", "quantity", "truth", "value", "U");
     expect_recovered(values, "black_dn", 9.3, 0.01);
@@ -179,6 +183,15 @@ TEST(CharacteriseCommand, RecoversEveryValueWithinItsUncertaintyAndWritesTheCame
     expect_recovered(values, "focus_distance_mm", 250.0, 1.0);
     expect_recovered(values, "f_number", 1.4, 0.02);
     expect_recovered(values, "psf_sigma_px", 0.7, 0.01);
+}
+
+TEST(CharacteriseCommand, RecoversEveryValueWithinItsUncertaintyAndWritesTheCamera) {
+    Session session(11);
+    CharacteriseArguments arguments = whole_session(session);
+    arguments.report = session.folder() / "report";
+    const json result = run(arguments, 0);
+    const json& values = result["values"];
+    expect_truth_recovered(values);
     EXPECT_EQ(result["transfer"]["kind"], "linear");
     EXPECT_EQ(result["illumination"]["kind"], "polynomial");
     EXPECT_EQ(result["photos_with_target"], 6);
@@ -199,6 +212,14 @@ TEST(CharacteriseCommand, RecoversEveryValueWithinItsUncertaintyAndWritesTheCame
     const std::string page = read_text(arguments.report / "report.html");
     EXPECT_THAT(page, HasSubstr("Photon transfer"));
     EXPECT_THAT(page, Not(HasSubstr("http")));
+}
+
+// tests/evidence/characterising.sh: the same photographs by an integrator that shares nothing with
+// the renderer whose image model is fitted to them. Two minutes.
+TEST(CharacteriseCommand, DISABLED_RecoversEveryValueFromTheReferenceIntegrator) {
+    Session session(11);
+    session.by_reference = true;
+    expect_truth_recovered(run(whole_session(session), 0)["values"]);
 }
 
 // A soft shoulder, r + 0.3 r (1 - r): the table is found, and the noise behind it.

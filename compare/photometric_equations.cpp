@@ -16,13 +16,13 @@ namespace {
 
 constexpr double huber_threshold = 3.0;
 
-// The region with the fitted pixels and what is blurred into them.
-cv::Rect rendered_region(const PhotoOfMarker& photo) {
+// The region with these pixels and what is blurred into them.
+cv::Rect rendered_region(const cv::Mat& pixels) {
     constexpr int room = 16;  // five times max_psf_sigma_px, and one
-    cv::Rect region = cv::boundingRect(photo.use == photo.fitted);
+    cv::Rect region = cv::boundingRect(pixels);
     region -= cv::Point(room, room);
     region += cv::Size(2 * room, 2 * room);
-    return region & cv::Rect({0, 0}, photo.use.size());
+    return region & cv::Rect({0, 0}, pixels.size());
 }
 
 void require_usable(const PhotoOfMarker& photo, const PhotometricCamera& camera) {
@@ -143,18 +143,24 @@ private:
     int count_ = 0;
 };
 
-// A parameter that stands at the end of its range and would leave it is no unknown.
-void hold_at_ends(const PhotometricModel& model, const PhotometricTerms& terms,
-                  PhotoEquations& equations) {
-    const auto hold = [&](Eigen::Index at, double value, double low, double high) {
-        const double score = equations.score[at];
-        if (!(value <= low && score < 0) && !(value >= high && score > 0))
-            return;
+// A pose that is held is no unknown, nor is a parameter that stands at the end of its range and
+// would leave it.
+void hold_what_is_fixed(const PhotometricModel& model, const PhotometricTerms& terms,
+                        PhotoEquations& equations) {
+    const auto fix = [&](Eigen::Index at) {
         equations.score[at] = 0.0;
         equations.information.row(at).setZero();
         equations.information.col(at).setZero();
         equations.information(at, at) = 1.0;
     };
+    const auto hold = [&](Eigen::Index at, double value, double low, double high) {
+        const double score = equations.score[at];
+        if ((value <= low && score < 0) || (value >= high && score > 0))
+            fix(at);
+    };
+    if (!terms.pose)
+        for (Eigen::Index i = 0; i < 6; ++i)
+            fix(equations.score.size() - terms.count() - 6 + i);
     Eigen::Index next = equations.score.size() - (terms.psf ? 1 : 0) - (terms.tone ? 1 : 0);
     if (terms.psf)
         hold(next++, model.psf_sigma_px, 0.0, max_psf_sigma_px);
@@ -202,7 +208,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
     constexpr int least_pixels = 50;
     constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
     require_usable(photo, camera);
-    const cv::Rect region = rendered_region(photo);
+    const cv::Rect region = rendered_region(photo.use == photo.fitted);
     if (cv::countNonZero(photo.use == photo.fitted) < least_pixels)
         throw NumericalError(
             fmt::format("fewer than {} pixels of the marker can be fitted", least_pixels));
@@ -239,7 +245,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
             sum.add(row / noise, residual);
         }
     sum.finish();
-    hold_at_ends(state.photometry, terms, equations);
+    hold_what_is_fixed(state.photometry, terms, equations);
     if (equations.pixels < least_pixels || !std::isfinite(equations.loss))
         throw NumericalError(fmt::format("{} pixels of the marker can be fitted, with a loss of {}",
                                          equations.pixels, equations.loss));
@@ -247,16 +253,20 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
     return equations;
 }
 
-double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                         const PhotoState& state) {
+cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                     const PhotoState& state) {
     require_usable(photo, camera);
-    const cv::Rect region = rendered_region(photo);
+    const cv::Rect region = rendered_region(photo.use != pixel_outside);
     Radiance lit(photo.gray.size(), CV_32FC1, cv::Scalar(0));
     camera.at_sensor(scene_of(photo, state.camera_from_marker), region)
         .radiance.copyTo(lit(region));
+    return predicted_gray(state.photometry, lit, camera.transfer());
+}
+
+double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                         const PhotoState& state) {
     const cv::Mat counted = photo.use == photo.fitted;
-    return cv::norm(photo.gray, predicted_gray(state.photometry, lit, camera.transfer()),
-                    cv::NORM_L2, counted) /
+    return cv::norm(photo.gray, predicted_at(photo, camera, state), cv::NORM_L2, counted) /
            std::sqrt(cv::countNonZero(counted));
 }
 
@@ -282,7 +292,7 @@ PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& c
                           const Rigid& camera_from_marker, const PhotometricTerms& terms) {
     constexpr double typical_sigma_px = 0.75;
     require_usable(photo, camera);
-    const cv::Rect region = rendered_region(photo);
+    const cv::Rect region = rendered_region(photo.use == photo.fitted);
     const Radiance radiance =
         camera.at_sensor(scene_of(photo, camera_from_marker), region).radiance;
     const cv::Mat used = photo.use(region) == photo.fitted;

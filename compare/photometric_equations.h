@@ -40,12 +40,14 @@ private:
     std::vector<double> noise_;  // of gray 0, 1, ... 255
 };
 
-// Which photometric parameters are free; the others keep their values.
+// Which of a photograph's own unknowns are free; the others keep their values.
 struct PhotometricTerms {
     int level_terms = 3;  // of each of black and white: 1 constant, 3 plane, 6 quadratic surface
     bool psf = true;      // the Gaussian's width
     bool tone = false;
+    bool pose = true;  // the marker's; the equations have its place in either case
 
+    // Photometric parameters.
     int count() const { return 2 * level_terms + (psf ? 1 : 0) + (tone ? 1 : 0); }
 };
 
@@ -63,7 +65,8 @@ struct PhotoState {
     PhotometricModel photometry;
 };
 
-// A width or tone at the end of its range that would leave it has no score and an information of 1.
+// A width or tone at the end of its range that would leave it has no score and an information of 1,
+// and so has a pose that is held.
 // In the order: camera parameters, pose (left perturbation), photometric parameters (black levels,
 // white levels, variance of the Gaussian in px^2, tone).
 struct PhotoEquations {
@@ -80,6 +83,10 @@ struct PhotoEquations {
 PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                const PhotoState& state, const PhotometricTerms& terms,
                                const CalibrationModel& parameters, double noise_scale);
+
+// CV_32FC1, gray: what the photograph should be. Right on the marker (photo.use not 0).
+cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                     const PhotoState& state);
 
 // Photograph minus prediction in gray, RMS over the pixels that count.
 double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& camera,

@@ -16,13 +16,7 @@ double percentile_99(std::vector<double>& sizes) {
     return sizes[static_cast<std::size_t>(rank)];
 }
 
-bool is_significant(double residual, double predicted, const Sensor& sensor) {
-    return std::abs(residual) > significance * noise_gray(sensor, predicted).value_or(0.0);
-}
-
-ResidualStatistics statistics(const PixelDifference& difference, PixelUse use,
-                              const std::optional<Sensor>& sensor) {
-    const bool noise_known = sensor && noise_gray(*sensor, 0.0);
+ResidualStatistics statistics(const PixelDifference& difference, PixelUse use) {
     std::vector<double> sizes;
     double sum = 0.0, squares = 0.0;
     int significant = 0;
@@ -34,9 +28,9 @@ ResidualStatistics statistics(const PixelDifference& difference, PixelUse use,
             sizes.push_back(std::abs(residual));
             sum += residual;
             squares += residual * residual;
-            if (noise_known)
+            if (!difference.significance.empty())
                 significant +=
-                    is_significant(residual, difference.predicted.at<float>(y, x), *sensor);
+                    std::abs(difference.significance.at<float>(y, x)) > significance ? 1 : 0;
         }
     if (sizes.empty())
         throw NumericalError("no pixel of the marker is left to be scored");
@@ -47,7 +41,7 @@ ResidualStatistics statistics(const PixelDifference& difference, PixelUse use,
     result.rms_gray = std::sqrt(squares / count);
     result.worst_gray = *std::max_element(sizes.begin(), sizes.end());
     result.p99_gray = percentile_99(sizes);
-    if (noise_known)
+    if (!difference.significance.empty())
         result.significant = significant / count;
     return result;
 }
@@ -62,7 +56,54 @@ Radiance at_sensor(const Radiance& radiance, const CameraModel& camera) {
     return radiance.mul(response);
 }
 
+// 1.4826 times the median size of the fitted residuals: their standard deviation if they are
+// normal, whatever a tenth of them is. Not below rounding to 8 bits.
+double deviation_of_residuals(const PixelDifference& difference) {
+    constexpr double least_gray = 0.289;
+    std::vector<float> sizes;
+    for (int y = 0; y < difference.use.rows; ++y)
+        for (int x = 0; x < difference.use.cols; ++x)
+            if (difference.use.at<uchar>(y, x) == pixel_fitted)
+                sizes.push_back(std::abs(difference.residual.at<float>(y, x)));
+    if (sizes.empty())
+        throw NumericalError("no pixel of the marker was fitted");
+    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+    std::nth_element(sizes.begin(), middle, sizes.end());
+    return std::max(1.4826 * static_cast<double>(*middle), least_gray);
+}
+
+// The standard deviation of each pixel's noise.
+template <typename NoiseOfGray>
+cv::Mat noise_map(const cv::Mat& predicted, const NoiseOfGray& noise_of_gray) {
+    cv::Mat noise(predicted.size(), CV_32FC1);
+    for (int y = 0; y < noise.rows; ++y)
+        for (int x = 0; x < noise.cols; ++x)
+            noise.at<float>(y, x) = static_cast<float>(noise_of_gray(predicted.at<float>(y, x)));
+    return noise;
+}
+
 }  // namespace
+
+PixelDifference difference_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                              const PhotoState& state) {
+    PixelDifference difference;
+    difference.model = state.photometry;
+    difference.use = photo.use;
+    difference.predicted = predicted_at(photo, camera, state);
+    difference.residual = photo.gray - difference.predicted;
+    const bool known = camera.knows_noise();
+    difference.noise_source = known ? NoiseSource::camera : NoiseSource::residuals;
+    const double found = known ? 0.0 : deviation_of_residuals(difference);
+    const cv::Mat noise = noise_map(
+        difference.predicted, [&](double gray) { return known ? camera.noise_gray(gray) : found; });
+    difference.significance = difference.residual / noise;
+    const cv::Mat scored = photo.use == pixel_scored;
+    difference.noise_gray =
+        cv::norm(noise, cv::NORM_L2, scored) / std::sqrt(std::max(cv::countNonZero(scored), 1));
+    difference.fitted = statistics(difference, pixel_fitted);
+    difference.scored = statistics(difference, pixel_scored);
+    return difference;
+}
 
 std::optional<double> noise_gray(const Sensor& sensor, double gray) {
     if (!(sensor.gain_e_per_dn > 0))
@@ -92,8 +133,13 @@ PixelDifference pixel_difference(const CodeImage& photo, const Radiance& radianc
     difference.predicted = predicted_gray(difference.model, lit, transfer);
     difference.residual = gray - difference.predicted;
     difference.use = use;
-    difference.fitted = statistics(difference, pixel_fitted, camera.sensor);
-    difference.scored = statistics(difference, pixel_scored, camera.sensor);
+    if (camera.sensor && noise_gray(*camera.sensor, 0.0))
+        difference.significance =
+            difference.residual / noise_map(difference.predicted, [&](double level) {
+                return *noise_gray(*camera.sensor, level);
+            });
+    difference.fitted = statistics(difference, pixel_fitted);
+    difference.scored = statistics(difference, pixel_scored);
     return difference;
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "compare/compared_area.h"
+#include "compare/photometric_equations.h"
 #include "compare/photometric_model.h"
 #include "core/image.h"
 
@@ -23,13 +24,27 @@ struct ResidualStatistics {
     std::optional<double> significant;
 };
 
+// What residuals are held against.
+enum class NoiseSource {
+    camera,     // shot, read and rounding noise of the camera's file, by gray
+    residuals,  // one standard deviation, robustly from the fitted half of this image
+};
+
 struct PixelDifference {
     PhotometricModel model;
-    cv::Mat predicted;  // CV_32FC1, gray: what the photograph should have been
-    cv::Mat residual;   // CV_32FC1, gray: photograph - predicted, everywhere in the image
-    cv::Mat use;        // CV_8UC1 of PixelUse
+    cv::Mat predicted;     // CV_32FC1, gray: what the photograph should have been
+    cv::Mat residual;      // CV_32FC1, gray: photograph - predicted, everywhere in the image
+    cv::Mat significance;  // CV_32FC1: residual / standard deviation of the noise
+    cv::Mat use;           // CV_8UC1 of PixelUse
+    NoiseSource noise_source = NoiseSource::residuals;
+    double noise_gray = 0.0;  // its standard deviation, RMS over the scored pixels
     ResidualStatistics fitted, scored;
 };
+
+// At a state that was fitted. `photo.use` is that of pixel_uses(). Throws NumericalError for sizes
+// that differ and what the renderer refuses. Safe from every thread.
+PixelDifference difference_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                              const PhotoState& state);
 
 // `radiance` is the rendering at the pose under test and `use` that of pixel_uses(). The camera
 // gives the transfer curve, the relative illumination and the noise, as far as it knows them.

@@ -7,69 +7,12 @@
 #include <cmath>
 #include <optional>
 
+#include "compare/grid_edges.h"
 #include "core/errors.h"
 #include "sim/sensor_model.h"
 
 namespace etalon {
 namespace {
-
-// Cells on both sides of a piece of a grid line: all dark ones share one radiance, all light ones
-// another, for `reach` cells away from the line on either side.
-struct GridEdge {
-    int axis;               // 0: u = line, 1: v = line
-    int line, first, last;  // cells along it, last included
-    int reach_before, reach_after;
-    bool rises;  // radiance grows with u (v)
-};
-
-class CellView {
-public:
-    CellView(const CellGrid& grid, int axis) : grid_(grid), axis_(axis) {}
-    int lines() const { return axis_ == 0 ? grid_.columns() : grid_.rows(); }
-    int length() const { return axis_ == 0 ? grid_.rows() : grid_.columns(); }
-    float at(int across, int along) const {
-        return axis_ == 0 ? grid_.cells.at<float>(along, across)
-                          : grid_.cells.at<float>(across, along);
-    }
-    // How many cells from `across` on in this direction are like it, over the whole run.
-    int reach(int across, int direction, int first, int last) const {
-        const float value = at(across, first);
-        int count = 0;
-        for (int c = across; c >= 0 && c < lines(); c += direction, ++count)
-            for (int along = first; along <= last; ++along)
-                if (at(c, along) != value)
-                    return count;
-        return count;
-    }
-
-private:
-    const CellGrid& grid_;
-    int axis_;
-};
-
-void add_edges_of_line(const CellView& cells, int axis, int line, std::vector<GridEdge>& edges) {
-    for (int first = 0; first < cells.length();) {
-        const float before = cells.at(line - 1, first), after = cells.at(line, first);
-        int last = first;
-        while (last + 1 < cells.length() && cells.at(line - 1, last + 1) == before &&
-               cells.at(line, last + 1) == after)
-            ++last;
-        if (before != after)
-            edges.push_back({axis, line, first, last, cells.reach(line - 1, -1, first, last),
-                             cells.reach(line, 1, first, last), after > before});
-        first = last + 1;
-    }
-}
-
-std::vector<GridEdge> grid_edges(const CellGrid& grid) {
-    std::vector<GridEdge> edges;
-    for (const int axis : {0, 1}) {
-        const CellView cells(grid, axis);
-        for (int line = 1; line < cells.lines(); ++line)
-            add_edges_of_line(cells, axis, line, edges);
-    }
-    return edges;
-}
 
 // The target's plane as the camera sees it (sim/marker_view.h's h and e).
 struct PlaneView {
@@ -169,15 +112,10 @@ public:
 private:
     static constexpr std::size_t least_pixels = 40;  // several for each of an edge's parameters
 
-    Eigen::Vector2d grid_point(const GridEdge& edge, double along) const {
-        return edge.axis == 0 ? Eigen::Vector2d(edge.line, along)
-                              : Eigen::Vector2d(along, edge.line);
-    }
-
     std::optional<EdgeFrame> frame_of(const GridEdge& edge, const LineInImage& line) const {
-        const Eigen::Vector2d middle = grid_point(edge, 0.5 * (edge.first + edge.last + 1));
-        const auto first = pixel_of(grid_point(edge, edge.first));
-        const auto last = pixel_of(grid_point(edge, edge.last + 1));
+        const Eigen::Vector2d middle = edge.at(0.5 * (edge.first + edge.last + 1));
+        const auto first = pixel_of(edge.at(edge.first));
+        const auto last = pixel_of(edge.at(edge.last + 1));
         const auto centre = pixel_of(middle);
         if (!first || !last || !centre)
             return {};

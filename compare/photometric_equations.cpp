@@ -15,6 +15,7 @@ namespace etalon {
 namespace {
 
 constexpr double huber_threshold = 3.0;
+constexpr int least_pixels = 50;
 
 // The region with these pixels and what is blurred into them.
 cv::Rect rendered_region(const cv::Mat& pixels) {
@@ -47,11 +48,21 @@ struct BlurredRendering {
     cv::Mat by_variance;
 
     BlurredRendering(const RenderedGradient& rendered, double sigma_px)
-        : radiance(blurred(rendered.radiance, sigma_px)),
-          by_x(blurred(rendered.by_x, sigma_px)),
-          by_y(blurred(rendered.by_y, sigma_px)) {
-        const cv::Matx33d laplacian(0, 0.5, 0, 0.5, -2, 0.5, 0, 0.5, 0);
+        : radiance(behind_gaussian(rendered.radiance, sigma_px)) {
+        if (rendered.by_x.empty()) {
+            const cv::Matx13f difference(-0.5F, 0.0F, 0.5F);
+            cv::filter2D(radiance, by_x, -1, difference, {-1, -1}, 0, cv::BORDER_REPLICATE);
+            cv::filter2D(radiance, by_y, -1, difference.t(), {-1, -1}, 0, cv::BORDER_REPLICATE);
+        } else {
+            by_x = behind_gaussian(rendered.by_x, sigma_px);
+            by_y = behind_gaussian(rendered.by_y, sigma_px);
+        }
+        const cv::Matx33f laplacian(0, 0.5F, 0, 0.5F, -2, 0.5F, 0, 0.5F, 0);
         cv::filter2D(radiance, by_variance, -1, laplacian, {-1, -1}, 0, cv::BORDER_REPLICATE);
+    }
+
+    static cv::Mat behind_gaussian(const cv::Mat& image, double sigma_px) {
+        return sigma_px > 0.0 ? blurred(image, sigma_px) : image;
     }
 };
 
@@ -96,26 +107,28 @@ double huber_loss(double size) {
                                    : huber_threshold * (size - 0.5 * huber_threshold);
 }
 
-// Adds rows to normal equations, many at a time. The information is Newton's: Huber's loss is
-// straight beyond its threshold and has no curvature there.
-class RowSum {
+// Rows that are added to normal equations many at a time: their columns are the last ones of the
+// equations'.
+class RowBlock {
 public:
-    RowSum(int columns, PhotoEquations& equations)
-        : equations_(equations), rows_(columns, rows_at_a_time), residuals_(rows_at_a_time) {
-        equations_.information = Eigen::MatrixXd::Zero(columns, columns);
-        equations_.score = Eigen::VectorXd::Zero(columns);
-    }
+    RowBlock(Eigen::Index columns, PhotoEquations& equations)
+        : equations_(equations), rows_(columns, rows_at_a_time), residuals_(rows_at_a_time) {}
 
-    void add(const Eigen::VectorXd& row, double residual) {
+    Eigen::Ref<Eigen::VectorXd> next() { return rows_.col(count_); }
+
+    // Takes the row that was written to next(). The information is Newton's: Huber's loss is
+    // straight beyond its threshold and has no curvature there.
+    void add(double noise, double residual) {
         const double limited = std::clamp(residual, -huber_threshold, huber_threshold);
         equations_.loss += huber_loss(std::abs(residual));
         equations_.squares += limited * limited;
         ++equations_.pixels;
+        auto row = rows_.col(count_);
+        row /= noise;
         if (limited != residual) {
-            equations_.score += limited * row;
+            equations_.score.tail(row.size()) += limited * row;
             return;
         }
-        rows_.col(count_) = row;
         residuals_[count_] = residual;
         if (++count_ == rows_at_a_time)
             flush();
@@ -123,15 +136,12 @@ public:
 
     void flush() {
         const auto rows = rows_.leftCols(count_);
-        equations_.information.selfadjointView<Eigen::Lower>().rankUpdate(rows);
-        equations_.score += rows * residuals_.head(count_);
+        const Eigen::Index n = rows.rows();
+        equations_.information.bottomRightCorner(n, n)
+            .template selfadjointView<Eigen::Lower>()
+            .rankUpdate(rows);
+        equations_.score.tail(n).noalias() += rows * residuals_.head(count_);
         count_ = 0;
-    }
-
-    void finish() {
-        flush();
-        equations_.information =
-            Eigen::MatrixXd(equations_.information.selfadjointView<Eigen::Lower>());
     }
 
 private:
@@ -192,59 +202,89 @@ double PhotometricCamera::noise_gray(double gray) const {
     return std::lerp(noise_[below], noise_[below + 1], place - static_cast<double>(below));
 }
 
-RenderedGradient PhotometricCamera::at_sensor(const Scene& scene, const cv::Rect& region) const {
+cv::Mat PhotometricCamera::with_response(const cv::Mat& image, const cv::Rect& region) const {
+    return response_.empty() ? image : cv::Mat(image.mul(response_(region)));
+}
+
+Radiance PhotometricCamera::at_sensor(const Scene& scene, const cv::Rect& region,
+                                      double tolerance_gray) const {
     RenderOptions options;
     options.region = region;
-    RenderedGradient rendered = renderer_.render(scene, options);
+    options.tolerance_gray = tolerance_gray;
+    return with_response(renderer_.render(scene, options).radiance(region), region);
+}
+
+RenderedGradient PhotometricCamera::gradient_at_sensor(const PlacedMarker& marker,
+                                                       double background,
+                                                       const ImageMotion& motion) const {
+    RenderedGradient rendered =
+        rendered_gradient(renderer_, marker, background, motion, fine_tolerance_gray);
     for (cv::Mat* image : {&rendered.radiance, &rendered.by_x, &rendered.by_y})
-        *image =
-            response_.empty() ? (*image)(region) : cv::Mat((*image)(region).mul(response_(region)));
+        *image = with_response(*image, motion.region());
     return rendered;
+}
+
+cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& camera) {
+    require_usable(photo, camera);
+    const cv::Mat fitted = photo.use == photo.fitted;
+    if (cv::countNonZero(fitted) < least_pixels)
+        throw NumericalError(
+            fmt::format("fewer than {} pixels of the marker can be fitted", least_pixels));
+    return rendered_region(fitted);
 }
 
 PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                const PhotoState& state, const PhotometricTerms& terms,
                                const CalibrationModel& parameters, double noise_scale) {
-    constexpr int least_pixels = 50;
+    const ImageMotion motion(camera.projector(), state.camera_from_marker, parameters,
+                             fitted_region(photo, camera));
+    const RenderedGradient rendered =
+        camera.gradient_at_sensor({photo.grid, state.camera_from_marker}, photo.background, motion);
+    return photo_equations(photo, camera, state, terms, rendered, motion, noise_scale);
+}
+
+PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                               const PhotoState& state, const PhotometricTerms& terms,
+                               const RenderedGradient& rendered, const ImageMotion& motion,
+                               double noise_scale) {
     constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
-    require_usable(photo, camera);
-    const cv::Rect region = rendered_region(photo.use == photo.fitted);
-    if (cv::countNonZero(photo.use == photo.fitted) < least_pixels)
-        throw NumericalError(
-            fmt::format("fewer than {} pixels of the marker can be fitted", least_pixels));
-    const BlurredRendering seen(camera.at_sensor(scene_of(photo, state.camera_from_marker), region),
-                                state.photometry.psf_sigma_px);
-    const ImageMotion motion(camera.projector(), state.camera_from_marker, parameters, region);
+    const BlurredRendering seen(rendered, state.photometry.psf_sigma_px);
     const Transfer transfer = camera.transfer();
+    const cv::Rect& region = motion.region();
+    const int geometric = motion.columns(), photometric = terms.count();
 
     PhotoEquations equations;
-    const int geometric = motion.columns();
-    Eigen::VectorXd row(geometric + terms.count());
+    equations.information = Eigen::MatrixXd::Zero(geometric + photometric, geometric + photometric);
+    equations.score = Eigen::VectorXd::Zero(geometric + photometric);
+    RowBlock edges(geometric + photometric, equations), flats(photometric, equations);
     Eigen::Matrix2Xd moved(2, geometric);
-    RowSum sum(static_cast<int>(row.size()), equations);
     std::vector<double> sizes;
     for (int y = 0; y < region.height; ++y)
         for (int x = 0; x < region.width; ++x) {
             const cv::Point pixel = region.tl() + cv::Point(x, y);
             if (photo.use.at<uchar>(pixel) != photo.fitted)
                 continue;
+            const Eigen::RowVector2d slope(seen.by_x.at<float>(y, x), seen.by_y.at<float>(y, x));
+            const bool is_flat = slope.lpNorm<1>() < flat;
+            if (!is_flat && !motion.at(pixel.x, pixel.y, moved))
+                continue;
+            RowBlock& block = is_flat ? flats : edges;
+            auto row = block.next();
             const PixelModel model(state.photometry, terms,
                                    level_terms(pixel.x, pixel.y, photo.use.size()),
                                    on_curve(transfer, seen.radiance.at<float>(y, x)),
-                                   seen.by_variance.at<float>(y, x), row.tail(terms.count()));
-            const Eigen::RowVector2d slope(seen.by_x.at<float>(y, x), seen.by_y.at<float>(y, x));
-            if (slope.lpNorm<1>() < flat)
-                row.head(geometric).setZero();
-            else if (motion.at(pixel.x, pixel.y, moved))
-                row.head(geometric) = -model.by_radiance * (slope * moved).transpose();
-            else
-                continue;
+                                   seen.by_variance.at<float>(y, x), row.tail(photometric));
+            if (!is_flat)
+                row.head(geometric).noalias() =
+                    -model.by_radiance * (moved.transpose() * slope.transpose());
             const double noise = noise_scale * camera.noise_gray(model.gray);
             const double residual = (photo.gray.at<float>(pixel) - model.gray) / noise;
             sizes.push_back(std::abs(residual));
-            sum.add(row / noise, residual);
+            block.add(noise, residual);
         }
-    sum.finish();
+    edges.flush();
+    flats.flush();
+    equations.information = Eigen::MatrixXd(equations.information.selfadjointView<Eigen::Lower>());
     hold_what_is_fixed(state.photometry, terms, equations);
     if (equations.pixels < least_pixels || !std::isfinite(equations.loss))
         throw NumericalError(fmt::format("{} pixels of the marker can be fitted, with a loss of {}",
@@ -258,8 +298,7 @@ cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera
     require_usable(photo, camera);
     const cv::Rect region = rendered_region(photo.use != pixel_outside);
     Radiance lit(photo.gray.size(), CV_32FC1, cv::Scalar(0));
-    camera.at_sensor(scene_of(photo, state.camera_from_marker), region)
-        .radiance.copyTo(lit(region));
+    camera.at_sensor(scene_of(photo, state.camera_from_marker), region).copyTo(lit(region));
     return predicted_gray(state.photometry, lit, camera.transfer());
 }
 
@@ -293,8 +332,7 @@ PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& c
     constexpr double typical_sigma_px = 0.75;
     require_usable(photo, camera);
     const cv::Rect region = rendered_region(photo.use == photo.fitted);
-    const Radiance radiance =
-        camera.at_sensor(scene_of(photo, camera_from_marker), region).radiance;
+    const Radiance radiance = camera.at_sensor(scene_of(photo, camera_from_marker), region);
     const cv::Mat used = photo.use(region) == photo.fitted;
     const cv::Mat dark = (radiance < 0.25) & used, light = (radiance > 0.5) & used;
     if (cv::countNonZero(dark) == 0 || cv::countNonZero(light) == 0)

@@ -15,9 +15,9 @@
 
 namespace etalon {
 
-// A camera as photographs are compared with it: five renderers. Making it takes some 0.4 s of CPU
-// time for a VGA camera, and its first rendering several times that where a lens section asks for
-// filters; a fit to one photograph after that 20 ms a step. Safe from every thread once built.
+// A camera as photographs are compared with it. Making it takes some 20 ms of CPU time for a VGA
+// camera, and its first rendering as much where a lens section asks for filters. Safe from every
+// thread once built.
 class PhotometricCamera {
 public:
     explicit PhotometricCamera(const CameraModel& camera);
@@ -30,12 +30,21 @@ public:
     // Standard deviation of a pixel's noise at a predicted gray; 1 where it is not known.
     double noise_gray(double gray) const;
 
-    // What arrives at the sensor's pixels within the region, and its derivatives.
-    RenderedGradient at_sensor(const Scene& scene, const cv::Rect& region) const;
+    // What arrives at the sensor's pixels within the region, CV_32FC1 of its size.
+    Radiance at_sensor(const Scene& scene, const cv::Rect& region,
+                       double tolerance_gray = fine_tolerance_gray) const;
+
+    // And its derivatives, in the region of `motion`, which is that of this marker's pose.
+    RenderedGradient gradient_at_sensor(const PlacedMarker& marker, double background,
+                                        const ImageMotion& motion) const;
+
+    static constexpr double fine_tolerance_gray = 0.1;
 
 private:
+    cv::Mat with_response(const cv::Mat& image, const cv::Rect& region) const;
+
     Projector projector_;
-    GradientRenderer renderer_;
+    Renderer renderer_;
     cv::Mat response_;           // relative, by pixel; empty: 1
     std::vector<double> noise_;  // of gray 0, 1, ... 255
 };
@@ -83,6 +92,18 @@ struct PhotoEquations {
 PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                const PhotoState& state, const PhotometricTerms& terms,
                                const CalibrationModel& parameters, double noise_scale);
+
+// The same from a rendering that is at hand, of the region of `motion`. Its derivatives may be
+// those of a pose nearby; where they are empty, central differences on the pixel grid stand for
+// them: right to some 10 % for blurred edges, enough to find the way.
+PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                               const PhotoState& state, const PhotometricTerms& terms,
+                               const RenderedGradient& rendered, const ImageMotion& motion,
+                               double noise_scale);
+
+// The part of the image with the fitted pixels and what is blurred into them. Throws NumericalError
+// for sizes that differ and fewer than 50 pixels.
+cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& camera);
 
 // CV_32FC1, gray: what the photograph should be. Right on the marker (photo.use not 0).
 cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,

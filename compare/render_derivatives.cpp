@@ -1,17 +1,13 @@
 #include "compare/render_derivatives.h"
 
+#include <Eigen/LU>
+#include <algorithm>
+
 #include "calib/camera_fit.h"
 #include "core/errors.h"
 
 namespace etalon {
 namespace {
-
-// The camera whose every image is displaced by this much.
-CameraModel displaced(CameraModel camera, double x_px, double y_px) {
-    camera.intrinsics.cx += x_px;
-    camera.intrinsics.cy += y_px;
-    return camera;
-}
 
 // Where the ray meets the marker's plane, in the camera's frame; nothing behind the camera.
 std::optional<Eigen::Vector3d> point_on_marker(const Rigid& camera_from_marker,
@@ -32,23 +28,13 @@ Eigen::Matrix<double, 3, 6> moved_by_pose(const Eigen::Vector3d& arm) {
     return moved;
 }
 
+// The marker displaced within its own plane.
+PlacedMarker displaced(PlacedMarker marker, const Eigen::Vector3d& shift_mm) {
+    marker.camera_from_marker.translation += marker.camera_from_marker.rotation * shift_mm;
+    return marker;
+}
+
 }  // namespace
-
-GradientRenderer::GradientRenderer(const CameraModel& camera)
-    : centre_(camera),
-      by_x_{Renderer(displaced(camera, -shift_px_, 0)), Renderer(displaced(camera, shift_px_, 0))},
-      by_y_{Renderer(displaced(camera, 0, -shift_px_)), Renderer(displaced(camera, 0, shift_px_))} {
-}
-
-RenderedGradient GradientRenderer::render(const Scene& scene, const RenderOptions& options) const {
-    // An image moved to the left shows at each pixel what was to the right of it.
-    const auto slope = [&](const std::array<Renderer, 2>& moved) -> cv::Mat {
-        return (moved[0].render(scene, options).radiance -
-                moved[1].render(scene, options).radiance) /
-               (2.0 * shift_px_);
-    };
-    return {centre_.render(scene, options).radiance, slope(by_x_), slope(by_y_)};
-}
 
 ImageMotion::ImageMotion(const Projector& projector, const Rigid& camera_from_marker,
                          const CalibrationModel& parameters, const cv::Rect& region)
@@ -57,7 +43,9 @@ ImageMotion::ImageMotion(const Projector& projector, const Rigid& camera_from_ma
       nodes_per_row_((region.width - 1) / spacing_px_ + 2) {
     require_perspective(projector.camera(), "deriving a rendering");
     const int rows = (region.height - 1) / spacing_px_ + 2;
-    nodes_.resize(static_cast<std::size_t>(nodes_per_row_ * rows));
+    const auto count = static_cast<std::size_t>(nodes_per_row_ * rows);
+    nodes_.resize(count * static_cast<std::size_t>(2 * columns_));
+    seen_.resize(count);
     for (int y = 0; y < rows; ++y)
         for (int x = 0; x < nodes_per_row_; ++x)
             evaluate(projector, camera_from_marker, parameters, x, y);
@@ -81,20 +69,69 @@ void ImageMotion::evaluate(const Projector& projector, const Rigid& camera_from_
             parameter_jacobian(projector.camera(), *undistorted, parameters);
     motion.rightCols<6>() =
         projected->jacobian * moved_by_pose(*point - camera_from_marker.translation);
-    if (motion.allFinite())
-        nodes_[static_cast<std::size_t>(node_y * nodes_per_row_ + node_x)] = std::move(motion);
+    if (!motion.allFinite())
+        return;
+    const auto index = static_cast<std::size_t>(node_y * nodes_per_row_ + node_x);
+    std::copy_n(motion.data(), motion.size(),
+                &nodes_[index * static_cast<std::size_t>(motion.size())]);
+    seen_[index] = 1;
 }
 
 bool ImageMotion::at(int x, int y, Eigen::Ref<Eigen::Matrix2Xd> motion) const {
     const int i = (x - region_.x) / spacing_px_, j = (y - region_.y) / spacing_px_;
-    const Eigen::Matrix2Xd &a = node(i, j), &b = node(i + 1, j), &c = node(i, j + 1),
-                           &d = node(i + 1, j + 1);
-    if (a.cols() == 0 || b.cols() == 0 || c.cols() == 0 || d.cols() == 0)
+    const auto a = static_cast<std::size_t>(j * nodes_per_row_ + i), b = a + 1;
+    const std::size_t c = a + static_cast<std::size_t>(nodes_per_row_), d = c + 1;
+    if (!seen_[a] || !seen_[b] || !seen_[c] || !seen_[d])
         return false;
     const double s = static_cast<double>(x - region_.x - i * spacing_px_) / spacing_px_;
     const double t = static_cast<double>(y - region_.y - j * spacing_px_) / spacing_px_;
-    motion = (1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d);
+    motion.noalias() = (1 - t) * (1 - s) * node(a) + (1 - t) * s * node(b) + t * (1 - s) * node(c) +
+                       t * s * node(d);
     return true;
+}
+
+RenderedGradient rendered_gradient(const Renderer& renderer, const PlacedMarker& marker,
+                                   double background, const ImageMotion& motion,
+                                   double tolerance_gray) {
+    constexpr double shift_px = 0.1;
+    const cv::Rect& region = motion.region();
+    RenderOptions options;
+    options.region = region;
+    options.tolerance_gray = tolerance_gray;
+    const auto rendered = [&](const PlacedMarker& placed) -> cv::Mat {
+        return renderer.render({{placed}, background}, options).radiance(region);
+    };
+    // Displacement in the image by mm along the marker's x and y.
+    const Eigen::Matrix<double, 3, 2> axes =
+        marker.camera_from_marker.rotation.toRotationMatrix().leftCols<2>();
+    Eigen::Matrix2Xd moved(2, motion.columns());
+    const auto px_per_mm = [&]() -> Eigen::Matrix2d { return moved.rightCols<3>() * axes; };
+    if (!motion.at(region.x + region.width / 2, region.y + region.height / 2, moved))
+        throw NumericalError("the middle of the marker's image sees nothing of its plane");
+    const Eigen::Array2d shift_mm = shift_px / px_per_mm().colwise().norm().transpose().array();
+    const auto slope = [&](const Eigen::Vector3d& shift) -> cv::Mat {
+        return (rendered(displaced(marker, shift)) - rendered(displaced(marker, -shift))) /
+               (2.0 * shift.norm());
+    };
+
+    RenderedGradient gradient{rendered(marker), slope({shift_mm.x(), 0, 0}),
+                              slope({0, shift_mm.y(), 0})};
+    for (int y = 0; y < region.height; ++y)
+        for (int x = 0; x < region.width; ++x) {
+            float &along_x = gradient.by_x.at<float>(y, x),
+                  &along_y = gradient.by_y.at<float>(y, x);
+            if (along_x == 0.0F && along_y == 0.0F)
+                continue;
+            Eigen::RowVector2d in_image = Eigen::RowVector2d::Zero();
+            // The marker moved to the right shows at each pixel what was to the left of it.
+            if (motion.at(region.x + x, region.y + y, moved))
+                in_image = -Eigen::RowVector2d(along_x, along_y) * px_per_mm().inverse();
+            if (!in_image.allFinite())
+                in_image.setZero();
+            along_x = static_cast<float>(in_image.x());
+            along_y = static_cast<float>(in_image.y());
+        }
+    return gradient;
 }
 
 }  // namespace etalon

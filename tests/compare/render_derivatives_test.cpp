@@ -49,8 +49,8 @@ cv::Mat derivative(const RenderedGradient& gradient, const ImageMotion& motion, 
             const cv::Point pixel = region.tl() + cv::Point(x, y);
             if (motion.at(pixel.x, pixel.y, moved))
                 image.at<float>(y, x) =
-                    static_cast<float>(-(gradient.by_x.at<float>(pixel) * moved(0, column) +
-                                         gradient.by_y.at<float>(pixel) * moved(1, column)));
+                    static_cast<float>(-(gradient.by_x.at<float>(y, x) * moved(0, column) +
+                                         gradient.by_y.at<float>(y, x) * moved(1, column)));
         }
     return image;
 }
@@ -77,10 +77,8 @@ void expect_central_differences(const CameraModel& camera, double share, double 
     const CalibrationModel& model = calibration_model("standard");
     const Rigid pose = tilted_pose();
     const ImageMotion motion(Projector(camera), pose, model, region);
-    RenderOptions options;
-    options.tolerance_gray = 0.02;
-    options.region = region;
-    const RenderedGradient gradient = GradientRenderer(camera).render(scene_at(pose), options);
+    const RenderedGradient gradient =
+        rendered_gradient(Renderer(camera), scene_at(pose).markers.front(), 1.0, motion, 0.02);
     ASSERT_EQ(motion.columns(), 15);
     for (int column = 0; column < 15; ++column) {
         const double step = 0.1 / largest_motion(motion, column);

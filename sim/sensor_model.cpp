@@ -240,12 +240,14 @@ double SensorModel::code_of(double radiance) const {
 }
 
 template <class Code>
-void SensorModel::expose_row(const Radiance& radiance, int y, const NoiseKey* noise,
+bool SensorModel::expose_row(const Radiance& radiance, int y, const NoiseKey* noise,
                              Code* codes) const {
     const float* row = radiance.ptr<float>(y);
     const float* response = response_.empty() ? nullptr : response_.ptr<float>(y);
     if (!noise && sensor_.transfer.kind == Transfer::Kind::linear)
         return linear_codes({range_, sensor_.black_dn + 0.5}, row, response, size_.width, codes);
+    if (!all_finite(row, size_.width))
+        return false;
     for (int x = 0; x < size_.width; ++x) {
         const double signal = response ? double(row[x]) * response[x] : double(row[x]);
         if (noise)
@@ -254,6 +256,7 @@ void SensorModel::expose_row(const Radiance& radiance, int y, const NoiseKey* no
         else
             codes[x] = static_cast<Code>(steps_ ? steps_->code_at(signal) : code_of(signal));
     }
+    return true;
 }
 
 CodeImage SensorModel::expose(const Radiance& radiance, std::optional<NoiseKey> noise) const {
@@ -262,12 +265,9 @@ CodeImage SensorModel::expose(const Radiance& radiance, std::optional<NoiseKey> 
     CodeImage image{cv::Mat(size_, sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
     std::atomic<bool> finite = true;
     for_each_row(size_.height, [&](int y) {
-        if (!all_finite(radiance.ptr<float>(y), size_.width))
+        if (!(sensor_.bits > 8 ? expose_row(radiance, y, key, image.pixels.ptr<std::uint16_t>(y))
+                               : expose_row(radiance, y, key, image.pixels.ptr<std::uint8_t>(y))))
             finite = false;
-        else if (sensor_.bits > 8)
-            expose_row(radiance, y, key, image.pixels.ptr<std::uint16_t>(y));
-        else
-            expose_row(radiance, y, key, image.pixels.ptr<std::uint8_t>(y));
     });
     if (!finite)
         refuse_not_finite(radiance);

@@ -79,8 +79,9 @@ public:
 private:
     double with_noise(double radiance, const NoiseKey& key, std::uint64_t pixel) const;
     double code_of(double radiance) const;
+    // False where a radiance is not finite.
     template <class Code>
-    void expose_row(const Radiance& radiance, int y, const NoiseKey* noise, Code* codes) const;
+    bool expose_row(const Radiance& radiance, int y, const NoiseKey* noise, Code* codes) const;
 
     Sensor sensor_;
     cv::Size size_;

@@ -4,6 +4,7 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "sim/sensor_simd.h"
 
@@ -12,33 +13,43 @@ namespace etalon::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// As many pixels as D has lanes of doubles. The product of two floats is exact in double.
+// As many pixels as D has lanes of doubles; returns 0 or, where one is not finite, NaN: what 0 times
+// the pixel is. The product of two floats is exact in double.
 template <class D, class Code>
-HWY_ATTR HWY_INLINE void linear_vector(D d, LinearSensor sensor, const float* radiance,
-                                       const float* response, Code* codes) {
+HWY_ATTR HWY_INLINE hn::Vec<D> linear_vector(D d, LinearSensor sensor, const float* radiance,
+                                             const float* response, Code* codes) {
     const hn::Rebind<float, D> floats;
     const hn::Rebind<std::int32_t, D> integers;
     const hn::Rebind<Code, D> narrow;
     auto p = hn::PromoteTo(d, hn::LoadU(floats, radiance));
+    const auto nothing = hn::Mul(p, hn::Zero(d));
     if (response)
         p = hn::Mul(p, hn::PromoteTo(d, hn::LoadU(floats, response)));
     const auto signal = hn::Mul(hn::Set(d, sensor.range), hn::Min(p, hn::Set(d, 1.0)));
     const auto code = hn::Add(signal, hn::Set(d, sensor.offset));
     const auto whole = hn::DemoteTo(integers, code);  // towards 0; the next step limits it to 0
     hn::StoreU(hn::DemoteTo(narrow, whole), narrow, codes);
+    return nothing;
 }
 
+// Whether all of them are finite.
 template <class Code>
-HWY_ATTR HWY_INLINE void linear_pixels(LinearSensor sensor, const float* radiance,
+HWY_ATTR HWY_INLINE bool linear_pixels(LinearSensor sensor, const float* radiance,
                                        const float* response, int count, Code* codes) {
     const hn::ScalableTag<double> d;
     const int n = static_cast<int>(hn::Lanes(d));
+    auto nothing = hn::Zero(d);
     int x = 0;
     for (; x + n <= count; x += n)
-        linear_vector(d, sensor, radiance + x, response ? response + x : nullptr, codes + x);
-    for (; x < count; ++x)
+        nothing = hn::Add(nothing, linear_vector(d, sensor, radiance + x,
+                                                 response ? response + x : nullptr, codes + x));
+    bool finite = hn::AllTrue(d, hn::Eq(nothing, hn::Zero(d)));
+    for (; x < count; ++x) {
+        finite = finite && std::isfinite(radiance[x]);
         codes[x] = static_cast<Code>(
             sensor.code_of(response ? double(radiance[x]) * response[x] : double(radiance[x])));
+    }
+    return finite;
 }
 
 constexpr int stretch = 64;
@@ -53,28 +64,34 @@ HWY_ATTR HWY_INLINE bool is_even(const float* values) {
     return hn::AllTrue(d, even);
 }
 
-// Most of a rendered image is an even background: a stretch of it needs one code.
+// Most of a rendered image is an even background: a stretch of it needs one code and one look at
+// whether it is finite. (A NaN equals nothing: a stretch of them is not even.)
 template <class Code>
-HWY_ATTR HWY_INLINE void linear_row(LinearSensor sensor, const float* radiance,
+HWY_ATTR HWY_INLINE bool linear_row(LinearSensor sensor, const float* radiance,
                                     const float* response, int count, Code* codes) {
+    bool finite = true;
     int x = 0;
     for (; x + stretch <= count; x += stretch)
-        if (!response && is_even(radiance + x))
+        if (!response && is_even(radiance + x)) {
+            finite = finite && std::isfinite(radiance[x]);
             std::fill_n(codes + x, stretch, static_cast<Code>(sensor.code_of(radiance[x])));
-        else
-            linear_pixels(sensor, radiance + x, response ? response + x : nullptr, stretch,
-                          codes + x);
-    linear_pixels(sensor, radiance + x, response ? response + x : nullptr, count - x, codes + x);
+        } else {
+            finite &= linear_pixels(sensor, radiance + x, response ? response + x : nullptr,
+                                    stretch, codes + x);
+        }
+    finite &= linear_pixels(sensor, radiance + x, response ? response + x : nullptr, count - x,
+                            codes + x);
+    return finite;
 }
 
-HWY_ATTR void LinearCodes8(LinearSensor sensor, const float* radiance, const float* response,
+HWY_ATTR bool LinearCodes8(LinearSensor sensor, const float* radiance, const float* response,
                            int count, std::uint8_t* codes) {
-    linear_row(sensor, radiance, response, count, codes);
+    return linear_row(sensor, radiance, response, count, codes);
 }
 
-HWY_ATTR void LinearCodes16(LinearSensor sensor, const float* radiance, const float* response,
+HWY_ATTR bool LinearCodes16(LinearSensor sensor, const float* radiance, const float* response,
                             int count, std::uint16_t* codes) {
-    linear_row(sensor, radiance, response, count, codes);
+    return linear_row(sensor, radiance, response, count, codes);
 }
 
 // 0 times a number is 0, and NaN for the others; a NaN stays in the sum.
@@ -102,14 +119,14 @@ HWY_EXPORT(LinearCodes8);
 HWY_EXPORT(LinearCodes16);
 HWY_EXPORT(AllFinite);
 
-void linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
+bool linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
                   std::uint8_t* codes) {
-    HWY_DYNAMIC_DISPATCH(LinearCodes8)(sensor, radiance, response, count, codes);
+    return HWY_DYNAMIC_DISPATCH(LinearCodes8)(sensor, radiance, response, count, codes);
 }
 
-void linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
+bool linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
                   std::uint16_t* codes) {
-    HWY_DYNAMIC_DISPATCH(LinearCodes16)(sensor, radiance, response, count, codes);
+    return HWY_DYNAMIC_DISPATCH(LinearCodes16)(sensor, radiance, response, count, codes);
 }
 
 bool all_finite(const float* values, int count) {

@@ -20,10 +20,11 @@ struct LinearSensor {
     }
 };
 
-// Codes of `count` pixels; `response` may be null for 1. About 0.3 ns a pixel.
-void linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
+// Codes of `count` pixels; `response` may be null for 1. False, and codes without meaning, when a
+// radiance is NaN or infinite. About 0.3 ns a pixel, a third of that where neighbours are equal.
+bool linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
                   std::uint8_t* codes);
-void linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
+bool linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
                   std::uint16_t* codes);
 
 // Whether none of them is NaN or infinite.

@@ -202,19 +202,20 @@ class PlaceInterpolant {
 public:
     explicit PlaceInterpolant(const Weights& displacements) {
         Eigen::Matrix<double, places, places> powers;
-        for (int k = 0; k < places; ++k)
-            for (int j = 0; j < places; ++j)
-                powers(k, j) = std::pow(displacements[k], j);
+        powers.col(0).setOnes();
+        for (int j = 1; j < places; ++j)
+            powers.col(j) = powers.col(j - 1).cwiseProduct(displacements);
         coefficients_ = powers.inverse();
     }
-    // Of the values at the places: the weights that make R, R' and R'' at a displacement.
-    Eigen::Matrix<double, places, 3> weights(double s) const {
-        Eigen::Matrix<double, places, 3> basis = Eigen::Matrix<double, places, 3>::Zero();
-        for (int j = 0; j < places; ++j) {
-            basis(j, 0) = std::pow(s, j);
-            basis(j, 1) = j < 1 ? 0.0 : j * std::pow(s, j - 1);
-            basis(j, 2) = j < 2 ? 0.0 : j * (j - 1) * std::pow(s, j - 2);
-        }
+    // Of the values at the places: the weights that make R and its first, second and fourth
+    // derivative at a displacement.
+    Eigen::Matrix<double, places, 4> weights(double s) const {
+        Eigen::Matrix<double, places, 4> basis;
+        basis << 1.0, 0.0, 0.0, 0.0,               //
+            s, 1.0, 0.0, 0.0,                      //
+            s * s, 2.0 * s, 2.0, 0.0,              //
+            s * s * s, 3.0 * s * s, 6.0 * s, 0.0,  //
+            s * s * s * s, 4.0 * s * s * s, 12.0 * s * s, 24.0;
         return coefficients_.transpose() * basis;
     }
 
@@ -228,6 +229,21 @@ struct BandPixel {
     double distance;             // px along the normal
     double noise;                // gray
     Weights radiance;            // at the places
+};
+
+// A pixel's radiance with the edge displaced and with more blur, and its derivatives by both. Blur
+// of a variance v is diffusion for a time v/2: R + v/2 (second derivative) + v^2/8 (fourth).
+struct MovedRadiance {
+    double value, displaced, by_shift, by_variance;
+
+    MovedRadiance(const Weights& at_places, const Eigen::Matrix<double, places, 4>& weights,
+                  double variance) {
+        const Eigen::RowVector4d r = at_places.transpose() * weights;
+        displaced = r[0];
+        value = r[0] + 0.5 * variance * (r[2] + 0.25 * variance * r[3]);
+        by_shift = r[1];
+        by_variance = 0.5 * r[2] + 0.25 * variance * r[3];
+    }
 };
 
 // What the photometric model makes of a radiance, and its slope.
@@ -331,7 +347,7 @@ public:
     // False when the pixels do not determine the unknowns.
     bool solve(EdgeShift& edge) {
         constexpr int most_steps = 8;
-        constexpr double settled_px = 1e-4;
+        constexpr double settled = 0.01;  // of a deviation
         for (int step = 0; step < most_steps; ++step) {
             evaluate();
             const Eigen::Matrix4d information = rows_.transpose() * rows_;
@@ -346,7 +362,7 @@ public:
                 edge.is_beyond_range = true;
                 break;
             }
-            if (std::abs(change[0]) < settled_px)
+            if ((change.array().abs() < settled * covariance_.diagonal().array().sqrt()).all())
                 break;
         }
         evaluate();
@@ -371,16 +387,16 @@ private:
 
     // Rows and residuals, both over the noise, at the unknowns.
     void evaluate() {
-        const Eigen::Matrix<double, places, 3> weights = interpolant_.weights(unknowns_[0]);
+        const auto weights = interpolant_.weights(unknowns_[0]);
         for (Eigen::Index i = 0; i < residuals_.size(); ++i) {
             const BandPixel& pixel = pixels_[static_cast<std::size_t>(i)];
-            const Eigen::RowVector3d r = pixel.radiance.transpose() * weights;
-            const Seen seen = photometry_.seen(r[0] + 0.5 * unknowns_[1] * r[2]);
+            const MovedRadiance radiance(pixel.radiance, weights, unknowns_[1]);
+            const Seen seen = photometry_.seen(radiance.value);
             const double by_radiance = (pixel.white - pixel.black) * seen.slope;
             const double gray = pixel.black + (pixel.white - pixel.black) * seen.light +
                                 (1.0 - seen.light) * unknowns_[2] + seen.light * unknowns_[3];
-            rows_.row(i) << by_radiance * r[1], 0.5 * by_radiance * r[2], 1.0 - seen.light,
-                seen.light;
+            rows_.row(i) << by_radiance * radiance.by_shift, by_radiance * radiance.by_variance,
+                1.0 - seen.light, seen.light;
             rows_.row(i) /= pixel.noise;
             residuals_[i] = (pixel.photo - gray) / pixel.noise;
         }
@@ -412,22 +428,21 @@ private:
         for (std::size_t i = 0; i < pixels_.size(); ++i) {
             const BandPixel& pixel = pixels_[i];
             const double height = pixel.white - pixel.black;
-            const Eigen::RowVector3d before = pixel.radiance.transpose() * at_rest,
-                                     after = pixel.radiance.transpose() * moved;
-            const double predicted = photometry_.seen(before[0]).light;
-            const Seen seen = photometry_.seen(after[0]);
-            const double blurred_too =
-                photometry_.seen(after[0] + 0.5 * unknowns_[1] * after[2]).light;
+            const MovedRadiance before(pixel.radiance, at_rest, 0.0);
+            const MovedRadiance after(pixel.radiance, moved, unknowns_[1]);
+            const double predicted = photometry_.seen(before.value).light;
+            const double displaced = photometry_.seen(after.displaced).light;
+            const double light = photometry_.seen(after.value).light;
             const double residual = pixel.photo - pixel.black - height * predicted;
-            const double shift = height * (seen.light - predicted);
-            const double blur = height * (blurred_too - seen.light);
-            const double levels = (1.0 - blurred_too) * unknowns_[2] + blurred_too * unknowns_[3];
+            const double shift = height * (displaced - predicted);
+            const double blur = height * (light - displaced);
+            const double levels = (1.0 - light) * unknowns_[2] + light * unknowns_[3];
             edge.shares.shift += shift * residual;
             edge.shares.blur += blur * residual;
             edge.shares.photometric += levels * residual;
             edge.shares.rest += (residual - shift - blur - levels) * residual;
-            spread -= before[1];
-            second_moment -= before[1] * pixel.distance * pixel.distance;
+            spread -= before.by_shift;
+            second_moment -= before.by_shift * pixel.distance * pixel.distance;
             step += height;
         }
         edge.rendered_variance_px2 = spread > 0.0 ? second_moment / spread : 0.0;

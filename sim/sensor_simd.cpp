@@ -13,8 +13,8 @@ namespace etalon::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// As many pixels as D has lanes of doubles; returns 0 or, where one is not finite, NaN: what 0 times
-// the pixel is. The product of two floats is exact in double.
+// As many pixels as D has lanes of doubles; returns 0 or, where one is not finite, NaN: what 0
+// times the pixel is. The product of two floats is exact in double.
 template <class D, class Code>
 HWY_ATTR HWY_INLINE hn::Vec<D> linear_vector(D d, LinearSensor sensor, const float* radiance,
                                              const float* response, Code* codes) {

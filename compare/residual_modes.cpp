@@ -249,8 +249,7 @@ ModeFit ResidualModes::fit(ResidualMode mode, const std::vector<ResidualMode>& k
     return result;
 }
 
-std::vector<ModeFit> ResidualModes::significant(
-    const std::array<double, residual_mode_count>& least_px) const {
+std::vector<ModeFit> ResidualModes::significant() const {
     std::vector<ModeFit> found;
     std::vector<ResidualMode> known;
     for (;;) {
@@ -260,8 +259,7 @@ std::vector<ModeFit> ResidualModes::significant(
             if (std::find(known.begin(), known.end(), mode) != known.end())
                 continue;
             const ModeFit one = fit(mode, known);
-            if (one.is_significant() && one.size_px > least_px[static_cast<std::size_t>(i)] &&
-                one.chi_square > best.chi_square)
+            if (one.is_significant() && one.chi_square > best.chi_square)
                 best = one;
         }
         if (best.freedom == 0)

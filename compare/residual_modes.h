@@ -10,8 +10,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
-#include <string>
 #include <vector>
 
 #include "compare/photometric_equations.h"
@@ -56,8 +54,7 @@ public:
     ModeFit fit(ResidualMode mode, const std::vector<ResidualMode>& known) const;
 
     // The modes that stand out, most significant first, each found beside those before it.
-    // `least_px` by mode: what is smaller is none.
-    std::vector<ModeFit> significant(const std::array<double, residual_mode_count>& least_px) const;
+    std::vector<ModeFit> significant() const;
 
 private:
     struct Images;

@@ -4,6 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "compare/photometric_adjustment.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -42,19 +43,23 @@ std::vector<MatchParameter> fitted_parameters(const PhotometricModel& model,
     for (MatchParameter& parameter : parameters)
         parameter.source = ParameterSource::this_image;
     int at = 2 * n;
-    if (terms.psf) {
-        // From that of the variance: d sigma = d variance / (2 sigma).
-        const double sigma = model.psf_sigma_px;
-        std::optional<double> deviation;
-        if (sigma > 0.0 && sigma < max_psf_sigma_px)
-            deviation = std::sqrt(variances[at]) / (2.0 * sigma);
-        parameters.push_back(
-            {"width of the blur", sigma, deviation, "px", ParameterSource::this_image});
-        ++at;
-    }
+    const auto add = [&](const std::string& what, double value, double by_parameter,
+                         const std::string& unit) {
+        parameters.push_back({what, value, by_parameter * std::sqrt(variances[at++]), unit,
+                              ParameterSource::this_image});
+    };
+    const double sigma = model.psf_sigma_px;
+    if (terms.psf)  // from that of the variance: d sigma = d variance / (2 sigma)
+        add("width of the blur", sigma, 0.5 / sigma, "px");
+    if (terms.psf_anisotropy)
+        add("variance of the blur, along x minus along y", 2.0 * model.psf_anisotropy_px2, 2.0,
+            "px^2");
     if (terms.tone)
-        parameters.push_back(
-            {"tone", model.tone, std::sqrt(variances[at]), "", ParameterSource::this_image});
+        add("tone", model.tone, 1.0, "");
+    if (terms.saturation) {
+        add("saturation level", model.saturation->level_gray, 1.0, "gray");
+        add("saturation knee", model.saturation->knee_gray, 1.0, "gray");
+    }
     return parameters;
 }
 
@@ -72,7 +77,8 @@ const char* name(ParameterSource source) {
 }
 
 PhotometricTerms match_terms(const CameraModel& camera) {
-    return {.level_terms = 6, .psf = !camera.lens, .tone = true};
+    return {
+        .level_terms = 6, .psf = !camera.lens, .psf_anisotropy = !camera.lens, .saturation = true};
 }
 
 PhotoMatch match_photo(const CodeImage& image, const CellGrid& marker, const ComparedArea& area,

@@ -47,7 +47,8 @@ struct PhotoMatch {
 };
 
 // What is fitted to each photograph beside its pose: black and white surfaces of second order, a
-// tone parameter, and a Gaussian's width where the camera has no lens section; 14 at most.
+// saturation's level and knee, and where the camera has no lens section a Gaussian's widths along x
+// and y; 16 at most.
 PhotometricTerms match_terms(const CameraModel& camera);
 
 // `camera_from_marker` is the pose under test; `background` the radiance beside the marker, whose

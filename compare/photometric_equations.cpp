@@ -43,26 +43,31 @@ Scene scene_of(const PhotoOfMarker& photo, const Rigid& camera_from_marker) {
 // The rendering behind the model's Gaussian, within a region.
 struct BlurredRendering {
     cv::Mat radiance, by_x, by_y;
-    // By the Gaussian's variance: the discrete kernel of blurred() solves the diffusion equation
-    // with second differences along x and along y exactly.
-    cv::Mat by_variance;
+    // By the Gaussian's variances along x and y: the discrete kernel of blurred() solves the
+    // diffusion equation with second differences exactly.
+    cv::Mat by_variance_x, by_variance_y;
 
-    BlurredRendering(const RenderedGradient& rendered, double sigma_px)
-        : radiance(behind_gaussian(rendered.radiance, sigma_px)) {
+    BlurredRendering(const RenderedGradient& rendered, const Eigen::Vector2d& sigmas_px)
+        : radiance(behind_gaussian(rendered.radiance, sigmas_px)) {
         if (rendered.by_x.empty()) {
             const cv::Matx13f difference(-0.5F, 0.0F, 0.5F);
-            cv::filter2D(radiance, by_x, -1, difference, {-1, -1}, 0, cv::BORDER_REPLICATE);
-            cv::filter2D(radiance, by_y, -1, difference.t(), {-1, -1}, 0, cv::BORDER_REPLICATE);
+            filter(difference, by_x);
+            filter(difference.t(), by_y);
         } else {
-            by_x = behind_gaussian(rendered.by_x, sigma_px);
-            by_y = behind_gaussian(rendered.by_y, sigma_px);
+            by_x = behind_gaussian(rendered.by_x, sigmas_px);
+            by_y = behind_gaussian(rendered.by_y, sigmas_px);
         }
-        const cv::Matx33f laplacian(0, 0.5F, 0, 0.5F, -2, 0.5F, 0, 0.5F, 0);
-        cv::filter2D(radiance, by_variance, -1, laplacian, {-1, -1}, 0, cv::BORDER_REPLICATE);
+        const cv::Matx13f half_second_difference(0.5F, -1.0F, 0.5F);
+        filter(half_second_difference, by_variance_x);
+        filter(half_second_difference.t(), by_variance_y);
     }
 
-    static cv::Mat behind_gaussian(const cv::Mat& image, double sigma_px) {
-        return sigma_px > 0.0 ? blurred(image, sigma_px) : image;
+    void filter(cv::InputArray kernel, cv::Mat& result) const {
+        cv::filter2D(radiance, result, -1, kernel, {-1, -1}, 0, cv::BORDER_REPLICATE);
+    }
+
+    static cv::Mat behind_gaussian(const cv::Mat& image, const Eigen::Vector2d& sigmas_px) {
+        return sigmas_px.isZero() ? image : blurred(image, sigmas_px);
     }
 };
 
@@ -85,20 +90,28 @@ struct PixelModel {
     double by_radiance = 0.0;
 
     PixelModel(const PhotometricModel& model, const PhotometricTerms& terms,
-               const Vector6d& level_terms, const CurvePoint& curve, double by_variance,
-               Eigen::Ref<Eigen::VectorXd> derivatives) {
+               const Vector6d& level_terms, const CurvePoint& curve,
+               const Eigen::Vector2d& by_variances, Eigen::Ref<Eigen::VectorXd> derivatives) {
         const double black = model.black.dot(level_terms), white = model.white.dot(level_terms);
         const double s = curve.value, toned = s * (1.0 + model.tone * (1.0 - s));
-        gray = black + (white - black) * toned;
-        by_radiance = (white - black) * (1.0 + model.tone * (1.0 - 2.0 * s)) * curve.slope;
+        const double level = black + (white - black) * toned;
+        const Saturation::Point point =
+            model.saturation ? model.saturation->at(level) : Saturation::Point{level, 1.0, 0, 0};
+        gray = point.gray;
+        const double contrast = point.slope * (white - black);
+        by_radiance = contrast * (1.0 + model.tone * (1.0 - 2.0 * s)) * curve.slope;
         const int n = terms.level_terms;
-        derivatives.head(n) = (1.0 - toned) * level_terms.head(n);
-        derivatives.segment(n, n) = toned * level_terms.head(n);
+        derivatives.head(n) = point.slope * (1.0 - toned) * level_terms.head(n);
+        derivatives.segment(n, n) = point.slope * toned * level_terms.head(n);
         int next = 2 * n;
         if (terms.psf)
-            derivatives[next++] = by_radiance * by_variance;
+            derivatives[next++] = by_radiance * by_variances.sum();
+        if (terms.psf_anisotropy)
+            derivatives[next++] = by_radiance * (by_variances.x() - by_variances.y());
         if (terms.tone)
-            derivatives[next] = (white - black) * s * (1.0 - s);
+            derivatives[next++] = contrast * s * (1.0 - s);
+        if (terms.saturation)
+            derivatives.segment<2>(next) << point.by_level, point.by_knee;
     }
 };
 
@@ -153,6 +166,20 @@ private:
     int count_ = 0;
 };
 
+// What is known of a saturation before the photograph is seen, as two more observations.
+void add_known_saturation(const Saturation& saturation, PhotoEquations& equations) {
+    constexpr Saturation known;
+    constexpr double level_deviation_gray = 10.0, knee_deviation_gray = 15.0;
+    const Eigen::Index at = equations.score.size() - 2;
+    const auto observe = [&](Eigen::Index i, double missing, double deviation) {
+        equations.information(i, i) += 1.0 / (deviation * deviation);
+        equations.score[i] += missing / (deviation * deviation);
+        equations.loss += 0.5 * missing * missing / (deviation * deviation);
+    };
+    observe(at, known.level_gray - saturation.level_gray, level_deviation_gray);
+    observe(at + 1, known.knee_gray - saturation.knee_gray, knee_deviation_gray);
+}
+
 // A pose that is held is no unknown, nor is a parameter that stands at the end of its range and
 // would leave it.
 void hold_what_is_fixed(const PhotometricModel& model, const PhotometricTerms& terms,
@@ -168,14 +195,20 @@ void hold_what_is_fixed(const PhotometricModel& model, const PhotometricTerms& t
         if ((value <= low && score < 0) || (value >= high && score > 0))
             fix(at);
     };
+    const Eigen::Index first = equations.score.size() - terms.count();
     if (!terms.pose)
         for (Eigen::Index i = 0; i < 6; ++i)
-            fix(equations.score.size() - terms.count() - 6 + i);
-    Eigen::Index next = equations.score.size() - (terms.psf ? 1 : 0) - (terms.tone ? 1 : 0);
+            fix(first - 6 + i);
+    Eigen::Index next = first + 2 * terms.level_terms;
+    const double variance = model.psf_sigma_px * model.psf_sigma_px;
     if (terms.psf)
         hold(next++, model.psf_sigma_px, 0.0, max_psf_sigma_px);
+    if (terms.psf_anisotropy)
+        hold(next++, model.psf_anisotropy_px2, -variance, variance);
     if (terms.tone)
-        hold(next, model.tone, -1.0, 1.0);
+        hold(next++, model.tone, -1.0, 1.0);
+    if (terms.saturation)
+        hold(next + 1, model.saturation->knee_gray, least_knee_gray, max_knee_gray);
 }
 
 double median(std::vector<double> values) {
@@ -248,7 +281,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                                const RenderedGradient& rendered, const ImageMotion& motion,
                                double noise_scale) {
     constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
-    const BlurredRendering seen(rendered, state.photometry.psf_sigma_px);
+    const BlurredRendering seen(rendered, state.photometry.psf_sigmas_px());
     const Transfer transfer = camera.transfer();
     const cv::Rect& region = motion.region();
     const int geometric = motion.columns(), photometric = terms.count();
@@ -270,10 +303,11 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                 continue;
             RowBlock& block = is_flat ? flats : edges;
             auto row = block.next();
-            const PixelModel model(state.photometry, terms,
-                                   level_terms(pixel.x, pixel.y, photo.use.size()),
-                                   on_curve(transfer, seen.radiance.at<float>(y, x)),
-                                   seen.by_variance.at<float>(y, x), row.tail(photometric));
+            const PixelModel model(
+                state.photometry, terms, level_terms(pixel.x, pixel.y, photo.use.size()),
+                on_curve(transfer, seen.radiance.at<float>(y, x)),
+                {seen.by_variance_x.at<float>(y, x), seen.by_variance_y.at<float>(y, x)},
+                row.tail(photometric));
             if (!is_flat)
                 row.head(geometric).noalias() =
                     -model.by_radiance * (moved.transpose() * slope.transpose());
@@ -285,6 +319,8 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
     edges.flush();
     flats.flush();
     equations.information = Eigen::MatrixXd(equations.information.selfadjointView<Eigen::Lower>());
+    if (terms.saturation)
+        add_known_saturation(*state.photometry.saturation, equations);
     hold_what_is_fixed(state.photometry, terms, equations);
     if (equations.pixels < least_pixels || !std::isfinite(equations.loss))
         throw NumericalError(fmt::format("{} pixels of the marker can be fitted, with a loss of {}",
@@ -317,13 +353,22 @@ PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
     next.photometry.black.head(n) += step.segment(6, n);
     next.photometry.white.head(n) += step.segment(6 + n, n);
     int at = 6 + 2 * n;
-    if (terms.psf) {
-        const double variance = state.photometry.psf_sigma_px * state.photometry.psf_sigma_px;
-        next.photometry.psf_sigma_px =
-            std::sqrt(std::clamp(variance + step[at++], 0.0, max_psf_sigma_px * max_psf_sigma_px));
-    }
+    PhotometricModel& model = next.photometry;
+    if (terms.psf)
+        model.psf_sigma_px =
+            std::sqrt(std::clamp(model.psf_sigma_px * model.psf_sigma_px + step[at++], 0.0,
+                                 max_psf_sigma_px * max_psf_sigma_px));
+    const double variance = model.psf_sigma_px * model.psf_sigma_px;
+    if (terms.psf_anisotropy)
+        model.psf_anisotropy_px2 += step[at++];
+    model.psf_anisotropy_px2 = std::clamp(model.psf_anisotropy_px2, -variance, variance);
     if (terms.tone)
-        next.photometry.tone = std::clamp(state.photometry.tone + step[at], -1.0, 1.0);
+        model.tone = std::clamp(model.tone + step[at++], -1.0, 1.0);
+    if (terms.saturation) {
+        model.saturation->level_gray += step[at];
+        model.saturation->knee_gray =
+            std::clamp(model.saturation->knee_gray + step[at + 1], least_knee_gray, max_knee_gray);
+    }
     return next;
 }
 
@@ -341,6 +386,8 @@ PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& c
     state.photometry.black[0] = cv::mean(photo.gray(region), dark)[0];
     state.photometry.white[0] = cv::mean(photo.gray(region), light)[0];
     state.photometry.psf_sigma_px = terms.psf ? typical_sigma_px : 0.0;
+    if (terms.saturation)
+        state.photometry.saturation.emplace();
     return state;
 }
 

@@ -55,9 +55,14 @@ struct PhotometricTerms {
     bool psf = true;      // the Gaussian's width
     bool tone = false;
     bool pose = true;  // the marker's; the equations have its place in either case
+    bool psf_anisotropy = false;
+    bool saturation = false;  // its level and knee
 
     // Photometric parameters.
-    int count() const { return 2 * level_terms + (psf ? 1 : 0) + (tone ? 1 : 0); }
+    int count() const {
+        return 2 * level_terms + (psf ? 1 : 0) + (psf_anisotropy ? 1 : 0) + (tone ? 1 : 0) +
+               (saturation ? 2 : 0);
+    }
 };
 
 // A photograph and the marker in it.
@@ -77,7 +82,10 @@ struct PhotoState {
 // A width or tone at the end of its range that would leave it has no score and an information of 1,
 // and so has a pose that is held.
 // In the order: camera parameters, pose (left perturbation), photometric parameters (black levels,
-// white levels, variance of the Gaussian in px^2, tone).
+// white levels, mean variance and anisotropy of the Gaussian in px^2, tone, saturation's level and
+// knee). A saturation that is free is also held by what is known beforehand of cameras, as if it
+// had been measured: its level 255 +- 10 gray, its knee 15 +- 15; most photographs are not bright
+// enough to show it.
 struct PhotoEquations {
     Eigen::MatrixXd information;  // J^T J of the pixels within Huber's threshold
     Eigen::VectorXd score;        // J^T r, r limited to the threshold
@@ -114,7 +122,7 @@ double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& ca
                          const PhotoState& state);
 
 // The state after a step in pose and photometric parameters (the tail of the equations' order);
-// the Gaussian's width and the tone stay in their ranges.
+// the Gaussian's widths, tone and knee stay in their ranges.
 PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
                    const Eigen::VectorXd& step);
 

@@ -4,6 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <limits>
+#include <numbers>
 #include <opencv2/imgproc.hpp>
 
 #include "core/errors.h"
@@ -23,8 +24,9 @@ Levels level_basis(const Eigen::Vector3d& plane, double seen) {
 }
 
 // What the sensor's curve makes of a blurred rendering, 0..1.
-cv::Mat seen_by_sensor(const Radiance& radiance, double sigma_px, const Transfer& transfer) {
-    cv::Mat seen = blurred(radiance, sigma_px);
+cv::Mat seen_by_sensor(const Radiance& radiance, const Eigen::Vector2d& sigmas_px,
+                       const Transfer& transfer) {
+    cv::Mat seen = blurred(radiance, sigmas_px);
     if (transfer.kind != Transfer::Kind::linear)
         for (int y = 0; y < seen.rows; ++y)
             for (float& value : cv::Mat_<float>(seen.row(y)))
@@ -108,7 +110,8 @@ Levels weighted_levels(const std::vector<Levels>& rows, const std::vector<double
 // The levels for one PSF width. With an infinite threshold this is plain least squares.
 LevelFit fit_levels(const Samples& samples, double sigma_px, double threshold) {
     constexpr int max_reweightings = 8;
-    const cv::Mat seen = seen_by_sensor(samples.radiance, sigma_px, samples.transfer);
+    const cv::Mat seen =
+        seen_by_sensor(samples.radiance, Eigen::Vector2d::Constant(sigma_px), samples.transfer);
     std::vector<Levels> rows;
     rows.reserve(samples.places.size());
     for (std::size_t i = 0; i < samples.places.size(); ++i)
@@ -190,6 +193,17 @@ void require_usable(const cv::Mat& photo_gray, const Radiance& radiance, const c
             photo_gray.cols, photo_gray.rows, radiance.cols, radiance.rows, use.cols, use.rows));
 }
 
+// exp(-s^2) I_n(s^2) for n from -radius to radius, of sum 1.
+cv::Mat discrete_gaussian(double sigma_px) {
+    const double variance = sigma_px * sigma_px;
+    const int radius = static_cast<int>(std::ceil(5.0 * sigma_px)) + 2;
+    cv::Mat kernel(1, 2 * radius + 1, CV_64F);
+    for (int n = -radius; n <= radius; ++n)
+        kernel.at<double>(n + radius) =
+            std::exp(-variance) * std::cyl_bessel_i(static_cast<double>(std::abs(n)), variance);
+    return kernel / cv::sum(kernel)[0];
+}
+
 }  // namespace
 
 Vector6d level_terms(double x, double y, cv::Size size) {
@@ -206,16 +220,43 @@ cv::Mat gray_of(const CodeImage& image) {
     return gray;
 }
 
+Saturation::Point Saturation::at(double gray) const {
+    constexpr double far = 8.0;  // standard deviations: beyond, nothing is left to see
+    const double z = (level_gray - gray) / knee_gray;
+    if (z > far)
+        return {gray, 1.0, 0.0, 0.0};
+    if (z < -far)
+        return {level_gray, 0.0, 1.0, 0.0};
+    const double below = 0.5 * std::erfc(-z / std::numbers::sqrt2);
+    const double density = std::exp(-0.5 * z * z) * std::numbers::inv_sqrtpi / std::numbers::sqrt2;
+    return {level_gray - knee_gray * (z * below + density), below, 1.0 - below, -density};
+}
+
+Eigen::Vector2d PhotometricModel::psf_sigmas_px() const {
+    const double mean = psf_sigma_px * psf_sigma_px;
+    return Eigen::Vector2d(mean + psf_anisotropy_px2, mean - psf_anisotropy_px2)
+        .cwiseMax(0.0)
+        .cwiseSqrt();
+}
+
+PhotometricModel::Point PhotometricModel::at(const Vector6d& level_terms, double seen) const {
+    const double dark = black.dot(level_terms), contrast = white.dot(level_terms) - dark;
+    const double gray = dark + contrast * seen * (1.0 + tone * (1.0 - seen));
+    const double slope = contrast * (1.0 + tone * (1.0 - 2.0 * seen));
+    if (!saturation)
+        return {gray, slope};
+    const Saturation::Point point = saturation->at(gray);
+    return {point.gray, point.slope * slope};
+}
+
 cv::Mat blurred(const cv::Mat& image, double sigma_px) {
-    const double variance = sigma_px * sigma_px;
-    const int radius = static_cast<int>(std::ceil(5.0 * sigma_px)) + 2;
-    cv::Mat kernel(1, 2 * radius + 1, CV_64F);
-    for (int n = -radius; n <= radius; ++n)
-        kernel.at<double>(n + radius) =
-            std::exp(-variance) * std::cyl_bessel_i(static_cast<double>(std::abs(n)), variance);
-    kernel /= cv::sum(kernel)[0];
+    return blurred(image, Eigen::Vector2d::Constant(sigma_px));
+}
+
+cv::Mat blurred(const cv::Mat& image, const Eigen::Vector2d& sigmas_px) {
     cv::Mat result;
-    cv::sepFilter2D(image, result, -1, kernel, kernel, {-1, -1}, 0.0, cv::BORDER_REPLICATE);
+    cv::sepFilter2D(image, result, -1, discrete_gaussian(sigmas_px.x()),
+                    discrete_gaussian(sigmas_px.y()), {-1, -1}, 0.0, cv::BORDER_REPLICATE);
     return result;
 }
 
@@ -244,14 +285,11 @@ PhotometricModel fit_photometric_model(const cv::Mat& photo_gray, const Radiance
 
 cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
                        const Transfer& transfer) {
-    cv::Mat gray = seen_by_sensor(radiance, model.psf_sigma_px, transfer);
+    cv::Mat gray = seen_by_sensor(radiance, model.psf_sigmas_px(), transfer);
     for (int y = 0; y < gray.rows; ++y)
         for (int x = 0; x < gray.cols; ++x) {
             float& value = gray.at<float>(y, x);
-            const Vector6d terms = level_terms(x, y, gray.size());
-            const double black = model.black.dot(terms), white = model.white.dot(terms);
-            const double seen = value * (1.0 + model.tone * (1.0 - value));
-            value = static_cast<float>(black + (white - black) * seen);
+            value = static_cast<float>(model.at(level_terms(x, y, gray.size()), value).gray);
         }
     return gray;
 }

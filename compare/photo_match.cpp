@@ -4,7 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "compare/photometric_adjustment.h"
+#include "compare/photometric_steps.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -63,11 +63,38 @@ std::vector<MatchParameter> fitted_parameters(const PhotometricModel& model,
     return parameters;
 }
 
-PhotoFit fit_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                const PhotoState& state, const PhotometricTerms& terms, double noise_scale) {
-    const PhotoEquations equations = photo_equations(photo, camera, state, terms, {}, noise_scale);
-    return {state, difference_at(photo, camera, state),
-            fitted_parameters(state.photometry, terms, equations)};
+PhotoFit fit_of(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                const PhotoState& state, const PhotometricTerms& terms,
+                const PhotoEquations& equations) {
+    PhotoFit fit{state, difference_at(photo, camera, state),
+                 fitted_parameters(state.photometry, terms, equations)};
+    fit.state.photometry.pixels = fit.difference.model.pixels = equations.pixels;
+    return fit;
+}
+
+// Levels, blur and saturation at the noise that their own residuals show.
+PhotoPlace fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                         const PhotometricTerms& terms, const PhotoState& start) {
+    constexpr int max_rounds = 3;
+    constexpr double settled = 0.05;
+    PhotometricSteps steps(photo, camera, terms, start);
+    PhotoPlace place = approached(steps, start);
+    for (int round = 0; round < max_rounds; ++round) {
+        const double scale = noise_scale_of(place, camera.knows_noise());
+        if (round > 0 && std::abs(scale / place.noise_scale - 1.0) < settled)
+            break;
+        place = steps.at(place.state, scale);
+        steps.descend(place, {.damping = 1e-3, .enough_gain = 1e-3, .slack = 0.0});
+    }
+    return place;
+}
+
+// Whether enough pixels are so bright that a camera may have clipped them.
+bool shows_saturation(const PhotoOfMarker& photo) {
+    constexpr double bright_gray = 230.0, least_share = 0.05;
+    const cv::Mat fitted = photo.use == photo.fitted;
+    const int bright = cv::countNonZero((photo.gray > bright_gray) & fitted);
+    return bright > least_share * cv::countNonZero(fitted);
 }
 
 }  // namespace
@@ -76,9 +103,20 @@ const char* name(ParameterSource source) {
     return source == ParameterSource::calibration ? "calibration" : "this image";
 }
 
-PhotometricTerms match_terms(const CameraModel& camera) {
-    return {
-        .level_terms = 6, .psf = !camera.lens, .psf_anisotropy = !camera.lens, .saturation = true};
+PhotometricTerms match_terms(const PhotoOfMarker& photo, const CameraModel& camera) {
+    return {.level_terms = 6,
+            .psf = !camera.lens,
+            .psf_anisotropy = !camera.lens,
+            .saturation = shows_saturation(photo)};
+}
+
+PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                        const Rigid& camera_from_marker) {
+    PhotometricTerms terms = match_terms(photo, camera.model());
+    terms.pose = false;
+    const PhotoPlace place = fitted_levels(
+        photo, camera, terms, starting_state(photo, camera, camera_from_marker, terms));
+    return fit_of(photo, camera, place.state, terms, place.equations);
 }
 
 PhotoMatch match_photo(const CodeImage& image, const CellGrid& marker, const ComparedArea& area,
@@ -89,19 +127,14 @@ PhotoMatch match_photo(const CodeImage& image, const CellGrid& marker, const Com
         throw NumericalError("no part of the marker is inside the image");
     const PhotoOfMarker photo{gray_of(image), marker, use, pixel_fitted, background};
 
-    PhotometricTerms levels_only = match_terms(camera->model());
-    levels_only.pose = false;
-    const PhotoState start = starting_state(photo, *camera, camera_from_marker, levels_only);
-    const PhotometricAdjustment held =
-        adjust_to_photos({&photo, 1}, camera, {&start, 1}, levels_only, {});
-
-    const PhotometricTerms terms = match_terms(camera->model());
     PhotoMatch match;
-    match.calibrated =
-        fit_at(photo, *camera, held.photos.front(), levels_only, held.noise_scales.front());
-    match.pose = photometric_pose(photo, camera, held.photos.front(), terms);
-    match.refined = fit_at(photo, *camera, {match.pose.camera_from_marker, match.pose.photometry},
-                           terms, match.pose.noise_scale);
+    match.calibrated = fit_photometry(photo, *camera, camera_from_marker);
+    const PhotometricTerms terms = match_terms(photo, camera->model());
+    match.pose = photometric_pose(photo, camera, match.calibrated.state, terms);
+    const PhotoState refined{match.pose.camera_from_marker, match.pose.photometry};
+    match.refined =
+        fit_of(photo, *camera, refined, terms,
+               photo_equations(photo, *camera, refined, terms, {}, match.pose.noise_scale));
     return match;
 }
 

@@ -46,10 +46,16 @@ struct PhotoMatch {
     PhotometricPose pose;  // of the refined fit, with its covariance
 };
 
-// What is fitted to each photograph beside its pose: black and white surfaces of second order, a
-// saturation's level and knee, and where the camera has no lens section a Gaussian's widths along x
-// and y; 16 at most.
-PhotometricTerms match_terms(const CameraModel& camera);
+// What is fitted to a photograph beside its pose: black and white surfaces of second order; where
+// the camera has no lens section a Gaussian's widths along x and y; and a saturation's level and
+// knee where it can be seen: 5 % of the fitted pixels are above 230 gray, 0.9 of full scale. 16 at
+// most.
+PhotometricTerms match_terms(const PhotoOfMarker& photo, const CameraModel& camera);
+
+// The photometric model alone, at a pose that is held. `photo.use` is that of pixel_uses(). Throws
+// NumericalError when the pixels do not determine it. Safe from every thread.
+PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                        const Rigid& camera_from_marker);
 
 // `camera_from_marker` is the pose under test; `background` the radiance beside the marker, whose
 // white is 1. Throws NumericalError when no part of the marker is inside the image, or the pixels

@@ -207,8 +207,11 @@ void hold_what_is_fixed(const PhotometricModel& model, const PhotometricTerms& t
         hold(next++, model.psf_anisotropy_px2, -variance, variance);
     if (terms.tone)
         hold(next++, model.tone, -1.0, 1.0);
-    if (terms.saturation)
-        hold(next + 1, model.saturation->knee_gray, least_knee_gray, max_knee_gray);
+    if (terms.saturation) {
+        const Saturation& saturation = *model.saturation;
+        hold(next++, saturation.level_gray, least_saturation_gray, max_saturation_gray);
+        hold(next, saturation.knee_gray, least_knee_gray, max_knee_gray);
+    }
 }
 
 double median(std::vector<double> values) {
@@ -309,8 +312,9 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                 {seen.by_variance_x.at<float>(y, x), seen.by_variance_y.at<float>(y, x)},
                 row.tail(photometric));
             if (!is_flat)
-                row.head(geometric).noalias() =
-                    -model.by_radiance * (moved.transpose() * slope.transpose());
+                for (int i = 0; i < geometric; ++i)
+                    row[i] =
+                        -model.by_radiance * (slope.x() * moved(0, i) + slope.y() * moved(1, i));
             const double noise = noise_scale * camera.noise_gray(model.gray);
             const double residual = (photo.gray.at<float>(pixel) - model.gray) / noise;
             sizes.push_back(std::abs(residual));
@@ -365,7 +369,8 @@ PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
     if (terms.tone)
         model.tone = std::clamp(model.tone + step[at++], -1.0, 1.0);
     if (terms.saturation) {
-        model.saturation->level_gray += step[at];
+        model.saturation->level_gray = std::clamp(model.saturation->level_gray + step[at],
+                                                  least_saturation_gray, max_saturation_gray);
         model.saturation->knee_gray =
             std::clamp(model.saturation->knee_gray + step[at + 1], least_knee_gray, max_knee_gray);
     }
@@ -379,7 +384,10 @@ PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& c
     const cv::Rect region = rendered_region(photo.use == photo.fitted);
     const Radiance radiance = camera.at_sensor(scene_of(photo, camera_from_marker), region);
     const cv::Mat used = photo.use(region) == photo.fitted;
-    const cv::Mat dark = (radiance < 0.25) & used, light = (radiance > 0.5) & used;
+    double brightest = 0.0;
+    cv::minMaxLoc(radiance, nullptr, &brightest);
+    const cv::Mat dark = (radiance < 0.25 * brightest) & used;
+    const cv::Mat light = (radiance > 0.5 * brightest) & used;
     if (cv::countNonZero(dark) == 0 || cv::countNonZero(light) == 0)
         throw NumericalError("the marker shows no dark or no light pixels at this pose");
     PhotoState state{camera_from_marker, {}};

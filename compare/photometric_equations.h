@@ -122,7 +122,7 @@ double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& ca
                          const PhotoState& state);
 
 // The state after a step in pose and photometric parameters (the tail of the equations' order);
-// the Gaussian's widths, tone and knee stay in their ranges.
+// the Gaussian's widths, tone, level and knee stay in their ranges.
 PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
                    const Eigen::VectorXd& step);
 

@@ -28,8 +28,8 @@ namespace etalon {
 // of standard deviation `knee`. For a sensor that clips hard the knee is the pixels' noise; that of
 // a camera that compresses its highlights is some 20 gray.
 struct Saturation {
-    double level_gray = 255.0;
-    double knee_gray = 15.0;  // 0.5 .. 60
+    double level_gray = 255.0;  // 225 .. 265
+    double knee_gray = 15.0;    // 0.5 .. 60
 
     struct Point {
         double gray, slope, by_level, by_knee;  // the value, and its derivatives
@@ -61,6 +61,7 @@ struct PhotometricModel {
 };
 
 inline constexpr double max_psf_sigma_px = 3.0;
+inline constexpr double least_saturation_gray = 225.0, max_saturation_gray = 265.0;
 inline constexpr double least_knee_gray = 0.5, max_knee_gray = 60.0;
 
 // 1, x, y, x^2, x y, y^2 of a pixel with x and y from -0.5 to 0.5 over the image.

@@ -8,9 +8,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <utility>
 
 #include "compare/grid_edges.h"
-#include "compare/pixel_difference.h"
 #include "core/errors.h"
 #include "sim/sensor_model.h"
 
@@ -86,29 +86,25 @@ Eigen::Vector2d step_between_places(const Projector& projector, const Rigid& cam
     return step_px / std::min(std::abs(middle.dot(a)), std::abs(middle.dot(b))) * middle;
 }
 
-RenderedPlaces rendered_places(const PhotoOfMarker& photo, const Renderer& renderer,
-                               const Projector& projector, const PhotoState& state) {
+RenderedPlaces rendered_places(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                               const PhotoState& state) {
+    const Projector& projector = camera.projector();
     constexpr int room = 16;  // what the model's widest Gaussian brings in
     RenderedPlaces rendered;
     rendered.region = cv::boundingRect(photo.use);
     rendered.region -= cv::Point(room, room);
     rendered.region += cv::Size(2 * room, 2 * room);
     rendered.region &= cv::Rect({0, 0}, photo.use.size());
-    const cv::Mat response = SensorModel(renderer.camera()).relative_response();
     const Rigid& pose = state.camera_from_marker;
     const Eigen::Vector3d step = translation_for(projector, pose * grid_centre(photo.grid),
                                                  step_between_places(projector, pose, photo.grid));
-    RenderOptions options;
-    options.region = rendered.region;
     for (int place = 0; place < places; ++place) {
         const auto k = static_cast<std::size_t>(place);
         rendered.poses[k] = {pose.rotation, pose.translation + (place - places / 2) * step};
-        cv::Mat radiance =
-            renderer.render({{{photo.grid, rendered.poses[k]}}, photo.background}, options)
-                .radiance(rendered.region);
-        if (!response.empty())
-            radiance = radiance.mul(response(rendered.region));
-        rendered.radiance[k] = blurred(radiance, state.photometry.psf_sigma_px);
+        rendered.radiance[k] =
+            blurred(camera.at_sensor({{{photo.grid, rendered.poses[k]}}, photo.background},
+                                     rendered.region),
+                    state.photometry.psf_sigmas_px());
     }
     return rendered;
 }
@@ -225,9 +221,10 @@ private:
 
 // One pixel of a band.
 struct BandPixel {
-    double photo, black, white;  // gray; levels of the photometric model there
+    double photo, black, white;  // gray: what is seen, and the prediction's two levels
     double distance;             // px along the normal
     double noise;                // gray
+    Vector6d terms;              // level_terms()
     Weights radiance;            // at the places
 };
 
@@ -246,46 +243,37 @@ struct MovedRadiance {
     }
 };
 
-// What the photometric model makes of a radiance, and its slope.
+// What a photograph is expected to show of a radiance.
 struct Seen {
-    double light, slope;  // 0..1: black to white
+    double gray, slope;
+    double light;  // 0 on the dark side, 1 on the light one
 };
 
 class Photometry {
 public:
-    Photometry(const PhotometricModel& model, const CameraModel& camera)
-        : tone_(model.tone), transfer_(camera.sensor ? camera.sensor->transfer : Transfer{}) {
-        if (camera.sensor && etalon::noise_gray(*camera.sensor, 0.0))
-            for (int gray = 0; gray <= 255; ++gray)
-                noise_.push_back(*etalon::noise_gray(*camera.sensor, gray));
-    }
+    Photometry(const PhotometricModel& model, const PhotometricCamera& camera)
+        : model_(model), transfer_(camera.transfer()) {}
 
-    bool knows_noise() const { return !noise_.empty(); }
-    double noise_gray(double gray) const {
-        if (noise_.empty())
-            return 1.0;
-        const double place = std::clamp(gray, 0.0, 255.0);
-        const auto below = std::min<std::size_t>(static_cast<std::size_t>(place), 254);
-        return std::lerp(noise_[below], noise_[below + 1], place - static_cast<double>(below));
+    Seen seen(const BandPixel& pixel, double radiance) const {
+        const auto [encoded, slope] = on_curve(radiance);
+        const PhotometricModel::Point point = model_.at(pixel.terms, encoded);
+        return {point.gray, point.by_seen * slope,
+                (point.gray - pixel.black) / (pixel.white - pixel.black)};
     }
-
-    Seen seen(double radiance) const {
-        constexpr double step = 1e-4;
-        if (transfer_.kind == Transfer::Kind::linear)
-            return toned(radiance, 1.0);
-        const double slope =
-            (encode(transfer_, radiance + step) - encode(transfer_, radiance - step)) / (2 * step);
-        return toned(encode(transfer_, radiance), slope);
-    }
+    double gray(const Vector6d& terms, double seen) const { return model_.at(terms, seen).gray; }
 
 private:
-    Seen toned(double value, double slope) const {
-        return {value * (1.0 + tone_ * (1.0 - value)), slope * (1.0 + tone_ * (1.0 - 2.0 * value))};
+    std::pair<double, double> on_curve(double radiance) const {
+        constexpr double step = 1e-4;
+        if (transfer_.kind == Transfer::Kind::linear)
+            return {radiance, 1.0};
+        return {encode(transfer_, radiance),
+                (encode(transfer_, radiance + step) - encode(transfer_, radiance - step)) /
+                    (2.0 * step)};
     }
 
-    double tone_;
+    const PhotometricModel& model_;
     Transfer transfer_;
-    std::vector<double> noise_;  // of gray 0, 1, ... 255; empty: not known
 };
 
 struct EdgePixels {
@@ -294,7 +282,7 @@ struct EdgePixels {
 };
 
 EdgePixels pixels_of(const Band& band, const PhotoOfMarker& photo, const RenderedPlaces& rendered,
-                     const PhotometricModel& model, const Photometry& photometry) {
+                     const Photometry& photometry, const PhotometricCamera& camera) {
     const Eigen::Vector2d half =
         band.half_length * band.tangent.cwiseAbs() + band.half_width * band.normal.cwiseAbs();
     const cv::Rect& region = rendered.region;
@@ -316,15 +304,15 @@ EdgePixels pixels_of(const Band& band, const PhotoOfMarker& photo, const Rendere
             if (use == pixel_outside || std::abs(pixel.distance) > band.half_width ||
                 std::abs(from_middle.dot(band.tangent)) > band.half_length)
                 continue;
-            const Vector6d terms = level_terms(x, y, photo.use.size());
+            pixel.terms = level_terms(x, y, photo.use.size());
             pixel.photo = photo.gray.at<float>(y, x);
-            pixel.black = model.black.dot(terms);
-            pixel.white = model.white.dot(terms);
+            pixel.black = photometry.gray(pixel.terms, 0.0);
+            pixel.white = photometry.gray(pixel.terms, 1.0);
             for (int k = 0; k < places; ++k)
                 pixel.radiance[k] = rendered.radiance[static_cast<std::size_t>(k)].at<float>(
                     y - region.y, x - region.x);
-            const double light = photometry.seen(pixel.radiance[places / 2]).light;
-            pixel.noise = photometry.noise_gray(pixel.black + (pixel.white - pixel.black) * light);
+            pixel.noise =
+                camera.noise_gray(photometry.seen(pixel, pixel.radiance[places / 2]).gray);
             result.pixels.push_back(pixel);
             ++result.uses[use == pixel_fitted ? 1 : 2];
         }
@@ -335,9 +323,10 @@ EdgePixels pixels_of(const Band& band, const PhotoOfMarker& photo, const Rendere
 class EdgeRegression {
 public:
     EdgeRegression(const std::vector<BandPixel>& pixels, const Photometry& photometry,
-                   const Band& band)
+                   bool knows_noise, const Band& band)
         : pixels_(pixels),
           photometry_(photometry),
+          knows_noise_(knows_noise),
           interpolant_(band.displacements),
           range_(1.1 * std::min(std::abs(band.displacements[0]),
                                 std::abs(band.displacements[places - 1]))),
@@ -391,11 +380,10 @@ private:
         for (Eigen::Index i = 0; i < residuals_.size(); ++i) {
             const BandPixel& pixel = pixels_[static_cast<std::size_t>(i)];
             const MovedRadiance radiance(pixel.radiance, weights, unknowns_[1]);
-            const Seen seen = photometry_.seen(radiance.value);
-            const double by_radiance = (pixel.white - pixel.black) * seen.slope;
-            const double gray = pixel.black + (pixel.white - pixel.black) * seen.light +
-                                (1.0 - seen.light) * unknowns_[2] + seen.light * unknowns_[3];
-            rows_.row(i) << by_radiance * radiance.by_shift, by_radiance * radiance.by_variance,
+            const Seen seen = photometry_.seen(pixel, radiance.value);
+            const double gray =
+                seen.gray + (1.0 - seen.light) * unknowns_[2] + seen.light * unknowns_[3];
+            rows_.row(i) << seen.slope * radiance.by_shift, seen.slope * radiance.by_variance,
                 1.0 - seen.light, seen.light;
             rows_.row(i) /= pixel.noise;
             residuals_[i] = (pixel.photo - gray) / pixel.noise;
@@ -405,9 +393,8 @@ private:
     void report(EdgeShift& edge) const {
         const double freedom = std::max(1.0, static_cast<double>(pixels_.size()) - 4.0);
         edge.reduced_chi_square = residuals_.squaredNorm() / freedom;
-        const double factor = photometry_.knows_noise()
-                                  ? std::max(1.0, std::sqrt(edge.reduced_chi_square))
-                                  : std::sqrt(edge.reduced_chi_square);
+        const double factor = knows_noise_ ? std::max(1.0, std::sqrt(edge.reduced_chi_square))
+                                           : std::sqrt(edge.reduced_chi_square);
         const Eigen::Vector4d deviations = factor * covariance_.diagonal().cwiseSqrt();
         edge.shift_px = unknowns_[0];
         edge.shift_deviation_px = deviations[0];
@@ -427,23 +414,21 @@ private:
         double spread = 0.0, second_moment = 0.0, step = 0.0;
         for (std::size_t i = 0; i < pixels_.size(); ++i) {
             const BandPixel& pixel = pixels_[i];
-            const double height = pixel.white - pixel.black;
             const MovedRadiance before(pixel.radiance, at_rest, 0.0);
             const MovedRadiance after(pixel.radiance, moved, unknowns_[1]);
-            const double predicted = photometry_.seen(before.value).light;
-            const double displaced = photometry_.seen(after.displaced).light;
-            const double light = photometry_.seen(after.value).light;
-            const double residual = pixel.photo - pixel.black - height * predicted;
-            const double shift = height * (displaced - predicted);
-            const double blur = height * (light - displaced);
-            const double levels = (1.0 - light) * unknowns_[2] + light * unknowns_[3];
+            const double predicted = photometry_.seen(pixel, before.value).gray;
+            const double displaced = photometry_.seen(pixel, after.displaced).gray;
+            const Seen fitted = photometry_.seen(pixel, after.value);
+            const double residual = pixel.photo - predicted;
+            const double shift = displaced - predicted, blur = fitted.gray - displaced;
+            const double levels = (1.0 - fitted.light) * unknowns_[2] + fitted.light * unknowns_[3];
             edge.shares.shift += shift * residual;
             edge.shares.blur += blur * residual;
             edge.shares.photometric += levels * residual;
             edge.shares.rest += (residual - shift - blur - levels) * residual;
             spread -= before.by_shift;
             second_moment -= before.by_shift * pixel.distance * pixel.distance;
-            step += height;
+            step += pixel.white - pixel.black;
         }
         edge.rendered_variance_px2 = spread > 0.0 ? second_moment / spread : 0.0;
         edge.step_gray = step / static_cast<double>(pixels_.size()) + unknowns_[3] - unknowns_[2];
@@ -451,6 +436,7 @@ private:
 
     const std::vector<BandPixel>& pixels_;
     const Photometry& photometry_;
+    bool knows_noise_;
     PlaceInterpolant interpolant_;
     double range_;
     Eigen::Matrix<double, Eigen::Dynamic, 4> rows_;
@@ -459,9 +445,10 @@ private:
     Eigen::Matrix4d covariance_ = Eigen::Matrix4d::Zero();
 };
 
-void require_usable(const PhotoOfMarker& photo, const Renderer& renderer, const PhotoState& state) {
-    const cv::Size size(renderer.camera().width, renderer.camera().height);
-    require_perspective(renderer.camera(), "comparing edges");
+void require_usable(const PhotoOfMarker& photo, const CameraModel& camera,
+                    const PhotoState& state) {
+    const cv::Size size(camera.width, camera.height);
+    require_perspective(camera, "comparing edges");
     if (photo.gray.type() != CV_32FC1 || photo.use.type() != CV_8UC1 || photo.gray.size() != size ||
         photo.use.size() != size)
         throw NumericalError(
@@ -478,16 +465,17 @@ void require_usable(const PhotoOfMarker& photo, const Renderer& renderer, const 
 
 }  // namespace
 
-EdgeShifts edge_shifts(const PhotoOfMarker& photo, const Renderer& renderer,
-                       const Projector& projector, const PhotoState& state) {
+EdgeShifts edge_shifts(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                       const PhotoState& state) {
     constexpr float least_contrast = 0.1f;  // of radiance, between the cells
     constexpr std::size_t least_pixels = 16;
-    require_usable(photo, renderer, state);
-    const RenderedPlaces rendered = rendered_places(photo, renderer, projector, state);
-    const Photometry photometry(state.photometry, renderer.camera());
-    const BandFinder finder(photo.grid, projector, rendered, state.photometry.psf_sigma_px);
+    require_usable(photo, camera.model(), state);
+    const RenderedPlaces rendered = rendered_places(photo, camera, state);
+    const Photometry photometry(state.photometry, camera);
+    const BandFinder finder(photo.grid, camera.projector(), rendered,
+                            state.photometry.psf_sigma_px);
     EdgeShifts result;
-    result.noise_is_known = photometry.knows_noise();
+    result.noise_is_known = camera.knows_noise();
     std::vector<Band> bands;
     for (const GridEdge& edge : grid_edges(photo.grid))
         if (edge.contrast >= least_contrast)
@@ -496,7 +484,7 @@ EdgeShifts edge_shifts(const PhotoOfMarker& photo, const Renderer& renderer,
             ++result.faint;
     const Eigen::Vector2d centre(0.5 * (photo.use.cols - 1), 0.5 * (photo.use.rows - 1));
     for (const Band& band : bands) {
-        const EdgePixels found = pixels_of(band, photo, rendered, state.photometry, photometry);
+        const EdgePixels found = pixels_of(band, photo, rendered, photometry, camera);
         if (found.pixels.empty())
             continue;  // outside the image or the compared area
         if (found.pixels.size() < least_pixels) {
@@ -511,7 +499,7 @@ EdgeShifts edge_shifts(const PhotoOfMarker& photo, const Renderer& renderer,
         edge.depth_mm = band.depth_mm;
         edge.radius_px = (band.middle - centre).norm();
         edge.use = found.uses[1] >= found.uses[2] ? pixel_fitted : pixel_scored;
-        if (EdgeRegression(found.pixels, photometry, band).solve(edge))
+        if (EdgeRegression(found.pixels, photometry, camera.knows_noise(), band).solve(edge))
             result.edges.push_back(edge);
         else
             ++result.undetermined;

@@ -18,7 +18,6 @@
 
 #include "compare/compared_area.h"
 #include "compare/photometric_equations.h"
-#include "sim/renderer.h"
 
 namespace etalon {
 
@@ -74,11 +73,10 @@ struct EdgeShifts {
 // The edges of the marker in a photograph that `state` says it matches. Pixels count where
 // photo.use is not 0; photo.fitted says nothing here. An edge's band ends halfway to the next edge
 // and keeps clear of crossings by about the blur's reach. Pieces are one cell's side long at most,
-// or 12 px where cells are smaller. `projector` and `renderer` are of the same camera, a
-// perspective one. Throws NumericalError for sizes that differ, a photograph or state that is not
-// finite, and what the renderer refuses. Five renderings, and some 30 us an edge. The same result
-// for any number of threads; safe from every thread.
-EdgeShifts edge_shifts(const PhotoOfMarker& photo, const Renderer& renderer,
-                       const Projector& projector, const PhotoState& state);
+// or 12 px where cells are smaller. Perspective cameras. Throws NumericalError for sizes that
+// differ, a photograph or state that is not finite, and what the renderer refuses. Five renderings,
+// and some 30 us an edge. The same result for any number of threads; safe from every thread.
+EdgeShifts edge_shifts(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                       const PhotoState& state);
 
 }  // namespace etalon

@@ -224,12 +224,6 @@ EdgeTangents tangents_of(const std::vector<Eigen::Vector2d>& outline) {
     return tangents;
 }
 
-// cv::Mat's own fill takes four times as long: a third of a small marker's frame.
-void fill(cv::Mat& pixels, float value) {
-    for (int y = 0; y < pixels.rows; ++y)
-        std::fill_n(pixels.ptr<float>(y), pixels.cols, value);
-}
-
 Radiance reference_radiance(const CameraModel& camera, const Scene& scene,
                             const RenderOptions& options, const cv::Rect& region) {
     ReferenceOptions reference;
@@ -285,20 +279,28 @@ public:
 
     const RenderPlan& plan() const { return chosen_.plan; }
 
+    // Evaluates what the region's pixels see of the marker; returns those that may differ from the
+    // background.
+    cv::Rect sample(const cv::Rect& region) {
+        constexpr double most_px = 1e5;
+        samples_.emplace(view_, cache_.map, sampled_tiles(region, cache_.filter.reach_px()),
+                         chosen_.sampling, all_refined_);
+        record(*samples_);
+        const int reach = static_cast<int>(std::ceil(
+            std::min(std::max<double>(cache_.filter.reach_px(), plan().tail_reach_px), most_px)));
+        sources_ = cache_.tail.sources(*samples_, view_, grown(region, reach, reach));
+        return sources_.empty() ? cv::Rect() : grown(sources_, reach, reach) & region;
+    }
+
     // Adds to the pixels; with a `background`, writes them, whatever was there.
     void draw(const cv::Rect& region, std::optional<float> background, cv::Mat& pixels) {
         const ImageFilter& filter = chosen_.with_spread ? cache_.filter : cache_.box_filter;
-        const TileSamples samples(view_, cache_.map,
-                                  sampled_tiles(region, cache_.filter.reach_px()), chosen_.sampling,
-                                  all_refined_);
-        record(samples);
-        const RenderPlan& plan = chosen_.plan;
-        if (plan.tail_reach_px > 0.0)
-            cache_.tail.add(samples, view_, plan.tail_reach_px, chosen_.finest_ring, region,
-                            background, pixels);
+        if (plan().tail_reach_px > 0.0)
+            cache_.tail.add(*samples_, view_, sources_, plan().tail_reach_px, chosen_.finest_ring,
+                            region, background, pixels);
         else if (background)
-            fill(pixels, *background);
-        add_filtered(samples.field(), filter.core(chosen_.sampling.k, chosen_.sampling.kind),
+            set_outside({}, region, *background, pixels);
+        add_filtered(samples_->field(), filter.core(chosen_.sampling.k, chosen_.sampling.kind),
                      region, pixels);
     }
 
@@ -327,67 +329,96 @@ private:
     MarkerView view_;
     bool all_refined_;
     RenderSampling chosen_;
+    std::optional<TileSamples> samples_;
+    cv::Rect sources_;  // pixels outside of which the marker is not
 };
 
-RenderPlan Renderer::add_markers(const Scene& scene, const RenderOptions& options,
-                                 const cv::Rect& region, cv::Mat& pixels) const {
+Renderer::Drawn Renderer::draw_markers(const Scene& scene, const RenderOptions& options,
+                                       const cv::Rect& region, const Canvas& canvas) const {
     if (options.method == RenderMethod::wave)
         throw NumericalError("the wave-optical method needs a camera with that point spread");
+    const bool is_reference = options.method == RenderMethod::reference;
     const auto background = static_cast<float>(scene.background);
+    Drawn drawn;
     if (scene.markers.empty())
-        fill(pixels, background);
-    RenderPlan plan;
+        canvas({});
     for (const PlacedMarker& placed : scene.markers) {
         MarkerRender marker(*cache_, scene, placed, options);
         const bool first = &placed == &scene.markers.front();
-        if (options.method != RenderMethod::reference)
-            marker.draw(region, first ? std::optional(background) : std::nullopt, pixels);
+        const cv::Rect seen = is_reference ? region : marker.sample(region);
+        if (first) {
+            drawn.region = scene.markers.size() == 1 ? seen : region;
+            drawn.pixels = canvas(drawn.region);
+        }
+        if (!is_reference)
+            marker.draw(drawn.region, first ? std::optional(background) : std::nullopt,
+                        drawn.pixels);
         if (first)
-            plan = marker.plan();
+            drawn.plan = marker.plan();
         else
-            merge(marker.plan(), plan);
+            merge(marker.plan(), drawn.plan);
     }
-    return plan;
+    return drawn;
 }
 
 // Of the one marker that check_wave_scene() allows.
-RenderPlan Renderer::add_wave(const Scene& scene, const RenderOptions& options,
-                              const cv::Rect& region, cv::Mat& pixels) const {
+Renderer::Drawn Renderer::draw_wave(const Scene& scene, const RenderOptions& options,
+                                    const cv::Rect& region, const Canvas& canvas) const {
     if (options.method == RenderMethod::exact_lens || options.method == RenderMethod::exact_area)
         throw NumericalError("E and C do not know the wave-optical point spread");
     check_wave_scene(scene, cache_->camera);
     const MarkerView view(scene.markers.front(), scene.background, cache_->aperture);
-    fill(pixels, static_cast<float>(scene.background));
+    Drawn drawn{region, canvas(region), {}};
+    set_outside({}, region, static_cast<float>(scene.background), drawn.pixels);
     if (options.method != RenderMethod::reference)
-        pixels += wave_difference(view, cache_->map, *cache_->wave, region, options.tolerance_gray);
+        drawn.pixels +=
+            wave_difference(view, cache_->map, *cache_->wave, region, options.tolerance_gray);
     const BlurRange blur = blur_over_marker(view, cache_->camera.intrinsics);
-    RenderPlan plan;
-    plan.method =
+    drawn.plan.method =
         options.method == RenderMethod::reference ? RenderMethod::reference : RenderMethod::wave;
-    plan.tolerance_gray = options.tolerance_gray;
-    plan.min_blur_radius_px = blur.smallest_px;
-    plan.max_blur_radius_px = blur.largest_px;
-    return plan;
+    drawn.plan.tolerance_gray = options.tolerance_gray;
+    drawn.plan.min_blur_radius_px = blur.smallest_px;
+    drawn.plan.max_blur_radius_px = blur.largest_px;
+    return drawn;
 }
 
-RenderedImage Renderer::render(const Scene& scene, const RenderOptions& options) const {
+RenderPlan Renderer::draw(const Scene& scene, const RenderOptions& options,
+                          const Canvas& canvas) const {
     const cv::Rect region = checked_region(cache_->camera, options);
     check_scene(scene);
     if (scene.markers.size() > 1)
         check_no_occlusion(scene, cache_->camera);
+    Drawn drawn = cache_->wave ? draw_wave(scene, options, region, canvas)
+                               : draw_markers(scene, options, region, canvas);
+    if (drawn.region.empty())
+        return drawn.plan;
+    if (options.method == RenderMethod::reference)
+        reference_radiance(cache_->camera, scene, options, region).copyTo(drawn.pixels);
+    if (cache_->invalid_pixels > 0)
+        drawn.pixels.setTo(scene.background, cache_->valid(drawn.region) == 0);
+    return drawn.plan;
+}
+
+RenderedImage Renderer::render(const Scene& scene, const RenderOptions& options) const {
     RenderedImage image;
     image.valid = cache_->valid;
-    image.radiance.create(cache_->camera.height, cache_->camera.width, CV_32FC1);
-    if (region.size() != image.radiance.size())
-        fill(image.radiance, static_cast<float>(scene.background));
-    cv::Mat pixels = image.radiance(region);
-    image.plan = cache_->wave ? add_wave(scene, options, region, pixels)
-                              : add_markers(scene, options, region, pixels);
-    if (options.method == RenderMethod::reference)
-        reference_radiance(cache_->camera, scene, options, region).copyTo(pixels);
-    if (cache_->invalid_pixels > 0)
-        pixels.setTo(scene.background, cache_->valid(region) == 0);
+    const cv::Rect all({0, 0}, cache_->valid.size());
+    image.plan = draw(scene, options, [&](const cv::Rect& seen) {
+        image.radiance.create(all.size(), CV_32FC1);
+        set_outside(seen, all, static_cast<float>(scene.background), image.radiance);
+        return image.radiance(seen);
+    });
     return image;
+}
+
+RenderedPart Renderer::render_part(const Scene& scene, const RenderOptions& options) const {
+    RenderedPart part;
+    part.background = scene.background;
+    part.plan = draw(scene, options, [&](const cv::Rect& seen) {
+        part.region = seen;
+        return part.radiance = cv::Mat(seen.size(), CV_32FC1);
+    });
+    return part;
 }
 
 }  // namespace etalon

@@ -9,6 +9,7 @@
 // Method and errors: docs/rendering.md.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -44,6 +45,15 @@ struct RenderedImage {
     RenderPlan plan;
 };
 
+// A rendering without what sees nothing but the background: all that there is to a small marker in
+// a large image.
+struct RenderedPart {
+    cv::Rect region;          // within the image; empty when all of it is background
+    Radiance radiance;        // CV_32FC1, the region's size
+    double background = 0.0;  // the radiance of all other pixels
+    RenderPlan plan;
+};
+
 // One per camera: holds its undistortion map and filters, and what it learns of sampling errors.
 // Safe from every thread once built.
 class Renderer {
@@ -60,16 +70,29 @@ public:
     // not finite, or the tolerance cannot be met.
     RenderedImage render(const Scene& scene, const RenderOptions& options = {}) const;
 
+    // The same pixels, of the part that is not background only. Of a small marker in a VGA image
+    // an eighth less time, and less memory to go through afterwards.
+    RenderedPart render_part(const Scene& scene, const RenderOptions& options = {}) const;
+
     const CameraModel& camera() const;
 
 private:
     struct Cache;
     class MarkerRender;
 
-    RenderPlan add_markers(const Scene& scene, const RenderOptions& options, const cv::Rect& region,
-                           cv::Mat& pixels) const;
-    RenderPlan add_wave(const Scene& scene, const RenderOptions& options, const cv::Rect& region,
-                        cv::Mat& pixels) const;
+    // Gives the pixels to be drawn into, for the rectangle of those that see a marker.
+    using Canvas = std::function<cv::Mat(const cv::Rect&)>;
+    struct Drawn {
+        cv::Rect region;
+        cv::Mat pixels;
+        RenderPlan plan;
+    };
+
+    RenderPlan draw(const Scene& scene, const RenderOptions& options, const Canvas& canvas) const;
+    Drawn draw_markers(const Scene& scene, const RenderOptions& options, const cv::Rect& region,
+                       const Canvas& canvas) const;
+    Drawn draw_wave(const Scene& scene, const RenderOptions& options, const cv::Rect& region,
+                    const Canvas& canvas) const;
 
     std::unique_ptr<const Cache> cache_;
 };

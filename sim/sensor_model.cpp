@@ -240,37 +240,78 @@ double SensorModel::code_of(double radiance) const {
 }
 
 template <class Code>
-bool SensorModel::expose_row(const Radiance& radiance, int y, const NoiseKey* noise,
-                             Code* codes) const {
-    const float* row = radiance.ptr<float>(y);
-    const float* response = response_.empty() ? nullptr : response_.ptr<float>(y);
+bool SensorModel::expose_row(const float* radiance, const cv::Point& first, int count,
+                             const NoiseKey* noise, Code* codes) const {
+    const float* response = response_.empty() ? nullptr : response_.ptr<float>(first.y) + first.x;
     if (!noise && sensor_.transfer.kind == Transfer::Kind::linear)
-        return linear_codes({range_, sensor_.black_dn + 0.5}, row, response, size_.width, codes);
-    if (!all_finite(row, size_.width))
+        return linear_codes({range_, sensor_.black_dn + 0.5}, radiance, response, count, codes);
+    if (!all_finite(radiance, count))
         return false;
-    for (int x = 0; x < size_.width; ++x) {
-        const double signal = response ? double(row[x]) * response[x] : double(row[x]);
+    const std::uint64_t pixel = std::uint64_t(first.y) * size_.width + first.x;
+    for (int x = 0; x < count; ++x) {
+        const double signal = response ? double(radiance[x]) * response[x] : double(radiance[x]);
         if (noise)
-            codes[x] = static_cast<Code>(
-                code_of(with_noise(signal, *noise, std::uint64_t(y) * size_.width + x)));
+            codes[x] = static_cast<Code>(code_of(with_noise(signal, *noise, pixel + x)));
         else
             codes[x] = static_cast<Code>(steps_ ? steps_->code_at(signal) : code_of(signal));
     }
     return true;
 }
 
-CodeImage SensorModel::expose(const Radiance& radiance, std::optional<NoiseKey> noise) const {
-    check_size(radiance, size_);
-    const NoiseKey* key = noise && sensor_.gain_e_per_dn > 0.0 ? &*noise : nullptr;
-    CodeImage image{cv::Mat(size_, sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
+CodeImage SensorModel::without_codes() const {
+    return {cv::Mat(size_, sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
+}
+
+// The codes of `radiance`, whose first pixel is the region's.
+void SensorModel::expose_region(const Radiance& radiance, const cv::Rect& region,
+                                const NoiseKey* noise, cv::Mat& codes) const {
     std::atomic<bool> finite = true;
-    for_each_row(size_.height, [&](int y) {
-        if (!(sensor_.bits > 8 ? expose_row(radiance, y, key, image.pixels.ptr<std::uint16_t>(y))
-                               : expose_row(radiance, y, key, image.pixels.ptr<std::uint8_t>(y))))
+    for_each_row(region.height, [&](int y) {
+        const float* row = radiance.ptr<float>(y);
+        const cv::Point first(region.x, region.y + y);
+        const auto exposed = [&](auto* to) {
+            return expose_row(row, first, region.width, noise, to + first.x);
+        };
+        if (!(sensor_.bits > 8 ? exposed(codes.ptr<std::uint16_t>(first.y))
+                               : exposed(codes.ptr<std::uint8_t>(first.y))))
             finite = false;
     });
     if (!finite)
         refuse_not_finite(radiance);
+}
+
+CodeImage SensorModel::expose(const Radiance& radiance, std::optional<NoiseKey> noise) const {
+    check_size(radiance, size_);
+    const NoiseKey* key = noise && sensor_.gain_e_per_dn > 0.0 ? &*noise : nullptr;
+    CodeImage image = without_codes();
+    expose_region(radiance, cv::Rect({0, 0}, size_), key, image.pixels);
+    return image;
+}
+
+CodeImage SensorModel::expose(const RenderedPart& part, std::optional<NoiseKey> noise) const {
+    if ((part.region & cv::Rect({0, 0}, size_)) != part.region ||
+        part.radiance.size() != part.region.size())
+        throw NumericalError(fmt::format("a part of {} x {} px at ({}, {}) is not in the sensor",
+                                         part.region.width, part.region.height, part.region.x,
+                                         part.region.y));
+    const bool alike = response_.empty() && !(noise && sensor_.gain_e_per_dn > 0.0);
+    if (!alike) {
+        Radiance whole(size_, CV_32FC1, cv::Scalar(part.background));
+        if (!part.region.empty())
+            part.radiance.copyTo(whole(part.region));
+        return expose(whole, noise);
+    }
+    if (!std::isfinite(part.background))
+        throw NumericalError(fmt::format("the background's radiance is {}", part.background));
+    const double code = code_of(static_cast<float>(part.background));
+    CodeImage image = without_codes();
+    if (sensor_.bits > 8)
+        std::fill_n(image.pixels.ptr<std::uint16_t>(), image.pixels.total(),
+                    static_cast<std::uint16_t>(code));
+    else
+        std::fill_n(image.pixels.ptr<std::uint8_t>(), image.pixels.total(),
+                    static_cast<std::uint8_t>(code));
+    expose_region(part.radiance, part.region, nullptr, image.pixels);
     return image;
 }
 

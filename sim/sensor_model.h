@@ -23,6 +23,7 @@
 
 #include "calib/camera_model.h"
 #include "core/image.h"
+#include "sim/renderer.h"
 #include "sim/sensor_simd.h"
 #include "sim/sensor_steps.h"
 
@@ -64,6 +65,10 @@ public:
     // Throws NumericalError for another size or type and for a pixel that is not finite.
     CodeImage expose(const Radiance& radiance, std::optional<NoiseKey> noise = {}) const;
 
+    // The same codes from a rendering's part. Without noise, illumination and mosaic all of the
+    // background has one code, and costs nothing but memory.
+    CodeImage expose(const RenderedPart& part, std::optional<NoiseKey> noise = {}) const;
+
     // Steps 6 to 2 undone: radiance at the sensor (relative response stays in). Codes below
     // black give negative radiance, and a saturated code 1, which is then only a lower bound.
     // The image must have the sensor's bit depth (NumericalError otherwise), and may be of any
@@ -79,9 +84,13 @@ public:
 private:
     double with_noise(double radiance, const NoiseKey& key, std::uint64_t pixel) const;
     double code_of(double radiance) const;
+    CodeImage without_codes() const;
     // False where a radiance is not finite.
     template <class Code>
-    bool expose_row(const Radiance& radiance, int y, const NoiseKey* noise, Code* codes) const;
+    bool expose_row(const float* radiance, const cv::Point& first, int count, const NoiseKey* noise,
+                    Code* codes) const;
+    void expose_region(const Radiance& radiance, const cv::Rect& region, const NoiseKey* noise,
+                       cv::Mat& codes) const;
 
     Sensor sensor_;
     cv::Size size_;

@@ -128,31 +128,24 @@ struct Rings {
     }
 };
 
-// Writes the background outside `inner`.
-void set_outside(const cv::Rect& inner, const cv::Rect& region, float background, cv::Mat& pixels) {
-    for (int y = region.y; y < region.br().y; ++y) {
-        float* row = pixels.ptr<float>(y - region.y);
-        const bool beside = y >= inner.y && y < inner.br().y;
-        const int from = beside ? inner.x - region.x : region.width;
-        std::fill(row, row + from, background);
-        if (beside)
-            std::fill(row + inner.br().x - region.x, row + region.width, background);
-    }
-}
-
 }  // namespace
 
 TailPyramid::TailPyramid(const ImageFilter& filter, const Projector& projector)
     : filter_(filter), corners_(projector) {}
 
-void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, double reach_px,
-                      int finest, const cv::Rect& region, std::optional<float> background,
-                      cv::Mat& pixels) const {
+cv::Rect TailPyramid::sources(const TileSamples& samples, const MarkerView& marker,
+                              const cv::Rect& limit) const {
+    return source_pixels(samples, marker, corners_.projector(), limit);
+}
+
+void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, const cv::Rect& seen_at,
+                      double reach_px, int finest, const cv::Rect& region,
+                      std::optional<float> background, cv::Mat& pixels) const {
     constexpr int finest_outside = 3;  // shift of the squares outside the samples
     constexpr double most_px = 1e5;
     const Rings rings(filter_, std::min(reach_px, most_px), finest);
     const int reach = static_cast<int>(std::ceil(std::min(reach_px, most_px)));
-    TailSources sources(samples, marker, corners_, grown(region, reach, reach));
+    TailSources sources(samples, marker, corners_, seen_at & grown(region, reach, reach));
     cv::Rect reached = grown(sources.pixels(), reach, reach) & region;
     if (sources.pixels().empty() || rings.top < rings.first)
         reached = {};

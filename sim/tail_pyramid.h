@@ -17,13 +17,19 @@ public:
     // Both must outlive it.
     TailPyramid(const ImageFilter& filter, const Projector& projector);
 
+    // The pixels within `limit` outside of which the marker is not: of the image and beyond.
+    cv::Rect sources(const TileSamples& samples, const MarkerView& marker,
+                     const cv::Rect& limit) const;
+
     // Adds to the region's `pixels` (CV_32FC1, its size) the tail of everything within `reach_px`
-    // (infinity included) of a pixel; with a `background`, writes tail and background instead,
+    // (infinity included) of a pixel; `seen_at` is what sources() gave for the region with that
+    // much room around it. With a `background`, writes tail and background instead,
     // whatever was there. The samples must cover the region and ImageFilter::reach_px() around it,
     // best in multiples of 8 px. `finest`: the shift of the first ring's grid. Parallel, and the
     // same bytes for any number of threads.
-    void add(const TileSamples& samples, const MarkerView& marker, double reach_px, int finest,
-             const cv::Rect& region, std::optional<float> background, cv::Mat& pixels) const;
+    void add(const TileSamples& samples, const MarkerView& marker, const cv::Rect& seen_at,
+             double reach_px, int finest, const cv::Rect& region, std::optional<float> background,
+             cv::Mat& pixels) const;
 
 private:
     const ImageFilter& filter_;

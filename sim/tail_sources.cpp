@@ -70,15 +70,18 @@ const SquareCorners::Table& SquareCorners::table(int shift) const {
     return result;
 }
 
-TailSources::TailSources(const TileSamples& samples, const MarkerView& marker,
-                         const SquareCorners& corners, const cv::Rect& limit)
-    : samples_(samples), marker_(marker), corners_(corners) {
-    pixels_ = scaled(samples.tiles_off_background(), tile_px);
-    const cv::Rect box = marker_box(marker, corners.projector(), limit);
-    if (!contains(scaled(samples.tiles(), tile_px), box))
-        pixels_ = pixels_.empty() ? box : pixels_ | box;
-    pixels_ &= limit;
+cv::Rect source_pixels(const TileSamples& samples, const MarkerView& marker,
+                       const Projector& projector, const cv::Rect& limit) {
+    const cv::Rect sampled = scaled(samples.tiles_off_background(), tile_px);
+    const cv::Rect box = marker_box(marker, projector, limit);
+    if (contains(scaled(samples.tiles(), tile_px), box))
+        return sampled & limit;
+    return (sampled.empty() ? box : sampled | box) & limit;
 }
+
+TailSources::TailSources(const TileSamples& samples, const MarkerView& marker,
+                         const SquareCorners& corners, const cv::Rect& pixels)
+    : samples_(samples), marker_(marker), corners_(corners), pixels_(pixels) {}
 
 void TailSources::average(const std::vector<cv::Rect>& needed, int finest) {
     squares_.assign(needed.size(), TileMap());

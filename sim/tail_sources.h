@@ -50,13 +50,17 @@ private:
     mutable std::array<Table, most_shift + 1> tables_;
 };
 
+// The pixels outside of which the marker is not, as far as they are within `limit`: of the image
+// and beyond.
+cv::Rect source_pixels(const TileSamples& samples, const MarkerView& marker,
+                       const Projector& projector, const cv::Rect& limit);
+
 class TailSources {
 public:
-    // Nothing beyond `limit` (px) matters. All must outlive it.
+    // `pixels`: those of source_pixels(), or the part of them that matters. All must outlive it.
     TailSources(const TileSamples& samples, const MarkerView& marker, const SquareCorners& corners,
-                const cv::Rect& limit);
+                const cv::Rect& pixels);
 
-    // The pixels outside of which the marker is not.
     const cv::Rect& pixels() const { return pixels_; }
 
     // Averages what the sums need: on each grid from the shift `finest` on, 0 to 2, the squares of

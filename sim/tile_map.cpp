@@ -21,6 +21,18 @@ cv::Rect grown(const cv::Rect& rect, int x, int y) {
     return {rect.x - x, rect.y - y, rect.width + 2 * x, rect.height + 2 * y};
 }
 
+// cv::Mat's own fill takes four times as long: a third of a small marker's frame.
+void set_outside(const cv::Rect& inner, const cv::Rect& region, float value, cv::Mat& pixels) {
+    for (int y = region.y; y < region.br().y; ++y) {
+        float* row = pixels.ptr<float>(y - region.y);
+        const bool beside = y >= inner.y && y < inner.br().y;
+        const int from = beside ? inner.x - region.x : region.width;
+        std::fill(row, row + from, value);
+        if (beside)
+            std::fill(row + inner.br().x - region.x, row + region.width, value);
+    }
+}
+
 namespace {
 
 std::size_t length(int n) {

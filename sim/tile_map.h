@@ -17,6 +17,10 @@ cv::Rect cells_of(const cv::Rect& pixels, int size);
 // The rectangle with margins of x and y on both sides.
 cv::Rect grown(const cv::Rect& rect, int x, int y);
 
+// Writes the value to the region's `pixels` (CV_32FC1, its size) outside of `inner`, a part of the
+// region, which may be empty.
+void set_outside(const cv::Rect& inner, const cv::Rect& region, float value, cv::Mat& pixels);
+
 // One value for each tile of a grid, zero outside, and where it is the same throughout.
 class TileMap {
 public:

@@ -52,7 +52,7 @@ Throughput measure_throughput(const BenchmarkScene& scene, const std::vector<Rig
     std::atomic<int> refused = 0;
     const auto render = [&](const Rigid& pose) {
         try {
-            sensor.expose(renderer.render(posed(pose)).radiance);
+            sensor.expose(renderer.render_part(posed(pose)));
         } catch (const NumericalError&) {
             ++refused;
         }

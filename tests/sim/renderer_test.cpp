@@ -190,6 +190,24 @@ TEST(Renderer, OfARegionIsThatPartOfTheWhole) {
     EXPECT_EQ(part.at<float>(0, 0), 1.0f);
 }
 
+// Where the marker is cut by the image, where all of it is seen, and where nothing is.
+TEST(Renderer, OfAPartIsWhatDiffersFromTheBackground) {
+    const Renderer renderer(with_lens());
+    for (const double x_mm : {-27.0, 3.0, -400.0}) {
+        Scene scene = small_marker();
+        scene.background = 0.7;
+        scene.markers[0].camera_from_marker.translation.x() = x_mm;
+        const RenderedPart part = renderer.render_part(scene);
+        Radiance whole(72, 96, CV_32FC1, cv::Scalar(0.7));
+        if (!part.region.empty())
+            part.radiance.copyTo(whole(part.region));
+        EXPECT_EQ(part.background, 0.7);
+        EXPECT_EQ(largest_difference(whole, renderer.render(scene).radiance), 0.0) << x_mm;
+        EXPECT_LT(part.region.area(), 96 * 72) << x_mm;
+        EXPECT_EQ(part.region.empty(), x_mm == -400.0);
+    }
+}
+
 TEST(Renderer, MarksPixelsWithoutARay) {
     CameraModel camera = pinhole();
     camera.intrinsics.fx = camera.intrinsics.fy = 60.0;

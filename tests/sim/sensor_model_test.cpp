@@ -186,7 +186,7 @@ TEST(SensorNoise, IsTheSameForTheSameKeyAndAnotherForTheNextFrameOrSeed) {
 TEST(SensorModel, RefusesRadianceThatIsNotItsSize) {
     const SensorModel model(camera_of(7, 5));
     EXPECT_THROW(model.expose(uniform(0.5, 5, 7)), NumericalError);
-    EXPECT_THROW(model.expose({}), NumericalError);
+    EXPECT_THROW(model.expose(Radiance()), NumericalError);
     EXPECT_THROW(model.linear_radiance({cv::Mat(5, 7, CV_16UC1), 12}), NumericalError);
 }
 
@@ -386,6 +386,37 @@ TEST(SensorModel, GivesEachChannelItsSignalAndItsNoise) {
             squares +=
                 std::pow(noisy.pixels.at<std::uint16_t>(y, x) - (64 + range * 0.6 * 0.25), 2);
     EXPECT_NEAR(squares / 1e4, range * 0.6 * 0.25 / 2.0 + 1.0 / 12.0, 0.06 * range * 0.6 * 0.125);
+}
+
+// Whatever the sensor does: of one code for the background, or of noise and illumination there too.
+TEST(SensorModel, ExposesAPartAsTheWholeWouldBe) {
+    RenderedPart part{{40, 30, 57, 21}, Radiance(21, 57, CV_32FC1), 0.37, {}};
+    for (int y = 0; y < 21; ++y)
+        for (int x = 0; x < 57; ++x)
+            part.radiance.at<float>(y, x) = static_cast<float>(0.017 * x + 0.003 * y);
+    CameraModel camera = camera_of(160, 90);
+    Radiance whole = uniform(0.37, 160, 90);
+    part.radiance.copyTo(whole(part.region));
+    const NoiseKey key{3, 4};
+    for (const int bits : {8, 12})
+        for (const bool vignetted : {false, true})
+            for (const auto curve : {Transfer::Kind::linear, Transfer::Kind::rec709}) {
+                camera.sensor = Sensor{.bits = bits, .black_dn = 3.0, .gain_e_per_dn = 5.0};
+                camera.sensor->transfer.kind = curve;
+                if (vignetted)
+                    camera.sensor->illumination = {Illumination::Kind::polynomial, {-0.2, 0, 0}};
+                const SensorModel model(camera);
+                for (const std::optional<NoiseKey> noise : {std::optional<NoiseKey>(), {key}})
+                    EXPECT_EQ(cv::norm(model.expose(part, noise).pixels,
+                                       model.expose(whole, noise).pixels, cv::NORM_INF),
+                              0.0);
+            }
+    part.region.x = camera.width - 56;
+    EXPECT_THROW(SensorModel{camera}.expose(part), NumericalError);
+    part.region = {};
+    part.radiance.release();
+    part.background = std::nan("");
+    EXPECT_THROW(SensorModel{camera}.expose(part), NumericalError);
 }
 
 TEST(SensorModel, RefusesAChannelWithoutResponse) {

@@ -61,7 +61,10 @@ cv::Mat filtered(const CameraModel& camera, const PlacedMarker& marker, const Sa
     const cv::Rect tiles(2 * squares.x, 2 * squares.y, 2 * squares.width, 2 * squares.height);
     const TileSamples samples(view, map, tiles, sampling);
     cv::Mat difference(region.size(), CV_32FC1);
-    tail.add(samples, view, reach_px, filter.first_ring() + coarser, region, 0.0f, difference);
+    const int room = static_cast<int>(std::min(reach_px, 1e5)) + 1;
+    const cv::Rect seen_at = tail.sources(samples, view, grown(region, room, room));
+    tail.add(samples, view, seen_at, reach_px, filter.first_ring() + coarser, region, 0.0f,
+             difference);
     add_filtered(samples.field(), filter.core(sampling.k, sampling.kind), region, difference);
     return difference;
 }

@@ -24,15 +24,26 @@ struct Levels {
     }
 };
 
-// Means over windows, of the used pixels among them; 0 where fewer than half are used.
+// Where the prediction changes by less than 5 % of the contrast per px: not beside an edge, where a
+// displacement of a px leaves a residual as large as a cover's.
+cv::Mat flat_places(const cv::Mat& predicted, const cv::Mat& contrast) {
+    cv::Mat by_x, by_y;
+    constexpr double per_px = 1.0 / 8.0;  // of Sobel's filter
+    cv::Sobel(predicted, by_x, CV_32F, 1, 0, 3, per_px);
+    cv::Sobel(predicted, by_y, CV_32F, 0, 1, 3, per_px);
+    return cv::Mat(cv::abs(by_x) + cv::abs(by_y)) < 0.05 * contrast;
+}
+
+// Means over windows, of the used pixels among them; 0 where fewer than a sixth are used.
 cv::Mat window_means(const cv::Mat& values, const cv::Mat& used, int side) {
+    constexpr double least_share = 1.0 / 6.0;
     cv::Mat weight, sum, count;
     used.convertTo(weight, CV_32F, 1.0 / 255.0);
     cv::boxFilter(values.mul(weight), sum, CV_32F, {side, side}, {-1, -1}, true,
                   cv::BORDER_CONSTANT);
     cv::boxFilter(weight, count, CV_32F, {side, side}, {-1, -1}, true, cv::BORDER_CONSTANT);
     cv::Mat means = sum / cv::max(count, 0.01f);
-    means.setTo(0.0f, (count < 0.5f) | (used == 0));
+    means.setTo(0.0f, count < least_share);
     return means;
 }
 
@@ -45,7 +56,9 @@ CoveredAreas covered_areas(const cv::Mat& photo_gray, const PixelDifference& dif
     const int side = std::max(3, static_cast<int>(std::lround(window_px)));
     const cv::Mat used = difference.use != pixel_outside;
     const Levels levels(difference.model, used.size());
-    const cv::Mat means = window_means(difference.residual / levels.contrast, used, side);
+    const cv::Mat means =
+        window_means(difference.residual / levels.contrast,
+                     used & flat_places(difference.predicted, levels.contrast), side);
     const cv::Mat size = cv::abs(means);
 
     CoveredAreas areas;

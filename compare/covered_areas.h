@@ -1,8 +1,8 @@
 // Where a photograph differs from its rendering by a good part of the contrast over more than an
 // edge's width: something covers the marker, or shines on it.
 //
-// The residual is averaged over square windows of a third of a cell, but at least 3 px, so that a
-// displaced edge or blur, whose residuals are narrow and of both signs, average out.
+// The residual is averaged over square windows of a third of a cell, but at least 3 px, beside the
+// edges: a displaced or blurred edge is another fault. Cells of 4 px and less have no such places.
 #pragma once
 
 #include <opencv2/core.hpp>

@@ -18,15 +18,17 @@ namespace {
 // The limits; docs/validation.md has the reasons.
 constexpr double least_explained = 0.5;       // of the cells' variance, by any pattern
 constexpr double most_clipped = 0.05;         // of the light cells' samples
+constexpr double hopelessly_clipped = 0.5;    // their median is no level any more
 constexpr double least_contrast_gray = 20.0;  // 8-bit steps are 5 % of it
 constexpr double most_blur_cells = 0.35;      // sigma: a cell's middle misses its level by 15 %
 constexpr double most_covered = 0.25;         // of the contrast, in a window
 constexpr double bright_part = 0.3;           // of a covered area, for it to be called glare
 // Of 26 photographs of a printed board (hand-held, JPEG at quality 50) the largest were 0.041 px,
-// 0.064 px, 2.5 px, 0.13, 4.0 gray and 0.038: what good work leaves, times 1.2 or more.
+// 0.064 px, 2.5 px, 0.13, 4.0 gray and 0.038: what good work leaves, times 1.2 or more. A lens that
+// is sharper than a Gaussian looks sharpened by 0.25, after JPEG at quality 50 by 0.37.
 constexpr double most_rows_px = 0.06, most_calibration_px = 0.09;
 constexpr double most_smear_px = 3.0;
-constexpr double most_sharpening = 0.2;
+constexpr double most_sharpening = 0.45;
 constexpr double most_block_step_gray = 4.5;
 constexpr double most_rest = 0.06;            // RMS residual, of the contrast
 constexpr double most_rest_over_noise = 2.0;  // where the camera's noise is known
@@ -71,7 +73,7 @@ Finding saturated(double clipped) {
             "%",
             fmt::format("{:.0f} % of the light cells are at the end of the scale: expose less",
                         100.0 * clipped),
-            true};
+            clipped > hopelessly_clipped};
 }
 
 bool is_tag(const Marker& marker) {
@@ -139,7 +141,7 @@ Findings pattern_findings(const Marker& marker, const ShownPattern& shown) {
                                     "marker, of another family or damaged",
                                     shown.flipped_to_light, shown.flipped_to_dark),
                         true}};
-    if (shown.clipped_white > most_clipped)
+    if (shown.clipped_white > hopelessly_clipped)
         return {saturated(shown.clipped_white)};
     if (expected.contrast_gray < least_contrast_gray)
         return {low_contrast(expected.contrast_gray)};
@@ -249,13 +251,36 @@ bool is_large(const Finding& finding) {
                                           : finding.value > finding.limit;
 }
 
+// Rows that are displaced and a wrong calibration may look nearly the same: then both are named.
+void name_the_rival(const ResidualModes& modes, const ModeFit& fit, Finding& finding) {
+    constexpr double nearly = 0.8;
+    const bool rows = fit.mode == ResidualMode::rows;
+    if (!rows && fit.mode != ResidualMode::calibration)
+        return;
+    const double own = modes.fit(fit.mode, {}).size_px;
+    const double other =
+        modes.fit(rows ? ResidualMode::calibration : ResidualMode::rows, {}).size_px;
+    if (other > nearly * own)
+        finding.sentence +=
+            fmt::format("; {} explains {:.0f} % of it as well",
+                        rows ? "a wrong calibration" : "a rolling shutter", 100.0 * other / own);
+}
+
+// A smear has sharp ends, which would pass for sharpening.
 Findings mode_findings(const ResidualModes& modes) {
     Findings findings;
     for (const ModeFit& fit : modes.significant()) {
-        const Finding finding = of_mode(fit);
-        if (is_large(finding))
-            findings.push_back(finding);
+        Finding finding = of_mode(fit);
+        if (!is_large(finding))
+            continue;
+        name_the_rival(modes, fit, finding);
+        findings.push_back(finding);
     }
+    const auto named = [&](const std::string& name) {
+        return [name](const Finding& finding) { return finding.name == name; };
+    };
+    if (std::any_of(findings.begin(), findings.end(), named("motion_blur")))
+        std::erase_if(findings, named("sharpened"));
     return findings;
 }
 
@@ -322,6 +347,8 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
         covered_areas(gray, difference, shown.cell_px / 3.0, most_covered, saturation);
     if (areas.share > 0)
         findings.push_back(covered(areas));
+    else if (shown.clipped_white > most_clipped)
+        findings.push_back(saturated(shown.clipped_white));
     add(mode_findings(ResidualModes(difference,
                                     (difference.use != pixel_outside) & (areas.pixels == 0), camera,
                                     state.camera_from_marker, match.pose.noise_scale)));

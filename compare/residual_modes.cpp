@@ -259,7 +259,7 @@ std::vector<ModeFit> ResidualModes::significant() const {
             if (std::find(known.begin(), known.end(), mode) != known.end())
                 continue;
             const ModeFit one = fit(mode, known);
-            if (one.is_significant() && one.chi_square > best.chi_square)
+            if (one.is_significant() && one.size_px > best.size_px)
                 best = one;
         }
         if (best.freedom == 0)

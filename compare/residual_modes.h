@@ -53,7 +53,7 @@ public:
     // A mode beside what the fit had and the modes in `known`.
     ModeFit fit(ResidualMode mode, const std::vector<ResidualMode>& known) const;
 
-    // The modes that stand out, most significant first, each found beside those before it.
+    // The modes that stand out, the largest first, each found beside those before it.
     std::vector<ModeFit> significant() const;
 
 private:

@@ -175,12 +175,14 @@ private:
 cv::Mat placed(const cv::Mat& cells, bool mirrored, int quarter_turns) {
     constexpr int rotations[] = {cv::ROTATE_90_CLOCKWISE, cv::ROTATE_180,
                                  cv::ROTATE_90_COUNTERCLOCKWISE};
-    cv::Mat result = cells;
+    cv::Mat result = cells.clone();  // not into the marker's own cells
     if (mirrored)
         cv::flip(cells, result, 1);
-    if (quarter_turns > 0)
-        cv::rotate(result, result, rotations[quarter_turns - 1]);
-    return result;
+    if (quarter_turns == 0)
+        return result;
+    cv::Mat turned;
+    cv::rotate(result, turned, rotations[quarter_turns - 1]);
+    return turned;
 }
 
 bool is_tag(const Marker& marker) {

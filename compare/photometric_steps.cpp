@@ -29,6 +29,11 @@ Step step_of(const PhotoEquations& equations, double damping) {
     return {delta, gain};
 }
 
+// To the last bit: then their renderings are the same.
+bool same_pose(const Rigid& a, const Rigid& b) {
+    return a.rotation.coeffs() == b.rotation.coeffs() && a.translation == b.translation;
+}
+
 }  // namespace
 
 PhotometricSteps::PhotometricSteps(const PhotoOfMarker& photo, const PhotometricCamera& camera,
@@ -38,13 +43,19 @@ PhotometricSteps::PhotometricSteps(const PhotoOfMarker& photo, const Photometric
       terms_(terms),
       motion_(camera.projector(), near.camera_from_marker, {}, fitted_region(photo, camera)) {}
 
-PhotoPlace PhotometricSteps::at(const PhotoState& state, double noise_scale) {
+void PhotometricSteps::render(const Rigid& camera_from_marker) {
     constexpr double rough_tolerance_gray = 0.5;
-    const bool rough = gradient_.by_x.empty();
+    if (rendered_ && same_pose(*rendered_, camera_from_marker))
+        return;
     ++renderings_;
     gradient_.radiance = camera_->at_sensor(
-        {{{photo_->grid, state.camera_from_marker}}, photo_->background}, motion_.region(),
-        rough ? rough_tolerance_gray : PhotometricCamera::fine_tolerance_gray);
+        {{{photo_->grid, camera_from_marker}}, photo_->background}, motion_.region(),
+        gradient_.by_x.empty() ? rough_tolerance_gray : PhotometricCamera::fine_tolerance_gray);
+    rendered_ = camera_from_marker;
+}
+
+PhotoPlace PhotometricSteps::at(const PhotoState& state, double noise_scale) {
+    render(state.camera_from_marker);
     return {state,
             photo_equations(*photo_, *camera_, state, terms_, gradient_, motion_, noise_scale),
             noise_scale};
@@ -55,6 +66,7 @@ void PhotometricSteps::render_gradient(const PhotoState& state) {
     motion_ = ImageMotion(camera_->projector(), state.camera_from_marker, {}, motion_.region());
     gradient_ = camera_->gradient_at_sensor({photo_->grid, state.camera_from_marker},
                                             photo_->background, motion_);
+    rendered_ = state.camera_from_marker;
 }
 
 bool PhotometricSteps::descend(PhotoPlace& place, const DescentRule& rule) {

@@ -7,6 +7,8 @@
 // root of J^T r = 0 for the residuals r of the last rendering.
 #pragma once
 
+#include <optional>
+
 #include "compare/photometric_equations.h"
 
 namespace etalon {
@@ -25,7 +27,8 @@ struct DescentRule {
     double max_damping = 1e3;  // beyond, no better place is near
 };
 
-// Refers to photograph and camera, which must outlive it. One thread.
+// Another noise scale or photometric model takes no new rendering. Refers to photograph and camera,
+// which must outlive it. One thread.
 class PhotometricSteps {
 public:
     // `near` is about where the steps will be: within some px. Throws as photo_equations() does.
@@ -44,11 +47,14 @@ public:
     int renderings() const { return renderings_; }
 
 private:
+    void render(const Rigid& camera_from_marker);
+
     const PhotoOfMarker* photo_;
     const PhotometricCamera* camera_;
     PhotometricTerms terms_;
     ImageMotion motion_;
-    RenderedGradient gradient_;  // empty: central differences
+    RenderedGradient gradient_;      // without slopes: central differences
+    std::optional<Rigid> rendered_;  // where gradient_.radiance is
     int renderings_ = 0;
 };
 

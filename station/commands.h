@@ -91,9 +91,11 @@ struct DetectArguments {
     std::filesystem::path camera;
     std::vector<std::filesystem::path> photos;
     std::string detector = "auto";
+    std::filesystem::path poses;  // starts for the photometric detector; empty: another detector's
     bool json = false;
 };
 int run_detect(const DetectArguments& arguments);
+int run_photometric_detect(const DetectArguments& arguments);
 
 struct CompareArguments {
     std::filesystem::path camera, out;

@@ -89,6 +89,10 @@ void print_table(const std::vector<PhotoPose>& poses) {
 int run_detect(const DetectArguments& arguments) {
     if (arguments.photos.empty())
         throw ConfigError({"PHOTOS"}, "no photograph given");
+    if (arguments.detector == "photometric")
+        return run_photometric_detect(arguments);
+    if (!arguments.poses.empty())
+        throw ConfigError({"--poses"}, "only --detector photometric starts from poses");
     const Marker marker = parse_marker(arguments.marker, "--marker");
     const auto detector = make_detector(arguments.detector, marker, "--detector");
     const CameraModel camera = read_camera_for(arguments.camera, arguments.photos);

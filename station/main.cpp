@@ -255,23 +255,31 @@ void add_detect_command(CLI::App& app, Run& run) {
         ->required()
         ->type_name("M");
     sub->add_option("--camera", arguments->camera, "calibration, for the pose")->type_name("FILE");
-    sub->add_option("--detector", arguments->detector,
-                    "apriltag, aruco, chessboard, or auto: the marker's own")
+    sub->add_option(
+           "--detector", arguments->detector,
+           "apriltag, aruco, chessboard, auto: the marker's\nown; or photometric: the pose "
+           "from all pixels,\nfor any marker or board")
         ->type_name("NAME");
+    sub->add_option("--poses", arguments->poses,
+                    "where the marker is about (photometric only):\na pose for each photo, the "
+                    "image right to 5 px")
+        ->type_name("FILE");
 }
 
 void add_compare_command(CLI::App& app, Run& run) {
     auto arguments = std::make_shared<CompareArguments>();
-    CLI::App* sub =
-        add_command(app, run, arguments, run_compare, "compare",
-                    "compare photographs with renders from a calibration",
-                    "Renders every photograph at its pose and reports how they differ: prints\n"
-                    "`mean residual x gray over n photos`; overlays and residual maps go to DIR.\n"
-                    "Poses are estimated from the photographs unless --poses gives them.\n\n"
-                    "Example:\n"
-                    "  etalon compare --camera camera.yml --board 9x6 --square-mm 25 \\\n"
-                    "      left*.jpg --out differences\n\n" +
-                        std::string(marker_names));
+    CLI::App* sub = add_command(
+        app, run, arguments, run_compare, "compare",
+        "compare photographs with renders from a calibration",
+        "Renders every photograph at its pose and reports how they differ: prints\n"
+        "`mean residual x gray over n photos`; the report, tables, overlays and plots\n"
+        "go to DIR. Each photograph is compared at its pose and at the pose refined on\n"
+        "its pixels.\n"
+        "Poses are estimated from the photographs unless --poses gives them.\n\n"
+        "Example:\n"
+        "  etalon compare --camera camera.yml --board 9x6 --square-mm 25 \\\n"
+        "      left*.jpg --out differences\n\n" +
+            std::string(marker_names));
     sub->add_option("PHOTOS", arguments->photos, "photographs to compare")
         ->required()
         ->type_name("");
@@ -298,6 +306,9 @@ void add_compare_command(CLI::App& app, Run& run) {
                     "how far around a board's inner corners residuals\n"
                     "count, in squares (default 0.3,0.65)")
         ->type_name("X,Y");
+    sub->add_option("--baseline", arguments->baseline,
+                    "folder of an earlier comparison of this camera:\nwhat changed since")
+        ->type_name("DIR");
 }
 
 void add_devices_command(CLI::App& app, Run& run) {

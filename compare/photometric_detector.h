@@ -1,0 +1,56 @@
+// A marker's pose from a photograph and a pose nearby, where the stage or a detector puts it: no
+// corner is looked for, so that any marker or board will do. What is fitted, and where, is chosen
+// here; the fit is compare/photometric_pose.h.
+//
+// A start that is off by some px would leave most edges without an edge to go to. So photograph and
+// rendering are blurred first, by a Gaussian of 3 px and of 1.5 px, and the pose is found there by
+// least squares on all pixels. Basin, measured for a 50 mm tag at 300 to 700 mm in a VGA image
+// (tests/evidence/photometric_pose.cpp): see basin_px.
+#pragma once
+
+#include <memory>
+
+#include "compare/compared_area.h"
+#include "compare/photometric_pose.h"
+#include "core/image.h"
+#include "sim/marker.h"
+
+namespace etalon {
+
+class PhotometricDetector {
+public:
+    // `marker` as parse_marker() makes it. Throws ConfigError for a camera or marker that cannot be
+    // used, with `place`, and NumericalError for a telecentric camera.
+    PhotometricDetector(const CameraModel& camera, const Marker& marker, const std::string& place);
+
+    // Starts that displace the marker's image by this much in any direction, or turn or scale it so
+    // that its corners move by as much, are coarse ones; below 1 px none is needed.
+    static constexpr double basin_px = 5.0;
+
+    // `start_error_px`: how far the start's edges may be off. Throws NumericalError when the start
+    // does not put the marker into the image, the pixels do not determine the pose, or the
+    // photograph does not show the marker there (correlation with the rendering below 0.7). CPU
+    // time: see photometric_pose(). Safe from every thread.
+    PhotometricPose find(const CodeImage& photo, const Rigid& start, double start_error_px) const;
+
+    const std::shared_ptr<const PhotometricCamera>& camera() const { return camera_; }
+
+private:
+    Rigid from_afar(const cv::Mat& gray, const Rigid& start, double start_error_px) const;
+    PhotoOfMarker photo_at(const cv::Mat& gray, const Rigid& camera_from_marker) const;
+    void require_shown(const PhotoOfMarker& photo, const Rigid& camera_from_marker) const;
+
+    std::shared_ptr<const PhotometricCamera> camera_;
+    CellGrid grid_;
+    ComparedArea area_;
+};
+
+// What is fitted beside the pose: planes of black and white, a Gaussian's width where the camera
+// has no lens section, a tone where it has no sensor section.
+PhotometricTerms detector_terms(const CameraModel& camera);
+
+// What counts of a marker: of a chessboard compared_area() with its margin, of any other marker all
+// but the outer half of its outermost cells, beside which anything may be seen.
+ComparedArea detector_area(const Marker& marker, const std::string& place);
+
+}  // namespace etalon

@@ -105,6 +105,7 @@ struct CompareArguments {
     std::string detector = "auto";
     std::filesystem::path poses;  // optional pose file, one row per photo
     std::string score_margin;     // "X,Y" in squares
+    std::filesystem::path baseline;  // optional folder of an earlier comparison
     std::vector<std::filesystem::path> photos;
     bool json = false;
 };

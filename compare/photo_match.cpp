@@ -122,6 +122,10 @@ PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& cam
 PhotoMatch match_photo(const CodeImage& image, const CellGrid& marker, const ComparedArea& area,
                        const std::shared_ptr<const PhotometricCamera>& camera,
                        const Rigid& camera_from_marker, double background) {
+    if (image.pixels.size() != cv::Size(camera->model().width, camera->model().height))
+        throw NumericalError(fmt::format("a photograph of {} x {} px, a camera of {} x {}",
+                                         image.pixels.cols, image.pixels.rows,
+                                         camera->model().width, camera->model().height));
     const cv::Mat use = pixel_uses(camera->projector(), camera_from_marker, area);
     if (cv::countNonZero(use) == 0)
         throw NumericalError("no part of the marker is inside the image");

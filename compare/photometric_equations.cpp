@@ -57,7 +57,8 @@ struct BlurredRendering {
             by_x = behind_gaussian(rendered.by_x, sigmas_px);
             by_y = behind_gaussian(rendered.by_y, sigmas_px);
         }
-        const cv::Matx13f half_second_difference(0.5F, -1.0F, 0.5F);
+        const cv::Matx<float, 1, 5> half_second_difference(-1 / 24.0F, 16 / 24.0F, -30 / 24.0F,
+                                                           16 / 24.0F, -1 / 24.0F);
         filter(half_second_difference, by_variance_x);
         filter(half_second_difference.t(), by_variance_y);
     }

@@ -84,9 +84,11 @@ PhotometricModel fit_photometric_model(const cv::Mat& photo_gray, const Radiance
 cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
                        const Transfer& transfer);
 
-// Convolution with the discrete Gaussian exp(-s^2) I_n(s^2) (Lindeberg, "Scale-space for discrete
-// signals", PAMI 1990): its variance is sigma^2 exactly, however small sigma is, where a sampled
-// Gaussian below half a pixel hardly blurs at all. Edges are replicated.
+// Convolution with a discrete Gaussian: the solution of the diffusion equation with the second
+// difference of fourth order, (-1 16 -30 16 -1) / 12. However small sigma is, its variance is
+// sigma^2 and its fourth moment 3 sigma^4, where a sampled Gaussian below half a pixel hardly blurs
+// at all and the one that solves the equation with (1 -2 1) (Lindeberg, "Scale-space for discrete
+// signals", PAMI 1990) is peaked. Edges are replicated.
 cv::Mat blurred(const cv::Mat& image, double sigma_px);
 cv::Mat blurred(const cv::Mat& image, const Eigen::Vector2d& sigmas_px);
 

@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "compare/detector.h"
+#include "compare/photo_match.h"
 #include "core/errors.h"
 #include "stage/guarded_stage.h"
 #include "station/camera_recovery.h"
@@ -299,9 +300,16 @@ QualificationInput qualification_input(const Run& run) {
     return input;
 }
 
-PoseRecord::Residual residual_of(const CodeImage& photo, const Radiance& radiance,
-                                 const cv::Mat& use, const CameraModel& camera) {
-    const PixelDifference difference = pixel_difference(photo, radiance, use, camera);
+// On the scale of the renders: the marker's white is `white_level`.
+PoseRecord::Residual residual_of(const CodeImage& photo, const StationFile& station,
+                                 const ComparedArea& area, const PhotometricCamera& camera,
+                                 const Rigid& camera_from_marker) {
+    CellGrid marker = station.marker.grid;
+    marker.cells = marker.cells * station.white_level;
+    const PhotoOfMarker seen{gray_of(photo), marker,
+                             pixel_uses(camera.projector(), camera_from_marker, area), pixel_fitted,
+                             station.background * station.white_level};
+    const PixelDifference difference = fit_photometry(seen, camera, camera_from_marker).difference;
     return {difference.model, difference.scored};
 }
 
@@ -310,7 +318,7 @@ PoseRecord::Residual residual_of(const CodeImage& photo, const Radiance& radianc
 void compare_with_renders(const Run& run, const ExpectedView& view) {
     const Qualification& analysis = *run.result.analysis;
     const StationFile& station = run.result.station;
-    const Projector projector(station.camera.model);
+    const PhotometricCamera camera(station.camera.model);
     const ComparedArea area = compared_area(station.marker, {}, station.marker.spec);
     for (std::size_t i = 0; i < analysis.poses.size(); ++i) {
         if (!analysis.poses[i].hold_out || !analysis.poses[i].used)
@@ -321,9 +329,8 @@ void compare_with_renders(const Run& run, const ExpectedView& view) {
         const Radiance radiance = view.radiance_at(camera_from_marker);
         pose.render_file = fmt::format("renders/{:04}.png", pose.index);
         run.record.images().write(run.record.folder() / pose.render_file, view.codes_of(radiance));
-        pose.residual =
-            residual_of(recorded_photo(run.result, pose), radiance,
-                        pixel_uses(projector, camera_from_marker, area), station.camera.model);
+        pose.residual = residual_of(recorded_photo(run.result, pose), station, area, camera,
+                                    camera_from_marker);
         run.progress.step();
     }
     run.record.images().flush();

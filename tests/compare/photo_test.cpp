@@ -7,9 +7,8 @@
 #include <opencv2/calib3d.hpp>
 
 #include "compare/detector.h"
-#include "compare/pixel_difference.h"
+#include "compare/photo_match.h"
 #include "core/image.h"
-#include "sim/renderer.h"
 
 namespace etalon {
 namespace {
@@ -45,7 +44,12 @@ CameraModel calibrated(const Marker& board, const Set& set) {
     return camera;
 }
 
-double mean_residual(const std::string& side) {
+// Means over the photographs of the RMS residual on squares that were not fitted.
+struct MeanResiduals {
+    double calibrated = HUGE_VAL, refined = HUGE_VAL;
+};
+
+MeanResiduals mean_residuals(const std::string& side) {
     const Marker board = parse_marker("chessboard:9x6@25mm", "test");
     const auto detector = make_detector("auto", board, "test");
     Set set;
@@ -60,42 +64,48 @@ double mean_residual(const std::string& side) {
             set.corners.push_back(corners->pixels);
     }
     if (set.corners.size() != set.photos.size())
-        return HUGE_VAL;
+        return {};
     set.camera = calibrated(board, set);
-    const Projector projector(set.camera);
-    const Renderer renderer(set.camera);
+    const auto camera = std::make_shared<const PhotometricCamera>(set.camera);
     const ComparedArea area = compared_area(board, {}, "test");
-    double sum = 0.0;
+    const double photos = static_cast<double>(set.photos.size());
+    MeanResiduals mean{0.0, 0.0};
     for (std::size_t i = 0; i < set.photos.size(); ++i) {
-        const auto pose = estimate_pose(projector, board.points_mm, set.corners[i]).value();
-        const cv::Mat use = pixel_uses(projector, pose.camera_from_marker, area);
-        const Radiance radiance =
-            renderer.render({{{board.grid, pose.camera_from_marker}}, 1.0}).radiance;
-        sum += pixel_difference(set.photos[i], radiance, use, set.camera).scored.rms_gray;
+        const auto pose = estimate_pose(camera->projector(), board.points_mm, set.corners[i]);
+        const PhotoMatch match =
+            match_photo(set.photos[i], board.grid, area, camera, pose.value().camera_from_marker);
+        EXPECT_LE(match.refined.parameters.size(), 16u);
+        mean.calibrated += match.calibrated.difference.scored.rms_gray / photos;
+        mean.refined += match.refined.difference.scored.rms_gray / photos;
     }
-    return sum / static_cast<double>(set.photos.size());
+    std::printf("%s: mean residual %.2f gray at the calibrated poses, %.2f at the refined ones\n",
+                side.c_str(), mean.calibrated, mean.refined);
+    return mean;
 }
 
 bool photos_are_there() {
     return std::filesystem::exists(std::filesystem::path(ETALON_PHOTO_DIR) / "left01.jpg");
 }
 
-// White and black planes and one PSF width reach 8.9 and 8.3 gray when they are fitted and scored
-// on the same squares; scored on the other half of the squares it is a little more.
-TEST(RealPhotographs, MatchTheirRenderingsLeft) {
+// 7 gray are allowed, JPEG of quality 50 alone leaves 3. docs/validation.md says what the model's
+// parts buy and what the rest is. The corners' poses are as good as the refined ones: a held-out
+// half is not matched better by more than a tenth.
+void expect_match(const std::string& side) {
     if (!photos_are_there())
         GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
-    const double residual = mean_residual("left");
-    std::printf("left: mean residual %.2f gray over 13 photos\n", residual);
-    EXPECT_LE(residual, 9.5);
+    const MeanResiduals mean = mean_residuals(side);
+    EXPECT_LE(mean.calibrated, 6.5);
+    EXPECT_LE(mean.refined, 6.5);
+    EXPECT_GE(mean.refined, 3.0);
+    EXPECT_NEAR(mean.calibrated, mean.refined, 0.1);
+}
+
+TEST(RealPhotographs, MatchTheirRenderingsLeft) {
+    expect_match("left");
 }
 
 TEST(RealPhotographs, MatchTheirRenderingsRight) {
-    if (!photos_are_there())
-        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
-    const double residual = mean_residual("right");
-    std::printf("right: mean residual %.2f gray over 13 photos\n", residual);
-    EXPECT_LE(residual, 9.0);
+    expect_match("right");
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "compare/photo_match.h"
 #include "core/errors.h"
 #include "core/random.h"
 
@@ -93,56 +94,49 @@ TEST(PixelUses, AreNoneForAMarkerBehindTheCameraEdgeOnOrOutside) {
     EXPECT_EQ(count({rotation_from_vector({std::acos(-1.0) / 2, 0, 0}), {0, 0, 150}}), 0);
 }
 
-// A rendering of a checkerboard, good enough for a test: the sign of each pixel's square.
+// A photograph that the model describes exactly, but for noise and rounding.
 struct Scene {
-    CameraModel camera = small_camera();
-    Projector projector{camera};
-    Rigid pose{rotation_from_vector({0.3, -0.2, 0.1}), {-25.0, -15.0, 120.0}};
-    ComparedArea area = compared_area(board(6, 5, 10.0), {0.4, 0.4}, "test");
-    cv::Mat use = pixel_uses(projector, pose, area);
-    Radiance radiance{camera.height, camera.width, CV_32FC1, cv::Scalar(1)};
+    explicit Scene(const CameraModel& model) : camera(model) {}
 
-    Scene() {
-        ComparedArea shifted = area;  // blocks of two "cells" of half a square are squares
-        shifted.cell_mm *= 0.5;
-        const cv::Mat squares = pixel_uses(projector, pose, shifted);
-        radiance.setTo(0.0f, squares == 1);
-    }
-
-    CodeImage photo(double noise_gray, int bits) const {
-        PhotometricModel model;
-        model.black.head<3>() << 30.0, 4.0, -6.0;
-        model.white.head<3>() << 190.0, -20.0, 10.0;
-        model.psf_sigma_px = 0.9;
-        cv::Mat gray = predicted_gray(model, radiance, {});
+    PhotoOfMarker photo(double noise_gray, int bits) const {
+        PhotometricModel truth;
+        truth.black << 30.0, 4.0, -6.0, 8.0, -3.0, 5.0;
+        truth.white << 190.0, -20.0, 10.0, -30.0, 12.0, -25.0;
+        truth.psf_sigma_px = 0.9;
+        truth.psf_anisotropy_px2 = 0.2;
+        const Radiance radiance = camera.at_sensor({{{marker.grid, pose}}, 1.0}, {0, 0, 320, 240});
+        cv::Mat gray = predicted_gray(truth, radiance, {});
         RandomStream random(3, 9);
         for (int y = 0; y < gray.rows; ++y)
             for (int x = 0; x < gray.cols; ++x)
                 gray.at<float>(y, x) += static_cast<float>(noise_gray * random.normal());
         CodeImage image{{}, bits};
         gray.convertTo(image.pixels, bits > 8 ? CV_16U : CV_8U, image.full_scale() / 255.0);
-        return image;
+        return {gray_of(image), marker.grid, use, pixel_fitted, 1.0};
     }
+
+    PhotometricCamera camera;
+    Marker marker = parse_marker("chessboard:6x5@10mm", "test");
+    Rigid pose{rotation_from_vector({0.3, -0.2, 0.1}), {-25.0, -15.0, 120.0}};
+    cv::Mat use = pixel_uses(camera.projector(), pose, compared_area(marker, {0.4, 0.4}, "test"));
 };
 
 // Rounding to 8 bits leaves an RMS of 1/sqrt(12) = 0.289 gray, and nothing else is wrong.
 TEST(PixelDifference, LeavesOnlyRoundingWhenTheRenderingIsRight) {
-    const Scene scene;
+    const Scene scene(small_camera());
     const PixelDifference difference =
-        pixel_difference(scene.photo(0.0, 8), scene.radiance, scene.use, scene.camera);
+        fit_photometry(scene.photo(0.0, 8), scene.camera, scene.pose).difference;
     EXPECT_NEAR(difference.scored.rms_gray, 0.289, 0.03);
     EXPECT_NEAR(difference.scored.mean_gray, 0.0, 0.05);
-    EXPECT_LE(difference.scored.worst_gray, 0.7);
-    EXPECT_FALSE(difference.scored.significant) << "no noise model, no significance";
+    EXPECT_LE(difference.scored.worst_gray, 0.9);
     EXPECT_EQ(difference.scored.pixels, cv::countNonZero(scene.use == pixel_scored));
 }
 
 TEST(PixelDifference, FindsAnErrorInTheScoredHalfAlone) {
-    const Scene scene;
-    CodeImage photo = scene.photo(0.0, 8);
-    cv::add(photo.pixels, cv::Scalar(12), photo.pixels, scene.use == pixel_scored);
-    const PixelDifference difference =
-        pixel_difference(photo, scene.radiance, scene.use, scene.camera);
+    const Scene scene(small_camera());
+    PhotoOfMarker photo = scene.photo(0.0, 8);
+    cv::add(photo.gray, cv::Scalar(12), photo.gray, scene.use == pixel_scored);
+    const PixelDifference difference = fit_photometry(photo, scene.camera, scene.pose).difference;
     EXPECT_NEAR(difference.scored.mean_gray, 12.0, 0.3);
     EXPECT_NEAR(difference.scored.rms_gray, 12.0, 0.3);
     EXPECT_NEAR(difference.fitted.mean_gray, 0.0, 0.1);
@@ -151,23 +145,42 @@ TEST(PixelDifference, FindsAnErrorInTheScoredHalfAlone) {
 // Pure noise of the camera's own size: 0.27 % of normal deviates lie beyond three standard
 // deviations. Of about 9 000 scored pixels 24 +- 5: between 0.05 % and 0.6 % by a wide margin.
 TEST(PixelDifference, KnowsNoiseFromSignificantResiduals) {
-    Scene scene;
-    Sensor sensor;
-    sensor.bits = 12;
-    sensor.gain_e_per_dn = 50.0;
-    sensor.read_noise_e = 50.0 * 40.0;  // 40 DN, much more than the shot noise at any level
-    scene.camera.sensor = sensor;
+    CameraModel model = small_camera();
+    model.sensor.emplace();
+    model.sensor->bits = 12;
+    model.sensor->gain_e_per_dn = 50.0;
+    model.sensor->read_noise_e = 50.0 * 40.0;  // 40 DN, much more than shot noise at any level
+    const Scene scene(model);
     const double sigma_gray = 40.0 * 255.0 / 4095.0;
     const PixelDifference quiet =
-        pixel_difference(scene.photo(sigma_gray, 12), scene.radiance, scene.use, scene.camera);
-    ASSERT_TRUE(quiet.scored.significant);
-    EXPECT_LT(*quiet.scored.significant, 0.006);
+        fit_photometry(scene.photo(sigma_gray, 12), scene.camera, scene.pose).difference;
+    EXPECT_EQ(quiet.noise_source, NoiseSource::camera);
+    EXPECT_NEAR(quiet.noise_gray, sigma_gray, 0.05) << "shot noise adds 1 to 2 %";
+    EXPECT_LT(quiet.scored.significant.value(), 0.006);
+    EXPECT_GT(quiet.scored.significant.value(), 0.0005);
     EXPECT_NEAR(quiet.scored.rms_gray, sigma_gray, 0.1);
     EXPECT_NEAR(quiet.scored.p99_gray, 2.576 * sigma_gray, 0.4);
 
-    const PixelDifference loud = pixel_difference(scene.photo(3.0 * sigma_gray, 12), scene.radiance,
-                                                  scene.use, scene.camera);
-    EXPECT_NEAR(*loud.scored.significant, 0.317, 0.04) << "beyond one standard deviation";
+    const PixelDifference loud =
+        fit_photometry(scene.photo(3.0 * sigma_gray, 12), scene.camera, scene.pose).difference;
+    EXPECT_NEAR(loud.scored.significant.value(), 0.317, 0.04) << "beyond one standard deviation";
+}
+
+// Half of the scored pixels are 25 gray off: the noise, found on the other half, does not follow.
+TEST(PixelDifference, TakesTheNoiseFromTheFittedHalfWhereTheCameraKnowsNone) {
+    const Scene scene(small_camera());
+    PhotoOfMarker photo = scene.photo(2.5, 8);
+    const PixelDifference right = fit_photometry(photo, scene.camera, scene.pose).difference;
+    EXPECT_EQ(right.noise_source, NoiseSource::residuals);
+    EXPECT_NEAR(right.noise_gray, std::hypot(2.5, 0.289), 0.1);
+    EXPECT_LT(right.scored.significant.value(), 0.006);
+    cv::Mat left_half = scene.use == pixel_scored;
+    left_half.colRange(160, 320).setTo(0);
+    cv::add(photo.gray, cv::Scalar(25), photo.gray, left_half);
+    const PixelDifference wrong = fit_photometry(photo, scene.camera, scene.pose).difference;
+    EXPECT_NEAR(wrong.noise_gray, right.noise_gray, 1e-3);
+    EXPECT_NEAR(wrong.scored.significant.value(),
+                cv::countNonZero(left_half) / static_cast<double>(wrong.scored.pixels), 0.01);
 }
 
 // 12 bit, 2 electrons a DN, 6 electrons read noise: at 1000 DN above black the variance is

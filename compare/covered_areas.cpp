@@ -17,9 +17,9 @@ struct Levels {
         for (int y = 0; y < size.height; ++y)
             for (int x = 0; x < size.width; ++x) {
                 const Vector6d terms = level_terms(x, y, size);
-                white.at<float>(y, x) = static_cast<float>(model.white.dot(terms));
-                contrast.at<float>(y, x) = static_cast<float>(
-                    std::max(model.white.dot(terms) - model.black.dot(terms), 1.0));
+                const double light = model.at(terms, 1.0).gray, dark = model.at(terms, 0.0).gray;
+                white.at<float>(y, x) = static_cast<float>(light);
+                contrast.at<float>(y, x) = static_cast<float>(std::max(light - dark, 1.0));
             }
     }
 };

@@ -15,7 +15,7 @@
 namespace etalon {
 namespace {
 
-// The limits; docs/validation.md has the reasons.
+// The limits; docs/match-outcome.md has the reasons.
 constexpr double least_explained = 0.5;       // of the cells' variance, by any pattern
 constexpr double most_clipped = 0.05;         // of the light cells' samples
 constexpr double hopelessly_clipped = 0.5;    // their median is no level any more
@@ -24,11 +24,11 @@ constexpr double most_blur_cells = 0.35;      // sigma: a cell's middle misses i
 constexpr double most_covered = 0.25;         // of the contrast, in a window
 constexpr double bright_part = 0.3;           // of a covered area, for it to be called glare
 // Of 26 photographs of a printed board (hand-held, JPEG at quality 50) the largest were 0.041 px,
-// 0.064 px, 2.5 px, 0.13, 4.0 gray and 0.038: what good work leaves, times 1.2 or more. A lens that
-// is sharper than a Gaussian looks sharpened by 0.25, after JPEG at quality 50 by 0.37.
+// 0.066 px, 2.5 px, 0.01, 4.0 gray and 0.034: what good work leaves, times 1.1 or more. A lens that
+// is an ideal Gaussian looks sharpened by 0.14, after JPEG at quality 50 by 0.25.
 constexpr double most_rows_px = 0.06, most_calibration_px = 0.09;
 constexpr double most_smear_px = 3.0;
-constexpr double most_sharpening = 0.45;
+constexpr double most_sharpening = 0.3;
 constexpr double most_block_step_gray = 4.5;
 constexpr double most_rest = 0.06;            // RMS residual, of the contrast
 constexpr double most_rest_over_noise = 2.0;  // where the camera's noise is known
@@ -186,9 +186,11 @@ Finding covered(const CoveredAreas& areas) {
             false};
 }
 
-Finding smeared(const ModeFit& fit) {
-    const double anisotropy = 2.0 * std::hypot(fit.values[0], fit.values[1]);  // px^2
-    const double direction = 0.5 * std::atan2(fit.values[1], fit.values[0]);
+// The fit has a blur that differs along x and y, which is a part of the smear's.
+Finding smeared(const ModeFit& fit, const PhotometricModel& photometry) {
+    const double along_x = fit.values[0] + photometry.psf_anisotropy_px2;
+    const double anisotropy = 2.0 * std::hypot(along_x, fit.values[1]);  // px^2
+    const double direction = 0.5 * std::atan2(fit.values[1], along_x);
     return {"motion_blur",
             std::sqrt(12.0 * anisotropy),
             most_smear_px,
@@ -199,7 +201,7 @@ Finding smeared(const ModeFit& fit) {
             false};
 }
 
-Finding of_mode(const ModeFit& fit) {
+Finding of_mode(const ModeFit& fit, const PhotometricModel& photometry) {
     switch (fit.mode) {
         case ResidualMode::rows:
             return {"skewed",
@@ -222,7 +224,7 @@ Finding of_mode(const ModeFit& fit) {
                                 fit.size_px),
                     false};
         case ResidualMode::blur_along:
-            return smeared(fit);
+            return smeared(fit, photometry);
         case ResidualMode::sharpening:
             return {"sharpened",
                     fit.values[0],
@@ -267,15 +269,23 @@ void name_the_rival(const ResidualModes& modes, const ModeFit& fit, Finding& fin
 }
 
 // A smear has sharp ends, which would pass for sharpening.
-Findings mode_findings(const ResidualModes& modes) {
+Findings mode_findings(const ResidualModes& modes, const PhotometricModel& photometry) {
     Findings findings;
-    for (const ModeFit& fit : modes.significant()) {
-        Finding finding = of_mode(fit);
+    const auto add = [&](const ModeFit& fit) {
+        Finding finding = of_mode(fit, photometry);
         if (!is_large(finding))
-            continue;
+            return;
         name_the_rival(modes, fit, finding);
         findings.push_back(finding);
+    };
+    bool smear_seen = false;
+    for (const ModeFit& fit : modes.significant()) {
+        add(fit);
+        smear_seen = smear_seen || fit.mode == ResidualMode::blur_along;
     }
+    // What the fit took up of a smear leaves nothing significant behind.
+    if (!smear_seen && photometry.psf_anisotropy_px2 != 0.0)
+        add(modes.fit(ResidualMode::blur_along, {}));
     const auto named = [&](const std::string& name) {
         return [name](const Finding& finding) { return finding.name == name; };
     };
@@ -349,9 +359,10 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
         findings.push_back(covered(areas));
     else if (shown.clipped_white > most_clipped)
         findings.push_back(saturated(shown.clipped_white));
-    add(mode_findings(ResidualModes(difference,
-                                    (difference.use != pixel_outside) & (areas.pixels == 0), camera,
-                                    state.camera_from_marker, match.pose.noise_scale)));
+    add(mode_findings(
+        ResidualModes(difference, (difference.use != pixel_outside) & (areas.pixels == 0), camera,
+                      state.camera_from_marker, match.pose.noise_scale),
+        state.photometry));
     add(compression_findings(block_steps(difference, shown.expected.contrast_gray)));
     if (findings.empty())
         add(rest_findings(camera, match, shown.expected.contrast_gray));

@@ -3,7 +3,7 @@
 //
 // Each finding is a test: a measured value and its limit. A limit has two parts where both make
 // sense: the value must be more than noise gives (five standard deviations) and larger than what a
-// good lens and JPEG at quality 50 leave (docs/validation.md has each limit's reason, and the
+// good lens and JPEG at quality 50 leave (docs/match-outcome.md has each limit's reason, and the
 // smallest fault that each test finds). Several causes may leave the same trace; a finding's
 // sentence then names all of them.
 //

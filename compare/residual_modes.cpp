@@ -118,8 +118,8 @@ ResidualModes::ResidualModes(const PixelDifference& difference, const cv::Mat& c
         if (counted.at<uchar>(y, x) == 0 || !motion.at(x, y, moved))
             return;
         const Vector6d terms = level_terms(x, y, size);
-        const double black = difference.model.black.dot(terms);
-        const double contrast = difference.model.white.dot(terms) - black;
+        const double black = difference.model.at(terms, 0.0).gray;
+        const double contrast = difference.model.at(terms, 1.0).gray - black;
         const double gray = difference.predicted.at<float>(y, x);
         const double t = contrast != 0 ? (gray - black) / contrast : 0.0;
         const Eigen::RowVector2d gradient(images.at(images.by_x, x, y),

@@ -8,6 +8,7 @@
 #include "compare/photometric_model.h"
 #include "core/random.h"
 #include "sim/motion_blur.h"
+#include "sim/reference_integrator.h"
 #include "sim/sensor_model.h"
 
 namespace etalon::test {
@@ -119,6 +120,14 @@ TrueScene board_scene(int pose) {
 
 Radiance radiance_of(const TrueScene& scene) {
     return true_renderer().render(still(scene, scene.camera_from_marker)).radiance;
+}
+
+Radiance reference_radiance_of(const TrueScene& scene) {
+    const CameraModel camera = true_camera();
+    return integrate_reference(camera, still(scene, scene.camera_from_marker),
+                               cv::Rect(0, 0, camera.width, camera.height),
+                               {.samples_per_scramble = 128, .stop_at_gray = 0.3})
+        .mean;
 }
 
 CodeImage exposed(const Radiance& radiance, int seed) {

@@ -1,6 +1,7 @@
 // Photographs with a fault each, of a tag and of a chessboard, at two poses and with two noise
 // seeds: none is a match, and the finding has the right name. Photographs without a fault are
-// matches. The smallest faults that are found: SmallestFaults, and docs/validation.md.
+// matches. The smallest faults that are found: tests/evidence/match_outcome_limits.cpp,
+// docs/match-outcome.md.
 #include "compare/match_outcome.h"
 
 #include <gtest/gtest.h>
@@ -107,6 +108,33 @@ TEST(MatchOutcome, OfJpegAtQuality50IsAMatch) {
     expect_match_on_both([](const TrueScene& scene, int seed) {
         return test::compressed(test::exposed(test::radiance_of(scene), seed), 50);
     });
+}
+
+// The truth from brute-force sampling: no renderer of ours made this photograph.
+TEST(MatchOutcome, OfAPhotographByTheReferenceIntegratorIsAMatch) {
+    const TrueScene scene = test::tag_scene(0);
+    const Findings findings =
+        examined(test::exposed(test::reference_radiance_of(scene), 4), scene,
+                 test::found_pose(scene, calibrated()->model(), 4), calibrated());
+    EXPECT_TRUE(is_matched(findings)) << names(findings);
+}
+
+// A camera whose file knows lens and noise: the blur is not fitted, and a larger one is a finding.
+TEST(MatchOutcome, NamesABlurThatIsNotTheCamerasOwn) {
+    const auto camera = std::make_shared<const PhotometricCamera>(test::true_camera());
+    for (const bool board : {false, true}) {
+        const TrueScene scene = board ? test::board_scene(0) : test::tag_scene(0);
+        const Rigid pose = test::found_pose(scene, camera->model(), 5);
+        const Radiance sharp = test::radiance_of(scene);
+        EXPECT_TRUE(is_matched(examined(test::exposed(sharp, 5), scene, pose, camera)))
+            << names(examined(test::exposed(sharp, 5), scene, pose, camera));
+        cv::Mat blurred;
+        cv::GaussianBlur(sharp, blurred, {0, 0}, 0.8);
+        const Findings findings = examined(test::exposed(blurred, 5), scene, pose, camera);
+        ASSERT_FALSE(is_matched(findings));
+        EXPECT_EQ(findings.front().name, "blur_differs") << names(findings);
+        EXPECT_GT(findings.front().value, 0.0);
+    }
 }
 
 TEST(MatchOutcome, NamesWhatCoversTheMarker) {

@@ -2,7 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Cholesky>
+#include <algorithm>
 
 #include "compare/photometric_steps.h"
 #include "core/errors.h"
@@ -63,6 +64,17 @@ std::vector<MatchParameter> fitted_parameters(const PhotometricModel& model,
     return parameters;
 }
 
+std::optional<double> stated_deviation(const CameraModel& camera, const std::string& parameter) {
+    if (!camera.covariance)
+        return std::nullopt;
+    const auto& order = camera.covariance->order;
+    const auto found = std::find(order.begin(), order.end(), parameter);
+    if (found == order.end())
+        return std::nullopt;
+    const Eigen::Index i = found - order.begin();
+    return std::sqrt(camera.covariance->matrix(i, i));
+}
+
 PhotoFit fit_of(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                 const PhotoState& state, const PhotometricTerms& terms,
                 const PhotoEquations& equations) {
@@ -103,6 +115,40 @@ const char* name(ParameterSource source) {
     return source == ParameterSource::calibration ? "calibration" : "this image";
 }
 
+std::vector<MatchParameter> calibration_parameters(const CameraModel& camera) {
+    std::vector<MatchParameter> parameters;
+    const auto add = [&](const std::string& what, double value, const std::string& unit,
+                         std::optional<double> deviation = {}) {
+        parameters.push_back({what, value, deviation, unit, ParameterSource::calibration});
+    };
+    const auto add_intrinsic = [&](const std::string& what, double value, const char* unit) {
+        add(what, value, unit, stated_deviation(camera, what));
+    };
+    const Intrinsics& k = camera.intrinsics;
+    add_intrinsic("fx", k.fx, "px");
+    add_intrinsic("fy", k.fy, "px");
+    add_intrinsic("cx", k.cx, "px");
+    add_intrinsic("cy", k.cy, "px");
+    constexpr const char* names[] = {"k1", "k2", "p1", "p2", "k3", "k4",    "k5",
+                                     "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"};
+    const auto coefficients = camera.distortion.in_opencv_order();
+    for (std::size_t i = 0; i < coefficients.size(); ++i)
+        if (coefficients[i] != 0.0)
+            add_intrinsic(names[i], coefficients[i], "");
+    const CameraUncertainty known = camera.standard_uncertainty.value_or(CameraUncertainty{});
+    if (camera.lens) {
+        add("f-number", camera.lens->f_number, "", known.f_number);
+        add("focus distance", camera.lens->focus_distance_mm, "mm", known.focus_distance_mm);
+        if (camera.lens->psf.kind == PointSpread::Kind::gaussian)
+            add("width of the lens's blur", camera.lens->psf.sigma_px, "px", known.psf_sigma_px);
+    }
+    if (camera.sensor && camera.sensor->gain_e_per_dn > 0) {
+        add("gain", camera.sensor->gain_e_per_dn, "e/DN", known.gain_e_per_dn);
+        add("read noise", camera.sensor->read_noise_e, "e", known.read_noise_e);
+    }
+    return parameters;
+}
+
 PhotometricTerms match_terms(const PhotoOfMarker& photo, const CameraModel& camera) {
     return {.level_terms = 6,
             .psf = !camera.lens,
@@ -132,6 +178,7 @@ PhotoMatch match_photo(const CodeImage& image, const CellGrid& marker, const Com
     const PhotoOfMarker photo{gray_of(image), marker, use, pixel_fitted, background};
 
     PhotoMatch match;
+    match.calibration = calibration_parameters(camera->model());
     match.calibrated = fit_photometry(photo, *camera, camera_from_marker);
     const PhotometricTerms terms = match_terms(photo, camera->model());
     match.pose = photometric_pose(photo, camera, match.calibrated.state, terms);

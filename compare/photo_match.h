@@ -36,15 +36,19 @@ struct MatchParameter {
 struct PhotoFit {
     PhotoState state;
     PixelDifference difference;
-    // Photometric ones, and those of the camera's file that the rendering used.
-    std::vector<MatchParameter> parameters;
+    std::vector<MatchParameter> parameters;  // photometric ones, fitted to this image
 };
 
 struct PhotoMatch {
-    PhotoFit calibrated;   // at the pose that was given
-    PhotoFit refined;      // at the photometric pose
-    PhotometricPose pose;  // of the refined fit, with its covariance
+    PhotoFit calibrated;                      // at the pose that was given
+    PhotoFit refined;                         // at the photometric pose
+    PhotometricPose pose;                     // of the refined fit, with its covariance
+    std::vector<MatchParameter> calibration;  // what the renderings took from the camera's file
 };
+
+// Intrinsics, distortion, lens and sensor as far as the camera has them, with the deviations that
+// its file states.
+std::vector<MatchParameter> calibration_parameters(const CameraModel& camera);
 
 // What is fitted to a photograph beside its pose: black and white surfaces of second order; where
 // the camera has no lens section a Gaussian's widths along x and y; and a saturation's level and

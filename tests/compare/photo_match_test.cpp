@@ -157,6 +157,21 @@ TEST(PhotoMatch, FindsLevelsAndWidths) {
     }
 }
 
+TEST(PhotoMatch, NamesWhatCameFromTheCalibration) {
+    CameraModel model = camera_of(1);
+    model.covariance = ParameterCovariance{{"fx", "cx"}, Eigen::Vector2d(0.25, 4.0).asDiagonal()};
+    const std::vector<MatchParameter> parameters = calibration_parameters(model);
+    ASSERT_EQ(parameters.size(), 6u) << "fx fy cx cy k1 k2";
+    EXPECT_EQ(parameters[0].name, "fx");
+    EXPECT_EQ(parameters[0].value, 203.0);
+    EXPECT_EQ(parameters[0].deviation, 0.5);
+    EXPECT_FALSE(parameters[1].deviation);
+    EXPECT_EQ(parameters[2].deviation, 2.0);
+    EXPECT_EQ(parameters[4].name, "k1");
+    for (const MatchParameter& one : parameters)
+        EXPECT_EQ(one.source, ParameterSource::calibration);
+}
+
 // A Gaussian on the pixel grid is not quite one before the pixels: what an edge's place within a
 // pixel does to its width is lost. At this contrast of 172 gray that leaves 1.1 gray.
 TEST(PhotoMatch, TakesALensForAGaussianOnThePixelGrid) {

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cstdio>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -22,11 +21,6 @@ using nlohmann::ordered_json;
 using Paths = std::vector<std::filesystem::path>;
 
 constexpr int inconclusive = 2;
-
-bool is_jpeg(const std::filesystem::path& path) {
-    std::ifstream file(path, std::ios::binary);
-    return file.get() == 0xff && file.get() == 0xd8;
-}
 
 // Reads each photograph once; one that is named twice would count its noise as agreement.
 class PhotoReader {

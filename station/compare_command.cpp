@@ -2,17 +2,16 @@
 #include <fmt/format.h>
 
 #include <cstdio>
-#include <opencv2/imgproc.hpp>
-#include <set>
 
-#include "compare/overlay.h"
 #include "core/errors.h"
 #include "core/text.h"
 #include "sim/pose_file.h"
-#include "sim/renderer.h"
 #include "station/commands.h"
-#include "station/compare_report.h"
-#include "station/html.h"
+#include "station/comparison_pictures.h"
+#include "station/comparison_report.h"
+#include "station/edge_plots.h"
+#include "station/photo_comparer.h"
+#include "station/svg_plot.h"
 
 namespace etalon {
 namespace {
@@ -70,7 +69,18 @@ struct Job {
     CameraModel camera;
     std::vector<Rigid> poses;            // one per photograph, or none
     std::unique_ptr<Detector> detector;  // when there are no poses
+    std::optional<ComparisonSummary> baseline;
 };
+
+ComparisonSummary checked_baseline(const CompareArguments& arguments, const Job& job) {
+    std::error_code ignored;
+    if (std::filesystem::equivalent(arguments.baseline, arguments.out, ignored))
+        throw ConfigError({"--baseline"}, "is the folder of --out, which is written anew");
+    ComparisonSummary earlier = read_comparison(arguments.baseline);
+    require_same_camera(
+        earlier, {job.camera.serial, job.camera.width, job.camera.height, job.marker.spec, {}});
+    return earlier;
+}
 
 Job checked_job(const CompareArguments& arguments) {
     if (arguments.photos.empty())
@@ -84,6 +94,8 @@ Job checked_job(const CompareArguments& arguments) {
         job.poses = given_poses(arguments, job.area);
     require_usable_folder(arguments.out);
     job.camera = read_camera_for(arguments.camera, arguments.photos);
+    if (!arguments.baseline.empty())
+        job.baseline = checked_baseline(arguments, job);
     return job;
 }
 
@@ -97,86 +109,23 @@ std::vector<ComparedPhoto> find_poses(const CompareArguments& arguments, const J
         const CodeImage image = read_photo(path, job.camera, arguments.camera);
         ComparedPhoto photo;
         photo.photo = path;
+        photo.is_jpeg = is_jpeg(path);
         if (!job.detector) {
-            photo.camera_from_marker = job.poses[i];
+            photo.under_test = job.poses[i];
         } else {
             const PhotoPose found = find_marker(path, image, *job.detector, projector, job.marker);
             photo.failure = found.failure;
+            if (!found.corners) {
+                photo.findings = examine_missing_marker(image, *job.detector);
+                photo.pictures = pictures_of_photo(image, path);
+            }
             photo.estimate = found.estimate;
             if (found.estimate)
-                photo.camera_from_marker = found.estimate->camera_from_marker;
+                photo.under_test = found.estimate->camera_from_marker;
         }
         photos.push_back(photo);
     }
     return photos;
-}
-
-// The part of the image around the compared pixels, with room for the blur and for the eye.
-cv::Rect surroundings(const cv::Mat& use, int room) {
-    cv::Rect box = cv::boundingRect(use);
-    box -= cv::Point(room, room);
-    box += cv::Size(2 * room, 2 * room);
-    return box & cv::Rect({0, 0}, use.size());
-}
-
-void add_radial(const PixelDifference& difference, RadialResidual& radial) {
-    const cv::Mat& use = difference.use;
-    const Eigen::Vector2d centre(0.5 * (use.cols - 1), 0.5 * (use.rows - 1));
-    const double corner = centre.norm();
-    for (int y = 0; y < use.rows; ++y)
-        for (int x = 0; x < use.cols; ++x) {
-            if (use.at<uchar>(y, x) != pixel_scored)
-                continue;
-            const double radius = (Eigen::Vector2d(x, y) - centre).norm();
-            const int bin =
-                std::min(static_cast<int>(radius / corner * radius_bins), radius_bins - 1);
-            const double residual = difference.residual.at<float>(y, x);
-            radial.squares[static_cast<std::size_t>(bin)] += residual * residual;
-            radial.pixels[static_cast<std::size_t>(bin)] += 1.0;
-        }
-}
-
-// The pictures of one photograph: whole as PNG files, the marker's part for the report.
-void write_pictures(const std::filesystem::path& folder, const PixelDifference& difference,
-                    std::size_t number, ComparedPhoto& photo) {
-    constexpr int jpeg_quality = 85;
-    const cv::Mat gray = difference.predicted + difference.residual;
-    const cv::Mat overlay =
-        red_cyan_overlay(gray, difference.predicted, difference.use, overlay_gain);
-    const cv::Mat map = residual_map(difference.residual, difference.use, residual_map_scale_gray);
-    const std::string stem = fmt::format("{:02}-{}", number, photo.photo.stem().string());
-    photo.overlay_file = stem + "-overlay.png";
-    photo.residual_file = stem + "-residual.png";
-    write_picture(folder / photo.overlay_file, overlay);
-    write_picture(folder / photo.residual_file, map);
-    const cv::Rect part = surroundings(difference.use, 24);
-    const std::string name = photo.photo.filename().string();
-    photo.overlay_image = embedded_jpeg(overlay(part), jpeg_quality, "red/cyan overlay of " + name);
-    photo.residual_image = embedded_jpeg(map(part), jpeg_quality, "residual map of " + name);
-}
-
-// Renders one photograph's pose and compares. A marker that is outside the image or cannot be
-// rendered there is this photograph's failure, not the run's.
-void compare_photo(const CompareArguments& arguments, const Job& job, const Renderer& renderer,
-                   const Projector& projector, std::size_t number, ComparedPhoto& photo,
-                   Comparison& comparison) {
-    const CodeImage image = read_photo(photo.photo, job.camera, arguments.camera);
-    const cv::Mat use = pixel_uses(projector, photo.camera_from_marker, job.area);
-    if (cv::countNonZero(use) == 0) {
-        photo.failure = "no part of the marker is inside the image";
-        return;
-    }
-    RenderOptions options;
-    options.region = surroundings(use, 20);
-    const RenderedImage rendered =
-        renderer.render({{{job.marker.grid, photo.camera_from_marker}}, 1.0}, options);
-    const PixelDifference difference = pixel_difference(image, rendered.radiance, use, job.camera);
-    photo.model = difference.model;
-    photo.fitted = difference.fitted;
-    photo.scored = difference.scored;
-    comparison.render_plan = rendered.plan.describe();
-    add_radial(difference, comparison.radial);
-    write_pictures(arguments.out, difference, number, photo);
 }
 
 void create_folder(const std::filesystem::path& folder) {
@@ -190,32 +139,82 @@ void create_folder(const std::filesystem::path& folder) {
     const ComparedPhoto& first = comparison.photos.front();
     throw NumericalError(fmt::format("none of {} photographs could be compared ({}: {})",
                                      comparison.photos.size(), first.photo.string(),
-                                     first.failure));
+                                     first.reason()));
+}
+
+// What is said of each photograph while the command works.
+void print_progress(const ComparedPhoto& photo) {
+    const std::string file = photo.photo.string();
+    if (!photo.has_figures()) {
+        fmt::print(stderr, "{}: {}\n", file, photo.reason());
+        return;
+    }
+    std::string line = fmt::format("{:.1f} gray", photo.calibrated->scored.rms_gray);
+    if (photo.refined)
+        line += fmt::format(", {:.1f} at the refined pose", photo.refined->scored.rms_gray);
+    for (const Finding& finding : photo.findings)
+        line += ", " + finding.name;
+    fmt::print(stderr, "{}: {}\n", file, line);
 }
 
 // Second pass over the photographs that have a pose. A run whose last hope fails writes no report.
-void compare_all(const CompareArguments& arguments, const Job& job, const Projector& projector,
-                 Comparison& comparison) {
-    if (comparison.compared() == 0)
+void compare_all(const CompareArguments& arguments, const Job& job, Comparison& comparison) {
+    if (!comparison.has_poses())
         fail_without_photos(comparison);
-    const Renderer renderer(job.camera);
+    const PhotoComparer comparer(job.marker, job.area, job.camera,
+                                 depth_range(comparison.photos, job.area));
     create_folder(arguments.out);
+    comparison.profiles = comparer.empty_profiles();
     for (std::size_t i = 0; i < comparison.photos.size(); ++i) {
         ComparedPhoto& photo = comparison.photos[i];
-        if (photo.failure.empty()) {
-            try {
-                compare_photo(arguments, job, renderer, projector, i + 1, photo, comparison);
-            } catch (const NumericalError& error) {
-                photo.failure = error.what();
-            }
-        }
         if (photo.failure.empty())
-            fmt::print(stderr, "{}: {:.1f} gray\n", photo.photo.string(), photo.scored.rms_gray);
-        else
-            fmt::print(stderr, "{}: {}\n", photo.photo.string(), photo.failure);
+            comparison.profiles.add(
+                comparer.compare(read_photo(photo.photo, job.camera, arguments.camera),
+                                 arguments.out, i + 1, photo));
+        if (photo.has_figures())
+            comparison.render_plan = comparer.rendering(photo.under_test);
+        print_progress(photo);
     }
     if (comparison.compared() == 0)
         fail_without_photos(comparison);
+}
+
+// One file for each photograph: its edges and their shifts at the refined pose.
+void write_edge_maps(const std::filesystem::path& folder, const Comparison& comparison) {
+    const double magnification = arrow_magnification(comparison);
+    for (const ComparedPhoto& photo : comparison.photos)
+        if (photo.refined)
+            write_text(folder / photo.pictures.edges_file,
+                       stand_alone_svg(
+                           edge_map_svg(photo.refined->edges, photo.pictures.part, magnification)) +
+                           "\n");
+}
+
+void write_files(const std::filesystem::path& folder, const Comparison& comparison) {
+    const std::vector<ComparisonPlot> plots = comparison_plots(comparison);
+    for (const ComparisonPlot& plot : plots)
+        write_text(folder / plot.file, stand_alone_svg(plot.svg) + "\n");
+    write_edge_maps(folder, comparison);
+    write_text(folder / "comparison.csv", comparison_csv(comparison));
+    write_text(folder / "photometry.csv", photometry_csv(comparison));
+    write_text(folder / "edges.csv", edges_csv(comparison));
+    write_text(folder / "profiles.csv", profiles_csv(comparison));
+    if (comparison.baseline)
+        write_text(folder / "baseline.csv", baseline_csv(*comparison.baseline));
+    write_text(folder / "comparison.json", comparison_json(comparison) + "\n");
+    write_text(folder / "report.html", comparison_html(comparison, plots));
+}
+
+// Beside the figure that others parse: what it is made of.
+void print_more(const Comparison& comparison) {
+    fmt::print("matched {} of {} photos\n", comparison.matched(), comparison.photos.size());
+    if (const auto refined = comparison.refined_mean_rms_gray())
+        fmt::print("residual at the refined poses {:.1f} gray\n", *refined);
+    const auto before = comparison.edges(&ComparedPhoto::calibrated, true);
+    const auto after = comparison.edges(&ComparedPhoto::refined, true);
+    if (!before.empty() && !after.empty())
+        fmt::print("edge shift {:.3f} px, {:.3f} px at the refined poses\n",
+                   edge_summary(before).shift.rms_px, edge_summary(after).shift.rms_px);
 }
 
 void print_result(const CompareArguments& arguments, const Comparison& comparison) {
@@ -229,6 +228,9 @@ void print_result(const CompareArguments& arguments, const Comparison& compariso
     }
     fmt::print("mean residual {:.1f} gray over {} photos\n", comparison.mean_rms_gray(), compared);
     fmt::print("report {}\n", (arguments.out / "report.html").string());
+    print_more(comparison);
+    if (comparison.baseline)
+        fmt::print("{}", baseline_text(*comparison.baseline));
 }
 
 }  // namespace
@@ -245,10 +247,11 @@ int run_compare(const CompareArguments& arguments) {
     comparison.is_chessboard = job.marker.kind == Marker::Kind::chessboard;
     comparison.margin = margin_of(arguments, job.marker);
     comparison.photos = find_poses(arguments, job, projector);
-    compare_all(arguments, job, projector, comparison);
-    write_comparison_csv(arguments.out / "comparison.csv", comparison);
-    write_text(arguments.out / "comparison.json", comparison_json(comparison) + "\n");
-    write_text(arguments.out / "report.html", comparison_html(comparison));
+    compare_all(arguments, job, comparison);
+    if (job.baseline)
+        comparison.baseline =
+            compare_with_baseline(*job.baseline, summary_of(comparison), arguments.baseline);
+    write_files(arguments.out, comparison);
     print_result(arguments, comparison);
     return 0;
 }

@@ -94,6 +94,10 @@ std::string embedded(const cv::Mat& picture, const std::string& extension,
 HtmlPage::HtmlPage(std::string title, std::string subtitle)
     : title_(std::move(title)), subtitle_(std::move(subtitle)) {}
 
+void HtmlPage::add_style(const std::string& css) {
+    style_ += css;
+}
+
 void HtmlPage::add_verdict(const std::string& outcome, const std::string& sentence) {
     body_ += fmt::format("<section class=\"verdict {}\"><strong>{}</strong><p>{}</p></section>\n",
                          escape_html(outcome), escape_html(outcome), escape_html(sentence));
@@ -160,10 +164,10 @@ std::string HtmlPage::finish() const {
     return fmt::format(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
         "<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">"
-        "<title>{}</title><style>{}</style></head>\n<body><main><header><h1>{}</h1><p>{}</p></"
+        "<title>{}</title><style>{}{}</style></head>\n<body><main><header><h1>{}</h1><p>{}</p></"
         "header>\n"
         "{}</main></body></html>\n",
-        escape_html(title_), style, escape_html(title_), escape_html(subtitle_), body_);
+        escape_html(title_), style, style_, escape_html(title_), escape_html(subtitle_), body_);
 }
 
 std::string embedded_png(const cv::Mat& picture, const std::string& alt) {

@@ -13,6 +13,9 @@ class HtmlPage {
 public:
     HtmlPage(std::string title, std::string subtitle);
 
+    // Rules of one report only, after those of every page.
+    void add_style(const std::string& css);
+
     // The large banner on top; outcome is PASS, FAIL, INCONCLUSIVE or another word in capitals.
     void add_verdict(const std::string& outcome, const std::string& sentence);
 
@@ -42,7 +45,7 @@ public:
     std::string finish() const;
 
 private:
-    std::string title_, subtitle_, body_;
+    std::string title_, subtitle_, style_, body_;
 };
 
 // An <img> with the picture inside it, as PNG (lossless) or as JPEG of the given quality; `alt`

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <fstream>
+
 #include "calib/camera_file.h"
 #include "core/errors.h"
 #include "core/strict_reader.h"
@@ -45,6 +47,11 @@ CodeImage read_photo(const std::filesystem::path& photo, const CameraModel& came
     if (camera.sensor)
         take_the_sensors_bits(image, *camera.sensor, photo);
     return image;
+}
+
+bool is_jpeg(const std::filesystem::path& photo) {
+    std::ifstream file(photo, std::ios::binary);
+    return file.get() == 0xff && file.get() == 0xd8;
 }
 
 PhotoPose find_marker(const std::filesystem::path& photo, const CodeImage& image,

@@ -28,6 +28,9 @@ CameraModel read_camera_for(const std::filesystem::path& camera_file,
 CodeImage read_photo(const std::filesystem::path& photo, const CameraModel& camera,
                      const std::filesystem::path& camera_file);
 
+// By the file's first two bytes, not by its name.
+bool is_jpeg(const std::filesystem::path& photo);
+
 // Detection and pose of one photograph; a marker that is not found is no error.
 PhotoPose find_marker(const std::filesystem::path& photo, const CodeImage& image,
                       Detector& detector, const Projector& projector, const Marker& marker);

@@ -51,12 +51,20 @@ std::string title(const std::string& note) {
     return note.empty() ? "" : "<title>" + escape_html(note) + "</title>";
 }
 
-constexpr const char* stand_alone_style =
-    "<style>svg.plot{font:12px system-ui,sans-serif;background:#fff;color:#222}"
-    ".plot .grid{stroke:#ddd}.plot .axis{stroke:#888;fill:none}.plot text{fill:currentColor}"
-    ".blue{--ink:#0072b2}.orange{--ink:#e69f00}.green{--ink:#009e73}.red{--ink:#d55e00}"
-    ".gray{--ink:#888}.plot .mark{fill:var(--ink)}.plot .stroke{stroke:var(--ink);fill:none}"
-    ".plot .area{fill:var(--ink);opacity:.2}</style>";
+// The style sheet of reports (station/html.cpp) in its light colours, for a file without a page.
+std::string stand_alone_style() {
+    std::string style =
+        "<style>.plot{font:12px 'DejaVu Sans',Arial,sans-serif}.plot text{fill:#222}"
+        ".plot .grid{stroke:#ddd}.plot .axis{stroke:#888;fill:none}.plot .area{opacity:.2}";
+    for (const auto& [ink, colour] :
+         {std::pair(Ink::blue, "#0072b2"), std::pair(Ink::orange, "#e69f00"),
+          std::pair(Ink::green, "#009e73"), std::pair(Ink::red, "#d55e00"),
+          std::pair(Ink::gray, "#8a949b")})
+        style +=
+            fmt::format(".{0} .mark,.{0} .area{{fill:{1}}}.{0} .stroke{{stroke:{1};fill:none}}",
+                        css_class(ink), colour);
+    return style + "</style><rect width='100%' height='100%' fill='#fff'/>";
+}
 
 }  // namespace
 
@@ -333,14 +341,19 @@ std::string SvgPlot::legend() const {
 
 std::string SvgPlot::svg(bool stand_alone) const {
     const Frame f = frame();
-    std::string text = fmt::format(
-        "<svg class='plot' {}viewBox='0 0 {} {}' role='img' aria-label='{} against {}'>{}",
-        stand_alone ? "xmlns='http://www.w3.org/2000/svg' " : "", width_, height_,
-        escape_html(y_label_), escape_html(x_label_), stand_alone ? stand_alone_style : "");
+    std::string text =
+        fmt::format("<svg class='plot' viewBox='0 0 {} {}' role='img' aria-label='{} against {}'>",
+                    width_, height_, escape_html(y_label_), escape_html(x_label_));
     text += axes(f);
     for (const Layer& each : layers_)
         text += layer(each, f);
-    return text + legend() + "</svg>";
+    text += legend() + "</svg>";
+    return stand_alone ? stand_alone_svg(std::move(text)) : text;
+}
+
+std::string stand_alone_svg(std::string svg) {
+    svg.insert(svg.find('>') + 1, stand_alone_style());
+    return svg.insert(svg.find("<svg") + 4, " xmlns='http://www.w3.org/2000/svg'");
 }
 
 }  // namespace etalon

@@ -85,4 +85,8 @@ private:
     std::vector<Layer> layers_;
 };
 
+// An <svg class='plot'> element of a page made into a file of its own: namespace, style and paper.
+// Its colours are plain ones, as tools for papers (librsvg, Inkscape, TeX) know no CSS variables.
+std::string stand_alone_svg(std::string svg);
+
 }  // namespace etalon

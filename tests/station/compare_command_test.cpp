@@ -2,7 +2,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <tbb/global_control.h>
+
 #include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
 
 #include "core/errors.h"
 #include "core/text.h"
@@ -40,8 +44,9 @@ protected:
         const Rigid pose{rotation_from_vector({0.2, -0.15, 0.1}), {x_mm, 5.0, 210.0}};
         const Renderer renderer(camera_);
         const fs::path path = folder_ / name;
-        write_image(
-            path, SensorModel(camera_).expose(renderer.render({{{tag.grid, pose}}, 1.0}).radiance));
+        // Neither end of the scale is reached.
+        const cv::Mat exposed = 0.08 + 0.75 * renderer.render({{{tag.grid, pose}}, 1.0}).radiance;
+        write_image(path, SensorModel(camera_).expose(exposed));
         return path;
     }
     fs::path empty_photo(const std::string& name, int width, int height) {
@@ -82,6 +87,11 @@ TEST_F(CompareCommand, WritesAReportAndPrintsTheMeanResidual) {
     EXPECT_THAT(report, HasSubstr("a.png"));
     EXPECT_THAT(report, HasSubstr("data:image/"));
     EXPECT_THAT(report, testing::Not(HasSubstr("src=\"http"))) << "opens offline";
+    EXPECT_THAT(report, HasSubstr("Not seen by this comparison"));
+    EXPECT_THAT(report, HasSubstr("prefers-reduced-motion"));
+    for (const char* file : {"photometry.csv", "edges.csv", "profiles.csv", "comparison.json",
+                             "residual-by-photo.svg", "01-a-edges.svg", "02-b-significance.png"})
+        EXPECT_TRUE(fs::exists(wanted.out / file)) << file;
     EXPECT_EQ(read_image(wanted.out / "01-a-overlay.png").pixels.size(), cv::Size(320, 240));
     EXPECT_EQ(read_image(wanted.out / "02-b-residual.png").pixels.size(), cv::Size(320, 240));
     EXPECT_EQ(split(std::string(trimmed(read_text(wanted.out / "comparison.csv"))), '\n').size(),
@@ -122,8 +132,7 @@ TEST_F(CompareCommand, CountsAPhotographWithoutItsMarker) {
     EXPECT_THAT(notes, HasSubstr("nothing.png: marker not found"));
     EXPECT_THAT(notes, HasSubstr("1 of 2 photographs could not be compared"));
     EXPECT_THAT(read_text(wanted.out / "report.html"), HasSubstr("marker not found"));
-    EXPECT_THAT(read_text(wanted.out / "comparison.csv"),
-                HasSubstr("nothing.png,marker not found"));
+    EXPECT_THAT(read_text(wanted.out / "comparison.csv"), HasSubstr("nothing.png,refused,"));
 }
 
 TEST_F(CompareCommand, FailsWhenNoPhotographShowsTheMarker) {
@@ -164,6 +173,76 @@ TEST_F(CompareCommand, RefusesContradictoryArgumentsBeforeItWritesAnything) {
     auto onto_a_file = good;
     onto_a_file.out = folder_ / "camera.yml";
     EXPECT_THROW(run_compare(onto_a_file), ConfigError);
+}
+
+// All files of a folder: name and bytes.
+std::map<std::string, std::string> contents(const fs::path& folder) {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : fs::directory_iterator(folder))
+        files[entry.path().filename().string()] = read_text(entry.path());
+    return files;
+}
+
+TEST_F(CompareCommand, GivesTheSameBytesForAnyNumberOfThreads) {
+    auto one = arguments({photo_of_tag("a.png", 7.0), photo_of_tag("b.png", -9.0)});
+    auto two = one;
+    two.out = folder_ / "again";
+    testing::internal::CaptureStdout();
+    {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+        run_compare(one);
+    }
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 2);
+    run_compare(two);
+    testing::internal::GetCapturedStdout();
+    const auto first = contents(one.out), second = contents(two.out);
+    EXPECT_GT(first.size(), 15u);
+    ASSERT_EQ(first.size(), second.size());
+    for (const auto& [name, bytes] : first)
+        EXPECT_TRUE(second.contains(name) && second.at(name) == bytes) << name;
+}
+
+TEST_F(CompareCommand, ComparesWithAnEarlierComparisonOfTheSameCamera) {
+    const auto then = arguments({photo_of_tag("a.png", 7.0), photo_of_tag("b.png", -9.0)});
+    auto now = then;
+    now.out = folder_ / "now";
+    now.baseline = then.out;
+    testing::internal::CaptureStdout();
+    run_compare(then);
+    run_compare(now);
+    const std::string printed = testing::internal::GetCapturedStdout();
+    EXPECT_THAT(printed, HasSubstr("2 photos paired"));
+    EXPECT_THAT(printed, testing::Not(HasSubstr("changed"))) << "the same photographs";
+    const auto json = nlohmann::json::parse(read_text(now.out / "comparison.json"));
+    for (const auto& quantity : json.at("baseline").at("quantities"))
+        EXPECT_NEAR(quantity.at("change").get<double>(), 0.0, 1e-9) << quantity.at("quantity");
+    EXPECT_THAT(read_text(now.out / "baseline.csv"), HasSubstr("\na.png,matched,matched,"));
+    EXPECT_THAT(read_text(now.out / "report.html"), HasSubstr("Change since the baseline"));
+
+    auto other = now;
+    other.marker = "apriltag:36h11:5@49mm";
+    EXPECT_THROW(run_compare(other), ConfigError);
+    auto onto_itself = now;
+    onto_itself.out = now.baseline;
+    EXPECT_THROW(run_compare(onto_itself), ConfigError);
+}
+
+// The pose says that a marker is there; the photograph is evenly gray.
+TEST_F(CompareCommand, NamesWhatStandsInTheWayOfAMatch) {
+    auto wanted = arguments({photo_of_tag("a.png", 7.0), empty_photo("gray.png", 320, 240)});
+    wanted.poses = folder_ / "poses.csv";
+    write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n0.2,-0.15,0.1,7,5,210\n0.2,-0.15,0.1,7,5,210\n");
+    testing::internal::CaptureStdout();
+    run_compare(wanted);
+    EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("matched 1 of 2 photos"));
+    const auto json = nlohmann::json::parse(read_text(wanted.out / "comparison.json"));
+    const auto& refused = json.at("photos").at(1);
+    EXPECT_EQ(refused.at("outcome"), "refused");
+    EXPECT_FALSE(refused.at("findings").empty());
+    EXPECT_FALSE(refused.contains("calibrated")) << "its figures would mean nothing";
+    const std::string name = refused.at("findings").at(0).at("name");
+    EXPECT_THAT(read_text(wanted.out / "comparison.csv"), HasSubstr("refused," + name));
+    EXPECT_THAT(read_text(wanted.out / "report.html"), HasSubstr("<strong>" + name));
 }
 
 TEST_F(CompareCommand, DetectPrintsThePoseOfEachPhotograph) {

@@ -4,8 +4,7 @@
 //
 // A start that is off by some px would leave most edges without an edge to go to. So photograph and
 // rendering are blurred first, by a Gaussian of 3 px and of 1.5 px, and the pose is found there by
-// least squares on all pixels. Basin, measured for a 50 mm tag at 300 to 700 mm in a VGA image
-// (tests/evidence/photometric_pose.cpp): see basin_px.
+// least squares on all pixels. Before that, the shift that correlates best is taken.
 #pragma once
 
 #include <memory>
@@ -23,8 +22,11 @@ public:
     // used, with `place`, and NumericalError for a telecentric camera.
     PhotometricDetector(const CameraModel& camera, const Marker& marker, const std::string& place);
 
-    // Starts that displace the marker's image by this much in any direction, or turn or scale it so
-    // that its corners move by as much, are coarse ones; below 1 px none is needed.
+    // Starts that displace the marker's image by up to this much are meant to be found. Measured
+    // with that shift, half of it again by turn and by scale, and 3 degrees of tilt: a tag of 50 mm
+    // in a VGA image 24 of 24 times at 300 and at 500 mm, 19 of 24 at 700 mm, where its cells are
+    // below 5 px; a chessboard of 10 mm squares, which looks alike one square on, 22, 18 and 13 of
+    // 24 (docs/photometric-pose.md). What is not found is mostly refused.
     static constexpr double basin_px = 5.0;
 
     // `start_error_px`: how far the start's edges may be off. Throws NumericalError when the start

@@ -135,9 +135,9 @@ std::vector<std::string> blind_spots(const Comparison& comparison) {
             "scatter in each photograph. `etalon characterise` measures the noise.");
     if (!camera.lens)
         spots.push_back(
-            "The lens's blur: the camera's file has no lens section. One Gaussian's width is "
-            "fitted "
-            "to each photograph, so that a wrong focus shows as a width and not as a residual.");
+            "The lens's blur: the camera's file has no lens section. A Gaussian's widths are "
+            "fitted to "
+            "each photograph, so that a wrong focus shows as a width and not as a residual.");
     if (std::any_of(comparison.photos.begin(), comparison.photos.end(),
                     [](const ComparedPhoto& photo) { return photo.is_jpeg; }))
         spots.push_back(

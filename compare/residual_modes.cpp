@@ -60,18 +60,20 @@ Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& matrix, double least) {
 
 // All that a row is made of, within `region`: the prediction in gray and how it would change.
 struct ResidualModes::Images {
-    cv::Rect region;
+    cv::Size size;                // of the photograph
+    cv::Rect box, region;         // of the counted pixels, and with what they need around them
+    cv::Mat image;                // the prediction
     cv::Mat by_x, by_y;           // displaced by a px
     cv::Mat by_xx, by_yy, by_xy;  // blurred: by the variances (twice the first two) and covariance
     cv::Mat detail;               // sharpened
 
-    Images(const cv::Mat& predicted, const cv::Mat& counted) {
+    Images(const cv::Mat& predicted, const cv::Mat& counted)
+        : size(predicted.size()), box(cv::boundingRect(counted)), region(box) {
         constexpr int room = 8;  // what the Gaussian of the detail reaches
-        region = cv::boundingRect(counted);
         region -= cv::Point(room, room);
         region += cv::Size(2 * room, 2 * room);
         region &= cv::Rect({0, 0}, predicted.size());
-        const cv::Mat image = predicted(region);
+        image = predicted(region);
         const cv::Matx<double, 1, 5> slope(1.0 / 12, -8.0 / 12, 0, 8.0 / 12, -1.0 / 12);
         by_x = filtered(image, cv::Mat(slope));
         by_y = filtered(image, cv::Mat(slope.t()));
@@ -81,8 +83,33 @@ struct ResidualModes::Images {
         detail = image - blurred(image, sharpening_sigma_px);
     }
 
-    double at(const cv::Mat& image, int x, int y) const {
-        return image.at<float>(y - region.y, x - region.x);
+    double at(const cv::Mat& values, int x, int y) const {
+        return values.at<float>(y - region.y, x - region.x);
+    }
+
+    Eigen::RowVector2d gradient(int x, int y) const { return {at(by_x, x, y), at(by_y, x, y)}; }
+
+    // How a pixel's gray changes with each column's parameter; `moves` by the calibration's six and
+    // the pose's.
+    void fill_row(int x, int y, const PhotometricModel& model, const CameraModel& camera,
+                  const Eigen::RowVectorXd& moves, Eigen::VectorXd& row) const {
+        const Vector6d terms = level_terms(x, y, size);
+        const double black = model.at(terms, 0.0).gray;
+        const double contrast = model.at(terms, 1.0).gray - black;
+        const double t = contrast != 0 ? (at(image, x, y) - black) / contrast : 0.0;
+        const double xx = at(by_xx, x, y), yy = at(by_yy, x, y);
+        const double u = 2.0 * (x - box.x) / box.width - 1.0;
+        const double v = 2.0 * (y - box.y) / box.height - 1.0;
+        row.segment<6>(dark_at) = (1.0 - t) * terms;
+        row.segment<6>(light_at) = t * terms;
+        row[tone_at] = contrast * t * (1.0 - t);
+        row.segment<3>(blur_at) = 0.5 * (xx + yy) * Eigen::Vector3d(1.0, u, v);
+        row.segment<6>(pose_at) = moves.tail<6>();
+        row.segment<2>(rows_at) = -v * gradient(x, y);
+        row[calibration_at] = moves[0] + camera.intrinsics.fy / camera.intrinsics.fx * moves[1];
+        row.segment<4>(calibration_at + 1) = moves.segment<4>(2);
+        row.segment<2>(blur_along_at) << 0.5 * (xx - yy), at(by_xy, x, y);
+        row[sharpening_at] = at(detail, x, y);
     }
 };
 
@@ -105,10 +132,9 @@ ResidualModes::ResidualModes(const PixelDifference& difference, const cv::Mat& c
             cv::countNonZero(counted), counted.cols, counted.rows, difference.predicted.cols,
             difference.predicted.rows, noise_scale));
     const Images images(difference.predicted, counted);
-    const cv::Rect box = cv::boundingRect(counted);
+    const cv::Rect& box = images.box;
     const ImageMotion motion(camera.projector(), camera_from_marker, calibration_modes(),
                              images.region);
-    const Intrinsics& k = camera.model().intrinsics;
     Eigen::Matrix2Xd moved(2, motion.columns());
     Eigen::VectorXd row(column_count);
     information_ = Eigen::MatrixXd::Zero(column_count, column_count);
@@ -117,34 +143,14 @@ ResidualModes::ResidualModes(const PixelDifference& difference, const cv::Mat& c
     const auto add_pixel = [&](int x, int y, Block& block) {
         if (counted.at<uchar>(y, x) == 0 || !motion.at(x, y, moved))
             return;
-        const Vector6d terms = level_terms(x, y, size);
-        const double black = difference.model.at(terms, 0.0).gray;
-        const double contrast = difference.model.at(terms, 1.0).gray - black;
         const double gray = difference.predicted.at<float>(y, x);
-        const double t = contrast != 0 ? (gray - black) / contrast : 0.0;
-        const Eigen::RowVector2d gradient(images.at(images.by_x, x, y),
-                                          images.at(images.by_y, x, y));
-        const double xx = images.at(images.by_xx, x, y), yy = images.at(images.by_yy, x, y);
-        const double u = 2.0 * (x - box.x) / box.width - 1.0;
-        const double v = 2.0 * (y - box.y) / box.height - 1.0;
-        const Eigen::RowVectorXd moves = -gradient * moved;
-
-        row.segment<6>(dark_at) = (1.0 - t) * terms;
-        row.segment<6>(light_at) = t * terms;
-        row[tone_at] = contrast * t * (1.0 - t);
-        row.segment<3>(blur_at) = 0.5 * (xx + yy) * Eigen::Vector3d(1.0, u, v);
-        row.segment<6>(pose_at) = moves.tail<6>();
-        row.segment<2>(rows_at) = -v * gradient;
-        row[calibration_at] = moves[0] + k.fy / k.fx * moves[1];
-        row.segment<4>(calibration_at + 1) = moves.segment<4>(2);
-        row.segment<2>(blur_along_at) << 0.5 * (xx - yy), images.at(images.by_xy, x, y);
-        row[sharpening_at] = images.at(images.detail, x, y);
-
         const double noise = noise_scale * camera.noise_gray(gray);
+        const Eigen::RowVector2d gradient = images.gradient(x, y);
+        images.fill_row(x, y, difference.model, camera.model(), -gradient * moved, row);
+        row /= noise;
         const double residual = difference.residual.at<float>(y, x) / noise;
         const double limited = std::clamp(residual, -huber_threshold, huber_threshold);
         const double weight = residual != 0 ? limited / residual : 1.0;
-        row /= noise;
         block.information.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
         block.score += limited * row;
         squares_ += limited * residual;

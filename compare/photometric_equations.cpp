@@ -89,6 +89,7 @@ CurvePoint on_curve(const Transfer& transfer, double radiance) {
 struct PixelModel {
     double gray = 0.0;
     double by_radiance = 0.0;
+    bool clips = false;  // its noise is clipped too, and says little of the noise elsewhere
 
     PixelModel(const PhotometricModel& model, const PhotometricTerms& terms,
                const Vector6d& level_terms, const CurvePoint& curve,
@@ -99,6 +100,7 @@ struct PixelModel {
         const Saturation::Point point =
             model.saturation ? model.saturation->at(level) : Saturation::Point{level, 1.0, 0, 0};
         gray = point.gray;
+        clips = point.slope < 0.5;
         const double contrast = point.slope * (white - black);
         by_radiance = contrast * (1.0 + model.tone * (1.0 - 2.0 * s)) * curve.slope;
         const int n = terms.level_terms;
@@ -318,7 +320,8 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                         -model.by_radiance * (slope.x() * moved(0, i) + slope.y() * moved(1, i));
             const double noise = noise_scale * camera.noise_gray(model.gray);
             const double residual = (photo.gray.at<float>(pixel) - model.gray) / noise;
-            sizes.push_back(std::abs(residual));
+            if (!model.clips)
+                sizes.push_back(std::abs(residual));
             block.add(noise, residual);
         }
     edges.flush();
@@ -327,7 +330,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
     if (terms.saturation)
         add_known_saturation(*state.photometry.saturation, equations);
     hold_what_is_fixed(state.photometry, terms, equations);
-    if (equations.pixels < least_pixels || !std::isfinite(equations.loss))
+    if (equations.pixels < least_pixels || sizes.empty() || !std::isfinite(equations.loss))
         throw NumericalError(fmt::format("{} pixels of the marker can be fitted, with a loss of {}",
                                          equations.pixels, equations.loss));
     equations.median_size = median(std::move(sizes));

@@ -91,7 +91,7 @@ struct PhotoEquations {
     Eigen::VectorXd score;        // J^T r, r limited to the threshold
     double loss = 0.0;            // sum of Huber's function
     double squares = 0.0;         // sum of the squares of the limited r
-    double median_size = 0.0;     // of |r|
+    double median_size = 0.0;     // of |r|, of the pixels that do not clip
     int pixels = 0;
 };
 

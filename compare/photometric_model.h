@@ -70,16 +70,6 @@ Vector6d level_terms(double x, double y, cv::Size size);
 // CV_32FC1: code values / full scale * 255.
 cv::Mat gray_of(const CodeImage& image);
 
-// Fits the model with planes and without tone on the pixels where `use` (CV_8UC1) equals `fitted`.
-// Robust: Huber's loss, by iteratively reweighted least squares for the levels, inside a search for
-// the width from 0 to 3 px (a grid, then golden section, to 0.002 px). All images have the same
-// size; photo_gray and the radiance are CV_32FC1. Throws NumericalError when sizes or types differ,
-// a fitted pixel is not finite, or the pixels do not determine the six levels (all dark, too few,
-// on one line). About 5 ms per 100 000 pixels of the marker's bounding box and width tried, 30 of
-// them. Safe from every thread.
-PhotometricModel fit_photometric_model(const cv::Mat& photo_gray, const Radiance& radiance,
-                                       const Transfer& transfer, const cv::Mat& use, uchar fitted);
-
 // The photograph that the model expects, CV_32FC1, gray, the radiance's size.
 cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
                        const Transfer& transfer);

@@ -1,12 +1,15 @@
 #include "compare/pixel_difference.h"
 
+#include <functional>
+#include <limits>
+
 #include "core/errors.h"
 #include "sim/sensor_model.h"
 
 namespace etalon {
 namespace {
 
-constexpr double significance = 3.0;  // standard deviations
+constexpr double limit = 3.0;  // of significance, standard deviations
 
 // The value that 99 % of the sizes do not exceed.
 double percentile_99(std::vector<double>& sizes) {
@@ -28,9 +31,7 @@ ResidualStatistics statistics(const PixelDifference& difference, PixelUse use) {
             sizes.push_back(std::abs(residual));
             sum += residual;
             squares += residual * residual;
-            if (!difference.significance.empty())
-                significant +=
-                    std::abs(difference.significance.at<float>(y, x)) > significance ? 1 : 0;
+            significant += std::abs(difference.significance.at<float>(y, x)) > limit ? 1 : 0;
         }
     if (sizes.empty())
         throw NumericalError("no pixel of the marker is left to be scored");
@@ -41,29 +42,27 @@ ResidualStatistics statistics(const PixelDifference& difference, PixelUse use) {
     result.rms_gray = std::sqrt(squares / count);
     result.worst_gray = *std::max_element(sizes.begin(), sizes.end());
     result.p99_gray = percentile_99(sizes);
-    if (!difference.significance.empty())
-        result.significant = significant / count;
+    result.significant = significant / count;
     return result;
 }
 
-// The rendering as the sensor responds to it: relative illumination and colour filters.
-Radiance at_sensor(const Radiance& radiance, const CameraModel& camera) {
-    const cv::Mat response = SensorModel(camera).relative_response();
-    if (response.empty())
-        return radiance;
-    if (response.size() != radiance.size())
-        throw NumericalError("the rendering has another size than the camera");
-    return radiance.mul(response);
+// Where half of the noise is clipped and more: Saturation's slope is below 0.5.
+double clipping_gray(const PhotometricModel& model) {
+    if (!model.saturation)
+        return std::numeric_limits<double>::infinity();
+    return model.saturation->at(model.saturation->level_gray).gray;
 }
 
-// 1.4826 times the median size of the fitted residuals: their standard deviation if they are
-// normal, whatever a tenth of them is. Not below rounding to 8 bits.
+// 1.4826 times the median size of the fitted residuals of pixels that do not clip: their standard
+// deviation if they are normal, whatever a tenth of them is. Not below rounding to 8 bits.
 double deviation_of_residuals(const PixelDifference& difference) {
     constexpr double least_gray = 0.289;
+    const double clipping = clipping_gray(difference.model);
     std::vector<float> sizes;
     for (int y = 0; y < difference.use.rows; ++y)
         for (int x = 0; x < difference.use.cols; ++x)
-            if (difference.use.at<uchar>(y, x) == pixel_fitted)
+            if (difference.use.at<uchar>(y, x) == pixel_fitted &&
+                difference.predicted.at<float>(y, x) < clipping)
                 sizes.push_back(std::abs(difference.residual.at<float>(y, x)));
     if (sizes.empty())
         throw NumericalError("no pixel of the marker was fitted");
@@ -73,8 +72,7 @@ double deviation_of_residuals(const PixelDifference& difference) {
 }
 
 // The standard deviation of each pixel's noise.
-template <typename NoiseOfGray>
-cv::Mat noise_map(const cv::Mat& predicted, const NoiseOfGray& noise_of_gray) {
+cv::Mat noise_map(const cv::Mat& predicted, const std::function<double(double)>& noise_of_gray) {
     cv::Mat noise(predicted.size(), CV_32FC1);
     for (int y = 0; y < noise.rows; ++y)
         for (int x = 0; x < noise.cols; ++x)
@@ -121,26 +119,6 @@ std::optional<double> noise_gray(const Sensor& sensor, double gray) {
         std::max(linear * range, 0.0) / sensor.gain_e_per_dn + read_dn * read_dn;
     const double rounding = 1.0 / 12.0;  // variance of a rounding error, DN^2
     return std::sqrt(slope * slope * linear_variance + rounding) * 255.0 / full_scale;
-}
-
-PixelDifference pixel_difference(const CodeImage& photo, const Radiance& radiance,
-                                 const cv::Mat& use, const CameraModel& camera) {
-    const cv::Mat gray = gray_of(photo);
-    const Radiance lit = at_sensor(radiance, camera);
-    const Transfer transfer = camera.sensor ? camera.sensor->transfer : Transfer{};
-    PixelDifference difference;
-    difference.model = fit_photometric_model(gray, lit, transfer, use, pixel_fitted);
-    difference.predicted = predicted_gray(difference.model, lit, transfer);
-    difference.residual = gray - difference.predicted;
-    difference.use = use;
-    if (camera.sensor && noise_gray(*camera.sensor, 0.0))
-        difference.significance =
-            difference.residual / noise_map(difference.predicted, [&](double level) {
-                return *noise_gray(*camera.sensor, level);
-            });
-    difference.fitted = statistics(difference, pixel_fitted);
-    difference.scored = statistics(difference, pixel_scored);
-    return difference;
 }
 
 }  // namespace etalon

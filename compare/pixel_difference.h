@@ -1,5 +1,5 @@
-// Photograph minus rendering, pixel by pixel, after the photometric model of this photograph is
-// fitted on one half of the marker's cells; what is reported comes from the other half.
+// Photograph minus prediction, pixel by pixel, at a pose and photometric model that were fitted on
+// one half of the marker's cells (compare/photo_match.h); what is reported comes from the other.
 //
 // Residuals of photographs are in gray = code value / full scale * 255, behind the tone curve.
 #pragma once
@@ -19,8 +19,8 @@ struct ResidualStatistics {
     double rms_gray = 0.0;    // about zero
     double p99_gray = 0.0;    // 99 % of the absolute residuals are at most this
     double worst_gray = 0.0;  // the largest absolute residual
-    // Share of pixels over three standard deviations of the camera's noise; nothing when the camera
-    // model does not say how much noise there is. 0.0027 would be pure noise.
+    // Share of pixels over three standard deviations of the noise: 0.0027 would be pure noise.
+    // Where the noise comes from the residuals themselves it says how far they are from normal.
     std::optional<double> significant;
 };
 
@@ -45,12 +45,6 @@ struct PixelDifference {
 // that differ and what the renderer refuses. Safe from every thread.
 PixelDifference difference_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                               const PhotoState& state);
-
-// `radiance` is the rendering at the pose under test and `use` that of pixel_uses(). The camera
-// gives the transfer curve, the relative illumination and the noise, as far as it knows them.
-// Throws NumericalError when sizes differ or the model cannot be fitted. Safe from every thread.
-PixelDifference pixel_difference(const CodeImage& photo, const Radiance& radiance,
-                                 const cv::Mat& use, const CameraModel& camera);
 
 // Standard deviation of one pixel's noise in gray at a noise-free value in gray: shot and read
 // noise, taken through the transfer curve's slope, and rounding (EMVA 1288's camera model). Nothing

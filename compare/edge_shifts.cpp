@@ -203,15 +203,15 @@ public:
             powers.col(j) = powers.col(j - 1).cwiseProduct(displacements);
         coefficients_ = powers.inverse();
     }
-    // Of the values at the places: the weights that make R and its first, second and fourth
-    // derivative at a displacement.
-    Eigen::Matrix<double, places, 4> weights(double s) const {
-        Eigen::Matrix<double, places, 4> basis;
-        basis << 1.0, 0.0, 0.0, 0.0,               //
-            s, 1.0, 0.0, 0.0,                      //
-            s * s, 2.0 * s, 2.0, 0.0,              //
-            s * s * s, 3.0 * s * s, 6.0 * s, 0.0,  //
-            s * s * s * s, 4.0 * s * s * s, 12.0 * s * s, 24.0;
+    // Of the values at the places: the weights that make R and its four derivatives at a
+    // displacement.
+    Eigen::Matrix<double, places, places> weights(double s) const {
+        Eigen::Matrix<double, places, places> basis;
+        basis << 1.0, 0.0, 0.0, 0.0, 0.0,               //
+            s, 1.0, 0.0, 0.0, 0.0,                      //
+            s * s, 2.0 * s, 2.0, 0.0, 0.0,              //
+            s * s * s, 3.0 * s * s, 6.0 * s, 6.0, 0.0,  //
+            s * s * s * s, 4.0 * s * s * s, 12.0 * s * s, 24.0 * s, 24.0;
         return coefficients_.transpose() * basis;
     }
 
@@ -233,13 +233,13 @@ struct BandPixel {
 struct MovedRadiance {
     double value, displaced, by_shift, by_variance;
 
-    MovedRadiance(const Weights& at_places, const Eigen::Matrix<double, places, 4>& weights,
+    MovedRadiance(const Weights& at_places, const Eigen::Matrix<double, places, places>& weights,
                   double variance) {
-        const Eigen::RowVector4d r = at_places.transpose() * weights;
+        const Eigen::Matrix<double, 1, places> r = at_places.transpose() * weights;
         displaced = r[0];
-        value = r[0] + 0.5 * variance * (r[2] + 0.25 * variance * r[3]);
-        by_shift = r[1];
-        by_variance = 0.5 * r[2] + 0.25 * variance * r[3];
+        value = r[0] + 0.5 * variance * (r[2] + 0.25 * variance * r[4]);
+        by_shift = r[1] + 0.5 * variance * r[3];
+        by_variance = 0.5 * r[2] + 0.25 * variance * r[4];
     }
 };
 

@@ -48,16 +48,17 @@ double excess_variance(std::span<const EdgeShift> edges) {
 
 ShiftSpread spread_of(std::span<const EdgeShift> edges) {
     const double excess = excess_variance(edges), count = static_cast<double>(edges.size());
-    double information = 0.0, squares = 0.0, noise = 0.0;
+    double slope = 0.0, squares = 0.0, noise = 0.0;
     for (const EdgeShift& edge : edges) {
-        const double variance = variance_of(edge) + excess;
-        information += 0.5 / (variance * variance);  // of a normal variable's variance
+        slope += 1.0 / (variance_of(edge) + excess);
         squares += edge.shift_px * edge.shift_px;
         noise += edge.shift_deviation_px * edge.shift_deviation_px;
     }
     ShiftSpread spread;
     spread.rms_px = std::sqrt(excess);
-    spread.rms_deviation_px = std::sqrt(excess + 1.0 / std::sqrt(information)) - spread.rms_px;
+    // The sum that is set to the count has twice the count as its variance, and about this slope.
+    const double deviation = std::sqrt(2.0 * count) / slope;
+    spread.rms_deviation_px = std::sqrt(excess + deviation) - spread.rms_px;
     spread.with_noise_px = std::sqrt(squares / count);
     spread.noise_px = std::sqrt(noise / count);
     return spread;

@@ -15,10 +15,7 @@ double depth_mm(const Projector& projector, const Rigid& camera_from_marker, int
     const Eigen::Vector3d normal = camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
     const double offset = normal.dot(camera_from_marker.translation);
     const Eigen::Vector2d ray = projector.unproject({x, y}).value_or(Eigen::Vector2d::Zero());
-    const double across = normal.head<2>().dot(ray);
-    if (projector.camera().projection == Projection::telecentric)
-        return (offset - across) / normal.z();
-    return offset / (across + normal.z());
+    return offset / normal.dot(ray.homogeneous());
 }
 
 void add_scored(const PixelDifference& difference, const Projector& projector,
@@ -97,29 +94,11 @@ void PhotoComparer::match(const CodeImage& image, const std::filesystem::path& f
                profiles.refined_radius, profiles.refined_depth);
 }
 
-// There is no photometric pose for these cameras: only the pose under test is compared.
-void PhotoComparer::match_telecentric(const CodeImage& image, const std::filesystem::path& folder,
-                                      std::size_t number, ComparedPhoto& photo,
-                                      ResidualProfiles& profiles) const {
-    const cv::Mat use = pixel_uses(camera_->projector(), photo.under_test, area_);
-    if (cv::countNonZero(use) == 0)
-        throw NumericalError("no part of the marker is inside the image");
-    const PhotoFit fit = fit_photometry({gray_of(image), marker_.grid, use, pixel_fitted}, *camera_,
-                                        photo.under_test);
-    photo.calibrated = without_images(fit);
-    photo.pictures = make_pictures(folder, number, photo.photo, fit.difference, nullptr);
-    add_scored(fit.difference, camera_->projector(), photo.under_test, profiles.radius,
-               profiles.depth);
-}
-
 ResidualProfiles PhotoComparer::compare(const CodeImage& image, const std::filesystem::path& folder,
                                         std::size_t number, ComparedPhoto& photo) const {
     ResidualProfiles profiles = empty_profiles_;
     try {
-        if (camera_->model().projection == Projection::telecentric)
-            match_telecentric(image, folder, number, photo, profiles);
-        else
-            match(image, folder, number, photo, profiles);
+        match(image, folder, number, photo, profiles);
     } catch (const NumericalError& error) {
         photo.failure = error.what();
     }

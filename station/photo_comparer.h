@@ -32,9 +32,6 @@ public:
 private:
     void match(const CodeImage& image, const std::filesystem::path& folder, std::size_t number,
                ComparedPhoto& photo, ResidualProfiles& profiles) const;
-    void match_telecentric(const CodeImage& image, const std::filesystem::path& folder,
-                           std::size_t number, ComparedPhoto& photo,
-                           ResidualProfiles& profiles) const;
 
     Marker marker_;
     ComparedArea area_;

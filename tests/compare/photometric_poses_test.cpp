@@ -30,7 +30,8 @@ Vector6d deviations(const std::vector<Vector6d>& values) {
 
 Repeats repeats_at(bool with_lens, std::uint64_t pose, std::uint32_t count) {
     const CameraModel camera = webcam(with_lens);
-    const Truth truth = truth_at(camera, study_pose(camera, pose), 1024, 0.0);
+    // A sharp image needs fewer samples for the same error.
+    const Truth truth = truth_at(camera, study_pose(camera, pose), with_lens ? 1024 : 256, 0.0);
     const Vector6d bound =
         cramer_rao_bound(camera, Renderer(camera), truth.camera_from_marker).diagonal().cwiseSqrt();
     Study study(camera);
@@ -68,7 +69,8 @@ Repeats repeats_at(bool with_lens, std::uint64_t pose, std::uint32_t count) {
 
 // Over n = 40 repeats the mean's standard error is 0.16 of the bound. The reference's own error is
 // the same in all of them: measured over its scrambles it moves the pose by 1.2 of the bound with
-// 1024 samples a pixel and by 0.4 with 4096, which makes 0.15 with the 16 384 here. 3.5 of both
+// 1024 samples a pixel and by 0.4 with 4096, which makes 0.15 with the 16 384 here; without
+// a lens less. 3.5 of both
 // together, 0.77, is exceeded by one of 12 components in 1 of 180 runs. The scatter's standard
 // error is 11 %; three of them on both sides. Chi-square: 40 photographs of 1800 pixels or more,
 // 0.5 %.

@@ -199,6 +199,8 @@ void write_files(const std::filesystem::path& folder, const Comparison& comparis
     write_text(folder / "photometry.csv", photometry_csv(comparison));
     write_text(folder / "edges.csv", edges_csv(comparison));
     write_text(folder / "profiles.csv", profiles_csv(comparison));
+    if (comparison.camera.lens)
+        write_text(folder / "defocus.csv", defocus_csv(comparison));
     if (comparison.baseline)
         write_text(folder / "baseline.csv", baseline_csv(*comparison.baseline));
     write_text(folder / "comparison.json", comparison_json(comparison) + "\n");

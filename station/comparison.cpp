@@ -128,11 +128,11 @@ std::vector<std::string> blind_spots(const Comparison& comparison) {
     if (!comparison.detector.empty())
         spots.push_back(
             "Errors of the calibration that a pose can imitate: each pose was found in its own "
-            "photograph with the same calibration. `etalon qualify` has poses from a stage.");
+            "photograph with the same calibration. A run with a stage (etalon qualify) sees them.");
     if (!camera.sensor || camera.sensor->gain_e_per_dn == 0.0)
         spots.push_back(
             "Noise: the camera's file states none. Significance is against the residuals' own "
-            "scatter in each photograph. `etalon characterise` measures the noise.");
+            "scatter in each photograph. The command etalon characterise measures the noise.");
     if (!camera.lens)
         spots.push_back(
             "The lens's blur: the camera's file has no lens section. A Gaussian's widths are "

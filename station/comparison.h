@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "compare/defocus_profile.h"
 #include "compare/edge_summary.h"
 #include "compare/match_outcome.h"
 #include "compare/photo_match.h"
@@ -45,6 +46,8 @@ struct ComparedPhoto {
     Rigid under_test;                      // camera_from_marker; without a failure
     std::optional<ComparedFit> calibrated, refined;
     std::optional<PhotometricPose> photometric;  // of `refined`
+    // At the refined pose; of a camera with a lens section.
+    std::optional<DefocusProfile> defocus;
     Findings findings;
     PhotoPictures pictures;
 

@@ -69,6 +69,21 @@ std::string edges_line(const ComparedPhoto& photo) {
         parts.blur_gray, parts.photometric_gray, parts.rest_gray);
 }
 
+std::string minimum_in_words(const WidthMinimum& minimum) {
+    return minimum.is_determined
+               ? fmt::format("sharpest at {:.2f} mm (σ {:.2f})", minimum.focus_distance_mm,
+                             minimum.standard_uncertainty_mm)
+               : "without a sharpest depth: " + minimum.undetermined;
+}
+
+std::string defocus_line(const ComparedPhoto& photo) {
+    if (!photo.defocus)
+        return "";
+    return fmt::format("<p>Photograph {}; rendering {}.</p>",
+                       escape_html(minimum_in_words(photo.defocus->photo)),
+                       escape_html(minimum_in_words(photo.defocus->rendering)));
+}
+
 std::string parameters_html(const ComparedPhoto& photo) {
     if (photo.calibrated->parameters.empty())
         return "";
@@ -171,7 +186,7 @@ std::string card_html(const Comparison& comparison, std::size_t number, bool sta
                     escape_html(photo.photo.filename().string()), outcome_tag(photo));
     text += findings_html(photo);
     if (photo.calibrated)
-        text += figures_line(photo) + edges_line(photo);
+        text += figures_line(photo) + edges_line(photo) + defocus_line(photo);
     if (!photo.pictures.overlay.empty())
         text += pictures_html(photo, number, starts_in_turn, arrow_magnification(comparison));
     else if (!photo.pictures.photo.empty())

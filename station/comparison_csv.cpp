@@ -213,4 +213,24 @@ std::string profiles_csv(const Comparison& comparison) {
     return table.finish();
 }
 
+std::string defocus_csv(const Comparison& comparison) {
+    CsvTable table;
+    for (const ComparedPhoto& photo : comparison.photos)
+        for (const DepthBin& bin : photo.defocus ? photo.defocus->bins : std::vector<DepthBin>()) {
+            if (bin.edges == 0)
+                continue;
+            table.text("photo", photo.photo.string());
+            table.number("low_mm", bin.low_mm);
+            table.number("high_mm", bin.high_mm);
+            table.number("depth_mm", bin.depth_mm);
+            table.number("edges", bin.edges);
+            table.number("measured_px2", bin.measured_px2);
+            table.number("measured_deviation_px2", bin.measured_deviation_px2);
+            table.number("rendered_px2", bin.rendered_px2);
+            table.number("residual_rms_gray", bin.residual_rms_gray);
+            table.end_row();
+        }
+    return table.finish();
+}
+
 }  // namespace etalon

@@ -119,6 +119,21 @@ void add_refinement(const ComparedPhoto& photo, ordered_json& json) {
         left_difference(photo.calibrated->camera_from_marker, photo.refined->camera_from_marker));
 }
 
+ordered_json minimum_json(const WidthMinimum& minimum) {
+    if (!minimum.is_determined)
+        return {{"undetermined", minimum.undetermined}};
+    return {{"focus_distance_mm", minimum.focus_distance_mm},
+            {"standard_uncertainty_mm", minimum.standard_uncertainty_mm}};
+}
+
+// The bins are in defocus.csv.
+ordered_json defocus_json(const DefocusProfile& profile) {
+    return {{"edges", profile.edges},
+            {"photograph", minimum_json(profile.photo)},
+            {"rendering", minimum_json(profile.rendering)},
+            {"file", "defocus.csv"}};
+}
+
 ordered_json photo_json(const ComparedPhoto& photo) {
     ordered_json json = {{"photo", photo.photo.string()}, {"outcome", photo.outcome()}};
     if (!photo.failure.empty())
@@ -131,6 +146,8 @@ ordered_json photo_json(const ComparedPhoto& photo) {
     json["calibrated"] = fit_json(*photo.calibrated);
     if (photo.refined)
         add_refinement(photo, json);
+    if (photo.defocus)
+        json["defocus"] = defocus_json(*photo.defocus);
     json["files"] = {{"overlay", photo.pictures.overlay_file},
                      {"residual_map", photo.pictures.residual_file},
                      {"significance_map", photo.pictures.significance_file},

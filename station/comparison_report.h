@@ -1,6 +1,6 @@
 // The files of a comparison: comparison.json, comparison.csv, photometry.csv, edges.csv,
-// profiles.csv, baseline.csv, the plots as SVG, and report.html. The pictures beside them are
-// written photo by photo (station/comparison_pictures.h).
+// profiles.csv, defocus.csv, baseline.csv, the plots as SVG, and report.html. The pictures beside
+// them are written photo by photo (station/comparison_pictures.h).
 #pragma once
 
 #include <string>
@@ -15,6 +15,7 @@ std::string comparison_csv(const Comparison& comparison);  // one row a photogra
 std::string photometry_csv(const Comparison& comparison);  // one row a parameter
 std::string edges_csv(const Comparison& comparison);       // one row an edge and pose
 std::string profiles_csv(const Comparison& comparison);    // residuals by radius and depth
+std::string defocus_csv(const Comparison& comparison);     // one row a photograph and depth
 
 // A plot for the report and for a file of its own.
 struct ComparisonPlot {

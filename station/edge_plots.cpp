@@ -156,40 +156,28 @@ ComparisonPlot shift_plot(const std::vector<EdgeBin>& before, const std::vector<
     return {file, plot.svg(), caption};
 }
 
-// Root of the mean variance across an edge, pixel included: of the rendering, and of the
-// photograph, which is the rendering's and what was found beside it.
-ComparisonPlot width_plot(const std::vector<EdgeShift>& edges) {
-    double nearest = edges.front().depth_mm, farthest = nearest;
-    for (const EdgeShift& edge : edges) {
-        nearest = std::min(nearest, edge.depth_mm);
-        farthest = std::max(farthest, edge.depth_mm);
-    }
-    std::vector<double> rendered(bins, 0.0), photographed(bins, 0.0), counts(bins, 0.0);
-    for (const EdgeShift& edge : edges) {
-        if (edge.is_beyond_range)
-            continue;
-        const double share = (edge.depth_mm - nearest) / std::max(1e-9, farthest - nearest);
-        const auto bin = static_cast<std::size_t>(std::min(share * bins, bins - 1.0));
-        rendered[bin] += edge.rendered_variance_px2;
-        photographed[bin] += edge.rendered_variance_px2 + edge.blur_variance_px2;
-        counts[bin] += 1.0;
-    }
-    std::vector<double> depths, of_rendering, of_photo;
-    for (std::size_t i = 0; i < counts.size(); ++i) {
-        if (counts[i] < 4)
-            continue;
-        depths.push_back(nearest + (static_cast<double>(i) + 0.5) / bins * (farthest - nearest));
-        of_rendering.push_back(std::sqrt(std::max(0.0, rendered[i] / counts[i])));
-        of_photo.push_back(std::sqrt(std::max(0.0, photographed[i] / counts[i])));
-    }
-    SvgPlot plot("depth / mm", "width of edges, σ / px");
-    plot.add_line(depths, of_rendering, Ink::gray, "");
-    plot.add_points(depths, of_rendering, Ink::gray, "rendering");
-    plot.add_line(depths, of_photo, Ink::blue, "");
-    plot.add_points(depths, of_photo, Ink::blue, "photograph");
+// Of all photographs, each bin of depths that some edges lie in.
+ComparisonPlot width_plot(const Comparison& comparison) {
+    std::vector<double> depths, photographed, rendered;
+    std::vector<std::string> notes;
+    for (const ComparedPhoto& photo : comparison.photos)
+        for (const DepthBin& bin : photo.defocus ? photo.defocus->bins : std::vector<DepthBin>()) {
+            if (bin.edges < 2)
+                continue;
+            depths.push_back(bin.depth_mm);
+            photographed.push_back(bin.measured_px2);
+            rendered.push_back(bin.rendered_px2);
+            notes.push_back(fmt::format("{}: {:.1f} mm, {:.3f} px² (σ {:.3f}) against {:.3f}",
+                                        photo.photo.filename().string(), bin.depth_mm,
+                                        bin.measured_px2, bin.measured_deviation_px2,
+                                        bin.rendered_px2));
+        }
+    SvgPlot plot("depth / mm", "width of edges, variance / px²");
+    plot.add_points(depths, rendered, Ink::gray, "rendering");
+    plot.add_points(depths, photographed, Ink::blue, "photograph", notes);
     return {"edge-width-by-depth.svg", plot.svg(),
             "Width of edges by depth, at the refined poses: what the lens section promises, and "
-            "what the photographs have. Curves that part on one side only have another focus "
+            "what the photographs have. Widths that part on one side only have another focus "
             "distance; that part on both, another f-number or another sharpness."};
 }
 
@@ -240,7 +228,7 @@ std::vector<ComparisonPlot> edge_plots(const Comparison& comparison) {
                                "depth / mm", "edge-shift-by-depth.svg",
                                "Edge shift by depth, noise taken out."));
     if (camera.lens)
-        plots.push_back(width_plot(after));
+        plots.push_back(width_plot(comparison));
     return plots;
 }
 

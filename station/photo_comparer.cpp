@@ -52,6 +52,20 @@ void add_edges(const CodeImage& image, const CellGrid& marker, const Photometric
     fit.edge_summary = edge_summary(edges_of(fit.edges, pixel_scored));
 }
 
+// Sharp edges and blurred ones alike: the widest blur decides how far beside an edge is looked.
+DefocusProfile defocus_of(const CodeImage& image, const Marker& marker, const ComparedArea& area,
+                          const Renderer& renderer, const Projector& projector,
+                          const ComparedFit& fit) {
+    const RenderedImage rendering = renderer.render({{{marker.grid, fit.camera_from_marker}}, 1.0});
+    EdgeSelection selection;
+    const double beside = selection.half_width_px - selection.clearance_px;
+    selection.clearance_px =
+        std::max(selection.clearance_px, 1.5 + rendering.plan.max_blur_radius_px);
+    selection.half_width_px = selection.clearance_px + beside;
+    return defocus_profile(image, rendering.radiance, projector, marker, fit.camera_from_marker,
+                           area, fit.edges, selection);
+}
+
 ResidualProfiles profiles_of(const CameraModel& camera, std::pair<double, double> depths_mm) {
     constexpr int steps = 12;
     const double corner = 0.5 * std::hypot(camera.width - 1, camera.height - 1);
@@ -85,6 +99,8 @@ void PhotoComparer::match(const CodeImage& image, const std::filesystem::path& f
     photo.photometric = match.pose;
     add_edges(image, marker_.grid, *camera_, match.calibrated, *photo.calibrated);
     add_edges(image, marker_.grid, *camera_, match.refined, *photo.refined);
+    if (camera_->model().lens)
+        photo.defocus = defocus_of(image, marker_, area_, renderer_, projector, *photo.refined);
     photo.findings = examine_match(image, marker_, area_, *camera_, match);
     photo.pictures = make_pictures(folder, number, photo.photo, match.calibrated.difference,
                                    &match.refined.difference);
@@ -107,6 +123,7 @@ ResidualProfiles PhotoComparer::compare(const CodeImage& image, const std::files
     // The pictures may show why; numbers would only be taken for some.
     photo.calibrated = photo.refined = std::nullopt;
     photo.photometric = std::nullopt;
+    photo.defocus = std::nullopt;
     return empty_profiles_;
 }
 

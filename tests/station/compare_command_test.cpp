@@ -1,4 +1,5 @@
 // `etalon compare` and `etalon detect` on photographs that were rendered from the same calibration.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,6 +9,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "calib/camera_file.h"
 #include "core/errors.h"
 #include "core/text.h"
 #include "sim/marker.h"
@@ -109,6 +111,43 @@ TEST_F(CompareCommand, FindsAlmostNothingBetweenTwoRenderings) {
     const auto at = json.find("\"mean_residual_gray\": ");
     ASSERT_NE(at, std::string::npos) << json;
     EXPECT_LT(std::stod(json.substr(at + 22)), 4.0);
+}
+
+// A board tilted through focus, photographed at 303 mm by a lens whose file says 299.
+TEST_F(CompareCommand, SaysWhereATiltedBoardIsSharpest) {
+    const auto camera_at = [](double focus_mm) {
+        return fmt::format(
+            "etalon: camera/1\nimage: {{width: 260, height: 170}}\n"
+            "intrinsics: {{fx: 900, fy: 905, cx: 128, cy: 86}}\n"
+            "lens: {{f_number: 1.4, focus_distance_mm: {}, wavelength_nm: 550,"
+            " psf: {{gaussian: {{sigma_px: 0.5}}}}}}\n"
+            "sensor: {{pixel_pitch_um: 17, bits: 12, black: 64, gain_e_per_dn: 0.8,"
+            " read_noise_e: 7}}\n",
+            focus_mm);
+    };
+    write_text(folder_ / "true.yml", camera_at(303.0));
+    write_text(folder_ / "camera.yml", camera_at(299.0));
+    const CameraModel lens = read_camera(folder_ / "true.yml");
+    const Marker board = parse_marker("chessboard:8x5@10mm", "test");
+    const Rigid pose{rotation_from_vector({0.25, -0.8, 0.12}), {-26.0, -22.0, 273.0}};
+    const cv::Mat exposed =
+        0.08 + 0.7 * Renderer(lens).render({{{board.grid, pose}}, 1.0}).radiance;
+    write_image(folder_ / "tilted.png", SensorModel(lens).expose(exposed, NoiseKey{7, 5}));
+    auto wanted = arguments({folder_ / "tilted.png"});
+    wanted.marker = "chessboard:8x5@10mm";
+    wanted.poses = folder_ / "poses.csv";
+    write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n0.25,-0.8,0.12,-26,-22,273\n");
+    wanted.json = true;
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_compare(wanted), 0);
+    const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
+    const auto& defocus = json.at("photos").at(0).at("defocus");
+    // Five standard uncertainties of 0.1 mm.
+    EXPECT_NEAR(defocus.at("photograph").at("focus_distance_mm").get<double>(), 303.0, 0.5);
+    EXPECT_NEAR(defocus.at("rendering").at("focus_distance_mm").get<double>(), 299.0, 0.5);
+    EXPECT_THAT(read_text(wanted.out / "defocus.csv"), HasSubstr("tilted.png"));
+    EXPECT_THAT(read_text(wanted.out / "report.html"), HasSubstr("Photograph sharpest at 30"));
+    EXPECT_TRUE(fs::exists(wanted.out / "edge-width-by-depth.svg"));
 }
 
 TEST_F(CompareCommand, TakesPosesFromAFileInsteadOfADetector) {

@@ -136,7 +136,7 @@ TEST(PhotometricPose, MirrorsTheTiltAboutTheLineOfSight) {
     // sight; those along it change sign.
     EXPECT_LT((mirrored.translation - true_pose().translation).norm(), 1e-12);
     const Eigen::Vector3d sight = true_pose().translation.normalized();
-    for (const Eigen::Vector3d& axis : {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY()}) {
+    for (const Eigen::Vector3d axis : {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY()}) {
         const Eigen::Vector3d before = true_pose().rotation * axis;
         const Eigen::Vector3d after = mirrored.rotation * axis;
         EXPECT_NEAR(sight.dot(after), -sight.dot(before), 1e-12);

@@ -300,5 +300,47 @@ TEST_F(CompareCommand, DetectPrintsThePoseOfEachPhotograph) {
     EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("\"reprojection_rms_px\""));
 }
 
+class PhotometricDetect : public CompareCommand {
+protected:
+    // The photograph of photo_of_tag("a.png", 7.0) and where the marker is found in it.
+    nlohmann::json found(const std::string& starts) {
+        DetectArguments wanted;
+        wanted.marker = tag_name;
+        wanted.camera = folder_ / "camera.yml";
+        wanted.photos = {photo_of_tag("a.png", 7.0)};
+        wanted.detector = "photometric";
+        wanted.json = true;
+        if (!starts.empty()) {
+            wanted.poses = folder_ / "starts.csv";
+            write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n" + starts + "\n");
+        }
+        testing::internal::CaptureStdout();
+        EXPECT_EQ(run_detect(wanted), 0);
+        return nlohmann::json::parse(testing::internal::GetCapturedStdout()).at("photos").at(0);
+    }
+};
+
+// Without noise but rounding, 0.3 gray on a tag of 95 px: some um across, ten times that along.
+void expect_true_pose(const nlohmann::json& photo) {
+    const auto pose = photo.at("camera_from_marker").get<std::vector<double>>();
+    const std::vector<double> truth = {0.2, -0.15, 0.1, 7.0, 5.0, 210.0};
+    for (std::size_t i = 0; i < 3; ++i)
+        EXPECT_NEAR(pose[i], truth[i], 1e-3) << i;
+    for (std::size_t i = 3; i < 6; ++i)
+        EXPECT_NEAR(pose[i], truth[i], i < 5 ? 0.01 : 0.05) << i;
+}
+
+TEST_F(PhotometricDetect, StartsFromTheMarkersOwnDetector) {
+    const nlohmann::json photo = found("");
+    expect_true_pose(photo);
+    ASSERT_EQ(photo.at("covariance").size(), 6u);
+    EXPECT_GT(photo.at("covariance")[5][5].get<double>(), 0.0);
+}
+
+// 3 px and half a degree away.
+TEST_F(PhotometricDetect, StartsFromAPoseThatIsAboutRight) {
+    expect_true_pose(found("0.205,-0.145,0.105,8.5,4.2,211"));
+}
+
 }  // namespace
 }  // namespace etalon

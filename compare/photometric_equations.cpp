@@ -223,6 +223,36 @@ double median(std::vector<double> values) {
     return *middle;
 }
 
+struct Levels {
+    double black, white;
+};
+
+// The straight line through all pixels used of gray against what the camera's curve makes of the
+// radiance. (Blurred cells may be neither black nor white anywhere.)
+Levels levels_of(const cv::Mat& gray, const Radiance& radiance, const cv::Mat& used,
+                 const Transfer& transfer) {
+    constexpr double least_deviation = 0.01;  // of full scale: without contrast there is no line
+    double count = 0.0, seen_sum = 0.0, gray_sum = 0.0, squares = 0.0, products = 0.0;
+    for (int y = 0; y < gray.rows; ++y)
+        for (int x = 0; x < gray.cols; ++x) {
+            if (!used.at<uchar>(y, x))
+                continue;
+            const double seen = on_curve(transfer, radiance.at<float>(y, x)).value;
+            const double value = gray.at<float>(y, x);
+            count += 1.0;
+            seen_sum += seen;
+            gray_sum += value;
+            squares += seen * seen;
+            products += seen * value;
+        }
+    const double variance = squares / count - std::pow(seen_sum / count, 2);
+    if (!(variance > least_deviation * least_deviation))
+        throw NumericalError("the marker's rendering has no contrast at this pose");
+    const double slope = (products / count - seen_sum / count * gray_sum / count) / variance;
+    const double black = (gray_sum - slope * seen_sum) / count;
+    return {black, black + slope};
+}
+
 }  // namespace
 
 PhotometricCamera::PhotometricCamera(const CameraModel& camera)
@@ -387,16 +417,11 @@ PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& c
     require_usable(photo, camera);
     const cv::Rect region = rendered_region(photo.use == photo.fitted);
     const Radiance radiance = camera.at_sensor(scene_of(photo, camera_from_marker), region);
-    const cv::Mat used = photo.use(region) == photo.fitted;
-    double brightest = 0.0;
-    cv::minMaxLoc(radiance, nullptr, &brightest);
-    const cv::Mat dark = (radiance < 0.25 * brightest) & used;
-    const cv::Mat light = (radiance > 0.5 * brightest) & used;
-    if (cv::countNonZero(dark) == 0 || cv::countNonZero(light) == 0)
-        throw NumericalError("the marker shows no dark or no light pixels at this pose");
+    const Levels levels = levels_of(photo.gray(region), radiance, photo.use(region) == photo.fitted,
+                                    camera.transfer());
     PhotoState state{camera_from_marker, {}};
-    state.photometry.black[0] = cv::mean(photo.gray(region), dark)[0];
-    state.photometry.white[0] = cv::mean(photo.gray(region), light)[0];
+    state.photometry.black[0] = levels.black;
+    state.photometry.white[0] = levels.white;
     state.photometry.psf_sigma_px = terms.psf ? typical_sigma_px : 0.0;
     if (terms.saturation)
         state.photometry.saturation.emplace();

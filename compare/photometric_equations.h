@@ -126,8 +126,8 @@ double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& ca
 PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
                    const Eigen::VectorXd& step);
 
-// A start: constant levels from the pixels that the rendering at this pose shows as dark and light.
-// Throws NumericalError when there are none of either.
+// A start: constant levels from the straight line of gray against the rendering at this pose.
+// Throws NumericalError when that rendering has no contrast.
 PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                           const Rigid& camera_from_marker, const PhotometricTerms& terms);
 

@@ -329,8 +329,13 @@ void compare_with_renders(const Run& run, const ExpectedView& view) {
         const Radiance radiance = view.radiance_at(camera_from_marker);
         pose.render_file = fmt::format("renders/{:04}.png", pose.index);
         run.record.images().write(run.record.folder() / pose.render_file, view.codes_of(radiance));
-        pose.residual = residual_of(recorded_photo(run.result, pose), station, area, camera,
-                                    camera_from_marker);
+        try {
+            pose.residual = residual_of(recorded_photo(run.result, pose), station, area, camera,
+                                        camera_from_marker);
+        } catch (const NumericalError& error) {
+            run.result.remarks.push_back(
+                fmt::format("pose {} has no pixel difference: {}", pose.index, error.what()));
+        }
         run.progress.step();
     }
     run.record.images().flush();

@@ -10,6 +10,7 @@
 #include <optional>
 #include <vector>
 
+#include "compare/edge_blur_models.h"
 #include "compare/edge_fit.h"
 #include "compare/edge_response.h"
 #include "core/errors.h"
@@ -140,15 +141,7 @@ std::vector<StraightEdge> in_pieces(std::span<const StraightEdge> edges) {
 
 // Blur of each edge as a Gaussian's variance, for the start. A disk of radius R has R^2/4.
 Eigen::VectorXd variances(std::span<const StraightEdge> edges) {
-    BlurModel model;
-    model.start = Eigen::VectorXd::Constant(1, 0.5);
-    model.lower = Eigen::VectorXd::Zero(1);
-    model.transfer = [](const StraightEdge&, const Eigen::VectorXd& p, const Eigen::ArrayXd& f) {
-        const Eigen::ArrayXd fall = -2.0 * std::numbers::pi * std::numbers::pi * f.square();
-        BlurModel::Transfer result{(fall * p[0]).exp(), {}};
-        result.derivative = fall * result.value;
-        return result;
-    };
+    const BlurModel model = gaussian_width();
     Eigen::VectorXd result(static_cast<Eigen::Index>(edges.size()));
     for (std::size_t i = 0; i < edges.size(); ++i)
         result[static_cast<Eigen::Index>(i)] = fit_edges(edges.subspan(i, 1), model).parameters[0];

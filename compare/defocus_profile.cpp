@@ -5,9 +5,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
-#include "compare/edge_fit.h"
+#include "compare/edge_blur_models.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -26,16 +25,7 @@ struct Variance {
 
 // A Gaussian's variance behind the pixel's box, px^2 along the normal.
 Variance variance_of(const StraightEdge& edge) {
-    BlurModel model;
-    model.start = Eigen::VectorXd::Constant(1, 0.5);
-    model.lower = Eigen::VectorXd::Zero(1);
-    model.transfer = [](const StraightEdge&, const Eigen::VectorXd& p, const Eigen::ArrayXd& f) {
-        const Eigen::ArrayXd fall = -2.0 * std::numbers::pi * std::numbers::pi * f.square();
-        BlurModel::Transfer result{(fall * p[0]).exp(), {}};
-        result.derivative = fall * result.value;
-        return result;
-    };
-    const EdgeFit fit = fit_edges({&edge, 1}, model);
+    const EdgeFit fit = fit_edges({&edge, 1}, gaussian_width());
     return {fit.parameters[0], std::sqrt(fit.covariance(0, 0))};
 }
 

@@ -36,6 +36,19 @@ double defocus_radius_px(const StraightEdge& edge, const Aperture& aperture) {
            std::sqrt(defocus * defocus + edge.depth_term_variance);
 }
 
+BlurModel gaussian_width() {
+    BlurModel model;
+    model.start = Eigen::VectorXd::Constant(1, 0.5);
+    model.lower = Eigen::VectorXd::Zero(1);
+    model.transfer = [](const StraightEdge&, const Eigen::VectorXd& p, const Eigen::ArrayXd& f) {
+        const Eigen::ArrayXd fall = -2.0 * pi * pi * f.square();
+        BlurModel::Transfer result{(fall * p[0]).exp(), {}};
+        result.derivative = fall * result.value;
+        return result;
+    };
+    return model;
+}
+
 BlurModel gaussian_blur(const Aperture& aperture, double lambda_n_px) {
     BlurModel model;
     model.start = Eigen::VectorXd::Constant(1, start_variance_px2);

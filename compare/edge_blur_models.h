@@ -14,6 +14,9 @@ namespace etalon {
 // (root mean square over its length).
 double defocus_radius_px(const StraightEdge& edge, const Aperture& aperture);
 
+// One parameter: the variance of a Gaussian that stands for the whole blur, px^2 along the normal.
+BlurModel gaussian_width();
+
 // One parameter, sigma^2 in px^2 (of the pitch along x), beside the known blur disk and, when
 // lambda_n_px is over 0, beside the Airy pattern.
 BlurModel gaussian_blur(const Aperture& aperture, double lambda_n_px);

@@ -445,16 +445,10 @@ private:
     Eigen::Matrix4d covariance_ = Eigen::Matrix4d::Zero();
 };
 
-void require_usable(const PhotoOfMarker& photo, const CameraModel& camera,
+void require_usable(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                     const PhotoState& state) {
-    const cv::Size size(camera.width, camera.height);
-    require_perspective(camera, "comparing edges");
-    if (photo.gray.type() != CV_32FC1 || photo.use.type() != CV_8UC1 || photo.gray.size() != size ||
-        photo.use.size() != size)
-        throw NumericalError(
-            fmt::format("photograph {} x {} and mask {} x {} px do not fit the camera's {} x {}",
-                        photo.gray.cols, photo.gray.rows, photo.use.cols, photo.use.rows,
-                        size.width, size.height));
+    require_perspective(camera.model(), "comparing edges");
+    require_fitting(photo, camera);
     if (!cv::checkRange(photo.gray) || !state.photometry.black.allFinite() ||
         !state.photometry.white.allFinite() || !std::isfinite(state.photometry.tone) ||
         !std::isfinite(state.photometry.psf_sigma_px))
@@ -469,7 +463,7 @@ EdgeShifts edge_shifts(const PhotoOfMarker& photo, const PhotometricCamera& came
                        const PhotoState& state) {
     constexpr float least_contrast = 0.1f;  // of radiance, between the cells
     constexpr std::size_t least_pixels = 16;
-    require_usable(photo, camera.model(), state);
+    require_usable(photo, camera, state);
     const RenderedPlaces rendered = rendered_places(photo, camera, state);
     const Photometry photometry(state.photometry, camera);
     const BandFinder finder(photo.grid, camera.projector(), rendered,

@@ -26,16 +26,6 @@ cv::Rect rendered_region(const cv::Mat& pixels) {
     return region & cv::Rect({0, 0}, pixels.size());
 }
 
-void require_usable(const PhotoOfMarker& photo, const PhotometricCamera& camera) {
-    const cv::Size size(camera.model().width, camera.model().height);
-    if (photo.gray.type() != CV_32FC1 || photo.use.type() != CV_8UC1 || photo.gray.size() != size ||
-        photo.use.size() != size)
-        throw NumericalError(
-            fmt::format("photograph {} x {} and mask {} x {} px do not fit the camera's {} x {}",
-                        photo.gray.cols, photo.gray.rows, photo.use.cols, photo.use.rows,
-                        size.width, size.height));
-}
-
 Scene scene_of(const PhotoOfMarker& photo, const Rigid& camera_from_marker) {
     return {{{photo.grid, camera_from_marker}}, photo.background};
 }
@@ -280,7 +270,7 @@ Radiance PhotometricCamera::at_sensor(const Scene& scene, const cv::Rect& region
     RenderOptions options;
     options.region = region;
     options.tolerance_gray = tolerance_gray;
-    return with_response(renderer_.render(scene, options).radiance(region), region);
+    return with_response(renderer_.render_part(scene, options).within(region), region);
 }
 
 RenderedGradient PhotometricCamera::gradient_at_sensor(const PlacedMarker& marker,
@@ -293,8 +283,18 @@ RenderedGradient PhotometricCamera::gradient_at_sensor(const PlacedMarker& marke
     return rendered;
 }
 
+void require_fitting(const PhotoOfMarker& photo, const PhotometricCamera& camera) {
+    const cv::Size size(camera.model().width, camera.model().height);
+    if (photo.gray.type() != CV_32FC1 || photo.use.type() != CV_8UC1 || photo.gray.size() != size ||
+        photo.use.size() != size)
+        throw NumericalError(
+            fmt::format("photograph {} x {} and mask {} x {} px do not fit the camera's {} x {}",
+                        photo.gray.cols, photo.gray.rows, photo.use.cols, photo.use.rows,
+                        size.width, size.height));
+}
+
 cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& camera) {
-    require_usable(photo, camera);
+    require_fitting(photo, camera);
     const cv::Mat fitted = photo.use == photo.fitted;
     if (cv::countNonZero(fitted) < least_pixels)
         throw NumericalError(
@@ -369,7 +369,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
 
 cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                      const PhotoState& state) {
-    require_usable(photo, camera);
+    require_fitting(photo, camera);
     const cv::Rect region = rendered_region(photo.use != pixel_outside);
     Radiance lit(photo.gray.size(), CV_32FC1, cv::Scalar(0));
     camera.at_sensor(scene_of(photo, state.camera_from_marker), region).copyTo(lit(region));
@@ -414,7 +414,7 @@ PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
 PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                           const Rigid& camera_from_marker, const PhotometricTerms& terms) {
     constexpr double typical_sigma_px = 0.75;
-    require_usable(photo, camera);
+    require_fitting(photo, camera);
     const cv::Rect region = rendered_region(photo.use == photo.fitted);
     const Radiance radiance = camera.at_sensor(scene_of(photo, camera_from_marker), region);
     const Levels levels = levels_of(photo.gray(region), radiance, photo.use(region) == photo.fitted,

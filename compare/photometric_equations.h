@@ -24,6 +24,7 @@ public:
 
     const CameraModel& model() const { return projector_.camera(); }
     const Projector& projector() const { return projector_; }
+    const Renderer& renderer() const { return renderer_; }
     Transfer transfer() const { return model().sensor ? model().sensor->transfer : Transfer{}; }
     bool knows_noise() const { return !noise_.empty(); }
 
@@ -108,6 +109,9 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                                const PhotoState& state, const PhotometricTerms& terms,
                                const RenderedGradient& rendered, const ImageMotion& motion,
                                double noise_scale);
+
+// Throws NumericalError unless photograph and mask have the camera's size and their types.
+void require_fitting(const PhotoOfMarker& photo, const PhotometricCamera& camera);
 
 // The part of the image with the fitted pixels and what is blurred into them. Throws NumericalError
 // for sizes that differ and fewer than 50 pixels.

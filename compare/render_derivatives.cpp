@@ -98,8 +98,8 @@ RenderedGradient rendered_gradient(const Renderer& renderer, const PlacedMarker&
     RenderOptions options;
     options.region = region;
     options.tolerance_gray = tolerance_gray;
-    const auto rendered = [&](const PlacedMarker& placed) -> cv::Mat {
-        return renderer.render({{placed}, background}, options).radiance(region);
+    const auto rendered = [&](const PlacedMarker& placed) {
+        return renderer.render_part({{placed}, background}, options).within(region);
     };
     // Displacement in the image by mm along the marker's x and y.
     const Eigen::Matrix<double, 3, 2> axes =

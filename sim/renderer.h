@@ -52,6 +52,9 @@ struct RenderedPart {
     Radiance radiance;        // CV_32FC1, the region's size
     double background = 0.0;  // the radiance of all other pixels
     RenderPlan plan;
+
+    // CV_32FC1 of the size of `other`, a rectangle of the image: part and background.
+    Radiance within(const cv::Rect& other) const;
 };
 
 // One per camera: holds its undistortion map and filters, and what it learns of sampling errors.

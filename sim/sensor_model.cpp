@@ -295,12 +295,8 @@ CodeImage SensorModel::expose(const RenderedPart& part, std::optional<NoiseKey> 
                                          part.region.width, part.region.height, part.region.x,
                                          part.region.y));
     const bool alike = response_.empty() && !(noise && sensor_.gain_e_per_dn > 0.0);
-    if (!alike) {
-        Radiance whole(size_, CV_32FC1, cv::Scalar(part.background));
-        if (!part.region.empty())
-            part.radiance.copyTo(whole(part.region));
-        return expose(whole, noise);
-    }
+    if (!alike)
+        return expose(part.within(cv::Rect({0, 0}, size_)), noise);
     if (!std::isfinite(part.background))
         throw NumericalError(fmt::format("the background's radiance is {}", part.background));
     const double code = code_of(static_cast<float>(part.background));

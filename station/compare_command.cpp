@@ -5,7 +5,6 @@
 
 #include "core/errors.h"
 #include "core/text.h"
-#include "sim/pose_file.h"
 #include "station/commands.h"
 #include "station/comparison_pictures.h"
 #include "station/comparison_report.h"
@@ -47,11 +46,7 @@ void require_usable_folder(const std::filesystem::path& folder) {
 
 // A given pose must show the marker: a wrong sign is an input error, found before anything starts.
 std::vector<Rigid> given_poses(const CompareArguments& arguments, const ComparedArea& area) {
-    const std::vector<Rigid> poses = read_poses(arguments.poses);
-    if (poses.size() != arguments.photos.size())
-        throw ConfigError({arguments.poses.string()},
-                          fmt::format("holds {} poses for {} photographs", poses.size(),
-                                      arguments.photos.size()));
+    const std::vector<Rigid> poses = read_poses_for(arguments.poses, arguments.photos);
     for (std::size_t i = 0; i < poses.size(); ++i)
         for (const double x : {area.low_mm.x(), area.high_mm.x()})
             for (const double y : {area.low_mm.y(), area.high_mm.y()})

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "station/comparison_report.h"
+#include "station/pose_numbers.h"
 #include "station/qualify_result.h"
 
 namespace etalon {
@@ -15,10 +16,6 @@ using nlohmann::ordered_json;
 template <class Vector>
 std::vector<double> numbers(const Vector& v) {
     return {v.data(), v.data() + v.size()};
-}
-
-std::vector<double> pose_json(const Rigid& transform) {
-    return numbers(vector_from_rigid(transform));
 }
 
 ordered_json statistics_json(const ResidualStatistics& statistics) {
@@ -64,7 +61,7 @@ ordered_json edges_json(const EdgeSummary& summary) {
 
 ordered_json fit_json(const ComparedFit& fit) {
     ordered_json json = {
-        {"camera_from_marker", pose_json(fit.camera_from_marker)},
+        {"camera_from_marker", pose_numbers(fit.camera_from_marker)},
         {"scored", statistics_json(fit.scored)},
         {"fitted", statistics_json(fit.fitted)},
         {"noise",
@@ -103,7 +100,7 @@ void add_detection(const PoseEstimate& estimate, ordered_json& json) {
     json["reprojection_rms_px"] = estimate.reprojection_rms_px;
     if (!estimate.alternative)
         return;
-    json["alternative"] = pose_json(*estimate.alternative);
+    json["alternative"] = pose_numbers(*estimate.alternative);
     json["alternative_rms_px"] = estimate.alternative_rms_px;
 }
 
@@ -111,10 +108,7 @@ void add_detection(const PoseEstimate& estimate, ordered_json& json) {
 void add_refinement(const ComparedPhoto& photo, ordered_json& json) {
     json["refined"] = fit_json(*photo.refined);
     json["refined"]["converged"] = photo.photometric->converged;
-    json["refined"]["covariance"] = ordered_json::array();
-    for (int row = 0; row < 6; ++row)
-        json["refined"]["covariance"].push_back(
-            numbers(Vector6d(photo.photometric->covariance.row(row))));
+    json["refined"]["covariance"] = row_numbers(photo.photometric->covariance);
     json["pose_change"] = numbers(
         left_difference(photo.calibrated->camera_from_marker, photo.refined->camera_from_marker));
 }

@@ -7,22 +7,12 @@
 #include "core/errors.h"
 #include "station/commands.h"
 #include "station/photo_pose.h"
+#include "station/pose_numbers.h"
 
 namespace etalon {
 namespace {
 
 using nlohmann::ordered_json;
-
-std::string six_numbers(const Rigid& transform) {
-    const Vector6d v = vector_from_rigid(transform);
-    return fmt::format("{:9.5f} {:9.5f} {:9.5f} {:9.3f} {:9.3f} {:9.3f}", v[0], v[1], v[2], v[3],
-                       v[4], v[5]);
-}
-
-ordered_json pose_json(const Rigid& transform) {
-    const Vector6d v = vector_from_rigid(transform);
-    return {v[0], v[1], v[2], v[3], v[4], v[5]};
-}
 
 ordered_json photo_json(const PhotoPose& pose) {
     ordered_json json = {{"photo", pose.photo.string()}};
@@ -35,18 +25,13 @@ ordered_json photo_json(const PhotoPose& pose) {
         json["failure"] = pose.failure;
         return json;
     }
-    json["camera_from_marker"] = pose_json(pose.estimate->camera_from_marker);
+    json["camera_from_marker"] = pose_numbers(pose.estimate->camera_from_marker);
     json["reprojection_rms_px"] = pose.estimate->reprojection_rms_px;
     if (pose.estimate->alternative) {
-        json["alternative"] = pose_json(*pose.estimate->alternative);
+        json["alternative"] = pose_numbers(*pose.estimate->alternative);
         json["alternative_rms_px"] = pose.estimate->alternative_rms_px;
     }
-    ordered_json rows = ordered_json::array();
-    for (int i = 0; i < 6; ++i) {
-        const Vector6d row = pose.estimate->covariance_per_px2.row(i);
-        rows.push_back(std::vector<double>(row.data(), row.data() + 6));
-    }
-    json["covariance_per_px2"] = rows;
+    json["covariance_per_px2"] = row_numbers(pose.estimate->covariance_per_px2);
     return json;
 }
 
@@ -76,10 +61,10 @@ void print_table(const std::vector<PhotoPose>& poses) {
         }
         const PoseEstimate& estimate = *pose.estimate;
         fmt::print("{:<{}} {}  {:6.3f}  {}\n", name, width,
-                   six_numbers(estimate.camera_from_marker), estimate.reprojection_rms_px,
+                   pose_columns(estimate.camera_from_marker), estimate.reprojection_rms_px,
                    pose.corners->pixels.size());
         if (estimate.alternative)
-            fmt::print("{:<{}} {}  {:6.3f}\n", "  or", width, six_numbers(*estimate.alternative),
+            fmt::print("{:<{}} {}  {:6.3f}\n", "  or", width, pose_columns(*estimate.alternative),
                        estimate.alternative_rms_px);
     }
 }

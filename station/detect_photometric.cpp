@@ -8,10 +8,10 @@
 #include "compare/calibration_target.h"
 #include "compare/photometric_detector.h"
 #include "core/errors.h"
-#include "sim/pose_file.h"
 #include "station/bench_timing.h"
 #include "station/commands.h"
 #include "station/photo_pose.h"
+#include "station/pose_numbers.h"
 
 namespace etalon {
 namespace {
@@ -56,7 +56,7 @@ class Starts {
 public:
     Starts(const DetectArguments& arguments, const Marker& marker) : marker_(marker) {
         if (!arguments.poses.empty())
-            poses_ = poses_for(arguments);
+            poses_ = read_poses_for(arguments.poses, arguments.photos);
         else if (marker.kind == Marker::Kind::bitmap)
             throw ConfigError({"--poses"}, "no detector finds " + marker.spec +
                                                ": give a pose nearby for each photograph");
@@ -81,15 +81,6 @@ public:
     }
 
 private:
-    static std::vector<Rigid> poses_for(const DetectArguments& arguments) {
-        std::vector<Rigid> poses = read_poses(arguments.poses);
-        if (poses.size() != arguments.photos.size())
-            throw ConfigError({arguments.poses.string()},
-                              fmt::format("holds {} poses for {} photographs", poses.size(),
-                                          arguments.photos.size()));
-        return poses;
-    }
-
     const Marker& marker_;
     std::vector<Rigid> poses_;
     std::optional<CalibrationTarget> target_;
@@ -111,11 +102,6 @@ Found find_in(const std::filesystem::path& photo, const CodeImage& image, const 
     return found;
 }
 
-std::string six_numbers(const Vector6d& v) {
-    return fmt::format("{:9.5f} {:9.5f} {:9.5f} {:9.3f} {:9.3f} {:9.3f}", v[0], v[1], v[2], v[3],
-                       v[4], v[5]);
-}
-
 // Small ones: two more digits.
 std::string six_deviations(const Matrix6d& covariance) {
     const Vector6d v = covariance.diagonal().cwiseSqrt();
@@ -130,12 +116,11 @@ void print_found(const Found& found, std::size_t width) {
         return;
     }
     const PhotometricPose& pose = found.pose;
-    fmt::print("{:<{}} {}\n", name, width, six_numbers(vector_from_rigid(pose.camera_from_marker)));
+    fmt::print("{:<{}} {}\n", name, width, pose_columns(pose.camera_from_marker));
     fmt::print("{:<{}} {}\n", "  +-", width, six_deviations(pose.covariance));
     if (pose.other)
         fmt::print("{:<{}} {}  log-likelihood {:.1f} lower\n", "  or", width,
-                   six_numbers(vector_from_rigid(pose.other->camera_from_marker)),
-                   pose.other->log_likelihood_ratio);
+                   pose_columns(pose.other->camera_from_marker), pose.other->log_likelihood_ratio);
     fmt::print(
         "{:<{}} noise scale {:.2f}, chi-square {:.3f} per pixel over {} px, {:.0f} ms of CPU "
         "time{}\n",
@@ -153,20 +138,6 @@ void print_table(const std::vector<Found>& all) {
         print_found(found, width);
 }
 
-ordered_json pose_json(const Rigid& transform) {
-    const Vector6d v = vector_from_rigid(transform);
-    return std::vector<double>(v.data(), v.data() + 6);
-}
-
-ordered_json covariance_json(const Matrix6d& covariance) {
-    ordered_json rows = ordered_json::array();
-    for (int i = 0; i < 6; ++i) {
-        const Vector6d row = covariance.row(i);
-        rows.push_back(std::vector<double>(row.data(), row.data() + 6));
-    }
-    return rows;
-}
-
 ordered_json photo_json(const Found& found) {
     ordered_json json = {{"photo", found.photo.string()}};
     if (!found.failure.empty()) {
@@ -174,10 +145,10 @@ ordered_json photo_json(const Found& found) {
         return json;
     }
     const PhotometricPose& pose = found.pose;
-    json["camera_from_marker"] = pose_json(pose.camera_from_marker);
-    json["covariance"] = covariance_json(pose.covariance);
+    json["camera_from_marker"] = pose_numbers(pose.camera_from_marker);
+    json["covariance"] = row_numbers(pose.covariance);
     if (pose.other) {
-        json["alternative"] = pose_json(pose.other->camera_from_marker);
+        json["alternative"] = pose_numbers(pose.other->camera_from_marker);
         json["log_likelihood_ratio"] = pose.other->log_likelihood_ratio;
         json["alternative_loss"] = pose.other->loss;
     }

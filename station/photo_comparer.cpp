@@ -54,16 +54,16 @@ void add_edges(const CodeImage& image, const CellGrid& marker, const Photometric
 
 // Sharp edges and blurred ones alike: the widest blur decides how far beside an edge is looked.
 DefocusProfile defocus_of(const CodeImage& image, const Marker& marker, const ComparedArea& area,
-                          const Renderer& renderer, const Projector& projector,
-                          const ComparedFit& fit) {
-    const RenderedImage rendering = renderer.render({{{marker.grid, fit.camera_from_marker}}, 1.0});
+                          const PhotometricCamera& camera, const ComparedFit& fit) {
+    const RenderedImage rendering =
+        camera.renderer().render({{{marker.grid, fit.camera_from_marker}}, 1.0});
     EdgeSelection selection;
     const double beside = selection.half_width_px - selection.clearance_px;
     selection.clearance_px =
         std::max(selection.clearance_px, 1.5 + rendering.plan.max_blur_radius_px);
     selection.half_width_px = selection.clearance_px + beside;
-    return defocus_profile(image, rendering.radiance, projector, marker, fit.camera_from_marker,
-                           area, fit.edges, selection);
+    return defocus_profile(image, rendering.radiance, camera.projector(), marker,
+                           fit.camera_from_marker, area, fit.edges, selection);
 }
 
 ResidualProfiles profiles_of(const CameraModel& camera, std::pair<double, double> depths_mm) {
@@ -81,7 +81,6 @@ PhotoComparer::PhotoComparer(const Marker& marker, const ComparedArea& area,
     : marker_(marker),
       area_(area),
       camera_(std::make_shared<const PhotometricCamera>(camera)),
-      renderer_(camera),
       empty_profiles_(profiles_of(camera, depth_range_mm)) {}
 
 void PhotoComparer::match(const CodeImage& image, const std::filesystem::path& folder,
@@ -100,7 +99,7 @@ void PhotoComparer::match(const CodeImage& image, const std::filesystem::path& f
     add_edges(image, marker_.grid, *camera_, match.calibrated, *photo.calibrated);
     add_edges(image, marker_.grid, *camera_, match.refined, *photo.refined);
     if (camera_->model().lens)
-        photo.defocus = defocus_of(image, marker_, area_, renderer_, projector, *photo.refined);
+        photo.defocus = defocus_of(image, marker_, area_, *camera_, *photo.refined);
     photo.findings = examine_match(image, marker_, area_, *camera_, match);
     photo.pictures = make_pictures(folder, number, photo.photo, match.calibrated.difference,
                                    &match.refined.difference);
@@ -128,7 +127,7 @@ ResidualProfiles PhotoComparer::compare(const CodeImage& image, const std::files
 }
 
 std::string PhotoComparer::rendering(const Rigid& camera_from_marker) const {
-    return renderer_.render({{{marker_.grid, camera_from_marker}}, 1.0}).plan.describe();
+    return camera_->renderer().render({{{marker_.grid, camera_from_marker}}, 1.0}).plan.describe();
 }
 
 std::pair<double, double> depth_range(const std::vector<ComparedPhoto>& photos,

@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "sim/renderer.h"
 #include "station/comparison.h"
 
 namespace etalon {
@@ -36,7 +35,6 @@ private:
     Marker marker_;
     ComparedArea area_;
     std::shared_ptr<const PhotometricCamera> camera_;
-    Renderer renderer_;
     ResidualProfiles empty_profiles_;
 };
 

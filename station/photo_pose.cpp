@@ -7,6 +7,7 @@
 #include "calib/camera_file.h"
 #include "core/errors.h"
 #include "core/strict_reader.h"
+#include "sim/pose_file.h"
 
 namespace etalon {
 namespace {
@@ -33,6 +34,15 @@ CameraModel read_camera_for(const std::filesystem::path& camera_file,
     if (photos.empty() || is_etalon_file(camera_file))
         return read_camera(camera_file);
     return read_camera(camera_file, read_image(photos.front()).pixels.size());
+}
+
+std::vector<Rigid> read_poses_for(const std::filesystem::path& poses,
+                                  const std::vector<std::filesystem::path>& photos) {
+    std::vector<Rigid> result = read_poses(poses);
+    if (result.size() != photos.size())
+        throw ConfigError({poses.string()}, fmt::format("holds {} poses for {} photographs",
+                                                        result.size(), photos.size()));
+    return result;
 }
 
 CodeImage read_photo(const std::filesystem::path& photo, const CameraModel& camera,

@@ -23,6 +23,11 @@ struct PhotoPose {
 CameraModel read_camera_for(const std::filesystem::path& camera_file,
                             const std::vector<std::filesystem::path>& photos);
 
+// One pose for each photograph. Throws ConfigError for a file that cannot be read or holds another
+// number of them.
+std::vector<Rigid> read_poses_for(const std::filesystem::path& poses,
+                                  const std::vector<std::filesystem::path>& photos);
+
 // A photograph whose size must be the calibration's (ConfigError names both). A 16-bit file holds
 // the sensor's bits in the low bits where the camera has a sensor section with fewer than 16.
 CodeImage read_photo(const std::filesystem::path& photo, const CameraModel& camera,

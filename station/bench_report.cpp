@@ -61,6 +61,19 @@ BenchCheck at_most(const std::string& what, double value, double limit) {
     return {what, fmt::format("{:.3g}, at most {:g}", value, limit), value <= limit};
 }
 
+// Without the reference's own noise the default's error may come out as nothing at all.
+BenchCheck rms_check(const std::string& scene, double published_rms_gray,
+                     const RenderComparison& error) {
+    const std::string what = scene + ": RMS of published n256 over default's";
+    const double rms = error.corrected_rms_gray();
+    if (rms > 0.0)
+        return at_least(what, published_rms_gray / rms, rms_ratio);
+    return {what,
+            fmt::format("{:.3g} gray over less than the reference can tell ({:.2g} gray of noise)",
+                        published_rms_gray, error.reference_rms_gray),
+            true};
+}
+
 void add_error_checks(const BenchScene& scene, std::vector<BenchCheck>& checks) {
     const RenderComparison& error = scene.default_row().error;
     checks.push_back(
@@ -70,9 +83,7 @@ void add_error_checks(const BenchScene& scene, std::vector<BenchCheck>& checks) 
     checks.push_back(at_most(scene.name + ": edge position, px RMS", error.corrected_shift_px(),
                              largest_edge_shift_px));
     if (const BenchRow* published = scene.row("published", published_setting))
-        checks.push_back(at_least(scene.name + ": RMS of published n256 over default's",
-                                  published->error.rms_gray / error.corrected_rms_gray(),
-                                  rms_ratio));
+        checks.push_back(rms_check(scene.name, published->error.rms_gray, error));
 }
 
 void add_speed_checks(const BenchScene& scene, std::vector<BenchCheck>& checks) {

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "calib/registration_gauge.h"
+#include "calib/stage_motion.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -49,18 +50,19 @@ void require_usable(const Points& points, Poses poses, const Rigid& nominal) {
         throw NumericalError("registration: a value is not finite or a sigma is not positive");
 }
 
-void require_motion(Poses poses) {
-    double shift_mm = 0.0, turn_rad = 0.0;
-    for (const RegistrationPose& pose : poses) {
-        const Vector6d moved =
-            left_difference(poses.front().base_from_carriage, pose.base_from_carriage);
-        turn_rad = std::max(turn_rad, moved.head<3>().norm());
-        shift_mm = std::max(shift_mm, moved.tail<3>().norm());
-    }
-    if (shift_mm < 1e-3 && turn_rad < 1e-5)
+StageMotion required_motion(Poses poses) {
+    std::vector<Rigid> plan;
+    for (const RegistrationPose& pose : poses)
+        plan.push_back(pose.base_from_carriage);
+    const StageMotion motion = stage_motion(plan);
+    if (motion.kind == MotionKind::none)
         throw NumericalError(fmt::format(
-            "registration: the stage did not move: {} poses within {:.2g} mm and {:.2g} rad",
-            poses.size(), shift_mm, turn_rad));
+            "registration: the stage did not move: {} poses, all the same", poses.size()));
+    if (motion.distinct_poses < min_poses)
+        throw NumericalError(
+            fmt::format("registration: {} poses, but only {} distinct ones, at least {} are needed",
+                        poses.size(), motion.distinct_poses, min_poses));
+    return motion;
 }
 
 // ----------------------------------------------------------------------------------------- seed
@@ -352,6 +354,14 @@ void summarize_residuals(const std::vector<double>& lengths, Poses poses, double
     result.residual_rms_px = std::sqrt(sum / (2.0 * static_cast<double>(lengths.size())));
 }
 
+// Where the marker is on average, base frame.
+Eigen::Vector3d middle_of(Poses poses, const XY& xy) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const RegistrationPose& pose : poses)
+        sum += pose.base_from_carriage * xy.carriage_from_marker.translation;
+    return sum / static_cast<double>(poses.size());
+}
+
 RegistrationJacobian whole_jacobian(const Projector& projector, const Points& points, Poses poses,
                                     const XY& xy) {
     const Eigen::Index rows = 2 * std::ssize(points);
@@ -387,7 +397,7 @@ Registration register_stage(const Projector& projector,
                             const Rigid& nominal_carriage_from_marker) {
     require_perspective(projector.camera(), "registration");
     require_usable(points_mm, poses, nominal_carriage_from_marker);
-    require_motion(poses);
+    const StageMotion motion = required_motion(poses);
     const RobustSolution solution = robust_solution(projector, points_mm, poses, seed(poses));
     const RegistrationRank rank =
         registration_rank(whole_jacobian(projector, points_mm, poses, solution.xy), solution.xy);
@@ -399,8 +409,10 @@ Registration register_stage(const Projector& projector,
     result.condition_number = rank.condition_number;
     for (const Twist& twist : rank.freedoms)
         result.freedoms.push_back(gauge_freedom(twist, xy, first));
-    result.covariance =
-        constrained_covariance(whole_jacobian(projector, points_mm, poses, xy), result.freedoms);
+    const RegistrationJacobian jacobian = whole_jacobian(projector, points_mm, poses, xy);
+    result.covariance = constrained_covariance(jacobian, result.freedoms);
+    result.weak = weak_directions(jacobian, xy, rank.freedoms, middle_of(poses, xy), poses.size());
+    result.motion = motion.words;
     summarize_residuals(residual_lengths(projector, points_mm, poses, xy), poses,
                         solution.huber_threshold, result);
     if (!result.covariance.allFinite() || !vector_from_rigid(result.camera_from_base).allFinite() ||

@@ -39,6 +39,19 @@ struct GaugeFreedom {
     Vector12d direction;  // largest entry of the base-frame motion is 1 (rad or mm)
 };
 
+// A direction that is determined, but badly: all poses together say less about it than a single
+// photograph would if Y were known. A rotary axis of +-2 degrees leaves some. The predicted poses
+// do not suffer from it; X and Y do.
+struct WeakDirection {
+    std::string name;        // like that of a freedom
+    Vector12d direction;     // by 1 mm of a shift or 1 rad of a rotation
+    double deviation = 0.0;  // standard, mm or rad, for the stated sigma_px
+    // How many photographs would say as much if Y were known: below 1.
+    double worth_poses = 0.0;
+
+    bool is_shift() const { return name.starts_with("shift"); }
+};
+
 struct Registration {
     Rigid camera_from_base;      // X
     Rigid carriage_from_marker;  // Y
@@ -52,6 +65,8 @@ struct Registration {
     int rank = 0;                   // 12 - freedoms.size()
     double condition_number = 0.0;  // of the column-scaled Jacobian, determined directions only
     std::vector<GaugeFreedom> freedoms;
+    std::vector<WeakDirection> weak;  // worst first
+    std::string motion;               // of the poses, in words (calib/stage_motion.h)
 
     Rigid camera_from_marker(const Rigid& base_from_carriage) const {
         return camera_from_base * base_from_carriage * carriage_from_marker;
@@ -64,10 +79,11 @@ struct Registration {
 // loss whose threshold comes from the residuals' median. Single-threaded and repeatable to the bit;
 // some milliseconds for 100 poses.
 //
-// Throws NumericalError for fewer than 4 poses, sizes that do not agree, values that are not
-// finite, a stage that did not move (or moved so little that more than 4 directions are free), a
-// marker that is predicted outside the camera's valid region, and a solution that does not
-// converge.
+// Throws NumericalError for fewer than 4 distinct poses, sizes that do not agree, values that are
+// not finite, a stage that did not move (or moved so little that more than 4 directions are free),
+// a marker that is predicted outside the camera's valid region, and a solution that does not
+// converge. Whether the poses move all that the stage could is for require_full_motion()
+// (calib/stage_motion.h) to say.
 Registration register_stage(const Projector& projector,
                             const std::vector<Eigen::Vector3d>& points_mm,
                             std::span<const RegistrationPose> poses,

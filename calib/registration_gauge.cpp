@@ -91,9 +91,10 @@ std::vector<Twist> tidy_twists(const Eigen::MatrixXd& null) {
     return shifts;
 }
 
-std::string direction_name(const Eigen::Vector3d& direction) {
+// Named by an axis of the base when it is within `cosine` of it.
+std::string direction_name(const Eigen::Vector3d& direction, double cosine = 1.0 - 1e-9) {
     for (int k = 0; k < 3; ++k)
-        if (std::abs(direction[k]) > 1.0 - 1e-9)
+        if (std::abs(direction[k]) > cosine)
             return fmt::format("base {}", "xyz"[k]);
     return fmt::format("base direction ({:.4f}, {:.4f}, {:.4f})", direction.x(), direction.y(),
                        direction.z());
@@ -124,6 +125,40 @@ Eigen::MatrixXd prior_slope(const XY& xy, const std::vector<Twist>& freedoms,
         slope.col(static_cast<Eigen::Index>(k)) = (moved(step) - moved(-step)) / (2.0 * step);
     }
     return slope;
+}
+
+// d pixels / d X and d pixels / d Y as one orthogonal basis sees them: [R_YY R_YX; 0 R_XX].
+struct Blocks {
+    Eigen::MatrixXd yy, yx, xx;
+};
+
+Blocks triangular_blocks(const RegistrationJacobian& jacobian) {
+    Eigen::MatrixXd y_first(jacobian.rows(), 12);
+    y_first << jacobian.rightCols<6>(), jacobian.leftCols<6>();
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(y_first);
+    const Eigen::MatrixXd r = qr.matrixQR().topRows<12>().triangularView<Eigen::Upper>();
+    return {r.topLeftCorner<6, 6>(), r.topRightCorner<6, 6>(), r.bottomRightCorner<6, 6>()};
+}
+
+// The motion of the base frame as that of the point in the middle, without the free shifts.
+Twist seen_from(const Eigen::Vector3d& middle_mm, Twist twist, const std::vector<Twist>& freedoms) {
+    twist.tail<3>() += Eigen::Vector3d(twist.head<3>()).cross(middle_mm);
+    for (const Twist& freedom : freedoms)
+        if (is_shift(freedom))
+            twist.tail<3>() -= freedom.tail<3>() * freedom.tail<3>().dot(twist.tail<3>());
+    return twist;
+}
+
+WeakDirection weak_direction(const Vector12d& direction, const Twist& twist_at_middle,
+                             double deviation, double worth_poses) {
+    constexpr double within_5_deg = 0.9962;
+    const Eigen::Vector3d turn = twist_at_middle.head<3>(), shift = twist_at_middle.tail<3>();
+    const bool shifts = shift.norm() > prior_length_mm * turn.norm();
+    const double size = shifts ? shift.norm() : turn.norm();
+    const std::string name = (shifts ? "shift along " : "rotation about ") +
+                             direction_name((shifts ? shift : turn) / size, within_5_deg) +
+                             " between X and Y";
+    return {name, direction / size, deviation * size, worth_poses};
 }
 
 }  // namespace
@@ -159,6 +194,34 @@ GaugeFreedom gauge_freedom(const Twist& twist, const XY& xy, const Rigid& base_f
     freedom.direction << x * w, x * v, w_carriage,
         v_carriage + w_carriage.cross(xy.carriage_from_marker.translation);
     return freedom;
+}
+
+std::vector<WeakDirection> weak_directions(const RegistrationJacobian& jacobian, const XY& xy,
+                                           const std::vector<Twist>& freedoms,
+                                           const Eigen::Vector3d& middle_mm, std::size_t poses) {
+    const Blocks blocks = triangular_blocks(jacobian);
+    Eigen::MatrixXd of_x(12, 6);
+    of_x << blocks.yx, blocks.xx;
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(of_x);
+    const Eigen::MatrixXd whitened =
+        qr.matrixQR().topRows<6>().triangularView<Eigen::Upper>().solve<Eigen::OnTheRight>(
+            blocks.xx);
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(whitened, Eigen::ComputeFullV);
+    std::vector<WeakDirection> weak;
+    for (Eigen::Index k = 5 - std::ssize(freedoms); k >= 0; --k) {
+        const double sine = svd.singularValues()[k];
+        const double worth = sine * sine * static_cast<double>(poses);
+        if (worth >= 1.0)
+            break;
+        Vector12d direction;  // by one standard deviation times `sine`
+        direction.head<6>() =
+            qr.matrixQR().topRows<6>().triangularView<Eigen::Upper>().solve(svd.matrixV().col(k));
+        direction.tail<6>() =
+            -blocks.yy.triangularView<Eigen::Upper>().solve(blocks.yx * direction.head<6>());
+        const Twist twist = seen_from(middle_mm, as_twists(direction, xy), freedoms);
+        weak.push_back(weak_direction(direction, twist, 1.0 / std::max(sine, 1e-12), worth));
+    }
+    return weak;
 }
 
 XY nearest_to_prior(XY xy, const std::vector<Twist>& freedoms, const Rigid& base_from_carriage,

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "core/errors.h"
 #include "core/random.h"
@@ -216,6 +217,62 @@ TEST(Registration, StatesACovarianceThatRepeatedRunsConfirm) {
         EXPECT_NEAR(sum[k], 1.0, 0.29) << "parameter " << k;
 }
 
+// XYZ with a rotary axis of +-`reach` rad about base z, 25 poses.
+std::vector<Rigid> turned_a_little(double reach) {
+    std::vector<Rigid> stage = stage_poses({.x = true, .y = true, .z = true}, 25);
+    for (std::size_t i = 0; i < stage.size(); ++i) {
+        const double angle = reach * (2.0 * RandomStream(8, 1, i).uniform() - 1.0);
+        stage[i].rotation = rotation_from_vector({0, 0, angle});
+    }
+    return stage;
+}
+
+// Turns by the angle t tell X's shift d across the axis from Y's by the shift t d of the marker
+// only: 25 poses within 2 degrees (mean square of t: 4.1e-4) together say 25 * 4.1e-4 = 0.01 times
+// what one pose says. The shift along the axis stays free, however small the turns are.
+TEST(Registration, LabelsWhatARotaryAxisOfTwoDegreesHardlyShows) {
+    const Projector projector(test::webcam());
+    const auto result_for = [&](double reach) {
+        return register_stage(projector, tag, observations(projector, turned_a_little(reach)),
+                              true_y);
+    };
+    const Registration little = result_for(2.0 * std::numbers::pi / 180.0);
+    EXPECT_EQ(little.rank, 11);
+    ASSERT_EQ(little.weak.size(), 2u);
+    for (const WeakDirection& weak : little.weak) {
+        EXPECT_THAT(weak.name, HasSubstr("shift along base"));
+        EXPECT_NEAR(weak.worth_poses, 0.01, 0.01);
+        EXPECT_GT(weak.deviation, 1.0);  // mm, at 1 px: 10 times that of a shift of the whole
+    }
+    EXPECT_TRUE(result_for(2.0).weak.empty());
+    EXPECT_TRUE(registered({.x = true}).weak.empty());
+    EXPECT_TRUE(registered({.x = true, .y = true, .z = true, .rx = true, .rz = true}).weak.empty());
+}
+
+// The stated deviation is that with which repeated runs place X along the direction.
+TEST(Registration, HasWeakDirectionsThatMovePixelsAsLittleAsTheySay) {
+    const Projector projector(test::webcam());
+    const std::vector<Rigid> stage = turned_a_little(0.03);
+    const Registration result =
+        register_stage(projector, tag, observations(projector, stage), true_y);
+    ASSERT_FALSE(result.weak.empty());
+    for (const WeakDirection& weak : result.weak) {
+        double squares = 0.0;
+        for (const Rigid& base_from_carriage : stage)
+            squares += (registration_jacobian(projector, tag, result.camera_from_base,
+                                              base_from_carriage, result.carriage_from_marker) *
+                        weak.direction)
+                           .squaredNorm();
+        EXPECT_NEAR(1.0 / std::sqrt(squares), weak.deviation, 1e-6 * weak.deviation) << weak.name;
+    }
+}
+
+TEST(Registration, SaysWhichMotionThePosesMake) {
+    EXPECT_EQ(registered({.x = true}).motion, "shifts along one line, base x");
+    EXPECT_EQ(registered({.x = true, .y = true, .rz = true}).motion,
+              "planar motion: shifts across base z and turns about it");
+}
+
 std::string refusal(const std::vector<RegistrationPose>& poses) {
     try {
         register_stage(Projector(test::webcam()), tag, poses, true_y);
@@ -231,6 +288,10 @@ TEST(Registration, RefusesWhatCannotGiveAResult) {
         observations(projector, stage_poses({.x = true, .y = true, .z = true}, 8));
     EXPECT_THAT(refusal({good.begin(), good.begin() + 3}), HasSubstr("3 poses"));
     EXPECT_THAT(refusal(std::vector<RegistrationPose>(8, good[0])), HasSubstr("did not move"));
+    std::vector<RegistrationPose> two;
+    for (std::size_t i = 0; i < 8; ++i)
+        two.push_back(good[i % 2]);
+    EXPECT_THAT(refusal(two), HasSubstr("only 2 distinct"));
 
     std::vector<RegistrationPose> bad = good;
     bad[2].pixels[1].y() = std::numeric_limits<double>::quiet_NaN();

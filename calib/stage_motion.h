@@ -1,0 +1,49 @@
+// What kind of motion the poses of a plan make together, from the stage's transforms alone: before
+// any camera comes in, and before anything has moved.
+//
+// It says how many directions of (X, Y) a registration on these poses leaves free. Such a direction
+// is a motion of the base frame that commutes with every relative motion S_i S_j^-1 of the carriage
+// (H. H. Chen, "A screw motion approach to uniqueness analysis of head-eye geometry", CVPR 1991).
+//
+// A plan that moves less than its stage can is degenerate: part of X and Y, or of what a camera's
+// errors do in depth, would be settled by nothing. It is named, and not registered.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <string>
+
+#include "core/rigid.h"
+
+namespace etalon {
+
+// From least to most: a plan whose kind comes before that of its stage moves less than it can.
+enum class MotionKind {
+    none,            // all poses are the same: 6 free directions
+    collinear,       // shifts along one line: 4
+    planar_shifts,   // shifts in one plane: 3
+    shifts,          // shifts in space: 3
+    one_axis,        // turns about one fixed axis, with or without shifts along it: 2
+    planar_motion,   // turns about parallel axes and shifts across them: 1
+    parallel_turns,  // turns about parallel axes and shifts in space: 1
+    all_turns,       // turns about axes that are not parallel: 0
+};
+
+struct StageMotion {
+    MotionKind kind = MotionKind::none;
+    int freedoms = 6;        // of X and Y
+    int distinct_poses = 0;  // counted up to 4
+    std::string words;       // "shifts along one line, base x"
+};
+
+// Shifts under 1 um (or 1e-4 of the largest) and turns under 1e-4 rad count as readings' noise;
+// poses nearer to each other than 1 % of the largest shift and turn count as one pose. Throws
+// NumericalError for no poses, or one that is not finite. Microseconds per pose.
+StageMotion stage_motion(std::span<const Rigid> base_from_carriage);
+
+// Throws NumericalError, in words, for a plan of fewer than 4 distinct poses, and for one that
+// moves less than the stage can. `reach`: transforms that show what the stage can do, such as each
+// axis moved alone.
+void require_full_motion(std::span<const Rigid> plan, std::span<const Rigid> reach);
+
+}  // namespace etalon

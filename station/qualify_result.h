@@ -19,7 +19,8 @@ namespace etalon {
 
 // One frame that was asked of the camera. Only complete frames have a file and can have corners.
 struct FrameRecord {
-    std::string file;  // "frames/0007_1.png", in the record folder; empty unless complete
+    std::string file;    // "frames/0007_1.png", in the record folder; empty unless complete
+    std::string sha256;  // of that file, once it is written
     FrameStatus status = FrameStatus::timed_out;
     std::string status_detail;
     std::uint64_t device_id = 0;
@@ -36,7 +37,9 @@ struct FrameRecord {
 struct PoseRecord {
     int index = 0;  // 0-based, names the frames
     PlannedPose planned;
-    // Per axis, mm or rad: mean of the n readings after settling and after each frame, their
+    // One after settling and one after each frame; of each axis, mm or rad.
+    std::vector<std::vector<double>> readings;
+    // Per axis, mm or rad: mean of the n readings, their
     // standard deviation s, and the standard uncertainty of the mean: s, but no less than the
     // axis' declared noise, over sqrt(n).
     std::vector<double> read_back, read_back_deviation, read_back_uncertainty;
@@ -47,6 +50,7 @@ struct PoseRecord {
     std::vector<FrameRecord> frames;
     std::vector<Eigen::Vector2d> corners;  // mean over the frames that saw it; empty: none did
     int detections = 0;                    // number of such frames
+    CaptureStatistics counters;            // of the camera's session, when the pose was done
 
     // After a successful analysis, of hold-out poses: the render at the registered pose, with the
     // camera's bit depth and transfer and without noise ("renders/0007.png").
@@ -67,6 +71,20 @@ const char* name(RunOutcome outcome);  // "PASS", "FAIL", "INCONCLUSIVE", "ERROR
 // 0, 1, 2, 4 and 130.
 int exit_code(RunOutcome outcome);
 
+// From one start of the program to its end. A run that was resumed has several.
+struct RunSession {
+    std::string started_utc;  // "2026-03-07T14:05:09Z"
+    double start_s = 0.0;     // on the run's time: the first one's is 0
+    std::string version;      // of the program that measured
+    int poses = 0;            // that it visited
+    CaptureStatistics counters;
+};
+
+// A file of the record, by content; the path is in the record's folder.
+struct Attachment {
+    std::string path, sha256;
+};
+
 struct SoftwareVersion {
     std::string name, version;  // "OpenCV", "4.6.0"
 };
@@ -81,13 +99,15 @@ struct QualifyResult {
     CaptureSettings settings;          // in force
     CaptureStatistics statistics;      // of the whole run
     std::vector<std::string> remarks;  // what limited the devices here, one line each
+    std::vector<RunSession> sessions;  // at least one; `started_utc` is the first one's
     std::vector<PoseRecord> poses;     // visited ones only
     // Nothing when the run ended before; analysis->poses[i] belongs to poses[i].
     std::optional<Qualification> analysis;
     RunOutcome outcome = RunOutcome::error;
     std::string reason;  // of an ERROR or ABORTED run, one line; empty otherwise
     std::vector<SoftwareVersion> software;
-    std::filesystem::path folder;  // of the record
+    std::filesystem::path folder;         // of the record
+    std::vector<Attachment> attachments;  // when all other files of the record are written
 };
 
 // Mean over the hold-out poses of the RMS of photograph minus render, in gray = code value / full

@@ -3,21 +3,18 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "core/text.h"
+#include "station/pose_numbers.h"
+#include "station/record_json.h"
 
 namespace etalon {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Json = RecordJson;
 
 constexpr double deg_per_rad = 180.0 / std::numbers::pi;
-
-std::string text_of(const Json& json, int indent) {
-    return json.dump(indent, ' ', false, Json::error_handler_t::replace);
-}
 
 double seconds(Duration duration) {
     return std::chrono::duration<double>(duration).count();
@@ -28,62 +25,8 @@ Json optional_number(const std::optional<double>& value) {
     return value ? Json(*value) : Json();
 }
 
-template <class Vector>
-Json numbers(const Vector& vector) {
-    return std::vector<double>(vector.data(), vector.data() + vector.size());
-}
-
-Json pose(const Rigid& transform) {
-    return numbers(vector_from_rigid(transform));
-}
-
-Json corners(const std::vector<Eigen::Vector2d>& pixels) {
-    Json list = Json::array();
-    for (const auto& pixel : pixels)
-        list.push_back(numbers(pixel));
-    return list;
-}
-
 double unit_of(const Axis& axis) {
     return axis.kind == Axis::Kind::rotary ? deg_per_rad : 1.0;
-}
-
-Json settings_json(const CaptureSettings& settings) {
-    return {{"width", settings.width},
-            {"height", settings.height},
-            {"bits", settings.bits},
-            {"format", settings.format},
-            {"exposure_us", settings.exposure.count()},
-            {"gain_db", settings.gain_db},
-            {"black_level", optional_number(settings.black_level)},
-            {"trigger", settings.trigger},
-            {"controls", settings.controls}};
-}
-
-// The camera's counters go into the record of whatever it was used for.
-void add_statistics(Json& camera, const CaptureStatistics& counts) {
-    camera["frames_delivered"] = counts.delivered;
-    camera["frames_rejected"] = counts.rejected;
-    camera["frames_skipped"] = counts.skipped;
-    camera["missing_packets"] = counts.missing_packets;
-    camera["resent_packets"] = counts.resent_packets;
-    camera["underruns"] = counts.underruns;
-    camera["reconnects"] = counts.reconnects;
-}
-
-Json device_json(const CameraIdentity& camera) {
-    return {{"uri", camera.uri},
-            {"vendor", camera.vendor},
-            {"model", camera.model},
-            {"serial", camera.serial}};
-}
-
-Json inputs_json(const StationFile& station) {
-    Json list = Json::array();
-    for (const InputFile& input : station.inputs)
-        list.push_back(
-            {{"role", input.role}, {"path", input.path.string()}, {"sha256", input.sha256}});
-    return list;
 }
 
 Json camera_json(const QualifyResult& result) {
@@ -91,7 +34,7 @@ Json camera_json(const QualifyResult& result) {
     camera["uri"] = result.station.camera.uri;
     camera["calibrated_serial"] = result.station.camera.model.serial;
     camera["settings"] = settings_json(result.settings);
-    add_statistics(camera, result.statistics);
+    add_counters(camera, result.statistics);
     camera["remarks"] = result.remarks;
     return camera;
 }
@@ -116,13 +59,13 @@ Json axis_json(const Axis& axis) {
     return {{"name", axis.name},
             {"kind", rotary ? "rotary" : "linear"},
             {"unit", rotary ? "deg" : "mm"},
-            {"direction", numbers(axis.direction)},
-            {"point_mm", numbers(axis.point_mm)},
+            {"direction", numbers_json(axis.direction)},
+            {"point_mm", numbers_json(axis.point_mm)},
             {"travel", {axis.low * unit, axis.high * unit}},
             {"speed", axis.speed * unit},
             {"scale_uncertainty", optional_number(axis.scale_uncertainty)},
             {"repeatability", optional_size(axis.repeatability, unit)},
-            {"previous_from_mount", pose(axis.previous_from_mount)},
+            {"previous_from_mount", pose_numbers(axis.previous_from_mount)},
             {"zero", axis.zero * unit},
             {"approach", axis.approach},
             {"overrun", axis.overrun * unit},
@@ -209,9 +152,10 @@ Json registration_json(const BiasCorrectedRegistration& corrected) {
     const Registration& registration = corrected.registration;
     Json freedoms = Json::array();
     for (const GaugeFreedom& freedom : registration.freedoms)
-        freedoms.push_back({{"name", freedom.name}, {"direction", numbers(freedom.direction)}});
-    return {{"camera_from_base", pose(registration.camera_from_base)},
-            {"carriage_from_marker", pose(registration.carriage_from_marker)},
+        freedoms.push_back(
+            {{"name", freedom.name}, {"direction", numbers_json(freedom.direction)}});
+    return {{"camera_from_base", pose_numbers(registration.camera_from_base)},
+            {"carriage_from_marker", pose_numbers(registration.carriage_from_marker)},
             {"residual_rms_px", registration.residual_rms_px},
             {"poses_used", corrected.used.size()},
             {"down_weighted_points", registration.down_weighted_points},
@@ -223,11 +167,11 @@ Json registration_json(const BiasCorrectedRegistration& corrected) {
 }
 
 Json field_json(const SmoothField& field, const FieldSummary& summary) {
-    return {{"coefficients", numbers(field.coefficients)},
+    return {{"coefficients", numbers_json(field.coefficients)},
             {"samples", field.samples},
             {"degrees_of_freedom", field.degrees_of_freedom},
             {"down_weighted", field.down_weighted},
-            {"centre_mm", numbers(field.centre_mm)},
+            {"centre_mm", numbers_json(field.centre_mm)},
             {"residual_along", field.residual_along},
             {"residual_across", field.residual_across},
             {"rms", summary.rms},
@@ -235,7 +179,7 @@ Json field_json(const SmoothField& field, const FieldSummary& summary) {
             {"noise_rms", summary.noise_rms},
             {"max", summary.max},
             {"max_uncertainty", summary.max_uncertainty},
-            {"max_position_mm", numbers(summary.max_position_mm)}};
+            {"max_position_mm", numbers_json(summary.max_position_mm)}};
 }
 
 Json budget_json(const Qualification& analysis) {
@@ -385,24 +329,25 @@ Row csv_row(const PoseRecord& record, const std::vector<Axis>& axes,
 
 std::string run_json(const QualifyResult& result) {
     const StationFile& station = result.station;
-    Json run = {{"etalon", "run/1"},
-                {"outcome", name(result.outcome)},
-                {"reason", result.reason},
-                {"started_utc", result.started_utc},
-                {"duration_s", result.duration_s},
-                {"station", station.id},
-                {"marker", station.marker.spec},
-                {"detector", station.detector},
-                {"background", station.background},
-                {"white_level", station.white_level},
-                {"carriage_from_marker_nominal", pose(station.carriage_from_marker_nominal)},
-                {"marker_size_uncertainty", optional_number(station.marker_size_uncertainty)},
-                {"limits", station.limits.id},
-                {"inputs", inputs_json(station)},
-                {"camera", camera_json(result)},
-                {"stage", stage_json(station.stage)},
-                {"plan", plan_json(station, result.plan)},
-                {"poses_visited", result.poses.size()}};
+    Json run = {
+        {"etalon", "run/1"},
+        {"outcome", name(result.outcome)},
+        {"reason", result.reason},
+        {"started_utc", result.started_utc},
+        {"duration_s", result.duration_s},
+        {"station", station.id},
+        {"marker", station.marker.spec},
+        {"detector", station.detector},
+        {"background", station.background},
+        {"white_level", station.white_level},
+        {"carriage_from_marker_nominal", pose_numbers(station.carriage_from_marker_nominal)},
+        {"marker_size_uncertainty", optional_number(station.marker_size_uncertainty)},
+        {"limits", station.limits.id},
+        {"inputs", inputs_json(station.inputs)},
+        {"camera", camera_json(result)},
+        {"stage", stage_json(station.stage)},
+        {"plan", plan_json(station, result.plan)},
+        {"poses_visited", result.poses.size()}};
     if (result.analysis)
         add_analysis(run, *result.analysis);
     run["mean_residual_gray"] = optional_number(mean_residual_gray(result));
@@ -413,7 +358,7 @@ std::string run_json(const QualifyResult& result) {
 std::string capture_json(const CaptureResult& result) {
     Json camera = device_json(result.camera);
     camera["settings"] = settings_json(result.settings);
-    add_statistics(camera, result.statistics);
+    add_counters(camera, result.statistics);
     camera["remarks"] = result.remarks;
     Json json = {{"etalon", "capture/1"},
                  {"started_utc", result.started_utc},
@@ -428,46 +373,6 @@ std::string capture_json(const CaptureResult& result) {
         json["mean_dn"] = *result.mean;
     json["software"] = software_json(software_versions());
     return text_of(json, 2) + "\n";
-}
-
-std::string state_event(double time_s, const std::string& state, const std::string& detail) {
-    return text_of({{"t", time_s}, {"event", state}, {"detail", detail}}, -1);
-}
-
-std::string frame_event(int pose_index, const FrameRecord& frame) {
-    return text_of({{"t", frame.exposure_start_s},
-                    {"event", "frame"},
-                    {"pose", pose_index},
-                    {"file", frame.file},
-                    {"status", name(frame.status)},
-                    {"status_detail", frame.status_detail},
-                    {"device_id", frame.device_id},
-                    {"exposure_start_uncertainty_s", frame.exposure_start_uncertainty_s},
-                    {"time_source", name(frame.time_source)},
-                    {"device_time_ns", frame.device_time_ns},
-                    {"settings", settings_json(frame.settings)},
-                    {"detection", frame.detection},
-                    {"corners", corners(frame.corners)}},
-                   -1);
-}
-
-std::string pose_event(const PoseRecord& record) {
-    const Vector6d uncertainty = record.stage.covariance.diagonal().cwiseSqrt();
-    return text_of({{"t", record.done_s},
-                    {"event", "pose"},
-                    {"pose", record.index},
-                    {"hold_out", record.planned.hold_out},
-                    {"commanded", record.planned.target},
-                    {"read_back", record.read_back},
-                    {"read_back_deviation", record.read_back_deviation},
-                    {"base_from_carriage", pose(record.stage.base_from_carriage)},
-                    {"base_from_carriage_uncertainty", numbers(uncertainty)},
-                    {"approach", record.approach},
-                    {"move_start_s", record.move_start_s},
-                    {"settled_s", record.settled_s},
-                    {"detections", record.detections},
-                    {"corners", corners(record.corners)}},
-                   -1);
 }
 
 std::string poses_csv(const QualifyResult& result) {

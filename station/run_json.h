@@ -1,4 +1,4 @@
-// The texts of a record: run.json, the lines of events.jsonl, and poses.csv.
+// The texts of a record: run.json and poses.csv. The log is station/run_events.h.
 //
 // Numbers are written so that they read back as the same double. What is unknown, infinite or not
 // measured is null in JSON and empty in CSV. Bytes that are not UTF-8 are replaced.
@@ -16,11 +16,6 @@ std::string run_json(const QualifyResult& result);
 
 // `etalon: capture/1`, the same of `etalon capture`.
 std::string capture_json(const CaptureResult& result);
-
-// One line each, without its end. Times are seconds since the run began.
-std::string state_event(double time_s, const std::string& state, const std::string& detail);
-std::string frame_event(int pose, const FrameRecord& frame);
-std::string pose_event(const PoseRecord& pose);
 
 // One row per visited pose. Linear axes in mm, rotary axes in deg; poses as rotation vector (rad)
 // and translation (mm); biases in mm (camera frame) and mrad (marker frame).

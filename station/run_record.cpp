@@ -8,6 +8,7 @@
 
 #include "core/errors.h"
 #include "core/text.h"
+#include "station/run_events.h"
 #include "station/run_json.h"
 
 namespace etalon {

@@ -46,9 +46,10 @@ namespace etalon {
 
 // A file that the run was made from, by content.
 struct InputFile {
-    std::string role;  // "station", "calibration", "limits"
+    std::string role;  // "station", "calibration", "limits", ...
     std::filesystem::path path;
     std::string sha256;
+    std::string copy;  // in a record: "inputs/camera.yml", seen from its folder
 };
 
 struct StationCamera {

@@ -65,6 +65,13 @@ StageMotion required_motion(Poses poses) {
     return motion;
 }
 
+std::vector<RegistrationPose> with_transforms(Poses poses, const std::vector<Rigid>& transforms) {
+    std::vector<RegistrationPose> result(poses.begin(), poses.end());
+    for (std::size_t i = 0; i < result.size(); ++i)
+        result[i].base_from_carriage = transforms[i];
+    return result;
+}
+
 // ----------------------------------------------------------------------------------------- seed
 
 // Linear in M (camera_from_base's rotation, not yet orthogonal), w = R_Y^T t_Y and t = t_X:
@@ -393,11 +400,12 @@ Eigen::Matrix<double, Eigen::Dynamic, 12> registration_jacobian(
 
 Registration register_stage(const Projector& projector,
                             const std::vector<Eigen::Vector3d>& points_mm,
-                            std::span<const RegistrationPose> poses,
+                            std::span<const RegistrationPose> given,
                             const Rigid& nominal_carriage_from_marker) {
     require_perspective(projector.camera(), "registration");
-    require_usable(points_mm, poses, nominal_carriage_from_marker);
-    const StageMotion motion = required_motion(poses);
+    require_usable(points_mm, given, nominal_carriage_from_marker);
+    const StageMotion motion = required_motion(given);
+    const std::vector<RegistrationPose> poses = with_transforms(given, motion.without_noise);
     const RobustSolution solution = robust_solution(projector, points_mm, poses, seed(poses));
     const RegistrationRank rank =
         registration_rank(whole_jacobian(projector, points_mm, poses, solution.xy), solution.xy);

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <vector>
+#include <array>
 
 #include "core/errors.h"
 
@@ -13,9 +13,9 @@ namespace {
 using Poses = std::span<const Rigid>;
 using Columns = Eigen::Matrix3Xd;
 
-constexpr double noise_shift_mm = 1e-3;
-constexpr double noise_shift_share = 1e-4;
-constexpr double noise_turn_rad = 1e-4;
+constexpr double noise_shift_mm = 2e-3;
+constexpr double noise_shift_share = 1e-5;
+constexpr double noise_turn_rad = 5e-5;
 constexpr double same_pose_share = 0.01;
 constexpr int enough_poses = 4;
 
@@ -65,10 +65,9 @@ std::string direction_words(const Eigen::Vector3d& direction) {
     return fmt::format("base direction ({:.3f}, {:.3f}, {:.3f})", v.x(), v.y(), v.z());
 }
 
-// Whether one line parallel to `axis` keeps its place in every pose: then the shifts across it are
-// (I - R) c with one point c.
-bool turns_about_one_line(Poses poses, const Moves& moves, const Eigen::Vector3d& axis,
-                          double noise_mm) {
+// A point that keeps its place across `axis` in every pose, as well as one can: the shifts across
+// it are (I - R) c.
+Eigen::Vector3d fixed_point(Poses poses, const Moves& moves, const Eigen::Vector3d& axis) {
     const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
     Eigen::MatrixXd a(3 * std::ssize(poses), 3);
     Eigen::VectorXd b(3 * std::ssize(poses));
@@ -82,7 +81,14 @@ bool turns_about_one_line(Poses poses, const Moves& moves, const Eigen::Vector3d
     Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
     decomposition.setThreshold(1e-9);  // nothing determines c along the axis
     decomposition.compute(a);
-    return (a * decomposition.solve(b) - b).cwiseAbs().maxCoeff() < noise_mm;
+    return decomposition.solve(b);
+}
+
+double largest_difference_mm(Poses one, Poses two) {
+    double largest = 0.0;
+    for (std::size_t i = 0; i < one.size(); ++i)
+        largest = std::max(largest, (one[i].translation - two[i].translation).norm());
+    return largest;
 }
 
 int distinct_poses(Poses poses, const Moves& moves) {
@@ -102,30 +108,78 @@ int distinct_poses(Poses poses, const Moves& moves) {
     return static_cast<int>(found.size());
 }
 
-StageMotion only_shifts(const Spread& shifts, double noise_mm) {
-    switch (shifts.rank(noise_mm)) {
-        case 0:
-            return {MotionKind::none, 6, 0, "no motion: all poses are the same"};
-        case 1:
-            return {MotionKind::collinear, 4, 0,
-                    "shifts along one line, " + direction_words(shifts.directions.col(0))};
-        case 2:
-            return {MotionKind::planar_shifts, 3, 0,
-                    "shifts in the plane across " + direction_words(shifts.directions.col(2))};
-        default:
-            return {MotionKind::shifts, 3, 0, "shifts in space without turns"};
+// The first pose, shifted by the parts of the shifts along the main directions that count.
+std::vector<Rigid> shifted_only(Poses poses, const Moves& moves, const Spread& shifts, int rank) {
+    const Eigen::Matrix3Xd along = shifts.directions.leftCols(rank);
+    std::vector<Rigid> result;
+    for (Eigen::Index i = 0; i < moves.shifts.cols(); ++i)
+        result.push_back(
+            {poses.front().rotation,
+             poses.front().translation + along * (along.transpose() * moves.shifts.col(i))});
+    return result;
+}
+
+StageMotion only_shifts(Poses poses, const Moves& moves, double noise_mm) {
+    const Spread shifts = spread(moves.shifts);
+    const int rank = shifts.rank(noise_mm);
+    StageMotion motion;
+    motion.without_noise = shifted_only(poses, moves, shifts, rank);
+    motion.freedoms = std::array{6, 4, 3, 3}.at(static_cast<std::size_t>(rank));
+    if (rank == 0)
+        motion.words = "no motion: all poses are the same";
+    else if (rank == 1)
+        motion.words = "shifts along one line, " + direction_words(shifts.directions.col(0));
+    else if (rank == 2)
+        motion.words = "shifts in the plane across " + direction_words(shifts.directions.col(2));
+    else
+        motion.words = "shifts in space without turns";
+    motion.kind = static_cast<MotionKind>(rank);
+    return motion;
+}
+
+// Turns exactly about `axis`; the shifts as they are.
+std::vector<Rigid> turned_about(Poses poses, const Moves& moves, const Eigen::Vector3d& axis) {
+    std::vector<Rigid> result(poses.begin(), poses.end());
+    for (std::size_t i = 0; i < result.size(); ++i) {
+        const double angle = axis.dot(moves.turns.col(static_cast<Eigen::Index>(i)));
+        result[i].rotation = rotation_from_vector(angle * axis) * poses.front().rotation;
     }
+    return result;
+}
+
+// Turns exactly about the line through `point`, and the shifts along it as they are.
+std::vector<Rigid> turned_about_line(Poses poses, const Moves& moves, const Eigen::Vector3d& axis,
+                                     const Eigen::Vector3d& point) {
+    std::vector<Rigid> result = turned_about(poses, moves, axis);
+    for (std::size_t i = 0; i < result.size(); ++i) {
+        const Eigen::Quaterniond turn = result[i].rotation * poses.front().rotation.conjugate();
+        const Eigen::Vector3d there = point + turn * (poses.front().translation - point);
+        result[i].translation = there + axis * axis.dot(poses[i].translation - there);
+    }
+    return result;
+}
+
+std::vector<Rigid> within_plane(std::vector<Rigid> poses, const Eigen::Vector3d& normal) {
+    const double height = normal.dot(poses.front().translation);
+    for (Rigid& pose : poses)
+        pose.translation += normal * (height - normal.dot(pose.translation));
+    return poses;
 }
 
 StageMotion parallel_turns(Poses poses, const Moves& moves, const Eigen::Vector3d& axis,
                            double noise_mm) {
     const std::string words = direction_words(axis);
-    if (turns_about_one_line(poses, moves, axis, noise_mm))
-        return {MotionKind::one_axis, 2, 0, "turns about one fixed axis along " + words};
+    const std::vector<Rigid> about_line =
+        turned_about_line(poses, moves, axis, fixed_point(poses, moves, axis));
+    if (largest_difference_mm(poses, about_line) < noise_mm)
+        return {MotionKind::one_axis, 2, 0, "turns about one fixed axis along " + words,
+                about_line};
+    const std::vector<Rigid> turned = turned_about(poses, moves, axis);
     if ((axis.transpose() * moves.shifts).cwiseAbs().maxCoeff() < noise_mm)
         return {MotionKind::planar_motion, 1, 0,
-                "planar motion: shifts across " + words + " and turns about it"};
-    return {MotionKind::parallel_turns, 1, 0, "shifts in space and turns about " + words};
+                "planar motion: shifts across " + words + " and turns about it",
+                within_plane(turned, axis)};
+    return {MotionKind::parallel_turns, 1, 0, "shifts in space and turns about " + words, turned};
 }
 
 }  // namespace
@@ -138,11 +192,12 @@ StageMotion stage_motion(Poses poses) {
     const Spread turns = spread(moves.turns);
     StageMotion motion;
     if (turns.rank(noise_turn_rad) == 0)
-        motion = only_shifts(spread(moves.shifts), noise_mm);
+        motion = only_shifts(poses, moves, noise_mm);
     else if (turns.rank(noise_turn_rad) == 1)
         motion = parallel_turns(poses, moves, turns.directions.col(0), noise_mm);
     else
-        motion = {MotionKind::all_turns, 0, 0, "turns about axes that are not parallel"};
+        motion = {MotionKind::all_turns, 0, 0, "turns about axes that are not parallel",
+                  std::vector<Rigid>(poses.begin(), poses.end())};
     motion.distinct_poses = distinct_poses(poses, moves);
     return motion;
 }

@@ -12,6 +12,7 @@
 #include <Eigen/Core>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "core/rigid.h"
 
@@ -34,9 +35,12 @@ struct StageMotion {
     int freedoms = 6;        // of X and Y
     int distinct_poses = 0;  // counted up to 4
     std::string words;       // "shifts along one line, base x"
+    // The poses as this kind has them exactly, without what counts as noise: an axis at rest whose
+    // reading trembles by a microradian would else place X and Y, by tens of metres.
+    std::vector<Rigid> without_noise;
 };
 
-// Shifts under 1 um (or 1e-4 of the largest) and turns under 1e-4 rad count as readings' noise;
+// Shifts under 2 um (or 1e-5 of the largest) and turns under 5e-5 rad count as readings' noise;
 // poses nearer to each other than 1 % of the largest shift and turn count as one pose. Throws
 // NumericalError for no poses, or one that is not finite. Microseconds per pose.
 StageMotion stage_motion(std::span<const Rigid> base_from_carriage);

@@ -267,6 +267,20 @@ TEST(Registration, HasWeakDirectionsThatMovePixelsAsLittleAsTheySay) {
     }
 }
 
+// An axis at rest whose reading trembles by a microradian: without turns that are more than noise,
+// X and Y would be 30 m off (and the predicted pixels right all the same).
+TEST(Registration, IsNotPlacedByTheNoiseOfAnAxisAtRest) {
+    const Projector projector(test::webcam());
+    std::vector<RegistrationPose> poses =
+        observations(projector, stage_poses({.x = true, .y = true, .z = true}, 25), 0.05);
+    for (std::size_t i = 0; i < poses.size(); ++i)
+        poses[i].base_from_carriage.rotation =
+            rotation_from_vector({0, 0, 1e-6 * RandomStream(6, 1, i).normal()});
+    const Registration result = register_stage(projector, tag, poses, true_y);
+    EXPECT_EQ(result.rank, 9);
+    EXPECT_LT((result.carriage_from_marker.translation - true_y.translation).norm(), 1e-6);
+}
+
 TEST(Registration, SaysWhichMotionThePosesMake) {
     EXPECT_EQ(registered({.x = true}).motion, "shifts along one line, base x");
     EXPECT_EQ(registered({.x = true, .y = true, .rz = true}).motion,

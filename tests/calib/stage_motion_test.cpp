@@ -100,6 +100,30 @@ TEST(StageMotion, DoesNotTakeTheNoiseOfReadingsForMotion) {
     EXPECT_EQ(stage_motion(poses).kind, MotionKind::collinear);
 }
 
+// Neither does it move a pose by more than the noise that it takes away, whatever the kind.
+TEST(StageMotion, LeavesPosesWhereTheyAreButForTheNoise) {
+    for (const Vector6d& within :
+         {reach(70, 0, 0), reach(70, 0, 50), reach(0, 0, 0, 0, 1.2, 0), reach(0, 50, 0, 0, 1.2, 0),
+          reach(70, 0, 50, 0, 1.2, 0), reach(70, 40, 50, 0, 1.2, 0), reach(0, 0, 0, 0.5, 0, 1.2)}) {
+        const std::vector<Rigid> exact = poses_within(within);
+        std::vector<Rigid> read = exact;
+        for (std::size_t i = 0; i < read.size(); ++i) {
+            RandomStream random(11, 5, i);
+            Vector6d noise;
+            for (int k = 0; k < 6; ++k)
+                noise[k] = (k < 3 ? 1e-6 : 1e-4) * (2.0 * random.uniform() - 1.0);
+            read[i] = left_perturbed(read[i], noise);
+        }
+        const StageMotion motion = stage_motion(read);
+        EXPECT_EQ(motion.kind, stage_motion(exact).kind) << motion.words;
+        for (std::size_t i = 0; i < read.size(); ++i) {
+            const Vector6d moved = left_difference(read[i], motion.without_noise[i]);
+            EXPECT_LT(moved.head<3>().norm(), 1e-5) << motion.words;
+            EXPECT_LT(moved.tail<3>().norm(), 1e-3) << motion.words;
+        }
+    }
+}
+
 TEST(StageMotion, CountsPosesThatAreApart) {
     const std::vector<Rigid> far = poses_within(reach(70, 40, 50), 2);
     std::vector<Rigid> poses;

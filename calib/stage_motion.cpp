@@ -204,17 +204,17 @@ StageMotion stage_motion(Poses poses) {
 
 void require_full_motion(Poses plan, Poses reach) {
     const StageMotion made = stage_motion(plan), possible = stage_motion(reach);
+    if (made.kind != MotionKind::none && made.distinct_poses < enough_poses)
+        throw NumericalError(fmt::format("degenerate plan: {} distinct poses, at least {} needed",
+                                         made.distinct_poses, enough_poses));
     if (made.kind < possible.kind)
         throw NumericalError(fmt::format(
             "degenerate plan: its poses make {}, where the stage's axes make {}{}", made.words,
             possible.words,
             made.freedoms == possible.freedoms
                 ? std::string("; nothing would be seen of what happens across that plane")
-                : fmt::format("; {} directions of X and Y would be free instead of {}",
-                              made.freedoms, possible.freedoms)));
-    if (made.distinct_poses < enough_poses)
-        throw NumericalError(fmt::format("degenerate plan: {} distinct poses, at least {} needed",
-                                         made.distinct_poses, enough_poses));
+                : fmt::format("; free directions of X and Y: {} instead of {}", made.freedoms,
+                              possible.freedoms)));
 }
 
 }  // namespace etalon

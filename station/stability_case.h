@@ -1,6 +1,6 @@
-// Stiff and extreme cases of rendering, projection, the twin's servo and calibrating: what each
-// must end in, and how far it is from that. `etalon stability` runs them all; docs/stability.md
-// explains each.
+// Stiff and extreme cases of rendering, projection, the twin's servo, calibrating and registering:
+// what each must end in, and how far it is from that. `etalon stability` runs them all;
+// docs/stability.md explains each.
 //
 // The cases get the renderer as a function, so that a test can hand them a wrong one.
 #pragma once
@@ -36,13 +36,14 @@ struct StabilityCase {
 std::vector<StabilityCase> stability_cases();
 
 // The groups that it is made of.
-std::vector<StabilityCase> geometry_cases();     // tilt, focus, blur, size, behind the lens
-std::vector<StabilityCase> camera_cases();       // distortion, f-number, focal length, image size
-std::vector<StabilityCase> input_cases();        // what is refused, and the sensor's bits
-std::vector<StabilityCase> invariant_cases();    // symmetries and limits
-std::vector<StabilityCase> projection_cases();   // there and back
-std::vector<StabilityCase> servo_cases();        // the twin's stage; no renderer is asked
-std::vector<StabilityCase> calibration_cases();  // fits in double and long double; none either
+std::vector<StabilityCase> geometry_cases();      // tilt, focus, blur, size, behind the lens
+std::vector<StabilityCase> camera_cases();        // distortion, f-number, focal length, image size
+std::vector<StabilityCase> input_cases();         // what is refused, and the sensor's bits
+std::vector<StabilityCase> invariant_cases();     // symmetries and limits
+std::vector<StabilityCase> projection_cases();    // there and back
+std::vector<StabilityCase> servo_cases();         // the twin's stage; no renderer is asked
+std::vector<StabilityCase> calibration_cases();   // fits in double and long double; none either
+std::vector<StabilityCase> registration_cases();  // what a stage leaves free; none either
 
 // An exception is a failure with its message.
 StabilityOutcome outcome_of(const StabilityCase& one, const RenderFunction& render);

@@ -194,29 +194,6 @@ TEST(Registration, IsHardlyMovedByOneWrongDetection) {
     EXPECT_LE(result.down_weighted_points, 10);
 }
 
-// Each of 300 runs gives (estimate - truth)^2 / variance with mean 1 and variance 2 per parameter;
-// over 300 runs the mean has a standard deviation of 0.082. 12 parameters, 11 determined, at a
-// family-wise 1 %: 3.5 standard deviations each is 0.29.
-TEST(Registration, StatesACovarianceThatRepeatedRunsConfirm) {
-    const Projector projector(test::webcam());
-    const std::vector<Rigid> stage = stage_poses({.x = true, .y = true, .z = true, .rz = true}, 12);
-    constexpr int runs = 300;
-    constexpr double noise_px = 0.05;
-    Vector12d sum = Vector12d::Zero();
-    for (int run = 0; run < runs; ++run) {
-        const Registration result = register_stage(
-            projector, tag, observations(projector, stage, noise_px, 1000 + run), true_y);
-        Vector12d error;
-        error << left_difference(true_x, result.camera_from_base),
-            left_difference(true_y, result.carriage_from_marker);
-        const Vector12d variance = noise_px * noise_px * result.covariance.diagonal();
-        for (int k = 0; k < 12; ++k)
-            sum[k] += variance[k] > 1e-18 ? error[k] * error[k] / variance[k] / runs : 1.0 / runs;
-    }
-    for (int k = 0; k < 12; ++k)
-        EXPECT_NEAR(sum[k], 1.0, 0.29) << "parameter " << k;
-}
-
 // XYZ with a rotary axis of +-`reach` rad about base z, 25 poses.
 std::vector<Rigid> turned_a_little(double reach) {
     std::vector<Rigid> stage = stage_poses({.x = true, .y = true, .z = true}, 25);

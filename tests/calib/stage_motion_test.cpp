@@ -150,10 +150,10 @@ TEST(StageMotion, NamesAPlanThatMovesLessThanItsStage) {
     EXPECT_THAT(refusal(reach(0, 0, 0), xyz), HasSubstr("no motion"));
     EXPECT_THAT(refusal(reach(70, 0, 0), xyz),
                 AllOf(HasSubstr("one line, base x"), HasSubstr("shifts in space"),
-                      HasSubstr("4 directions"), HasSubstr("instead of 3")));
+                      HasSubstr("4 instead of 3")));
     EXPECT_THAT(refusal(reach(70, 40, 0), xyz), HasSubstr("plane across base z"));
     EXPECT_THAT(refusal(reach(70, 0, 50, 0, 1.2, 0), six),
-                AllOf(HasSubstr("planar motion"), HasSubstr("1 directions")));
+                AllOf(HasSubstr("planar motion"), HasSubstr("1 instead of 0")));
     EXPECT_THAT(refusal(reach(0, 0, 0, 0, 1.2, 0), six), HasSubstr("one fixed axis"));
     EXPECT_EQ(refusal(reach(70, 0, 0), reach(90, 0, 0)), "accepted");
     EXPECT_EQ(refusal(xyz, xyz), "accepted");
@@ -165,7 +165,12 @@ TEST(StageMotion, RefusesTwoPosesHoweverOftenTheyAreVisited) {
     std::vector<Rigid> plan;
     for (int i = 0; i < 12; ++i)
         plan.push_back(stage[static_cast<std::size_t>(i % 2)]);
-    EXPECT_THROW(require_full_motion(plan, stage), NumericalError);
+    try {
+        require_full_motion(plan, stage);
+        ADD_FAILURE() << "accepted";
+    } catch (const NumericalError& error) {
+        EXPECT_THAT(error.what(), HasSubstr("2 distinct poses"));
+    }
 }
 
 TEST(StageMotion, RefusesWhatIsNotFinite) {

@@ -112,6 +112,14 @@ TEST(Stability, CalibrationsAgreeWithLongDouble) {
     }
 }
 
+TEST(Stability, RegistrationsNameWhatAStageCannotTell) {
+    for (const StabilityCase& one : registration_cases()) {
+        const StabilityOutcome outcome = outcome_of(one, credulous);
+        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
+        EXPECT_FALSE(outcome.words.empty() && outcome.bound > 0.0) << one.name;
+    }
+}
+
 TEST(Stability, NamesAreDistinctFitTheTableAndCoverWhatIsPromised) {
     std::set<std::string> names;
     std::string all;
@@ -122,7 +130,7 @@ TEST(Stability, NamesAreDistinctFitTheTableAndCoverWhatIsPromised) {
         all += one.name + "\n";
     }
     for (const char* word : {"tilt", "focus", "behind", "fold", "pole", "nan", "infinity", "barrel",
-                             "tiny", "background", "megapixel", "stiff", "calibrating"})
+                             "tiny", "background", "megapixel", "stiff", "calibrating", "registering"})
         EXPECT_THAT(all, testing::HasSubstr(word));
 }
 

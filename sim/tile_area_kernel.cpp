@@ -161,18 +161,19 @@ HWY_INLINE Vector area_average(const TileGeometry& tile, const TilePatch& patch,
     BoxCut columns[TilePatch::capacity], rows[TilePatch::capacity];
     bool settled = true;
     for (std::size_t i = 0; i < patch.column_count; ++i)
-        settled &= settle(shapes, patch.columns[i].line, parts, columns[i]);
+        settled &= settle(shapes, patch.columns[i], parts, columns[i]);
     for (std::size_t j = 0; j < patch.row_count; ++j)
-        settled &= settle(shapes, patch.rows[j].line, parts, rows[j]);
+        settled &= settle(shapes, patch.rows[j], parts, rows[j]);
+    const PatchPart whole{0, patch.column_count, 0, patch.row_count};
     if (settled)
-        return sum_of_cells(patch, columns, rows);
+        return sum_of_cells(patch, whole, columns, rows);
     Vector sum = hn::Zero(tag);
     for (const UnitLensPoint* l = lens_points; l != lens_points + lens_point_count; ++l) {
         for (std::size_t i = 0; i < patch.column_count; ++i)
-            cut_parts(tile, patch.columns[i].line, parts, *l, columns[i]);
+            cut_parts(tile, patch.columns[i], parts, *l, columns[i]);
         for (std::size_t j = 0; j < patch.row_count; ++j)
-            cut_parts(tile, patch.rows[j].line, parts, *l, rows[j]);
-        sum = hn::MulAdd(all(l->weight), sum_of_cells(patch, columns, rows), sum);
+            cut_parts(tile, patch.rows[j], parts, *l, rows[j]);
+        sum = hn::MulAdd(all(l->weight), sum_of_cells(patch, whole, columns, rows), sum);
     }
     return sum;
 }

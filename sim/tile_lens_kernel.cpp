@@ -22,6 +22,10 @@ namespace {
 struct Chord {
     HWY_ALIGN float normal_x[block], normal_y[block], offset[block];  // offset within [-1, 1]
     HWY_ALIGN float area[block];
+    HWY_ALIGN float root[block];  // of 1 - |offset|
+    // Half of the chord's length, half of the angle under which the centre sees the part beyond,
+    // and the normal's direction, -pi to pi: where lines of both directions cross.
+    HWY_ALIGN float half_length[block], half_angle[block], direction[block];
     bool crosses;  // some point's aperture; else only `area` is there, 0 or 1
 };
 
@@ -40,23 +44,30 @@ constexpr float arc_cosine[] = {1.57079569f,     -0.2145428168f, 0.08817105367f,
 constexpr float arc_sine[] = {0.999994359f,   0.1669592553f,   0.07070499958f,
                               0.07104289101f, -0.04452862232f, 0.1111271978f};
 
-// The area beyond a chord at `offset`, of the smaller part first: no cancellation.
-HWY_INLINE Vector area_beyond(Vector offset) {
+// The area beyond a chord at `offset`, of the smaller part first: no cancellation. `root` is that
+// of 1 - |offset|.
+HWY_INLINE Vector area_beyond(Vector offset, Vector root) {
     const Vector one = all(1.0f), height = one - hn::Abs(offset);
-    const Vector area = height * hn::Sqrt(height) * polynomial<5>(segment_area, height);
+    const Vector area = height * root * polynomial<5>(segment_area, height);
     return hn::IfThenElse(hn::Gt(offset, hn::Zero(tag)), one - area, area);
 }
 
-// Half of a chord's length, and of the angle under which the centre sees the part beyond.
-struct ChordArc {
-    Vector half_length, half_angle;
-};
+// The angle, 0 to pi, with this sine (not negative) and cosine; accurate at every angle.
+HWY_INLINE Vector angle_of(Vector sine, Vector cosine) {
+    const Vector side = hn::Abs(cosine), smaller = hn::Min(sine, side);
+    const Vector arc = smaller * polynomial<5>(arc_sine, smaller * smaller);
+    const Vector acute = hn::IfThenElse(hn::Lt(sine, side), arc, all(0.5f * pi) - arc);
+    return hn::IfThenElse(hn::Lt(cosine, hn::Zero(tag)), all(pi) - acute, acute);
+}
 
-HWY_INLINE ChordArc arc_of(Vector offset) {
-    const Vector x = hn::Abs(offset), one = all(1.0f), root = hn::Sqrt(one - x);
+HWY_INLINE void add_arc(Chord& chord) {
+    const Vector offset = load(chord.offset), root = load(chord.root), x = hn::Abs(offset);
     const Vector angle = root * polynomial<5>(arc_cosine, x);
     const Mask major = hn::Gt(offset, hn::Zero(tag));
-    return {root * hn::Sqrt(one + x), hn::IfThenElse(major, all(pi) - angle, angle)};
+    store(root * hn::Sqrt(all(1.0f) + x), chord.half_length);
+    store(hn::IfThenElse(major, all(pi) - angle, angle), chord.half_angle);
+    const Vector sine = load(chord.normal_y);
+    store(hn::CopySign(angle_of(hn::Abs(sine), load(chord.normal_x)), sine), chord.direction);
 }
 
 // What blurs at each point of a vector: w = radius gradient - turn D.
@@ -92,16 +103,10 @@ HWY_INLINE void cut_aperture(const TileLine& line, Vector dx, Vector dy, const B
     store(slope_x * inverse, chord.normal_x);
     store(slope_y * inverse, chord.normal_y);
     const Vector within = hn::Clamp(offset * inverse, all(-1.0f), all(1.0f));
+    const Vector root = hn::Sqrt(all(1.0f) - hn::Abs(within));
     store(within, chord.offset);
-    store(area_beyond(within), chord.area);
-}
-
-// The angle, 0 to pi, with this sine (not negative) and cosine; accurate at every angle.
-HWY_INLINE Vector angle_of(Vector sine, Vector cosine) {
-    const Vector side = hn::Abs(cosine), smaller = hn::Min(sine, side);
-    const Vector arc = smaller * polynomial<5>(arc_sine, smaller * smaller);
-    const Vector acute = hn::IfThenElse(hn::Lt(sine, side), arc, all(0.5f * pi) - arc);
-    return hn::IfThenElse(hn::Lt(cosine, hn::Zero(tag)), all(pi) - acute, acute);
+    store(root, chord.root);
+    store(area_beyond(within, root), chord.area);
 }
 
 // The fraction of the disk beyond both chords: disk_wedge_area() of sim/disk_area.cpp. Mirrored
@@ -111,14 +116,15 @@ HWY_INLINE Vector overlap_of(const Chord& a, const Chord& b) {
                  by = load(b.normal_y);
     const Vector cosine = hn::MulAdd(ax, bx, ay * by);
     const Vector sine = hn::Abs(hn::MulSub(ax, by, ay * bx));
-    const Vector turn = angle_of(sine, cosine);
+    const Vector apart = hn::Abs(load(a.direction) - load(b.direction));
+    const Vector turn = hn::Min(apart, all(2.0f * pi) - apart);
     const Vector t_a = load(a.offset), t_b = load(b.offset);
-    const auto [length_a, angle_a] = arc_of(t_a);
-    const auto [length_b, angle_b] = arc_of(t_b);
+    const Vector length_a = load(a.half_length), angle_a = load(a.half_angle);
+    const Vector length_b = load(b.half_length), angle_b = load(b.half_angle);
 
     // Where the chords cross, along each of them; the second from the first.
-    const Vector along_a =
-        hn::Clamp(hn::MulSub(t_a, cosine, t_b) / (sine + all(tiny)), hn::Neg(length_a), length_a);
+    const Vector along_a = hn::Clamp(hn::MulSub(t_a, cosine, t_b) * reciprocal(sine + all(tiny)),
+                                     hn::Neg(length_a), length_a);
     const Vector along_b =
         hn::Clamp(hn::MulAdd(t_a, sine, along_a * cosine), hn::Neg(length_b), length_b);
     const Vector twice =
@@ -134,76 +140,103 @@ HWY_INLINE Vector overlap_of(const Chord& a, const Chord& b) {
     return hn::Clamp(hn::IfThenElse(crossed, twice * all(0.5f / pi), uncrossed), least, most);
 }
 
-HWY_INLINE Vector lens_average(const TileGeometry& tile, const TilePatch& patch, Vector dx,
-                               Vector dy) {
+HWY_INLINE bool any_crosses(const Chord* chords, std::size_t count) {
+    bool crosses = false;
+    for (std::size_t i = 0; i < count; ++i)
+        crosses |= chords[i].crosses;
+    return crosses;
+}
+
+HWY_INLINE void add_arcs(Chord* chords, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i)
+        if (chords[i].crosses)
+            add_arc(chords[i]);
+}
+
+// Of the lines of a part of the patch; no other cuts the aperture of any of these points.
+HWY_INLINE Vector lens_average(const TileGeometry& tile, const TilePatch& patch,
+                               const PatchPart& part, Vector dx, Vector dy) {
     Chord columns[TilePatch::capacity], rows[TilePatch::capacity];
+    const std::size_t column_count = part.end_column - part.first_column;
+    const std::size_t row_count = part.end_row - part.first_row;
     const Blur blur = blur_of(tile, dx, dy);
-    for (std::size_t i = 0; i < patch.column_count; ++i)
-        cut_aperture(patch.columns[i].line, dx, dy, blur, columns[i]);
-    for (std::size_t j = 0; j < patch.row_count; ++j)
-        cut_aperture(patch.rows[j].line, dx, dy, blur, rows[j]);
-    return sum_of_cells(patch, columns, rows);
+    for (std::size_t i = 0; i < column_count; ++i)
+        cut_aperture(patch.columns[part.first_column + i], dx, dy, blur, columns[i]);
+    for (std::size_t j = 0; j < row_count; ++j)
+        cut_aperture(patch.rows[part.first_row + j], dx, dy, blur, rows[j]);
+    if (any_crosses(columns, column_count) && any_crosses(rows, row_count)) {
+        add_arcs(columns, column_count);
+        add_arcs(rows, row_count);
+    }
+    return sum_of_cells(patch, part, columns, rows);
 }
 
-// Whether a line cuts the aperture of any point of the block around this one.
-HWY_INLINE Mask may_cut_block(const BlockBounds& bounds, Vector offset, Vector radius) {
-    const Vector closest = (hn::Abs(offset) - all(bounds.reach)) * all(1.0f - bounds.turn);
-    return hn::Not(hn::Ge(closest, hn::Abs(radius) + all(bounds.blur_change)));
+// Which lines may cut the aperture of a point: those from `first` to before `end`, by their
+// indices, for 16 blocks. Every ray of a block passes beyond those before, and none reaches those
+// behind.
+struct LinesOfBlocks {
+    HWY_ALIGN float first[block], end[block];
+};
+
+HWY_INLINE void find_lines(const TileLine* lines, std::size_t count, Vector dx, Vector dy,
+                           Vector radius, const BlockBounds& bounds, float* first_of_blocks,
+                           float* end_of_blocks) {
+    const Vector largest_radius = hn::Abs(radius) + all(bounds.blur_change);
+    Vector first = hn::Zero(tag), end = hn::Zero(tag);
+    Mask beyond_all = hn::Le(end, all(1.0f));
+    for (std::size_t i = 0; i < count; ++i) {
+        const Vector offset = distance(lines[i], dx, dy);
+        const Vector closest = (hn::Abs(offset) - all(bounds.reach)) * all(1.0f - bounds.turn);
+        const Mask uncut = hn::Ge(closest, largest_radius), before = hn::Lt(offset, hn::Zero(tag));
+        beyond_all = hn::And(beyond_all, hn::AndNot(before, uncut));
+        first = hn::IfThenElse(beyond_all, all(static_cast<float>(i + 1)), first);
+        end = hn::IfThenElse(hn::And(uncut, before), end, all(static_cast<float>(i + 1)));
+    }
+    store(first, first_of_blocks);
+    store(end, end_of_blocks);
 }
 
-// A line beside the aperture: its area, 0 or 1, and whether a block around the point may be cut.
-HWY_INLINE Mask pass_aperture(const TileLine& line, Vector dx, Vector dy, Vector radius,
-                              const BlockBounds& bounds, Chord& chord) {
-    const Vector offset = distance(line, dx, dy);
-    chord.crosses = false;
-    store(hn::IfThenElseZero(hn::Ge(offset, hn::Zero(tag)), all(1.0f)), chord.area);
-    return may_cut_block(bounds, offset, radius);
-}
+// The lines of 16 blocks of points.
+struct BlockParts {
+    LinesOfBlocks columns, rows;
 
-// Values of the blocks around a vector of points, where no line cuts them; 1 in `cut` where one
-// may.
-HWY_INLINE Vector uncut_values(const TileGeometry& tile, const TilePatch& patch, Vector dx,
-                               Vector dy, const BlockBounds& bounds, float* cut) {
-    Chord columns[TilePatch::capacity], rows[TilePatch::capacity];
-    const Vector radius = blur_of(tile, dx, dy).radius;
-    Mask may_cut = hn::Lt(all(1.0f), hn::Zero(tag));
-    for (std::size_t i = 0; i < patch.column_count; ++i)
-        may_cut = hn::Or(may_cut,
-                         pass_aperture(patch.columns[i].line, dx, dy, radius, bounds, columns[i]));
-    for (std::size_t j = 0; j < patch.row_count; ++j)
-        may_cut =
-            hn::Or(may_cut, pass_aperture(patch.rows[j].line, dx, dy, radius, bounds, rows[j]));
-    store(hn::IfThenElseZero(may_cut, all(1.0f)), cut);
-    return sum_of_cells(patch, columns, rows);
-}
+    PatchPart of(std::size_t place) const {
+        return {static_cast<std::size_t>(columns.first[place]),
+                static_cast<std::size_t>(columns.end[place]),
+                static_cast<std::size_t>(rows.first[place]),
+                static_cast<std::size_t>(rows.end[place])};
+    }
+};
 
-// The same of the 16 blocks from `first` on.
-HWY_INLINE void find_uncut_blocks(const TileGeometry& tile, int degree, const TilePatch& patch,
-                                  const TilePositions& positions, std::size_t first,
-                                  const BlockBounds& bounds, float* values, float* cut) {
+// Of those from `index` on.
+HWY_INLINE void find_parts(const TileGeometry& tile, int degree, const TilePatch& patch,
+                           const TilePositions& positions, std::size_t index,
+                           const BlockBounds& bounds, BlockParts& parts) {
     for (std::size_t lane = 0; lane < block; lane += hn::Lanes(tag)) {
-        const Vector s = hn::LoadU(tag, positions.block_s() + first + lane);
-        const Vector t = hn::LoadU(tag, positions.block_t() + first + lane);
+        const Vector s = hn::LoadU(tag, positions.block_s() + index + lane);
+        const Vector t = hn::LoadU(tag, positions.block_t() + index + lane);
         const Vector dx = bicubic(tile.dx, degree, s, t), dy = bicubic(tile.dy, degree, s, t);
-        store(uncut_values(tile, patch, dx, dy, bounds, cut + lane), values + lane);
+        const Vector radius = blur_of(tile, dx, dy).radius;
+        find_lines(patch.columns.data(), patch.column_count, dx, dy, radius, bounds,
+                   parts.columns.first + lane, parts.columns.end + lane);
+        find_lines(patch.rows.data(), patch.row_count, dx, dy, radius, bounds,
+                   parts.rows.first + lane, parts.rows.end + lane);
     }
 }
 
 void add_lens_averages(const TileGeometry& tile, const TilePatch& patch,
                        const TilePositions& positions, float* values) {
-    // In larger blocks hardly any is uncut.
-    constexpr std::size_t least_blocks = 36;
-    const auto n = static_cast<std::size_t>(positions.n()), blocks = n * n / block;
+    const auto n = static_cast<std::size_t>(positions.n());
     const int degree = significant_degree(tile);
-    const bool look_for_uncut = blocks >= least_blocks;
-    const BlockBounds bounds = look_for_uncut ? block_bounds(tile, positions) : BlockBounds{};
-    HWY_ALIGN float uncut[block], cut[block];
-    for (std::size_t index = 0; index < blocks; ++index) {
+    const BlockBounds bounds = block_bounds(tile, positions);
+    BlockParts parts;
+    for (std::size_t index = 0; index < n * n / block; ++index) {
         const std::size_t place = index % block;
-        if (place == 0 && look_for_uncut)
-            find_uncut_blocks(tile, degree, patch, positions, index, bounds, uncut, cut);
-        if (look_for_uncut && cut[place] == 0.0f) {
-            add_even_block(uncut[place], index, n, values);
+        if (place == 0)
+            find_parts(tile, degree, patch, positions, index, bounds, parts);
+        const PatchPart part = parts.of(place);
+        if (part.has_no_line()) {
+            add_even_block(patch.cells[part.first_row][part.first_column], index, n, values);
             continue;
         }
         HWY_ALIGN float sums[block];
@@ -211,7 +244,7 @@ void add_lens_averages(const TileGeometry& tile, const TilePatch& patch,
             const Vector s = hn::LoadU(tag, positions.s() + block * index + lane);
             const Vector t = hn::LoadU(tag, positions.t() + block * index + lane);
             const Vector dx = bicubic(tile.dx, degree, s, t), dy = bicubic(tile.dy, degree, s, t);
-            store(lens_average(tile, patch, dx, dy), sums + lane);
+            store(lens_average(tile, patch, part, dx, dy), sums + lane);
         }
         add_block(sums, index, n, values);
     }

@@ -77,6 +77,7 @@ TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column
         return geometry.mixed[row * geometry.columns.size() + column];
     };
     TilePatch patch;
+    patch.cells[0][0] = 0.0f;
     std::array<std::size_t, TilePatch::capacity> kept;  // column lines
     for (std::size_t i = columns.first; i < columns.last; ++i) {
         const float contrast = first_row == 0 ? geometry.column_contrast[i] : 0.0f;
@@ -86,7 +87,10 @@ TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column
         if (!used)
             continue;
         kept[patch.column_count] = i;
-        patch.columns[patch.column_count++] = {geometry.columns[i], contrast};
+        auto& first_row_of_cells = patch.cells[0];
+        first_row_of_cells[patch.column_count + 1] =
+            first_row_of_cells[patch.column_count] + contrast;
+        patch.columns[patch.column_count++] = geometry.columns[i];
     }
     for (std::size_t j = rows.first; j < rows.last; ++j) {
         const float contrast = first_column == 0 ? geometry.row_contrast[j] : 0.0f;
@@ -95,8 +99,15 @@ TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column
             patch.mixed[patch.row_count][i] = mixed(j, kept[i]);
             used = used || mixed(j, kept[i]) != 0.0f;
         }
-        if (used)
-            patch.rows[patch.row_count++] = {geometry.rows[j], contrast};
+        if (!used)
+            continue;
+        const auto& before = patch.cells[patch.row_count];
+        auto& beyond = patch.cells[patch.row_count + 1];
+        beyond[0] = before[0] + contrast;
+        for (std::size_t i = 0; i < patch.column_count; ++i)
+            beyond[i + 1] =
+                beyond[i] + (before[i + 1] - before[i]) + patch.mixed[patch.row_count][i];
+        patch.rows[patch.row_count++] = geometry.rows[j];
     }
     return patch;
 }

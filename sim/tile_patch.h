@@ -11,17 +11,22 @@
 
 namespace etalon {
 
-struct PatchLine {
-    TileLine line;
-    float contrast;
-};
-
 struct TilePatch {
     static constexpr std::size_t capacity = 32;
 
     std::size_t column_count = 0, row_count = 0;
-    std::array<PatchLine, capacity> columns, rows;
+    std::array<TileLine, capacity> columns, rows;
     std::array<std::array<float, capacity>, capacity> mixed;  // [row][column]
+    // What the cells between the lines add: of a ray beyond the first j row lines and the first i
+    // column lines, at [j][i].
+    std::array<std::array<float, capacity + 1>, capacity + 1> cells;
+};
+
+// Some consecutive lines of a patch.
+struct PatchPart {
+    std::size_t first_column, end_column, first_row, end_row;
+
+    bool has_no_line() const { return first_column == end_column && first_row == end_row; }
 };
 
 // The patch of the column lines from `first_column` and the row lines from `first_row` on. Only

@@ -64,6 +64,17 @@ HWY_INLINE Vector inverse_root(Vector x) {
 #endif
 }
 
+// 1 / x, x >= tiny, to 3e-7 of itself.
+HWY_INLINE Vector reciprocal(Vector x) {
+#if HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128
+    // Newton's step from 12 bits or more.
+    const Vector guess = hn::ApproximateReciprocal(x);
+    return guess * hn::NegMulAdd(x, guess, all(2.0f));
+#else
+    return all(1.0f) / x;
+#endif
+}
+
 // ---- Sensor points
 
 // The terms s^i t^j with i + j <= degree of a bicubic polynomial.
@@ -102,24 +113,31 @@ HWY_INLINE Vector largest_overlap(Vector area_a, Vector area_b) {
     return hn::Min(area_a, area_b);
 }
 
-// Sum over the patch of contrast times area, and mixed difference times area beyond both lines.
-// `Cut` is a line's Chord or BoxCut in a vector of points.
+// The cell before a part of the patch, and the sum over its lines of contrast times area, and mixed
+// difference times area beyond both lines. `Cut` is a line's Chord or BoxCut in a vector of points.
 template <class Cut>
-HWY_INLINE Vector sum_of_cells(const TilePatch& patch, const Cut* columns, const Cut* rows) {
-    Vector sum = hn::Zero(tag);
-    for (std::size_t i = 0; i < patch.column_count; ++i)
-        sum = hn::MulAdd(all(patch.columns[i].contrast), load(columns[i].area), sum);
-    for (std::size_t j = 0; j < patch.row_count; ++j) {
-        sum = hn::MulAdd(all(patch.rows[j].contrast), load(rows[j].area), sum);
-        for (std::size_t i = 0; i < patch.column_count; ++i) {
-            if (patch.mixed[j][i] == 0.0f)
+HWY_INLINE Vector sum_of_cells(const TilePatch& patch, const PatchPart& part, const Cut* columns,
+                               const Cut* rows) {
+    const float* before = patch.cells[part.first_row].data() + part.first_column;
+    Vector sum = all(before[0]);
+    const std::size_t column_count = part.end_column - part.first_column;
+    for (std::size_t i = 0; i < column_count; ++i)
+        sum = hn::MulAdd(all(before[i + 1] - before[i]), load(columns[i].area), sum);
+    for (std::size_t j = 0; j < part.end_row - part.first_row; ++j) {
+        const std::size_t row = part.first_row + j;
+        const float contrast =
+            patch.cells[row + 1][part.first_column] - patch.cells[row][part.first_column];
+        sum = hn::MulAdd(all(contrast), load(rows[j].area), sum);
+        const float* mixed = patch.mixed[row].data() + part.first_column;
+        for (std::size_t i = 0; i < column_count; ++i) {
+            if (mixed[i] == 0.0f)
                 continue;
             // Exact where one of the areas is 0 or 1.
             Vector overlap = load(columns[i].area) * load(rows[j].area);
             if (columns[i].crosses && rows[j].crosses &&
                 !hn::AllFalse(tag, hn::And(is_cut(columns[i]), is_cut(rows[j]))))
                 overlap = overlap_of(columns[i], rows[j]);
-            sum = hn::MulAdd(all(patch.mixed[j][i]), overlap, sum);
+            sum = hn::MulAdd(all(mixed[i]), overlap, sum);
         }
     }
     return sum;

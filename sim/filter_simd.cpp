@@ -202,24 +202,27 @@ HWY_ATTR void AddConstant(float value, int width, int height, float* out, std::p
     }
 }
 
-HWY_ATTR void SumSixRows(const float* const rows[6], const float weights[6], int width,
-                         float* out) {
-    const Vector16 d;
+// From x on as many as whole vectors hold; returns where they end.
+template <class D>
+HWY_ATTR int sum_six(D d, const float* const rows[6], const float weights[6], int x, int width,
+                     float* out) {
     const int n = static_cast<int>(hn::Lanes(d));
-    int x = 0;
     for (; x + n <= width; x += n) {
         auto sum = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, rows[0] + x));
         for (int q = 1; q < 6; ++q)
             sum = hn::MulAdd(hn::Set(d, weights[q]), hn::LoadU(d, rows[q] + x), sum);
         hn::StoreU(sum, d, out + x);
     }
-    const hn::CappedTag<float, 1> one;
-    for (; x < width; ++x) {  // the same operations, so that a pixel does not depend on its place
-        auto sum = hn::Mul(hn::Set(one, weights[0]), hn::LoadU(one, rows[0] + x));
-        for (int q = 1; q < 6; ++q)
-            sum = hn::MulAdd(hn::Set(one, weights[q]), hn::LoadU(one, rows[q] + x), sum);
-        hn::StoreU(sum, one, out + x);
-    }
+    return x;
+}
+
+// Ever smaller vectors to the end: the same operations, so that a pixel does not depend on its
+// place.
+HWY_ATTR void SumSixRows(const float* const rows[6], const float weights[6], int width,
+                         float* out) {
+    int x = sum_six(Vector16(), rows, weights, 0, width, out);
+    x = sum_six(hn::CappedTag<float, 4>(), rows, weights, x, width, out);
+    sum_six(hn::CappedTag<float, 1>(), rows, weights, x, width, out);
 }
 
 // Fine samples before and behind the coarse samples at `at`, to be interleaved.
@@ -239,13 +242,27 @@ HWY_ATTR void interpolate(D d, const float* at, const float* weights, V& even, V
     odd = hn::MulAdd(w5, c1, hn::MulAdd(w4, c2, odd));
 }
 
-// Adds to `out`, or writes with the base added.
+// Adds to `out`, whose first sample is the fine sample f, or writes with the base added: as many
+// pairs as whole vectors hold. Returns where they end.
+template <bool add, class D>
+HWY_ATTR int interpolate_pairs(D d, const float* coarse, const float weights[6], int f, int last,
+                               float base, float* out) {
+    const int n = static_cast<int>(hn::Lanes(d));
+    for (; f + 2 * n <= last; f += 2 * n, out += 2 * n) {
+        hn::Vec<D> even, odd, even_before = hn::Set(d, base), odd_before = even_before;
+        interpolate(d, coarse + (f >> 1), weights, even, odd);
+        if (add)
+            hn::LoadInterleaved2(d, out, even_before, odd_before);
+        hn::StoreInterleaved2(hn::Add(even, even_before), hn::Add(odd, odd_before), d, out);
+    }
+    return f;
+}
+
+// Ever smaller vectors to the end.
 template <bool add>
 HWY_ATTR void interpolate_row(const float* coarse, const float weights[6], int first, int last,
                               float base, float* out) {
-    const Vector16 d;
     const hn::CappedTag<float, 1> one;
-    const int n = static_cast<int>(hn::Lanes(d));
     int f = first;
     const auto put_one = [&]() HWY_ATTR {
         hn::Vec<decltype(one)> even, odd;
@@ -257,14 +274,9 @@ HWY_ATTR void interpolate_row(const float* coarse, const float weights[6], int f
     };
     if ((f & 1) != 0 && f < last)
         put_one();
-    for (; f + 2 * n <= last; f += 2 * n) {
-        hn::Vec<Vector16> even, odd, even_before = hn::Set(d, base), odd_before = even_before;
-        interpolate(d, coarse + (f >> 1), weights, even, odd);
-        float* to = out + f - first;
-        if (add)
-            hn::LoadInterleaved2(d, to, even_before, odd_before);
-        hn::StoreInterleaved2(hn::Add(even, even_before), hn::Add(odd, odd_before), d, to);
-    }
+    f = interpolate_pairs<add>(Vector16(), coarse, weights, f, last, base, out + f - first);
+    f = interpolate_pairs<add>(hn::CappedTag<float, 4>(), coarse, weights, f, last, base,
+                               out + f - first);
     while (f < last)
         put_one();
 }
@@ -289,24 +301,30 @@ HWY_ATTR void ramp_row(const float* coarse, int shift, int first, int last, bool
     const float step = 1.0f / static_cast<float>(g), start = 0.5f * step - 0.5f;
     const auto zero = hn::Zero(d);
     const auto ways = hn::MulAdd(hn::Iota(d, 0.0f), hn::Set(d, step), hn::Set(d, start));
-    const auto put_one = [&](int x) HWY_ATTR {
-        const float* here = coarse + (x >> shift);
-        const float way = start + static_cast<float>(x & (g - 1)) * step;
-        float& to = out[x - first];
-        to = here[0] + way * (way < 0.0f ? here[0] - here[-1] : here[1] - here[0]) +
-             (add ? to : 0.0f);
+    const auto ramp_at = [&](const float* here, int part) HWY_ATTR {
+        const auto way = hn::Add(ways, hn::Set(d, step * static_cast<float>(part)));
+        return hn::MulAdd(
+            hn::Min(way, zero), hn::Set(d, here[0] - here[-1]),
+            hn::MulAdd(hn::Max(way, zero), hn::Set(d, here[1] - here[0]), hn::Set(d, here[0])));
     };
-    int x = first;
-    while (x < last && (x & (g - 1)) != 0)
-        put_one(x++);
+    // The pixels of a square that is not whole: vectors of which some lanes are taken.
+    const auto put_some = [&](int x, int end) HWY_ATTR {
+        while (x < end) {
+            const int lane = x & (n - 1), lanes = std::min(n - lane, end - x);
+            float ramp[8];
+            hn::StoreU(ramp_at(coarse + (x >> shift), (x - lane) & (g - 1)), d, ramp);
+            float* to = out + x - first;
+            for (int i = 0; i < lanes; ++i)
+                to[i] = ramp[lane + i] + (add ? to[i] : 0.0f);
+            x += lanes;
+        }
+    };
+    int x = std::min(last, first + ((g - (first & (g - 1))) & (g - 1)));
+    put_some(first, x);
     const bool stream = past_caches && reinterpret_cast<std::uintptr_t>(out + x - first) % 32 == 0;
     for (const float* here = coarse + (x >> shift); x + g <= last; ++here) {
-        const auto value = hn::Set(d, here[0]);
-        const auto before = hn::Set(d, here[0] - here[-1]), behind = hn::Set(d, here[1] - here[0]);
         for (int part = 0; part < g; part += n, x += n) {
-            const auto way = hn::Add(ways, hn::Set(d, step * static_cast<float>(part)));
-            const auto ramp = hn::MulAdd(hn::Min(way, zero), before,
-                                         hn::MulAdd(hn::Max(way, zero), behind, value));
+            const auto ramp = ramp_at(here, part);
             float* to = out + x - first;
             if (add)
                 hn::StoreU(hn::Add(ramp, hn::LoadU(d, to)), d, to);
@@ -316,8 +334,7 @@ HWY_ATTR void ramp_row(const float* coarse, int shift, int first, int last, bool
                 hn::StoreU(ramp, d, to);
         }
     }
-    while (x < last)
-        put_one(x++);
+    put_some(x, last);
     if (stream)
         hwy::FlushStream();
 }

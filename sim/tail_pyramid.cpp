@@ -80,21 +80,25 @@ void add_smooth(const cv::Mat& sums, const cv::Rect& squares, int shift, const c
                 const cv::Rect& region, std::optional<float> background, cv::Mat& pixels) {
     constexpr std::size_t caches_bytes = 4 << 20;  // a core's, about: 1 to 2 MiB and a share
     const bool past_caches = pixels.total() * pixels.elemSize() > caches_bytes;
+    const float base = background.value_or(0.0f);
+    // The squares between whose middles the part's pixels lie.
+    const cv::Rect between = grown(cells_of(part, 1 << shift), 1, 1);
+    const int left = between.x - squares.x;
     tbb::parallel_for(tbb::blocked_range<int>(part.y, part.br().y, 16), [&](const auto& range) {
-        std::vector<float> row(static_cast<std::size_t>(squares.width));
+        std::vector<float> row(static_cast<std::size_t>(between.width));
         for (int y = range.begin(); y < range.end(); ++y) {
             const double place = std::ldexp(y + 0.5, -shift) - 0.5;
             const auto above = static_cast<int>(std::floor(place));
             const auto way = static_cast<float>(place - above);
-            const float* from = sums.ptr<float>(above - squares.y);
-            const float* next = sums.ptr<float>(above + 1 - squares.y);
+            const float* from = sums.ptr<float>(above - squares.y) + left;
+            const float* next = sums.ptr<float>(above + 1 - squares.y) + left;
             for (std::size_t x = 0; x < row.size(); ++x)
-                row[x] = from[x] + way * (next[x] - from[x]) + background.value_or(0.0f);
+                row[x] = from[x] + way * (next[x] - from[x]) + base;
             float* to = pixels.ptr<float>(y - region.y) + (part.x - region.x);
             if (background)
-                set_ramps(row.data() - squares.x, shift, part.x, part.br().x, past_caches, to);
+                set_ramps(row.data() - between.x, shift, part.x, part.br().x, past_caches, to);
             else
-                add_ramps(row.data() - squares.x, shift, part.x, part.br().x, to);
+                add_ramps(row.data() - between.x, shift, part.x, part.br().x, to);
         }
     });
 }

@@ -122,7 +122,8 @@ public:
           outputs_per_tile_(field.side / kernel.k()),
           tile_shift_(std::countr_zero(static_cast<unsigned>(outputs_per_tile_))),
           window_rows_(block * kernel.k() + 2 * kernel.reach_y()),
-          stride_(std::ptrdiff_t{kernel.k()} * kernel.phase_stride()),
+          phase_stride_(kernel.phase_stride()),
+          stride_(kernel.k() * phase_stride_),
           window_(new float[length(window_rows_ * stride_)]) {}
 
     // Outputs `left` ... `right` - 1 of a row of blocks; both multiples of the block's side.
@@ -240,12 +241,14 @@ private:
         const float* const* finer = &(*field_.finer)[field_.map.index(inside.x, inside.y)];
         for (int i = 0; i < inside.width; ++i, to += n) {
             if (!finer[i]) {
-                fill_tile<n>(values[i], rows, to);
+                const int alike = count_alike(values + i, finer + i, inside.width - i);
+                fill_rows(values[i], alike * n, rows, to);
+                i += alike - 1, to += (alike - 1) * n;
                 continue;
             }
             const float* from = finer[i] + field_.offset + first * field_.side;
             if constexpr (n == 4)
-                split_phases(from, kernel_.k(), rows, kernel_.phase_stride(), stride_, to);
+                split_phases(from, kernel_.k(), rows, phase_stride_, stride_, to);
             else  // only with k = 1
                 for (int row = 0; row < rows; ++row)
                     std::copy_n(from + row * n, n, to + row * stride_);
@@ -253,17 +256,18 @@ private:
         fill_rows(0.0f, (seen.width - left - inside.width) * n, rows, to);
     }
 
-    template <int n>
-    void fill_tile(float value, int rows, float* to) const {
-        for (int row = 0; row < rows; ++row, to += stride_)
-            for (int q = 0; q < kernel_.k(); ++q)
-                std::fill_n(to + q * kernel_.phase_stride(), n, value);
+    // The first of these tiles, which is not refined, and those behind it that have its value.
+    static int count_alike(const float* values, const float* const* finer, int count) {
+        int alike = 1;
+        while (alike < count && !finer[alike] && values[alike] == values[0])
+            ++alike;
+        return alike;
     }
 
     void fill_rows(float value, int columns, int rows, float* to) const {
         for (int row = 0; row < rows; ++row, to += stride_)
             for (int q = 0; q < kernel_.k(); ++q)
-                std::fill_n(to + q * kernel_.phase_stride(), columns, value);
+                std::fill_n(to + q * phase_stride_, columns, value);
     }
 
     // Of a field with one sample per tile.
@@ -288,7 +292,7 @@ private:
     cv::Rect region_;
     cv::Mat& out_;
     int outputs_per_tile_, tile_shift_, window_rows_;  // 4, 2 or 1 outputs, and its logarithm
-    std::ptrdiff_t stride_;
+    std::ptrdiff_t phase_stride_, stride_;
     std::unique_ptr<float[]> window_;
 };
 

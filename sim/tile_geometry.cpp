@@ -18,17 +18,28 @@ std::array<float, 16> coefficients(const Eigen::Matrix4d& polynomial) {
 // Lines far beyond every ray of the tile are as good at this distance, and finite.
 constexpr double far_away_px = 1e8;
 
-// `from_px`: d x / d px.
-TileLine tile_line(const MarkerView& view, int axis, int index, const Eigen::Vector2d& centre,
-                   const Eigen::Matrix2d& from_px) {
-    const Eigen::Vector3d line = view.h().row(axis) - index * view.h().row(2);
-    const double distance = line.head<2>().dot(centre) + line.z();
-    const Eigen::Vector2d gradient = from_px.transpose() * line.head<2>();
+// A linear form of the sensor point as seen from a tile: its value at the centre and its change
+// per px. `from_px`: d x / d px.
+struct TileForm {
+    double value;
+    Eigen::Vector2d gradient;
+
+    TileForm(const Eigen::Vector3d& form, const Eigen::Vector2d& centre,
+             const Eigen::Matrix2d& from_px)
+        : value(form.head<2>().dot(centre) + form.z()),
+          gradient(from_px.transpose() * form.head<2>()) {}
+};
+
+// The line h_axis - index h2.
+TileLine tile_line(const TileForm& axis, const TileForm& w, int index) {
+    const double distance = axis.value - index * w.value;
+    const Eigen::Vector2d gradient = axis.gradient - index * w.gradient;
     const double steepness = gradient.norm();
     if (!(std::abs(distance) < far_away_px * steepness))
         return {static_cast<float>(std::copysign(far_away_px, distance)), 1.0f, 0.0f};
-    return {static_cast<float>(distance / steepness), static_cast<float>(gradient.x() / steepness),
-            static_cast<float>(gradient.y() / steepness)};
+    const double scale = 1.0 / steepness;
+    return {static_cast<float>(distance * scale), static_cast<float>(gradient.x() * scale),
+            static_cast<float>(gradient.y() * scale)};
 }
 
 // Everything but the polynomials and the lens: lines in coordinates x' = to_px (x - centre).
@@ -36,12 +47,14 @@ void set_lines(const MarkerView& view, const Eigen::Vector2d& centre, const Cell
                const Eigen::Matrix2d& to_px, TileGeometry& geometry) {
     const auto cell = [&](int column, int row) { return view.cell(column, row); };
     const Eigen::Matrix2d from_px = to_px.inverse();
+    const TileForm u(view.h().row(0), centre, from_px), v(view.h().row(1), centre, from_px);
+    const TileForm w(view.h().row(2), centre, from_px);
     const int first_column = range.first_column, first_row = range.first_row;
     geometry.base = static_cast<float>(cell(first_column, first_row) - view.background());
     geometry.columns.clear();
     geometry.column_contrast.clear();
     for (int i = first_column + 1; i <= range.last_column; ++i) {
-        geometry.columns.push_back(tile_line(view, 0, i, centre, from_px));
+        geometry.columns.push_back(tile_line(u, w, i));
         geometry.column_contrast.push_back(
             static_cast<float>(cell(i, first_row) - cell(i - 1, first_row)));
     }
@@ -49,7 +62,7 @@ void set_lines(const MarkerView& view, const Eigen::Vector2d& centre, const Cell
     geometry.row_contrast.clear();
     geometry.mixed.clear();
     for (int j = first_row + 1; j <= range.last_row; ++j) {
-        geometry.rows.push_back(tile_line(view, 1, j, centre, from_px));
+        geometry.rows.push_back(tile_line(v, w, j));
         geometry.row_contrast.push_back(
             static_cast<float>(cell(first_column, j) - cell(first_column, j - 1)));
         for (int i = first_column + 1; i <= range.last_column; ++i)

@@ -40,6 +40,17 @@ Eigen::VectorXd projected(const Projector& projector, const Points& points,
     return pixels;
 }
 
+Eigen::VectorXd moved_inwards(const Eigen::VectorXd& square, double by_px) {
+    std::vector<Eigen::Vector2d> corners;
+    for (int k = 0; k < 4; ++k)
+        corners.push_back(square.segment<2>(2 * k));
+    Eigen::VectorXd moved(8);
+    Eigen::Index k = 0;
+    for (const Eigen::Vector2d& corner : edges_moved_inwards(corners, by_px))
+        moved.segment<2>(2 * k++) = corner;
+    return moved;
+}
+
 // ------------------------------------------------------------------------------- the named errors
 
 class NamedErrors {
@@ -60,40 +71,24 @@ public:
     }
 
 private:
-    using Change = std::function<void(CameraModel&, double)>;
-
-    // The true camera differs from the calibration by `size`.
-    NamedError camera_error(std::string name, std::string unit, double size,
-                            const Change& change) const {
-        const auto changed = [this, change](double by) {
+    NamedError camera_error(const CameraError& error) const {
+        const auto changed = [&](double by) {
             CameraModel camera = chain_.projector.camera();
-            change(camera, by);
+            error.change(camera, by);
             return std::make_shared<const Projector>(camera);
         };
-        const auto plus = changed(size), minus = changed(-size);
-        return {std::move(name), std::move(unit), size,
+        const auto plus = changed(error.size), minus = changed(-error.size);
+        return {error.name, error.unit, error.size,
                 [this, plus, minus](std::size_t pose, double by) {
                     return projected(by > 0.0 ? *plus : *minus, chain_.points_mm, truth_[pose]);
                 }};
     }
 
     std::vector<NamedError> camera_errors() const {
-        return {
-            camera_error("focal length", "1", 1e-3,
-                         [](CameraModel& c, double by) {
-                             c.intrinsics.fx *= 1.0 + by;
-                             c.intrinsics.fy *= 1.0 + by;
-                         }),
-            camera_error("c_x", "px", 0.1,
-                         [](CameraModel& c, double by) { c.intrinsics.cx += by; }),
-            camera_error("c_y", "px", 0.1,
-                         [](CameraModel& c, double by) { c.intrinsics.cy += by; }),
-            camera_error("k1", "", 1e-3, [](CameraModel& c, double by) { c.distortion.k1 += by; }),
-            camera_error("k2", "", 1e-3, [](CameraModel& c, double by) { c.distortion.k2 += by; }),
-            camera_error("k3", "", 1e-3, [](CameraModel& c, double by) { c.distortion.k3 += by; }),
-            camera_error("p1", "", 1e-4, [](CameraModel& c, double by) { c.distortion.p1 += by; }),
-            camera_error("p2", "", 1e-4, [](CameraModel& c, double by) { c.distortion.p2 += by; }),
-        };
+        std::vector<NamedError> errors;
+        for (const CameraError& error : named_camera_errors())
+            errors.push_back(camera_error(error));
+        return errors;
     }
 
     std::vector<NamedError> marker_errors() const {
@@ -109,11 +104,11 @@ private:
                           }});
         if (chain_.points_mm.size() == 4)  // the corners of a square; a chessboard's do not move
             errors.push_back({"edge shrink", "px", 0.1, [this](std::size_t pose, double by) {
-                                  return shrunk(nominal(pose), by);
+                                  return moved_inwards(nominal(pose), by);
                               }});
         errors.push_back({"constant pose offset", "mm", 0.1, [this](std::size_t pose, double by) {
                               Rigid moved = truth_[pose];
-                              moved.translation += by * Eigen::Vector3d(2, -3, 6) / 7.0;
+                              moved.translation += by * pose_offset_direction();
                               return projected(chain_.projector, chain_.points_mm, moved);
                           }});
         return errors;
@@ -136,24 +131,6 @@ private:
 
     Eigen::VectorXd nominal(std::size_t pose) const {
         return projected(chain_.projector, chain_.points_mm, truth_[pose]);
-    }
-
-    // Every edge moved inwards by `by` pixels: each corner moves to where its two edges then meet.
-    static Eigen::VectorXd shrunk(const Eigen::VectorXd& corners, double by) {
-        const auto corner = [&](int k) { return Eigen::Vector2d(corners.segment<2>(2 * (k % 4))); };
-        const Eigen::Vector2d centre = (corner(0) + corner(1) + corner(2) + corner(3)) / 4.0;
-        const auto inward_normal = [&](int k) {
-            const Eigen::Vector2d edge = (corner(k + 1) - corner(k)).normalized();
-            const Eigen::Vector2d normal(-edge.y(), edge.x());
-            return Eigen::Vector2d(normal.dot(centre - corner(k)) < 0.0 ? -normal : normal);
-        };
-        Eigen::VectorXd moved = corners;
-        for (int k = 0; k < 4; ++k) {
-            Eigen::Matrix2d normals;
-            normals << inward_normal(k + 3).transpose(), inward_normal(k).transpose();
-            moved.segment<2>(2 * k) += normals.inverse() * Eigen::Vector2d(by, by);
-        }
-        return moved;
     }
 
     const SignatureChain& chain_;
@@ -357,6 +334,48 @@ ErrorSignature signature_of(const NamedError& error, const LinearChain& linear, 
 }
 
 }  // namespace
+
+std::vector<CameraError> named_camera_errors() {
+    using Camera = CameraModel;
+    return {
+        {"focal length", "1", 1e-3,
+         [](Camera& c, double by) {
+             c.intrinsics.fx *= 1.0 + by;
+             c.intrinsics.fy *= 1.0 + by;
+         }},
+        {"c_x", "px", 0.1, [](Camera& c, double by) { c.intrinsics.cx += by; }},
+        {"c_y", "px", 0.1, [](Camera& c, double by) { c.intrinsics.cy += by; }},
+        {"k1", "", 1e-3, [](Camera& c, double by) { c.distortion.k1 += by; }},
+        {"k2", "", 1e-3, [](Camera& c, double by) { c.distortion.k2 += by; }},
+        {"k3", "", 1e-3, [](Camera& c, double by) { c.distortion.k3 += by; }},
+        {"p1", "", 1e-4, [](Camera& c, double by) { c.distortion.p1 += by; }},
+        {"p2", "", 1e-4, [](Camera& c, double by) { c.distortion.p2 += by; }},
+    };
+}
+
+std::vector<Eigen::Vector2d> edges_moved_inwards(const std::vector<Eigen::Vector2d>& corners,
+                                                 double by_px) {
+    if (corners.size() != 4)
+        throw NumericalError(fmt::format("edges of a square: {} corners", corners.size()));
+    const auto corner = [&](std::size_t k) { return corners[k % 4]; };
+    const Eigen::Vector2d centre = (corner(0) + corner(1) + corner(2) + corner(3)) / 4.0;
+    const auto inward_normal = [&](std::size_t k) {
+        const Eigen::Vector2d edge = (corner(k + 1) - corner(k)).normalized();
+        const Eigen::Vector2d normal(-edge.y(), edge.x());
+        return Eigen::Vector2d(normal.dot(centre - corner(k)) < 0.0 ? -normal : normal);
+    };
+    std::vector<Eigen::Vector2d> moved;
+    for (std::size_t k = 0; k < 4; ++k) {
+        Eigen::Matrix2d normals;
+        normals << inward_normal(k + 3).transpose(), inward_normal(k).transpose();
+        moved.push_back(corner(k) + normals.inverse() * Eigen::Vector2d(by_px, by_px));
+    }
+    return moved;
+}
+
+Eigen::Vector3d pose_offset_direction() {
+    return Eigen::Vector3d(2, -3, 6) / 7.0;
+}
 
 std::vector<ErrorSignature> error_signatures(const SignatureChain& chain,
                                              std::span<const StageError> stage_errors,

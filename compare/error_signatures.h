@@ -8,6 +8,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -34,6 +35,24 @@ struct StageError {
     double size = 0.0;
     std::vector<Rigid> base_from_carriage;  // per pose, at this size
 };
+
+// A camera error: the true camera differs from the calibration by it. Its signature belongs to
+// `size`, small enough for first order.
+struct CameraError {
+    std::string name;  // "focal length", "c_x", "k1"...
+    std::string unit;
+    double size = 0.0;
+    std::function<void(CameraModel&, double)> change;  // makes the camera wrong by this much
+};
+std::vector<CameraError> named_camera_errors();
+
+// The corners of a square, in order, when each of its edges is seen moved inwards by `by_px`: each
+// corner goes to where its two edges then meet.
+std::vector<Eigen::Vector2d> edges_moved_inwards(const std::vector<Eigen::Vector2d>& corners,
+                                                 double by_px);
+
+// The direction in which the error "constant pose offset" moves every pose, camera frame; unit.
+Eigen::Vector3d pose_offset_direction();
 
 struct ErrorSignature {
     std::string name;  // "focal length", "k1", "marker print size", "stage scale z"...

@@ -98,12 +98,9 @@ StationStage read_stage_section(const StrictFile& file, const Value& section) {
     return stage;
 }
 
-Rigid read_mount(const Value& root) {
-    const auto mount = root.find("marker_mount");
-    if (!mount)
-        return {};
-    const auto rotation_deg = mount->at("rotation_deg").numbers(3, {-360.0, 360.0});
-    const auto translation = mount->at("translation_mm").numbers(3);
+Rigid read_mount(const Value& mount) {
+    const auto rotation_deg = mount.at("rotation_deg").numbers(3, {-360.0, 360.0});
+    const auto translation = mount.at("translation_mm").numbers(3);
     const Eigen::Vector3d rotation = Eigen::Map<const Eigen::Vector3d>(rotation_deg.data());
     return {rotation_from_vector(rotation * rad_per_deg),
             Eigen::Map<const Eigen::Vector3d>(translation.data())};
@@ -169,7 +166,10 @@ StationFile read_station(const std::filesystem::path& path) {
     const Value camera = root.at("camera");
     station.camera = read_camera_section(file, camera);
     station.stage = read_stage_section(file, root.at("stage"));
-    station.carriage_from_marker_nominal = read_mount(root);
+    if (const auto mount = root.find("marker_mount"))
+        station.carriage_from_marker_nominal = read_mount(*mount);
+    if (const auto mount = root.find("camera_mount"))
+        station.camera_from_base_nominal = read_mount(*mount);
     if (const auto ppm = root.find("marker_size_uncertainty_ppm"))
         station.marker_size_uncertainty = ppm->number({0.0, 1e5}) * 1e-6;
     station.background = number_or(root, "background", 1.0, {0.0, 1.0});

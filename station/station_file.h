@@ -11,7 +11,8 @@
 //             unit: 1, response_timeout_ms: 300, quiet_ms: 250}    # stage/stage_link.h
 //     (in stage, optional: forbidden boxes and slow zones, stage/motion_guard.h)
 //     marker: "apriltag:36h11:5@50mm"
-//     marker_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 0]}
+//     marker_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 0]}     carriage_from_marker
+//     camera_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 480]}   camera_from_base
 //     marker_size_uncertainty_ppm: 100          # standard uncertainty
 //     background: 0.6                           # radiance around the marker; its white is 1
 //     white_level: 0.8                          # the marker's white in the photographs
@@ -21,9 +22,10 @@
 //     limits: limits.yaml
 //
 // Optional, with these values when left out: exposure_us and gain_db (the device's own, not
-// touched), packet_size 1400, frame_timeout_ms 1000, retries 5, of the link all but the address (the
-// values above), profile generic, marker_mount identity, marker_size_uncertainty_ppm unknown,
-// background 1, white_level 1, detector auto. All else is required.
+// touched), packet_size 1400, frame_timeout_ms 1000, retries 5, of the link all but the address
+// (the values above), profile generic, marker_mount identity, camera_mount unknown,
+// marker_size_uncertainty_ppm unknown, background 1, white_level 1, detector auto. All else is
+// required.
 #pragma once
 
 #include <chrono>
@@ -87,6 +89,9 @@ struct StationFile {
     Marker marker;
     // carriage_from_marker as drawn: the prior for directions that no motion of this stage shows.
     Rigid carriage_from_marker_nominal;
+    // camera_from_base as drawn; nothing: unknown. For what is foretold before anything moves
+    // (which poses the camera sees, what the plan will tell); a run measures it.
+    std::optional<Rigid> camera_from_base_nominal;
     // Relative standard uncertainty of the printed marker's size; nothing: unknown.
     std::optional<double> marker_size_uncertainty;
     double background = 1.0;   // radiance around the marker, whose white is 1

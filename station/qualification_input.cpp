@@ -1,0 +1,22 @@
+#include "station/qualification_input.h"
+
+namespace etalon {
+
+QualificationInput declared_input(const StationFile& station,
+                                  const std::vector<StageVisit>& visits) {
+    const std::vector<Axis>& axes = station.stage.axes;
+    const Rigid& mount = station.carriage_from_marker_nominal;
+    QualificationInput input;
+    input.camera = &station.camera.model;
+    input.points_mm = station.marker.points_mm;
+    input.nominal_carriage_from_marker = mount;
+    input.marker_size_uncertainty = station.marker_size_uncertainty;
+    input.limits = station.limits;
+    input.seed = station.plan.seed;
+    input.stage_terms = declared_stage_terms(axes, visits);
+    input.repeatability = declared_repeatability(axes, visits, mount);
+    input.error_maps = declared_error_maps(axes, visits, mount);
+    return input;
+}
+
+}  // namespace etalon

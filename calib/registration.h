@@ -60,8 +60,11 @@ struct Registration {
     // and with the gauge freedoms held at the prior.
     Matrix12d covariance;
 
-    double residual_rms_px = 0.0;   // over the coordinates, not weighted
-    int down_weighted_points = 0;   // that the robust loss holds for outliers
+    double residual_rms_px = 0.0;  // over the coordinates, not weighted; of poses: 0
+    // Sum of the squared residuals in standard deviations per degree of freedom: 1 when the stated
+    // ones are right.
+    double reduced_squares = 0.0;
+    int down_weighted_points = 0;   // that the robust loss holds for outliers; of poses: poses
     int rank = 0;                   // 12 - freedoms.size()
     double condition_number = 0.0;  // of the column-scaled Jacobian, determined directions only
     std::vector<GaugeFreedom> freedoms;
@@ -88,6 +91,19 @@ Registration register_stage(const Projector& projector,
                             const std::vector<Eigen::Vector3d>& points_mm,
                             std::span<const RegistrationPose> poses,
                             const Rigid& nominal_carriage_from_marker);
+
+// A pose that was measured as such (compare/photometric_detector.h), with its covariance: left
+// perturbation in the camera frame, rotation then translation.
+struct MeasuredPose {
+    Rigid base_from_carriage;
+    Rigid camera_from_marker;
+    Matrix6d covariance;
+};
+
+// The same from poses, each weighted by its covariance. No marker and no camera come in. Throws
+// NumericalError as above, and for a covariance that is not positive definite.
+Registration register_stage_on_poses(std::span<const MeasuredPose> poses,
+                                     const Rigid& nominal_carriage_from_marker);
 
 // d pixels / d (X, Y) at one pose: 2 rows per point (x, y), 12 columns in the order of
 // Registration::covariance. Throws NumericalError when a point has no projection.

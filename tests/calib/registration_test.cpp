@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -262,6 +263,67 @@ TEST(Registration, SaysWhichMotionThePosesMake) {
     EXPECT_EQ(registered({.x = true}).motion, "shifts along one line, base x");
     EXPECT_EQ(registered({.x = true, .y = true, .rz = true}).motion,
               "planar motion: shifts across base z and turns about it");
+}
+
+// Poses that differ from the truth by draws from a covariance with all its correlations.
+std::vector<MeasuredPose> measured(const std::vector<Rigid>& stage, double noise,
+                                   std::uint64_t seed = 1) {
+    Matrix6d root = Matrix6d::Zero();  // turns 1 mrad, along the line of sight 0.1 mm
+    root.diagonal() << 1e-3, 1.5e-3, 3e-4, 0.01, 0.013, 0.1;
+    root(3, 1) = 0.008;
+    root(5, 0) = -0.03;
+    std::vector<MeasuredPose> poses;
+    for (std::size_t i = 0; i < stage.size(); ++i) {
+        RandomStream random(seed, 3, i);
+        Vector6d normal;
+        for (double& value : normal)
+            value = noise * random.normal();
+        poses.push_back({stage[i], left_perturbed(true_x * stage[i] * true_y, root * normal),
+                         root * root.transpose()});
+    }
+    return poses;
+}
+
+TEST(Registration, FindsBothTransformsFromPoses) {
+    for (const Motion& motion : {Motion{.x = true, .y = true, .z = true, .rz = true},
+                                 Motion{.rx = true, .ry = true, .rz = true}, Motion{.x = true}}) {
+        const Registration result =
+            register_stage_on_poses(measured(stage_poses(motion, 25), 0.0), true_y);
+        EXPECT_LT(left_difference(true_x, result.camera_from_base).norm(), 1e-6);
+        EXPECT_LT(left_difference(true_y, result.carriage_from_marker).norm(), 1e-6);
+        EXPECT_LT(result.reduced_squares, 1e-10);
+    }
+}
+
+// The determined part of the error, in standard deviations squared, is a chi-square of 12 degrees
+// of freedom: over 200 runs its mean is 12 +- 0.35; 3.5 times that are allowed. The same for the
+// squares of the residuals: 25 * 6 - 12 = 138 degrees each, per degree 1 +- 0.0085.
+TEST(Registration, StatesTheCovarianceOfARegistrationOnPoses) {
+    const std::vector<Rigid> stage =
+        stage_poses({.x = true, .y = true, .z = true, .rx = true, .rz = true}, 25);
+    constexpr int runs = 200;
+    double squares = 0.0, residuals = 0.0;
+    for (int run = 0; run < runs; ++run) {
+        const Registration result = register_stage_on_poses(measured(stage, 1.0, 50 + run), true_y);
+        Vector12d error;
+        error << left_difference(true_x, result.camera_from_base),
+            left_difference(true_y, result.carriage_from_marker);
+        squares += error.dot(result.covariance.ldlt().solve(error)) / runs;
+        residuals += result.reduced_squares / runs;
+    }
+    EXPECT_NEAR(squares, 12.0, 1.22);
+    EXPECT_NEAR(residuals, 1.0, 0.03);
+}
+
+TEST(Registration, RefusesPosesWithoutACovariance) {
+    std::vector<MeasuredPose> poses =
+        measured(stage_poses({.x = true, .y = true, .z = true}, 8), 1.0);
+    poses[3].covariance(2, 2) = 0.0;
+    EXPECT_THROW(register_stage_on_poses(poses, true_y), NumericalError);
+    poses[3].covariance = Matrix6d::Constant(std::numeric_limits<double>::quiet_NaN());
+    EXPECT_THROW(register_stage_on_poses(poses, true_y), NumericalError);
+    poses.resize(3);
+    EXPECT_THROW(register_stage_on_poses(poses, true_y), NumericalError);
 }
 
 std::string refusal(const std::vector<RegistrationPose>& poses) {

@@ -177,8 +177,22 @@ void fit_fields(const QualificationInput& input, Qualification& result) {
 
 // -------------------------------------------------------------------------------- signatures
 
+// Those that are known already, where they are of as many hold-out poses.
+bool take_known_signatures(const QualificationInput& input, Qualification& result) {
+    if (!input.known_signatures || input.known_signatures->empty())
+        return false;
+    const auto used = std::count_if(result.poses.begin(), result.poses.end(),
+                                    [](const QualifiedPose& p) { return p.hold_out && p.used; });
+    if (input.known_signatures->front().after.size() != 3 * used)
+        return false;
+    result.signatures = *input.known_signatures;
+    return true;
+}
+
 void find_signatures(const QualificationInput& input, const Projector& projector,
                      Qualification& result) {
+    if (take_known_signatures(input, result))
+        return;
     const Registration& registration = result.registration->registration;
     SignatureChain chain{projector,
                          input.points_mm,

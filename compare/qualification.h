@@ -70,6 +70,10 @@ struct QualificationInput {
     std::optional<double> marker_size_uncertainty;
     Limits limits;
     std::uint64_t seed = 1;  // of the simultaneous band's draws
+    // Signatures from another run of the same plan, for studies of thousands of runs: they follow
+    // from the geometry, and making them takes most of qualify()'s time. Taken when they are of as
+    // many hold-out poses; nothing: made from this run.
+    const std::vector<ErrorSignature>* known_signatures = nullptr;
 };
 
 struct QualifiedPose {

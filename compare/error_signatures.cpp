@@ -9,6 +9,7 @@
 #include <limits>
 #include <memory>
 
+#include "calib/calibration_model.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -70,7 +71,6 @@ public:
         return errors;
     }
 
-private:
     NamedError camera_error(const CameraError& error) const {
         const auto changed = [&](double by) {
             CameraModel camera = chain_.projector.camera();
@@ -84,6 +84,7 @@ private:
                 }};
     }
 
+private:
     std::vector<NamedError> camera_errors() const {
         std::vector<NamedError> errors;
         for (const CameraError& error : named_camera_errors())
@@ -106,12 +107,34 @@ private:
             errors.push_back({"edge shrink", "px", 0.1, [this](std::size_t pose, double by) {
                                   return moved_inwards(nominal(pose), by);
                               }});
+        errors.push_back(
+            out_of_plane("marker twist", [](const Eigen::Vector3d& p) { return p.x() * p.y(); }));
+        if (chain_.points_mm.size() != 4)  // a bow lifts the corners of a square all alike
+            errors.push_back(out_of_plane(
+                "marker bow", [](const Eigen::Vector3d& p) { return p.head<2>().squaredNorm(); }));
         errors.push_back({"constant pose offset", "mm", 0.1, [this](std::size_t pose, double by) {
                               Rigid moved = truth_[pose];
                               moved.translation += by * pose_offset_direction();
                               return projected(chain_.projector, chain_.points_mm, moved);
                           }});
         return errors;
+    }
+
+    // The marker's points stand out of its plane by `shape`, scaled to the size at the highest one.
+    NamedError out_of_plane(std::string name,
+                            const std::function<double(const Eigen::Vector3d&)>& shape) const {
+        double highest = 0.0;
+        for (const Eigen::Vector3d& point : chain_.points_mm)
+            highest = std::max(highest, std::abs(shape(point)));
+        Points lifted;
+        for (const Eigen::Vector3d& point : chain_.points_mm)
+            lifted.emplace_back(0.0, 0.0, highest > 0.0 ? shape(point) / highest : 0.0);
+        return {std::move(name), "mm", 0.1, [this, lifted](std::size_t pose, double by) {
+                    Points points = chain_.points_mm;
+                    for (std::size_t k = 0; k < points.size(); ++k)
+                        points[k] += by * lifted[k];
+                    return projected(chain_.projector, points, truth_[pose]);
+                }};
     }
 
     NamedError stage_error(const StageError& error) const {
@@ -170,17 +193,22 @@ public:
         const Eigen::VectorXd solution = registration_.solve(Eigen::Map<const Eigen::VectorXd>(
             training.data(), static_cast<Eigen::Index>(training.size())));
         const Vector12d xy = unscale_.cwiseProduct(solution);
-        std::vector<double> before, after;
+        std::vector<double> before, after, rotation;
         for (std::size_t i = 0; i < displacement.size(); ++i) {
             if (!chain_.hold_out[i])
                 continue;
-            const Eigen::Vector3d seen = pose_solvers_[i].solve(displacement[i]).tail<3>();
-            const Eigen::Vector3d left = seen - predicted_shift(i, xy);
-            before.insert(before.end(), seen.begin(), seen.end());
+            const Vector6d seen = pose_solvers_[i].solve(displacement[i]);
+            const Eigen::Vector3d shift = seen.tail<3>();
+            const Eigen::Vector3d left = shift - predicted_shift(i, xy);
+            const Eigen::Vector3d turned = seen.head<3>() - predicted_turn(i, xy);
+            before.insert(before.end(), shift.begin(), shift.end());
             after.insert(after.end(), left.begin(), left.end());
+            rotation.insert(rotation.end(), turned.begin(), turned.end());
         }
         signature.before = Eigen::Map<Eigen::VectorXd>(before.data(), std::ssize(before));
         signature.after = Eigen::Map<Eigen::VectorXd>(after.data(), std::ssize(after));
+        signature.rotation_after =
+            Eigen::Map<Eigen::VectorXd>(rotation.data(), std::ssize(rotation));
     }
 
 private:
@@ -202,6 +230,13 @@ private:
         return Eigen::Vector3d(xy.head<3>()).cross(from_base) + xy.segment<3>(3) +
                chain_.camera_from_base.rotation *
                    (base_from_carriage.rotation * Eigen::Vector3d(xy.tail<3>()));
+    }
+
+    // And to the marker's rotation.
+    Eigen::Vector3d predicted_turn(std::size_t i, const Vector12d& xy) const {
+        return xy.head<3>() +
+               chain_.camera_from_base.rotation *
+                   (chain_.base_from_carriage[i].rotation * Eigen::Vector3d(xy.segment<3>(6)));
     }
 
     using PoseSolver = Eigen::ColPivHouseholderQR<Eigen::Matrix<double, Eigen::Dynamic, 6>>;
@@ -294,9 +329,10 @@ ErrorSignature isotropic_scale(std::span<const ErrorSignature> stage,
         const ErrorSignature& one = stage[index];
         const double ratio = sum.size / one.size;
         if (sum.after.size() == 0)
-            sum.before = sum.after = Eigen::VectorXd::Zero(one.after.size());
+            sum.before = sum.after = sum.rotation_after = Eigen::VectorXd::Zero(one.after.size());
         sum.before += ratio * one.before;
         sum.after += ratio * one.after;
+        sum.rotation_after += ratio * one.rotation_after;
     }
     return sum;
 }
@@ -394,6 +430,43 @@ std::vector<ErrorSignature> error_signatures(const SignatureChain& chain,
     for (ErrorSignature& signature : signatures)
         judge_observability(chain, noise, limit_rms_mm, signature);
     find_confounded(signatures);
+    return signatures;
+}
+
+std::vector<ErrorSignature> calibration_signatures(const SignatureChain& chain) {
+    constexpr double small = 1e-2;  // of a standard deviation: the model stays valid
+    const CameraModel& camera = chain.projector.camera();
+    if (!camera.covariance)
+        return {};
+    const CalibrationModel stated{"", camera.covariance->order};
+    const Eigen::VectorXd values = parameters_of(camera, stated);
+    const Eigen::VectorXd deviation =
+        camera.covariance->matrix.diagonal().cwiseMax(0.0).cwiseSqrt();
+    // Directions of the correlation matrix: parameters have different units.
+    const Eigen::VectorXd unscale = (deviation.array() > 0.0).select(deviation.cwiseInverse(), 0.0);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+        unscale.asDiagonal() * camera.covariance->matrix * unscale.asDiagonal());
+    const LinearChain linear(chain);
+    const NamedErrors named(chain);
+    std::vector<ErrorSignature> signatures;
+    for (Eigen::Index i = deviation.size() - 1; i >= 0; --i) {
+        const Eigen::VectorXd step = std::sqrt(std::max(0.0, eigen.eigenvalues()[i])) *
+                                     deviation.cwiseProduct(eigen.eigenvectors().col(i));
+        if (step.isZero(0.0))
+            continue;
+        ErrorSignature signature = signature_of(
+            named.camera_error({fmt::format("calibration, direction {}", deviation.size() - i), "1",
+                                small,
+                                [&](CameraModel& c, double by) {
+                                    set_parameters(c, stated, values + by * step);
+                                }}),
+            linear, chain.base_from_carriage.size());
+        for (Eigen::VectorXd* field :
+             {&signature.before, &signature.after, &signature.rotation_after})
+            *field /= small;
+        signature.size = 1.0;
+        signatures.push_back(std::move(signature));
+    }
     return signatures;
 }
 

@@ -28,12 +28,14 @@ Limits read_limits(const std::filesystem::path& path) {
     limits.id = root.at("id").text();
     if (limits.id.empty())
         root.at("id").fail("is empty");
-    limits.b3_position_field_rms_mm = limit_of(root.at("b3_position_field_rms_mm"), "mm");
-    limits.b3_position_field_max_mm = limit_of(root.at("b3_position_field_max_mm"), "mm");
-    limits.b3_rotation_field_rms_mrad =
-        optional_limit_of(root, "b3_rotation_field_rms_mrad", "mrad");
-    limits.b3_rotation_field_max_mrad =
-        optional_limit_of(root, "b3_rotation_field_max_mrad", "mrad");
+    limits.b3_position_field_rms_mm = limit_of(root.at(quantity::position_rms), "mm");
+    limits.b3_position_field_max_mm = limit_of(root.at(quantity::position_max), "mm");
+    limits.b3_rotation_field_rms_mrad = optional_limit_of(root, quantity::rotation_rms, "mrad");
+    limits.b3_rotation_field_max_mrad = optional_limit_of(root, quantity::rotation_max, "mrad");
+    limits.b3_position_rest_rms_mm = optional_limit_of(root, quantity::rest_rms, "mm");
+    limits.b3_length_error_max_mm = optional_limit_of(root, quantity::length_max, "mm");
+    limits.b4_position_field_rms_mm = optional_limit_of(root, quantity::photometric_rms, "mm");
+    limits.b4_position_field_max_mm = optional_limit_of(root, quantity::photometric_max, "mm");
     file.finish();
     return limits;
 }

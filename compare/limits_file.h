@@ -4,8 +4,14 @@
 //     id: demo-1
 //     b3_position_field_rms_mm: {limit: 0.06, unit: mm}
 //     b3_position_field_max_mm: {limit: 0.20, unit: mm}
-//     b3_rotation_field_rms_mrad: {limit: 1.0, unit: mrad}     # optional
-//     b3_rotation_field_max_mrad: {limit: 3.0, unit: mrad}     # optional
+//
+// and, optional, each judged where it is there and otherwise only reported:
+//
+//     b3_rotation_field_rms_mrad: {limit: 1.0, unit: mrad}
+//     b3_rotation_field_max_mrad: {limit: 3.0, unit: mrad}
+//     b3_position_rest_rms_mm: {limit: 0.05, unit: mm}     # what the smooth field leaves
+//     b3_length_error_max_mm: {limit: 0.25, unit: mm}      # between any two hold-out poses
+//     b4_position_field_rms_mm, b4_position_field_max_mm   # of photometric poses
 #pragma once
 
 #include <filesystem>
@@ -14,12 +20,28 @@
 
 namespace etalon {
 
+// The judged quantities by name, in the order of reports.
+namespace quantity {
+inline constexpr const char* position_rms = "b3_position_field_rms_mm";
+inline constexpr const char* position_max = "b3_position_field_max_mm";
+inline constexpr const char* rotation_rms = "b3_rotation_field_rms_mrad";
+inline constexpr const char* rotation_max = "b3_rotation_field_max_mrad";
+inline constexpr const char* rest_rms = "b3_position_rest_rms_mm";
+inline constexpr const char* length_max = "b3_length_error_max_mm";
+inline constexpr const char* photometric_rms = "b4_position_field_rms_mm";
+inline constexpr const char* photometric_max = "b4_position_field_max_mm";
+}  // namespace quantity
+
 struct Limits {
     std::string id;
-    double b3_position_field_rms_mm = 0.0;  // > 0
-    double b3_position_field_max_mm = 0.0;  // > 0
-    std::optional<double> b3_rotation_field_rms_mrad;
-    std::optional<double> b3_rotation_field_max_mrad;
+    double b3_position_field_rms_mm = 0.0;  // > 0, as all of them
+    double b3_position_field_max_mm = 0.0;
+    std::optional<double> b3_rotation_field_rms_mrad = {};
+    std::optional<double> b3_rotation_field_max_mrad = {};
+    std::optional<double> b3_position_rest_rms_mm = {};
+    std::optional<double> b3_length_error_max_mm = {};
+    std::optional<double> b4_position_field_rms_mm = {};
+    std::optional<double> b4_position_field_max_mm = {};
 };
 
 // Throws ConfigError with file, line and key: unknown, missing or doubled keys, a limit that is not

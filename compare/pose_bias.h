@@ -3,6 +3,7 @@
 //     B1 = detector(render) - truth              absolute, all six components
 //     B2 = detector(photo)  - X S(q) Y           relative: registration has removed the gauge
 //     B3 = detector(photo)  - detector(render)   of the camera model and the stage alone
+//     B4 = photometric pose - X S(q) Y           the same without any detector's corners
 //
 // The detector's own bias must not enter X and Y, or B3 shows it with its sign turned: so X and Y
 // are registered on corners from which the bias seen on the render at the same pose is subtracted.
@@ -53,6 +54,7 @@ struct PoseBias {
     Rigid predicted;                            // X S(q) Y
     std::optional<PoseEstimate> photo, render;  // nothing: not detected, or no pose from corners
     std::optional<PoseError> b1, b2, b3;
+    std::optional<PoseError> b4;  // where the photograph has a photometric pose
 };
 
 // A planar marker has two local solutions; the one nearer to `predicted` is taken in both images,

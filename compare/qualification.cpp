@@ -5,16 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "compare/qualification_budget.h"
 #include "core/errors.h"
 
 namespace etalon {
 namespace {
-
-constexpr double coverage_factor = 2.0;
-constexpr const char* rms_name = "b3_position_field_rms_mm";
-constexpr const char* max_name = "b3_position_field_max_mm";
-constexpr const char* rotation_rms_name = "b3_rotation_field_rms_mrad";
-constexpr const char* rotation_max_name = "b3_rotation_field_max_mrad";
 
 void require_usable(const QualificationInput& input) {
     if (!input.camera || !input.render_and_detect)
@@ -30,6 +25,10 @@ void require_usable(const QualificationInput& input) {
         for (const Eigen::Vector2d& corner : *pose.corners)
             if (!corner.allFinite())
                 throw NumericalError("qualification: a corner is not finite");
+        if (pose.photometric &&
+            !(vector_from_rigid(pose.photometric->camera_from_marker).allFinite() &&
+              pose.photometric->covariance.allFinite()))
+            throw NumericalError("qualification: a photometric pose is not finite");
     }
 }
 
@@ -49,23 +48,25 @@ void count_detections(const QualificationInput& input, Qualification& result) {
                                              100.0 * result.detection.rate()));
 }
 
-// Limits in the documented order; the rotation's only where the limits file has them.
-std::vector<JudgedQuantity> unjudged(const Limits& limits) {
-    std::vector<JudgedQuantity> quantities;
-    const auto add = [&](const char* name, const char* unit, double limit) {
+// All quantities in the documented order: those with a limit are judged, the others reported.
+void list_quantities(const Limits& limits, Qualification& result) {
+    const auto add = [&](const char* name, const char* unit, const std::optional<double>& limit) {
         JudgedQuantity quantity;
         quantity.name = name;
         quantity.unit = unit;
-        quantity.limit = limit;
-        quantities.push_back(quantity);
+        quantity.limit = limit.value_or(0.0);
+        quantity.reason = limit ? "" : "the limits have none for it";
+        (limit ? result.quantities : result.reported).push_back(quantity);
     };
-    add(rms_name, "mm", limits.b3_position_field_rms_mm);
-    add(max_name, "mm", limits.b3_position_field_max_mm);
-    if (limits.b3_rotation_field_rms_mrad)
-        add(rotation_rms_name, "mrad", *limits.b3_rotation_field_rms_mrad);
-    if (limits.b3_rotation_field_max_mrad)
-        add(rotation_max_name, "mrad", *limits.b3_rotation_field_max_mrad);
-    return quantities;
+    add(quantity::position_rms, "mm", limits.b3_position_field_rms_mm);
+    add(quantity::position_max, "mm", limits.b3_position_field_max_mm);
+    add(quantity::rotation_rms, "mrad", limits.b3_rotation_field_rms_mrad);
+    add(quantity::rotation_max, "mrad", limits.b3_rotation_field_max_mrad);
+    add(quantity::rest_rms, "mm", limits.b3_position_rest_rms_mm);
+    add(quantity::length_max, "mm", limits.b3_length_error_max_mm);
+    add(quantity::photometric_rms, "mm", limits.b4_position_field_rms_mm);
+    add(quantity::photometric_max, "mm", limits.b4_position_field_max_mm);
+    result.risk = family_risk(result.quantities);
 }
 
 Qualification skipped(Qualification result, const std::string& reason) {
@@ -120,6 +121,8 @@ int find_biases(const QualificationInput& input, const Projector& projector,
             rendered = input.render_and_detect(predicted);
         QualifiedPose& qualified = result.poses[i];
         qualified.bias = pose_bias(projector, input.points_mm, predicted, pose.corners, rendered);
+        if (pose.photometric)
+            qualified.bias.b4 = pose_error(pose.photometric->camera_from_marker, predicted);
         if (pose.hold_out) {
             qualified.used = qualified.bias.b3.has_value();
             usable += qualified.used ? 1 : 0;
@@ -138,44 +141,128 @@ double deviation_across(const Eigen::Matrix3d& covariance, const Eigen::Vector3d
     return std::sqrt(0.5 * std::max(0.0, covariance.trace() - axis.dot(covariance * axis)));
 }
 
-FieldSample sample_of(const PoseBias& bias, bool rotation) {
+// Levels of noise along the sample's axis and across it.
+void set_levels(FieldSample& sample, const Eigen::Matrix3d& covariance) {
+    sample.sigma_along = deviation_along(covariance, sample.axis);
+    sample.sigma_across = deviation_across(covariance, sample.axis);
+}
+
+FieldSample position_sample(const PoseBias& bias, const Eigen::Vector3d& error,
+                            const Matrix6d& covariance) {
     FieldSample sample;
     sample.position_mm = bias.predicted.translation;
-    const Matrix6d& covariance = bias.photo->covariance_per_px2;
-    Eigen::Matrix3d block;
-    if (rotation) {
-        sample.error = bias.predicted.rotation * bias.b3->rotation_rad;
-        sample.axis = bias.predicted.rotation * Eigen::Vector3d::UnitZ();
-        block = covariance.topLeftCorner<3, 3>();
-    } else {
-        sample.error = bias.b3->translation_mm;
-        sample.axis = bias.predicted.translation.normalized();
-        block = covariance.bottomRightCorner<3, 3>();
-    }
-    sample.sigma_along = deviation_along(block, sample.axis);
-    sample.sigma_across = deviation_across(block, sample.axis);
+    sample.error = error;
+    sample.axis = bias.predicted.translation.normalized();
+    set_levels(sample, covariance.bottomRightCorner<3, 3>());
     return sample;
 }
 
-std::vector<FieldSample> samples_of(const Qualification& result, bool rotation) {
+FieldSample rotation_sample(const PoseBias& bias) {
+    FieldSample sample;
+    sample.position_mm = bias.predicted.translation;
+    sample.error = bias.predicted.rotation * bias.b3->rotation_rad;
+    sample.axis = bias.predicted.rotation * Eigen::Vector3d::UnitZ();
+    set_levels(sample, bias.photo->covariance_per_px2.topLeftCorner<3, 3>());
+    return sample;
+}
+
+std::vector<FieldSample> position_samples(const Qualification& result) {
     std::vector<FieldSample> samples;
     for (const QualifiedPose& pose : result.poses)
         if (pose.hold_out && pose.used)
-            samples.push_back(sample_of(pose.bias, rotation));
+            samples.push_back(position_sample(pose.bias, pose.bias.b3->translation_mm,
+                                              pose.bias.photo->covariance_per_px2));
     return samples;
 }
 
-void fit_fields(const QualificationInput& input, Qualification& result) {
+std::vector<FieldSample> rotation_samples(const Qualification& result) {
+    std::vector<FieldSample> samples;
+    for (const QualifiedPose& pose : result.poses)
+        if (pose.hold_out && pose.used)
+            samples.push_back(rotation_sample(pose.bias));
+    return samples;
+}
+
+std::vector<FieldSample> photometric_samples(const QualificationInput& input,
+                                             const Qualification& result) {
+    std::vector<FieldSample> samples;
+    for (std::size_t i = 0; i < input.poses.size(); ++i)
+        if (const PoseBias& bias = result.poses[i].bias; input.poses[i].hold_out && bias.b4)
+            samples.push_back(position_sample(bias, bias.b4->translation_mm,
+                                              input.poses[i].photometric->covariance));
+    return samples;
+}
+
+// What the frames of each used hold-out pose say about its position, with the declared stage noise
+// on top. Nothing when a pose has no repeated frames.
+std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input,
+                                                       const Qualification& result) {
+    double stage_mm2 = 0.0;
+    for (const DeclaredRepeatability& each : input.repeatability)
+        stage_mm2 += std::pow(each.marker_mm.value_or(0.0), 2);
+    std::vector<SampleNoise> noise;
+    for (std::size_t i = 0; i < input.poses.size(); ++i) {
+        const QualifiedPose& pose = result.poses[i];
+        if (!pose.hold_out || !pose.used)
+            continue;
+        const auto& corners = input.poses[i].corner_noise;
+        if (!corners)
+            return std::nullopt;
+        SampleNoise one;
+        one.covariance =
+            corners->variance_px2 * pose.bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
+            stage_mm2 / 3.0 * Eigen::Matrix3d::Identity();
+        one.degrees_of_freedom = corners->degrees_of_freedom;
+        noise.push_back(one);
+    }
+    return noise;
+}
+
+std::vector<Eigen::Vector3d> volume_of(const Qualification& result) {
     std::vector<Eigen::Vector3d> volume;
     for (const QualifiedPose& pose : result.poses)
         volume.push_back(pose.bias.predicted.translation);
-    result.position_field = fit_smooth_field(samples_of(result, false), FieldBasis::position);
+    return volume;
+}
+
+void fit_fields(const QualificationInput& input, Qualification& result) {
+    const std::vector<Eigen::Vector3d> volume = volume_of(result);
+    const std::vector<FieldSample> positions = position_samples(result);
+    result.position_field = fit_smooth_field(positions, FieldBasis::position);
     result.position_summary = summarize(*result.position_field, volume, input.seed);
-    result.rotation_field = fit_smooth_field(samples_of(result, true), FieldBasis::linear);
+    result.rotation_field = fit_smooth_field(rotation_samples(result), FieldBasis::linear);
     result.rotation_summary = summarize(*result.rotation_field, volume, input.seed);
+    result.lengths = length_errors(*result.position_field, positions, input.seed);
+    if (const auto noise = position_noise(input, result))
+        result.position_rest = field_rest(*result.position_field, positions, *noise);
+    const std::vector<FieldSample> photometric = photometric_samples(input, result);
+    if (std::ssize(photometric) < min_hold_out_poses)
+        return;
+    PhotometricField field;
+    field.poses = static_cast<int>(photometric.size());
+    field.position_field = fit_smooth_field(photometric, FieldBasis::position);
+    field.position_summary = summarize(field.position_field, volume, input.seed);
+    result.photometric = field;
 }
 
 // -------------------------------------------------------------------------------- signatures
+
+SignatureChain chain_of(const QualificationInput& input, const Projector& projector,
+                        const Qualification& result) {
+    const Registration& registration = result.registration->registration;
+    SignatureChain chain{projector,
+                         input.points_mm,
+                         registration.camera_from_base,
+                         registration.carriage_from_marker,
+                         {},
+                         {}};
+    for (std::size_t i = 0; i < result.poses.size(); ++i)
+        if (result.poses[i].used) {
+            chain.base_from_carriage.push_back(input.poses[i].base_from_carriage);
+            chain.hold_out.push_back(input.poses[i].hold_out);
+        }
+    return chain;
+}
 
 // Those that are known already, where they are of as many hold-out poses.
 bool take_known_signatures(const QualificationInput& input, Qualification& result) {
@@ -189,25 +276,10 @@ bool take_known_signatures(const QualificationInput& input, Qualification& resul
     return true;
 }
 
-void find_signatures(const QualificationInput& input, const Projector& projector,
+void find_signatures(const QualificationInput& input, const SignatureChain& chain,
                      Qualification& result) {
     if (take_known_signatures(input, result))
         return;
-    const Registration& registration = result.registration->registration;
-    SignatureChain chain{projector,
-                         input.points_mm,
-                         registration.camera_from_base,
-                         registration.carriage_from_marker,
-                         {},
-                         {}};
-    std::vector<std::size_t> kept;
-    for (std::size_t i = 0; i < result.poses.size(); ++i) {
-        if (!result.poses[i].used)
-            continue;
-        kept.push_back(i);
-        chain.base_from_carriage.push_back(input.poses[i].base_from_carriage);
-        chain.hold_out.push_back(input.poses[i].hold_out);
-    }
     std::vector<StageError> errors;
     std::vector<std::size_t> linear_scale;
     for (const DeclaredStageTerm& term : input.stage_terms) {
@@ -218,11 +290,12 @@ void find_signatures(const QualificationInput& input, const Projector& projector
         if (term.is_linear_scale)
             linear_scale.push_back(errors.size());
         errors.push_back({term.error.name, term.error.unit, term.error.size, {}});
-        for (const std::size_t i : kept)
-            errors.back().base_from_carriage.push_back(term.error.base_from_carriage[i]);
+        for (std::size_t i = 0; i < result.poses.size(); ++i)
+            if (result.poses[i].used)
+                errors.back().base_from_carriage.push_back(term.error.base_from_carriage[i]);
     }
     HoldOutNoise noise;
-    for (const FieldSample& sample : samples_of(result, false)) {
+    for (const FieldSample& sample : position_samples(result)) {
         noise.along_mm.push_back(result.position_field->scale_along * sample.sigma_along);
         noise.across_mm.push_back(result.position_field->scale_across * sample.sigma_across);
     }
@@ -230,166 +303,114 @@ void find_signatures(const QualificationInput& input, const Projector& projector
         error_signatures(chain, errors, linear_scale, noise, input.limits.b3_position_field_rms_mm);
 }
 
-// ------------------------------------------------------------------------------------ budget
-
-BudgetRow noise_row(const Qualification& result) {
-    const SmoothField& field = *result.position_field;
-    const FieldSummary& summary = result.position_summary;
-    return {"image noise",
-            field.residual_along,
-            "mm",
-            summary.rms_uncertainty / coverage_factor,
-            summary.max_uncertainty / coverage_factor,
-            fmt::format("residuals of {} hold-out poses along the line of sight, {} degrees of "
-                        "freedom",
-                        field.samples, field.degrees_of_freedom)};
-}
-
-// What the registration's own covariance does to the predicted positions of all poses.
-BudgetRow registration_row(const QualificationInput& input, const Qualification& result) {
-    const Registration& registration = result.registration->registration;
-    double sum = 0.0, largest = 0.0;
-    for (const QualificationPose& pose : input.poses) {
-        const Eigen::Matrix3d turn =
-            (registration.camera_from_base.rotation * pose.base_from_carriage.rotation)
-                .toRotationMatrix();
-        const Eigen::Vector3d arm =
-            registration.camera_from_base.rotation *
-            (pose.base_from_carriage * registration.carriage_from_marker.translation);
-        Eigen::Matrix<double, 3, 12> shift = Eigen::Matrix<double, 3, 12>::Zero();
-        for (int k = 0; k < 3; ++k)
-            shift.col(k) = Eigen::Vector3d::Unit(k).cross(arm);
-        shift.middleCols<3>(3).setIdentity();
-        shift.rightCols<3>() = turn;
-        const double variance = (shift * registration.covariance * shift.transpose()).trace() *
-                                std::pow(registration.residual_rms_px, 2);
-        sum += variance / static_cast<double>(input.poses.size());
-        largest = std::max(largest, variance);
-    }
-    return {"registration",
-            registration.residual_rms_px,
-            "px",
-            std::sqrt(sum),
-            std::sqrt(largest),
-            fmt::format("corner residuals of {} training poses", result.registration->used.size())};
-}
-
-// A declared uncertainty through the signature of its error.
-BudgetRow declared_row(const std::string& source, const std::string& unit,
-                       const std::optional<double>& uncertainty,
-                       std::span<const ErrorSignature> signatures) {
-    BudgetRow row;
-    row.source = source;
-    row.unit = unit;
-    row.standard_uncertainty = uncertainty;
-    row.basis =
-        uncertainty ? "declared by the station" : "unknown: the station does not declare it";
-    if (!uncertainty)
-        return row;
-    if (!std::isfinite(*uncertainty) || *uncertainty < 0.0)
-        throw NumericalError(
-            fmt::format("qualification: the uncertainty of '{}' is {}", source, *uncertainty));
-    const auto signature = std::find_if(signatures.begin(), signatures.end(),
-                                        [&](const ErrorSignature& s) { return s.name == source; });
-    if (signature == signatures.end())
-        throw NumericalError(fmt::format("qualification: '{}' has no signature", source));
-    const double share = *uncertainty / std::abs(signature->size);
-    row.rms_contribution_mm = share * signature->after_rms_mm;
-    row.max_contribution_mm = share * signature->after_max_mm;
-    return row;
-}
-
-// Random stage errors: as independent noise on every hold-out pose. Part of the residuals too; kept
-// because a few poses may show less than was declared.
-BudgetRow repeatability_row(const DeclaredRepeatability& declared, const SmoothField& field) {
-    BudgetRow row;
-    row.source = "stage repeatability " + declared.axis;
-    row.unit = "mm";
-    row.standard_uncertainty = declared.marker_mm;
-    row.basis =
-        declared.marker_mm ? "declared by the station" : "unknown: the station does not declare it";
-    if (!declared.marker_mm)
-        return row;
-    if (!std::isfinite(*declared.marker_mm) || *declared.marker_mm < 0.0)
-        throw NumericalError(fmt::format("qualification: the repeatability of '{}' is {}",
-                                         declared.axis, *declared.marker_mm));
-    const double samples = field.samples;
-    const double coefficients = static_cast<double>(field.coefficients.size()) / 3.0;
-    row.rms_contribution_mm = *declared.marker_mm / std::sqrt(samples);
-    row.max_contribution_mm = *declared.marker_mm * std::sqrt(coefficients / samples);
-    return row;
-}
-
-BudgetRow error_map_row(const DeclaredErrorMap& map) {
-    BudgetRow row;
-    row.source = "stage error map " + map.axis;
-    row.unit = "mm";
-    row.standard_uncertainty = row.rms_contribution_mm = map.marker_rms_mm;
-    row.max_contribution_mm = map.marker_max_mm;
-    row.basis = "the map's own uncertainties";
-    return row;
-}
-
-void fill_budget(const QualificationInput& input, Qualification& result) {
-    result.budget = {noise_row(result), registration_row(input, result)};
-    for (const DeclaredStageTerm& term : input.stage_terms)
-        if (term.in_budget)
-            result.budget.push_back(declared_row(term.error.name, term.error.unit,
-                                                 term.standard_uncertainty, result.signatures));
-    for (const DeclaredRepeatability& declared : input.repeatability)
-        result.budget.push_back(repeatability_row(declared, *result.position_field));
-    for (const DeclaredErrorMap& map : input.error_maps)
-        result.budget.push_back(error_map_row(map));
-    result.budget.push_back(
-        declared_row("marker print size", "1", input.marker_size_uncertainty, result.signatures));
-    result.budget_complete = true;
-    for (const BudgetRow& row : result.budget)
-        if (!row.standard_uncertainty) {
-            result.budget_complete = false;
-            result.reasons.push_back("the uncertainty of '" + row.source + "' is unknown");
-        }
-}
-
-double expanded(const Qualification& result, std::optional<double> BudgetRow::*contribution) {
-    double sum = 0.0;
-    for (const BudgetRow& row : result.budget)
-        sum += std::pow((row.*contribution).value_or(0.0), 2);
-    return coverage_factor * std::sqrt(sum);
-}
-
 // ----------------------------------------------------------------------------------- verdict
 
-void judge(JudgedQuantity& quantity, double value, double expanded_uncertainty, bool complete) {
-    quantity.value = value;
-    quantity.expanded_uncertainty = expanded_uncertainty;
-    quantity.outcome = decide(value, expanded_uncertainty, quantity.limit);
+struct Measured {
+    double value = 0.0;
+    std::string missing;  // why there is no value; empty when there is one
+};
+
+Measured measured(const Qualification& result, const std::string& name) {
+    constexpr double mrad = 1e-3;
+    const auto photometric = [&](double FieldSummary::*figure) {
+        return result.photometric ? Measured{result.photometric->position_summary.*figure, ""}
+                                  : Measured{0.0, "too few hold-out poses have a photometric pose"};
+    };
+    if (name == quantity::position_rms)
+        return {result.position_summary.rms, ""};
+    if (name == quantity::position_max)
+        return {result.position_summary.max, ""};
+    if (name == quantity::rotation_rms)
+        return {result.rotation_summary.rms / mrad, ""};
+    if (name == quantity::rotation_max)
+        return {result.rotation_summary.max / mrad, ""};
+    if (name == quantity::length_max)
+        return {result.lengths->field_max_mm, ""};
+    if (name == quantity::photometric_rms)
+        return photometric(&FieldSummary::rms);
+    if (name == quantity::photometric_max)
+        return photometric(&FieldSummary::max);
+    if (!result.position_rest)
+        return {0.0, "the noise is not known: it takes two frames per pose"};
+    return {result.position_rest->rms, ""};
+}
+
+// Value and U; false, with the reason, when the run has no value.
+bool measure(JudgedQuantity& quantity, const Qualification& result) {
+    const Measured found = measured(result, quantity.name);
+    if (!found.missing.empty()) {
+        quantity.reason = found.missing;
+        return false;
+    }
+    const CombinedUncertainty uncertainty = combined(result.budget, quantity.name);
+    quantity.measured = true;
+    quantity.value = found.value;
+    quantity.expanded_uncertainty = uncertainty.expanded;
+    quantity.coverage_factor = uncertainty.coverage_factor;
+    quantity.degrees_of_freedom = uncertainty.degrees_of_freedom;
+    return true;
+}
+
+// A PASS must hold whatever an unknown input may be. Nothing when it does.
+std::string unknown_in_the_way(const JudgedQuantity& quantity, const Qualification& result) {
+    auto sources = unknown_sources(result.budget, quantity.name, true);
+    const double widest = combined_at_widest(result.budget, quantity.name).expanded;
+    if (sources.empty() && decide(quantity.value, widest, quantity.limit) != Outcome::pass)
+        sources = unknown_sources(result.budget, quantity.name, false);
+    if (sources.empty())
+        return "";
+    return fmt::format("the uncertainty of '{}' is unknown", fmt::join(sources, "', '"));
+}
+
+void judge(JudgedQuantity& quantity, Qualification& result) {
+    if (!measure(quantity, result))
+        return;
+    quantity.outcome = decide(quantity.value, quantity.expanded_uncertainty, quantity.limit);
     if (quantity.outcome == Outcome::inconclusive)
         quantity.reason = "the limit lies within the uncertainty of the value";
-    if (quantity.outcome == Outcome::pass && !complete) {
+    if (quantity.outcome != Outcome::pass)
+        return;
+    quantity.reason = unknown_in_the_way(quantity, result);
+    if (!quantity.reason.empty()) {
         quantity.outcome = Outcome::inconclusive;
-        quantity.reason = "a term of the uncertainty budget is unknown";
+        result.budget_complete = false;
     }
 }
 
 void judge_all(Qualification& result) {
-    constexpr double mrad = 1000.0;
-    for (JudgedQuantity& quantity : result.quantities) {
-        const FieldSummary& position = result.position_summary;
-        const FieldSummary& rotation = result.rotation_summary;
-        if (quantity.name == rms_name)
-            judge(quantity, position.rms, expanded(result, &BudgetRow::rms_contribution_mm),
-                  result.budget_complete);
-        else if (quantity.name == max_name)
-            judge(quantity, position.max, expanded(result, &BudgetRow::max_contribution_mm),
-                  result.budget_complete);
-        else if (quantity.name == rotation_rms_name)
-            judge(quantity, mrad * rotation.rms, mrad * rotation.rms_uncertainty,
-                  result.budget_complete);
-        else
-            judge(quantity, mrad * rotation.max, mrad * rotation.max_uncertainty,
-                  result.budget_complete);
-    }
+    result.budget_complete = true;
+    for (JudgedQuantity& quantity : result.quantities)
+        judge(quantity, result);
+    for (JudgedQuantity& quantity : result.reported)
+        measure(quantity, result);
     result.verdict = combine(result.quantities);
+}
+
+void add_monte_carlo(const QualificationInput& input, std::span<const FieldInput> inputs,
+                     Qualification& result) {
+    const std::vector<Eigen::Vector3d> volume = volume_of(result);
+    const auto samples = position_samples(result);
+    const MonteCarloUncertainty b3 =
+        monte_carlo_uncertainty(*result.position_field, samples, volume, inputs, input.seed);
+    for (std::vector<JudgedQuantity>* list : {&result.quantities, &result.reported})
+        for (JudgedQuantity& quantity : *list) {
+            if (quantity.name == quantity::position_rms)
+                quantity.monte_carlo_uncertainty = b3.rms;
+            if (quantity.name == quantity::position_max)
+                quantity.monte_carlo_uncertainty = b3.max;
+            if (quantity.name == quantity::length_max)
+                quantity.monte_carlo_uncertainty = b3.length_max;
+        }
+}
+
+std::string why_not_pass(const JudgedQuantity& quantity) {
+    if (quantity.outcome == Outcome::skipped)
+        return fmt::format("{} is SKIPPED: {}", quantity.name, quantity.reason);
+    const std::string why = quantity.outcome == Outcome::inconclusive ? quantity.reason : "";
+    return fmt::format("{} is {:.4f} {} with U = {:.4f} {}, limit {:.4f} {}: {}{}{}", quantity.name,
+                       quantity.value, quantity.unit, quantity.expanded_uncertainty, quantity.unit,
+                       quantity.limit, quantity.unit, name(quantity.outcome),
+                       why.empty() ? "" : ", ", why);
 }
 
 void explain_verdict(Qualification& result) {
@@ -397,10 +418,7 @@ void explain_verdict(Qualification& result) {
         return;
     for (const JudgedQuantity& quantity : result.quantities)
         if (quantity.outcome != Outcome::pass)
-            result.reasons.push_back(fmt::format(
-                "{} is {:.4f} {} with U = {:.4f} {}, limit {:.4f} {}: {}", quantity.name,
-                quantity.value, quantity.unit, quantity.expanded_uncertainty, quantity.unit,
-                quantity.limit, quantity.unit, name(quantity.outcome)));
+            result.reasons.push_back(why_not_pass(quantity));
     std::vector<double> observed;
     for (const QualifiedPose& pose : result.poses)
         if (pose.hold_out && pose.used) {
@@ -427,7 +445,7 @@ Qualification qualify(const QualificationInput& input) {
     require_usable(input);
     const Projector projector(*input.camera);
     Qualification result;
-    result.quantities = unjudged(input.limits);
+    list_quantities(input.limits, result);
     count_detections(input, result);
     const std::string too_few = fmt::format(
         "too few poses with a detected marker: {} training (at least {}), {} hold-out (at least "
@@ -442,9 +460,14 @@ Qualification qualify(const QualificationInput& input) {
         return skipped(std::move(result),
                        "too few hold-out poses whose render is detected as well");
     fit_fields(input, result);
-    find_signatures(input, projector, result);
-    fill_budget(input, result);
+    const SignatureChain chain = chain_of(input, projector, result);
+    find_signatures(input, chain, result);
+    QualificationBudget budget = qualification_budget(input, result, position_samples(result),
+                                                      calibration_signatures(chain));
+    result.budget = std::move(budget.rows);
     judge_all(result);
+    if (input.monte_carlo)
+        add_monte_carlo(input, budget.inputs, result);
     explain_verdict(result);
     return result;
 }

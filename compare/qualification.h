@@ -1,5 +1,5 @@
 // Everything between "the run has measured" and "the report is written": registration, biases,
-// the field that is judged, its uncertainty budget, error signatures and the verdict.
+// the fields that are judged, their uncertainty budget, error signatures and the verdict.
 //
 //     QualificationInput  what a run measured and what its station declares
 //     qualify()           one pure function; renders through a callback, touches no device or file
@@ -16,18 +16,39 @@
 
 #include "calib/registration.h"
 #include "compare/error_signatures.h"
+#include "compare/field_rest.h"
+#include "compare/length_error.h"
 #include "compare/limits_file.h"
 #include "compare/pose_bias.h"
 #include "compare/smooth_field.h"
+#include "compare/uncertainty_budget.h"
 #include "compare/verdict.h"
 
 namespace etalon {
+
+// How far repeated frames leave a corner apart: of one coordinate of the mean over the frames.
+struct CornerNoise {
+    double variance_px2 = 0.0;
+    double degrees_of_freedom = 0.0;  // (frames - 1) x coordinates
+};
+
+// A pose that was read from the photographs' pixels (compare/photometric_pose.h).
+struct PhotometricReading {
+    Rigid camera_from_marker;
+    Matrix6d covariance;  // left perturbation, rot, trans
+};
 
 struct QualificationPose {
     Rigid base_from_carriage;  // from the axes' read-back positions
     bool hold_out = false;     // decided before anything is solved
     // Corners in the photo, mean over the pose's frames; nothing when the marker was not detected.
     std::optional<std::vector<Eigen::Vector2d>> corners;
+
+    // What follows may be left out; what cannot be said without it is then SKIPPED or not checked.
+    std::optional<CornerNoise> corner_noise = {};        // nothing: a single frame
+    std::optional<PhotometricReading> photometric = {};  // of hold-out poses
+    std::optional<double> time_s = {};                   // of the exposure, since the run began
+    std::optional<std::size_t> repeats = {};  // the earlier pose that has the same target
 };
 
 // A standard uncertainty that the station declares, with the stage error it belongs to.
@@ -56,6 +77,12 @@ struct DeclaredErrorMap {
     double marker_rms_mm = 0.0, marker_max_mm = 0.0;  // over the poses
 };
 
+// How far the temperature may be from the one at which marker and stage have their declared sizes.
+struct DeclaredTemperature {
+    double standard_uncertainty_k = 0.0;
+    double marker_expansion_per_k = 0.0, stage_expansion_per_k = 0.0;  // relative
+};
+
 struct QualificationInput {
     const CameraModel* camera = nullptr;     // the calibration under test
     std::vector<Eigen::Vector3d> points_mm;  // of the marker, as its detector reports them
@@ -68,12 +95,20 @@ struct QualificationInput {
     std::vector<DeclaredErrorMap> error_maps;
     // Relative standard uncertainty of the marker's printed size. Nothing: unknown.
     std::optional<double> marker_size_uncertainty;
+    // Standard uncertainty of how far the marker's edge stands out of its plane. Nothing: unknown.
+    std::optional<double> marker_flatness_mm = {};
+    std::optional<DeclaredTemperature> temperature = {};  // nothing: unknown
+    // How far the edges of a render may lie from where they belong; 0 for exact ones, as of a
+    // simulation of corners.
+    double render_edge_bound_px = 0.0;
     Limits limits;
     std::uint64_t seed = 1;  // of the simultaneous band's draws
     // Signatures from another run of the same plan, for studies of thousands of runs: they follow
     // from the geometry, and making them takes most of qualify()'s time. Taken when they are of as
     // many hold-out poses; nothing: made from this run.
     const std::vector<ErrorSignature>* known_signatures = nullptr;
+    // Also propagate the budget by Monte Carlo: beside U, for comparison. Some 0.3 s.
+    bool monte_carlo = false;
 };
 
 struct QualifiedPose {
@@ -83,26 +118,25 @@ struct QualifiedPose {
     PoseBias bias;          // of training poses B2 alone, for the record; never judged
 };
 
-// One line of the uncertainty budget of the RMS and of the maximum of the position field.
-struct BudgetRow {
-    std::string source;  // "stage scale z", "image noise", "marker print size"
-    std::optional<double> standard_uncertainty;  // of the input, in `unit`; nothing: unknown
-    std::string unit;
-    // Standard uncertainty it gives the judged quantity, mm.
-    std::optional<double> rms_contribution_mm, max_contribution_mm;
-    std::string
-        basis;  // where the value comes from: "declared by the station", "residuals, 96 dof"
-};
-
 struct DetectionCounts {
     int training = 0, training_detected = 0, hold_out = 0, hold_out_detected = 0;
     double rate() const;  // of all poses; 0 when there are none
 };
 
+// The field of B4 on hold-out poses.
+struct PhotometricField {
+    SmoothField position_field;
+    FieldSummary position_summary;
+    int poses = 0;  // hold-out poses that have B4
+};
+
 struct Qualification {
     Outcome verdict = Outcome::inconclusive;
-    std::vector<JudgedQuantity> quantities;  // in the order of the limits file's documentation
-    std::vector<std::string> reasons;        // why the verdict is not PASS, one sentence each
+    // Those that have a limit, in the order of compare/limits_file.h, and those that have none:
+    // they are SKIPPED with a limit of 0, and their value and U are there where they were measured.
+    std::vector<JudgedQuantity> quantities, reported;
+    FamilyRisk risk;                   // of the judged ones together
+    std::vector<std::string> reasons;  // why the verdict is not PASS, one sentence each
 
     DetectionCounts detection;
     std::vector<QualifiedPose> poses;  // in the order of the input
@@ -111,9 +145,12 @@ struct Qualification {
     std::optional<BiasCorrectedRegistration> registration;
     std::optional<SmoothField> position_field, rotation_field;  // of hold-out B3, camera frame
     FieldSummary position_summary, rotation_summary;            // over all poses and midpoints
+    std::optional<FieldRest> position_rest;                     // nothing without repeated frames
+    std::optional<LengthErrors> lengths;
+    std::optional<PhotometricField> photometric;  // nothing with too few photometric poses
 
     std::vector<BudgetRow> budget;
-    bool budget_complete = false;  // no row is unknown
+    bool budget_complete = false;  // nothing that is unknown could change the verdict
 
     std::vector<ErrorSignature> signatures;
     std::optional<Explanation> explanation;  // when the verdict is not PASS

@@ -167,13 +167,60 @@ SmoothField fit_smooth_field(std::span<const FieldSample> samples, FieldBasis ba
     return field;
 }
 
-namespace {
+Eigen::MatrixXd stacked_design(const SmoothField& field, std::span<const FieldSample> samples) {
+    Eigen::MatrixXd stacked(3 * std::ssize(samples), field.coefficients.size());
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        stacked.middleRows<3>(static_cast<Eigen::Index>(3 * i)) =
+            field.design(samples[i].position_mm);
+    return stacked;
+}
 
-// Lower factor of the coefficients' covariance: draws and powers of noise come from it.
+Eigen::MatrixXd stacked_weight(const SmoothField& field, std::span<const FieldSample> samples) {
+    const auto rows = 3 * std::ssize(samples);
+    Eigen::MatrixXd weight = Eigen::MatrixXd::Zero(rows, rows);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+        const FieldSample& sample = samples[i];
+        const Eigen::Matrix3d along = sample.axis * sample.axis.transpose();
+        const auto k = static_cast<Eigen::Index>(3 * i);
+        weight.block<3, 3>(k, k) = along * std::pow(field.scale_along * sample.sigma_along, -2) +
+                                   (Eigen::Matrix3d::Identity() - along) *
+                                       std::pow(field.scale_across * sample.sigma_across, -2);
+    }
+    return weight;
+}
+
+Eigen::MatrixXd estimator(const SmoothField& field, std::span<const FieldSample> samples) {
+    const Eigen::MatrixXd design = stacked_design(field, samples);
+    const Eigen::MatrixXd weighted = design.transpose() * stacked_weight(field, samples);
+    const Eigen::MatrixXd normal = weighted * design;
+    // Columns to equal length: the coefficients' sizes differ by much.
+    const Eigen::VectorXd unscale = normal.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd scaled = unscale.asDiagonal() * normal * unscale.asDiagonal();
+    return unscale.asDiagonal() * scaled.ldlt().solve(unscale.asDiagonal() * weighted);
+}
+
 Eigen::MatrixXd covariance_factor(const SmoothField& field) {
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(field.covariance);
     return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
+
+double noise_quantile(const SmoothField& field, std::uint64_t seed,
+                      const std::function<double(const Eigen::VectorXd&)>& figure) {
+    const Eigen::MatrixXd factor = covariance_factor(field);
+    std::vector<double> figures;
+    Eigen::VectorXd deviate(factor.cols());
+    for (int draw = 0; draw < draws; ++draw) {
+        RandomStream random(seed, 0, static_cast<std::uint64_t>(draw));
+        for (double& value : deviate)
+            value = random.normal();
+        figures.push_back(figure(factor * deviate));
+    }
+    const auto quantile = figures.begin() + static_cast<std::ptrdiff_t>(coverage * draws);
+    std::nth_element(figures.begin(), quantile, figures.end());
+    return *quantile;
+}
+
+namespace {
 
 // The field's power P = c^T M c has, for a true RMS of R, the variance 4 R^2 l + t: l is the
 // largest variance of a unit field's amplitude and t what noise alone does. The upper end of the
@@ -201,23 +248,14 @@ void summarize_rms(const SmoothField& field, std::span<const Eigen::Vector3d> po
 }
 
 double largest_noise(const SmoothField& field, std::span<const Eigen::Vector3d> positions,
-                     const Eigen::MatrixXd& factor, std::uint64_t seed) {
-    Eigen::MatrixXd spread(3 * positions.size(), factor.cols());
+                     std::uint64_t seed) {
+    Eigen::MatrixXd spread(3 * positions.size(), field.coefficients.size());
     for (std::size_t i = 0; i < positions.size(); ++i)
-        spread.middleRows<3>(static_cast<Eigen::Index>(3 * i)) =
-            field.design(positions[i]) * factor;
-    std::vector<double> largest;
-    Eigen::VectorXd deviate(factor.cols());
-    for (int draw = 0; draw < draws; ++draw) {
-        RandomStream random(seed, 0, static_cast<std::uint64_t>(draw));
-        for (double& value : deviate)
-            value = random.normal();
-        const Eigen::VectorXd noise = spread * deviate;
-        largest.push_back(noise.reshaped(3, noise.size() / 3).colwise().norm().maxCoeff());
-    }
-    const auto quantile = largest.begin() + static_cast<std::ptrdiff_t>(coverage * draws);
-    std::nth_element(largest.begin(), quantile, largest.end());
-    return *quantile;
+        spread.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = field.design(positions[i]);
+    return noise_quantile(field, seed, [&](const Eigen::VectorXd& coefficients) {
+        const Eigen::VectorXd noise = spread * coefficients;
+        return noise.reshaped(3, noise.size() / 3).colwise().norm().maxCoeff();
+    });
 }
 
 }  // namespace
@@ -239,7 +277,7 @@ FieldSummary summarize(const SmoothField& field, std::span<const Eigen::Vector3d
             summary.max_position_mm = position;
         }
     }
-    summary.max_uncertainty = largest_noise(field, positions_mm, factor, seed);
+    summary.max_uncertainty = largest_noise(field, positions_mm, seed);
     return summary;
 }
 

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -53,6 +54,24 @@ struct SmoothField {
 // NumericalError when there are fewer than 10 samples, when they do not span the basis (all in one
 // plane, say), or anything is not finite.
 SmoothField fit_smooth_field(std::span<const FieldSample> samples, FieldBasis basis);
+
+// The samples' design matrices below one another, 3 rows per sample.
+Eigen::MatrixXd stacked_design(const SmoothField& field, std::span<const FieldSample> samples);
+
+// One over the noise's variance along each sample's axis and across it, at the field's levels: 3 x
+// 3 blocks on the diagonal.
+Eigen::MatrixXd stacked_weight(const SmoothField& field, std::span<const FieldSample> samples);
+
+// Coefficients x (3 per sample): what the fit makes of the samples' errors, Huber's weights aside.
+Eigen::MatrixXd estimator(const SmoothField& field, std::span<const FieldSample> samples);
+
+// The 97.7 % quantile, over 2000 draws of the coefficients' noise from their covariance, of a
+// figure that is not negative.
+double noise_quantile(const SmoothField& field, std::uint64_t seed,
+                      const std::function<double(const Eigen::VectorXd& coefficients)>& figure);
+
+// A matrix F with F F^T the coefficients' covariance.
+Eigen::MatrixXd covariance_factor(const SmoothField& field);
 
 // A field over given positions, as vector norms, with expanded uncertainties (k = 2) from noise.
 // The RMS is over the positions; the maximum over them and the midpoints of all pairs

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "compare/uncertainty_budget.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -46,6 +47,14 @@ Outcome combine(std::span<const JudgedQuantity> quantities) {
     if (!quantities.empty() && std::all_of(quantities.begin(), quantities.end(), is(Outcome::pass)))
         return Outcome::pass;
     return Outcome::inconclusive;
+}
+
+FamilyRisk family_risk(std::span<const JudgedQuantity> quantities) {
+    FamilyRisk risk;
+    risk.judged = static_cast<int>(quantities.size());
+    risk.each = risk.wrong_pass = 1.0 - coverage_probability;
+    risk.wrong_fail = std::min(1.0, risk.judged * risk.each);
+    return risk;
 }
 
 int exit_code(Outcome verdict) {

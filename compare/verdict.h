@@ -4,6 +4,8 @@
 // what lies within U of the limit is proven neither good nor bad.
 #pragma once
 
+#include <limits>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -24,8 +26,15 @@ const char* name(Outcome outcome);
 struct JudgedQuantity {
     std::string name;  // as in the limits file: "b3_position_field_rms_mm"
     std::string unit;
+    bool measured = false;  // value and U are there
     double value = 0.0;
-    double expanded_uncertainty = 0.0;  // U, one-sided 97.7 % (k = 2); meaningless when skipped
+    // U, one-sided 97.7 %: the coverage factor times the combined standard uncertainty, whose
+    // effective degrees of freedom these are. Meaningless when skipped.
+    double expanded_uncertainty = 0.0;
+    double coverage_factor = 2.0;
+    double degrees_of_freedom = std::numeric_limits<double>::infinity();
+    // The same by Monte Carlo: what is to be added to the value for 97.7 %. Nothing: not asked for.
+    std::optional<double> monte_carlo_uncertainty = {};
     double limit = 0.0;
     Outcome outcome = Outcome::skipped;
     std::string reason;  // empty for a plain PASS or FAIL
@@ -36,6 +45,19 @@ Outcome decide(double value, double expanded_uncertainty, double limit);
 
 // FAIL when any is FAIL; PASS when there is at least one and all are PASS; INCONCLUSIVE otherwise.
 Outcome combine(std::span<const JudgedQuantity> quantities);
+
+// What the verdict risks over all quantities together, each judged one-sided.
+struct FamilyRisk {
+    int judged = 0;
+    double each = 0.0;  // that a quantity exactly at its limit comes out as PASS, or as FAIL
+    // That a camera with any quantity at or above its limit gets PASS: all must pass, so it is no
+    // more than that of one.
+    double wrong_pass = 0.0;
+    // That a camera with every quantity at or below its limit gets FAIL: one is enough, so they
+    // add up (Bonferroni's bound, however the quantities depend on each other).
+    double wrong_fail = 0.0;
+};
+FamilyRisk family_risk(std::span<const JudgedQuantity> quantities);
 
 // Process exit code of a verdict: 0, 1, and 2 for everything that is neither PASS nor FAIL.
 int exit_code(Outcome verdict);

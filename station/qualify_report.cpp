@@ -198,18 +198,50 @@ void add_biases(HtmlPage& page, const Qualification& analysis) {
     page.add_table({"component", "mean", "standard deviation", "largest", "poses"}, rows);
 }
 
+// Which quantities the budget is shown for, and how.
+struct BudgetColumn {
+    const char* quantity;
+    const char* heading;
+};
+constexpr BudgetColumn budget_columns[] = {
+    {quantity::position_rms, "in the position field's RMS / mm"},
+    {quantity::position_max, "in its maximum / mm"},
+    {quantity::length_max, "in lengths / mm"},
+    {quantity::rotation_rms, "in the rotation field's RMS / mrad"}};
+
+std::string contribution(const BudgetRow& row, const char* quantity) {
+    if (!row.sensitivity.contains(quantity))
+        return "–";
+    if (row.standard_uncertainty)
+        return number(row.contribution(quantity));
+    return row.widest ? "up to " + number(row.sensitivity.at(quantity) * *row.widest) : unknown;
+}
+
 void add_budget(HtmlPage& page, const Qualification& analysis) {
     page.add_heading("Uncertainty budget");
+    std::vector<std::string> headings{"source", "standard uncertainty", "unit", "distribution",
+                                      "degrees of freedom"};
+    for (const BudgetColumn& column : budget_columns)
+        headings.emplace_back(column.heading);
+    headings.emplace_back("from");
     Rows rows;
-    for (const BudgetRow& row : analysis.budget)
-        rows.push_back({row.source, number(row.standard_uncertainty), row.unit,
-                        number(row.rms_contribution_mm), number(row.max_contribution_mm),
-                        row.basis});
-    page.add_table({"source", "standard uncertainty", "unit", "in the field's RMS / mm",
-                    "in its maximum / mm", "from"},
-                   rows);
+    for (const BudgetRow& row : analysis.budget) {
+        std::vector<std::string> cells{
+            row.source, number(row.standard_uncertainty), row.unit, name(row.distribution),
+            std::isfinite(row.degrees_of_freedom) ? number(row.degrees_of_freedom) : "∞"};
+        for (const BudgetColumn& column : budget_columns)
+            cells.push_back(contribution(row, column.quantity));
+        cells.push_back(row.counted ? row.basis : "not in U: " + row.basis);
+        rows.push_back(cells);
+    }
+    page.add_table(headings, rows);
+    page.add_paragraph(
+        "Contributions are standard uncertainties and add in quadrature; the coverage factor of U "
+        "follows from the effective degrees of freedom (Welch-Satterthwaite).");
     if (!analysis.budget_complete)
-        page.add_paragraph("A source marked unknown is not zero: with it no PASS is possible.");
+        page.add_paragraph(
+            "A source marked unknown is not zero. Where it could change the outcome there is no "
+            "PASS with it.");
 }
 
 void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected) {

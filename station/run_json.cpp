@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "core/text.h"
+#include "station/analysis_json.h"
 #include "station/pose_numbers.h"
 #include "station/record_json.h"
 
@@ -130,110 +131,6 @@ Json plan_json(const StationFile& station, const Plan& plan) {
             {"seed", station.plan.seed},
             {"settle_ms", station.plan.settle.count()},
             {"expected_duration_s", seconds(plan.expected_duration)}};
-}
-
-Json measurements_json(const Qualification& analysis) {
-    Json list = Json::array();
-    for (const JudgedQuantity& q : analysis.quantities) {
-        const bool measured = q.outcome != Outcome::skipped;
-        list.push_back({{"name", q.name},
-                        {"unit", q.unit},
-                        {"value", measured ? Json(q.value) : Json()},
-                        {"expanded_uncertainty", measured ? Json(q.expanded_uncertainty) : Json()},
-                        {"coverage_factor", 2},
-                        {"limit", q.limit},
-                        {"outcome", name(q.outcome)},
-                        {"reason", q.reason}});
-    }
-    return list;
-}
-
-Json registration_json(const BiasCorrectedRegistration& corrected) {
-    const Registration& registration = corrected.registration;
-    Json freedoms = Json::array();
-    for (const GaugeFreedom& freedom : registration.freedoms)
-        freedoms.push_back(
-            {{"name", freedom.name}, {"direction", numbers_json(freedom.direction)}});
-    return {{"camera_from_base", pose_numbers(registration.camera_from_base)},
-            {"carriage_from_marker", pose_numbers(registration.carriage_from_marker)},
-            {"residual_rms_px", registration.residual_rms_px},
-            {"poses_used", corrected.used.size()},
-            {"down_weighted_points", registration.down_weighted_points},
-            {"rounds", corrected.rounds},
-            {"last_change_px", corrected.last_change_px},
-            {"rank", registration.rank},
-            {"condition_number", registration.condition_number},
-            {"freedoms", freedoms}};
-}
-
-Json field_json(const SmoothField& field, const FieldSummary& summary) {
-    return {{"coefficients", numbers_json(field.coefficients)},
-            {"samples", field.samples},
-            {"degrees_of_freedom", field.degrees_of_freedom},
-            {"down_weighted", field.down_weighted},
-            {"centre_mm", numbers_json(field.centre_mm)},
-            {"residual_along", field.residual_along},
-            {"residual_across", field.residual_across},
-            {"rms", summary.rms},
-            {"rms_uncertainty", summary.rms_uncertainty},
-            {"noise_rms", summary.noise_rms},
-            {"max", summary.max},
-            {"max_uncertainty", summary.max_uncertainty},
-            {"max_position_mm", numbers_json(summary.max_position_mm)}};
-}
-
-Json budget_json(const Qualification& analysis) {
-    Json list = Json::array();
-    for (const BudgetRow& row : analysis.budget)
-        list.push_back({{"source", row.source},
-                        {"standard_uncertainty", optional_number(row.standard_uncertainty)},
-                        {"unit", row.unit},
-                        {"rms_contribution_mm", optional_number(row.rms_contribution_mm)},
-                        {"max_contribution_mm", optional_number(row.max_contribution_mm)},
-                        {"basis", row.basis}});
-    return list;
-}
-
-Json signatures_json(const Qualification& analysis) {
-    Json list = Json::array();
-    for (const ErrorSignature& s : analysis.signatures)
-        list.push_back({{"name", s.name},
-                        {"unit", s.unit},
-                        {"size", s.size},
-                        {"before_rms_mm", s.before_rms_mm},
-                        {"before_max_mm", s.before_max_mm},
-                        {"after_rms_mm", s.after_rms_mm},
-                        {"after_max_mm", s.after_max_mm},
-                        {"detectable_size", s.detectable_size},
-                        {"observable", s.observable},
-                        {"reason", s.reason},
-                        {"confounded_with", s.confounded_with}});
-    return list;
-}
-
-void add_analysis(Json& run, const Qualification& analysis) {
-    run["measurements"] = measurements_json(analysis);
-    run["reasons"] = analysis.reasons;
-    if (analysis.explanation)
-        run["explanation"] = {{"text", analysis.explanation->text},
-                              {"group", analysis.explanation->group},
-                              {"cosine", analysis.explanation->cosine},
-                              {"size", analysis.explanation->size},
-                              {"unit", analysis.explanation->unit}};
-    run["detection"] = {{"training", analysis.detection.training},
-                        {"training_detected", analysis.detection.training_detected},
-                        {"hold_out", analysis.detection.hold_out},
-                        {"hold_out_detected", analysis.detection.hold_out_detected},
-                        {"rate", analysis.detection.rate()}};
-    if (analysis.registration)
-        run["registration"] = registration_json(*analysis.registration);
-    if (analysis.position_field)
-        run["position_field_mm"] = field_json(*analysis.position_field, analysis.position_summary);
-    if (analysis.rotation_field)
-        run["rotation_field_rad"] = field_json(*analysis.rotation_field, analysis.rotation_summary);
-    run["budget_complete"] = analysis.budget_complete;
-    run["budget"] = budget_json(analysis);
-    run["gauge_report"] = signatures_json(analysis);
 }
 
 Json software_json(const std::vector<SoftwareVersion>& software) {

@@ -103,7 +103,9 @@ TEST(Qualification, DoesNotPassWithATermOfTheBudgetUnknown) {
         EXPECT_FALSE(result.budget_complete);
         EXPECT_THAT(result.reasons, Contains(HasSubstr("unknown")));
         EXPECT_EQ(std::count_if(result.budget.begin(), result.budget.end(),
-                                [](const BudgetRow& row) { return !row.rms_contribution_mm; }),
+                                [](const BudgetRow& row) {
+                                    return row.counted && !row.standard_uncertainty;
+                                }),
                   1);
     }
 }
@@ -117,8 +119,8 @@ TEST(Qualification, CountsAnErrorMapInFull) {
     const Qualification with = qualify(input);
     const auto row = std::ranges::find(with.budget, "stage error map z", &BudgetRow::source);
     ASSERT_NE(row, with.budget.end());
-    EXPECT_EQ(row->rms_contribution_mm, 0.03);
-    EXPECT_EQ(row->max_contribution_mm, 0.07);
+    EXPECT_DOUBLE_EQ(row->contribution(quantity::position_rms), 0.03);
+    EXPECT_DOUBLE_EQ(row->contribution(quantity::position_max), 0.07);
     EXPECT_EQ(with.budget.size(), without.budget.size() + 1);
     EXPECT_GT(with.quantities[0].expanded_uncertainty, 2 * 0.03);
     EXPECT_GT(with.quantities[1].expanded_uncertainty, 2 * 0.07);

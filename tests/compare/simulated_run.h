@@ -179,6 +179,8 @@ inline QualificationInput input_of(const SimulatedRun& run, std::uint64_t seed) 
     for (const Axis& axis : run.axes)
         input.repeatability.push_back({axis.name, 0.002});
     input.marker_size_uncertainty = 20e-6;
+    input.marker_flatness_mm = 0.01;
+    input.temperature = DeclaredTemperature{0.5, 9e-6, 11e-6};
     input.limits = run.limits;
     input.seed = seed;
     return input;

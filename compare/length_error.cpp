@@ -1,0 +1,76 @@
+#include "compare/length_error.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+constexpr double least_distance_mm = 1e-6;
+
+Eigen::VectorXd pair_distances(std::span<const FieldSample> samples) {
+    const auto n = static_cast<Eigen::Index>(samples.size());
+    Eigen::VectorXd distances(n * (n - 1) / 2);
+    Eigen::Index row = 0;
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        for (std::size_t k = 0; k < i; ++k)
+            distances[row++] = (samples[i].position_mm - samples[k].position_mm).norm();
+    return distances;
+}
+
+// Exactly, not to first order.
+Eigen::VectorXd measured_errors(std::span<const FieldSample> samples) {
+    Eigen::VectorXd errors = -pair_distances(samples);
+    Eigen::Index row = 0;
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        for (std::size_t k = 0; k < i; ++k)
+            errors[row++] += (samples[i].position_mm + samples[i].error - samples[k].position_mm -
+                              samples[k].error)
+                                 .norm();
+    return errors;
+}
+
+}  // namespace
+
+Eigen::MatrixXd pair_lengthening(std::span<const FieldSample> samples) {
+    const auto n = static_cast<Eigen::Index>(samples.size());
+    if (n < 2)
+        throw NumericalError(fmt::format("length error: {} positions make no pair", n));
+    Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(n * (n - 1) / 2, 3 * n);
+    Eigen::Index row = 0;
+    for (Eigen::Index i = 0; i < n; ++i)
+        for (Eigen::Index k = 0; k < i; ++k, ++row) {
+            const Eigen::Vector3d way = samples[static_cast<std::size_t>(i)].position_mm -
+                                        samples[static_cast<std::size_t>(k)].position_mm;
+            // Repeated poses are no length.
+            if (!(way.norm() > least_distance_mm))
+                continue;
+            rows.block<1, 3>(row, 3 * i) = way.normalized().transpose();
+            rows.block<1, 3>(row, 3 * k) = -way.normalized().transpose();
+        }
+    return rows;
+}
+
+LengthErrors length_errors(const SmoothField& field, std::span<const FieldSample> samples,
+                           std::uint64_t seed) {
+    const Eigen::MatrixXd lengthening = pair_lengthening(samples) * stacked_design(field, samples);
+    const Eigen::VectorXd distances = pair_distances(samples);
+    const Eigen::VectorXd measured = measured_errors(samples);
+    LengthErrors result;
+    result.pairs = static_cast<int>(distances.size());
+    result.longest_mm = distances.maxCoeff();
+    result.measured_rms_mm = measured.norm() / std::sqrt(static_cast<double>(measured.size()));
+    result.measured_max_mm = measured.cwiseAbs().maxCoeff();
+    Eigen::Index worst = 0;
+    result.field_max_mm = (lengthening * field.coefficients).cwiseAbs().maxCoeff(&worst);
+    result.field_max_length_mm = distances[worst];
+    result.field_max_uncertainty_mm = noise_quantile(
+        field, seed,
+        [&](const Eigen::VectorXd& noise) { return (lengthening * noise).cwiseAbs().maxCoeff(); });
+    return result;
+}
+
+}  // namespace etalon

@@ -194,7 +194,7 @@ std::vector<FieldSample> photometric_samples(const QualificationInput& input,
 }
 
 // What the frames of each used hold-out pose say about its position, with the declared stage noise
-// on top. Nothing when a pose has no repeated frames.
+// on top. Nothing when a pose has no repeated frames or they show no noise.
 std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input,
                                                        const Qualification& result) {
     double stage_mm2 = 0.0;
@@ -213,6 +213,8 @@ std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput&
             corners->variance_px2 * pose.bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
             stage_mm2 / 3.0 * Eigen::Matrix3d::Identity();
         one.degrees_of_freedom = corners->degrees_of_freedom;
+        if (!(one.covariance.trace() > 0.0))
+            return std::nullopt;  // frames alike to the last bit say nothing about noise
         noise.push_back(one);
     }
     return noise;

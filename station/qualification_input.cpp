@@ -11,6 +11,8 @@ QualificationInput declared_input(const StationFile& station,
     input.points_mm = station.marker.points_mm;
     input.nominal_carriage_from_marker = mount;
     input.marker_size_uncertainty = station.marker_size_uncertainty;
+    input.marker_flatness_mm = station.marker_flatness_mm;
+    input.temperature = station.temperature;
     input.limits = station.limits;
     input.seed = station.plan.seed;
     input.stage_terms = declared_stage_terms(axes, visits);

@@ -146,6 +146,18 @@ std::string place_text(const Value& value) {
     return fmt::format("{}:{}: {}", place.file, place.line, place.key);
 }
 
+DeclaredTemperature read_temperature(const Value& section) {
+    constexpr double per_million = 1e-6;
+    const Range expansion{-100.0, 1000.0};
+    DeclaredTemperature temperature;
+    temperature.standard_uncertainty_k = section.at("uncertainty_k").number({0.0, 100.0});
+    temperature.marker_expansion_per_k =
+        section.at("marker_expansion_ppm_per_k").number(expansion) * per_million;
+    temperature.stage_expansion_per_k =
+        section.at("stage_expansion_ppm_per_k").number(expansion) * per_million;
+    return temperature;
+}
+
 Marker read_marker(const Value& spec, const std::string& detector, const std::string& place) {
     Marker marker = parse_marker(spec.text(), place_text(spec));
     make_detector(detector, marker, place);  // thrown away: only whether there is one
@@ -172,6 +184,10 @@ StationFile read_station(const std::filesystem::path& path) {
         station.camera_from_base_nominal = read_mount(*mount);
     if (const auto ppm = root.find("marker_size_uncertainty_ppm"))
         station.marker_size_uncertainty = ppm->number({0.0, 1e5}) * 1e-6;
+    if (const auto um = root.find("marker_flatness_um"))
+        station.marker_flatness_mm = um->number({0.0, 1e5}) * 1e-3;
+    if (const auto temperature = root.find("temperature"))
+        station.temperature = read_temperature(*temperature);
     station.background = number_or(root, "background", 1.0, {0.0, 1.0});
     station.white_level = number_or(root, "white_level", 1.0, {0.0, 1.0, true});
     station.plan = read_plan(root.at("plan"), station.stage.axes);

@@ -14,6 +14,9 @@
 //     marker_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 0]}     carriage_from_marker
 //     camera_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 480]}   camera_from_base
 //     marker_size_uncertainty_ppm: 100          # standard uncertainty
+//     marker_flatness_um: 10                    # the same, of its edge out of its plane
+//     temperature: {uncertainty_k: 0.5, marker_expansion_ppm_per_k: 9,
+//                   stage_expansion_ppm_per_k: 11}
 //     background: 0.6                           # radiance around the marker; its white is 1
 //     white_level: 0.8                          # the marker's white in the photographs
 //     plan: {volume: {x: [-20, 20], rz: [-5, 5]}, poses: 60, hold_out: 0.4, frames: 3, seed: 7,
@@ -24,7 +27,8 @@
 // Optional, with these values when left out: exposure_us and gain_db (the device's own, not
 // touched), packet_size 1400, frame_timeout_ms 1000, retries 5, of the link all but the address
 // (the values above), profile generic, marker_mount identity, camera_mount unknown,
-// marker_size_uncertainty_ppm unknown, background 1, white_level 1, detector auto. All else is
+// marker_size_uncertainty_ppm, marker_flatness_um
+// and temperature unknown, background 1, white_level 1, detector auto. All else is
 // required.
 #pragma once
 
@@ -38,6 +42,7 @@
 #include "calib/camera_model.h"
 #include "capture/camera.h"
 #include "compare/limits_file.h"
+#include "compare/qualification.h"
 #include "core/rigid.h"
 #include "sim/marker.h"
 #include "stage/axes.h"
@@ -94,6 +99,9 @@ struct StationFile {
     std::optional<Rigid> camera_from_base_nominal;
     // Relative standard uncertainty of the printed marker's size; nothing: unknown.
     std::optional<double> marker_size_uncertainty;
+    // Standard uncertainty of how far its edge stands out of its plane; nothing: unknown.
+    std::optional<double> marker_flatness_mm;
+    std::optional<DeclaredTemperature> temperature;  // nothing: unknown
     double background = 1.0;   // radiance around the marker, whose white is 1
     double white_level = 1.0;  // of the marker's white in the photographs; 1 = full scale
     PlanRequest plan;

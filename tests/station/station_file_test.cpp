@@ -43,6 +43,11 @@ TEST(StationFile, GivesWhatItSays) {
     ASSERT_EQ(station.stage.axes.size(), 4u);
     EXPECT_EQ(station.marker.id, 5);
     EXPECT_DOUBLE_EQ(*station.marker_size_uncertainty, 50e-6);
+    EXPECT_DOUBLE_EQ(*station.marker_flatness_mm, 0.004);
+    ASSERT_TRUE(station.temperature);
+    EXPECT_DOUBLE_EQ(station.temperature->standard_uncertainty_k, 0.3);
+    EXPECT_DOUBLE_EQ(station.temperature->marker_expansion_per_k, 9e-6);
+    EXPECT_DOUBLE_EQ(station.temperature->stage_expansion_per_k, 11e-6);
     EXPECT_EQ(station.limits.id, "test-limits-5");
     EXPECT_EQ(station.plan.poses, 25);
     EXPECT_EQ(station.plan.settle, std::chrono::milliseconds(40));

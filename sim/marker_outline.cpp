@@ -5,6 +5,7 @@ namespace etalon {
 std::vector<Eigen::Vector2d> marker_outline(const MarkerView& view, const Projector& projector,
                                             int points_per_side) {
     std::vector<Eigen::Vector2d> pixels;
+    pixels.reserve(static_cast<std::size_t>(4 * points_per_side));
     for (int n = 0; n < 4 * points_per_side; ++n) {
         const double along = (n % points_per_side) / (points_per_side - 1.0);
         const double s[] = {along, 1.0, 1.0 - along, 0.0};

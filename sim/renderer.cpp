@@ -207,13 +207,14 @@ EdgeTangents tangents_of(const std::vector<Eigen::Vector2d>& outline) {
     EdgeTangents tangents;
     if (outline.empty())
         return tangents.set();
+    constexpr std::size_t stride = 2;  // the margin below holds what lies between
     const std::size_t per_side = outline.size() / 4;
     for (const std::size_t pair : {0, 1}) {
         double first = 0.0, least = 0.0, most = 0.0;
         for (const std::size_t side : {pair, pair + 2})
-            for (std::size_t n = 0; n + 1 < per_side; ++n) {
+            for (std::size_t n = 0; n + stride < per_side; n += stride) {
                 const Eigen::Vector2d step =
-                    outline[side * per_side + n + 1] - outline[side * per_side + n];
+                    outline[side * per_side + n + stride] - outline[side * per_side + n];
                 const double angle = std::atan2(step.y(), step.x());
                 if (side == pair && n == 0)
                     first = angle;
@@ -265,18 +266,18 @@ public:
                  const RenderOptions& options)
         : cache_(cache),
           view_(marker, scene.background, cache.aperture),
+          outline_(marker_outline(view_, cache.map.projector(), 31)),
           all_refined_(std::find(options.keep.begin(), options.keep.end(),
                                  Omission::uniform_tiles) != options.keep.end()) {
         const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
-        const std::vector<Eigen::Vector2d> sides = marker_outline(view_, cache.map.projector(), 16);
-        const cv::Rect tiles = tiles_around(sides, blur.largest_px, cache.map);
+        const cv::Rect tiles = tiles_around(outline_, blur.largest_px, cache.map);
         const ImageExtremes image{blur,
                                   distorted_blur(blur, view_, cache.map, tiles),
                                   largest_step(view_),
                                   view_.contrast(),
-                                  area_around(sides, blur.largest_px),
-                                  shortest_cell(sides, view_),
-                                  tangents_of(sides),
+                                  area_around(outline_, blur.largest_px),
+                                  shortest_cell(outline_, view_),
+                                  tangents_of(outline_),
                                   cache.map.bend(tiles),
                                   static_cast<int>(scene.markers.size())};
         chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
@@ -297,7 +298,7 @@ public:
         record(*samples_);
         const int reach = static_cast<int>(std::ceil(
             std::min(std::max<double>(cache_.filter.reach_px(), plan().tail_reach_px), most_px)));
-        sources_ = cache_.tail.sources(*samples_, view_, grown(region, reach, reach));
+        sources_ = cache_.tail.sources(*samples_, view_, outline_, grown(region, reach, reach));
         return sources_.empty() ? cv::Rect() : grown(sources_, reach, reach) & region;
     }
 
@@ -336,6 +337,7 @@ private:
 
     const Cache& cache_;
     MarkerView view_;
+    std::vector<Eigen::Vector2d> outline_;
     bool all_refined_;
     RenderSampling chosen_;
     std::optional<TileSamples> samples_;

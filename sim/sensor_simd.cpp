@@ -32,6 +32,40 @@ HWY_ATTR HWY_INLINE hn::Vec<D> linear_vector(D d, LinearSensor sensor, const flo
     return nothing;
 }
 
+// Single precision gives the same code unless the result is this close to a step: range and offset,
+// below 256, and their sum are each rounded by less than a sixth of it.
+constexpr float step_margin = 1e-4f;
+
+// As many pixels as vectors hold where single precision is enough; returns where they end. Not
+// finite values end it.
+HWY_ATTR HWY_INLINE int linear_in_single(LinearSensor sensor, const float* radiance, int x,
+                                         int count, std::uint8_t* codes) {
+    const hn::ScalableTag<float> d;
+    const hn::RebindToSigned<decltype(d)> integers;
+    const hn::Rebind<std::uint8_t, decltype(d)> narrow;
+    const int n = static_cast<int>(hn::Lanes(d));
+    const auto range = hn::Set(d, static_cast<float>(sensor.range));
+    const auto offset = hn::Set(d, static_cast<float>(sensor.offset));
+    const auto zero = hn::Zero(d), one = hn::Set(d, 1.0f);
+    for (; x + n <= count; x += n) {
+        const auto p = hn::LoadU(d, radiance + x);
+        // Everything below 1 is the code 0; a quarter is far from a step.
+        const auto code = hn::Max(hn::MulAdd(range, hn::Min(p, one), offset), hn::Set(d, 0.25f));
+        const auto whole = hn::ConvertTo(integers, code);
+        const auto beyond = hn::Sub(code, hn::ConvertTo(d, whole));
+        const auto surely = hn::And(hn::Gt(beyond, hn::Set(d, step_margin)),
+                                    hn::Lt(beyond, hn::Set(d, 1.0f - step_margin)));
+        const auto finite = hn::Eq(hn::Mul(p, zero), zero);
+        if (!hn::AllTrue(d, hn::And(surely, finite)))
+            break;
+        hn::StoreU(hn::DemoteTo(narrow, whole), narrow, codes + x);
+    }
+    return x;
+}
+HWY_ATTR HWY_INLINE int linear_in_single(LinearSensor, const float*, int x, int, std::uint16_t*) {
+    return x;
+}
+
 // Whether all of them are finite.
 template <class Code>
 HWY_ATTR HWY_INLINE bool linear_pixels(LinearSensor sensor, const float* radiance,
@@ -40,6 +74,8 @@ HWY_ATTR HWY_INLINE bool linear_pixels(LinearSensor sensor, const float* radianc
     const int n = static_cast<int>(hn::Lanes(d));
     auto nothing = hn::Zero(d);
     int x = 0;
+    if (!response)
+        x = linear_in_single(sensor, radiance, x, count, codes);
     for (; x + n <= count; x += n)
         nothing = hn::Add(nothing, linear_vector(d, sensor, radiance + x,
                                                  response ? response + x : nullptr, codes + x));

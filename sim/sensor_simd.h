@@ -1,6 +1,7 @@
 // The inner loops of the sensor model, vectorised with Google Highway: the best instruction set of
 // the machine is chosen at run time. Every set gives the same codes: each pixel's operations are
-// those of the scalar formula, in double precision and one by one (none is fused).
+// those of the scalar formula, in double precision and one by one (none is fused), or in single
+// precision where its rounding cannot change the code.
 #pragma once
 
 #include <cstdint>

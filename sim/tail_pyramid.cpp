@@ -138,8 +138,9 @@ TailPyramid::TailPyramid(const ImageFilter& filter, const Projector& projector)
     : filter_(filter), corners_(projector) {}
 
 cv::Rect TailPyramid::sources(const TileSamples& samples, const MarkerView& marker,
+                              const std::vector<Eigen::Vector2d>& outline,
                               const cv::Rect& limit) const {
-    return source_pixels(samples, marker, corners_.projector(), limit);
+    return source_pixels(samples, marker, corners_.projector().camera().intrinsics, outline, limit);
 }
 
 void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, const cv::Rect& seen_at,

@@ -18,8 +18,9 @@ public:
     TailPyramid(const ImageFilter& filter, const Projector& projector);
 
     // The pixels within `limit` outside of which the marker is not: of the image and beyond.
+    // `outline`: marker_outline() with 31 points a side.
     cv::Rect sources(const TileSamples& samples, const MarkerView& marker,
-                     const cv::Rect& limit) const;
+                     const std::vector<Eigen::Vector2d>& outline, const cv::Rect& limit) const;
 
     // Adds to the region's `pixels` (CV_32FC1, its size) the tail of everything within `reach_px`
     // (infinity included) of a pixel; `seen_at` is what sources() gave for the region with that

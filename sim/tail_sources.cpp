@@ -21,12 +21,12 @@ bool contains(const cv::Rect& outer, const cv::Rect& inner) {
 }
 
 // The pixels that hold the marker's image, blur included.
-cv::Rect marker_box(const MarkerView& marker, const Projector& projector, const cv::Rect& limit) {
-    constexpr int points_per_side = 32;
-    constexpr double bulge_px = 16.0;  // between two of these, at most
-    const BlurRange blur = blur_over_marker(marker, projector.camera().intrinsics);
-    return pixels_around(marker_outline(marker, projector, points_per_side),
-                         Eigen::Array2d::Constant(2.0 * blur.largest_px + bulge_px), limit);
+cv::Rect marker_box(const MarkerView& marker, const Intrinsics& intrinsics,
+                    const std::vector<Eigen::Vector2d>& outline, const cv::Rect& limit) {
+    constexpr double bulge_px = 16.0;  // between two of its points, at most
+    const BlurRange blur = blur_over_marker(marker, intrinsics);
+    return pixels_around(outline, Eigen::Array2d::Constant(2.0 * blur.largest_px + bulge_px),
+                         limit);
 }
 
 }  // namespace
@@ -71,9 +71,10 @@ const SquareCorners::Table& SquareCorners::table(int shift) const {
 }
 
 cv::Rect source_pixels(const TileSamples& samples, const MarkerView& marker,
-                       const Projector& projector, const cv::Rect& limit) {
+                       const Intrinsics& intrinsics, const std::vector<Eigen::Vector2d>& outline,
+                       const cv::Rect& limit) {
     const cv::Rect sampled = scaled(samples.tiles_off_background(), tile_px);
-    const cv::Rect box = marker_box(marker, projector, limit);
+    const cv::Rect box = marker_box(marker, intrinsics, outline, limit);
     if (contains(scaled(samples.tiles(), tile_px), box))
         return sampled & limit;
     return (sampled.empty() ? box : sampled | box) & limit;

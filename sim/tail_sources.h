@@ -51,9 +51,10 @@ private:
 };
 
 // The pixels outside of which the marker is not, as far as they are within `limit`: of the image
-// and beyond.
+// and beyond. `outline`: marker_outline() with 31 points a side.
 cv::Rect source_pixels(const TileSamples& samples, const MarkerView& marker,
-                       const Projector& projector, const cv::Rect& limit);
+                       const Intrinsics& intrinsics, const std::vector<Eigen::Vector2d>& outline,
+                       const cv::Rect& limit);
 
 class TailSources {
 public:

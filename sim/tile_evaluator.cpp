@@ -38,8 +38,9 @@ LensRule lens_rule(double blur_radius_px, double sharp_up_to_px) {
     return blur_radius_px < 0.2 ? LensRule{3, 12} : finest_rule;
 }
 
-TilePositionsOf::TilePositionsOf(const Sampling& sampling)
-    : samples(tile_px * sampling.k), quarters(2 * tile_px * sampling.k) {
+TilePositionsOf::TilePositionsOf(const Sampling& sampling) : samples(tile_px * sampling.k) {
+    if (std::isfinite(sampling.exact_lens_from_px))
+        quarters.emplace(2 * tile_px * sampling.k);
     const auto grid = [&](int k) {
         return Grid{k, {tile_px * k, TileInterpolation::margin}, {k, sampling.k, sampling.kind}};
     };
@@ -152,7 +153,7 @@ TileUse TileEvaluator::sample_disks(const TilePolynomial& place, const Box& box,
 TileUse TileEvaluator::sample_blurred_boxes(float* values) {
     const auto n = static_cast<std::size_t>(tile_px * sampling_.k);
     lens_averages_.resize(4 * n * n);
-    exact_lens_samples(geometry_, positions_.quarters, lens_averages_.data());
+    exact_lens_samples(geometry_, *positions_.quarters, lens_averages_.data());
     for (std::size_t y = 0; y < n; ++y) {
         const float* upper = &lens_averages_[4 * n * y];
         const float* lower = upper + 2 * n;

@@ -33,9 +33,10 @@ struct TilePositionsOf {
     };
 
     explicit TilePositionsOf(const Sampling& sampling);
-    TilePositions samples, quarters;  // quarters: 2 x 2 per sample
-    std::vector<Grid> coarser;        // as in Sampling
-    std::optional<Grid> finer;        // of twice as many samples a side
+    TilePositions samples;
+    std::optional<TilePositions> quarters;  // 2 x 2 per sample, where boxes take lens averages
+    std::vector<Grid> coarser;              // as in Sampling
+    std::optional<Grid> finer;              // of twice as many samples a side
 };
 
 // Scratch memory of one thread. View, map and positions must outlive it.

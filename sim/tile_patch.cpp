@@ -54,6 +54,12 @@ TilePositions::TilePositions(int n, int margin) : n_(n + 2 * margin) {
         return (static_cast<float>(i - margin) + 0.5f) / static_cast<float>(n) - 0.5f;
     };
     const auto middle = [&](int i) { return 0.5f * (place(i) + place(i + 3)); };
+    const auto points = static_cast<std::size_t>(n_ * n_), blocks = points / 16;
+    const std::size_t whole = (blocks + 15) / 16 * 16;
+    for (std::vector<float>* of_points : {&s_, &t_})
+        of_points->reserve(points);
+    for (std::vector<float>* of_blocks : {&block_s_, &block_t_})
+        of_blocks->reserve(whole);
     for (int block_y = 0; block_y < n_; block_y += 4)
         for (int block_x = 0; block_x < n_; block_x += 4) {
             for (int i = 0; i < 16; ++i) {
@@ -63,7 +69,6 @@ TilePositions::TilePositions(int n, int margin) : n_(n + 2 * margin) {
             block_s_.push_back(middle(block_x));
             block_t_.push_back(middle(block_y));
         }
-    const std::size_t whole = (block_s_.size() + 15) / 16 * 16;
     block_s_.resize(whole, block_s_.back());
     block_t_.resize(whole, block_t_.back());
     block_reach_ = 1.5f / static_cast<float>(n);

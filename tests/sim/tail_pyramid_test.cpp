@@ -5,6 +5,7 @@
 
 #include <numbers>
 
+#include "sim/marker_outline.h"
 #include "sim/undistortion_map.h"
 
 namespace etalon {
@@ -62,7 +63,8 @@ cv::Mat filtered(const CameraModel& camera, const PlacedMarker& marker, const Sa
     const TileSamples samples(view, map, tiles, sampling);
     cv::Mat difference(region.size(), CV_32FC1);
     const int room = static_cast<int>(std::min(reach_px, 1e5)) + 1;
-    const cv::Rect seen_at = tail.sources(samples, view, grown(region, room, room));
+    const auto outline = marker_outline(view, projector, 31);
+    const cv::Rect seen_at = tail.sources(samples, view, outline, grown(region, room, room));
     tail.add(samples, view, seen_at, reach_px, filter.first_ring() + coarser, region, 0.0f,
              difference);
     add_filtered(samples.field(), filter.core(sampling.k, sampling.kind), region, difference);

@@ -32,33 +32,33 @@ HWY_ATTR HWY_INLINE hn::Vec<D> linear_vector(D d, LinearSensor sensor, const flo
     return nothing;
 }
 
-// Single precision gives the same code unless the result is this close to a step: range and offset,
-// below 256, and their sum are each rounded by less than a sixth of it.
+// Single precision gives the same code unless the signal is this close to a step: range and black
+// level, below 256, and their sum are each rounded by less than a sixth of it.
 constexpr float step_margin = 1e-4f;
 
-// As many pixels as vectors hold where single precision is enough; returns where they end. Not
-// finite values end it.
+// As many pixels as whole vectors hold, up to the first that needs double precision or is not
+// finite; returns where they end.
 HWY_ATTR HWY_INLINE int linear_in_single(LinearSensor sensor, const float* radiance, int x,
                                          int count, std::uint8_t* codes) {
     const hn::ScalableTag<float> d;
-    const hn::RebindToSigned<decltype(d)> integers;
+    const hn::RebindToUnsigned<decltype(d)> bits;
     const hn::Rebind<std::uint8_t, decltype(d)> narrow;
     const int n = static_cast<int>(hn::Lanes(d));
     const auto range = hn::Set(d, static_cast<float>(sensor.range));
-    const auto offset = hn::Set(d, static_cast<float>(sensor.offset));
-    const auto zero = hn::Zero(d), one = hn::Set(d, 1.0f);
+    const auto black = hn::Set(d, static_cast<float>(sensor.offset - 0.5));
+    // Above it a float has no fraction: the sum is rounded, and its last bits are the code.
+    const auto whole = hn::Set(d, 0x1.8p23f);
     for (; x + n <= count; x += n) {
         const auto p = hn::LoadU(d, radiance + x);
-        // Everything below 1 is the code 0; a quarter is far from a step.
-        const auto code = hn::Max(hn::MulAdd(range, hn::Min(p, one), offset), hn::Set(d, 0.25f));
-        const auto whole = hn::ConvertTo(integers, code);
-        const auto beyond = hn::Sub(code, hn::ConvertTo(d, whole));
-        const auto surely = hn::And(hn::Gt(beyond, hn::Set(d, step_margin)),
-                                    hn::Lt(beyond, hn::Set(d, 1.0f - step_margin)));
-        const auto finite = hn::Eq(hn::Mul(p, zero), zero);
+        const auto signal = hn::MulAdd(range, hn::Min(p, hn::Set(d, 1.0f)), black);
+        const auto code = hn::Max(signal, hn::Zero(d));
+        const auto rounded = hn::Add(code, whole);
+        const auto from_code = hn::Abs(hn::Sub(code, hn::Sub(rounded, whole)));
+        const auto surely = hn::Lt(from_code, hn::Set(d, 0.5f - step_margin));
+        const auto finite = hn::Lt(hn::Abs(p), hn::Set(d, 1e30f));
         if (!hn::AllTrue(d, hn::And(surely, finite)))
             break;
-        hn::StoreU(hn::DemoteTo(narrow, whole), narrow, codes + x);
+        hn::StoreU(hn::TruncateTo(narrow, hn::BitCast(bits, rounded)), narrow, codes + x);
     }
     return x;
 }

@@ -87,9 +87,10 @@ void add_smooth(const cv::Mat& sums, const cv::Rect& squares, int shift, const c
     tbb::parallel_for(tbb::blocked_range<int>(part.y, part.br().y, 16), [&](const auto& range) {
         std::vector<float> row(static_cast<std::size_t>(between.width));
         for (int y = range.begin(); y < range.end(); ++y) {
-            const double place = std::ldexp(y + 0.5, -shift) - 0.5;
-            const auto above = static_cast<int>(std::floor(place));
-            const auto way = static_cast<float>(place - above);
+            // In half pixels, from the middle of the square with the index 0.
+            const int place = 2 * y + 1 - (1 << shift), above = place >> (shift + 1);
+            const auto way =
+                static_cast<float>(place - above * (2 << shift)) / static_cast<float>(2 << shift);
             const float* from = sums.ptr<float>(above - squares.y) + left;
             const float* next = sums.ptr<float>(above + 1 - squares.y) + left;
             for (std::size_t x = 0; x < row.size(); ++x)

@@ -153,6 +153,24 @@ HWY_INLINE void add_arcs(Chord* chords, std::size_t count) {
             add_arc(chords[i]);
 }
 
+// Whether the cells on both sides of a line differ anywhere in the part.
+HWY_INLINE bool column_counts(const TilePatch& patch, const PatchPart& part, std::size_t i) {
+    bool counts = patch.cells[part.first_row][i + 1] != patch.cells[part.first_row][i];
+    for (std::size_t j = part.first_row; j < part.end_row; ++j)
+        counts |= patch.mixed[j][i] != 0.0f;
+    return counts;
+}
+HWY_INLINE bool row_counts(const TilePatch& patch, const PatchPart& part, std::size_t j) {
+    bool counts = patch.cells[j + 1][part.first_column] != patch.cells[j][part.first_column];
+    for (std::size_t i = part.first_column; i < part.end_column; ++i)
+        counts |= patch.mixed[j][i] != 0.0f;
+    return counts;
+}
+HWY_INLINE void leave_out(Chord& chord) {
+    chord.crosses = false;
+    store(hn::Zero(tag), chord.area);
+}
+
 // Of the lines of a part of the patch; no other cuts the aperture of any of these points.
 HWY_INLINE Vector lens_average(const TileGeometry& tile, const TilePatch& patch,
                                const PatchPart& part, Vector dx, Vector dy) {
@@ -161,9 +179,15 @@ HWY_INLINE Vector lens_average(const TileGeometry& tile, const TilePatch& patch,
     const std::size_t row_count = part.end_row - part.first_row;
     const Blur blur = blur_of(tile, dx, dy);
     for (std::size_t i = 0; i < column_count; ++i)
-        cut_aperture(patch.columns[part.first_column + i], dx, dy, blur, columns[i]);
+        if (column_counts(patch, part, part.first_column + i))
+            cut_aperture(patch.columns[part.first_column + i], dx, dy, blur, columns[i]);
+        else
+            leave_out(columns[i]);
     for (std::size_t j = 0; j < row_count; ++j)
-        cut_aperture(patch.rows[part.first_row + j], dx, dy, blur, rows[j]);
+        if (row_counts(patch, part, part.first_row + j))
+            cut_aperture(patch.rows[part.first_row + j], dx, dy, blur, rows[j]);
+        else
+            leave_out(rows[j]);
     if (any_crosses(columns, column_count) && any_crosses(rows, row_count)) {
         add_arcs(columns, column_count);
         add_arcs(rows, row_count);

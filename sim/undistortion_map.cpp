@@ -201,18 +201,33 @@ UndistortionMap::Tile UndistortionMap::make_border_tile(int i, int j) const {
     return {Validity::some, {low - margin, high + margin}, Bend::most};
 }
 
-// With V(n, i) = p_n^i for the nodes' places p_n = -1.5, -0.5, 0.5, 1.5 the values at the nodes are
-// V C V^T.
+namespace {
+
+// The coefficients, column by column, of the cubics whose values at -1.5, -0.5, 0.5 and 1.5 are the
+// four columns.
+Eigen::Matrix4d cubics_through(const Eigen::Matrix4d& values) {
+    const Eigen::Vector4d outer = values.col(3) + values.col(0),
+                          inner = values.col(2) + values.col(1);
+    const Eigen::Vector4d far = values.col(3) - values.col(0), near = values.col(2) - values.col(1);
+    Eigen::Matrix4d coefficients;
+    coefficients.col(0) = (9.0 * inner - outer) / 16.0;
+    coefficients.col(1) = (27.0 * near - far) / 24.0;
+    coefficients.col(2) = (outer - inner) / 4.0;
+    coefficients.col(3) = (far - 3.0 * near) / 6.0;
+    return coefficients;
+}
+
+// Rows along t, columns along s, as the nodes.
+Eigen::Matrix4d bicubic_through(const Eigen::Matrix4d& nodes) {
+    return cubics_through(cubics_through(nodes).transpose()).transpose();
+}
+
+}  // namespace
+
 TilePolynomial UndistortionMap::polynomial(int i, int j) const {
-    static const Eigen::Matrix4d from_nodes = [] {
-        Eigen::Matrix4d v;
-        for (int n = 0; n < 4; ++n)
-            v.row(n) << 1.0, n - 1.5, std::pow(n - 1.5, 2), std::pow(n - 1.5, 3);
-        return Eigen::Matrix4d(v.inverse());
-    }();
     TilePolynomial result;
-    result.x = from_nodes * nodes(i, j, 0) * from_nodes.transpose();
-    result.y = from_nodes * nodes(i, j, 1) * from_nodes.transpose();
+    result.x = bicubic_through(nodes(i, j, 0));
+    result.y = bicubic_through(nodes(i, j, 1));
     result.centre = {result.x(0, 0), result.y(0, 0)};
     result.x(0, 0) = result.y(0, 0) = 0.0;
     return result;

@@ -257,6 +257,27 @@ TEST(SensorModel, GivesTheDocumentedCodeAroundEveryRoundingBoundary) {
     });
 }
 
+// Single precision is enough from 1e-4 of a step on.
+TEST(SensorModel, GivesTheDocumentedCodeBesideEveryRoundingBoundary) {
+    for (const double black : {0.0, 0.37 * 255.0}) {
+        const Sensor sensor{.black_dn = black};
+        CameraModel camera = camera_with(sensor, 510, 1);
+        Radiance radiance(1, camera.width, CV_32FC1);
+        for (int x = 0; x < camera.width; ++x) {
+            const double boundary = x / 2 + 0.5 + (x % 2 == 0 ? -1.5e-4 : 1.5e-4);
+            radiance.at<float>(0, x) = static_cast<float>((boundary - black) / (255.0 - black));
+        }
+        const SensorModel model(camera);
+        on_every_target([&] {
+            const CodeImage image = model.expose(radiance);
+            for (int x = 0; x < camera.width; ++x)
+                ASSERT_EQ(image.pixels.at<std::uint8_t>(0, x),
+                          documented_code(sensor, radiance.at<float>(0, x)))
+                    << radiance.at<float>(0, x) << " at pixel " << x;
+        });
+    }
+}
+
 TEST(SensorModel, GivesAPixelInAnEvenBackgroundItsOwnCode) {
     const SensorModel model(camera_of(200, 1));
     on_every_target([&] {

@@ -23,10 +23,10 @@ Eigen::Quaterniond about(double angle, const Eigen::Vector3d& axis) {
 }
 
 // From the last three coordinates of a point: a tilt about an axis in the image plane, then a turn.
-Eigen::Quaterniond tilted_any_way(const std::vector<double>& u) {
+Eigen::Quaterniond tilted_any_way(const std::vector<double>& u, double max_tilt) {
     const double direction = full_turn * u[4];
     const Eigen::Vector3d axis(std::cos(direction), std::sin(direction), 0.0);
-    return about(u[3] * 70.0 * degree, axis) * about(full_turn * u[5], Eigen::Vector3d::UnitZ());
+    return about(u[3] * max_tilt, axis) * about(full_turn * u[5], Eigen::Vector3d::UnitZ());
 }
 
 Eigen::Quaterniond rolled_pitched_yawed(const std::vector<double>& u) {
@@ -87,9 +87,16 @@ std::vector<Rigid> seen_poses(const CameraModel& camera, const CellGrid& grid, i
 
 }  // namespace
 
+std::vector<Rigid> volume_poses(const CameraModel& camera, const CellGrid& grid, int count,
+                                std::uint64_t seed, const SeenVolume& volume) {
+    return seen_poses(
+        camera, grid, count, seed, {volume.nearest_mm, volume.farthest_mm},
+        [&](const std::vector<double>& u) { return tilted_any_way(u, volume.max_tilt); });
+}
+
 std::vector<Rigid> spread_poses(const CameraModel& camera, const CellGrid& grid, int count,
                                 std::uint64_t seed) {
-    return seen_poses(camera, grid, count, seed, {150.0, 1500.0}, tilted_any_way);
+    return volume_poses(camera, grid, count, seed, {150.0, 1500.0, 70.0 * degree});
 }
 
 std::vector<Rigid> study_poses(const CameraModel& camera, const CellGrid& grid, int count,

@@ -14,6 +14,17 @@
 
 namespace etalon {
 
+// What the camera sees between two depths of the grid's centre, mm, with tilts up to max_tilt, rad.
+struct SeenVolume {
+    double nearest_mm = 150.0, farthest_mm = 1500.0;
+    double max_tilt = 1.2217304763960306;  // 70 degrees
+};
+
+// Depth uniform, tilt uniform about any axis in the image plane, any turn in the marker's plane,
+// the centre anywhere in the image.
+std::vector<Rigid> volume_poses(const CameraModel& camera, const CellGrid& grid, int count,
+                                std::uint64_t seed, const SeenVolume& volume);
+
 // From near focus to far: depth of the grid's centre uniform from 150 to 1500 mm, tilt from 0 to 70
 // degrees about any axis in the image plane, any turn in the marker's plane, the centre anywhere in
 // the image.

@@ -37,4 +37,7 @@ CLI::App* add_command(CLI::App& app, Run& run, const std::shared_ptr<Arguments>&
 // `etalon stage ...`.
 void add_stage_commands(CLI::App& app, Run& run);
 
+// `etalon register` and `etalon expect`.
+void add_metrology_commands(CLI::App& app, Run& run);
+
 }  // namespace etalon

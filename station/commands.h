@@ -146,6 +146,26 @@ struct QualifyArguments {
 };
 int run_qualify(const QualifyArguments& arguments);
 
+struct RegisterArguments {
+    std::filesystem::path station, positions;  // positions: CSV of photographs and axis positions
+    std::string detector;                      // empty: the station's own
+    bool json = false;
+};
+int run_register(const RegisterArguments& arguments);
+
+struct ExpectArguments {
+    std::filesystem::path camera, out;  // out: folder; empty: no report
+    std::string marker;
+    std::string volume;  // "NEAR:FAR", depths in mm
+    double max_tilt_deg = 45.0;
+    std::string detector = "auto";
+    int poses = 200, frames = 8;
+    std::uint64_t seed = 1;
+    double background = 1.0, white_level = 0.8;
+    bool json = false;
+};
+int run_expect(const ExpectArguments& arguments);
+
 // `etalon stage ...`: one structure for all of them but `check`.
 struct StageArguments {
     std::filesystem::path station;

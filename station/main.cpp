@@ -490,6 +490,7 @@ void add_commands(CLI::App& app, Run& run) {
     add_devices_command(app, run);
     add_capture_command(app, run);
     add_stage_commands(app, run);
+    add_metrology_commands(app, run);
     add_camera_commands(app, run);
     add_bench_command(app, run);
     add_stability_command(app, run);

@@ -1,0 +1,30 @@
+// Pages, tables and JSON of what a camera and a marker are expected to give.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "station/expectation.h"
+#include "station/html.h"
+
+namespace etalon {
+
+// A line per component: mean and scatter of the bias, where its map is worst, the noise.
+std::vector<std::string> summary_header();
+std::vector<std::vector<std::string>> summary_rows(const Expectation& expectation);
+
+// The table, and the maps over distance, image position and tilt as plots: also the short version
+// in the report of a qualification.
+void add_expectation(HtmlPage& page, const Expectation& expectation);
+
+std::string expectation_json(const ExpectationRequest& request, const Expectation& expectation);
+
+// A row per pose: where it is, bias and noise by component. Lengths in mm, angles in mrad.
+std::string expectation_csv(const Expectation& expectation);
+
+// report.html, expectation.json and poses.csv in a folder that is made. Throws ConfigError.
+void write_expectation(const ExpectationRequest& request, const Expectation& expectation,
+                       const std::filesystem::path& folder);
+
+}  // namespace etalon

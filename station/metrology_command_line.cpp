@@ -1,0 +1,91 @@
+// `etalon register` and `etalon expect` on the command line.
+#include <CLI/CLI.hpp>
+
+#include "station/command_line.h"
+#include "station/commands.h"
+
+namespace etalon {
+namespace {
+
+void add_register_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<RegisterArguments>();
+    CLI::App* sub = add_command(
+        app, run, arguments, run_register, "register",
+        "where a stage stands before the camera, and the marker on it",
+        "Estimates X = camera_from_base and Y = carriage_from_marker from photographs at\n"
+        "known positions of the stage, corrected for the detector's own bias. Names the\n"
+        "directions that no motion of the stage can tell (they are held nearest to the\n"
+        "station's nominal mounting) and those that the poses hardly tell. Poses that\n"
+        "move less than the stage can are refused, by name. No verdict, no device.\n\n"
+        "The CSV has a column `photo` (seen from its folder) and one for each axis:\n"
+        "x_mm, y_mm, rz_deg ...\n\n"
+        "Example:\n"
+        "  etalon register --station station.yaml --positions positions.csv\n");
+    sub->add_option("--station", arguments->station, "calibration, axes, marker, mounting")
+        ->required()
+        ->type_name("FILE");
+    sub->add_option("--positions", arguments->positions, "CSV of photographs and positions")
+        ->required()
+        ->type_name("CSV");
+    sub->add_option("--detector", arguments->detector,
+                    "the station's own (default), a detector's name,\n"
+                    "or photometric: poses from all pixels, each\nweighted by its covariance")
+        ->type_name("NAME");
+}
+
+void add_expect_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<ExpectArguments>();
+    CLI::App* sub = add_command(
+        app, run, arguments, run_expect, "expect",
+        "the pose errors to expect of a camera, marker and detector",
+        "Renders the marker at poses all over the volume that the camera sees, detects it\n"
+        "and maps the bias (without noise) and the noise (from the sensor section) over\n"
+        "distance, image position and tilt, with bootstrap intervals. The routine test\n"
+        "after a calibration; needs neither stage nor photographs. Half a minute for 200\n"
+        "poses on two cores. Explained in docs/expectation.md.\n\n"
+        "Example:\n"
+        "  etalon expect --camera camera.yml --marker apriltag:36h11:5@80mm \\\n"
+        "      --volume 330:630 --out expected\n");
+    sub->add_option("--camera", arguments->camera, "calibration: ours, OpenCV's or ROS'")
+        ->required()
+        ->type_name("FILE");
+    sub->add_option("--marker", arguments->marker, "as for `etalon render`")
+        ->required()
+        ->type_name("M");
+    sub->add_option("--volume", arguments->volume, "depths of the marker, mm")
+        ->required()
+        ->type_name("NEAR:FAR");
+    sub->add_option("--tilt", arguments->max_tilt_deg, "largest tilt, degrees (default 45)")
+        ->check(CLI::Range(0.0, 80.0))
+        ->type_name("DEG");
+    sub->add_option("--detector", arguments->detector, "default: the marker's own")
+        ->type_name("NAME");
+    sub->add_option("--poses", arguments->poses, "default 200")
+        ->check(within(20, 100000))
+        ->type_name("N");
+    sub->add_option("--frames", arguments->frames, "with noise, per pose (default 8; 0: none)")
+        ->check(within(0, 1000))
+        ->type_name("N");
+    sub->add_option("--seed", arguments->seed, "of poses, noise and bootstrap (default 1)")
+        ->check(whole_number())
+        ->type_name("N");
+    sub->add_option("--background", arguments->background,
+                    "radiance around the marker, whose white\nis 1 (default 1)")
+        ->check(CLI::Range(0.0, 1.0))
+        ->type_name("B");
+    sub->add_option("--white", arguments->white_level,
+                    "the marker's white in the images, 1 = full\nscale (default 0.8)")
+        ->check(CLI::Range(0.01, 1.0))
+        ->type_name("W");
+    sub->add_option("--out", arguments->out, "folder for report.html, JSON and CSV")
+        ->type_name("DIR");
+}
+
+}  // namespace
+
+void add_metrology_commands(CLI::App& app, Run& run) {
+    add_register_command(app, run);
+    add_expect_command(app, run);
+}
+
+}  // namespace etalon

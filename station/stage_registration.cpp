@@ -1,0 +1,215 @@
+#include "station/stage_registration.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "calib/stage_motion.h"
+#include "compare/detector.h"
+#include "compare/photometric_detector.h"
+#include "core/errors.h"
+#include "core/text.h"
+#include "stage/kinematics.h"
+#include "station/expected_view.h"
+#include "station/photo_pose.h"
+
+namespace etalon {
+namespace {
+
+constexpr double rad_per_deg = std::numbers::pi / 180.0;
+constexpr double detector_error_px = 0.5;  // of a photometric pose's start
+
+std::string column_name(const Axis& axis) {
+    return axis.name + (axis.kind == Axis::Kind::rotary ? "_deg" : "_mm");
+}
+
+std::vector<std::string> cells_of(const std::string& line) {
+    std::vector<std::string> cells;
+    for (const std::string& cell : split(line, ','))
+        cells.emplace_back(trimmed(cell));
+    return cells;
+}
+
+std::size_t column_of(const std::string& name, const std::vector<std::string>& header,
+                      const SourcePlace& place) {
+    const auto found = std::find(header.begin(), header.end(), name);
+    if (found == header.end())
+        throw ConfigError(place, fmt::format("the header lacks the column '{}'", name));
+    return static_cast<std::size_t>(found - header.begin());
+}
+
+// Where the photograph's and each axis' numbers are.
+struct Columns {
+    std::size_t photo;
+    std::vector<std::size_t> axes;
+    std::size_t count;
+};
+
+Columns read_header(const std::string& line, const std::vector<Axis>& axes,
+                    const SourcePlace& place) {
+    const std::vector<std::string> header = cells_of(line);
+    Columns columns{column_of("photo", header, place), {}, header.size()};
+    for (const Axis& axis : axes)
+        columns.axes.push_back(column_of(column_name(axis), header, place));
+    if (header.size() != axes.size() + 1)
+        throw ConfigError(place, fmt::format("must have `photo` and one column for each of {} axes",
+                                             axes.size()));
+    return columns;
+}
+
+StagePhoto read_row(const std::string& line, const Columns& columns, const std::vector<Axis>& axes,
+                    const SourcePlace& place) {
+    const std::vector<std::string> cells = cells_of(line);
+    if (cells.size() != columns.count)
+        throw ConfigError(place, fmt::format("{} cells, expected {}", cells.size(), columns.count));
+    StagePhoto row{std::filesystem::path(place.file).parent_path() / cells[columns.photo], {}};
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        const auto value = parse_number(cells[columns.axes[i]]);
+        if (!value)
+            throw ConfigError(place, "not a number: '" + cells[columns.axes[i]] + "'");
+        row.positions.push_back(*value * (axes[i].kind == Axis::Kind::rotary ? rad_per_deg : 1.0));
+    }
+    require_within_limits(axes, row.positions, place);
+    return row;
+}
+
+// One photograph with what was found in it.
+struct Sighting {
+    std::size_t index;  // in the photographs given
+    Rigid base_from_carriage;
+    PhotoPose found;
+    CodeImage image;
+};
+
+std::vector<Sighting> sightings(const StationFile& station, const std::vector<StagePhoto>& photos,
+                                Detector& detector, const Projector& projector,
+                                std::vector<RegisteredPhoto>& results) {
+    std::vector<Sighting> seen;
+    const std::filesystem::path calibration =
+        station.inputs.size() > 1 ? station.inputs[1].path : std::filesystem::path();
+    for (std::size_t i = 0; i < photos.size(); ++i) {
+        const CodeImage image = read_photo(photos[i].photo, station.camera.model, calibration);
+        const PhotoPose found =
+            find_marker(photos[i].photo, image, detector, projector, station.marker);
+        results.push_back({photos[i].photo, found.estimate ? "" : found.failure, {}});
+        if (found.estimate)
+            seen.push_back(
+                {i, base_from_carriage(station.stage.axes, photos[i].positions), found, image});
+    }
+    return seen;
+}
+
+void require_full_motion(const std::vector<Sighting>& seen, const std::vector<Axis>& axes) {
+    std::vector<Rigid> plan;
+    for (const Sighting& one : seen)
+        plan.push_back(one.base_from_carriage);
+    if (plan.empty())
+        throw NumericalError("registration: the marker is seen in no photograph");
+    require_full_motion(plan, stage_reach(axes));
+}
+
+// The render of the calibration at this pose, detected like a photograph.
+RenderAndDetect renderer_of(const StationFile& station, Detector& detector) {
+    const auto view = std::make_shared<ExpectedView>(station.camera.model, station.marker.grid,
+                                                     station.background, station.white_level);
+    return [view, &detector](
+               const Rigid& camera_from_marker) -> std::optional<std::vector<Eigen::Vector2d>> {
+        const auto found = detector.detect(view->at(camera_from_marker));
+        return found ? std::optional(found->pixels) : std::nullopt;
+    };
+}
+
+void register_corners(const StationFile& station, std::vector<Sighting>& seen, Detector& detector,
+                      const Projector& projector, StageRegistration& result) {
+    std::vector<RegistrationPose> poses;
+    for (const Sighting& one : seen)
+        poses.push_back({one.base_from_carriage, one.found.estimate->camera_from_marker,
+                         one.found.corners->pixels});
+    const BiasCorrectedRegistration corrected = register_bias_corrected(
+        projector, station.marker.points_mm, poses, station.carriage_from_marker_nominal,
+        renderer_of(station, detector));
+    result.registration = corrected.registration;
+    result.rounds = corrected.rounds;
+    result.used = static_cast<int>(corrected.used.size());
+    result.scale = std::sqrt(corrected.registration.reduced_squares);
+}
+
+// Replaces the estimates by photometric poses; a pose that is refused takes no part.
+void register_photometric(const StationFile& station, std::vector<Sighting>& seen,
+                          StageRegistration& result) {
+    const PhotometricDetector photometric(station.camera.model, station.marker,
+                                          station.marker.spec);
+    std::vector<MeasuredPose> poses;
+    std::vector<Sighting> kept;
+    for (Sighting& one : seen) {
+        try {
+            const PhotometricPose pose = photometric.find(
+                one.image, one.found.estimate->camera_from_marker, detector_error_px);
+            one.found.estimate->camera_from_marker = pose.camera_from_marker;
+            poses.push_back({one.base_from_carriage, pose.camera_from_marker, pose.covariance});
+            kept.push_back(one);
+        } catch (const NumericalError& refusal) {
+            result.photos[one.index].failure = refusal.what();
+        }
+    }
+    seen = kept;
+    require_full_motion(seen, station.stage.axes);
+    result.registration = register_stage_on_poses(poses, station.carriage_from_marker_nominal);
+    result.used = static_cast<int>(poses.size());
+    result.scale = std::sqrt(std::max(1.0, result.registration.reduced_squares));
+}
+
+}  // namespace
+
+std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
+                                          const std::vector<Axis>& axes) {
+    const std::vector<std::string> lines = split(read_text(csv), '\n');
+    const Columns columns = read_header(lines.front(), axes, {csv.string(), 1});
+    std::vector<StagePhoto> photos;
+    for (std::size_t i = 1; i < lines.size(); ++i)
+        if (!trimmed(lines[i]).empty())
+            photos.push_back(
+                read_row(lines[i], columns, axes, {csv.string(), static_cast<int>(i) + 1}));
+    if (photos.empty())
+        throw ConfigError({csv.string(), 1}, "no photograph is listed");
+    return photos;
+}
+
+std::vector<Rigid> stage_reach(const std::vector<Axis>& axes) {
+    std::vector<double> middle;
+    for (const Axis& axis : axes)
+        middle.push_back(0.5 * (axis.low + axis.high));
+    std::vector<Rigid> reach = {base_from_carriage(axes, middle)};
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        for (const double share : {0.1, 0.35, 0.6, 0.85}) {  // no two half a turn apart
+            std::vector<double> there = middle;
+            there[i] = axes[i].low + share * (axes[i].high - axes[i].low);
+            reach.push_back(base_from_carriage(axes, there));
+        }
+    return reach;
+}
+
+StageRegistration register_photos(const StationFile& station, const std::vector<StagePhoto>& photos,
+                                  const std::string& detector) {
+    const bool photometric = detector == "photometric";
+    const auto corners =
+        make_detector(photometric ? "auto" : detector, station.marker, "--detector");
+    const Projector projector(station.camera.model);
+    StageRegistration result;
+    result.detector = photometric ? detector : corners->name();
+    std::vector<Sighting> seen = sightings(station, photos, *corners, projector, result.photos);
+    require_full_motion(seen, station.stage.axes);
+    if (photometric)
+        register_photometric(station, seen, result);
+    else
+        register_corners(station, seen, *corners, projector, result);
+    result.deviations = result.scale * result.registration.covariance.diagonal().cwiseSqrt();
+    for (const Sighting& one : seen)
+        result.photos[one.index].residual =
+            pose_error(one.found.estimate->camera_from_marker,
+                       result.registration.camera_from_marker(one.base_from_carriage));
+    return result;
+}
+
+}  // namespace etalon

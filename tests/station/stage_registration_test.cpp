@@ -1,0 +1,133 @@
+#include "station/stage_registration.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fmt/format.h>
+
+#include <numbers>
+#include <opencv2/imgcodecs.hpp>
+
+#include "core/errors.h"
+#include "sim/pose_sampling.h"
+#include "stage/kinematics.h"
+#include "station/expected_view.h"
+#include "tests/station/stations.h"
+
+namespace etalon {
+namespace {
+
+using testing::HasSubstr;
+
+// Mounted as drawn, so that the freedom along rz is held at the truth.
+const Rigid true_x{rotation_from_vector({0.02, -0.03, 0.01}), {4.0, -3.0, 330.0}};
+
+template <class Error, class Act>
+std::string error_text(Act act) {
+    try {
+        act();
+    } catch (const Error& error) {
+        return error.what();
+    }
+    return "no error";
+}
+
+// A station's folder with photographs of its marker at known positions.
+class PhotographedStation {
+public:
+    PhotographedStation() { write_station(folder_); }
+
+    StationFile station() const { return read_station(folder_ / "station.yaml"); }
+
+    // The axes go to `share` (0 to 1) of their travel from its middle; without, they stay there.
+    std::filesystem::path photographs(int count, const std::vector<double>& share) {
+        const StationFile station = this->station();
+        const ExpectedView view(station.camera.model, station.marker.grid, station.background,
+                                station.white_level);
+        const HaltonSequence sequence(4, 3);
+        std::string csv = "rz_deg,photo,x_mm,y_mm,z_mm\n";
+        for (int i = 0; i < count; ++i) {
+            const auto u = sequence.point(static_cast<std::uint64_t>(i + 1));
+            const double x = 30.0 * share[0] * (2 * u[0] - 1), y = 25.0 * share[1] * (2 * u[1] - 1);
+            const double z = 70.0 * share[2] * (2 * u[2] - 1), rz = 3.0 * share[3] * (2 * u[3] - 1);
+            const std::vector<double> q = {x, y, z, rz};
+            const std::string name = fmt::format("{}.png", i);
+            cv::imwrite((folder_ / name).string(),
+                        view.at(true_x * base_from_carriage(station.stage.axes, q) *
+                                station.carriage_from_marker_nominal)
+                            .pixels);
+            csv += fmt::format("{},{},{},{},{}\n", exact(rz * 180.0 / std::numbers::pi), name,
+                               exact(x), exact(y), exact(z));
+        }
+        write_text(folder_ / "positions.csv", csv);
+        return folder_ / "positions.csv";
+    }
+
+    const TemporaryFolder& folder() const { return folder_; }
+
+private:
+    TemporaryFolder folder_;
+};
+
+// Corners of 8-bit renders without noise are right to some hundredths of a pixel, or 0.05 mm in
+// depth, once the detector's bias is taken out; uncorrected the depth is off by a millimetre.
+void expect_true(const StageRegistration& result) {
+    const Vector6d x = left_difference(true_x, result.registration.camera_from_base);
+    EXPECT_LT(x.head<3>().norm(), 3e-3);
+    EXPECT_LT(x.tail<3>().norm(), 0.3);
+}
+
+TEST(StageRegistration, FindsXAndYFromPhotographsAndACsv) {
+    PhotographedStation set;
+    const StationFile station = set.station();
+    const auto photos = read_stage_photos(set.photographs(10, {1, 1, 1, 1}), station.stage.axes);
+    const StageRegistration corners = register_photos(station, photos, "auto");
+    expect_true(corners);
+    EXPECT_EQ(corners.used, 10);
+    EXPECT_EQ(corners.detector, "apriltag");
+    EXPECT_GE(corners.rounds, 1);
+    ASSERT_EQ(corners.registration.freedoms.size(), 1u);
+    EXPECT_EQ(corners.registration.freedoms[0].name, "shift along base z between X and Y");
+    EXPECT_LT((corners.registration.carriage_from_marker.translation -
+               station.carriage_from_marker_nominal.translation)
+                  .norm(),
+              0.3);
+}
+
+TEST(StageRegistration, FindsThemFromPhotometricPoses) {
+    PhotographedStation set;
+    const StationFile station = set.station();
+    const auto photos = read_stage_photos(set.photographs(6, {1, 1, 1, 1}), station.stage.axes);
+    const StageRegistration result = register_photos(station, photos, "photometric");
+    expect_true(result);
+    EXPECT_EQ(result.rounds, 0);
+    EXPECT_EQ(result.registration.residual_rms_px, 0.0);
+}
+
+TEST(StageRegistration, NamesAPlanThatIsDegenerateForThisStage) {
+    PhotographedStation set;
+    const StationFile station = set.station();
+    const auto photos = read_stage_photos(set.photographs(5, {0, 0, 1, 0}), station.stage.axes);
+    EXPECT_THAT(error_text<NumericalError>([&] { register_photos(station, photos, "auto"); }),
+                HasSubstr("one line, base z"));
+}
+
+TEST(StageRegistration, RefusesATableThatItCannotUse) {
+    PhotographedStation set;
+    const StationFile station = set.station();
+    const auto refusal = [&](const std::string& csv) {
+        write_text(set.folder() / "table.csv", csv);
+        return error_text<ConfigError>(
+            [&] { read_stage_photos(set.folder() / "table.csv", station.stage.axes); });
+    };
+    EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm\n"), HasSubstr("table.csv:1: the header lacks"));
+    EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm,rz_deg\n"), HasSubstr("no photograph"));
+    EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm,rz_deg,w_mm\n"), HasSubstr("one column for each"));
+    EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm,rz_deg\na.png,1,2,nan,4\n"),
+                HasSubstr("table.csv:2: not a number: 'nan'"));
+    EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm,rz_deg\na.png,1,2,3\n"), HasSubstr("4 cells"));
+    EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm,rz_deg\na.png,61,2,3,4\n"), HasSubstr("x"));
+}
+
+}  // namespace
+}  // namespace etalon

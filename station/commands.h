@@ -103,8 +103,8 @@ struct CompareArguments {
     double square_mm = 0.0;
     std::string marker;
     std::string detector = "auto";
-    std::filesystem::path poses;  // optional pose file, one row per photo
-    std::string score_margin;     // "X,Y" in squares
+    std::filesystem::path poses;     // optional pose file, one row per photo
+    std::string score_margin;        // "X,Y" in squares
     std::filesystem::path baseline;  // optional folder of an earlier comparison
     std::vector<std::filesystem::path> photos;
     bool json = false;
@@ -165,6 +165,20 @@ struct ExpectArguments {
     bool json = false;
 };
 int run_expect(const ExpectArguments& arguments);
+
+struct PlanArguments {
+    std::filesystem::path station;
+    bool json = false;
+};
+int run_plan(const PlanArguments& arguments);
+
+struct OcArguments {
+    std::filesystem::path station, out;  // out: folder for curves and JSON; empty: none
+    int runs = 2000;                     // per point
+    std::vector<std::string> errors;     // only these; none: all
+    bool json = false;
+};
+int run_oc(const OcArguments& arguments);
 
 // `etalon stage ...`: one structure for all of them but `check`.
 struct StageArguments {

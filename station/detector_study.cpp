@@ -108,6 +108,7 @@ void summarize(DetectorStudy& study) {
     study.noise_px = std::sqrt(noise / count);
     study.bias_px = std::sqrt(bias / count);
     study.noise_bias_share = mean > chance ? 1.0 - chance / mean : 0.0;
+    study.noise_bias_px = study.noise_bias_share * std::sqrt(mean / count);
     for (auto& pose : study.poses)
         if (pose)
             pose->noise_bias *= study.noise_bias_share;

@@ -28,8 +28,9 @@ struct DetectorStatistics {
 struct DetectorStudy {
     // Nothing where the marker is not detected without noise, or in less than half of the frames.
     std::vector<std::optional<DetectorStatistics>> poses;
-    double noise_px = 0.0;  // of one coordinate of a corner in one frame, RMS over the poses
-    double bias_px = 0.0;   // without noise, RMS over the coordinates and poses
+    double noise_px = 0.0;       // of one coordinate of a corner in one frame, RMS over the poses
+    double bias_px = 0.0;        // without noise, RMS over the coordinates and poses
+    double noise_bias_px = 0.0;  // what noise adds to it, RMS, after the following
     // How much of the measured noise biases' power is more than chance, 0 to 1: they are means of
     // a few frames. `poses` hold them multiplied by it (positive-part James-Stein shrinkage).
     double noise_bias_share = 0.0;

@@ -421,6 +421,41 @@ void add_qualify_command(CLI::App& app, Run& run) {
     sub->add_option("--out", arguments->out, "folder of the record")->required()->type_name("DIR");
 }
 
+void add_plan_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<PlanArguments>();
+    CLI::App* sub = add_command(
+        app, run, arguments, run_plan, "plan",
+        "what a station's plan will see, before anything moves",
+        "Renders and detects every pose of the plan, with noise, and simulates 20 runs:\n"
+        "run time, the expected U of each judged quantity, the smallest size of each\n"
+        "error that is detected, which errors cannot be told apart and which cannot be\n"
+        "seen at all. The station file needs camera_mount, the calibration a sensor.\n"
+        "Some ten seconds. Explained in docs/operating-characteristic.md.\n");
+    sub->add_option("STATION", arguments->station, "station.yaml")->required()->type_name("");
+}
+
+void add_oc_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<OcArguments>();
+    CLI::App* sub = add_command(
+        app, run, arguments, run_oc, "oc",
+        "operating characteristic: what a PASS of this plan means",
+        "Simulates thousands of runs with errors of known size put in, and prints how\n"
+        "often each judged quantity comes out as PASS and FAIL. 1x is the size whose\n"
+        "field just reaches the quantity's limit. About 20 ms of CPU a run; --runs 200\n"
+        "for a first look. Explained in docs/operating-characteristic.md.\n\n"
+        "Example:\n  etalon oc examples/demo/station.yaml --error \"focal length\"\n");
+    sub->add_option("STATION", arguments->station, "station.yaml")->required()->type_name("");
+    sub->add_option("--runs", arguments->runs, "of each error and size (default 2000)")
+        ->check(within(1, 1000000))
+        ->type_name("N");
+    sub->add_option("--error", arguments->errors,
+                    "an error by its name; may be repeated\n(default: all, one of each group)")
+        ->allow_extra_args(false)
+        ->type_name("NAME");
+    sub->add_option("--out", arguments->out, "folder for the curves (SVG) and the JSON")
+        ->type_name("DIR");
+}
+
 std::shared_ptr<CameraFileArguments> add_camera_command(CLI::App& camera, Run& run,
                                                         int (*command)(const CameraFileArguments&),
                                                         const char* name, const char* summary,
@@ -481,6 +516,8 @@ void add_commands(CLI::App& app, Run& run) {
         "4 device or run error, 130 interrupted.\n\n"
         "`etalon COMMAND --help` explains a command.\n");
     add_qualify_command(app, run);
+    add_plan_command(app, run);
+    add_oc_command(app, run);
     add_compare_command(app, run);
     add_calibrate_command(app, run);
     add_characterise_command(app, run);

@@ -46,6 +46,29 @@ Vector6d stage_shift(const Rigid& base_from_carriage, const StageError& error, s
            left_difference(base_from_carriage, error.base_from_carriage.at(pose));
 }
 
+void scale(std::vector<Eigen::Vector3d>& points, double factor) {
+    for (Eigen::Vector3d& point : points)
+        point *= factor;
+}
+
+// Out of the plane, by `size` at the point where the shape is highest.
+void bend(std::vector<Eigen::Vector3d>& points, double (*shape)(const Eigen::Vector3d&),
+          double size) {
+    double highest = 0.0;
+    for (const Eigen::Vector3d& point : points)
+        highest = std::max(highest, std::abs(shape(point)));
+    for (Eigen::Vector3d& point : points)
+        point.z() += highest > 0.0 ? size * shape(point) / highest : 0.0;
+}
+
+double twist(const Eigen::Vector3d& point) {
+    return point.x() * point.y();
+}
+
+double bow(const Eigen::Vector3d& point) {
+    return point.head<2>().squaredNorm();
+}
+
 InjectedError stage_injection(const StageError& error) {
     return {error.name, error.unit, error.size, [error](RunTruth& truth, double size) {
                 for (std::size_t i = 0; i < truth.base_from_carriage.size(); ++i) {
@@ -70,7 +93,12 @@ std::vector<InjectedError> camera_injections() {
 std::vector<InjectedError> marker_injections(bool is_single_tag) {
     std::vector<InjectedError> errors;
     errors.push_back({"marker print size", "1", 1e-3,
-                      [](RunTruth& truth, double size) { truth.marker_scale *= 1.0 + size; }});
+                      [](RunTruth& truth, double size) { scale(truth.points_mm, 1.0 + size); }});
+    errors.push_back({"marker twist", "mm", 0.1,
+                      [](RunTruth& truth, double size) { bend(truth.points_mm, twist, size); }});
+    if (!is_single_tag)  // whose corners a bow lifts all alike
+        errors.push_back({"marker bow", "mm", 0.1,
+                          [](RunTruth& truth, double size) { bend(truth.points_mm, bow, size); }});
     errors.push_back({"half pixel", "px", 0.5, [](RunTruth& truth, double size) {
                           truth.corner_shift_px += Eigen::Vector2d(size, size);
                       }});
@@ -96,13 +124,13 @@ Eigen::VectorXd deviates(Eigen::Index count, RandomStream& random) {
 }
 
 // What the true camera sees of the true marker, without the detector.
-Corners seen(const RunTruth& truth, const Rigid& base_from_carriage, double marker_scale,
+Corners seen(const RunTruth& truth, const Rigid& base_from_carriage,
              const std::vector<Eigen::Vector3d>& points_mm) {
     const Rigid camera_from_marker =
         truth.camera_from_base * base_from_carriage * truth.carriage_from_marker;
     Corners corners;
     for (const Eigen::Vector3d& point : points_mm) {
-        const auto pixel = truth.camera.project(camera_from_marker * (marker_scale * point));
+        const auto pixel = truth.camera.project(camera_from_marker * point);
         if (!pixel)
             throw NumericalError("simulated run: the true camera does not see the marker");
         corners.push_back(*pixel + truth.corner_shift_px);
@@ -124,8 +152,8 @@ std::vector<Rigid> expected_poses(const StationFile& station, const Plan& plan) 
 // What one run draws.
 struct RunSimulator::Draws {
     std::uint64_t seed, run;
-    double marker_scale = 1.0;
-    std::vector<double> term_sizes;  // of declared_.stage_terms
+    std::vector<Eigen::Vector3d> points_mm;  // of the marker
+    std::vector<double> term_sizes;          // of declared_.stage_terms
 };
 
 RunSimulator::RunSimulator(const StationFile& station, const Plan& plan, DetectorStudy study)
@@ -163,8 +191,11 @@ std::vector<std::vector<double>> RunSimulator::lost_motion() const {
 }
 
 RunTruth RunSimulator::as_told() const {
-    RunTruth truth{
-        told_, *station_.camera_from_base_nominal, station_.carriage_from_marker_nominal, {}};
+    RunTruth truth{told_,
+                   *station_.camera_from_base_nominal,
+                   station_.carriage_from_marker_nominal,
+                   {},
+                   station_.marker.points_mm};
     for (const QualificationPose& pose : declared_.poses)
         truth.base_from_carriage.push_back(pose.base_from_carriage);
     return truth;
@@ -239,19 +270,17 @@ std::optional<Corners> RunSimulator::photo(const RunTruth& truth, const Draws* d
     if (!statistics)
         return std::nullopt;
     Rigid base_from_carriage = truth.base_from_carriage.at(pose);
-    double marker_scale = truth.marker_scale;
     Eigen::VectorXd displacement = statistics->bias;
     if (draws) {
         RandomStream random(draws->seed, first_pose_stream + static_cast<std::uint32_t>(pose),
                             draws->run);
-        marker_scale *= draws->marker_scale;
         base_from_carriage = left_perturbed(base_from_carriage, drawn_shift(*draws, pose, random));
         displacement +=
             statistics->noise_bias + statistics->noise_factor *
                                          deviates(statistics->noise_factor.cols(), random) /
                                          std::sqrt(station_.plan.frames);
     }
-    Corners corners = seen(truth, base_from_carriage, marker_scale, station_.marker.points_mm);
+    Corners corners = seen(truth, base_from_carriage, draws ? draws->points_mm : truth.points_mm);
     if (truth.edges_inwards_px != 0.0)
         corners = edges_moved_inwards(corners, truth.edges_inwards_px);
     add(displacement, corners);
@@ -273,11 +302,22 @@ QualificationInput RunSimulator::exact(const RunTruth& truth) const {
 QualificationInput RunSimulator::draw(const RunTruth& truth, std::uint64_t seed,
                                       std::uint64_t run) const {
     RandomStream random(seed, run_stream, run);
-    Draws draws{
-        seed, run, 1.0 + declared_.marker_size_uncertainty.value_or(0.0) * random.normal(), {}};
-    for (const DeclaredStageTerm& term : declared_.stage_terms)
-        draws.term_sizes.push_back(
-            term.in_budget ? term.standard_uncertainty.value_or(0.0) * random.normal() : 0.0);
+    const DeclaredTemperature temperature = declared_.temperature.value_or(DeclaredTemperature{});
+    const double kelvin = temperature.standard_uncertainty_k * random.normal();
+    Draws draws{seed, run, truth.points_mm, {}};
+    scale(draws.points_mm, 1.0 + declared_.marker_size_uncertainty.value_or(0.0) * random.normal() +
+                               temperature.marker_expansion_per_k * kelvin);
+    const double flatness_mm = declared_.marker_flatness_mm.value_or(0.0);
+    bend(draws.points_mm, twist, flatness_mm * random.normal());
+    if (draws.points_mm.size() != 4)
+        bend(draws.points_mm, bow, flatness_mm * random.normal());
+    for (const DeclaredStageTerm& term : declared_.stage_terms) {
+        const double drawn =
+            term.in_budget ? term.standard_uncertainty.value_or(0.0) * random.normal() : 0.0;
+        const double expansion =
+            term.is_linear_scale ? temperature.stage_expansion_per_k * kelvin : 0.0;
+        draws.term_sizes.push_back(drawn + expansion);
+    }
     QualificationInput drawn = input(truth, &draws);
     drawn.seed = seed + run;
     return drawn;

@@ -7,8 +7,9 @@
 // the same function that analyses both (compare/qualification.h).
 //
 // Drawn anew for every run, from what the station declares: each stage term of the budget, the
-// marker's print size, repeatability and read-back noise of each axis at each pose, image noise.
-// Backlash follows from the path. Not simulated: error maps' own uncertainties, drift, and that the
+// marker's print size and flatness, the temperature, repeatability and read-back noise of each axis
+// at each pose, image noise. Backlash follows from the path. Not simulated: error maps' own
+// uncertainties, the calibration's covariance (it is the camera under test), drift, and that the
 // detector's bias changes within the fraction of a pixel by which photo and render differ (its
 // size: docs/operating-characteristic.md).
 #pragma once
@@ -31,8 +32,8 @@ namespace etalon {
 struct RunTruth {
     Projector camera;
     Rigid camera_from_base, carriage_from_marker;
-    std::vector<Rigid> base_from_carriage;  // per pose, before what each run draws
-    double marker_scale = 1.0;              // printed size over the stated one
+    std::vector<Rigid> base_from_carriage;   // per pose, before what each run draws
+    std::vector<Eigen::Vector3d> points_mm;  // of the marker as it is printed and bent
     // What moves the corners in photographs and not in renders.
     Eigen::Vector2d corner_shift_px = Eigen::Vector2d::Zero();
     double edges_inwards_px = 0.0;  // of a single tag: compare/error_signatures.h

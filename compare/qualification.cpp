@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/stage_motion.h"
 #include "compare/qualification_budget.h"
 #include "core/errors.h"
 
@@ -81,6 +82,18 @@ Qualification skipped(Qualification result, const std::string& reason) {
 
 // --------------------------------------------------------------------------- poses and biases
 
+// What the detected poses show must be what the plan was made for: poses that were lost may leave
+// the others in a plane or on a line.
+void require_motion_of(const std::vector<RegistrationPose>& training,
+                       const std::vector<Rigid>& stage_reach) {
+    if (stage_reach.empty())
+        return;
+    std::vector<Rigid> plan;
+    for (const RegistrationPose& pose : training)
+        plan.push_back(pose.base_from_carriage);
+    require_full_motion(plan, stage_reach);
+}
+
 // Registers on the training poses with a pose estimate; false when there are too few of them.
 bool registered(const QualificationInput& input, const Projector& projector,
                 Qualification& result) {
@@ -98,6 +111,7 @@ bool registered(const QualificationInput& input, const Projector& projector,
     }
     if (std::ssize(training) < min_training_poses)
         return false;
+    require_motion_of(training, input.stage_reach);
     result.registration =
         register_bias_corrected(projector, input.points_mm, training,
                                 input.nominal_carriage_from_marker, input.render_and_detect);

@@ -88,6 +88,9 @@ struct QualificationInput {
     std::vector<Eigen::Vector3d> points_mm;  // of the marker, as its detector reports them
     std::vector<QualificationPose> poses;
     Rigid nominal_carriage_from_marker;  // as mounted by design: fixes the gauge freedoms only
+    // Transforms that show what the plan's volume lets the stage do (calib/stage_motion.h); training
+    // poses that move less are degenerate. Empty: not checked.
+    std::vector<Rigid> stage_reach;
     RenderAndDetect render_and_detect;   // called once per training pose and round, then once per
                                          // hold-out pose; may throw Interrupted
     std::vector<DeclaredStageTerm> stage_terms;

@@ -19,31 +19,6 @@ Eigen::Vector3d unit_or(const Eigen::Vector3d& v, const Eigen::Vector3d& otherwi
     return v.norm() > 1e-9 ? v.normalized() : otherwise;
 }
 
-// Running mean and squared deviations (Welford 1962).
-class Spread {
-public:
-    void add(const SixErrors& errors) {
-        ++count_;
-        for (std::size_t k = 0; k < 6; ++k) {
-            const double before = errors[k] - mean_[k];
-            mean_[k] += before / count_;
-            squares_[k] += before * (errors[k] - mean_[k]);
-        }
-    }
-    std::optional<SixErrors> deviations() const {
-        if (count_ < 2)
-            return std::nullopt;
-        SixErrors result;
-        for (std::size_t k = 0; k < 6; ++k)
-            result[k] = std::sqrt(squares_[k] / (count_ - 1));
-        return result;
-    }
-
-private:
-    int count_ = 0;
-    SixErrors mean_{}, squares_{};
-};
-
 std::string why_no_noise(const ExpectationRequest& request) {
     if (request.frames == 0)
         return "no frames with noise were asked for";
@@ -66,7 +41,7 @@ public:
         const Radiance radiance = view_.radiance_at(camera_from_marker);
         if (const auto bias = bias_in(view_.codes_of(radiance), camera_from_marker, detector))
             pose.bias = components_of(*bias->b2, camera_from_marker);
-        Spread spread;
+        ErrorSpread spread;
         for (int frame = 0; frame < frames; ++frame) {
             const NoiseKey key{request_.seed + index, static_cast<std::uint32_t>(frame)};
             const auto seen = bias_in(sensor_.expose(radiance, key), camera_from_marker, detector);
@@ -112,6 +87,24 @@ double logarithm(double deviation) {
 }
 
 }  // namespace
+
+void ErrorSpread::add(const SixErrors& errors) {
+    ++count_;
+    for (std::size_t k = 0; k < 6; ++k) {
+        const double before = errors[k] - mean_[k];
+        mean_[k] += before / count_;
+        squares_[k] += before * (errors[k] - mean_[k]);
+    }
+}
+
+std::optional<SixErrors> ErrorSpread::deviations() const {
+    if (count_ < 2)
+        return std::nullopt;
+    SixErrors result;
+    for (std::size_t k = 0; k < 6; ++k)
+        result[k] = std::sqrt(squares_[k] / (count_ - 1));
+    return result;
+}
 
 SixErrors components_of(const PoseError& error, const Rigid& camera_from_marker) {
     const Eigen::Vector3d sight = camera_from_marker.translation.normalized();

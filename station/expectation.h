@@ -37,6 +37,17 @@ using SixErrors = std::array<double, 6>;
 SixErrors components_of(const PoseError& error, const Rigid& camera_from_marker);
 MarkerPlace place_of(const Projector& projector, const Rigid& camera_from_marker);
 
+// Mean and standard deviation of errors that come one by one (Welford 1962).
+class ErrorSpread {
+public:
+    void add(const SixErrors& errors);
+    std::optional<SixErrors> deviations() const;  // of two or more
+
+private:
+    int count_ = 0;
+    SixErrors mean_{}, squares_{};
+};
+
 struct ExpectationRequest {
     CameraModel camera;
     Marker marker;

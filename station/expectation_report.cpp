@@ -8,7 +8,6 @@
 
 #include "core/errors.h"
 #include "core/text.h"
-#include "station/heat_map.h"
 #include "station/pose_numbers.h"
 #include "station/svg_plot.h"
 
@@ -110,18 +109,22 @@ std::string noise_plot(const Expectation& expectation, std::size_t component,
     return plot.svg();
 }
 
-void add_plots(HtmlPage& page, const Expectation& expectation) {
+void add_bias_plots_of(HtmlPage& page, const Expectation& expectation, std::size_t component) {
     std::vector<HtmlPage::Figure> figures;
-    for (const std::size_t component : {std::size_t{0}, std::size_t{1}, std::size_t{4}})
-        for (const Abscissa& along : abscissae)
-            figures.push_back({bias_plot(expectation, component, along),
-                               fmt::format("Bias {}: each pose, and the smooth map averaged over "
-                                           "the other two variables",
-                                           error_components[component].name)});
+    for (const Abscissa& along : abscissae)
+        figures.push_back({bias_plot(expectation, component, along),
+                           fmt::format("Bias {}: each pose, and the smooth map averaged over the "
+                                       "other two variables",
+                                       error_components[component].name)});
     page.add_figures(figures);
+}
+
+void add_plots(HtmlPage& page, const Expectation& expectation) {
+    for (const std::size_t component : {std::size_t{0}, std::size_t{1}, std::size_t{4}})
+        add_bias_plots_of(page, expectation, component);
     if (!expectation.noise_maps)
         return;
-    figures.clear();
+    std::vector<HtmlPage::Figure> figures;
     for (const std::size_t component : {std::size_t{0}, std::size_t{4}})
         for (const Abscissa& along : abscissae)
             figures.push_back({noise_plot(expectation, component, along),
@@ -219,6 +222,13 @@ void add_expectation(HtmlPage& page, const Expectation& expectation) {
     }
     page.add_table(summary_header(), summary_rows(expectation));
     add_plots(page, expectation);
+}
+
+void add_short_expectation(HtmlPage& page, const Expectation& expectation) {
+    if (!expectation.bias_maps)
+        return;
+    page.add_table(summary_header(), summary_rows(expectation));
+    add_bias_plots_of(page, expectation, 0);
 }
 
 std::string expectation_json(const ExpectationRequest& request, const Expectation& expectation) {

@@ -14,9 +14,11 @@ namespace etalon {
 std::vector<std::string> summary_header();
 std::vector<std::vector<std::string>> summary_rows(const Expectation& expectation);
 
-// The table, and the maps over distance, image position and tilt as plots: also the short version
-// in the report of a qualification.
+// The table, and the maps over distance, image position and tilt as plots.
 void add_expectation(HtmlPage& page, const Expectation& expectation);
+
+// The short version: the table and the bias along the line of sight. Nothing without maps.
+void add_short_expectation(HtmlPage& page, const Expectation& expectation);
 
 std::string expectation_json(const ExpectationRequest& request, const Expectation& expectation);
 

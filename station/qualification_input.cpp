@@ -1,5 +1,7 @@
 #include "station/qualification_input.h"
 
+#include "station/stage_registration.h"
+
 namespace etalon {
 
 QualificationInput declared_input(const StationFile& station,
@@ -15,6 +17,7 @@ QualificationInput declared_input(const StationFile& station,
     input.temperature = station.temperature;
     input.limits = station.limits;
     input.seed = station.plan.seed;
+    input.stage_reach = stage_reach(axes, station.plan.volume);
     input.stage_terms = declared_stage_terms(axes, visits);
     input.repeatability = declared_repeatability(axes, visits, mount);
     input.error_maps = declared_error_maps(axes, visits, mount);

@@ -12,6 +12,7 @@
 #include "core/text.h"
 #include "station/html.h"
 #include "station/report_plots.h"
+#include "station/run_expectation.h"
 
 namespace etalon {
 namespace {
@@ -249,6 +250,7 @@ void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected
     page.add_heading("Registration of stage and camera");
     page.add_facts(
         {{"Training poses used", fmt::format("{}", corrected.used.size())},
+         {"Their motion", registration.motion},
          {"Rounds of bias correction", fmt::format("{}", corrected.rounds)},
          {"Rank", fmt::format("{} of 12", registration.rank)},
          {"Condition number", number(registration.condition_number)},
@@ -257,6 +259,12 @@ void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected
     for (const GaugeFreedom& freedom : registration.freedoms)
         page.add_paragraph("Not determined by this stage's motion, fixed by the nominal mount: " +
                            freedom.name + ".");
+    for (const WeakDirection& weak : registration.weak)
+        page.add_paragraph(fmt::format(
+            "Badly determined: {}, standard deviation {} {}. All poses say less about it than one "
+            "would if the mounting were known.",
+            weak.name, number(registration.residual_rms_px * weak.deviation),
+            weak.is_shift() ? "mm" : "rad"));
     const auto row = [](const std::string& label, const Rigid& transform) {
         const Vector6d pose = vector_from_rigid(transform);
         std::vector<std::string> cells{label};
@@ -406,6 +414,7 @@ void add_analysis(HtmlPage& page, const QualifyResult& result) {
     add_pictures(page, result);
     add_unseen(page, analysis);
     add_biases(page, analysis);
+    add_run_expectation(page, result);
     add_budget(page, analysis);
     if (analysis.registration)
         add_registration(page, *analysis.registration);

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -27,8 +28,11 @@ struct StagePhoto {
 std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
                                           const std::vector<Axis>& axes);
 
-// Each axis at several places of its travel, the others in the middle of theirs: what the stage can
-// do, for require_full_motion() (calib/stage_motion.h).
+// Each axis at several places of its interval, the others in the middle of theirs: what the stage
+// can do there, for require_full_motion() (calib/stage_motion.h). One interval per axis, mm or rad,
+// within its soft limits; without intervals all of its travel.
+std::vector<Rigid> stage_reach(const std::vector<Axis>& axes,
+                               std::span<const PlanRequest::Interval> intervals);
 std::vector<Rigid> stage_reach(const std::vector<Axis>& axes);
 
 struct RegisteredPhoto {

@@ -10,6 +10,7 @@
 #include "core/errors.h"
 #include "core/random.h"
 #include "station/expectation_report.h"
+#include "station/run_expectation.h"
 
 namespace etalon {
 namespace {
@@ -160,6 +161,61 @@ TEST(Expectation, DoesNotDependOnTheThreadsAndIsWrittenInFull) {
     HtmlPage page("test", "");
     add_expectation(page, once);
     EXPECT_THAT(page.finish(), HasSubstr("along the line of sight"));
+}
+
+std::vector<Eigen::Vector2d> corners_at(const Projector& projector, const Marker& marker,
+                                        const Rigid& camera_from_marker) {
+    std::vector<Eigen::Vector2d> corners;
+    for (const Eigen::Vector3d& point : marker.points_mm)
+        corners.push_back(projector.project(camera_from_marker * point).value());
+    return corners;
+}
+
+// Two frames 0.01 mm to either side of the truth have the deviation 0.01 sqrt(2).
+TEST(RunExpectation, TakesBiasAndNoiseFromTheRun) {
+    const ExpectationRequest request = small_request();
+    const Projector projector(request.camera);
+    QualifyResult result;
+    result.station.camera.model = request.camera;
+    result.station.marker = request.marker;
+    result.station.plan.frames = 2;
+    result.analysis.emplace();
+    for (const Rigid& pose :
+         volume_poses(request.camera, request.marker.grid, 25, 4, {160.0, 260.0, 40.0 * deg})) {
+        const Eigen::Vector3d sight = pose.translation.normalized();
+        QualifiedPose qualified;
+        qualified.hold_out = true;
+        qualified.bias.predicted = pose;
+        qualified.bias.b1 = PoseError{0.3 * sight, {0.0, 0.0, 2e-3}};
+        result.analysis->poses.push_back(qualified);
+        PoseRecord record;
+        for (const double side : {-0.01, 0.01}) {
+            Rigid moved = pose;
+            moved.translation += side * sight.cross(Eigen::Vector3d(0, 0, 1)).normalized();
+            record.frames.emplace_back();
+            record.frames.back().corners = corners_at(projector, request.marker, moved);
+        }
+        record.detections = 2;
+        result.poses.push_back(record);
+    }
+    const Expectation found = run_expectation(result);
+    ASSERT_TRUE(found.bias_maps && found.noise_maps);
+    EXPECT_NEAR((*found.bias_maps)[0].mean().value, 0.3, 1e-9);
+    EXPECT_NEAR((*found.bias_maps)[1].mean().value, 0.0, 1e-9);
+    EXPECT_NEAR((*found.bias_maps)[3].mean().value, 2.0, 1e-9);
+    for (const double deviation : found.noises(2))
+        EXPECT_NEAR(deviation, 0.01 * std::sqrt(2.0), 1e-5);
+    for (const double deviation : found.noises(0))
+        EXPECT_LT(deviation, 1e-3);
+    HtmlPage page("test", "");
+    add_run_expectation(page, result);
+    EXPECT_THAT(page.finish(), HasSubstr("What to expect"));
+}
+
+TEST(RunExpectation, SaysNothingWithoutAnAnalysis) {
+    HtmlPage page("test", "");
+    add_run_expectation(page, QualifyResult{});
+    EXPECT_THAT(page.finish(), testing::Not(HasSubstr("What to expect")));
 }
 
 TEST(Expectation, SaysWhyThereIsNoNoise) {

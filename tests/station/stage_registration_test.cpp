@@ -12,6 +12,7 @@
 #include "sim/pose_sampling.h"
 #include "stage/kinematics.h"
 #include "station/expected_view.h"
+#include "station/qualification_input.h"
 #include "tests/station/stations.h"
 
 namespace etalon {
@@ -110,6 +111,29 @@ TEST(StageRegistration, NamesAPlanThatIsDegenerateForThisStage) {
     const auto photos = read_stage_photos(set.photographs(5, {0, 0, 1, 0}), station.stage.axes);
     EXPECT_THAT(error_text<NumericalError>([&] { register_photos(station, photos, "auto"); }),
                 HasSubstr("one line, base z"));
+}
+
+// The plan's volume lets all axes move; its training poses did not.
+TEST(StageRegistration, AQualificationOfDegenerateTrainingPosesIsRefused) {
+    PhotographedStation set;
+    const StationFile station = set.station();
+    const Projector projector(station.camera.model);
+    std::vector<StageVisit> visits;
+    for (int i = 0; i < 30; ++i)  // half of them hold-out
+        visits.push_back({{0.0, 0.0, 2.0 * i, 0.0}, std::vector<double>(4, 0.0)});
+    QualificationInput input = declared_input(station, visits);
+    for (const StageVisit& visit : visits) {
+        const Rigid stage = base_from_carriage(station.stage.axes, visit.position);
+        std::vector<Eigen::Vector2d> corners;
+        for (const Eigen::Vector3d& point : station.marker.points_mm)
+            corners.push_back(
+                projector.project(true_x * stage * station.carriage_from_marker_nominal * point)
+                    .value());
+        input.poses.push_back({stage, input.poses.size() % 2 == 1, corners});
+    }
+    input.render_and_detect = [](const Rigid&) { return std::nullopt; };
+    EXPECT_THAT(error_text<NumericalError>([&] { qualify(input); }),
+                testing::AllOf(HasSubstr("degenerate plan"), HasSubstr("one line, base z")));
 }
 
 TEST(StageRegistration, RefusesATableThatItCannotUse) {

@@ -61,7 +61,11 @@ std::vector<int> without_corners(cv::Mat& pairs) {
 }  // namespace
 
 FilterKernel::FilterKernel(int k, const cv::Mat& weights)
-    : k_(k), reach_x_((weights.cols - k) / 2), reach_y_((weights.rows - k) / 2) {
+    : k_(k),
+      reach_x_((weights.cols - k) / 2),
+      reach_y_((weights.rows - k) / 2),
+      margin_x_((reach_x_ + k - 1) / k),
+      margin_y_((reach_y_ + k - 1) / k) {
     const int n = weights.cols, before = k * margin_x() - reach_x_;
     const int padding = (MirroredKernel::rows_at_once - 1) * k;
     const auto offset = [&](int column) {

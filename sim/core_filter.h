@@ -26,8 +26,8 @@ public:
     int reach_y() const { return reach_y_; }
     double energy() const { return energy_; }  // sum of the weights
     // How far beyond an output's own samples it looks, in outputs.
-    int margin_x() const { return (reach_x_ + k_ - 1) / k_; }
-    int margin_y() const { return (reach_y_ + k_ - 1) / k_; }
+    int margin_x() const { return margin_x_; }
+    int margin_y() const { return margin_y_; }
 
     // For windows that begin margin_x() outputs to the left and reach_y() samples above.
     MirroredKernel view() const;
@@ -35,7 +35,7 @@ public:
     int phase_stride() const;
 
 private:
-    int k_, reach_x_, reach_y_;
+    int k_, reach_x_, reach_y_, margin_x_, margin_y_;
     double energy_;
     std::vector<std::ptrdiff_t> left_, right_;
     std::vector<float> weights_;

@@ -79,6 +79,7 @@ public:
             return found(i, j, range);
         constexpr int side = UndistortionMap::group_side;
         const cv::Rect below = cv::Rect(side * i, side * j, side, side) & map_.groups(level - 1);
+        map_.prefetch(level - 1, below);
         for (int y = below.y; y < below.br().y; ++y)
             for (int x = below.x; x < below.br().x; ++x)
                 descend(level - 1, x, y, to_level, found, uniform);

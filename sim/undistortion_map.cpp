@@ -1,5 +1,7 @@
 #include "sim/undistortion_map.h"
 
+#include <hwy/cache_control.h>
+
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <cmath>
@@ -146,6 +148,12 @@ void UndistortionMap::set_bend(const Nodes& x, const Nodes& y, Tile& tile) const
     const Eigen::Vector2d lengths = Eigen::JacobiSVD<Eigen::Matrix2d>(px_per_x).singularValues();
     tile.largest_scale = lengths[0] / std::max(intrinsics.fx, intrinsics.fy);
     tile.least_scale = lengths[1] / std::min(intrinsics.fx, intrinsics.fy);
+}
+
+void UndistortionMap::prefetch(int level, const cv::Rect& groups) const {
+    for (int j = groups.y; j < groups.br().y; ++j)
+        for (int i = groups.x; i < groups.br().x; ++i)
+            hwy::Prefetch(&group(level, i, j));
 }
 
 UndistortionMap::Bend UndistortionMap::bend(int level, int i, int j) const {

@@ -62,6 +62,8 @@ public:
     cv::Rect groups(int level) const { return groups_[static_cast<std::size_t>(level)].rect; }
     Validity validity(int level, int i, int j) const { return group(level, i, j).validity; }
     const Box& bounds(int level, int i, int j) const { return group(level, i, j).bounds; }
+    // Says that these will be asked for soon: most of the table is not in a core's cache.
+    void prefetch(int level, const cv::Rect& groups) const;
 
     // How much the undistortion bends among these tiles and some around them.
     struct Bend {

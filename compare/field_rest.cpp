@@ -81,13 +81,12 @@ void find_rest(const Eigen::VectorXd& residual, const QuadraticForm& form,
     rest.rms_uncertainty = std::sqrt(upper) - rest.rms;
 }
 
-// Quantile of chi-square over its degrees of freedom.
+}  // namespace
+
 double chi_square_limit(double degrees_of_freedom) {
     const double c = 2.0 / (9.0 * degrees_of_freedom);
     return std::pow(1.0 - c + limit_sigmas * std::sqrt(c), 3);
 }
-
-}  // namespace
 
 FieldRest field_rest(const SmoothField& field, std::span<const FieldSample> samples,
                      std::span<const SampleNoise> noise) {

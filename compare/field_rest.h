@@ -37,4 +37,7 @@ struct FieldRest {
 FieldRest field_rest(const SmoothField& field, std::span<const FieldSample> samples,
                      std::span<const SampleNoise> noise);
 
+// The 99.9 % quantile of chi-square over its degrees of freedom.
+double chi_square_limit(double degrees_of_freedom);
+
 }  // namespace etalon

@@ -402,6 +402,18 @@ void judge_all(Qualification& result) {
     result.verdict = combine(result.quantities);
 }
 
+// A PASS is accepted only from a run that is what its uncertainty takes it for.
+void require_conditions(const QualificationInput& input, Qualification& result) {
+    result.conditions = acceptance_conditions(input, result, position_samples(result));
+    for (const AcceptanceCondition& condition : result.conditions) {
+        if (condition.state != AcceptanceCondition::State::not_met)
+            continue;
+        result.reasons.push_back(condition.name + " is not as it must be: " + condition.text);
+        if (result.verdict == Outcome::pass)
+            result.verdict = Outcome::inconclusive;
+    }
+}
+
 void add_monte_carlo(const QualificationInput& input, std::span<const FieldInput> inputs,
                      Qualification& result) {
     const std::vector<Eigen::Vector3d> volume = volume_of(result);
@@ -482,6 +494,7 @@ Qualification qualify(const QualificationInput& input) {
                                                       calibration_signatures(chain));
     result.budget = std::move(budget.rows);
     judge_all(result);
+    require_conditions(input, result);
     if (input.monte_carlo)
         add_monte_carlo(input, budget.inputs, result);
     explain_verdict(result);

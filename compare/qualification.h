@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "calib/registration.h"
+#include "compare/acceptance.h"
 #include "compare/error_signatures.h"
 #include "compare/field_rest.h"
 #include "compare/length_error.h"
@@ -151,6 +152,8 @@ struct Qualification {
     std::optional<FieldRest> position_rest;                     // nothing without repeated frames
     std::optional<LengthErrors> lengths;
     std::optional<PhotometricField> photometric;  // nothing with too few photometric poses
+
+    std::vector<AcceptanceCondition> conditions;  // one that is NOT MET withholds PASS
 
     std::vector<BudgetRow> budget;
     bool budget_complete = false;  // nothing that is unknown could change the verdict

@@ -77,6 +77,20 @@ Json field_json(const SmoothField& field, const FieldSummary& summary) {
             {"max_position_mm", numbers_json(summary.max_position_mm)}};
 }
 
+Json conditions_json(const Qualification& analysis) {
+    Json list = Json::array();
+    for (const AcceptanceCondition& each : analysis.conditions) {
+        const bool checked = each.state != AcceptanceCondition::State::not_checked;
+        list.push_back({{"name", each.name},
+                        {"state", name(each.state)},
+                        {"value", checked ? Json(each.value) : Json()},
+                        {"limit", checked ? Json(each.limit) : Json()},
+                        {"unit", each.unit},
+                        {"text", each.text}});
+    }
+    return list;
+}
+
 Json rest_json(const FieldRest& rest) {
     return {{"rms", rest.rms},
             {"rms_uncertainty", rest.rms_uncertainty},
@@ -143,6 +157,7 @@ void add_analysis(Json& run, const Qualification& analysis) {
     run["measurements"] = measurements_json(analysis.quantities, true);
     run["reported"] = measurements_json(analysis.reported, false);
     run["risk"] = risk_json(analysis.risk);
+    run["conditions"] = conditions_json(analysis);
     run["reasons"] = analysis.reasons;
     if (analysis.explanation)
         run["explanation"] = {{"text", analysis.explanation->text},

@@ -45,6 +45,14 @@ std::string in_words(const std::string& name) {
         return "Rotation bias, RMS of the field over the volume";
     if (name == "b3_rotation_field_max_mrad")
         return "Rotation bias, largest value of the field in the volume";
+    if (name == quantity::rest_rms)
+        return "Position bias, RMS of what the field leaves, without noise";
+    if (name == quantity::length_max)
+        return "Length error, largest that the field makes between two poses";
+    if (name == quantity::photometric_rms)
+        return "Position bias of photometric poses (B4), RMS of the field";
+    if (name == quantity::photometric_max)
+        return "Position bias of photometric poses (B4), largest value of the field";
     return name;
 }
 
@@ -72,10 +80,10 @@ std::string deciding_sentence(const QualifyResult& result) {
     }
     if (!deciding)
         return joined(result.analysis->reasons, " ");
-    return fmt::format("{}: {} {} with U = {} {} (k = 2) against a limit of {} {}.",
+    return fmt::format("{}: {} {} with U = {} {} (k = {:.2f}) against a limit of {} {}.",
                        in_words(deciding->name), number(deciding->value, 2), deciding->unit,
                        number(deciding->expanded_uncertainty, 2), deciding->unit,
-                       number(deciding->limit), deciding->unit);
+                       deciding->coverage_factor, number(deciding->limit), deciding->unit);
 }
 
 void add_summary(HtmlPage& page, const QualifyResult& result) {
@@ -118,16 +126,44 @@ std::string note_of(const JudgedQuantity& quantity) {
     return quantity.reason;
 }
 
+std::vector<std::string> quantity_row(const JudgedQuantity& each, bool is_judged) {
+    const auto figure = [&](double value) { return each.measured ? number(value, 2) : "–"; };
+    return {in_words(each.name),
+            figure(each.value),
+            figure(each.expanded_uncertainty),
+            figure(each.coverage_factor),
+            number(each.monte_carlo_uncertainty, "–"),
+            is_judged ? number(each.limit) : "none",
+            each.unit,
+            is_judged ? name(each.outcome) : "reported",
+            is_judged ? note_of(each) : ""};
+}
+
+void add_conditions(HtmlPage& page, const Qualification& analysis) {
+    if (analysis.conditions.empty())
+        return;
+    page.add_heading("Conditions for a PASS");
+    Rows rows;
+    for (const AcceptanceCondition& each : analysis.conditions)
+        rows.push_back({each.name, name(each.state), each.text});
+    page.add_table({"condition", "this run", "found"}, rows);
+}
+
 void add_judged(HtmlPage& page, const Qualification& analysis) {
     page.add_heading("Judged on the hold-out poses");
     Rows rows;
-    for (const JudgedQuantity& each : analysis.quantities) {
-        const bool measured = each.outcome != Outcome::skipped;
-        rows.push_back({in_words(each.name), measured ? number(each.value, 2) : "–",
-                        measured ? number(each.expanded_uncertainty, 2) : "–", number(each.limit),
-                        each.unit, name(each.outcome), note_of(each)});
-    }
-    page.add_table({"quantity", "value", "U (k = 2)", "limit", "unit", "outcome", "note"}, rows);
+    for (const JudgedQuantity& each : analysis.quantities)
+        rows.push_back(quantity_row(each, true));
+    for (const JudgedQuantity& each : analysis.reported)
+        rows.push_back(quantity_row(each, false));
+    page.add_table({"quantity", "value", "U", "k", "U by Monte Carlo", "limit", "unit", "outcome",
+                    "note"},
+                   rows);
+    page.add_paragraph(fmt::format(
+        "Risks: a camera with any judged quantity at its limit gets PASS in at most {:.1f} % of "
+        "runs; one with all {} judged quantities at their limits gets FAIL in at most {:.1f} %.",
+        100.0 * analysis.risk.wrong_pass, analysis.risk.judged,
+        100.0 * analysis.risk.wrong_fail));
     page.add_paragraph(
         "value + U <= limit is PASS, value - U > limit is FAIL, anything between is INCONCLUSIVE. "
         "Judged is a smooth field of the bias over the volume, never its mean: registration makes "
@@ -187,7 +223,10 @@ void add_biases(HtmlPage& page, const Qualification& analysis) {
     constexpr double mrad = 1e-3;
     Rows rows;
     const std::pair<const char*, std::optional<PoseError> PoseBias::*> biases[] = {
-        {"B1", &PoseBias::b1}, {"B2", &PoseBias::b2}, {"B3", &PoseBias::b3}};
+        {"B1", &PoseBias::b1},
+        {"B2", &PoseBias::b2},
+        {"B3", &PoseBias::b3},
+        {"B4", &PoseBias::b4}};
     for (const auto& [label, bias] : biases) {
         for (int axis = 0; axis < 3; ++axis)
             rows.push_back(bias_row(fmt::format("{} t{} / mm", label, "xyz"[axis]), analysis, bias,
@@ -410,6 +449,7 @@ void add_run(HtmlPage& page, const QualifyResult& result) {
 void add_analysis(HtmlPage& page, const QualifyResult& result) {
     const Qualification& analysis = *result.analysis;
     add_judged(page, analysis);
+    add_conditions(page, analysis);
     add_bias_plots(page, result);
     add_pictures(page, result);
     add_unseen(page, analysis);

@@ -171,7 +171,7 @@ Row csv_header(const std::vector<Axis>& axes) {
     for (const char* group : {"photo_", "render_", "predicted_"})
         for (const char* column : {"rx", "ry", "rz", "tx", "ty", "tz"})
             header.push_back(std::string(group) + column);
-    for (const char* group : {"b1_", "b2_", "b3_"})
+    for (const char* group : {"b1_", "b2_", "b3_", "b4_"})
         for (const char* column : {"x_mm", "y_mm", "z_mm", "rx_mrad", "ry_mrad", "rz_mrad"})
             header.push_back(std::string(group) + column);
     for (const char* column : {"residual_rms_gray", "residual_p99_gray", "psf_sigma_px"})
@@ -188,7 +188,7 @@ void add_residual(Row& row, const std::optional<PoseRecord::Residual>& residual)
 
 void add_analysis_columns(Row& row, const QualifiedPose* qualified) {
     if (!qualified) {
-        row.resize(row.size() + 1 + 3 * 6 + 3 * 6);
+        row.resize(row.size() + 1 + 3 * 6 + 4 * 6);
         return;
     }
     row.emplace_back(qualified->used ? "1" : "0");
@@ -200,6 +200,7 @@ void add_analysis_columns(Row& row, const QualifiedPose* qualified) {
     add_bias(row, qualified->bias.b1);
     add_bias(row, qualified->bias.b2);
     add_bias(row, qualified->bias.b3);
+    add_bias(row, qualified->bias.b4);
 }
 
 Row csv_row(const PoseRecord& record, const std::vector<Axis>& axes,

@@ -51,6 +51,21 @@ TEST(LimitsFile, ReadsTheRotationLimitsWhenTheyAreThere) {
     EXPECT_EQ(limits.b3_rotation_field_max_mrad, 4.0);
 }
 
+TEST(LimitsFile, ReadsTheOtherLimitsWhenTheyAreThere) {
+    const Limits none = read_limits(file_with(good));
+    EXPECT_FALSE(none.b3_position_rest_rms_mm || none.b3_length_error_max_mm ||
+                 none.b4_position_field_rms_mm || none.b4_position_field_max_mm);
+    const Limits limits = read_limits(
+        file_with(std::string(good) + "b3_position_rest_rms_mm: {limit: 0.05, unit: mm}\n"
+                                      "b3_length_error_max_mm: {limit: 0.3, unit: mm}\n"
+                                      "b4_position_field_rms_mm: {limit: 0.04, unit: mm}\n"
+                                      "b4_position_field_max_mm: {limit: 0.11, unit: mm}\n"));
+    EXPECT_EQ(limits.b3_position_rest_rms_mm, 0.05);
+    EXPECT_EQ(limits.b3_length_error_max_mm, 0.3);
+    EXPECT_EQ(limits.b4_position_field_rms_mm, 0.04);
+    EXPECT_EQ(limits.b4_position_field_max_mm, 0.11);
+}
+
 TEST(LimitsFile, SaysWhereAndWhatIsWrong) {
     const std::string head = "etalon: limits/1\nid: a\n";
     EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0.07, unit: mm}\n"),

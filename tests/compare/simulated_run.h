@@ -106,24 +106,41 @@ inline Corners corners_at(const CameraModel& camera, const std::vector<Eigen::Ve
     return corners;
 }
 
-// What the camera truly sees with the axes reading q; noise keyed by (seed, pose).
-inline Corners photo(const SimulatedRun& run, std::vector<double> q, std::uint64_t seed,
-                     std::size_t pose) {
-    RandomStream random(seed, 100, pose);
+// Where the marker truly is with the axes reading q; stage noise from `random`.
+inline Rigid true_pose(const SimulatedRun& run, std::vector<double> q, RandomStream& random) {
     for (std::size_t k = 0; k < q.size(); ++k) {
         q[k] *= run.true_scale[k];
         if (run.axes[k].kind == Axis::Kind::linear)
             q[k] += run.repeatability_mm * random.normal();
     }
+    return run.camera_from_base * base_from_carriage(run.true_axes, q) * run.carriage_from_marker;
+}
+
+// What the camera truly sees with the axes reading q; noise keyed by (seed, pose).
+inline Corners photo(const SimulatedRun& run, const std::vector<double>& q, std::uint64_t seed,
+                     std::size_t pose) {
+    RandomStream random(seed, 100, pose);
+    const Rigid truth = true_pose(run, q, random);
     std::vector<Eigen::Vector3d> points = run.points_mm;
     for (Eigen::Vector3d& point : points)
         point *= run.marker_scale;
-    Corners corners = run.detector(corners_at(
-        run.true_camera, points,
-        run.camera_from_base * base_from_carriage(run.true_axes, q) * run.carriage_from_marker));
+    Corners corners = run.detector(corners_at(run.true_camera, points, truth));
     for (Eigen::Vector2d& corner : corners)
         corner += run.noise_px * Eigen::Vector2d(random.normal(), random.normal());
     return corners;
+}
+
+// A photometric reading of the same photograph by a camera that is as it should be: the truth with
+// noise of a fifth of the corners', and no detector in between.
+inline PhotometricReading reading(const SimulatedRun& run, const std::vector<double>& q,
+                                  std::uint64_t seed, std::size_t pose) {
+    RandomStream stage_noise(seed, 100, pose), noise(seed, 101, pose);
+    const Vector6d deviation = (Vector6d() << 2e-4, 2e-4, 3e-5, 2e-3, 2e-3, 1.5e-2).finished();
+    Vector6d error;
+    for (int k = 0; k < 6; ++k)
+        error[k] = deviation[k] * noise.normal();
+    return {left_perturbed(true_pose(run, q, stage_noise), error),
+            Matrix6d(deviation.cwiseAbs2().asDiagonal())};
 }
 
 inline DeclaredStageTerm scale_term(const SimulatedRun& run, std::vector<std::vector<double>> all,
@@ -160,9 +177,16 @@ inline QualificationInput input_of(const SimulatedRun& run, std::uint64_t seed) 
     input.camera = &run.camera;
     input.points_mm = run.points_mm;
     const std::vector<std::vector<double>> all = positions(run, run.plan_seed.value_or(seed));
-    for (std::size_t i = 0; i < all.size(); ++i)
-        input.poses.push_back({base_from_carriage(run.axes, all[i]),
-                               static_cast<int>(i) >= run.training, photo(run, all[i], seed, i)});
+    for (std::size_t i = 0; i < all.size(); ++i) {
+        QualificationPose pose{base_from_carriage(run.axes, all[i]),
+                               static_cast<int>(i) >= run.training, photo(run, all[i], seed, i)};
+        if (run.noise_px > 0.0)
+            pose.corner_noise = CornerNoise{run.noise_px * run.noise_px, 16.0};
+        pose.time_s = 2.0 * static_cast<double>(i);
+        if (pose.hold_out)
+            pose.photometric = reading(run, all[i], seed, i);
+        input.poses.push_back(pose);
+    }
     input.nominal_carriage_from_marker = run.nominal_carriage_from_marker;
     input.render_and_detect = [&run, projector = Projector(run.camera)](
                                   const Rigid& camera_from_marker) -> std::optional<Corners> {

@@ -53,5 +53,15 @@ TEST(Verdict, BecomesTheExitCode) {
     EXPECT_EQ(exit_code(Outcome::skipped), 2);
 }
 
+// Three judged: any of them may let a good camera fail, all of them must let a bad one pass.
+TEST(Verdict, StatesWhatItRisksOverAllQuantities) {
+    const FamilyRisk risk = family_risk(std::vector<JudgedQuantity>(3));
+    EXPECT_EQ(risk.judged, 3);
+    EXPECT_NEAR(risk.each, 0.02275, 1e-5);  // P(z > 2), tables
+    EXPECT_EQ(risk.wrong_pass, risk.each);
+    EXPECT_DOUBLE_EQ(risk.wrong_fail, 3 * risk.each);
+    EXPECT_EQ(family_risk(std::vector<JudgedQuantity>(100)).wrong_fail, 1.0);
+}
+
 }  // namespace
 }  // namespace etalon

@@ -146,7 +146,9 @@ struct QualifyArguments {
 };
 int run_qualify(const QualifyArguments& arguments);
 
+// Either a record, or a station with positions.
 struct RegisterArguments {
+    std::filesystem::path record;              // folder of a qualification
     std::filesystem::path station, positions;  // positions: CSV of photographs and axis positions
     std::string detector;                      // empty: the station's own
     bool json = false;

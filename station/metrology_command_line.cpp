@@ -19,13 +19,16 @@ void add_register_command(CLI::App& app, Run& run) {
         "move less than the stage can are refused, by name. No verdict, no device.\n\n"
         "The CSV has a column `photo` (seen from its folder) and one for each axis:\n"
         "x_mm, y_mm, rz_deg ...\n\n"
-        "Example:\n"
-        "  etalon register --station station.yaml --positions positions.csv\n");
-    sub->add_option("--station", arguments->station, "calibration, axes, marker, mounting")
-        ->required()
+        "Of a qualification's record all poses count, training and hold-out, with what the\n"
+        "axes read.\n\n"
+        "Examples:\n"
+        "  etalon register --station station.yaml --positions positions.csv\n"
+        "  etalon register run-7\n");
+    sub->add_option("RECORD", arguments->record, "folder of a qualification")->type_name("");
+    sub->add_option("--station", arguments->station,
+                    "calibration, axes, marker, mounting\n(default: that of the record)")
         ->type_name("FILE");
     sub->add_option("--positions", arguments->positions, "CSV of photographs and positions")
-        ->required()
         ->type_name("CSV");
     sub->add_option("--detector", arguments->detector,
                     "the station's own (default), a detector's name,\n"

@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/errors.h"
+#include "core/sha256.h"
+#include "core/text.h"
 #include "station/commands.h"
 #include "station/pose_numbers.h"
 #include "station/stage_registration.h"
@@ -138,12 +140,43 @@ void print_json(const StationFile& station, const StageRegistration& result) {
     std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
 }
 
+// Empty where it is missing or no text.
+std::string text_at(const ordered_json& object, const char* key) {
+    const auto found = object.find(key);
+    return found != object.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
+// The record's own copy of the station file, or else the original, which must be what the run was
+// made with.
+std::filesystem::path station_of_record(const std::filesystem::path& record) {
+    const std::filesystem::path file = record / "run.json";
+    const auto run = ordered_json::parse(read_text(file), nullptr, false);
+    if (run.is_object() && run.contains("inputs") && run["inputs"].is_array())
+        for (const auto& input : run["inputs"]) {
+            if (!input.is_object() || text_at(input, "role") != "station")
+                continue;
+            const std::string copy = text_at(input, "copy");
+            const std::filesystem::path path =
+                copy.empty() ? std::filesystem::path(text_at(input, "path")) : record / copy;
+            if (sha256_of_file(path) != text_at(input, "sha256"))
+                throw ConfigError({path.string()}, "is not the station file of this run any more");
+            return path;
+        }
+    throw ConfigError({file.string()}, "names no station file: give --station");
+}
+
 }  // namespace
 
 int run_register(const RegisterArguments& arguments) {
-    const StationFile station = read_station(arguments.station);
+    if (arguments.record.empty() == arguments.positions.empty())
+        throw ConfigError({"--positions"}, "give either a record's folder or --positions");
+    if (arguments.record.empty() && arguments.station.empty())
+        throw ConfigError({"--station"}, "is needed with --positions");
+    const StationFile station = read_station(
+        arguments.station.empty() ? station_of_record(arguments.record) : arguments.station);
     const std::vector<StagePhoto> photos =
-        read_stage_photos(arguments.positions, station.stage.axes);
+        arguments.record.empty() ? read_stage_photos(arguments.positions, station.stage.axes)
+                                 : read_record_photos(arguments.record, station.stage.axes);
     const StageRegistration result = register_photos(
         station, photos, arguments.detector.empty() ? station.detector : arguments.detector);
     for (const RegisteredPhoto& photo : result.photos)

@@ -46,32 +46,53 @@ struct Columns {
     std::size_t count;
 };
 
-Columns read_header(const std::string& line, const std::vector<Axis>& axes,
-                    const SourcePlace& place) {
+// Columns are named `prefix` and the axis.
+Columns read_header(const std::string& line, const std::string& photo, const std::string& prefix,
+                    const std::vector<Axis>& axes, const SourcePlace& place) {
     const std::vector<std::string> header = cells_of(line);
-    Columns columns{column_of("photo", header, place), {}, header.size()};
+    Columns columns{column_of(photo, header, place), {}, header.size()};
     for (const Axis& axis : axes)
-        columns.axes.push_back(column_of(column_name(axis), header, place));
-    if (header.size() != axes.size() + 1)
-        throw ConfigError(place, fmt::format("must have `photo` and one column for each of {} axes",
-                                             axes.size()));
+        columns.axes.push_back(column_of(prefix + column_name(axis), header, place));
     return columns;
 }
 
+// `photo` is the cell as it stands.
 StagePhoto read_row(const std::string& line, const Columns& columns, const std::vector<Axis>& axes,
                     const SourcePlace& place) {
     const std::vector<std::string> cells = cells_of(line);
     if (cells.size() != columns.count)
         throw ConfigError(place, fmt::format("{} cells, expected {}", cells.size(), columns.count));
-    StagePhoto row{std::filesystem::path(place.file).parent_path() / cells[columns.photo], {}};
+    StagePhoto row{cells[columns.photo], {}};
     for (std::size_t i = 0; i < axes.size(); ++i) {
         const auto value = parse_number(cells[columns.axes[i]]);
         if (!value)
             throw ConfigError(place, "not a number: '" + cells[columns.axes[i]] + "'");
         row.positions.push_back(*value * (axes[i].kind == Axis::Kind::rotary ? rad_per_deg : 1.0));
     }
-    require_within_limits(axes, row.positions, place);
     return row;
+}
+
+std::vector<StagePhoto> read_rows(const std::vector<std::string>& lines, const Columns& columns,
+                                  const std::vector<Axis>& axes, const std::string& file) {
+    std::vector<StagePhoto> rows;
+    for (std::size_t i = 1; i < lines.size(); ++i)
+        if (!trimmed(lines[i]).empty())
+            rows.push_back(read_row(lines[i], columns, axes, {file, static_cast<int>(i) + 1}));
+    if (rows.empty())
+        throw ConfigError({file, 1}, "no photograph is listed");
+    return rows;
+}
+
+// Of pose `number`; empty when none is whole.
+std::filesystem::path first_frame(const std::filesystem::path& record, const std::string& number) {
+    constexpr int most_frames = 1000;
+    for (int frame = 0; frame < most_frames; ++frame) {
+        const auto path = record / "frames" / fmt::format("{:0>4}_{}.png", number, frame);
+        std::error_code ignored;
+        if (std::filesystem::is_regular_file(path, ignored))
+            return path;
+    }
+    return {};
 }
 
 // One photograph with what was found in it.
@@ -165,14 +186,31 @@ void register_photometric(const StationFile& station, std::vector<Sighting>& see
 std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
                                           const std::vector<Axis>& axes) {
     const std::vector<std::string> lines = split(read_text(csv), '\n');
-    const Columns columns = read_header(lines.front(), axes, {csv.string(), 1});
+    const Columns columns = read_header(lines.front(), "photo", "", axes, {csv.string(), 1});
+    if (columns.count != axes.size() + 1)
+        throw ConfigError(
+            {csv.string(), 1},
+            fmt::format("must have `photo` and one column for each of {} axes", axes.size()));
+    std::vector<StagePhoto> photos = read_rows(lines, columns, axes, csv.string());
+    for (StagePhoto& photo : photos) {
+        require_within_limits(axes, photo.positions, {csv.string()});
+        photo.photo = csv.parent_path() / photo.photo;
+    }
+    return photos;
+}
+
+std::vector<StagePhoto> read_record_photos(const std::filesystem::path& record,
+                                           const std::vector<Axis>& axes) {
+    const std::filesystem::path csv = record / "poses.csv";
+    const std::vector<std::string> lines = split(read_text(csv), '\n');
+    const Columns columns =
+        read_header(lines.front(), "pose", "read_back_", axes, {csv.string(), 1});
     std::vector<StagePhoto> photos;
-    for (std::size_t i = 1; i < lines.size(); ++i)
-        if (!trimmed(lines[i]).empty())
-            photos.push_back(
-                read_row(lines[i], columns, axes, {csv.string(), static_cast<int>(i) + 1}));
-    if (photos.empty())
-        throw ConfigError({csv.string(), 1}, "no photograph is listed");
+    for (StagePhoto& row : read_rows(lines, columns, axes, csv.string())) {
+        row.photo = first_frame(record, row.photo.string());
+        if (!row.photo.empty())
+            photos.push_back(row);
+    }
     return photos;
 }
 

@@ -28,6 +28,11 @@ struct StagePhoto {
 std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
                                           const std::vector<Axis>& axes);
 
+// The first whole frame of every pose in the record of a qualification, with what the axes read
+// (poses.csv of station/run_record.h), training and hold-out. Throws ConfigError as above.
+std::vector<StagePhoto> read_record_photos(const std::filesystem::path& record,
+                                           const std::vector<Axis>& axes);
+
 // Each axis at several places of its interval, the others in the middle of theirs: what the stage
 // can do there, for require_full_motion() (calib/stage_motion.h). One interval per axis, mm or rad,
 // within its soft limits; without intervals all of its travel.

@@ -95,6 +95,24 @@ TEST(StageRegistration, FindsXAndYFromPhotographsAndACsv) {
               0.3);
 }
 
+// Poses without a whole frame are left out; the first whole one counts.
+TEST(StageRegistration, ReadsTheFramesOfARecord) {
+    const TemporaryFolder record;
+    std::filesystem::create_directory(record / "frames");
+    for (const char* name : {"0000_0.png", "0000_1.png", "0002_1.png"})
+        write_text(record / "frames" / name, "not looked at");
+    write_text(record / "poses.csv",
+               "pose,split,commanded_z_mm,read_back_z_mm,read_back_rz_deg,used\n"
+               "0,training,7,7.25,90,1\n1,training,5,5.5,0,0\n2,hold-out,3,3.5,-45,1\n");
+    const std::vector<Axis> axes = {{"rz", Axis::Kind::rotary}, {"z", Axis::Kind::linear}};
+    const std::vector<StagePhoto> photos = read_record_photos(record.path(), axes);
+    ASSERT_EQ(photos.size(), 2u);
+    EXPECT_EQ(photos[0].photo, record / "frames" / "0000_0.png");
+    EXPECT_EQ(photos[1].photo, record / "frames" / "0002_1.png");
+    EXPECT_DOUBLE_EQ(photos[0].positions[0], std::numbers::pi / 2.0);
+    EXPECT_DOUBLE_EQ(photos[1].positions[1], 3.5);
+}
+
 TEST(StageRegistration, FindsThemFromPhotometricPoses) {
     PhotographedStation set;
     const StationFile station = set.station();

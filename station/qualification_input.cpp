@@ -1,8 +1,20 @@
 #include "station/qualification_input.h"
 
+#include "sim/renderer.h"
 #include "station/stage_registration.h"
 
 namespace etalon {
+namespace {
+
+// A render's gray values are right to the renderer's tolerance. All of them off the same way move
+// an edge by that over its slope: the marker's contrast over the width of a somewhat blurred edge.
+double render_edge_bound_px(const StationFile& station) {
+    constexpr double full_scale_gray = 255.0;
+    constexpr double edge_width_px = 2.0;
+    return edge_width_px * RenderOptions{}.tolerance_gray / (full_scale_gray * station.white_level);
+}
+
+}  // namespace
 
 QualificationInput declared_input(const StationFile& station,
                                   const std::vector<StageVisit>& visits) {
@@ -15,6 +27,7 @@ QualificationInput declared_input(const StationFile& station,
     input.marker_size_uncertainty = station.marker_size_uncertainty;
     input.marker_flatness_mm = station.marker_flatness_mm;
     input.temperature = station.temperature;
+    input.render_edge_bound_px = render_edge_bound_px(station);
     input.limits = station.limits;
     input.seed = station.plan.seed;
     input.stage_reach = stage_reach(axes, station.plan.volume);

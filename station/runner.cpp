@@ -11,9 +11,10 @@
 #include "stage/guarded_stage.h"
 #include "station/camera_recovery.h"
 #include "station/expected_view.h"
+#include "station/measured_poses.h"
+#include "station/qualification_input.h"
 #include "station/qualify_report.h"
 #include "station/run_record.h"
-#include "station/stage_terms.h"
 
 namespace etalon {
 namespace {
@@ -278,25 +279,9 @@ std::vector<StageVisit> visits_of(const std::vector<PoseRecord>& poses) {
 }
 
 QualificationInput qualification_input(const Run& run) {
-    const StationFile& station = run.result.station;
-    QualificationInput input;
-    input.camera = &station.camera.model;
-    input.points_mm = station.marker.points_mm;
-    input.nominal_carriage_from_marker = station.carriage_from_marker_nominal;
-    input.marker_size_uncertainty = station.marker_size_uncertainty;
-    input.limits = station.limits;
-    input.seed = station.plan.seed;
-    for (const PoseRecord& pose : run.result.poses) {
-        QualificationPose seen{pose.stage.base_from_carriage, pose.planned.hold_out, std::nullopt};
-        if (!pose.corners.empty())
-            seen.corners = pose.corners;
-        input.poses.push_back(seen);
-    }
-    const std::vector<StageVisit> visits = visits_of(run.result.poses);
-    const Rigid& mount = station.carriage_from_marker_nominal;
-    input.stage_terms = declared_stage_terms(station.stage.axes, visits);
-    input.repeatability = declared_repeatability(station.stage.axes, visits, mount);
-    input.error_maps = declared_error_maps(station.stage.axes, visits, mount);
+    QualificationInput input = declared_input(run.result.station, visits_of(run.result.poses));
+    input.poses = measured_poses(run.result, run.result.remarks, run.stop);
+    input.monte_carlo = true;
     return input;
 }
 

@@ -115,6 +115,7 @@ BiasCorrectedRegistration register_bias_corrected(const Projector& projector,
             register_stage(projector, points_mm, corrected, nominal_carriage_from_marker);
         result.last_change_px =
             largest_move_px(projector, points_mm, poses, result.registration, next);
+        result.changes_px.push_back(result.last_change_px);
         result.registration = next;
         ++result.rounds;
     }

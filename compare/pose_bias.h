@@ -36,6 +36,7 @@ struct BiasCorrectedRegistration {
     std::vector<std::size_t> used;  // indices of the given poses: seen in photo and render
     int rounds = 0;                 // of rendering all training poses
     double last_change_px = 0.0;    // largest move of a predicted corner in the last round
+    std::vector<double> changes_px;  // the same of each round
 };
 
 // Registers on corners(photo) - [corners(render at the current X S Y) - projected truth], iterated

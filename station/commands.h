@@ -103,8 +103,8 @@ struct CompareArguments {
     double square_mm = 0.0;
     std::string marker;
     std::string detector = "auto";
-    std::filesystem::path poses;     // optional pose file, one row per photo
-    std::string score_margin;        // "X,Y" in squares
+    std::filesystem::path poses;  // optional pose file, one row per photo
+    std::string score_margin;     // "X,Y" in squares
     std::filesystem::path baseline;  // optional folder of an earlier comparison
     std::vector<std::filesystem::path> photos;
     bool json = false;
@@ -142,9 +142,38 @@ int run_capture_drift(const CaptureArguments& arguments);  // with drift
 
 struct QualifyArguments {
     std::filesystem::path station, out;
+    std::filesystem::path resume;  // in place of out: the record to go on with
     bool json = false;
 };
 int run_qualify(const QualifyArguments& arguments);
+
+struct ReportArguments {
+    std::filesystem::path record;
+    bool json = false;
+};
+int run_report(const ReportArguments& arguments);
+
+// Exit code 1 when a quantity drifts.
+struct HistoryArguments {
+    std::vector<std::filesystem::path> records;
+    std::filesystem::path out;  // folder of the report; empty: none
+    bool json = false;
+};
+int run_history(const HistoryArguments& arguments);
+
+struct PlanArguments {
+    std::filesystem::path station;
+    bool json = false;
+};
+int run_plan(const PlanArguments& arguments);
+
+struct OcArguments {
+    std::filesystem::path station, out;  // out: folder for curves and JSON; empty: none
+    int runs = 2000;                     // per point
+    std::vector<std::string> errors;     // only these; none: all
+    bool json = false;
+};
+int run_oc(const OcArguments& arguments);
 
 // Either a record, or a station with positions.
 struct RegisterArguments {
@@ -167,20 +196,6 @@ struct ExpectArguments {
     bool json = false;
 };
 int run_expect(const ExpectArguments& arguments);
-
-struct PlanArguments {
-    std::filesystem::path station;
-    bool json = false;
-};
-int run_plan(const PlanArguments& arguments);
-
-struct OcArguments {
-    std::filesystem::path station, out;  // out: folder for curves and JSON; empty: none
-    int runs = 2000;                     // per point
-    std::vector<std::string> errors;     // only these; none: all
-    bool json = false;
-};
-int run_oc(const OcArguments& arguments);
 
 // `etalon stage ...`: one structure for all of them but `check`.
 struct StageArguments {

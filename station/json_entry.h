@@ -1,12 +1,11 @@
 // One value of a JSON text with its place, read strictly: what is missing, of another type, not
 // finite or out of range is a ConfigError with file, line and dotted key. For the records that this
 // program wrote itself and reads back (core/strict_reader.h is for what people write).
-//
-// Includes json.hpp, which takes seconds to compile: for .cpp files only.
 #pragma once
 
+#include <cstdint>
 #include <initializer_list>
-#include <nlohmann/json.hpp>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -16,11 +15,11 @@
 
 namespace etalon {
 
-// Does not own the JSON: it must outlive the entry.
+// Cheap to copy; keeps its text alive.
 class JsonEntry {
 public:
-    JsonEntry(const nlohmann::json& json, SourcePlace place)
-        : json_(&json), place_(std::move(place)) {}
+    // A whole text. Throws ConfigError at `place` when it is no JSON.
+    JsonEntry(std::string_view text, SourcePlace place);
 
     // Of an object: a required key; whether there is one.
     JsonEntry at(const char* key) const;
@@ -32,7 +31,7 @@ public:
     // Of a list.
     std::vector<JsonEntry> items() const;
 
-    bool is_null() const { return json_->is_null(); }
+    bool is_null() const;
     double number(Range range = any_number) const;
     long long integer(long long low, long long high) const;
     std::uint64_t whole() const;
@@ -45,11 +44,11 @@ public:
     [[noreturn]] void fail(const std::string& message) const;
 
 private:
-    const nlohmann::json* json_;
+    JsonEntry(std::shared_ptr<const void> json, SourcePlace place)
+        : json_(std::move(json)), place_(std::move(place)) {}
+
+    std::shared_ptr<const void> json_;  // nlohmann's, which headers do not include
     SourcePlace place_;
 };
-
-// A whole text as JSON. Throws ConfigError at `place` when it is none.
-nlohmann::json parse_json(std::string_view text, const SourcePlace& place);
 
 }  // namespace etalon

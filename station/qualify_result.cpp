@@ -38,6 +38,20 @@ int exit_code(RunOutcome outcome) {
     return 4;
 }
 
+CaptureStatistics total_counters(const std::vector<RunSession>& sessions) {
+    CaptureStatistics total;
+    for (const RunSession& session : sessions) {
+        total.delivered += session.counters.delivered;
+        total.rejected += session.counters.rejected;
+        total.missing_packets += session.counters.missing_packets;
+        total.resent_packets += session.counters.resent_packets;
+        total.underruns += session.counters.underruns;
+        total.skipped += session.counters.skipped;
+        total.reconnects += session.counters.reconnects;
+    }
+    return total;
+}
+
 std::optional<double> mean_residual_gray(const QualifyResult& result) {
     double sum = 0.0;
     int count = 0;

@@ -80,6 +80,9 @@ struct RunSession {
     CaptureStatistics counters;
 };
 
+// Sum over the sessions. Of one that was killed, the counters are those after its last pose.
+CaptureStatistics total_counters(const std::vector<RunSession>& sessions);
+
 // A file of the record, by content; the path is in the record's folder.
 struct Attachment {
     std::string path, sha256;

@@ -133,6 +133,23 @@ Json plan_json(const StationFile& station, const Plan& plan) {
             {"expected_duration_s", seconds(plan.expected_duration)}};
 }
 
+Json sessions_json(const std::vector<RunSession>& sessions) {
+    Json list = Json::array();
+    for (const RunSession& session : sessions)
+        list.push_back({{"started_utc", session.started_utc},
+                        {"start_s", session.start_s},
+                        {"version", session.version},
+                        {"poses_visited", session.poses}});
+    return list;
+}
+
+Json attachments_json(const std::vector<Attachment>& attachments) {
+    Json list = Json::array();
+    for (const Attachment& file : attachments)
+        list.push_back({{"path", file.path}, {"sha256", file.sha256}});
+    return list;
+}
+
 Json software_json(const std::vector<SoftwareVersion>& software) {
     Json list;
     for (const SoftwareVersion& item : software)
@@ -233,6 +250,7 @@ std::string run_json(const QualifyResult& result) {
         {"reason", result.reason},
         {"started_utc", result.started_utc},
         {"duration_s", result.duration_s},
+        {"sessions", sessions_json(result.sessions)},
         {"station", station.id},
         {"marker", station.marker.spec},
         {"detector", station.detector},
@@ -240,6 +258,7 @@ std::string run_json(const QualifyResult& result) {
         {"white_level", station.white_level},
         {"carriage_from_marker_nominal", pose_numbers(station.carriage_from_marker_nominal)},
         {"marker_size_uncertainty", optional_number(station.marker_size_uncertainty)},
+        {"marker_flatness_mm", optional_number(station.marker_flatness_mm)},
         {"limits", station.limits.id},
         {"inputs", inputs_json(station.inputs)},
         {"camera", camera_json(result)},
@@ -250,6 +269,7 @@ std::string run_json(const QualifyResult& result) {
         add_analysis(run, *result.analysis);
     run["mean_residual_gray"] = optional_number(mean_residual_gray(result));
     run["software"] = software_json(result.software);
+    run["attachments"] = attachments_json(result.attachments);
     return text_of(run, 2) + "\n";
 }
 
@@ -280,6 +300,16 @@ std::string poses_csv(const QualifyResult& result) {
         const QualifiedPose* qualified = result.analysis ? &result.analysis->poses.at(i) : nullptr;
         csv += fmt::format("{}\n", fmt::join(csv_row(result.poses[i], axes, qualified), ","));
     }
+    return csv;
+}
+
+std::string convergence_csv(const QualifyResult& result) {
+    std::string csv = "round,largest_move_px\n";
+    if (!result.analysis || !result.analysis->registration)
+        return csv;
+    int round = 0;
+    for (const double change : result.analysis->registration->changes_px)
+        csv += fmt::format("{},{}\n", ++round, exact(change));
     return csv;
 }
 

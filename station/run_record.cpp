@@ -7,7 +7,10 @@
 #include <system_error>
 
 #include "core/errors.h"
+#include "core/sha256.h"
 #include "core/text.h"
+#include "station/junit.h"
+#include "station/qualify_report.h"
 #include "station/run_events.h"
 #include "station/run_json.h"
 
@@ -17,12 +20,40 @@ namespace {
 std::filesystem::path made(const std::filesystem::path& folder,
                            std::initializer_list<const char*> parts) {
     require_new_folder(folder);
-    std::error_code error;
-    for (const char* part : parts)
-        if (std::filesystem::create_directories(folder / part, error); error)
-            throw ConfigError(
-                {"--out"}, fmt::format("{} cannot be made: {}", folder.string(), error.message()));
+    make_record_folders(folder, parts);
     return folder;
+}
+
+// The log, without what follows the whole lines.
+std::filesystem::path cut(const std::filesystem::path& log, std::uintmax_t whole_bytes) {
+    std::error_code error;
+    std::filesystem::resize_file(log, whole_bytes, error);
+    if (error)
+        throw ConfigError({log.string()}, "cannot be written: " + error.message());
+    return log;
+}
+
+// A file that could not be written has no hash: the run says so elsewhere.
+void attach(QualifyResult& result, const std::string& path) {
+    std::error_code ignored;
+    if (std::filesystem::is_regular_file(result.folder / path, ignored))
+        result.attachments.push_back({path, sha256_of_file(result.folder / path)});
+}
+
+void attach_all(QualifyResult& result) {
+    result.attachments.clear();
+    for (const char* file :
+         {"events.jsonl", "poses.csv", "convergence.csv", "junit.xml", "report.html"})
+        attach(result, file);
+    for (const InputFile& input : result.station.inputs)
+        result.attachments.push_back({input.copy, input.sha256});
+    for (const PoseRecord& pose : result.poses) {
+        for (const FrameRecord& frame : pose.frames)
+            if (!frame.file.empty())
+                result.attachments.push_back({frame.file, frame.sha256});
+        if (!pose.render_file.empty())
+            attach(result, pose.render_file);
+    }
 }
 
 }  // namespace
@@ -37,8 +68,34 @@ void require_new_folder(const std::filesystem::path& folder) {
         throw ConfigError({"--out"}, fmt::format("{} is not empty", folder.string()));
 }
 
+void make_record_folders(const std::filesystem::path& folder,
+                         std::initializer_list<const char*> parts) {
+    std::error_code error;
+    for (const char* part : parts)
+        if (std::filesystem::create_directories(folder / part, error); error)
+            throw ConfigError({"--out"}, fmt::format("{} cannot be made: {}",
+                                                     (folder / part).string(), error.message()));
+}
+
+void write_results(QualifyResult& result) {
+    write_text(result.folder / "poses.csv", poses_csv(result));
+    write_text(result.folder / "convergence.csv", convergence_csv(result));
+    write_text(result.folder / "junit.xml", junit_xml(result));
+    write_qualify_report(result, result.folder / "report.html");
+    attach_all(result);
+    write_text(result.folder / "run.json", run_json(result));
+}
+
 std::string utc_now() {
     return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+}
+
+std::optional<double> utc_seconds(const std::string& utc) {
+    std::tm time{};
+    const char* end = strptime(utc.c_str(), "%Y-%m-%dT%H:%M:%SZ", &time);
+    if (!end || *end != '\0')
+        return std::nullopt;
+    return static_cast<double>(timegm(&time));
 }
 
 FrameRecord frame_record(const Frame& frame, Instant start) {
@@ -62,6 +119,14 @@ RunRecord::RunRecord(const std::filesystem::path& folder, std::initializer_list<
         throw ConfigError({"--out"}, fmt::format("{} cannot be written", folder.string()));
 }
 
+RunRecord::RunRecord(const std::filesystem::path& folder, std::uintmax_t whole_bytes)
+    : folder_(folder),
+      events_(cut(folder / "events.jsonl", whole_bytes), std::ios::binary | std::ios::app) {
+    if (!events_)
+        throw ConfigError({(folder / "events.jsonl").string()}, "cannot be written");
+    make_record_folders(folder, {"frames", "renders"});
+}
+
 void RunRecord::append(const std::string& line) {
     errno = 0;
     events_ << line << '\n' << std::flush;
@@ -78,8 +143,13 @@ void RunRecord::log_frame(int pose, const FrameRecord& frame) {
     append(frame_event(pose, frame));
 }
 
-void RunRecord::log_pose(const PoseRecord& pose) {
+void RunRecord::log_pose(PoseRecord& pose) {
     images_.flush();
+    for (FrameRecord& frame : pose.frames) {
+        if (!frame.file.empty())
+            frame.sha256 = sha256_of_file(folder_ / frame.file);
+        append(frame_event(pose.index, frame));
+    }
     append(pose_event(pose));
 }
 

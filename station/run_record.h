@@ -1,19 +1,28 @@
 // The record of a run: a folder that tells, years later, what was measured, with what, and how.
 //
-//     run.json       what was asked and what came out; `etalon: run/1`
-//     poses.csv      one row per visited pose
+//     inputs/        copies of the files that the station was read from
 //     events.jsonl   the log: one JSON object per line, appended and flushed as things happen
+//                    (station/run_events.h)
 //     frames/        raw frames, 8 or 16 bit PNG: NNNN_F.png, pose NNNN from 0, frame F from 0
-//     renders/       hold-out poses as the calibration says they should look: NNNN.png
-//     report.html    (station/qualify_report.h)
+//
+// and what follows from these (station/recorded_run.h):
+//
+//     run.json         what was asked and what came out; `etalon: run/1`
+//     poses.csv        one row per visited pose
+//     convergence.csv  one row per round of the registration
+//     junit.xml        one test case per judged quantity, for CI
+//     renders/         hold-out poses as the calibration says they should look: NNNN.png
+//     report.html      (station/qualify_report.h)
 //
 // A crash at any moment loses at most the pose in flight: run.json is there from the start with the
 // outcome ERROR and is replaced at the end; a pose is logged when its frames are written. (Against
 // a crash of the machine itself nothing is promised: files are not synced to the disk.)
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <string>
 
 #include "station/image_writer.h"
@@ -27,8 +36,21 @@ void require_new_folder(const std::filesystem::path& folder);
 // Now, "2026-03-07T14:05:09Z".
 std::string utc_now();
 
+// Such a time in seconds since 1970; nothing for what is none.
+std::optional<double> utc_seconds(const std::string& utc);
+
 // A frame as it goes into the log; times count from `start`.
 FrameRecord frame_record(const Frame& frame, Instant start);
+
+// Makes these parts of a folder, with its parents, unless they are there. Throws ConfigError when
+// one cannot be made.
+void make_record_folders(const std::filesystem::path& folder,
+                         std::initializer_list<const char*> parts);
+
+// Replaces everything that follows from the measurements: poses.csv, convergence.csv, junit.xml,
+// report.html, and run.json with the hashes of all other files, which it sets in the result. Throws
+// ConfigError when one cannot be written.
+void write_results(QualifyResult& result);
 
 class RunRecord {
 public:
@@ -37,14 +59,20 @@ public:
     explicit RunRecord(const std::filesystem::path& folder,
                        std::initializer_list<const char*> parts = {"frames", "renders"});
 
+    // Goes on with a record: cuts its log after `whole_bytes` and appends. Throws ConfigError when
+    // it cannot be written.
+    RunRecord(const std::filesystem::path& folder, std::uintmax_t whole_bytes);
+
     const std::filesystem::path& folder() const { return folder_; }
     ImageWriter& images() { return images_; }
 
     // One line of the log; seconds since the run began. Flushed before it returns.
     void log_state(double time_s, const std::string& state, const std::string& detail);
     void log_frame(int pose, const FrameRecord& frame);
-    // Waits for the pose's frames to be written first.
-    void log_pose(const PoseRecord& pose);
+    // The pose with its frames, when these are written; sets the hashes of their files.
+    void log_pose(PoseRecord& pose);
+    // A line of station/run_events.h.
+    void log(const std::string& line) { append(line); }
 
     // Replace run.json and poses.csv by what is known now.
     void write(const QualifyResult& result);

@@ -2,19 +2,18 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
+#include <algorithm>
 #include <functional>
 
-#include "compare/detector.h"
-#include "compare/photo_match.h"
 #include "core/errors.h"
+#include "core/version.h"
 #include "stage/guarded_stage.h"
 #include "station/camera_recovery.h"
-#include "station/expected_view.h"
-#include "station/measured_poses.h"
-#include "station/qualification_input.h"
-#include "station/qualify_report.h"
+#include "station/run_analysis.h"
+#include "station/run_events.h"
 #include "station/run_record.h"
+#include "station/station_inputs.h"
+#include "station/visited_pose.h"
 
 namespace etalon {
 namespace {
@@ -26,7 +25,7 @@ struct Run {
     Clock& clock;
     Progress& progress;
     std::stop_token stop;
-    Instant start;
+    Instant start;  // of the run: where it was resumed, so long ago as its record says
 
     double seconds_until(Instant instant) const {
         return std::chrono::duration<double>(instant - start).count();
@@ -34,6 +33,12 @@ struct Run {
     double now_s() const { return seconds_until(clock.now()); }
     void log(const std::string& state, const std::string& detail = "") const {
         record.log_state(now_s(), state, detail);
+    }
+    void remark(const std::string& text) const {
+        if (std::find(result.remarks.begin(), result.remarks.end(), text) != result.remarks.end())
+            return;
+        result.remarks.push_back(text);
+        log("remark", text);
     }
     void throw_if_stopped() const {
         if (stop.stop_requested())
@@ -86,7 +91,7 @@ std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, 
         frames.push_back(take_frame(run, camera, after));
         FrameRecord record = frame_record(frames.back(), run.start);
         if (frames.back().status == FrameStatus::complete) {
-            record.file = fmt::format("frames/{:04}_{}.png", pose.index, i);
+            record.file = frame_file(pose.index, i);
             run.record.images().write(run.record.folder() / record.file, frames.back().image);
             after = frames.back().exposure_start;
         }
@@ -100,32 +105,6 @@ std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, 
             fmt::format("take the frames of pose {}", pose.index),
             fmt::format("none is complete; the last one: {}", name(frames.back().status)));
     return frames;
-}
-
-void detect_all(Detector& detector, const std::vector<Frame>& frames, PoseRecord& pose) {
-    for (std::size_t i = 0; i < frames.size(); ++i) {
-        if (frames[i].status != FrameStatus::complete)
-            continue;
-        FrameRecord& record = pose.frames[i];
-        if (const auto detected = detector.detect(frames[i].image))
-            record.corners = detected->pixels;
-        else
-            record.detection = detector.failure();
-    }
-}
-
-// Mean of each corner over the frames that saw the marker.
-void average_corners(PoseRecord& pose) {
-    for (const FrameRecord& frame : pose.frames) {
-        if (frame.corners.empty())
-            continue;
-        ++pose.detections;
-        pose.corners.resize(frame.corners.size(), Eigen::Vector2d::Zero());
-        for (std::size_t i = 0; i < frame.corners.size(); ++i)
-            pose.corners[i] += frame.corners[i];
-    }
-    for (Eigen::Vector2d& corner : pose.corners)
-        corner /= pose.detections;
 }
 
 std::vector<int> approach(const std::vector<Axis>& axes, const std::vector<double>& from,
@@ -150,25 +129,6 @@ void rest(const Run& run, Stage& stage, Duration time) {
     }
 }
 
-// What was read back during the exposures, and the pose that follows.
-void average_positions(const std::vector<std::vector<double>>& readings,
-                       const std::vector<Axis>& axes, PoseRecord& pose) {
-    const auto n = static_cast<double>(readings.size());
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-        double sum = 0.0, squares = 0.0;
-        for (const auto& reading : readings)
-            sum += reading.at(i);
-        for (const auto& reading : readings)
-            squares += std::pow(reading[i] - sum / n, 2);
-        const double deviation = std::sqrt(squares / (n - 1.0));
-        pose.read_back.push_back(sum / n);
-        pose.read_back_deviation.push_back(deviation);
-        const double single = std::max(deviation, axes[i].read_noise.value_or(0.0));
-        pose.read_back_uncertainty.push_back(single / std::sqrt(n));
-    }
-    pose.stage = stage_pose(axes, pose.read_back, pose.read_back_uncertainty);
-}
-
 PoseRecord visit(const Run& run, int index, const std::vector<double>& from, Camera& camera,
                  Stage& stage, Detector& detector) {
     run.throw_if_stopped();
@@ -182,28 +142,45 @@ PoseRecord visit(const Run& run, int index, const std::vector<double>& from, Cam
     run.throw_if_stopped();
     const Instant settled = run.clock.now();
     pose.settled_s = run.seconds_until(settled);
-    std::vector<std::vector<double>> readings = {stage.position()};
+    pose.readings = {stage.position()};
     const std::vector<Frame> frames =
-        take_frames(run, camera, settled, pose, [&] { readings.push_back(stage.position()); });
-    average_positions(readings, run.result.station.stage.axes, pose);
-    detect_all(detector, frames, pose);
+        take_frames(run, camera, settled, pose, [&] { pose.readings.push_back(stage.position()); });
+    average_readings(pose, run.result.station.stage.axes);
+    for (std::size_t i = 0; i < frames.size(); ++i)
+        if (frames[i].status == FrameStatus::complete)
+            detect_frame(detector, frames[i].image, pose.frames[i]);
     average_corners(pose);
+    pose.counters = camera.statistics();
     pose.done_s = run.now_s();
     return pose;
 }
 
-void keep(const Run& run, const PoseRecord& pose) {
-    for (const FrameRecord& frame : pose.frames)
-        run.record.log_frame(pose.index, frame);
+void keep(const Run& run, PoseRecord pose) {
+    QualifyResult& result = run.result;
     run.record.log_pose(pose);
-    run.result.poses.push_back(pose);
-    run.result.duration_s = run.now_s();
-    run.record.write(run.result);
+    result.sessions.back().counters = pose.counters;
+    ++result.sessions.back().poses;
+    result.statistics = total_counters(result.sessions);
+    result.duration_s = pose.done_s;
+    result.poses.push_back(std::move(pose));
+    run.record.write(result);
+}
+
+// All poses of a run must be taken alike.
+void configure(const Run& run, Camera& camera) {
+    const CaptureSettings settings = camera.configure(run.result.station.camera.settings);
+    const std::string now = settings_event(0.0, settings);
+    const std::string before = settings_event(0.0, run.result.settings);
+    if (!run.result.poses.empty() && now != before)
+        throw DeviceError("camera " + run.result.station.camera.uri,
+                          "take up the settings of the run",
+                          fmt::format("they are {} now, and were {}", now, before));
+    run.result.settings = settings;
+    run.record.log(settings_event(run.now_s(), settings));
 }
 
 void prepare(const Run& run, Camera& camera, Stage& stage) {
-    run.result.settings = camera.configure(run.result.station.camera.settings);
-    run.log("camera configured");
+    configure(run, camera);
     camera.arm();
     stage.enable(run.stop);
     run.log("stage enabled");
@@ -211,18 +188,32 @@ void prepare(const Run& run, Camera& camera, Stage& stage) {
     run.log("stage homed");
 }
 
-void visit_all(const Run& run, Camera& camera, Stage& stage) {
-    const auto detector = make_detector(run.result.station.detector, run.result.station.marker,
-                                        run.result.station.detector);
-    const auto count = static_cast<int>(run.result.plan.poses.size());
+// The poses of the plan that have not been visited, in its order.
+std::vector<int> missing_poses(const QualifyResult& result) {
+    std::vector<bool> visited(result.plan.poses.size());
+    for (const PoseRecord& pose : result.poses)
+        visited[static_cast<std::size_t>(pose.index)] = true;
+    std::vector<int> missing;
+    for (std::size_t i = 0; i < visited.size(); ++i)
+        if (!visited[i])
+            missing.push_back(static_cast<int>(i));
+    return missing;
+}
+
+void visit_missing(const Run& run, Camera& camera, Stage& stage) {
+    const QualifyResult& result = run.result;
+    const auto detector =
+        make_detector(result.station.detector, result.station.marker, result.station.detector);
+    const std::vector<int> missing = missing_poses(result);
     std::vector<double> from;
     for (const AxisStatus& axis : stage.status())
         from.push_back(axis.position);
-    run.progress.begin("measuring", count, run.result.plan.expected_duration);
-    for (int i = 0; i < count; ++i) {
-        const PoseRecord pose = visit(run, i, from, camera, stage, *detector);
+    run.progress.begin("measuring", static_cast<int>(missing.size()),
+                       result.plan.expected_duration * missing.size() / result.plan.poses.size());
+    for (const int index : missing) {
+        PoseRecord pose = visit(run, index, from, camera, stage, *detector);
         from = pose.read_back;
-        keep(run, pose);
+        keep(run, std::move(pose));
         run.progress.step();
     }
     run.progress.end();
@@ -244,21 +235,24 @@ void stop_axes(const Run& run, Stage& stage) {
     const bool confirmed = answers(stage) && stage.stop();
     run.log("axes stopped", confirmed ? "confirmed" : "NOT confirmed by the controller");
     if (!confirmed)
-        run.result.remarks.push_back("the stage did not confirm that its axes stand still");
+        run.remark("the stage did not confirm that its axes stand still");
 }
 
 void release_camera(const Run& run, Camera& camera) {
     camera.disarm();
-    run.result.statistics = camera.statistics();
+    RunSession& session = run.result.sessions.back();
+    session.counters = camera.statistics();
+    run.result.statistics = total_counters(run.result.sessions);
+    run.record.log(released_event(run.now_s(), session.counters));
     for (const std::string& remark : camera.remarks())
-        run.result.remarks.push_back(remark);
+        run.remark(remark);
 }
 
 // Takes the devices: they are gone when it returns or throws. The axes are stopped first.
 void measure(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Stage> stage) {
     try {
         prepare(run, *camera, *stage);
-        visit_all(run, *camera, *stage);
+        visit_missing(run, *camera, *stage);
         stop_axes(run, *stage);
     } catch (const std::exception&) {
         stop_axes(run, *stage);
@@ -271,101 +265,22 @@ void measure(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Sta
     release_camera(run, *camera);
 }
 
-std::vector<StageVisit> visits_of(const std::vector<PoseRecord>& poses) {
-    std::vector<StageVisit> visits;
-    for (const PoseRecord& pose : poses)
-        visits.push_back({pose.read_back, pose.read_back_uncertainty});
-    return visits;
+void log_analysis(const Run& run) {
+    const std::vector<PoseRecord>& poses = run.result.poses;
+    const auto hold_out = std::count_if(
+        poses.begin(), poses.end(), [](const PoseRecord& pose) { return pose.planned.hold_out; });
+    run.log("analysis", fmt::format("{} poses, {} of them hold-out", poses.size(), hold_out));
 }
 
-QualificationInput qualification_input(const Run& run) {
-    QualificationInput input = declared_input(run.result.station, visits_of(run.result.poses));
-    input.poses = measured_poses(run.result, run.result.remarks, run.stop);
-    input.monte_carlo = true;
-    return input;
-}
-
-// On the scale of the renders: the marker's white is `white_level`.
-PoseRecord::Residual residual_of(const CodeImage& photo, const StationFile& station,
-                                 const ComparedArea& area, const PhotometricCamera& camera,
-                                 const Rigid& camera_from_marker) {
-    CellGrid marker = station.marker.grid;
-    marker.cells = marker.cells * station.white_level;
-    const PhotoOfMarker seen{gray_of(photo), marker,
-                             pixel_uses(camera.projector(), camera_from_marker, area), pixel_fitted,
-                             station.background * station.white_level};
-    const PixelDifference difference = fit_photometry(seen, camera, camera_from_marker).difference;
-    return {difference.model, difference.scored};
-}
-
-// Each hold-out photograph against the render at its registered pose; the renders are kept, for
-// people and for re-analysis.
-void compare_with_renders(const Run& run, const ExpectedView& view) {
-    const Qualification& analysis = *run.result.analysis;
-    const StationFile& station = run.result.station;
-    const PhotometricCamera camera(station.camera.model);
-    const ComparedArea area = compared_area(station.marker, {}, station.marker.spec);
-    for (std::size_t i = 0; i < analysis.poses.size(); ++i) {
-        if (!analysis.poses[i].hold_out || !analysis.poses[i].used)
-            continue;
-        run.throw_if_stopped();
-        PoseRecord& pose = run.result.poses[i];
-        const Rigid& camera_from_marker = analysis.poses[i].bias.predicted;
-        const Radiance radiance = view.radiance_at(camera_from_marker);
-        pose.render_file = fmt::format("renders/{:04}.png", pose.index);
-        run.record.images().write(run.record.folder() / pose.render_file, view.codes_of(radiance));
-        try {
-            pose.residual = residual_of(recorded_photo(run.result, pose), station, area, camera,
-                                        camera_from_marker);
-        } catch (const NumericalError& error) {
-            run.result.remarks.push_back(
-                fmt::format("pose {} has no pixel difference: {}", pose.index, error.what()));
-        }
-        run.progress.step();
-    }
-    run.record.images().flush();
-}
-
-void analyse(const Run& run) {
-    const StationFile& station = run.result.station;
-    const ExpectedView view(station.camera.model, station.marker.grid, station.background,
-                            station.white_level);
-    const auto detector = make_detector(station.detector, station.marker, station.detector);
-    QualificationInput input = qualification_input(run);
-    input.render_and_detect =
-        [&](const Rigid& camera_from_marker) -> std::optional<std::vector<Eigen::Vector2d>> {
-        run.throw_if_stopped();
-        const auto detected = detector->detect(view.at(camera_from_marker));
-        run.progress.step();
-        if (!detected)
-            return std::nullopt;
-        return detected->pixels;
-    };
-    const int hold_out = static_cast<int>(
-        std::count_if(input.poses.begin(), input.poses.end(),
-                      [](const QualificationPose& pose) { return pose.hold_out; }));
-    // Three rounds over the training poses at most; hold-out poses are rendered to judge and to
-    // keep.
-    const int renders = 3 * (static_cast<int>(input.poses.size()) - hold_out) + 2 * hold_out;
-    run.log("analysis", fmt::format("{} poses, {} of them hold-out", input.poses.size(), hold_out));
-    run.progress.begin("analysing", renders, renders * std::chrono::milliseconds(200));
-    run.result.analysis = qualify(input);
-    compare_with_renders(run, view);
-    run.progress.end();
-}
-
-RunOutcome outcome_of(Outcome verdict) {
-    if (verdict == Outcome::pass)
-        return RunOutcome::pass;
-    return verdict == Outcome::fail ? RunOutcome::fail : RunOutcome::inconclusive;
-}
-
-// What ends a run early becomes its outcome: the record must be finished whatever happened.
+// What ends a run early becomes its outcome: the record must be finished whatever happened. Without
+// devices everything has been measured before.
 void carry_out(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Stage> stage) {
     QualifyResult& result = run.result;
     try {
-        measure(run, std::move(camera), std::move(stage));
-        analyse(run);
+        if (camera)
+            measure(run, std::move(camera), std::move(stage));
+        log_analysis(run);
+        analyse_run(result, run.progress, run.stop);
         result.outcome = outcome_of(result.analysis->verdict);
         result.reason.clear();
     } catch (const Interrupted& error) {
@@ -376,11 +291,10 @@ void carry_out(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<S
         result.reason = error.what();
     }
     run.progress.end();
-    result.duration_s = run.now_s();
 }
 
 // A run whose record cannot be completed is an error, but what fits is kept: a disk that is too
-// full for one file may still take a smaller one.
+// full for one file may still take a smaller one. The log's last line is the end of the run.
 void close_record(const Run& run) {
     QualifyResult& result = run.result;
     const RunOutcome measured = result.outcome;
@@ -393,11 +307,70 @@ void close_record(const Run& run) {
                 result.reason = error.what();
         }
     };
-    attempt([&] { run.log(name(result.outcome), result.reason); });
+    result.duration_s = run.now_s();
+    attempt([&] { run.record.log_state(result.duration_s, name(result.outcome), result.reason); });
     attempt([&] { run.record.write(result); });
-    attempt([&] { write_qualify_report(result, result.folder / "report.html"); });
+    attempt([&] { write_results(result); });
     if (result.outcome != measured)
         attempt([&] { run.record.write(result); });
+}
+
+void begin_session(const Run& run, const std::string& started_utc) {
+    RunSession session;
+    session.started_utc = started_utc;
+    session.start_s = run.now_s();
+    session.version = version;
+    run.result.sessions.push_back(session);
+    run.result.outcome = RunOutcome::error;
+    run.result.reason = unfinished_run;  // what a crash leaves behind
+    run.record.log(session_event(session, run.result.camera));
+    run.record.write(run.result);
+}
+
+Plan plan_of(const StationFile& station) {
+    return make_plan(station.plan, station.stage.axes, station.camera.settings.exposure,
+                     station.stage.rules);
+}
+
+std::unique_ptr<Stage> guarded(const StationFile& station, const DeviceOpeners& open) {
+    return std::make_unique<GuardedStage>(open.stage(), station.stage.rules);
+}
+
+// ---- resuming
+
+void require_unfinished(const RecordedRun& recorded) {
+    const RunOutcome outcome = recorded.result.outcome;
+    if (outcome != RunOutcome::error && outcome != RunOutcome::aborted)
+        throw ConfigError({recorded.result.folder.string()},
+                          fmt::format("came to its end with {}; `etalon report` analyses it again",
+                                      name(outcome)));
+}
+
+void require_same_plan(const QualifyResult& result) {
+    const Plan plan = plan_of(result.station);
+    const auto same = [](const PlannedPose& a, const PlannedPose& b) {
+        return a.target == b.target && a.hold_out == b.hold_out;
+    };
+    if (!std::equal(plan.poses.begin(), plan.poses.end(), result.plan.poses.begin(),
+                    result.plan.poses.end(), same))
+        throw ConfigError({result.folder.string()},
+                          "this build of etalon plans other poses than the one that began the run");
+}
+
+void require_recorded_camera(const QualifyResult& result, const CameraIdentity& camera) {
+    if (camera.serial != result.camera.serial)
+        throw ConfigError({result.folder.string()},
+                          fmt::format("the run was begun with camera {}, but {} is camera {}",
+                                      result.camera.serial, camera.uri, camera.serial));
+}
+
+// How long ago the run began: by the wall clock, as the steady one does not outlive a program, but
+// never before what its log says.
+Instant resumed_start(const RecordedRun& recorded, const std::string& now_utc, Instant now) {
+    const double passed_s =
+        utc_seconds(now_utc).value_or(0.0) - utc_seconds(recorded.result.started_utc).value_or(0.0);
+    const std::chrono::duration<double> passed(std::max(passed_s, recorded.end_s));
+    return now - std::chrono::duration_cast<Duration>(passed);
 }
 
 }  // namespace
@@ -407,23 +380,45 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
                                 std::stop_token stop) {
     QualifyResult result;
     result.station = station;
-    result.plan = make_plan(station.plan, station.stage.axes, station.camera.settings.exposure,
-                            station.stage.rules);
+    result.plan = plan_of(station);
     result.folder = folder;
     result.software = software_versions();
     require_new_folder(folder);
     std::unique_ptr<Camera> camera = open.camera();
-    std::unique_ptr<Stage> stage =
-        std::make_unique<GuardedStage>(open.stage(), station.stage.rules);
+    std::unique_ptr<Stage> stage = guarded(station, open);
     result.camera = camera->identity();
     require_same_camera(station, result.camera);
 
     RunRecord record(folder);
+    copy_inputs(result.station.inputs, folder);
     result.started_utc = utc_now();
-    result.outcome = RunOutcome::error;
-    result.reason = "the run did not come to its end";  // what a crash leaves behind
-    record.write(result);
+    record.log(run_event(result));
     const Run run{result, record, clock, progress, stop, clock.now()};
+    begin_session(run, result.started_utc);
+    carry_out(run, std::move(camera), std::move(stage));
+    close_record(run);
+    return result;
+}
+
+QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& open, Clock& clock,
+                                   Progress& progress, std::stop_token stop) {
+    require_unfinished(recorded);
+    require_same_plan(recorded.result);
+    QualifyResult result = recorded.result;
+    std::unique_ptr<Camera> camera;
+    std::unique_ptr<Stage> stage;
+    if (!recorded.is_measured()) {
+        camera = open.camera();
+        require_recorded_camera(result, camera->identity());
+        stage = guarded(result.station, open);
+    }
+    RunRecord record(result.folder, recorded.whole_bytes);
+    const std::string now_utc = utc_now();
+    const Run run{result,   record, clock,
+                  progress, stop,   resumed_start(recorded, now_utc, clock.now())};
+    begin_session(run, now_utc);
+    for (const std::string& dropped : recorded.dropped)
+        run.log("dropped", dropped);
     carry_out(run, std::move(camera), std::move(stage));
     close_record(run);
     return result;

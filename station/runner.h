@@ -11,6 +11,7 @@
 
 #include "station/progress.h"
 #include "station/qualify_result.h"
+#include "station/recorded_run.h"
 
 namespace etalon {
 
@@ -30,5 +31,15 @@ struct DeviceOpeners {
 QualifyResult run_qualification(const StationFile& station, const std::filesystem::path& folder,
                                 const DeviceOpeners& open, Clock& clock, Progress& progress,
                                 std::stop_token stop);
+
+// Goes on with a run that a crash, a fault or Ctrl-C ended: visits the poses of its plan that were
+// not, then analyses all of them. The devices are opened only when poses are missing, and homed
+// anew. The record gets a further session.
+//
+// Throws before anything has moved or was written: ConfigError for a run that came to its end, a
+// plan that this build makes otherwise, another camera than the record's, and what the openers
+// throw. Settings of the camera that differ from the record's end the run as an ERROR.
+QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& open, Clock& clock,
+                                   Progress& progress, std::stop_token stop);
 
 }  // namespace etalon

@@ -7,9 +7,9 @@
 #include "calib/camera_file.h"
 #include "compare/detector.h"
 #include "compare/limits_file.h"
-#include "core/sha256.h"
 #include "core/strict_reader.h"
 #include "stage/profile.h"
+#include "station/station_inputs.h"
 
 namespace etalon {
 namespace {
@@ -164,10 +164,6 @@ Marker read_marker(const Value& spec, const std::string& detector, const std::st
     return marker;
 }
 
-InputFile identify(const std::string& role, const std::filesystem::path& path) {
-    return {role, path, sha256_of_file(path)};
-}
-
 }  // namespace
 
 StationFile read_station(const std::filesystem::path& path) {
@@ -200,9 +196,8 @@ StationFile read_station(const std::filesystem::path& path) {
 
     station.marker = read_marker(marker, station.detector, place_text(detector.value_or(marker)));
     station.limits = read_limits(limits_path);
-    station.inputs = {identify("station", path),
-                      identify("calibration", existing_file(file, camera.at("calibration"))),
-                      identify("limits", limits_path)};
+    station.inputs = station_inputs(path, existing_file(file, camera.at("calibration")),
+                                    limits_path, station.stage.profile);
     return station;
 }
 

@@ -107,7 +107,7 @@ struct StationFile {
     PlanRequest plan;
     std::string detector;
     Limits limits;
-    std::vector<InputFile> inputs;  // station, calibration, limits
+    std::vector<InputFile> inputs;  // station, calibration, limits, and what these name
 };
 
 // Reads the file and the calibration that it names; checks that the detector can see the marker,

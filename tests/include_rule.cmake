@@ -15,6 +15,9 @@ set(allowed_bench   core calib sim capture compare bench)
 
 set(sdk_headers "arv\\.h|libcamera/|linux/videodev2\\.h|modbus|apriltag|tag[0-9A-Za-z]+h[0-9]+\\.h|opencv2/aruco|opencv2/objdetect|yaml-cpp|nlohmann|CLI/|ceres/")
 
+# The one header with an SDK's types: what the .cpp files that write a record's JSON share.
+set(json_header station/record_json.h)
+
 set(offences "")
 foreach(folder core calib sim capture stage compare station mocks bench)
     file(GLOB_RECURSE sources RELATIVE ${ROOT} ${ROOT}/${folder}/*.h ${ROOT}/${folder}/*.cpp)
@@ -25,7 +28,7 @@ foreach(folder core calib sim capture stage compare station mocks bench)
                 string(APPEND offences "  ${source}: ${line}\n")
             elseif(line MATCHES "^#include \"[^/]*\"")
                 string(APPEND offences "  ${source}: ${line} (own headers are included from the root)\n")
-            elseif(source MATCHES "\\.h$" AND line MATCHES "<(${sdk_headers})")
+            elseif(source MATCHES "\\.h$" AND NOT source STREQUAL json_header AND line MATCHES "<(${sdk_headers})")
                 string(APPEND offences "  ${source}: ${line} (SDK headers belong in .cpp files)\n")
             endif()
         endforeach()

@@ -1,0 +1,147 @@
+// A whole station in process: the devices are mocks, the clock is virtual. The devices belong to
+// the run, which destroys them: what they saw is copied out by the hooks.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "core/errors.h"
+#include "mocks/fake_camera.h"
+#include "mocks/fake_stage.h"
+#include "stage/kinematics.h"
+#include "station/expected_view.h"
+#include "station/runner.h"
+#include "tests/station/stations.h"
+
+namespace etalon {
+
+class StationOfMocks {
+public:
+    explicit StationOfMocks(const std::string& text = station_text)
+        : station(read_station(write_station(folder, text))),
+          null_(std::fopen("/dev/null", "w")),
+          progress(null_, false, clock) {
+        picture = [](const CaptureSettings&) {
+            return CodeImage{cv::Mat(240, 320, CV_8UC1, cv::Scalar(130)), 8};
+        };
+    }
+    ~StationOfMocks() { std::fclose(null_); }
+
+    QualifyResult run() {
+        return run_qualification(station, record(), openers(), clock, progress, stop.get_token());
+    }
+    RecordedRun read() { return read_record(record(), progress, stop.get_token()); }
+    QualifyResult resume() {
+        return resume_qualification(read(), openers(), clock, progress, stop.get_token());
+    }
+    std::filesystem::path record() const { return folder / "record"; }
+
+    std::vector<nlohmann::json> events(const std::string& kind) const {
+        std::vector<nlohmann::json> found;
+        for (const std::string& line : split(read_text(folder / "record/events.jsonl"), '\n'))
+            if (!line.empty() && nlohmann::json::parse(line)["event"] == kind)
+                found.push_back(nlohmann::json::parse(line));
+        return found;
+    }
+    nlohmann::json run_file() const {
+        return nlohmann::json::parse(read_text(folder / "record/run.json"));
+    }
+
+    TemporaryFolder folder;
+    StationFile station;
+    VirtualClock clock;
+    std::stop_source stop;
+    std::function<void(FakeCamera&)> on_camera = [](FakeCamera&) {};
+    std::function<void(FakeStage&)> on_stage = [](FakeStage&) {};
+    FakeCamera::Picture picture;
+    std::function<void(std::vector<AxisStatus>&)> on_status = [](auto&) {};
+    std::function<void(std::size_t move)> before_move = [](std::size_t) {};
+    int opened = 0, moves = 0, stops = 0, closings = 0;  // closing a stage stops it, too
+    bool stage_is_silent = false;
+    std::vector<double> carriage;
+
+private:
+    // Tells what it went through when the run lets it go.
+    class ObservedStage final : public Stage {
+    public:
+        ObservedStage(FakeStage stage, StationOfMocks& owner)
+            : stage_(std::move(stage)), owner_(owner) {}
+        ~ObservedStage() override { ++owner_.closings; }
+        ObservedStage(const ObservedStage&) = delete;
+        ObservedStage& operator=(const ObservedStage&) = delete;
+        const std::vector<Axis>& axes() const override { return stage_.axes(); }
+        void enable(std::stop_token token) override { stage_.enable(token); }
+        void home(std::stop_token token) override { stage_.home(token); }
+        void resume() override { stage_.resume(); }
+        void move(std::span<const double> target, std::stop_token token) override {
+            owner_.before_move(stage_.moves.size());
+            stage_.move(target, token);
+            owner_.moves = static_cast<int>(stage_.moves.size());
+            owner_.carriage.assign(target.begin(), target.end());
+        }
+        void limit_speed(double share) override { stage_.limit_speed(share); }
+        std::vector<double> position() override {
+            if (owner_.stage_is_silent)
+                throw DeviceError("stage fake", "position", "no answer");
+            return stage_.position();
+        }
+        std::vector<AxisStatus> status() override {
+            if (owner_.stage_is_silent)
+                throw DeviceError("stage fake", "status", "no answer");
+            auto axes = stage_.status();
+            owner_.on_status(axes);
+            return axes;
+        }
+        std::string trace() const override { return "-3 ms read registers 0..13\n"; }
+        bool stop() noexcept override {
+            ++owner_.stops;
+            return stage_.stop();
+        }
+
+    private:
+        FakeStage stage_;
+        StationOfMocks& owner_;
+    };
+
+    DeviceOpeners openers() {
+        return {[this] { return opened_camera(); }, [this] { return opened_stage(); }};
+    }
+    std::unique_ptr<Camera> opened_camera() {
+        ++opened;
+        auto camera = std::make_unique<FakeCamera>(
+            [this](const CaptureSettings& settings) { return picture(settings); }, clock);
+        camera->identity_.serial = "CAM-7";
+        on_camera(*camera);
+        return camera;
+    }
+    std::unique_ptr<Stage> opened_stage() {
+        ++opened;
+        FakeStage stage(station.stage.axes);
+        on_stage(stage);
+        return std::make_unique<ObservedStage>(std::move(stage), *this);
+    }
+
+    std::FILE* null_;
+
+public:
+    Progress progress;
+};
+
+// The picture is what the calibrated camera sees at the carriage's position, with mountings that
+// the station is not told.
+inline void show_a_true_camera(StationOfMocks& mocks) {
+    const auto view =
+        std::make_shared<ExpectedView>(mocks.station.camera.model, mocks.station.marker.grid,
+                                       mocks.station.background, mocks.station.white_level);
+    const Rigid camera_from_base =
+        rigid_from_vector((Vector6d() << 0.03, -0.02, 0.01, 4, -6, 330).finished());
+    const Rigid carriage_from_marker =
+        left_perturbed(mocks.station.carriage_from_marker_nominal,
+                       (Vector6d() << 0.01, -0.007, 0.013, 0.3, -0.2, 0.5).finished());
+    mocks.picture = [&mocks, view, camera_from_base, carriage_from_marker](const CaptureSettings&) {
+        return view->at(camera_from_base *
+                        base_from_carriage(mocks.station.stage.axes, mocks.carriage) *
+                        carriage_from_marker);
+    };
+}
+
+}  // namespace etalon

@@ -66,6 +66,12 @@ TEST(RunRecord, HasEachLineOfTheLogOnDiskAtOnce) {
     EXPECT_EQ(Json::parse(log)["t"], 1.5);
 }
 
+TEST(RunRecord, KnowsTheTimesThatItWrites) {
+    EXPECT_EQ(utc_seconds("1970-01-02T00:00:07Z"), 86407.0);
+    EXPECT_TRUE(utc_seconds(utc_now()));
+    EXPECT_FALSE(utc_seconds("1970-01-02 00:00:07"));
+}
+
 TEST(RunRecord, LogsAPoseOnlyWhenItsFramesAreWritten) {
     const TemporaryFolder folder;
     RunRecord record(folder / "run");
@@ -128,9 +134,17 @@ TEST(RunJson, GivesEachQuantityItsUnitLimitUncertaintyAndOutcome) {
     const TemporaryFolder folder;
     QualifyResult result = result_of(folder);
     Qualification analysis;
-    analysis.quantities = {
-        {"b3_position_field_rms_mm", "mm", 0.07, 0.02, 0.3, Outcome::pass, ""},
-        {"b3_position_field_max_mm", "mm", 0.0, 0.0, 0.9, Outcome::skipped, "too few poses"}};
+    analysis.quantities = {{.name = "b3_position_field_rms_mm",
+                            .unit = "mm",
+                            .measured = true,
+                            .value = 0.07,
+                            .expanded_uncertainty = 0.02,
+                            .limit = 0.3,
+                            .outcome = Outcome::pass},
+                           {.name = "b3_position_field_max_mm",
+                            .unit = "mm",
+                            .limit = 0.9,
+                            .reason = "too few poses"}};
     ErrorSignature unseen;
     unseen.name = "constant pose offset";
     unseen.detectable_size = std::numeric_limits<double>::infinity();

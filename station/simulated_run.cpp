@@ -69,11 +69,15 @@ double bow(const Eigen::Vector3d& point) {
     return point.head<2>().squaredNorm();
 }
 
-InjectedError stage_injection(const StageError& error) {
-    return {error.name, error.unit, error.size, [error](RunTruth& truth, double size) {
+// The shift is that from the told poses, whatever else the truth has already.
+InjectedError stage_injection(const StageError& error, const std::vector<QualificationPose>& told) {
+    std::vector<Vector6d> shifts;
+    for (std::size_t i = 0; i < told.size(); ++i)
+        shifts.push_back(stage_shift(told[i].base_from_carriage, error, i, 1.0));
+    return {error.name, error.unit, error.size, [shifts](RunTruth& truth, double size) {
                 for (std::size_t i = 0; i < truth.base_from_carriage.size(); ++i) {
                     Rigid& pose = truth.base_from_carriage[i];
-                    pose = left_perturbed(pose, stage_shift(pose, error, i, size));
+                    pose = left_perturbed(pose, size * shifts.at(i));
                 }
             }};
 }
@@ -207,7 +211,7 @@ std::vector<InjectedError> RunSimulator::errors() const {
         errors.push_back(std::move(error));
     std::vector<InjectedError> linear;
     for (const DeclaredStageTerm& term : declared_.stage_terms) {
-        errors.push_back(stage_injection(term.error));
+        errors.push_back(stage_injection(term.error, declared_.poses));
         if (term.is_linear_scale)
             linear.push_back(errors.back());
     }

@@ -42,7 +42,7 @@ ExpectationMap::ExpectationMap(std::span<const MarkerPlace> places, std::span<co
         largest_rad_ = std::max(largest_rad_, place.tilt_rad);
     }
     const auto count = std::ssize(places);
-    Eigen::MatrixXd rows(count, 7);
+    Eigen::MatrixXd rows(count, terms);
     for (Eigen::Index i = 0; i < count; ++i)
         rows.row(i) = row(places_[static_cast<std::size_t>(i)]);
     const Eigen::VectorXd all = Eigen::Map<const Eigen::VectorXd>(values.data(), count);
@@ -53,10 +53,10 @@ ExpectationMap::ExpectationMap(std::span<const MarkerPlace> places, std::span<co
     Eigen::Index worst = 0;
     (rows * coefficients_).cwiseAbs().maxCoeff(&worst);
     worst_ = static_cast<std::size_t>(worst);
-    drawn_.resize(7, draws);
+    drawn_.resize(terms, draws);
     for (int draw = 0; draw < draws; ++draw) {
         RandomStream random(seed, 300, static_cast<std::uint64_t>(draw));
-        Eigen::MatrixXd some_rows(count, 7);
+        Eigen::MatrixXd some_rows(count, terms);
         Eigen::VectorXd some(count);
         for (Eigen::Index i = 0; i < count; ++i) {
             const auto k = static_cast<Eigen::Index>(random.uniform() * static_cast<double>(count));
@@ -69,9 +69,9 @@ ExpectationMap::ExpectationMap(std::span<const MarkerPlace> places, std::span<co
 
 ExpectationMap::Row ExpectationMap::row(const MarkerPlace& place) const {
     const double z = (place.depth_mm - middle_mm_) / half_mm_;
-    const double r = std::pow(place.radius_px / largest_px_, 2);
+    const double r = place.radius_px / largest_px_;
     const double t = std::pow(place.tilt_rad / largest_rad_, 2);
-    return (Row() << 1.0, z, z * z, r, t, z * r, z * t).finished();
+    return (Row() << 1.0, z, z * z, r, r * r, t, z * r, z * t).finished();
 }
 
 MapValue ExpectationMap::value_of(const Row& row) const {

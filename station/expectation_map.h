@@ -1,7 +1,7 @@
 // A smooth map of one component of a pose error over distance, image position and tilt, with
 // bootstrap intervals.
 //
-// Least squares of 1, z, z^2, r^2, tilt^2, z r^2, z tilt^2 (z, r and tilt from -1 or 0 to 1 over
+// Least squares of 1, z, z^2, r, r^2, tilt^2, z r, z tilt^2 (z, r and tilt from -1 or 0 to 1 over
 // the poses). The poses are drawn again with replacement for the intervals (Efron and Tibshirani,
 // An Introduction to the Bootstrap, 1993, chapter 13: percentiles): no assumption about how errors
 // scatter about the map, which for corner detectors is anything but normal.
@@ -44,15 +44,16 @@ public:
     std::size_t worst() const { return worst_; }
 
 private:
-    using Row = Eigen::Matrix<double, 1, 7>;
+    static constexpr int terms = 8;
+    using Row = Eigen::Matrix<double, 1, terms>;
 
     Row row(const MarkerPlace& place) const;
     MapValue value_of(const Row& row) const;
 
     std::vector<MarkerPlace> places_;
     double middle_mm_, half_mm_, largest_px_, largest_rad_;
-    Eigen::Matrix<double, 7, 1> coefficients_;
-    Eigen::Matrix<double, 7, Eigen::Dynamic> drawn_;  // coefficients of the bootstrap
+    Eigen::Matrix<double, terms, 1> coefficients_;
+    Eigen::Matrix<double, terms, Eigen::Dynamic> drawn_;  // coefficients of the bootstrap
     double scatter_ = 0.0;
     std::size_t worst_ = 0;
 };

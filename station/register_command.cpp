@@ -51,8 +51,9 @@ void print_residuals(const StageRegistration& result, std::size_t points) {
                                                     worst->residual.translation_mm.norm()))
             worst = &photo;
     if (worst)
-        fmt::print("largest difference of a pose {:.3f} mm, {}\n",
-                   worst->residual.translation_mm.norm(), worst->photo.filename().string());
+        fmt::print(
+            "largest difference of a pose {:.3f} mm{}, {}\n", worst->residual.translation_mm.norm(),
+            result.rounds > 0 ? " with the detector's bias" : "", worst->photo.filename().string());
 }
 
 void print_text(const StationFile& station, const StageRegistration& result) {

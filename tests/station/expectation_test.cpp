@@ -67,7 +67,7 @@ TEST(ExpectationMap, IsExactForWhatItCanRepresent) {
     const auto truth = [](const MarkerPlace& p) {
         const double z = p.depth_mm / 100.0, r = p.radius_px / 100.0;
         return 0.7 - 0.2 * z + 0.05 * z * z + 0.3 * r * r - 1.1 * p.tilt_rad * p.tilt_rad +
-               0.01 * z * r * r;
+               0.01 * z * r;
     };
     std::vector<double> values;
     for (const MarkerPlace& place : all)

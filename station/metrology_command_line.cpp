@@ -11,16 +11,16 @@ void add_register_command(CLI::App& app, Run& run) {
     auto arguments = std::make_shared<RegisterArguments>();
     CLI::App* sub = add_command(
         app, run, arguments, run_register, "register",
-        "where a stage stands before the camera, and the marker on it",
-        "Estimates X = camera_from_base and Y = carriage_from_marker from photographs at\n"
-        "known positions of the stage, corrected for the detector's own bias. Names the\n"
+        "find a stage before the camera, a marker on the stage",
+        "Estimates X = camera_from_base and Y = carriage_from_marker from photographs\n"
+        "at known positions of the stage, corrected for the detector's bias. Names the\n"
         "directions that no motion of the stage can tell (they are held nearest to the\n"
         "station's nominal mounting) and those that the poses hardly tell. Poses that\n"
         "move less than the stage can are refused, by name. No verdict, no device.\n\n"
         "The CSV has a column `photo` (seen from its folder) and one for each axis:\n"
         "x_mm, y_mm, rz_deg ...\n\n"
-        "Of a qualification's record all poses count, training and hold-out, with what the\n"
-        "axes read.\n\n"
+        "Of a qualification's record all poses count, training and hold-out, with what\n"
+        "the axes read.\n\n"
         "Examples:\n"
         "  etalon register --station station.yaml --positions positions.csv\n"
         "  etalon register run-7\n");
@@ -40,12 +40,12 @@ void add_expect_command(CLI::App& app, Run& run) {
     auto arguments = std::make_shared<ExpectArguments>();
     CLI::App* sub = add_command(
         app, run, arguments, run_expect, "expect",
-        "the pose errors to expect of a camera, marker and detector",
-        "Renders the marker at poses all over the volume that the camera sees, detects it\n"
-        "and maps the bias (without noise) and the noise (from the sensor section) over\n"
-        "distance, image position and tilt, with bootstrap intervals. The routine test\n"
-        "after a calibration; needs neither stage nor photographs. Half a minute for 200\n"
-        "poses on two cores. Explained in docs/expectation.md.\n\n"
+        "map the pose errors to expect of camera and marker",
+        "Renders the marker at poses all over the volume that the camera sees, detects\n"
+        "it and maps the bias (without noise) and the noise (from the sensor section)\n"
+        "over distance, image position and tilt, with bootstrap intervals. The routine\n"
+        "test after a calibration; needs neither stage nor photographs. A minute of CPU\n"
+        "time for 200 poses. Explained in docs/expectation.md.\n\n"
         "Example:\n"
         "  etalon expect --camera camera.yml --marker apriltag:36h11:5@80mm \\\n"
         "      --volume 330:630 --out expected\n");

@@ -48,7 +48,7 @@ std::string figures_line(const ComparedPhoto& photo) {
         text += fmt::format(" → {:.2f} at the refined pose", photo.refined->scored.rms_gray);
     text += fmt::format("; 99 % within {:.0f} gray.", fit.scored.p99_gray);
     if (const auto change = pose_change_of(photo))
-        text += fmt::format(" Pose change {:.3f} mm (σ {:.3f}), {:.2f} mrad (σ {:.2f}).",
+        text += fmt::format(" Pose change {:.2g} mm (σ {:.1g}), {:.2g} mrad (σ {:.1g}).",
                             change->translation_mm, change->translation_deviation_mm,
                             change->rotation_mrad, change->rotation_deviation_mrad);
     return "<p>" + text + "</p>";
@@ -62,7 +62,7 @@ std::string edges_line(const ComparedPhoto& photo) {
                       &after = photo.refined->edge_summary;
     const EdgeParts& parts = after.parts;
     return fmt::format(
-        "<p>Edge shift {:.3f} px (σ {:.3f}) → {:.3f} px (σ {:.3f}) at the refined pose, {} edges. "
+        "<p>Edge shift {:.3f} px (σ {:.1g}) → {:.3f} px (σ {:.1g}) at the refined pose, {} edges. "
         "Along them {:.1f} gray: shift {:.1f}, blur {:.1f}, photometric {:.1f}, rest {:.1f}.</p>",
         before.shift.rms_px, before.shift.rms_deviation_px, after.shift.rms_px,
         after.shift.rms_deviation_px, after.edges, parts.residual_gray, parts.shift_gray,
@@ -138,7 +138,8 @@ std::string pictures_html(const ComparedPhoto& photo, std::size_t number, bool s
         "<div class=\"pictures\"><figure class=\"wide\">" +
         viewer_html(fmt::format("view-{}", number), shown, starts_in_turn) +
         "<figcaption>In turn: what moves or changes is the difference. Press to hold "
-        "the photograph.</figcaption></figure>";
+        "the photograph. Pale in the rendering: the photograph, where nothing is rendered."
+        "</figcaption></figure>";
     text += figure_html(zoomable(pictures.overlay),
                         fmt::format("Red: the photograph is brighter, cyan: the rendering is; "
                                     "differences × {:.0f}",

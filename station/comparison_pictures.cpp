@@ -72,6 +72,14 @@ cv::Mat eight_bit(const cv::Mat& gray) {
     return picture;
 }
 
+// What was not rendered is the photograph, pale: in turn with the photograph only the marker
+// counts.
+cv::Mat rendering_picture(const PixelDifference& difference, const cv::Mat& photo) {
+    cv::Mat pale = 0.4 * photo + 0.6 * 235.0;
+    difference.predicted.copyTo(pale, difference.use != pixel_outside);
+    return eight_bit(pale);
+}
+
 std::string element(const cv::Mat& picture, const cv::Rect& part, const std::string& alt) {
     return embedded_jpeg(picture(part), jpeg_quality, alt);
 }
@@ -97,7 +105,7 @@ PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t num
                             const std::filesystem::path& photo, const PixelDifference& calibrated,
                             const PixelDifference* refined) {
     const cv::Mat gray = calibrated.predicted + calibrated.residual;
-    const cv::Mat rendering = eight_bit(calibrated.predicted);
+    const cv::Mat rendering = rendering_picture(calibrated, gray);
     const cv::Mat overlay =
         red_cyan_overlay(gray, calibrated.predicted, calibrated.use, overlay_gain);
     const cv::Mat residual =
@@ -130,7 +138,7 @@ PhotoPictures make_pictures(const std::filesystem::path& folder, std::size_t num
     pictures.significance = element(significance, part, "significance map of " + name);
     pictures.thumbnail = thumbnail(overlay(part), "overlay of " + name);
     if (refined) {
-        pictures.refined_rendering = element(eight_bit(refined->predicted), part,
+        pictures.refined_rendering = element(rendering_picture(*refined, gray), part,
                                              "rendering at the refined pose of " + name);
         pictures.refined_residual =
             element(residual_map(refined->residual, refined->use, residual_map_scale_gray), part,

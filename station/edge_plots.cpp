@@ -123,7 +123,7 @@ struct BinnedFigure {
     void add(const EdgeBin& bin, double value, double deviation, const char* unit) {
         places.push_back(0.5 * (bin.low + bin.high));
         values.push_back(value);
-        lows.push_back(value - deviation);
+        lows.push_back(std::max(0.0, value - deviation));  // of a root mean square
         highs.push_back(value + deviation);
         notes.push_back(fmt::format("{:.3f} {}, σ {:.3f}, {} edges", value, unit, deviation,
                                     bin.summary.edges));
@@ -156,12 +156,13 @@ ComparisonPlot shift_plot(const std::vector<EdgeBin>& before, const std::vector<
     return {file, plot.svg(), caption};
 }
 
-// Of all photographs, each bin of depths that some edges lie in.
-ComparisonPlot width_plot(const Comparison& comparison) {
+// Each bin of depths that some edges of one photograph lie in.
+struct Widths {
     std::vector<double> depths, photographed, rendered;
     std::vector<std::string> notes;
-    for (const ComparedPhoto& photo : comparison.photos)
-        for (const DepthBin& bin : photo.defocus ? photo.defocus->bins : std::vector<DepthBin>()) {
+
+    explicit Widths(const ComparedPhoto& photo) {
+        for (const DepthBin& bin : photo.defocus->bins) {
             if (bin.edges < 2)
                 continue;
             depths.push_back(bin.depth_mm);
@@ -172,9 +173,22 @@ ComparisonPlot width_plot(const Comparison& comparison) {
                                         bin.measured_px2, bin.measured_deviation_px2,
                                         bin.rendered_px2));
         }
+    }
+};
+
+// One line and its points for each photograph; the legend once.
+ComparisonPlot width_plot(const Comparison& comparison) {
     SvgPlot plot("depth / mm", "width of edges, variance / px²");
-    plot.add_points(depths, rendered, Ink::gray, "rendering");
-    plot.add_points(depths, photographed, Ink::blue, "photograph", notes);
+    bool is_named = false;
+    for (const ComparedPhoto& photo : comparison.photos) {
+        if (!photo.defocus)
+            continue;
+        const Widths widths(photo);
+        plot.add_line(widths.depths, widths.rendered, Ink::gray, is_named ? "" : "rendering");
+        plot.add_points(widths.depths, widths.photographed, Ink::blue, is_named ? "" : "photograph",
+                        widths.notes);
+        is_named = true;
+    }
     return {"edge-width-by-depth.svg", plot.svg(),
             "Width of edges by depth, at the refined poses: what the lens section promises, and "
             "what the photographs have. Widths that part on one side only have another focus "

@@ -4,13 +4,15 @@
 // Internal to calib/registration; the method is described there.
 #pragma once
 
-#include <ceres/cost_function.h>
-
 #include <functional>
 #include <span>
 
 #include "calib/registration_gauge.h"
 #include "calib/stage_motion.h"
+
+namespace ceres {
+class CostFunction;
+}
 
 namespace etalon {
 

@@ -68,7 +68,8 @@ AcceptanceCondition volume_coverage(const Qualification& result) {
 AcceptanceCondition residuals(const Qualification& result) {
     const char* title = "residuals against noise";
     if (!result.position_rest)
-        return not_checked(title, "the noise is not known: it takes two frames per pose");
+        return not_checked(title,
+                           "the noise is not known: it takes two frames per pose that differ");
     const FieldRest& rest = *result.position_rest;
     const double limit = trusted_square * rest.chi_square_limit;
     return checked(title, rest.chi_square_ratio <= limit, rest.chi_square_ratio, limit, "1",

@@ -347,7 +347,7 @@ Measured measured(const Qualification& result, const std::string& name) {
     if (name == quantity::photometric_max)
         return photometric(&FieldSummary::max);
     if (!result.position_rest)
-        return {0.0, "the noise is not known: it takes two frames per pose"};
+        return {0.0, "the noise is not known: it takes two frames per pose that differ"};
     return {result.position_rest->rms, ""};
 }
 

@@ -445,7 +445,7 @@ void add_oc_command(CLI::App& app, Run& run) {
     auto arguments = std::make_shared<OcArguments>();
     CLI::App* sub = add_command(
         app, run, arguments, run_oc, "oc",
-        "operating characteristic: what a PASS of this plan means",
+        "operating characteristic: what its PASS means",
         "Simulates thousands of runs with errors of known size put in, and prints how\n"
         "often each judged quantity comes out as PASS and FAIL. 1x is the size whose\n"
         "field just reaches the quantity's limit. About 20 ms of CPU a run; --runs 200\n"

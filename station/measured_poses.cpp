@@ -80,6 +80,9 @@ std::optional<CornerNoise> corner_noise(const PoseRecord& pose) {
     for (const FrameRecord& frame : pose.frames)
         for (std::size_t i = 0; i < frame.corners.size(); ++i)
             squares += (frame.corners[i] - pose.corners[i]).squaredNorm();
+    constexpr double alike_px2 = 1e-12;
+    if (squares < alike_px2)
+        return std::nullopt;
     const double coordinates = 2.0 * static_cast<double>(pose.corners.size());
     const double freedom = (pose.detections - 1) * coordinates;
     return CornerNoise{squares / freedom / pose.detections, freedom};

@@ -17,7 +17,8 @@ std::vector<QualificationPose> measured_poses(const QualifyResult& result,
                                               std::vector<std::string>& remarks,
                                               const std::stop_token& stop);
 
-// Of the mean corners, from frames that all saw the marker; nothing with a single one of them.
+// Of the mean corners, from frames that all saw the marker. Nothing with a single one of them, and
+// nothing when all are alike: then rounding hides the noise, and repeats do not show rounding.
 std::optional<CornerNoise> corner_noise(const PoseRecord& pose);
 
 }  // namespace etalon

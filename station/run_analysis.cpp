@@ -7,10 +7,10 @@
 #include "compare/detector.h"
 #include "compare/photo_match.h"
 #include "core/errors.h"
-#include "station/expected_view.h"
 #include "station/image_writer.h"
 #include "station/measured_poses.h"
 #include "station/qualification_input.h"
+#include "station/rendered_corners.h"
 
 namespace etalon {
 namespace {
@@ -89,23 +89,20 @@ int expected_renders(const QualificationInput& input) {
 
 void analyse_run(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
     const StationFile& station = result.station;
-    const ExpectedView view(station.camera.model, station.marker.grid, station.background,
-                            station.white_level);
     const auto detector = make_detector(station.detector, station.marker, station.detector);
+    const RenderedCorners rendered(station, *detector);
     QualificationInput input = measured_input(result, stop);
     input.render_and_detect =
         [&](const Rigid& camera_from_marker) -> std::optional<std::vector<Eigen::Vector2d>> {
         throw_if_stopped(stop);
-        const auto detected = detector->detect(view.at(camera_from_marker));
+        auto corners = rendered.at(camera_from_marker);
         progress.step();
-        if (!detected)
-            return std::nullopt;
-        return detected->pixels;
+        return corners;
     };
     const int renders = expected_renders(input);
     progress.begin("analysing", renders, renders * std::chrono::milliseconds(200));
     result.analysis = qualify(input);
-    compare_with_renders(result, view, progress, stop);
+    compare_with_renders(result, rendered.view(), progress, stop);
     progress.end();
 }
 

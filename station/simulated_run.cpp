@@ -9,14 +9,16 @@
 #include "core/random.h"
 #include "stage/kinematics.h"
 #include "station/qualification_input.h"
+#include "station/rendered_corners.h"
 
 namespace etalon {
 namespace {
 
 using Corners = std::vector<Eigen::Vector2d>;
 
-// Streams of the random numbers (core/random.h): one for the whole run, one per pose.
-constexpr std::uint32_t run_stream = 0, first_pose_stream = 1;
+// Streams of the random numbers (core/random.h): one for the whole run, one per pose and one per
+// render.
+constexpr std::uint32_t run_stream = 0, first_pose_stream = 1, first_render_stream = 1u << 31;
 
 const Rigid& required_camera_mount(const StationFile& station) {
     if (!station.camera_from_base_nominal)
@@ -125,6 +127,11 @@ Eigen::VectorXd deviates(Eigen::Index count, RandomStream& random) {
     for (double& value : values)
         value = random.normal();
     return values;
+}
+
+// Of a single frame's corners.
+Eigen::VectorXd frame_noise(const DetectorStatistics& pose, RandomStream& random) {
+    return pose.noise_factor * deviates(pose.noise_factor.cols(), random);
 }
 
 // What the true camera sees of the true marker, without the detector.
@@ -236,8 +243,10 @@ std::size_t RunSimulator::planned_near(const Rigid& camera_from_marker) const {
     return static_cast<std::size_t>(nearest - expected_.begin());
 }
 
-std::optional<Corners> RunSimulator::render(const Rigid& camera_from_marker) const {
-    const auto& statistics = study_.poses[planned_near(camera_from_marker)];
+std::optional<Corners> RunSimulator::render(const Rigid& camera_from_marker,
+                                            const std::optional<Draws>& draws) const {
+    const std::size_t planned = planned_near(camera_from_marker);
+    const auto& statistics = study_.poses[planned];
     if (!statistics)
         return std::nullopt;
     Corners corners;
@@ -247,7 +256,14 @@ std::optional<Corners> RunSimulator::render(const Rigid& camera_from_marker) con
             return std::nullopt;
         corners.push_back(*pixel);
     }
-    add(statistics->bias, corners);
+    Eigen::VectorXd displacement = statistics->bias + statistics->noise_bias;
+    if (draws) {
+        RandomStream random(draws->seed, first_render_stream + static_cast<std::uint32_t>(planned),
+                            draws->run);
+        displacement +=
+            frame_noise(*statistics, random) / std::sqrt(RenderedCorners::noisy_exposures);
+    }
+    add(displacement, corners);
     return corners;
 }
 
@@ -274,15 +290,12 @@ std::optional<Corners> RunSimulator::photo(const RunTruth& truth, const Draws* d
     if (!statistics)
         return std::nullopt;
     Rigid base_from_carriage = truth.base_from_carriage.at(pose);
-    Eigen::VectorXd displacement = statistics->bias;
+    Eigen::VectorXd displacement = statistics->bias + statistics->noise_bias;
     if (draws) {
         RandomStream random(draws->seed, first_pose_stream + static_cast<std::uint32_t>(pose),
                             draws->run);
         base_from_carriage = left_perturbed(base_from_carriage, drawn_shift(*draws, pose, random));
-        displacement +=
-            statistics->noise_bias + statistics->noise_factor *
-                                         deviates(statistics->noise_factor.cols(), random) /
-                                         std::sqrt(station_.plan.frames);
+        displacement += frame_noise(*statistics, random) / std::sqrt(station_.plan.frames);
     }
     Corners corners = seen(truth, base_from_carriage, draws ? draws->points_mm : truth.points_mm);
     if (truth.edges_inwards_px != 0.0)
@@ -295,7 +308,8 @@ QualificationInput RunSimulator::input(const RunTruth& truth, const Draws* draws
     QualificationInput input = declared_;
     for (std::size_t i = 0; i < input.poses.size(); ++i)
         input.poses[i].corners = photo(truth, draws, i);
-    input.render_and_detect = [this](const Rigid& pose) { return render(pose); };
+    const std::optional<Draws> drawn = draws ? std::optional(*draws) : std::nullopt;
+    input.render_and_detect = [this, drawn](const Rigid& pose) { return render(pose, drawn); };
     return input;
 }
 

@@ -82,7 +82,8 @@ private:
 
     std::vector<std::vector<double>> lost_motion() const;
     std::size_t planned_near(const Rigid& camera_from_marker) const;
-    std::optional<Corners> render(const Rigid& camera_from_marker) const;
+    std::optional<Corners> render(const Rigid& camera_from_marker,
+                                  const std::optional<Draws>& draws) const;
     Vector6d drawn_shift(const Draws& draws, std::size_t pose, RandomStream& random) const;
     std::optional<Corners> photo(const RunTruth& truth, const Draws* draws, std::size_t pose) const;
     QualificationInput input(const RunTruth& truth, const Draws* draws) const;

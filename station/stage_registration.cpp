@@ -11,8 +11,8 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "stage/kinematics.h"
-#include "station/expected_view.h"
 #include "station/photo_pose.h"
+#include "station/rendered_corners.h"
 
 namespace etalon {
 namespace {
@@ -130,26 +130,16 @@ void require_full_motion(const std::vector<Sighting>& seen, const std::vector<Ax
     require_full_motion(plan, stage_reach(axes));
 }
 
-// The render of the calibration at this pose, detected like a photograph.
-RenderAndDetect renderer_of(const StationFile& station, Detector& detector) {
-    const auto view = std::make_shared<ExpectedView>(station.camera.model, station.marker.grid,
-                                                     station.background, station.white_level);
-    return [view, &detector](
-               const Rigid& camera_from_marker) -> std::optional<std::vector<Eigen::Vector2d>> {
-        const auto found = detector.detect(view->at(camera_from_marker));
-        return found ? std::optional(found->pixels) : std::nullopt;
-    };
-}
-
 void register_corners(const StationFile& station, std::vector<Sighting>& seen, Detector& detector,
                       const Projector& projector, StageRegistration& result) {
     std::vector<RegistrationPose> poses;
     for (const Sighting& one : seen)
         poses.push_back({one.base_from_carriage, one.found.estimate->camera_from_marker,
                          one.found.corners->pixels});
+    const RenderedCorners rendered(station, detector);
     const BiasCorrectedRegistration corrected = register_bias_corrected(
         projector, station.marker.points_mm, poses, station.carriage_from_marker_nominal,
-        renderer_of(station, detector));
+        [&](const Rigid& camera_from_marker) { return rendered.at(camera_from_marker); });
     result.registration = corrected.registration;
     result.rounds = corrected.rounds;
     result.used = static_cast<int>(corrected.used.size());

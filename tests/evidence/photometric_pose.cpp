@@ -1,6 +1,6 @@
 // Prints how the photometric pose does on synthetic photographs: 500 poses, and 100 repeats at each
 // of six fixed ones, with a webcam with and without lens; AprilTag (quad_decimate 1) on the same
-// photographs beside it. About 90 minutes of CPU time, nearly all of it the reference integrator's.
+// photographs beside it. About 75 minutes of CPU time, nearly all of it the reference integrator's.
 // Arguments: POSES REPEATS, default 500 100. docs/photometric-pose.md has the tables.
 #include <fmt/format.h>
 #include <tbb/global_control.h>

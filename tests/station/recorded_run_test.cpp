@@ -212,7 +212,7 @@ TEST_F(RecordOfARun, CountsItsTimeOnWhereItIsGoneOnWith) {
     const QualifyResult result = mocks.resume();
     ASSERT_EQ(result.sessions.size(), 2u);
     EXPECT_GE(result.sessions[1].start_s, before);
-    EXPECT_GT(result.poses[7].move_start_s, result.poses[6].done_s);
+    EXPECT_GE(result.poses[7].move_start_s, result.poses[6].done_s);
     EXPECT_EQ(result.statistics.delivered, 50);
 }
 
@@ -220,14 +220,13 @@ TEST_F(RecordOfARun, CountsItsTimeOnWhereItIsGoneOnWith) {
 TEST(RecordedRun, IsAnalysedAgainToTheSameBytes) {
     StationOfMocks mocks;
     show_a_true_camera(mocks);
-    const QualifyResult was = mocks.run();
-    ASSERT_TRUE(was.analysis) << was.reason;
+    ASSERT_EQ(mocks.run().outcome, RunOutcome::pass);
     const auto before = files_of(mocks.record());
     for (const char* file : {"run.json", "report.html", "poses.csv", "junit.xml"})
         std::filesystem::remove(mocks.record() / file);
     std::filesystem::remove_all(mocks.record() / "renders");
     const QualifyResult again = analyse_record(mocks.read(), mocks.progress, {});
-    EXPECT_EQ(again.outcome, was.outcome);
+    EXPECT_EQ(again.outcome, RunOutcome::pass);
     EXPECT_EQ(files_of(mocks.record()), before);
     EXPECT_GE(before.size(), 3u + 50u + 15u + 6u);
     for (const auto& file : mocks.run_file()["attachments"])

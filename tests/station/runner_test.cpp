@@ -287,7 +287,8 @@ TEST(Runner, PassesATrueCamera) {
     StationOfMocks mocks;
     show_a_true_camera(mocks);
     const QualifyResult result = mocks.run();
-    EXPECT_EQ(result.outcome, RunOutcome::pass) << result.reason;
+    ASSERT_TRUE(result.analysis) << result.reason;
+    EXPECT_EQ(result.outcome, RunOutcome::pass) << testing::PrintToString(result.analysis->reasons);
     EXPECT_EQ(mocks.run_file()["detection"]["rate"], 1.0);
     EXPECT_EQ(mocks.run_file()["measurements"].size(), 2u);
     int renders = 0;

@@ -129,8 +129,9 @@ TEST(Stability, NamesAreDistinctFitTheTableAndCoverWhatIsPromised) {
         EXPECT_LE(one.expectation.size(), 22u) << one.expectation;
         all += one.name + "\n";
     }
-    for (const char* word : {"tilt", "focus", "behind", "fold", "pole", "nan", "infinity", "barrel",
-                             "tiny", "background", "megapixel", "stiff", "calibrating", "registering"})
+    for (const char* word :
+         {"tilt", "focus", "behind", "fold", "pole", "nan", "infinity", "barrel", "tiny",
+          "background", "megapixel", "stiff", "calibrating", "registering"})
         EXPECT_THAT(all, testing::HasSubstr(word));
 }
 

@@ -46,8 +46,6 @@ stage:
 marker: "apriltag:36h11:5@60mm"
 marker_mount: {rotation_deg: [20, 0, 0], translation_mm: [5, -7, 11]}
 marker_size_uncertainty_ppm: 50
-marker_flatness_um: 4
-temperature: {uncertainty_k: 0.3, marker_expansion_ppm_per_k: 9, stage_expansion_ppm_per_k: 11}
 background: 0.7
 white_level: 0.9
 plan:
@@ -59,6 +57,8 @@ plan:
   settle_ms: 40
 detector: auto
 limits: limits.yaml
+marker_flatness_um: 4
+temperature: {uncertainty_k: 0.3, marker_expansion_ppm_per_k: 9, stage_expansion_ppm_per_k: 11}
 )";
 
 // Writes the three files; returns the station file's path.

@@ -74,7 +74,7 @@ TEST(GenicamCamera, DoesNotTakeALateFrameForTheAnswerToTheNextTrigger) {
     GigeCamera device(small(), [&, released](const CaptureSettings&) {
         const CodeImage seen = picture(67, 41, 8, number);  // the exposure
         if (dawdle)
-            released.wait();
+            released.wait_for(10s);  // not for ever: the camera may be gone by then
         return seen;
     });
     CameraLink link;

@@ -39,7 +39,7 @@ PoseRecord::Residual residual_of(const CodeImage& photo, const StationFile& stat
                                  const ComparedArea& area, const PhotometricCamera& camera,
                                  const Rigid& camera_from_marker) {
     CellGrid marker = station.marker.grid;
-    marker.cells = marker.cells * station.white_level;
+    marker.cells = cv::Mat(marker.cells * station.white_level);  // not in the station's own cells
     const PhotoOfMarker seen{gray_of(photo), marker,
                              pixel_uses(camera.projector(), camera_from_marker, area), pixel_fitted,
                              station.background * station.white_level};

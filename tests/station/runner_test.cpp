@@ -296,6 +296,12 @@ TEST(Runner, PassesATrueCamera) {
         renders += !pose.render_file.empty() &&
                    std::filesystem::exists(mocks.folder / "record" / pose.render_file);
     EXPECT_EQ(renders, 15);
+    for (const PoseRecord& pose : result.poses) {
+        EXPECT_EQ(pose.residual.has_value(), pose.planned.hold_out);
+        if (pose.residual) {
+            EXPECT_LT(pose.residual->scored.rms_gray, 1.0) << "pose " << pose.index;
+        }
+    }
 }
 
 }  // namespace

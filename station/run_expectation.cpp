@@ -55,11 +55,10 @@ void add_run_expectation(HtmlPage& page, const QualifyResult& result) {
     page.add_heading("What to expect of this camera, marker and detector");
     page.add_paragraph(fmt::format(
         "Bias B1 of the detector at {} hold-out poses, from renders with the noise that the "
-        "calibration "
-        "states: what a user of "
-        "this detector is off by even with a perfect calibration. Worst: of the smooth map, with "
-        "depth, distance from the principal point and tilt. Noise: RMS over the poses of the "
-        "deviation between frames of one pose. `etalon expect` maps the whole volume.",
+        "calibration states: what a user of this detector is off by even with a perfect "
+        "calibration. Worst: of the smooth map, with depth, distance from the principal point and "
+        "tilt. Noise: RMS over the poses of the deviation between frames of one pose. `etalon "
+        "expect` maps the whole volume.",
         expectation.detected()));
     add_short_expectation(page, expectation);
 }

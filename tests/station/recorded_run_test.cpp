@@ -229,9 +229,10 @@ TEST(RecordedRun, IsAnalysedAgainToTheSameBytes) {
     EXPECT_EQ(again.outcome, RunOutcome::pass);
     EXPECT_EQ(files_of(mocks.record()), before);
     EXPECT_GE(before.size(), 3u + 50u + 15u + 6u);
-    for (const auto& file : mocks.run_file()["attachments"])
+    const auto run = mocks.run_file();
+    for (const auto& file : run["attachments"])
         EXPECT_EQ(file["sha256"], before.at(file["path"])) << file;
-    EXPECT_EQ(mocks.run_file()["attachments"].size(), before.size() - 1);  // but run.json
+    EXPECT_EQ(run["attachments"].size(), before.size() - 1);  // but run.json
 }
 
 // A run that ended early is reported again, not judged.

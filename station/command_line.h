@@ -34,6 +34,9 @@ CLI::App* add_command(CLI::App& app, Run& run, const std::shared_ptr<Arguments>&
         summary, details);
 }
 
+// `etalon qualify`, `plan`, `oc`, `report` and `history`.
+void add_qualify_commands(CLI::App& app, Run& run);
+
 // `etalon stage ...`.
 void add_stage_commands(CLI::App& app, Run& run);
 

@@ -33,11 +33,13 @@ Findings examined(const CodeImage& photo, const TrueScene& scene, const Camera& 
                          match_photo(photo, scene.marker.grid, area, camera, pose));
 }
 
+using Photographer = std::function<CodeImage(const TrueScene&, double strength, int seed)>;
+
 struct Fault {
     std::string what;
     std::string names;              // any of them will do: they cannot be told apart for sure
     std::vector<double> strengths;  // rising
-    std::function<CodeImage(const TrueScene&, double strength, int seed)> photo;
+    Photographer photo;
     std::function<CameraModel(double strength)> camera;  // empty: the right one
 };
 
@@ -58,13 +60,14 @@ CodeImage plain(const TrueScene& scene, double, int seed) {
     return test::exposed(test::radiance_of(scene), seed);
 }
 
-std::vector<Fault> faults() {
-    const auto cover = [](double reflectance) {
-        return [reflectance](const TrueScene& scene, double cells, int seed) {
-            return test::exposed(test::occluded(scene, cells * test::cell_px(scene), reflectance),
-                                 seed);
-        };
+Photographer cover(double reflectance) {
+    return [reflectance](const TrueScene& scene, double cells, int seed) {
+        return test::exposed(test::occluded(scene, cells * test::cell_px(scene), reflectance),
+                             seed);
     };
+}
+
+std::vector<Fault> faults() {
     return {
         {"cover of 40 % gray, side in cells",
          "occluded",

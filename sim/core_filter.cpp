@@ -1,5 +1,6 @@
 #include "sim/core_filter.h"
 
+#include <hwy/cache_control.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
@@ -14,18 +15,19 @@ namespace etalon {
 
 namespace {
 
-// Outputs are made in blocks; neighbouring blocks that are not constant, up to a strip's width,
-// share one window of samples.
-constexpr int block = 16, strip = 4 * block;
+// Outputs are made in blocks, block_rows high; neighbouring blocks that are not constant, up to a
+// strip's width, share one window of samples.
+constexpr int block = 16, block_rows = 32, strip = 4 * block;
 
-// A window's outputs are summed in parts, of which constant ones are left out again; two beside
+// A window's outputs are summed in parts, of which constant ones are left out again; those beside
 // each other are summed at once.
 constexpr int part_columns = 16, part_rows = MirroredKernel::rows_at_once;
-constexpr int most_columns = 2 * part_columns;
 
 // From the left end of a window's tiles to the first output's margin: less than a tile's outputs,
 // which are four at most.
 constexpr int slack = 4;
+// Behind each phase: constant samples are written in whole vectors.
+constexpr int padding_of_phase = 16;
 
 std::size_t length(std::ptrdiff_t n) {
     return static_cast<std::size_t>(n);
@@ -99,7 +101,7 @@ FilterKernel::FilterKernel(int k, const cv::Mat& weights)
 }
 
 int FilterKernel::phase_stride() const {
-    return strip + 2 * margin_x() + 2 * slack;
+    return strip + 2 * margin_x() + 2 * slack + padding_of_phase;
 }
 
 MirroredKernel FilterKernel::view() const {
@@ -125,22 +127,32 @@ public:
           out_(out),
           outputs_per_tile_(field.side / kernel.k()),
           tile_shift_(std::countr_zero(static_cast<unsigned>(outputs_per_tile_))),
-          window_rows_(block * kernel.k() + 2 * kernel.reach_y()),
+          window_rows_(block_rows * kernel.k() + 2 * kernel.reach_y()),
           phase_stride_(kernel.phase_stride()),
           stride_(kernel.k() * phase_stride_),
           window_(new float[length(window_rows_ * stride_)]) {}
 
-    // Outputs `left` ... `right` - 1 of a row of blocks; both multiples of the block's side.
+    // The blocks of a row that hold the outputs `left` (a multiple of their side) to `right` - 1. A
+    // strip is filtered when the next one is found, whose samples are fetched meanwhile.
     void filter_row(int left, int right, int top) {
+        cv::Rect found;
         for (int x = left; x < right;) {
-            int end = x;
-            while (end < right && end < x + strip && !is_constant({end, top, block, block}))
-                end += block;
-            if (end == x)
-                fill({x, top, block, block}), x += block;
-            else
-                filter({x, top, end - x, block}), x = end;
+            const bool constant = is_constant({x, top, block, block_rows});
+            const cv::Rect outputs(
+                x, top, constant ? constant_width(x, right, top) : strip_width(x, right, top),
+                block_rows);
+            x += outputs.width;
+            if (constant) {
+                fill(outputs);
+                continue;
+            }
+            prefetch(outputs);
+            if (!found.empty())
+                filter(found);
+            found = outputs;
         }
+        if (!found.empty())
+            filter(found);
     }
 
 private:
@@ -156,12 +168,52 @@ private:
         return field_.map.is_constant(tiles_seen(outputs));
     }
 
+    // Of the constant blocks from x on that have the same value.
+    int constant_width(int x, int right, int top) const {
+        int end = x + block;
+        while (end < right && value_at({end, top}) == value_at({x, top}) &&
+               is_constant({end, top, block, block_rows}))
+            end += block;
+        return end - x;
+    }
+
+    // Of the blocks from x on that are not constant.
+    int strip_width(int x, int right, int top) const {
+        int end = x + block;
+        while (end < right && end < x + strip && !is_constant({end, top, block, block_rows}))
+            end += block;
+        return end - x;
+    }
+
+    // Of the tile that an output lies in.
+    float value_at(const cv::Point& output) const {
+        return field_.map.at({output.x >> tile_shift_, output.y >> tile_shift_});
+    }
+
+    void prefetch(const cv::Rect& outputs) const {
+        constexpr int line = 64 / sizeof(float);
+        const cv::Rect own = outputs & region_;
+        for (int y = own.y; y < own.br().y; ++y)
+            for (int x = own.x; x < own.br().x; x += line)
+                hwy::Prefetch(out_.ptr<float>(y - region_.y) + (x - region_.x));
+        if (!field_.finer)
+            return;
+        const cv::Rect seen = tiles_seen(outputs) & field_.map.tiles();
+        const std::ptrdiff_t samples = std::ptrdiff_t{field_.side} * field_.side;
+        for (int j = seen.y; j < seen.br().y; ++j) {
+            const unsigned char* refined = field_.map.refined_from({seen.x, j});
+            const float* const* finer = &field_.finer[field_.map.index(seen.x, j)];
+            for (int i = 0; i < seen.width; ++i)
+                for (std::ptrdiff_t n = 0; refined[i] && n < samples; n += line)
+                    hwy::Prefetch(finer[i] + field_.offset + n);
+        }
+    }
+
     void fill(const cv::Rect& outputs) {
         const cv::Rect part = outputs & region_;
         if (part.empty())
             return;
-        const auto own = cells_of(part, outputs_per_tile_);
-        const float value = field_.map.at(own.tl()) * static_cast<float>(kernel_.energy());
+        const float value = value_at(part.tl()) * static_cast<float>(kernel_.energy());
         if (value == 0.0f)
             return;
         add_constant(value, part.width, part.height,
@@ -174,19 +226,45 @@ private:
         for (int y = outputs.y; y < outputs.br().y; y += part_rows)
             for (int x = outputs.x; x < outputs.br().x;) {
                 int end = x;
-                while (end < std::min(x + most_columns, outputs.br().x) &&
-                       !is_constant({end, y, part_columns, part_rows}))
+                while (end < outputs.br().x && !is_constant({end, y, part_columns, part_rows}))
                     end += part_columns;
-                if (end == x)
+                if (end == x) {
                     fill({x, y, part_columns, part_rows}), x += part_columns;
-                else
-                    filter_part({x, y, end - x, part_rows},
-                                window + (y - outputs.y) * kernel_.k() * stride_ + x - outputs.x),
-                        x = end;
+                    continue;
+                }
+                const cv::Rect parts = without_constant_ends({x, y, end - x, part_rows});
+                if (!parts.empty())
+                    filter_parts(parts, window + (y - outputs.y) * kernel_.k() * stride_ + parts.x -
+                                            outputs.x);
+                x = end;
             }
     }
 
-    void filter_part(const cv::Rect& outputs, const float* window) {
+    // Fewer parts, where the constant outputs at both ends leave no more.
+    cv::Rect without_constant_ends(const cv::Rect& parts) {
+        const int before =
+            constant_end([&](int width) { return cv::Rect(parts.x, parts.y, width, part_rows); });
+        const int behind = constant_end(
+            [&](int width) { return cv::Rect(parts.br().x - width, parts.y, width, part_rows); });
+        const int rest = std::max(0, parts.width - before - behind);
+        const int width = (rest + part_columns - 1) / part_columns * part_columns;
+        if (width == parts.width)
+            return parts;
+        const int x = std::min(parts.x + before, parts.br().x - width);
+        fill({parts.x, parts.y, x - parts.x, part_rows});
+        fill({x + width, parts.y, parts.br().x - x - width, part_rows});
+        return {x, parts.y, width, part_rows};
+    }
+
+    // The largest of 0, 4, 8 and 12 columns at an end that are constant.
+    template <class End>
+    int constant_end(const End& end) const {
+        constexpr int half = part_columns / 2, quarter = half / 2;
+        const int width = is_constant(end(half)) ? half + quarter : quarter;
+        return is_constant(end(width)) ? width : width - quarter;
+    }
+
+    void filter_parts(const cv::Rect& outputs, const float* window) {
         const cv::Rect part = outputs & region_;
         if (part == outputs) {
             float* to = out_.ptr<float>(part.y - region_.y) + (part.x - region_.x);
@@ -194,11 +272,11 @@ private:
                           static_cast<std::ptrdiff_t>(out_.step1()));
             return;
         }
-        float result[part_rows * most_columns] = {};
+        float result[part_rows * strip] = {};
         add_convolved(kernel_.view(), window, stride_, outputs.width, outputs.height, result,
-                      most_columns);
+                      strip);
         for (int y = part.y; y < part.br().y; ++y) {
-            const float* from = result + (y - outputs.y) * most_columns + (part.x - outputs.x);
+            const float* from = result + (y - outputs.y) * strip + (part.x - outputs.x);
             float* to = out_.ptr<float>(y - region_.y) + (part.x - region_.x);
             for (int x = 0; x < part.width; ++x)
                 to[x] += from[x];
@@ -242,10 +320,11 @@ private:
         if (inside.empty())
             return;
         const float* values = field_.map.from(inside.tl());
-        const float* const* finer = &(*field_.finer)[field_.map.index(inside.x, inside.y)];
+        const unsigned char* refined = field_.map.refined_from(inside.tl());
+        const float* const* finer = &field_.finer[field_.map.index(inside.x, inside.y)];
         for (int i = 0; i < inside.width; ++i, to += n) {
-            if (!finer[i]) {
-                const int alike = count_alike(values + i, finer + i, inside.width - i);
+            if (!refined[i]) {
+                const int alike = count_alike(values + i, refined + i, inside.width - i);
                 fill_rows(values[i], alike * n, rows, to);
                 i += alike - 1, to += (alike - 1) * n;
                 continue;
@@ -261,17 +340,15 @@ private:
     }
 
     // The first of these tiles, which is not refined, and those behind it that have its value.
-    static int count_alike(const float* values, const float* const* finer, int count) {
+    static int count_alike(const float* values, const unsigned char* refined, int count) {
         int alike = 1;
-        while (alike < count && !finer[alike] && values[alike] == values[0])
+        while (alike < count && !refined[alike] && values[alike] == values[0])
             ++alike;
         return alike;
     }
 
     void fill_rows(float value, int columns, int rows, float* to) const {
-        for (int row = 0; row < rows; ++row, to += stride_)
-            for (int q = 0; q < kernel_.k(); ++q)
-                std::fill_n(to + q * phase_stride_, columns, value);
+        fill_phases(value, columns, kernel_.k(), rows, phase_stride_, stride_, to);
     }
 
     // Of a field with one sample per tile.
@@ -302,20 +379,31 @@ private:
 
 }  // namespace
 
-void add_filtered(const SampleField& field, const FilterKernel& kernel, const cv::Rect& region,
-                  cv::Mat& out) {
+void for_each_band(const cv::Rect& region, const std::function<void(const cv::Rect&)>& work) {
+    const cv::Rect bands = cells_of(region, block_rows);
+    tbb::parallel_for(tbb::blocked_range<int>(bands.y, bands.br().y), [&](const auto& range) {
+        for (int j = range.begin(); j < range.end(); ++j)
+            work(cv::Rect(region.x, j * block_rows, region.width, block_rows) & region);
+    });
+}
+
+void add_filtered_band(const SampleField& field, const FilterKernel& kernel, const cv::Rect& region,
+                       const cv::Rect& band, cv::Mat& out) {
     const int n = field.side / kernel.k();
     const cv::Rect own(field.map.tiles().x * n, field.map.tiles().y * n,
                        field.map.tiles().width * n, field.map.tiles().height * n);
-    const cv::Rect reached = grown(own, kernel.margin_x(), kernel.margin_y()) & region;
+    const cv::Rect reached = grown(own, kernel.margin_x(), kernel.margin_y()) & band;
     if (own.empty() || reached.empty())
         return;
-    const cv::Rect blocks = cells_of(reached, block);
-    tbb::parallel_for(tbb::blocked_range<int>(blocks.y, blocks.br().y), [&](const auto& rows) {
-        BlockFilter filter(field, kernel, region, out);
-        for (int j = rows.begin(); j < rows.end(); ++j)
-            filter.filter_row(blocks.x * block, blocks.br().x * block, j * block);
-    });
+    const int left = floor_div(reached.x, block) * block;
+    const int top = floor_div(reached.y, block_rows) * block_rows;
+    BlockFilter(field, kernel, region, out).filter_row(left, reached.br().x, top);
+}
+
+void add_filtered(const SampleField& field, const FilterKernel& kernel, const cv::Rect& region,
+                  cv::Mat& out) {
+    for_each_band(
+        region, [&](const cv::Rect& band) { add_filtered_band(field, kernel, region, band, out); });
 }
 
 }  // namespace etalon

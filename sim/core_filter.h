@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -47,5 +48,13 @@ private:
 // threads. Costs nothing where the field is zero.
 void add_filtered(const SampleField& field, const FilterKernel& kernel, const cv::Rect& region,
                   cv::Mat& out);
+
+// The same of the region's rows that lie in one band, for outputs that are still in the caches.
+void add_filtered_band(const SampleField& field, const FilterKernel& kernel, const cv::Rect& region,
+                       const cv::Rect& band, cv::Mat& out);
+
+// Calls the work, in parallel, for each of the bands of rows in which add_filtered() works: parts
+// of the region.
+void for_each_band(const cv::Rect& region, const std::function<void(const cv::Rect&)>& work);
 
 }  // namespace etalon

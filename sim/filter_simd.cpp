@@ -137,6 +137,37 @@ HWY_ATTR void AddConvolved(const MirroredKernel& kernel, const float* window, st
     }
 }
 
+HWY_ATTR void FillRow(float value, std::ptrdiff_t count, bool past_caches, float* out) {
+    const Vector16 d;
+    const auto n = static_cast<std::ptrdiff_t>(hn::Lanes(d));
+    const auto v = hn::Set(d, value);
+    const auto misplaced = static_cast<std::ptrdiff_t>(
+        reinterpret_cast<std::uintptr_t>(out) / sizeof(float) % static_cast<std::uintptr_t>(n));
+    std::ptrdiff_t x = 0;
+    if (past_caches) {
+        for (const std::ptrdiff_t aligned = (n - misplaced) % n; x < std::min(aligned, count); ++x)
+            out[x] = value;
+        for (; x + n <= count; x += n)
+            hn::Stream(v, d, out + x);
+        hwy::FlushStream();
+    }
+    for (; x + n <= count; x += n)
+        hn::StoreU(v, d, out + x);
+    for (; x < count; ++x)
+        out[x] = value;
+}
+
+HWY_ATTR void FillPhases(float value, int columns, int k, int rows, std::ptrdiff_t phase,
+                         std::ptrdiff_t window_stride, float* to) {
+    const Vector16 d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    const auto v = hn::Set(d, value);
+    for (int row = 0; row < rows; ++row, to += window_stride)
+        for (int q = 0; q < k; ++q)
+            for (int x = 0; x < columns; x += n)
+                hn::StoreU(v, d, to + q * phase + x);
+}
+
 HWY_ATTR void SplitPhases(const float* from, int k, int rows, std::ptrdiff_t phase,
                           std::ptrdiff_t window_stride, float* to) {
     const hn::CappedTag<float, 4> d;
@@ -204,25 +235,30 @@ HWY_ATTR void AddConstant(float value, int width, int height, float* out, std::p
 
 // From x on as many as whole vectors hold; returns where they end.
 template <class D>
-HWY_ATTR int sum_six(D d, const float* const rows[6], const float weights[6], int x, int width,
-                     float* out) {
+HWY_ATTR int sum_pair(D d, const float* const rows[7], const float weights[6], int x, int width,
+                      float* even, float* odd) {
     const int n = static_cast<int>(hn::Lanes(d));
     for (; x + n <= width; x += n) {
-        auto sum = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, rows[0] + x));
-        for (int q = 1; q < 6; ++q)
-            sum = hn::MulAdd(hn::Set(d, weights[q]), hn::LoadU(d, rows[q] + x), sum);
-        hn::StoreU(sum, d, out + x);
+        auto before = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, rows[0] + x));
+        auto behind = hn::Mul(hn::Set(d, weights[0]), hn::LoadU(d, rows[6] + x));
+        for (int q = 1; q < 6; ++q) {
+            const auto weight = hn::Set(d, weights[q]);
+            before = hn::MulAdd(weight, hn::LoadU(d, rows[q] + x), before);
+            behind = hn::MulAdd(weight, hn::LoadU(d, rows[6 - q] + x), behind);
+        }
+        hn::StoreU(before, d, even + x);
+        hn::StoreU(behind, d, odd + x);
     }
     return x;
 }
 
 // Ever smaller vectors to the end: the same operations, so that a pixel does not depend on its
 // place.
-HWY_ATTR void SumSixRows(const float* const rows[6], const float weights[6], int width,
-                         float* out) {
-    int x = sum_six(Vector16(), rows, weights, 0, width, out);
-    x = sum_six(hn::CappedTag<float, 4>(), rows, weights, x, width, out);
-    sum_six(hn::CappedTag<float, 1>(), rows, weights, x, width, out);
+HWY_ATTR void SumRowPair(const float* const rows[7], const float weights[6], int width, float* even,
+                         float* odd) {
+    int x = sum_pair(Vector16(), rows, weights, 0, width, even, odd);
+    x = sum_pair(hn::CappedTag<float, 4>(), rows, weights, x, width, even, odd);
+    sum_pair(hn::CappedTag<float, 1>(), rows, weights, x, width, even, odd);
 }
 
 // Fine samples before and behind the coarse samples at `at`, to be interleaved.
@@ -291,52 +327,98 @@ HWY_ATTR void SetInterpolated(const float* coarse, const float weights[6], int f
     interpolate_row<false>(coarse, weights, first, last, base, out);
 }
 
+// Where and how a row of ramps is written.
+enum class RampStore { add, keep, stream };
+template <RampStore how, class D>
+HWY_INLINE void store_ramp(D d, hn::Vec<D> ramp, float* to) {
+    if (how == RampStore::add)
+        hn::StoreU(hn::Add(ramp, hn::LoadU(d, to)), d, to);
+    else if (how == RampStore::stream)
+        hn::Stream(ramp, d, to);
+    else
+        hn::StoreU(ramp, d, to);
+}
+
 // Square i's pixels: its own value in the middle, and from there the ways to its neighbours'
 // values.
+struct Ramp {
+    using D = hn::CappedTag<float, 8>;
+    using V = hn::Vec<D>;
+    static constexpr D d{};
+
+    explicit HWY_INLINE Ramp(int shift) : side(1 << shift) {}
+
+    // Places in the square, from its middle, of a vector of pixels.
+    HWY_INLINE V ways(int from) const {
+        const float step = 1.0f / static_cast<float>(side);
+        return hn::MulAdd(hn::Iota(d, static_cast<float>(from)), hn::Set(d, step),
+                          hn::Set(d, 0.5f * step - 0.5f));
+    }
+    HWY_INLINE V at(V way, V middle, V from_left, V to_right) const {
+        const V zero = hn::Zero(d);
+        return hn::MulAdd(hn::Min(way, zero), from_left,
+                          hn::MulAdd(hn::Max(way, zero), to_right, middle));
+    }
+
+    int side;
+};
+
+// The pixels of a part of a square: vectors of which some lanes are taken.
+template <RampStore how>
+HWY_ATTR void put_some(const Ramp& ramp, const float* here, int x, int end, float* to) {
+    const Ramp::D d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    const auto middle = hn::Set(d, here[0]), from_left = hn::Set(d, here[0] - here[-1]);
+    const auto to_right = hn::Set(d, here[1] - here[0]);
+    while (x < end) {
+        const int lane = x & (n - 1), lanes = std::min(n - lane, end - x);
+        float values[8];
+        hn::StoreU(ramp.at(ramp.ways((x - lane) & (ramp.side - 1)), middle, from_left, to_right), d,
+                   values);
+        for (int i = 0; i < lanes; ++i)
+            to[i] = values[lane + i] + (how == RampStore::add ? to[i] : 0.0f);
+        x += lanes, to += lanes;
+    }
+}
+
+// `count` whole squares, the first of them `here`.
+template <RampStore how>
+HWY_ATTR void put_squares(const Ramp& ramp, const float* here, int count, float* to) {
+    const Ramp::D d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    const auto first_ways = ramp.ways(0);
+    auto middle = hn::Set(d, here[0]), from_left = hn::Sub(middle, hn::Set(d, here[-1]));
+    for (int i = 0; i < count; ++i) {
+        const auto next = hn::Set(d, here[i + 1]), to_right = hn::Sub(next, middle);
+        store_ramp<how>(d, ramp.at(first_ways, middle, from_left, to_right), to);
+        for (int part = n; part < ramp.side; part += n)
+            store_ramp<how>(d, ramp.at(ramp.ways(part), middle, from_left, to_right), to + part);
+        to += ramp.side;
+        middle = next;
+        from_left = to_right;
+    }
+}
+
 template <bool add>
 HWY_ATTR void ramp_row(const float* coarse, int shift, int first, int last, bool past_caches,
                        float* out) {
-    const hn::CappedTag<float, 8> d;
-    const int n = static_cast<int>(hn::Lanes(d)), g = 1 << shift;
-    const float step = 1.0f / static_cast<float>(g), start = 0.5f * step - 0.5f;
-    const auto zero = hn::Zero(d);
-    const auto ways = hn::MulAdd(hn::Iota(d, 0.0f), hn::Set(d, step), hn::Set(d, start));
-    const auto ramp_at = [&](const float* here, int part) HWY_ATTR {
-        const auto way = hn::Add(ways, hn::Set(d, step * static_cast<float>(part)));
-        return hn::MulAdd(
-            hn::Min(way, zero), hn::Set(d, here[0] - here[-1]),
-            hn::MulAdd(hn::Max(way, zero), hn::Set(d, here[1] - here[0]), hn::Set(d, here[0])));
-    };
-    // The pixels of a square that is not whole: vectors of which some lanes are taken.
-    const auto put_some = [&](int x, int end) HWY_ATTR {
-        while (x < end) {
-            const int lane = x & (n - 1), lanes = std::min(n - lane, end - x);
-            float ramp[8];
-            hn::StoreU(ramp_at(coarse + (x >> shift), (x - lane) & (g - 1)), d, ramp);
-            float* to = out + x - first;
-            for (int i = 0; i < lanes; ++i)
-                to[i] = ramp[lane + i] + (add ? to[i] : 0.0f);
-            x += lanes;
-        }
-    };
-    int x = std::min(last, first + ((g - (first & (g - 1))) & (g - 1)));
-    put_some(first, x);
-    const bool stream = past_caches && reinterpret_cast<std::uintptr_t>(out + x - first) % 32 == 0;
-    for (const float* here = coarse + (x >> shift); x + g <= last; ++here) {
-        for (int part = 0; part < g; part += n, x += n) {
-            const auto ramp = ramp_at(here, part);
-            float* to = out + x - first;
-            if (add)
-                hn::StoreU(hn::Add(ramp, hn::LoadU(d, to)), d, to);
-            else if (stream)
-                hn::Stream(ramp, d, to);
-            else
-                hn::StoreU(ramp, d, to);
-        }
-    }
-    put_some(x, last);
-    if (stream)
+    constexpr RampStore how = add ? RampStore::add : RampStore::keep;
+    const Ramp ramp(shift);
+    const int begin = std::min(last, ((first - 1) | (ramp.side - 1)) + 1);  // of whole squares
+    if (first < begin)
+        put_some<how>(ramp, coarse + (first >> shift), first, begin, out);
+    const int count = (last - begin) >> shift, end = begin + (count << shift);
+    float* to = out + begin - first;
+    const bool stream =
+        !add && past_caches && reinterpret_cast<std::uintptr_t>(to) % (sizeof(float) * 8) == 0;
+    if (count > 0 && stream) {
+        put_squares<RampStore::stream>(ramp, coarse + (begin >> shift), count, to);
         hwy::FlushStream();
+    } else if (count > 0) {
+        put_squares<how>(ramp, coarse + (begin >> shift), count, to);
+    }
+    if (end < last)
+        put_some<how>(ramp, coarse + (end >> shift), end, last, out + end - first);
 }
 
 HWY_ATTR void AddRamps(const float* coarse, int shift, int first, int last, float* out) {
@@ -356,10 +438,12 @@ HWY_AFTER_NAMESPACE();
 namespace etalon {
 
 HWY_EXPORT(AddConvolved);
+HWY_EXPORT(FillPhases);
 HWY_EXPORT(SplitPhases);
 HWY_EXPORT(AverageParts);
 HWY_EXPORT(AddConstant);
-HWY_EXPORT(SumSixRows);
+HWY_EXPORT(SumRowPair);
+HWY_EXPORT(FillRow);
 HWY_EXPORT(AddInterpolated);
 HWY_EXPORT(SetInterpolated);
 HWY_EXPORT(AddRamps);
@@ -369,6 +453,11 @@ void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdi
                    int width, int height, float* out, std::ptrdiff_t out_stride) {
     HWY_DYNAMIC_DISPATCH(AddConvolved)
     (kernel, window, window_stride, width, height, out, out_stride);
+}
+
+void fill_phases(float value, int columns, int k, int rows, std::ptrdiff_t phase_stride,
+                 std::ptrdiff_t window_stride, float* to) {
+    HWY_DYNAMIC_DISPATCH(FillPhases)(value, columns, k, rows, phase_stride, window_stride, to);
 }
 
 void split_phases(const float* from, int k, int rows, std::ptrdiff_t phase_stride,
@@ -384,8 +473,13 @@ void add_constant(float value, int width, int height, float* out, std::ptrdiff_t
     HWY_DYNAMIC_DISPATCH(AddConstant)(value, width, height, out, out_stride);
 }
 
-void sum_six_rows(const float* const rows[6], const float weights[6], int width, float* out) {
-    HWY_DYNAMIC_DISPATCH(SumSixRows)(rows, weights, width, out);
+void sum_row_pair(const float* const rows[7], const float weights[6], int width, float* even,
+                  float* odd) {
+    HWY_DYNAMIC_DISPATCH(SumRowPair)(rows, weights, width, even, odd);
+}
+
+void fill_row(float value, std::ptrdiff_t count, bool past_caches, float* out) {
+    HWY_DYNAMIC_DISPATCH(FillRow)(value, count, past_caches, out);
 }
 
 void add_interpolated(const float* coarse, const float weights[6], int first, int last,

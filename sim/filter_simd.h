@@ -29,6 +29,10 @@ struct MirroredKernel {
 void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t window_stride,
                    int width, int height, float* out, std::ptrdiff_t out_stride);
 
+// One value in `columns` places of each phase and row, and in up to 15 more behind them.
+void fill_phases(float value, int columns, int k, int rows, std::ptrdiff_t phase_stride,
+                 std::ptrdiff_t window_stride, float* to);
+
 // Four outputs' samples of each row, 4 k values, phase by phase:
 // to[q * phase_stride + x] = from[k x + q].
 void split_phases(const float* from, int k, int rows, std::ptrdiff_t phase_stride,
@@ -41,8 +45,10 @@ void average_parts(const float* values, int side, int parts, float* averages);
 // out(y, x) += value.
 void add_constant(float value, int width, int height, float* out, std::ptrdiff_t out_stride);
 
-// out[x] = sum of weights[n] * rows[n][x] over six rows.
-void sum_six_rows(const float* const rows[6], const float weights[6], int width, float* out);
+// even[x] = sum of weights[n] * rows[n][x] over the first six of seven rows; odd[x] the mirror
+// image, of the last six.
+void sum_row_pair(const float* const rows[7], const float weights[6], int width, float* even,
+                  float* odd);
 
 // Interpolation up by two, for the fine samples first ... last - 1: fine sample 2 i lies a quarter
 // of a step before coarse sample i, 2 i + 1 a quarter behind it. out[f - first] += the sum of
@@ -51,6 +57,9 @@ void sum_six_rows(const float* const rows[6], const float weights[6], int width,
 void add_interpolated(const float* coarse, const float weights[6], int first, int last, float* out);
 void set_interpolated(const float* coarse, const float weights[6], int first, int last, float base,
                       float* out);
+
+// Writes one value, past the caches if these would not hold the image anyway.
+void fill_row(float value, std::ptrdiff_t count, bool past_caches, float* out);
 
 // Linear interpolation up by 2^shift >= 8: pixels first ... last - 1 between the coarse samples, of
 // which sample i stands in the middle of the pixels from 2^shift i on. Added to `out` or written,

@@ -237,8 +237,41 @@ std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
     const auto clamped = [](double value, int size) {
         return static_cast<int>(std::clamp(std::floor(value), -1.0, static_cast<double>(size)));
     };
-    return CellRange{clamped(least.x(), columns_), clamped(most.x(), columns_),
-                     clamped(least.y(), rows_), clamped(most.y(), rows_)};
+    return narrowed({clamped(least.x(), columns_), clamped(most.x(), columns_),
+                     clamped(least.y(), rows_), clamped(most.y(), rows_)},
+                    sensor_box);
+}
+
+CellRange MarkerView::narrowed(const CellRange& range, const Box& box) const {
+    CellRange result = range;
+    if (range.is_single())
+        return result;
+    const LensBox seen{h_ * box.centre().homogeneous(), with_margin(box, 0.0).half(),
+                       lens_reach_ * largest_defocus(box)};
+    leave_out_lines(0, seen, result.first_column, result.last_column);
+    leave_out_lines(1, seen, result.first_row, result.last_row);
+    return result;
+}
+
+// Between the corners of a square around the lens a line may still pass beside the lens, which is
+// round. With m the line's gradient, D + w . l is at least |D| (1 - rho |a|) - rho |c| |m| from
+// zero for every l, and |D| on the box at least what it is at the centre less the half sides' parts
+// along m.
+void MarkerView::leave_out_lines(int axis, const LensBox& seen, int& first, int& last) const {
+    // Positive: every ray passes beyond the line; negative: none does; 0: some may.
+    const auto side = [&](int index) {
+        const double mx = h_(axis, 0) - index * h_(2, 0), my = h_(axis, 1) - index * h_(2, 1);
+        const double offset = seen.centre[axis] - index * seen.centre[2];
+        const double closest =
+            std::abs(offset) - std::abs(mx) * seen.half.x() - std::abs(my) * seen.half.y();
+        const bool is_clear =
+            closest > 0.0 && closest * closest > seen.reach * seen.reach * (mx * mx + my * my);
+        return is_clear ? offset : 0.0;
+    };
+    while (first < last && side(first + 1) > 0.0)
+        ++first;
+    while (first < last && side(last) < 0.0)
+        --last;
 }
 
 std::optional<double> MarkerView::uniform_radiance(const CellRange& range) const {

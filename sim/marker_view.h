@@ -130,10 +130,23 @@ public:
     // the plane's horizon may come between: rays beyond it are then told from the marker too.
     std::optional<CellRange> footprint(const Box& box) const;
 
+    // Such a range for a box within one for which this range holds: lines that the box does not see
+    // left out from both ends.
+    CellRange narrowed(const CellRange& range, const Box& box) const;
+
     // The radiance that all cells of the range share, if they do.
     std::optional<double> uniform_radiance(const CellRange& range) const;
 
 private:
+    // A box of sensor points: (U, V, W) at its centre, its half sides, and how far the lens sees
+    // from a pinhole's point.
+    struct LensBox {
+        Eigen::Vector3d centre;
+        Eigen::Vector2d half;
+        double reach;
+    };
+
+    void leave_out_lines(int axis, const LensBox& seen, int& first, int& last) const;
     Box seen_through_lens(const Box& box) const;
     Box blurred_outline() const;
     bool misses_marker(const Box& box, const Eigen::Vector3d& centre,

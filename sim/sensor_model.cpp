@@ -258,22 +258,35 @@ bool SensorModel::expose_row(const float* radiance, const cv::Point& first, int 
     return true;
 }
 
-CodeImage SensorModel::without_codes() const {
-    return {cv::Mat(size_, sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
+void SensorModel::check_part(const RenderedPart& part) const {
+    if ((part.region & cv::Rect({0, 0}, size_)) != part.region ||
+        part.radiance.size() != part.region.size())
+        throw NumericalError(fmt::format("a part of {} x {} px at ({}, {}) is not in the sensor",
+                                         part.region.width, part.region.height, part.region.x,
+                                         part.region.y));
 }
 
-// The codes of `radiance`, whose first pixel is the region's.
-void SensorModel::expose_region(const Radiance& radiance, const cv::Rect& region,
-                                const NoiseKey* noise, cv::Mat& codes) const {
+// Nothing where the sensor has none.
+const NoiseKey* SensorModel::used(const std::optional<NoiseKey>& noise) const {
+    return noise && sensor_.gain_e_per_dn > 0.0 ? &*noise : nullptr;
+}
+
+CodeImage SensorModel::without_codes(cv::Size size) const {
+    return {cv::Mat(size, sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
+}
+
+// The codes of `radiance`, whose first pixel is `first`, into a matrix of the same size.
+void SensorModel::expose_pixels(const Radiance& radiance, const cv::Point& first,
+                                const NoiseKey* noise, cv::Mat codes) const {
     std::atomic<bool> finite = true;
-    for_each_row(region.height, [&](int y) {
+    for_each_row(radiance.rows, [&](int y) {
         const float* row = radiance.ptr<float>(y);
-        const cv::Point first(region.x, region.y + y);
+        const cv::Point start(first.x, first.y + y);
         const auto exposed = [&](auto* to) {
-            return expose_row(row, first, region.width, noise, to + first.x);
+            return expose_row(row, start, radiance.cols, noise, to);
         };
-        if (!(sensor_.bits > 8 ? exposed(codes.ptr<std::uint16_t>(first.y))
-                               : exposed(codes.ptr<std::uint8_t>(first.y))))
+        if (!(sensor_.bits > 8 ? exposed(codes.ptr<std::uint16_t>(y))
+                               : exposed(codes.ptr<std::uint8_t>(y))))
             finite = false;
     });
     if (!finite)
@@ -282,32 +295,34 @@ void SensorModel::expose_region(const Radiance& radiance, const cv::Rect& region
 
 CodeImage SensorModel::expose(const Radiance& radiance, std::optional<NoiseKey> noise) const {
     check_size(radiance, size_);
-    const NoiseKey* key = noise && sensor_.gain_e_per_dn > 0.0 ? &*noise : nullptr;
-    CodeImage image = without_codes();
-    expose_region(radiance, cv::Rect({0, 0}, size_), key, image.pixels);
+    CodeImage image = without_codes(size_);
+    expose_pixels(radiance, {0, 0}, used(noise), image.pixels);
     return image;
 }
 
 CodeImage SensorModel::expose(const RenderedPart& part, std::optional<NoiseKey> noise) const {
-    if ((part.region & cv::Rect({0, 0}, size_)) != part.region ||
-        part.radiance.size() != part.region.size())
-        throw NumericalError(fmt::format("a part of {} x {} px at ({}, {}) is not in the sensor",
-                                         part.region.width, part.region.height, part.region.x,
-                                         part.region.y));
-    const bool alike = response_.empty() && !(noise && sensor_.gain_e_per_dn > 0.0);
-    if (!alike)
+    check_part(part);
+    if (!response_.empty() || used(noise))
         return expose(part.within(cv::Rect({0, 0}, size_)), noise);
     if (!std::isfinite(part.background))
         throw NumericalError(fmt::format("the background's radiance is {}", part.background));
     const double code = code_of(static_cast<float>(part.background));
-    CodeImage image = without_codes();
+    CodeImage image = without_codes(size_);
     if (sensor_.bits > 8)
         std::fill_n(image.pixels.ptr<std::uint16_t>(), image.pixels.total(),
                     static_cast<std::uint16_t>(code));
     else
         std::fill_n(image.pixels.ptr<std::uint8_t>(), image.pixels.total(),
                     static_cast<std::uint8_t>(code));
-    expose_region(part.radiance, part.region, nullptr, image.pixels);
+    expose_pixels(part.radiance, part.region.tl(), nullptr, image.pixels(part.region));
+    return image;
+}
+
+CodeImage SensorModel::expose_region(const RenderedPart& part,
+                                     std::optional<NoiseKey> noise) const {
+    check_part(part);
+    CodeImage image = without_codes(part.region.size());
+    expose_pixels(part.radiance, part.region.tl(), used(noise), image.pixels);
     return image;
 }
 

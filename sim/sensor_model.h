@@ -69,6 +69,10 @@ public:
     // background has one code, and costs nothing but memory.
     CodeImage expose(const RenderedPart& part, std::optional<NoiseKey> noise = {}) const;
 
+    // The codes of the part's region alone: an image of its size, with the noise that the whole
+    // image would have there.
+    CodeImage expose_region(const RenderedPart& part, std::optional<NoiseKey> noise = {}) const;
+
     // Steps 6 to 2 undone: radiance at the sensor (relative response stays in). Codes below
     // black give negative radiance, and a saturated code 1, which is then only a lower bound.
     // The image must have the sensor's bit depth (NumericalError otherwise), and may be of any
@@ -84,13 +88,15 @@ public:
 private:
     double with_noise(double radiance, const NoiseKey& key, std::uint64_t pixel) const;
     double code_of(double radiance) const;
-    CodeImage without_codes() const;
+    void check_part(const RenderedPart& part) const;
+    const NoiseKey* used(const std::optional<NoiseKey>& noise) const;
+    CodeImage without_codes(cv::Size size) const;
     // False where a radiance is not finite.
     template <class Code>
     bool expose_row(const float* radiance, const cv::Point& first, int count, const NoiseKey* noise,
                     Code* codes) const;
-    void expose_region(const Radiance& radiance, const cv::Rect& region, const NoiseKey* noise,
-                       cv::Mat& codes) const;
+    void expose_pixels(const Radiance& radiance, const cv::Point& first, const NoiseKey* noise,
+                       cv::Mat codes) const;
 
     Sensor sensor_;
     cv::Size size_;

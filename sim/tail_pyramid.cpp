@@ -4,7 +4,6 @@
 #include <tbb/parallel_for.h>
 
 #include <array>
-#include <optional>
 
 #include "sim/lagrange.h"
 
@@ -19,28 +18,28 @@ std::array<float, 6> quarter_weights() {
     return weights;
 }
 
-// Adds the coarse values, interpolated up by two, to `fine`, whose first value has the indices
-// `to.tl()`; writes them and the background where there is one. `from` must hold three more coarse
-// squares around.
+// Adds the coarse values, interpolated up by two, to a band of rows of `fine`, whose first value
+// has the indices `to.tl()`; writes them and the background where there is one. `from` must hold
+// three more coarse squares around.
 void add_refined(const cv::Mat& coarse, const cv::Rect& from, const cv::Rect& to,
-                 std::optional<float> background, cv::Mat& fine) {
+                 const cv::Rect& band, std::optional<float> background, cv::Mat& fine) {
     const std::array<float, 6> weights = quarter_weights();
-    tbb::parallel_for(tbb::blocked_range<int>(to.y, to.br().y, 16), [&](const auto& range) {
-        std::vector<float> row(static_cast<std::size_t>(from.width));
-        for (int y = range.begin(); y < range.end(); ++y) {
-            const bool odd = y & 1;
-            const float* rows[6];
-            for (int n = 0; n < 6; ++n)
-                rows[n] = coarse.ptr<float>((y >> 1) + (odd ? 3 - n : n - 3) - from.y);
-            sum_six_rows(rows, weights.data(), from.width, row.data());
-            float* to_row = fine.ptr<float>(y - to.y);
-            if (background)
-                set_interpolated(row.data() - from.x, weights.data(), to.x, to.br().x, *background,
-                                 to_row);
-            else
-                add_interpolated(row.data() - from.x, weights.data(), to.x, to.br().x, to_row);
+    const auto width = static_cast<std::size_t>(from.width);
+    std::vector<float> pair(2 * width);  // the fine rows 2 i and 2 i + 1
+    for (int y = band.y; y < band.br().y; ++y) {
+        if (y == band.y || y % 2 == 0) {
+            const float* rows[7];
+            for (int n = 0; n < 7; ++n)
+                rows[n] = coarse.ptr<float>((y >> 1) + n - 3 - from.y);
+            sum_row_pair(rows, weights.data(), from.width, pair.data(), pair.data() + width);
         }
-    });
+        const float* row = pair.data() + (y & 1 ? width : 0) - from.x;
+        float* to_row = fine.ptr<float>(y - to.y);
+        if (background)
+            set_interpolated(row, weights.data(), to.x, to.br().x, *background, to_row);
+        else
+            add_interpolated(row, weights.data(), to.x, to.br().x, to_row);
+    }
 }
 
 // What is written where. Beside the marker every grid is interpolated from the next coarser one. A
@@ -78,8 +77,7 @@ struct Targets {
 // Adds the smooth grid's sums, or writes them and the background, to a part of the region.
 void add_smooth(const cv::Mat& sums, const cv::Rect& squares, int shift, const cv::Rect& part,
                 const cv::Rect& region, std::optional<float> background, cv::Mat& pixels) {
-    constexpr std::size_t caches_bytes = 4 << 20;  // a core's, about: 1 to 2 MiB and a share
-    const bool past_caches = pixels.total() * pixels.elemSize() > caches_bytes;
+    const bool past_caches = is_past_caches(pixels);
     const float base = background.value_or(0.0f);
     // The squares between whose middles the part's pixels lie.
     const cv::Rect between = grown(cells_of(part, 1 << shift), 1, 1);
@@ -146,7 +144,8 @@ cv::Rect TailPyramid::sources(const TileSamples& samples, const MarkerView& mark
 
 void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, const cv::Rect& seen_at,
                       double reach_px, int finest, const cv::Rect& region,
-                      std::optional<float> background, cv::Mat& pixels) const {
+                      std::optional<float> background, cv::Mat& pixels,
+                      const std::function<void(const cv::Rect&)>& done) const {
     constexpr int finest_outside = 3;  // shift of the squares outside the samples
     constexpr double most_px = 1e5;
     const Rings rings(filter_, std::min(reach_px, most_px), finest);
@@ -158,27 +157,38 @@ void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, cons
     if (background)
         set_outside(reached, region, *background, pixels);
     if (reached.empty())
-        return;
+        return for_each_band(region, done);
     const Targets targets(sources.pixels(), reached, filter_.first_ring() + 3,
                           std::max(rings.top, finest_outside));
     sources.average(rings.sources(targets.squares), std::min(rings.first, finest_outside - 1));
     cv::Mat coarser;
-    for (int shift = rings.top; shift >= 0; --shift) {
+    // The sums of a band of a grid: those of the coarser grids, or the background, and its own.
+    const auto add_band = [&](int shift, const cv::Rect& band, std::optional<float> base,
+                              cv::Mat& sums) {
         const cv::Rect& target = targets.squares[static_cast<std::size_t>(shift)];
-        const bool last = shift == 0;
-        cv::Mat sums = last ? pixels(target - region.tl()) : cv::Mat(target.size(), CV_32FC1);
         if (shift < rings.top)
-            add_refined(coarser, targets.squares[static_cast<std::size_t>(shift + 1)], target,
-                        last ? background : 0.0f, sums);
-        else if (!last || background)
-            sums.setTo(last ? *background : 0.0f);
+            add_refined(coarser, targets.squares[static_cast<std::size_t>(shift + 1)], target, band,
+                        base, sums);
+        else if (base)
+            sums(band - target.tl()).setTo(*base);
         if (shift >= rings.first)
-            add_filtered(sources.field(shift), rings.on(shift), target, sums);
+            add_filtered_band(sources.field(shift), rings.on(shift), target, band, sums);
+    };
+    for (int shift = rings.top; shift > 0; --shift) {
+        const cv::Rect& target = targets.squares[static_cast<std::size_t>(shift)];
+        cv::Mat sums(target.size(), CV_32FC1);
+        for_each_band(target, [&](const cv::Rect& band) { add_band(shift, band, 0.0f, sums); });
         if (shift == targets.smooth)
             for (const cv::Rect& part : targets.farther())
                 add_smooth(sums, target, shift, part, region, background, pixels);
         coarser = sums;
     }
+    cv::Mat beside = pixels(targets.beside - region.tl());
+    for_each_band(region, [&](const cv::Rect& band) {
+        if (const cv::Rect own = band & targets.beside; !own.empty())
+            add_band(0, own, background, beside);
+        done(band);
+    });
 }
 
 }  // namespace etalon

@@ -4,6 +4,7 @@
 // are interpolated (6-point Lagrange) from each grid to the next finer one, down to the pixels.
 #pragma once
 
+#include <functional>
 #include <optional>
 
 #include "sim/image_filter.h"
@@ -26,11 +27,12 @@ public:
     // (infinity included) of a pixel; `seen_at` is what sources() gave for the region with that
     // much room around it. With a `background`, writes tail and background instead,
     // whatever was there. The samples must cover the region and ImageFilter::reach_px() around it,
-    // best in multiples of 8 px. `finest`: the shift of the first ring's grid. Parallel, and the
-    // same bytes for any number of threads.
+    // best in multiples of 8 px. `finest`: the shift of the first ring's grid. Calls `done` for
+    // each band of the region (for_each_band()), from its thread, as soon as nothing else will be
+    // written there. Parallel, and the same bytes for any number of threads.
     void add(const TileSamples& samples, const MarkerView& marker, const cv::Rect& seen_at,
              double reach_px, int finest, const cv::Rect& region, std::optional<float> background,
-             cv::Mat& pixels) const;
+             cv::Mat& pixels, const std::function<void(const cv::Rect&)>& done) const;
 
 private:
     const ImageFilter& filter_;

@@ -20,6 +20,19 @@ bool contains(const cv::Rect& outer, const cv::Rect& inner) {
     return (outer & inner) == inner;
 }
 
+// The squares of twice the side that lie inside.
+cv::Rect halves_inside(const cv::Rect& rect) {
+    const cv::Point first((rect.x + 1) >> 1, (rect.y + 1) >> 1);
+    const cv::Point end(rect.br().x >> 1, rect.br().y >> 1);
+    return first.x < end.x && first.y < end.y ? cv::Rect(first, end) : cv::Rect();
+}
+
+// Each of the averages of two pairs of values, one below the other.
+void average_pairs(const float* upper, const float* lower, int count, float* averages) {
+    for (int i = 0; i < count; ++i)
+        averages[i] = 0.25f * (upper[2 * i] + upper[2 * i + 1] + lower[2 * i] + lower[2 * i + 1]);
+}
+
 // The pixels that hold the marker's image, blur included.
 cv::Rect marker_box(const MarkerView& marker, const Intrinsics& intrinsics,
                     const std::vector<Eigen::Vector2d>& outline, const cv::Rect& limit) {
@@ -101,7 +114,8 @@ void TailSources::take_tiles(const cv::Rect& needed_tiles) {
     const TileMap& sampled = samples_.map();
     tiles = TileMap(cells_of(pixels_, tile_px) & needed_tiles);
     tiles.copy(sampled);
-    values_.assign(static_cast<std::size_t>(tiles.tiles().area()), nullptr);
+    values_ = std::make_unique_for_overwrite<const float*[]>(
+        static_cast<std::size_t>(tiles.tiles().area()));
     const cv::Rect both = tiles.tiles() & sampled.tiles();
     for (int j = both.y; j < both.br().y; ++j)
         std::copy_n(samples_.all_values() + sampled.index(both.x, j), both.width,
@@ -110,13 +124,13 @@ void TailSources::take_tiles(const cv::Rect& needed_tiles) {
 
 void TailSources::average_pixels() {
     constexpr int side = tile_px, pixels = side * side;
-    const auto refined = std::count_if(values_.begin(), values_.end(),
-                                       [](const float* values) { return values != nullptr; });
-    pixel_averages_.resize(static_cast<std::size_t>(pixels * refined));
-    pixel_values_.assign(values_.size(), nullptr);
+    const TileMap& tiles = squares_[tile_shift];
+    const auto count = static_cast<std::size_t>(tiles.tiles().area());
+    pixel_averages_.resize(static_cast<std::size_t>(pixels) * tiles.refined_count());
+    pixel_values_ = std::make_unique_for_overwrite<const float*[]>(count);
     float* next = pixel_averages_.data();
-    for (std::size_t n = 0; n < values_.size(); ++n)
-        if (values_[n]) {
+    for (std::size_t n = 0; n < count; ++n)
+        if (tiles.refined(n)) {
             average_parts(values_[n], samples_.k() * tile_px, side, next);
             pixel_values_[n] = next;
             next += pixels;
@@ -130,19 +144,29 @@ void TailSources::average_squares(const std::vector<cv::Rect>& needed) {
         const TileMap& finer = squares_[n - 1];
         const cv::Rect known = shift == square_shift ? samples_.tiles() : needed[n - 1];
         const cv::Rect cells = cells_of(pixels_, 1 << shift) & needed[n];
+        const cv::Rect within = halves_inside(finer.tiles() & known) & cells;
         squares_[n] = TileMap(cells);
         tbb::parallel_for(tbb::blocked_range<int>(cells.y, cells.br().y), [&](const auto& rows) {
             LensAverage lens_average(marker_);
-            for (int j = rows.begin(); j < rows.end(); ++j)
-                for (int i = cells.x; i < cells.br().x; ++i) {
-                    const int x = 2 * i, y = 2 * j;
-                    const float mean =
-                        contains(known, {x, y, 2, 2})
-                            ? 0.25f * (finer.at({x, y}) + finer.at({x + 1, y}) +
-                                       finer.at({x, y + 1}) + finer.at({x + 1, y + 1}))
-                            : lens_mean(shift, i, j, lens_average);
-                    squares_[n].set(i, j, mean);
-                }
+            const auto mean = [&](int i, int j) {
+                const int x = 2 * i, y = 2 * j;
+                return contains(known, {x, y, 2, 2})
+                           ? 0.25f * (finer.at({x, y}) + finer.at({x + 1, y}) +
+                                      finer.at({x, y + 1}) + finer.at({x + 1, y + 1}))
+                           : lens_mean(shift, i, j, lens_average);
+            };
+            for (int j = rows.begin(); j < rows.end(); ++j) {
+                const bool inside = j >= within.y && j < within.br().y;
+                const int from = inside ? within.x : cells.br().x;
+                const int to = inside ? within.br().x : cells.br().x;
+                for (int i = cells.x; i < from; ++i)
+                    squares_[n].set(i, j, mean(i, j));
+                if (from < to)
+                    average_pairs(finer.from({2 * from, 2 * j}), finer.from({2 * from, 2 * j + 1}),
+                                  to - from, squares_[n].from({from, j}));
+                for (int i = to; i < cells.br().x; ++i)
+                    squares_[n].set(i, j, mean(i, j));
+            }
         });
     }
 }
@@ -184,8 +208,8 @@ SampleField TailSources::field(int shift) const {
     if (shift >= tile_shift)
         return {squares_[static_cast<std::size_t>(shift)]};
     if (shift == 0)
-        return {squares_[tile_shift], tile_px, &pixel_values_};
-    return {squares_[tile_shift], tile_px / 2, &values_, samples_.quarters_offset()};
+        return {squares_[tile_shift], tile_px, pixel_values_.get()};
+    return {squares_[tile_shift], tile_px / 2, values_.get(), samples_.quarters_offset()};
 }
 
 }  // namespace etalon

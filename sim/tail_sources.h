@@ -8,6 +8,7 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <vector>
@@ -83,8 +84,8 @@ private:
     const SquareCorners& corners_;
     cv::Rect pixels_;
     std::vector<TileMap> squares_;  // by shift, from 2 on
-    // Of each tile, null where it is constant: its samples, and 4 x 4 averages of its pixels.
-    std::vector<const float*> values_, pixel_values_;
+    // Of each refined tile: its samples, and 4 x 4 averages of its pixels.
+    std::unique_ptr<const float*[]> values_, pixel_values_;
     std::vector<float> pixel_averages_;
 };
 

@@ -212,8 +212,54 @@ FibonacciLattice lattice_of_at_least(int points) {
 
 }  // namespace
 
+// The points of a grid with its margin, row by row; false if one of them has no ray.
+bool TileEvaluator::find_points(const Grid& grid, int i, int j) {
+    points_.clear();
+    const Eigen::Vector2d corner = UndistortionMap::tile_corner_px(i, j);
+    for (int row = 0; row < grid.positions.n(); ++row)
+        for (int column = 0; column < grid.positions.n(); ++column) {
+            const Eigen::Vector2d place(column + 0.5, row + 0.5);
+            points_.push_back(
+                map_.exact(corner + (place - Eigen::Vector2d::Constant(TileInterpolation::margin)) /
+                                        double(grid.k)));
+            if (!points_.back())
+                return false;
+        }
+    return true;
+}
+
+// Of a tile that is blurred enough for a coarser grid, all of whose points have rays: one where the
+// undistortion bends too much for the polynomial. Of the frame's own grid it could be hundreds of
+// times as many points, each with a Newton iteration.
+std::optional<TileUse> TileEvaluator::sample_grid_one_by_one(int i, int j, float* values) {
+    if (sampling_.kind == SampleKind::disk)
+        return std::nullopt;
+    for (std::size_t n = 0; n < positions_.coarser.size(); ++n) {
+        const Grid& grid = positions_.coarser[n];
+        const double from_px = sampling_.coarser[n].from_blur_px;
+        if (least_blur_px(map_.bounds(i, j)) < from_px)
+            continue;
+        if (!find_points(grid, i, j))
+            return std::nullopt;
+        Box box{points_.front()->x, points_.front()->x};
+        for (const auto& point : points_)
+            box = {box.low.cwiseMin(point->x), box.high.cwiseMax(point->x)};
+        if (least_blur_px(box) < from_px)
+            continue;
+        lens_averages_.clear();
+        for (const auto& point : points_)
+            lens_averages_.push_back(
+                static_cast<float>(lens_average_at(point->x) - view_.background()));
+        grid.interpolation.interpolate(lens_averages_.data(), scratch_, values);
+        return TileUse{RenderMethod::exact_lens, grid.k, 1, 1};
+    }
+    return std::nullopt;
+}
+
 // Where some of a tile's points have no ray: those are background.
 TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
+    if (const auto use = sample_grid_one_by_one(i, j, values))
+        return *use;
     const int n = tile_px * sampling_.k;
     map_.sample(i, j, n, points_);
     for (int p = 0; p < n * n; ++p) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "sim/filter_simd.h"
+
 namespace etalon {
 
 int floor_div(int a, int b) {
@@ -21,15 +23,22 @@ cv::Rect grown(const cv::Rect& rect, int x, int y) {
     return {rect.x - x, rect.y - y, rect.width + 2 * x, rect.height + 2 * y};
 }
 
+bool is_past_caches(const cv::Mat& pixels) {
+    constexpr std::size_t caches_bytes = 4 << 20;  // a core's, about: 1 to 2 MiB and a share
+    return pixels.total() * pixels.elemSize() > caches_bytes;
+}
+
 // cv::Mat's own fill takes four times as long: a third of a small marker's frame.
 void set_outside(const cv::Rect& inner, const cv::Rect& region, float value, cv::Mat& pixels) {
+    const bool past_caches = is_past_caches(pixels);
     for (int y = region.y; y < region.br().y; ++y) {
         float* row = pixels.ptr<float>(y - region.y);
         const bool beside = y >= inner.y && y < inner.br().y;
         const int from = beside ? inner.x - region.x : region.width;
-        std::fill(row, row + from, value);
+        fill_row(value, from, past_caches, row);
         if (beside)
-            std::fill(row + inner.br().x - region.x, row + region.width, value);
+            fill_row(value, region.br().x - inner.br().x, past_caches,
+                     row + inner.br().x - region.x);
     }
 }
 
@@ -87,6 +96,10 @@ void TileMap::finish() {
         }
         here.swap(above);
     }
+}
+
+std::size_t TileMap::refined_count() const {
+    return static_cast<std::size_t>(std::count(refined_.begin(), refined_.end(), 1));
 }
 
 bool TileMap::is_constant(const cv::Rect& part) const {

@@ -17,6 +17,9 @@ cv::Rect cells_of(const cv::Rect& pixels, int size);
 // The rectangle with margins of x and y on both sides.
 cv::Rect grown(const cv::Rect& rect, int x, int y);
 
+// Whether an image is too large to be still in the caches when all of it has been written.
+bool is_past_caches(const cv::Mat& pixels);
+
 // Writes the value to the region's `pixels` (CV_32FC1, its size) outside of `inner`, a part of the
 // region, which may be empty.
 void set_outside(const cv::Rect& inner, const cv::Rect& region, float value, cv::Mat& pixels);
@@ -45,12 +48,18 @@ public:
     // tile may be missed). O(1).
     bool is_constant(const cv::Rect& part) const;
 
-    bool refined(int i, int j) const { return refined_[index(i, j)]; }
+    bool refined(int i, int j) const { return refined(index(i, j)); }
+    bool refined(std::size_t index) const { return refined_[index]; }
+    std::size_t refined_count() const;
     float at(const cv::Point& tile) const {
         return tiles_.contains(tile) ? values_[index(tile.x, tile.y)] : 0.0f;
     }
-    // The values from a tile on, to the end of its row.
+    // The values from a tile on, to the end of its row, and whether each is refined.
     const float* from(const cv::Point& tile) const { return &values_[index(tile.x, tile.y)]; }
+    float* from(const cv::Point& tile) { return &values_[index(tile.x, tile.y)]; }
+    const unsigned char* refined_from(const cv::Point& tile) const {
+        return &refined_[index(tile.x, tile.y)];
+    }
 
     std::size_t index(int i, int j) const {
         return static_cast<std::size_t>(j - tiles_.y) * static_cast<std::size_t>(tiles_.width) +
@@ -66,14 +75,14 @@ private:
                                // their left or upper neighbour
 };
 
-// Samples on a regular grid in square tiles. Where `finer` holds a pointer for a tile, by
-// TileMap::index(), `side` x `side` samples stand row by row `offset` behind it; elsewhere the tile
+// Samples on a regular grid in square tiles. For each refined tile `finer` holds a pointer, by
+// TileMap::index(): `side` x `side` samples stand row by row `offset` behind it. Elsewhere the tile
 // is the map's value throughout. With the side 1 the map says it all. The map and `finer` must
 // outlive it.
 struct SampleField {
     const TileMap& map;
     int side = 1;
-    const std::vector<const float*>* finer = nullptr;
+    const float* const* finer = nullptr;
     std::ptrdiff_t offset = 0;
 };
 

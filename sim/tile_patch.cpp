@@ -134,9 +134,10 @@ BlockBounds block_bounds(const TileGeometry& geometry, const TilePositions& posi
             y += static_cast<float>(degree) * power * std::abs(geometry.dy[term]);
         }
     constexpr float rounding = 1.001f;
-    const float reach = rounding * positions.block_reach() * std::hypot(x, y);
-    return {reach, rounding * reach * std::hypot(geometry.blur_slope_x, geometry.blur_slope_y),
-            std::min(1.0f, rounding * std::hypot(geometry.turn_x, geometry.turn_y))};
+    const auto length = [](float a, float b) { return std::sqrt(a * a + b * b); };
+    const float reach = rounding * positions.block_reach() * length(x, y);
+    return {reach, rounding * reach * length(geometry.blur_slope_x, geometry.blur_slope_y),
+            std::min(1.0f, rounding * length(geometry.turn_x, geometry.turn_y))};
 }
 
 PartShapes part_shapes(const TileGeometry& geometry, int n) {

@@ -49,9 +49,11 @@ public:
     // Calls found(i, j, range) for every group of `to_level` that is not uniform and
     // uniform(tiles, value) for the uniform ones, of any level, that are not background. A range
     // is only given for tiles (to_level 0) that are not at the border of the valid region.
+    // `around`: what footprint() says of a group that holds this one, if that is known.
     template <class Found, class MeetsUniform>
     void descend(int level, int i, int j, int to_level, const Found& found,
-                 const MeetsUniform& uniform) const {
+                 const MeetsUniform& uniform,
+                 const std::optional<CellRange>& around = std::nullopt) const {
         const cv::Rect tiles = tiles_of_group(level, i, j) & asked_;
         const auto validity = map_.validity(level, i, j);
         if (tiles.empty() || validity == UndistortionMap::Validity::none)
@@ -59,7 +61,8 @@ public:
         std::optional<CellRange> range;
         const Box bounds = grown(map_.bounds(level, i, j));
         if (validity == UndistortionMap::Validity::all) {
-            range = view_.footprint(bounds);
+            range = around && has_few_lines(*around) ? view_.narrowed(*around, bounds)
+                                                     : view_.footprint(bounds);
             if (!all_refined_) {
                 if (!range)
                     return;  // background
@@ -82,10 +85,17 @@ public:
         map_.prefetch(level - 1, below);
         for (int y = below.y; y < below.br().y; ++y)
             for (int x = below.x; x < below.br().x; ++x)
-                descend(level - 1, x, y, to_level, found, uniform);
+                descend(level - 1, x, y, to_level, found, uniform, range);
     }
 
 private:
+    // So few that asking each of them takes less time than the corners of a box.
+    static bool has_few_lines(const CellRange& range) {
+        constexpr int few = 3;
+        return range.last_column - range.first_column <= few &&
+               range.last_row - range.first_row <= few;
+    }
+
     Box grown(const Box& box) const {
         const Eigen::Vector2d margin = margin_ * box.half();
         return {box.low - margin, box.high + margin};
@@ -120,7 +130,8 @@ TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, con
                     include(part, off_background_);
                 });
     map_ = TileMap(mapped);
-    values_.resize(static_cast<std::size_t>(mapped.area()));
+    values_ =
+        std::make_unique_for_overwrite<const float*[]>(static_cast<std::size_t>(mapped.area()));
     for (const auto& [part, value] : uniform)
         map_.fill(part, value);
     sample(search, view, map);
@@ -141,6 +152,7 @@ void TileSamples::sample(const Search& search, const MarkerView& view, const Und
         search.descend(
             block.level, block.i, block.j, 0,
             [&](int i, int j, const std::optional<CellRange>& range) {
+                map.prefetch_polynomial(i, j);
                 refined.push_back({i, j, range});
             },
             [&](const cv::Rect& part, float value) {

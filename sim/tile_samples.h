@@ -34,11 +34,16 @@ public:
     const TileMap& map() const { return map_; }
     // Of a tile of the map its (4 k)^2 values, row by row, and behind them the averages of its
     // quarters, 2 x 2 of them; null: not refined.
-    const float* values(int i, int j) const { return values_[map_.index(i, j)]; }
-    const float* const* all_values() const { return values_.data(); }  // by the map's index
+    const float* values(int i, int j) const {
+        return map_.refined(i, j) ? values_[map_.index(i, j)] : nullptr;
+    }
+    const float* const* all_values() const {
+        return values_.get();
+    }  // of the refined ones, by
+       // the map's index
     std::ptrdiff_t quarters_offset() const { return side() * side(); }
     // All of it for add_filtered().
-    SampleField field() const { return {map_, side(), &values_}; }
+    SampleField field() const { return {map_, side(), values_.get()}; }
 
     // The smallest rectangle of tiles that holds every tile different from the background.
     const cv::Rect& tiles_off_background() const { return off_background_; }
@@ -69,7 +74,7 @@ private:
     cv::Rect tiles_;
     Sampling sampling_;
     TileMap map_;
-    std::vector<const float*> values_;  // by the map's index, into a block's store
+    std::unique_ptr<const float*[]> values_;  // of the refined tiles, into a block's store
     std::vector<Block> blocks_;
     std::vector<TileUse> used_;
     cv::Rect off_background_;

@@ -4,6 +4,7 @@
 
 #include <Eigen/LU>
 #include <Eigen/SVD>
+#include <array>
 #include <cmath>
 
 #include "sim/tile_map.h"
@@ -211,34 +212,46 @@ UndistortionMap::Tile UndistortionMap::make_border_tile(int i, int j) const {
 
 namespace {
 
-// The coefficients, column by column, of the cubics whose values at -1.5, -0.5, 0.5 and 1.5 are the
-// four columns.
-Eigen::Matrix4d cubics_through(const Eigen::Matrix4d& values) {
-    const Eigen::Vector4d outer = values.col(3) + values.col(0),
-                          inner = values.col(2) + values.col(1);
-    const Eigen::Vector4d far = values.col(3) - values.col(0), near = values.col(2) - values.col(1);
-    Eigen::Matrix4d coefficients;
-    coefficients.col(0) = (9.0 * inner - outer) / 16.0;
-    coefficients.col(1) = (27.0 * near - far) / 24.0;
-    coefficients.col(2) = (outer - inner) / 4.0;
-    coefficients.col(3) = (far - 3.0 * near) / 6.0;
-    return coefficients;
-}
-
-// Rows along t, columns along s, as the nodes.
-Eigen::Matrix4d bicubic_through(const Eigen::Matrix4d& nodes) {
-    return cubics_through(cubics_through(nodes).transpose()).transpose();
+// The coefficients of the cubic whose values at -1.5, -0.5, 0.5 and 1.5 are these, element by
+// element.
+template <class Values>
+std::array<Values, 4> cubic_through(const std::array<Values, 4>& values) {
+    const Values outer = values[3] + values[0], inner = values[2] + values[1];
+    const Values far = values[3] - values[0], near = values[2] - values[1];
+    return {(9.0 * inner - outer) / 16.0, (27.0 * near - far) / 24.0, (outer - inner) / 4.0,
+            (far - 3.0 * near) / 6.0};
 }
 
 }  // namespace
 
+// Both coordinates at once: first along s in each row of nodes, then along t.
 TilePolynomial UndistortionMap::polynomial(int i, int j) const {
+    using ByPower = Eigen::Matrix<double, 2, 4>;  // x and y by the power of s
+    std::array<ByPower, 4> rows;
+    for (int row = 0; row < 4; ++row) {
+        const Eigen::Vector2d* at = &node(i - 1, j - 1 + row);
+        const auto of_row = cubic_through<Eigen::Vector2d>({at[0], at[1], at[2], at[3]});
+        for (int power = 0; power < 4; ++power)
+            rows[static_cast<std::size_t>(row)].col(power) =
+                of_row[static_cast<std::size_t>(power)];
+    }
+    const std::array<ByPower, 4> by_power = cubic_through(rows);
     TilePolynomial result;
-    result.x = bicubic_through(nodes(i, j, 0));
-    result.y = bicubic_through(nodes(i, j, 1));
+    for (int power = 0; power < 4; ++power) {
+        const ByPower& both = by_power[static_cast<std::size_t>(power)];
+        result.x.row(power) = both.row(0);
+        result.y.row(power) = both.row(1);
+    }
     result.centre = {result.x(0, 0), result.y(0, 0)};
     result.x(0, 0) = result.y(0, 0) = 0.0;
     return result;
+}
+
+void UndistortionMap::prefetch_polynomial(int i, int j) const {
+    for (int row = -1; row <= 2; ++row) {
+        hwy::Prefetch(&node(i - 1, j + row));
+        hwy::Prefetch(&node(i + 2, j + row));
+    }
 }
 
 std::optional<MappedPoint> UndistortionMap::exact(const Eigen::Vector2d& pixel) const {

@@ -82,6 +82,8 @@ public:
 
     // Of a tile whose validity() is `all`.
     TilePolynomial polynomial(int i, int j) const;
+    // Says that a tile's will be asked for soon.
+    void prefetch_polynomial(int i, int j) const;
 
     // The points of a tile on a regular grid of n x n, row by row, each at the centre of its n-th
     // part. Nothing where there is no ray.

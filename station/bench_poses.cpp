@@ -4,8 +4,8 @@
 
 #include "calib/projector.h"
 #include "core/errors.h"
-#include "sim/marker_view.h"
 #include "sim/pose_sampling.h"
+#include "station/marker_in_view.h"
 
 namespace etalon {
 namespace {
@@ -49,24 +49,6 @@ std::optional<Rigid> drawn_pose(const Projector& projector, const CellGrid& grid
     return Rigid{rotation, z * x->homogeneous() - rotation * centre};
 }
 
-// The whole front in front of the lens, seen by all of it, inside the image.
-bool is_seen(const Projector& projector, const CellGrid& grid, const Rigid& pose) {
-    const CameraModel& camera = projector.camera();
-    const Eigen::Vector3d inward = pose.rotation * Eigen::Vector3d::UnitZ();
-    const double lens_mm = camera.lens ? aperture_of(camera).radius_mm : 0.0;
-    if (!(inward.dot(pose.translation) > lens_mm * inward.head<2>().norm()))
-        return false;
-    for (const int u : {0, grid.columns()})
-        for (const int v : {0, grid.rows()}) {
-            const auto pixel = projector.project(pose * grid.point_mm(u, v));
-            if (!pixel || pixel->x() < margin_px || pixel->y() < margin_px ||
-                pixel->x() > camera.width - 1 - margin_px ||
-                pixel->y() > camera.height - 1 - margin_px)
-                return false;
-        }
-    return true;
-}
-
 template <class Rotation>
 std::vector<Rigid> seen_poses(const CameraModel& camera, const CellGrid& grid, int count,
                               std::uint64_t seed, const Depths& depths, const Rotation& rotation) {
@@ -79,7 +61,7 @@ std::vector<Rigid> seen_poses(const CameraModel& camera, const CellGrid& grid, i
             throw NumericalError("the marker hardly fits into the camera's view");
         const auto u = sequence.point(index);
         const auto pose = drawn_pose(projector, grid, u, depths, rotation(u));
-        if (pose && is_seen(projector, grid, *pose))
+        if (pose && is_in_view(projector, grid, *pose, margin_px))
             poses.push_back(*pose);
     }
     return poses;

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <vector>
 
+#include "core/median.h"
 #include "core/text.h"
 
 namespace etalon {
@@ -26,6 +27,17 @@ double run_ms(const std::function<void()>& work) {
     const double start = thread_cpu_ms();
     work();
     return thread_cpu_ms() - start;
+}
+
+// After a run that only warms the processor's caches: one, or as many as take 50 ms.
+void add_warm_runs(const std::function<void()>& work, std::vector<double>& times) {
+    constexpr double long_enough_ms = 50.0;
+    run_ms(work);
+    double sum = 0.0;
+    while (sum < long_enough_ms) {
+        times.push_back(run_ms(work));
+        sum += times.back();
+    }
 }
 
 }  // namespace
@@ -62,8 +74,18 @@ double median_cpu_ms(const std::function<void()>& work) {
         times.push_back(run_ms(work));
         sum += times.back();
     }
-    std::sort(times.begin(), times.end());
-    return times[times.size() / 2];
+    return median(times);
+}
+
+std::pair<double, double> median_cpu_ms_by_turns(const std::function<void()>& one,
+                                                 const std::function<void()>& other) {
+    constexpr int turns = 9;
+    std::vector<double> ones, others;
+    for (int turn = 0; turn < turns; ++turn) {
+        add_warm_runs(one, ones);
+        add_warm_runs(other, others);
+    }
+    return {median(ones), median(others)};
 }
 
 }  // namespace etalon

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <utility>
 
 namespace etalon {
 
@@ -20,5 +21,10 @@ void keep_freed_memory();
 // one thread. `work` runs once before, then seven times, or for 150 ms if that is more (at most 140
 // times); where the first run takes more than a second, it is the only one.
 double median_cpu_ms(const std::function<void()>& work);
+
+// The same of two whose ratio is wanted, by turns, so that what slows the machine for a while slows
+// both: nine turns of one warm run each, or of 50 ms if that is more.
+std::pair<double, double> median_cpu_ms_by_turns(const std::function<void()>& one,
+                                                 const std::function<void()>& other);
 
 }  // namespace etalon

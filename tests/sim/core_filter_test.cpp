@@ -55,7 +55,7 @@ public:
         map.finish();
     }
 
-    SampleField view() const { return {map, side, side > 1 ? &finer : nullptr}; }
+    SampleField view() const { return {map, side, side > 1 ? finer.data() : nullptr}; }
     double sample(int x, int y) const {
         const cv::Point at(x - tiles.x * side, y - tiles.y * side);
         return cv::Rect({0, 0}, samples.size()).contains(at) ? samples.at<float>(at) : 0.0;

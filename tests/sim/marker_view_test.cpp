@@ -236,6 +236,32 @@ TEST(MarkerView, AMarkerWhosePlaneAlmostCutsTheLensIsSeenCloseToItsImageOnly) {
     EXPECT_FALSE(view.footprint(around(image - Eigen::Vector2d(0.0, 0.01))));
 }
 
+// An edge that runs at 45 degrees passes through the corners of the square around a blur disk
+// before it reaches the disk.
+TEST(MarkerView, AFootprintKnowsThatTheLensIsRound) {
+    PlacedMarker marker;
+    marker.grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
+    marker.grid.cell_mm = {2000.0, 4000.0};
+    marker.grid.corner_mm = {-2000.0, -2000.0};
+    const Eigen::AngleAxisd turn(45.0 * degree, Eigen::Vector3d::UnitZ());
+    marker.camera_from_marker = {Eigen::Quaterniond(turn), {0.0, 0.0, 500.0}};
+    Aperture aperture;
+    aperture.radius_mm = 5.0;
+    aperture.focus_on_axis = 1.0 / 1000.0;
+    const MarkerView view(marker, background, aperture);
+    const double blur = aperture.radius_mm * (1.0 / 500.0 - 1.0 / 1000.0);
+    const Eigen::Vector2d across(std::cos(45.0 * degree), std::sin(45.0 * degree));
+    const Eigen::Vector2d half(1e-5, 2e-5);
+    for (const double side : {-1.0, 1.0})
+        for (const double distance : {0.98, 1.02, 1.4}) {
+            const Eigen::Vector2d x = side * distance * blur * across;
+            const auto range = view.footprint({x - half, x + half});
+            ASSERT_TRUE(range);
+            EXPECT_EQ(range->first_column != range->last_column, distance < 1.0) << distance;
+            EXPECT_EQ(range->last_column, side > 0.0 || distance < 1.0 ? 1 : 0);
+        }
+}
+
 // The average over side x side rays through the aperture, and whether the horizon crosses it.
 struct RayAverage {
     double radiance;

@@ -427,10 +427,14 @@ TEST(SensorModel, ExposesAPartAsTheWholeWouldBe) {
                 if (vignetted)
                     camera.sensor->illumination = {Illumination::Kind::polynomial, {-0.2, 0, 0}};
                 const SensorModel model(camera);
-                for (const std::optional<NoiseKey> noise : {std::optional<NoiseKey>(), {key}})
-                    EXPECT_EQ(cv::norm(model.expose(part, noise).pixels,
-                                       model.expose(whole, noise).pixels, cv::NORM_INF),
+                for (const std::optional<NoiseKey> noise : {std::optional<NoiseKey>(), {key}}) {
+                    const cv::Mat expected = model.expose(whole, noise).pixels;
+                    EXPECT_EQ(cv::norm(model.expose(part, noise).pixels, expected, cv::NORM_INF),
                               0.0);
+                    EXPECT_EQ(cv::norm(model.expose_region(part, noise).pixels,
+                                       expected(part.region), cv::NORM_INF),
+                              0.0);
+                }
             }
     part.region.x = camera.width - 56;
     EXPECT_THROW(SensorModel{camera}.expose(part), NumericalError);

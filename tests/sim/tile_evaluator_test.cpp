@@ -191,6 +191,58 @@ TEST(TileEvaluator, EachTileTakesTheCoarsestGridThatItsOwnBlurAllows) {
     EXPECT_EQ(stripes.samples(too_sharp).used()[0].points_per_pixel_side, 16);
 }
 
+// Thin-prism terms so large that cubics across a tile err by more than 1e-4 px.
+CameraModel bent_camera() {
+    CameraModel camera;
+    camera.width = 32;
+    camera.height = 24;
+    camera.intrinsics = {311.0, 311.0, 17.0, 11.0};
+    camera.distortion = {.k1 = 0.16, .k2 = -0.08, .s4 = -40.0};
+    camera.sensor = Sensor{.pixel_pitch_um = 4.2};
+    camera.lens = Lens{1.4, 40.0, 550.0, {}};
+    return camera;
+}
+
+TEST(TileEvaluator, TilesThatBendTooMuchForAPolynomialTakeCoarserGridsToo) {
+    const CameraModel camera = bent_camera();
+    const UndistortionMap map(Projector(camera), 16);
+    const cv::Rect tiles(0, 0, 8, 6);
+    int bent = 0;
+    for (int j = 0; j < tiles.height; ++j)
+        for (int i = 0; i < tiles.width; ++i)
+            bent += map.validity(i, j) == UndistortionMap::Validity::some;
+    ASSERT_GT(bent, 20);
+    PlacedMarker marker;
+    marker.grid.cells = (cv::Mat_<float>(3, 2) << 0.0f, 1.0f, 1.0f, 0.2f, 0.7f, 0.0f);
+    marker.grid.cell_mm = {27.0, 19.0};
+    marker.grid.corner_mm = {-30.0, -25.0};
+    const Eigen::Vector2d middle = map.exact({15.0, 11.0})->x;
+    marker.camera_from_marker = {
+        Eigen::Quaterniond(Eigen::AngleAxisd(0.4, Eigen::Vector3d(0.36, 0.48, 0.8))),
+        900.0 * middle.homogeneous()};
+    const MarkerView view(marker, 0.5, aperture_of(camera));
+    constexpr int k = 12, coarse_k = 4;
+    const Sampling own{.k = k, .kind = SampleKind::point};
+    const Sampling coarser{.k = k, .kind = SampleKind::point, .coarser = {{3.0, coarse_k}}};
+    const TileSamples truth(view, map, tiles, own), samples(view, map, tiles, coarser);
+    ASSERT_EQ(samples.used().size(), 1u);
+    EXPECT_EQ(samples.used().front().points_per_pixel_side, coarse_k);
+    EXPECT_EQ(truth.used().front().points_per_pixel_side, k);
+    // Of six points 1/4 px apart, at the rim of disks of 3 px and more: 1 gray at most. A point in
+    // the wrong place by an eighth of a px would be off by 5 gray.
+    double largest = 0.0, brightest = 0.0;
+    for (int j = 0; j < tiles.height; ++j)
+        for (int i = 0; i < tiles.width; ++i)
+            for (int p = 0; p < 16 * k * k && truth.values(i, j); ++p) {
+                largest = std::max<double>(
+                    largest, std::abs(samples.values(i, j)[p] - truth.values(i, j)[p]));
+                brightest = std::max<double>(brightest, truth.values(i, j)[p]);
+            }
+    EXPECT_LT(largest, 1.0 * gray);
+    EXPECT_GT(largest, 0.0);
+    EXPECT_GT(brightest, 0.3);
+}
+
 // ---- Disk samples with the lens
 
 // The mean of exact lens averages over a disk on the sensor, by rings and spokes.

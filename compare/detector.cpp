@@ -15,8 +15,12 @@ std::string detector_of(const Marker& marker, const std::string& place) {
             return "apriltag";
         case Marker::Kind::aruco:
             return "aruco";
+        case Marker::Kind::topotag:
+            return "topotag";
         case Marker::Kind::chessboard:
             return "chessboard";
+        case Marker::Kind::stag:
+            return "stag";
         case Marker::Kind::charuco:
         case Marker::Kind::aprilgrid:
         case Marker::Kind::circles:
@@ -32,26 +36,29 @@ std::string detector_of(const Marker& marker, const std::string& place) {
 
 }  // namespace
 
-std::optional<DetectedCorners> Detector::not_found() {
-    failure_ = "marker not found";
+std::optional<DetectedCorners> Detector::failed(const std::string& why) {
+    failure_ = why;
     return std::nullopt;
+}
+
+std::optional<DetectedCorners> Detector::not_found() {
+    return failed("marker not found");
 }
 
 std::optional<DetectedCorners> Detector::only_one(const std::vector<DetectedCorners>& found) {
     if (found.empty())
         return not_found();
-    if (found.size() > 1) {
-        failure_ = fmt::format("marker {} is seen {} times", found[0].id, found.size());
-        return std::nullopt;
-    }
+    if (found.size() > 1)
+        return failed(fmt::format("marker {} is seen {} times", found[0].id, found.size()));
     failure_.clear();
     return found[0];
 }
 
 std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& marker,
                                         const std::string& place) {
-    static const std::vector<std::string> names = {
-        "apriltag", "aruco", "aruco-none", "aruco-contour", "aruco-apriltag", "chessboard", "auto"};
+    static const std::vector<std::string> names = {"apriltag",      "aruco",          "aruco-none",
+                                                   "aruco-contour", "aruco-apriltag", "topotag",
+                                                   "chessboard",    "stag",           "auto"};
     const std::string chosen = name == "auto" ? detector_of(marker, place) : name;
     if (chosen == "apriltag")
         return make_apriltag_detector(marker, place);
@@ -63,8 +70,12 @@ std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& m
         return make_aruco_detector(marker, ArucoRefinement::contour, place);
     if (chosen == "aruco-apriltag")
         return make_aruco_detector(marker, ArucoRefinement::apriltag, place);
+    if (chosen == "topotag")
+        return make_topotag_detector(marker, place);
     if (chosen == "chessboard")
         return make_chessboard_detector(marker, place);
+    if (chosen == "stag")
+        return make_stag_detector(marker, place);
     const std::string nearest = nearest_word(name, names);
     throw ConfigError({place}, fmt::format("there is no detector '{}'{}", name,
                                            nearest.empty() ? "" : "; is it " + nearest + "?"));

@@ -39,6 +39,7 @@ public:
 protected:
     // For detect(): records the failure and returns nothing; only_one() does so unless exactly one
     // candidate was found.
+    std::optional<DetectedCorners> failed(const std::string& why);
     std::optional<DetectedCorners> not_found();
     std::optional<DetectedCorners> only_one(const std::vector<DetectedCorners>& found);
 
@@ -46,10 +47,10 @@ private:
     std::string failure_;
 };
 
-// A detector for this marker: "apriltag", "aruco" or "chessboard"; "auto" takes the one that
-// belongs to the marker. ArUco's other ways to place corners, for studies of their bias, are
-// "aruco-none", "aruco-contour" and "aruco-apriltag". Throws ConfigError (at `place`) when there is
-// no such detector or it cannot see the marker.
+// A detector for this marker: "apriltag", "aruco", "topotag", "chessboard" or "stag"; "auto" takes
+// the one that belongs to the marker. ArUco's other ways to place corners, for studies of their
+// bias, are "aruco-none", "aruco-contour" and "aruco-apriltag". Throws ConfigError (at `place`)
+// when there is no such detector or it cannot see the marker.
 std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& marker,
                                         const std::string& place);
 

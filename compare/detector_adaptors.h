@@ -28,6 +28,13 @@ enum class ArucoRefinement {
 std::unique_ptr<Detector> make_aruco_detector(const Marker& marker, ArucoRefinement refinement,
                                               const std::string& place);
 
+// Our own finder of STag markers (compare/stag_finder.h), all of whose edges place the corners: a
+// marker that is too small or too hidden for that is not found. ConfigError for any other marker.
+std::unique_ptr<Detector> make_stag_detector(const Marker& marker, const std::string& place);
+
+// The TopoTag finder of compare/topotag_finder.h. ConfigError at `place` for any other marker.
+std::unique_ptr<Detector> make_topotag_detector(const Marker& marker, const std::string& place);
+
 // The corner finder of compare/chessboard_corners.h for a marker of kind chessboard.
 std::unique_ptr<Detector> make_chessboard_detector(const Marker& marker, const std::string& place);
 

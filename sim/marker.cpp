@@ -9,7 +9,9 @@
 #include "core/image.h"
 #include "core/text.h"
 #include "sim/board_pattern.h"
+#include "sim/stag_pattern.h"
 #include "sim/tag_pattern.h"
+#include "sim/topotag_pattern.h"
 
 namespace etalon {
 namespace {
@@ -69,6 +71,14 @@ void check_family(const Spec& spec, const char* title, const std::string& family
         spec.fail(fmt::format("unknown {} '{}'{}", title, family, did_you_mean(family, families)));
 }
 
+int checked_id(const Spec& spec, const std::string& text, int count, const std::string& family) {
+    const auto id = parse_integer(text);
+    if (!id || *id < 0 || *id >= count)
+        spec.fail(
+            fmt::format("'{}' is not an id of {}: those are 0 to {}", text, family, count - 1));
+    return static_cast<int>(*id);
+}
+
 // Splits "36h11:5" and checks both halves against what the library has.
 void read_family_and_id(const Spec& spec, const char* title, Marker& marker,
                         const std::vector<std::string>& families,
@@ -78,12 +88,12 @@ void read_family_and_id(const Spec& spec, const char* title, Marker& marker,
         spec.fail(fmt::format("expected {}:FAMILY:ID@SIZEmm", spec.kind));
     marker.family = parts[0];
     check_family(spec, title, marker.family, families);
-    const auto id = parse_integer(parts[1]);
-    const int ids = count(marker.family);
-    if (!id || *id < 0 || *id >= ids)
-        spec.fail(fmt::format("'{}' is not an id of {}: those are 0 to {}", parts[1], marker.family,
-                              ids - 1));
-    marker.id = static_cast<int>(*id);
+    marker.id = checked_id(spec, parts[1], count(marker.family), marker.family);
+}
+
+// From the top left clockwise.
+std::vector<Eigen::Vector3d> square_corners(double half) {
+    return {{-half, -half, 0}, {half, -half, 0}, {half, half, 0}, {-half, half, 0}};
 }
 
 void lay_out_tag(const Spec& spec, const TagPattern& pattern, Marker& marker) {
@@ -97,7 +107,7 @@ void lay_out_tag(const Spec& spec, const TagPattern& pattern, Marker& marker) {
     const double half = marker.size_mm / 2.0;
     const double corner = -half - pattern.reference_start * cell;
     marker.grid = {pattern.cells, {corner, corner}, {cell, cell}};
-    marker.points_mm = {{-half, -half, 0}, {half, -half, 0}, {half, half, 0}, {-half, half, 0}};
+    marker.points_mm = square_corners(half);
 }
 
 Marker parse_apriltag(const Spec& spec) {
@@ -111,6 +121,52 @@ Marker parse_aruco(const Spec& spec) {
     Marker marker{spec.whole, Marker::Kind::aruco};
     read_family_and_id(spec, "ArUco dictionary", marker, aruco_dictionaries(), aruco_count);
     lay_out_tag(spec, aruco_pattern(marker.family, marker.id), marker);
+    return marker;
+}
+
+// The codewords of the family or file before the last colon, with the file's own complaints.
+std::vector<StagCode> read_stag_codes(const Spec& spec, Marker& marker) {
+    marker.family = spec.what.substr(0, spec.what.rfind(':'));
+    if (!is_stag_file(marker.family))
+        check_family(spec, "STag family", marker.family, stag_families());
+    return stag_codes(marker.family);
+}
+
+Marker parse_stag(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::stag};
+    const auto colon = spec.what.rfind(':');
+    if (colon == std::string::npos)
+        spec.fail("expected stag:FAMILY:ID@SIZEmm");
+    const std::vector<StagCode> codes = read_stag_codes(spec, marker);
+    marker.id = checked_id(spec, spec.what.substr(colon + 1), static_cast<int>(codes.size()),
+                           marker.family);
+    if (stag_separation(codes, marker.id) == 0)
+        spec.fail(
+            fmt::format("id {} looks like another one or like itself after a turn", marker.id));
+    marker.size_mm = length_mm(spec, spec.size);
+    const double half = marker.size_mm / 2.0, corner = -half - stag_border * marker.size_mm;
+    const double cell = marker.size_mm / stag_cells_a_side;
+    marker.grid = {
+        stag_cells(codes[static_cast<std::size_t>(marker.id)]), {corner, corner}, {cell, cell}};
+    marker.points_mm = square_corners(half);
+    marker.detail_mm = stag_detail * marker.size_mm;
+    return marker;
+}
+
+Marker parse_topotag(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::topotag};
+    read_family_and_id(spec, "TopoTag family", marker, topotag_families(), topotag_count);
+    marker.size_mm = length_mm(spec, spec.size);
+    const TopotagPattern pattern = topotag_pattern(marker.family, marker.id);
+    const int order = topotag_order(marker.family);
+    const double cell = marker.size_mm / topotag_white_side(order);
+    const double side = cell / pattern.pixels_per_cell;
+    const double corner = -pattern.pixels.cols * side / 2.0;
+    marker.grid = {pattern.pixels, {corner, corner}, {side, side}};
+    for (const Eigen::Vector2d& vertex : topotag_vertices(order))
+        marker.points_mm.emplace_back(vertex.x() * cell, vertex.y() * cell, 0.0);
+    if (pattern.pixels_per_cell > 1)
+        marker.detail_mm = cell / 10.0;  // what makes a dot round
     return marker;
 }
 
@@ -239,6 +295,8 @@ Marker parse_marker(const std::string& text, const std::string& place) {
         return parse_apriltag(spec);
     if (spec.kind == "aruco")
         return parse_aruco(spec);
+    if (spec.kind == "topotag")
+        return parse_topotag(spec);
     if (spec.kind == "chessboard")
         return parse_chessboard(spec);
     if (spec.kind == "charuco")
@@ -251,9 +309,11 @@ Marker parse_marker(const std::string& text, const std::string& place) {
         return parse_circles(spec, Marker::Kind::acircles);
     if (spec.kind == "bitmap")
         return parse_bitmap(spec);
+    if (spec.kind == "stag")
+        return parse_stag(spec);
     spec.fail("unknown kind of marker '" + spec.kind + "'" +
-              did_you_mean(spec.kind, {"apriltag", "aruco", "chessboard", "charuco", "aprilgrid",
-                                       "circles", "acircles", "bitmap"}));
+              did_you_mean(spec.kind, {"apriltag", "aruco", "topotag", "chessboard", "charuco",
+                                       "aprilgrid", "circles", "acircles", "bitmap", "stag"}));
 }
 
 }  // namespace etalon

@@ -2,6 +2,11 @@
 //
 //   apriltag:36h11:5@50mm    black square 50 mm, one white cell around it; origin at its centre
 //   aruco:4X4_50:7@50mm      the same for OpenCV's predefined dictionaries
+//   stag:HD21:3@50mm         STag, a black square of 50 mm with a white border of an eighth of it;
+//                            origin at its centre; stag:FILE.txt:3@50mm takes the codewords of a
+//                            file (sim/stag_codes.h)
+//   topotag:4x4:123@50mm     white square 50 mm, a black frame around it; 4x4-circle: round nodes;
+//                            origin at its centre (sim/topotag_pattern.h)
 //   chessboard:9x6@25mm      9 x 6 INNER corners, squares of 25 mm; origin at the first inner
 //                            corner, x along its row of 9, y along the other direction
 //   charuco:4X4_50:9x6@30mm/22mm     9 x 6 SQUARES as OpenCV counts them, side of a square and of
@@ -37,19 +42,30 @@
 namespace etalon {
 
 struct Marker {
-    enum class Kind { apriltag, aruco, chessboard, charuco, aprilgrid, circles, acircles, bitmap };
+    enum class Kind {
+        apriltag,
+        aruco,
+        topotag,
+        chessboard,
+        charuco,
+        aprilgrid,
+        circles,
+        acircles,
+        bitmap,
+        stag
+    };
 
     std::string spec;  // as given, for records
     Kind kind;
-    std::string family;  // "36h11", "4X4_50"; empty without tags
+    std::string family;  // "36h11", "4X4_50", or a file of codewords; empty without tags
     int id = 0;          // of single tags
     double size_mm = 0;  // of the reference square, a board's square or tag, or the spacing of
                          // circles; 0 for bitmaps
     CellGrid grid;
     // What a detector reports, in the marker frame: the four corners of a tag's reference square
-    // from the top left clockwise as seen from the front; inner corners of a chessboard or ChArUco
-    // board, corners of a grid's tags (2 columns x 2 rows) and centres of circles, row by row; none
-    // for a bitmap.
+    // from the top left clockwise as seen from the front; the vertices of a TopoTag row by row;
+    // inner corners of a chessboard or ChArUco board, corners of a grid's tags (2 columns x 2 rows)
+    // and centres of circles, row by row; none for a bitmap.
     std::vector<Eigen::Vector3d> points_mm;
     int columns = 0, rows = 0;  // of boards, as in the name
     double part_mm = 0;         // the second length of a board's name: marker, gap, diameter; or 0
@@ -60,7 +76,7 @@ struct Marker {
 // family, dictionary or id, a tag that is its own half turn (ARUCO_ORIGINAL has one), a size that
 // is not positive, or an unreadable bitmap. A bitmap's relative path is seen from the working
 // directory. Safe from every thread; under a millisecond, some 10 ms for
-// boards of many cells.
+// STag and boards of many cells.
 Marker parse_marker(const std::string& spec, const std::string& place);
 
 }  // namespace etalon

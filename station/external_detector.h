@@ -1,0 +1,69 @@
+// A detector that is a program of its own: somebody else's, in any language, in no way linked.
+//
+// The program is started once and gets one line per image on its standard input,
+//
+//     IMAGE<tab>CAMERA
+//
+// the paths of an image file and of its camera file. For each it prints one line of JSON on its
+// standard output, at once (flushed):
+//
+//     {"camera_from_marker": [rx, ry, rz, tx, ty, tz]}     rotation vector in rad, mm
+//     {"failure": "why there is no pose"}
+//
+// in the frames of docs/conventions.md; further entries are ignored. What it prints on its standard
+// error goes where ours goes. End of input tells it to end.
+//
+// Whatever it does is its own failure and never ours: a crash, an answer that is none, or silence
+// for longer than the time-out counts as no detection, with the reason in words. It is then ended,
+// with all that it started, and started anew for the next image.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/rigid.h"
+
+namespace etalon {
+
+struct ExternalAnswer {
+    std::optional<Rigid> camera_from_marker;
+    std::string failure;  // why there is none
+};
+
+// Not thread-safe: one per thread.
+class ExternalDetector {
+public:
+    // The program (looked for as a shell does) and its arguments. Throws ConfigError at `place`
+    // when it cannot be started.
+    ExternalDetector(std::vector<std::string> command, std::chrono::milliseconds time_out,
+                     const std::string& place);
+    ~ExternalDetector();
+    ExternalDetector(const ExternalDetector&) = delete;
+    ExternalDetector& operator=(const ExternalDetector&) = delete;
+
+    // Throws ConfigError for a path with a tab or a line break: no line can tell it.
+    ExternalAnswer detect(const std::filesystem::path& image, const std::filesystem::path& camera);
+
+private:
+    using Deadline = std::chrono::steady_clock::time_point;
+
+    int start();          // 0 or an errno
+    void end();           // now, whatever it is doing
+    std::string ended();  // how it ended by itself, in words
+    bool said_more();     // than it was asked for, or it has ended
+    std::optional<std::string> send(const std::string& line, Deadline deadline);  // what failed
+    ExternalAnswer receive(Deadline deadline);
+    ExternalAnswer failed(const std::string& why);
+
+    std::vector<std::string> command_;
+    std::chrono::milliseconds time_out_;
+    pid_t process_ = -1;
+    int socket_ = -1;  // its standard input and output
+};
+
+}  // namespace etalon

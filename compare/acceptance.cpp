@@ -17,11 +17,6 @@ using State = AcceptanceCondition::State;
 constexpr double least_share = 0.5;
 constexpr int least_planned = 2;
 constexpr double coverage_factor = 2.0;
-// The stated noise is trusted to this factor of its standard deviation: U is taken from the
-// residuals and covers what they have beyond it. A detector's corners scatter by more than repeated
-// frames show (they sit differently on the pixels of each pose).
-constexpr double trusted_factor = 1.5;
-constexpr double trusted_square = trusted_factor * trusted_factor;
 
 AcceptanceCondition not_checked(std::string name, std::string why) {
     AcceptanceCondition condition;
@@ -71,7 +66,7 @@ AcceptanceCondition residuals(const Qualification& result) {
         return not_checked(title,
                            "the noise is not known: it takes two frames per pose that differ");
     const FieldRest& rest = *result.position_rest;
-    const double limit = trusted_square * rest.chi_square_limit;
+    const double limit = rest.chi_square_limit;
     return checked(title, rest.chi_square_ratio <= limit, rest.chi_square_ratio, limit, "1",
                    fmt::format("chi-square per degree of freedom is {:.2f} with {:.0f} degrees of "
                                "freedom; {:.2f} is the most",
@@ -194,7 +189,7 @@ AcceptanceCondition repeatability(const QualificationInput& input, const Qualifi
         sum += pair.difference_mm.dot(solver.solve(pair.difference_mm));
     }
     const double freedom = 3.0 * static_cast<double>(pairs.size());
-    const double ratio = sum / freedom, limit = trusted_square * chi_square_limit(freedom);
+    const double ratio = sum / freedom, limit = chi_square_limit(freedom);
     return checked(
         title, ratio <= limit, ratio, limit, "1",
         fmt::format("{} poses visited again: chi-square per degree of freedom is {:.2f}; "

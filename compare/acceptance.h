@@ -26,7 +26,7 @@ const char* name(AcceptanceCondition::State state);  // "met", "NOT MET", "not c
 
 // Volume coverage: in each octant of the visited volume with two or more planned hold-out poses at
 // least half of them were used. Residuals: their pooled chi-square does not show (99.9 %) that they
-// are more than 1.5 times the noise of repeated frames and declared repeatability. Drift: what
+// are more than the noise of repeated frames, renders and declared repeatability. Drift: what
 // changed linearly with time over the run, beyond the field, is not shown to exceed the limit of
 // the position field's RMS. Repeatability: the differences of poses that were visited again, by
 // chi-square like the residuals.

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 
 #include "core/errors.h"
+#include "sim/topotag_pattern.h"
 
 namespace etalon {
 namespace {
@@ -86,9 +87,13 @@ ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
     const CellGrid& grid = marker.grid;
     const Eigen::Vector2d size =
         grid.cell_mm.cwiseProduct(Eigen::Vector2d(grid.columns(), grid.rows()));
-    // Boards may be drawn with cells far smaller than what is on them: blocks of a square then.
-    const Eigen::Vector2d cell =
-        marker.columns > 0 ? Eigen::Vector2d::Constant(marker.size_mm / 2.0) : grid.cell_mm;
+    // Boards and round TopoTags are drawn with cells far smaller than what is on them: blocks of a
+    // square, or of the tag's own cells.
+    Eigen::Vector2d cell = grid.cell_mm;
+    if (marker.columns > 0)
+        cell.setConstant(marker.size_mm / 2.0);
+    else if (marker.kind == Marker::Kind::topotag)
+        cell.setConstant(marker.size_mm / topotag_white_side(topotag_order(marker.family)));
     return {grid.corner_mm, grid.corner_mm + size, cell, grid.corner_mm};
 }
 

@@ -252,10 +252,10 @@ struct Seen {
 class Photometry {
 public:
     Photometry(const PhotometricModel& model, const PhotometricCamera& camera)
-        : model_(model), transfer_(camera.transfer()) {}
+        : model_(model), curve_(camera.curve(model)) {}
 
     Seen seen(const BandPixel& pixel, double radiance) const {
-        const auto [encoded, slope] = on_curve(radiance);
+        const auto [encoded, slope] = curve_.at(radiance);
         const PhotometricModel::Point point = model_.at(pixel.terms, encoded);
         return {point.gray, point.by_seen * slope,
                 (point.gray - pixel.black) / (pixel.white - pixel.black)};
@@ -263,17 +263,8 @@ public:
     double gray(const Vector6d& terms, double seen) const { return model_.at(terms, seen).gray; }
 
 private:
-    std::pair<double, double> on_curve(double radiance) const {
-        constexpr double step = 1e-4;
-        if (transfer_.kind == Transfer::Kind::linear)
-            return {radiance, 1.0};
-        return {encode(transfer_, radiance),
-                (encode(transfer_, radiance + step) - encode(transfer_, radiance - step)) /
-                    (2.0 * step)};
-    }
-
     const PhotometricModel& model_;
-    Transfer transfer_;
+    LightCurve curve_;
 };
 
 struct EdgePixels {

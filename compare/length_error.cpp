@@ -35,11 +35,12 @@ Eigen::VectorXd measured_errors(std::span<const FieldSample> samples) {
 
 }  // namespace
 
-Eigen::MatrixXd pair_lengthening(std::span<const FieldSample> samples) {
+PairLengthening pair_lengthening(std::span<const FieldSample> samples) {
     const auto n = static_cast<Eigen::Index>(samples.size());
     if (n < 2)
         throw NumericalError(fmt::format("length error: {} positions make no pair", n));
-    Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(n * (n - 1) / 2, 3 * n);
+    PairLengthening rows(n * (n - 1) / 2, 3 * n);
+    rows.reserve(Eigen::VectorXi::Constant(rows.rows(), 6));
     Eigen::Index row = 0;
     for (Eigen::Index i = 0; i < n; ++i)
         for (Eigen::Index k = 0; k < i; ++k, ++row) {
@@ -48,8 +49,10 @@ Eigen::MatrixXd pair_lengthening(std::span<const FieldSample> samples) {
             // Repeated poses are no length.
             if (!(way.norm() > least_distance_mm))
                 continue;
-            rows.block<1, 3>(row, 3 * i) = way.normalized().transpose();
-            rows.block<1, 3>(row, 3 * k) = -way.normalized().transpose();
+            for (Eigen::Index axis = 0; axis < 3; ++axis) {
+                rows.insert(row, 3 * k + axis) = -way[axis] / way.norm();
+                rows.insert(row, 3 * i + axis) = way[axis] / way.norm();
+            }
         }
     return rows;
 }
@@ -67,9 +70,11 @@ LengthErrors length_errors(const SmoothField& field, std::span<const FieldSample
     Eigen::Index worst = 0;
     result.field_max_mm = (lengthening * field.coefficients).cwiseAbs().maxCoeff(&worst);
     result.field_max_length_mm = distances[worst];
-    result.field_max_uncertainty_mm = noise_quantile(
-        field, seed,
-        [&](const Eigen::VectorXd& noise) { return (lengthening * noise).cwiseAbs().maxCoeff(); });
+    result.field_max_uncertainty_mm =
+        noise_quantile(field, seed, [&](const Eigen::MatrixXd& noise) {
+            const Eigen::MatrixXd lengths = lengthening * noise;
+            return Eigen::RowVectorXd(lengths.cwiseAbs().colwise().maxCoeff());
+        });
     return result;
 }
 

@@ -7,6 +7,7 @@
 // noise of two poses.
 #pragma once
 
+#include <Eigen/SparseCore>
 #include <cstdint>
 #include <span>
 
@@ -27,12 +28,13 @@ struct LengthErrors {
 };
 
 // `samples` are those that the field was fitted to. `seed` drives the 2000 draws of the band.
-// Throws NumericalError for less than two samples. Some 10 ms for 40 samples.
+// Throws NumericalError for less than two samples. Some 10 ms for 70 samples.
 LengthErrors length_errors(const SmoothField& field, std::span<const FieldSample> samples,
                            std::uint64_t seed);
 
 // One row per pair: what the samples' shifts, stacked by three, do to its length. Zeros for two
 // poses in the same place.
-Eigen::MatrixXd pair_lengthening(std::span<const FieldSample> samples);
+using PairLengthening = Eigen::SparseMatrix<double, Eigen::RowMajor>;
+PairLengthening pair_lengthening(std::span<const FieldSample> samples);
 
 }  // namespace etalon

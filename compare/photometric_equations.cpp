@@ -62,19 +62,6 @@ struct BlurredRendering {
     }
 };
 
-// What the camera's curve makes of a radiance, and its slope there.
-struct CurvePoint {
-    double value, slope;
-};
-
-CurvePoint on_curve(const Transfer& transfer, double radiance) {
-    if (transfer.kind == Transfer::Kind::linear)
-        return {radiance, 1.0};
-    constexpr double step = 1e-4;
-    return {encode(transfer, radiance),
-            (encode(transfer, radiance + step) - encode(transfer, radiance - step)) / (2 * step)};
-}
-
 // One pixel's prediction with its derivatives by the photometric parameters and by the radiance.
 struct PixelModel {
     double gray = 0.0;
@@ -82,7 +69,7 @@ struct PixelModel {
     bool clips = false;  // its noise is clipped too, and says little of the noise elsewhere
 
     PixelModel(const PhotometricModel& model, const PhotometricTerms& terms,
-               const Vector6d& level_terms, const CurvePoint& curve,
+               const Vector6d& level_terms, const LightCurve::Point& curve,
                const Eigen::Vector2d& by_variances, Eigen::Ref<Eigen::VectorXd> derivatives) {
         const double black = model.black.dot(level_terms), white = model.white.dot(level_terms);
         const double s = curve.value, toned = s * (1.0 + model.tone * (1.0 - s));
@@ -220,14 +207,14 @@ struct Levels {
 // The straight line through all pixels used of gray against what the camera's curve makes of the
 // radiance. (Blurred cells may be neither black nor white anywhere.)
 Levels levels_of(const cv::Mat& gray, const Radiance& radiance, const cv::Mat& used,
-                 const Transfer& transfer) {
+                 const LightCurve& curve) {
     constexpr double least_deviation = 0.01;  // of full scale: without contrast there is no line
     double count = 0.0, seen_sum = 0.0, gray_sum = 0.0, squares = 0.0, products = 0.0;
     for (int y = 0; y < gray.rows; ++y)
         for (int x = 0; x < gray.cols; ++x) {
             if (!used.at<uchar>(y, x))
                 continue;
-            const double seen = on_curve(transfer, radiance.at<float>(y, x)).value;
+            const double seen = curve.value(radiance.at<float>(y, x));
             const double value = gray.at<float>(y, x);
             count += 1.0;
             seen_sum += seen;
@@ -318,7 +305,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                                double noise_scale) {
     constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
     const BlurredRendering seen(rendered, state.photometry.psf_sigmas_px());
-    const Transfer transfer = camera.transfer();
+    const LightCurve curve = camera.curve(state.photometry);
     const cv::Rect& region = motion.region();
     const int geometric = motion.columns(), photometric = terms.count();
 
@@ -341,7 +328,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
             auto row = block.next();
             const PixelModel model(
                 state.photometry, terms, level_terms(pixel.x, pixel.y, photo.use.size()),
-                on_curve(transfer, seen.radiance.at<float>(y, x)),
+                curve.at(seen.radiance.at<float>(y, x)),
                 {seen.by_variance_x.at<float>(y, x), seen.by_variance_y.at<float>(y, x)},
                 row.tail(photometric));
             if (!is_flat)
@@ -373,7 +360,7 @@ cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera
     const cv::Rect region = rendered_region(photo.use != pixel_outside);
     Radiance lit(photo.gray.size(), CV_32FC1, cv::Scalar(0));
     camera.at_sensor(scene_of(photo, state.camera_from_marker), region).copyTo(lit(region));
-    return predicted_gray(state.photometry, lit, camera.transfer());
+    return predicted_gray(state.photometry, lit, camera.curve(state.photometry));
 }
 
 double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& camera,
@@ -413,15 +400,21 @@ PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
 
 PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                           const Rigid& camera_from_marker, const PhotometricTerms& terms) {
-    constexpr double typical_sigma_px = 0.75;
+    constexpr double typical_sigma_px = 0.75, least_gray = 0.0, full_gray = 255.0;
+    constexpr int curve_rounds = 2;  // the levels say between which light the curve is taken
     require_fitting(photo, camera);
     const cv::Rect region = rendered_region(photo.use == photo.fitted);
     const Radiance radiance = camera.at_sensor(scene_of(photo, camera_from_marker), region);
-    const Levels levels = levels_of(photo.gray(region), radiance, photo.use(region) == photo.fitted,
-                                    camera.transfer());
     PhotoState state{camera_from_marker, {}};
-    state.photometry.black[0] = levels.black;
-    state.photometry.white[0] = levels.white;
+    state.photometry.black[0] = least_gray;
+    state.photometry.white[0] = full_gray;
+    for (int round = 0; round < curve_rounds; ++round) {
+        const Levels levels =
+            levels_of(photo.gray(region), radiance, photo.use(region) == photo.fitted,
+                      camera.curve(state.photometry));
+        state.photometry.black[0] = levels.black;
+        state.photometry.white[0] = levels.white;
+    }
     state.photometry.psf_sigma_px = terms.psf ? typical_sigma_px : 0.0;
     if (terms.saturation)
         state.photometry.saturation.emplace();

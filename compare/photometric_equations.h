@@ -25,7 +25,9 @@ public:
     const CameraModel& model() const { return projector_.camera(); }
     const Projector& projector() const { return projector_; }
     const Renderer& renderer() const { return renderer_; }
-    Transfer transfer() const { return model().sensor ? model().sensor->transfer : Transfer{}; }
+    LightCurve curve(const PhotometricModel& photometry) const {
+        return {model().sensor, photometry};
+    }
     bool knows_noise() const { return !noise_.empty(); }
 
     // Standard deviation of a pixel's noise at a predicted gray; 1 where it is not known.

@@ -9,17 +9,6 @@
 namespace etalon {
 namespace {
 
-// What the sensor's curve makes of a blurred rendering, 0..1.
-cv::Mat seen_by_sensor(const Radiance& radiance, const Eigen::Vector2d& sigmas_px,
-                       const Transfer& transfer) {
-    cv::Mat seen = blurred(radiance, sigmas_px);
-    if (transfer.kind != Transfer::Kind::linear)
-        for (int y = 0; y < seen.rows; ++y)
-            for (float& value : cv::Mat_<float>(seen.row(y)))
-                value = static_cast<float>(encode(transfer, value));
-    return seen;
-}
-
 // Half of the second difference of fourth order, (-1 16 -30 16 -1) / 24, at a frequency.
 double half_second_difference(double frequency) {
     return (-15.0 + 16.0 * std::cos(frequency) - std::cos(2.0 * frequency)) / 12.0;
@@ -41,6 +30,37 @@ cv::Mat discrete_gaussian(double sigma_px) {
 }
 
 }  // namespace
+
+LightCurve::LightCurve(const std::optional<Sensor>& sensor, const PhotometricModel& model) {
+    constexpr double least_contrast = 0.01;  // of full scale; below, the levels say nothing
+    if (!sensor || sensor->transfer.kind == Transfer::Kind::linear)
+        return;
+    transfer_ = sensor->transfer;
+    const double black_level = sensor->black_dn / ((1 << sensor->bits) - 1);
+    const auto light_of = [&](double gray) {
+        return decode(transfer_, (gray / 255.0 - black_level) / (1.0 - black_level));
+    };
+    const double dark = light_of(model.black[0]), light = light_of(model.white[0]);
+    if (light > dark + least_contrast) {
+        dark_ = dark;
+        light_ = light;
+    }
+    low_ = encode(transfer_, dark_);
+    range_ = encode(transfer_, light_) - low_;
+}
+
+double LightCurve::value(double radiance) const {
+    if (transfer_.kind == Transfer::Kind::linear)
+        return radiance;
+    return (encode(transfer_, std::lerp(dark_, light_, radiance)) - low_) / range_;
+}
+
+LightCurve::Point LightCurve::at(double radiance) const {
+    constexpr double step = 1e-4;
+    if (transfer_.kind == Transfer::Kind::linear)
+        return {radiance, 1.0};
+    return {value(radiance), (value(radiance + step) - value(radiance - step)) / (2.0 * step)};
+}
 
 Vector6d level_terms(double x, double y, cv::Size size) {
     const double u = (x - 0.5 * (size.width - 1)) / size.width;
@@ -97,12 +117,13 @@ cv::Mat blurred(const cv::Mat& image, const Eigen::Vector2d& sigmas_px) {
 }
 
 cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
-                       const Transfer& transfer) {
-    cv::Mat gray = seen_by_sensor(radiance, model.psf_sigmas_px(), transfer);
+                       const LightCurve& curve) {
+    cv::Mat gray = blurred(radiance, model.psf_sigmas_px());
     for (int y = 0; y < gray.rows; ++y)
         for (int x = 0; x < gray.cols; ++x) {
             float& value = gray.at<float>(y, x);
-            value = static_cast<float>(model.at(level_terms(x, y, gray.size()), value).gray);
+            value = static_cast<float>(
+                model.at(level_terms(x, y, gray.size()), curve.value(value)).gray);
         }
     return gray;
 }

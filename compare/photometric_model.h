@@ -7,11 +7,10 @@
 // Black and white are surfaces over the image: planes, or of second order. The Gaussian (*:
 // convolution) stands for what the camera's lens section leaves out; without a lens section it is
 // the whole lens. Its variances along x and y may differ: pixels of a mosaic and fields of a video
-// signal are interpolated differently in the two directions. T is the camera's transfer curve, not
-// fitted; it is taken at radiances 0 to 1 although the scene's own may span less, so that with a
-// curve the half tones along edges are first order only. C(s) = s + tone s (1 - s) stands for what
-// is left of a curve that no calibration told. S is saturation (struct Saturation). Photographs are
-// in gray = code value / full scale * 255.
+// signal are interpolated differently in the two directions. T is what the camera's transfer curve
+// makes of light between this photograph's black and white (class LightCurve), not fitted. C(s) = s
+// + tone s (1 - s) stands for what is left of a curve that no calibration told. S is saturation
+// (struct Saturation). Photographs are in gray = code value / full scale * 255.
 #pragma once
 
 #include <Eigen/Core>
@@ -70,9 +69,29 @@ Vector6d level_terms(double x, double y, cv::Size size);
 // CV_32FC1: code values / full scale * 255.
 cv::Mat gray_of(const CodeImage& image);
 
+// The half tones that a sensor's curve makes of a radiance between a photograph's black (radiance
+// 0, half tone 0) and white (1 and 1). Curves other than a pure power look different between other
+// levels, so these are taken to light first; those of the image's centre stand for all of it.
+class LightCurve {
+public:
+    LightCurve() = default;  // of a linear sensor
+    LightCurve(const std::optional<Sensor>& sensor, const PhotometricModel& model);
+
+    struct Point {
+        double value, slope;
+    };
+    Point at(double radiance) const;
+    double value(double radiance) const;
+
+private:
+    Transfer transfer_;
+    double dark_ = 0.0, light_ = 1.0;  // of full scale
+    double low_ = 0.0, range_ = 1.0;   // of the curve between them
+};
+
 // The photograph that the model expects, CV_32FC1, gray, the radiance's size.
 cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
-                       const Transfer& transfer);
+                       const LightCurve& curve);
 
 // Convolution with a discrete Gaussian: the solution of the diffusion equation with the second
 // difference of fourth order, (-1 16 -30 16 -1) / 12. However small sigma is, its variance is

@@ -223,9 +223,9 @@ std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput&
         if (!corners)
             return std::nullopt;
         SampleNoise one;
-        one.covariance =
-            corners->variance_px2 * pose.bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
-            stage_mm2 / 3.0 * Eigen::Matrix3d::Identity();
+        one.covariance = (1.0 + input.render_noise_ratio) * corners->variance_px2 *
+                             pose.bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
+                         stage_mm2 / 3.0 * Eigen::Matrix3d::Identity();
         one.degrees_of_freedom = corners->degrees_of_freedom;
         if (!(one.covariance.trace() > 0.0))
             return std::nullopt;  // frames alike to the last bit say nothing about noise

@@ -94,6 +94,9 @@ struct QualificationInput {
     std::vector<Rigid> stage_reach;
     RenderAndDetect render_and_detect;   // called once per training pose and round, then once per
                                          // hold-out pose; may throw Interrupted
+    // Variance by noise of the corners that it finds, in units of that of a pose's mean corners in
+    // the photographs.
+    double render_noise_ratio = 0.0;
     std::vector<DeclaredStageTerm> stage_terms;
     std::vector<DeclaredRepeatability> repeatability;
     std::vector<DeclaredErrorMap> error_maps;

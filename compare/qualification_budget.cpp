@@ -112,6 +112,10 @@ private:
                            [&](const ErrorSignature& each) { return each.name == name; });
     }
 
+    Eigen::MatrixXd lengthened(const Eigen::MatrixXd& shifts) const {
+        return lengthening_ * shifts;
+    }
+
     void set_sensitivity(BudgetRow& row, const Effect& effect) const {
         const double rms = rms_norm(effect.position_mm), max = max_norm(effect.position_mm);
         row.sensitivity = {
@@ -121,7 +125,7 @@ private:
             {quantity::photometric_max, max},
             {quantity::rotation_rms, rms_norm(effect.rotation_rad) / mrad},
             {quantity::rotation_max, max_norm(effect.rotation_rad) / mrad},
-            {quantity::length_max, (lengthening_ * effect.position_mm).cwiseAbs().maxCoeff()}};
+            {quantity::length_max, lengthened(effect.position_mm).cwiseAbs().maxCoeff()}};
     }
 
     void add_effect(BudgetRow row, const Effect& effect) {
@@ -242,7 +246,7 @@ private:
             contribute(row, name, std::sqrt(largest_shift));
         contribute(row, quantity::rotation_rms, std::sqrt(turn) / mrad);
         contribute(row, quantity::rotation_max, std::sqrt(largest_turn) / mrad);
-        contribute(row, quantity::length_max, (lengthening_ * shifts).rowwise().norm().maxCoeff());
+        contribute(row, quantity::length_max, lengthened(shifts).rowwise().norm().maxCoeff());
         budget_.inputs.push_back({shifts, row.distribution, row.degrees_of_freedom});
         budget_.rows.push_back(std::move(row));
     }
@@ -379,7 +383,7 @@ private:
 
     const QualificationInput& input_;
     const Qualification& result_;
-    Eigen::MatrixXd lengthening_;
+    PairLengthening lengthening_;
     QualificationBudget budget_;
 };
 

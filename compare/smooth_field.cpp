@@ -204,19 +204,22 @@ Eigen::MatrixXd covariance_factor(const SmoothField& field) {
     return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
 
-double noise_quantile(const SmoothField& field, std::uint64_t seed,
-                      const std::function<double(const Eigen::VectorXd&)>& figure) {
+double noise_quantile(const SmoothField& field, std::uint64_t seed, const DrawFigures& figures) {
+    constexpr int batch = 50;  // keeps a batch's figures of some thousand points in the cache
+    static_assert(draws % batch == 0);
     const Eigen::MatrixXd factor = covariance_factor(field);
-    std::vector<double> figures;
-    Eigen::VectorXd deviate(factor.cols());
-    for (int draw = 0; draw < draws; ++draw) {
-        RandomStream random(seed, 0, static_cast<std::uint64_t>(draw));
-        for (double& value : deviate)
-            value = random.normal();
-        figures.push_back(figure(factor * deviate));
+    Eigen::MatrixXd deviates(factor.cols(), batch);
+    Eigen::VectorXd all(draws);
+    for (int first = 0; first < draws; first += batch) {
+        for (int i = 0; i < batch; ++i) {
+            RandomStream random(seed, 0, static_cast<std::uint64_t>(first + i));
+            for (double& value : deviates.col(i))
+                value = random.normal();
+        }
+        all.segment<batch>(first) = figures(factor * deviates).transpose();
     }
-    const auto quantile = figures.begin() + static_cast<std::ptrdiff_t>(coverage * draws);
-    std::nth_element(figures.begin(), quantile, figures.end());
+    const auto quantile = all.begin() + static_cast<std::ptrdiff_t>(coverage * draws);
+    std::nth_element(all.begin(), quantile, all.end());
     return *quantile;
 }
 
@@ -252,9 +255,13 @@ double largest_noise(const SmoothField& field, std::span<const Eigen::Vector3d> 
     Eigen::MatrixXd spread(3 * positions.size(), field.coefficients.size());
     for (std::size_t i = 0; i < positions.size(); ++i)
         spread.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = field.design(positions[i]);
-    return noise_quantile(field, seed, [&](const Eigen::VectorXd& coefficients) {
-        const Eigen::VectorXd noise = spread * coefficients;
-        return noise.reshaped(3, noise.size() / 3).colwise().norm().maxCoeff();
+    const auto points = static_cast<Eigen::Index>(positions.size());
+    return noise_quantile(field, seed, [&](const Eigen::MatrixXd& coefficients) {
+        const Eigen::MatrixXd noise = spread * coefficients;
+        const Eigen::RowVectorXd lengths =
+            noise.reshaped(3, points * coefficients.cols()).colwise().norm();
+        return Eigen::RowVectorXd(
+            lengths.reshaped(points, coefficients.cols()).colwise().maxCoeff());
     });
 }
 

@@ -66,9 +66,9 @@ Eigen::MatrixXd stacked_weight(const SmoothField& field, std::span<const FieldSa
 Eigen::MatrixXd estimator(const SmoothField& field, std::span<const FieldSample> samples);
 
 // The 97.7 % quantile, over 2000 draws of the coefficients' noise from their covariance, of a
-// figure that is not negative.
-double noise_quantile(const SmoothField& field, std::uint64_t seed,
-                      const std::function<double(const Eigen::VectorXd& coefficients)>& figure);
+// figure that is not negative. `figures` are those of several draws, each a column.
+using DrawFigures = std::function<Eigen::RowVectorXd(const Eigen::MatrixXd& coefficients)>;
+double noise_quantile(const SmoothField& field, std::uint64_t seed, const DrawFigures& figures);
 
 // A matrix F with F F^T the coefficients' covariance.
 Eigen::MatrixXd covariance_factor(const SmoothField& field);

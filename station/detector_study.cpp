@@ -51,7 +51,6 @@ public:
     PoseStudy(const StationFile& station, int frames, std::uint64_t seed)
         : station_(station),
           view_(station.camera.model, station.marker.grid, station.background, station.white_level),
-          sensor_(station.camera.model),
           projector_(station.camera.model),
           frames_(frames),
           seed_(seed) {}
@@ -61,9 +60,9 @@ public:
         const auto truth = projected(projector_, station_.marker.points_mm, camera_from_marker);
         if (!truth)
             return std::nullopt;
-        const Radiance radiance = view_.radiance_at(camera_from_marker);
+        const ExpectedExposures exposures(view_, camera_from_marker);
         const auto detector = make_detector(station_.detector, station_.marker, station_.detector);
-        const Corners clean = detector->detect(sensor_.expose(radiance));
+        const Corners clean = exposures.without_noise(*detector);
         if (!clean)
             return std::nullopt;
         DetectorStatistics pose;
@@ -73,7 +72,7 @@ public:
         for (int i = 0; i < frames_; ++i) {
             const auto frame =
                 static_cast<std::uint32_t>(index) * 65536u + static_cast<std::uint32_t>(i);
-            if (const Corners noisy = detector->detect(sensor_.expose(radiance, {{seed_, frame}})))
+            if (const Corners noisy = exposures.with_noise(*detector, {seed_, frame}))
                 differences.col(seen++) = stacked(noisy->pixels) - stacked(clean->pixels);
         }
         if (2 * seen < frames_)
@@ -85,7 +84,6 @@ public:
 private:
     const StationFile& station_;
     ExpectedView view_;
-    SensorModel sensor_;
     Projector projector_;
     int frames_;
     std::uint64_t seed_;

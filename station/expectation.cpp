@@ -32,19 +32,18 @@ public:
     explicit PoseStudy(const ExpectationRequest& request)
         : request_(request),
           view_(request.camera, request.marker.grid, request.background, request.white_level),
-          sensor_(request.camera),
           projector_(request.camera) {}
 
     ExpectedPose at(const Rigid& camera_from_marker, std::size_t index, int frames,
                     Detector& detector) const {
         ExpectedPose pose{camera_from_marker, place_of(projector_, camera_from_marker)};
-        const Radiance radiance = view_.radiance_at(camera_from_marker);
-        if (const auto bias = bias_in(view_.codes_of(radiance), camera_from_marker, detector))
+        const ExpectedExposures exposures(view_, camera_from_marker);
+        if (const auto bias = bias_of(exposures.without_noise(detector), camera_from_marker))
             pose.bias = components_of(*bias->b2, camera_from_marker);
         ErrorSpread spread;
         for (int frame = 0; frame < frames; ++frame) {
             const NoiseKey key{request_.seed + index, static_cast<std::uint32_t>(frame)};
-            const auto seen = bias_in(sensor_.expose(radiance, key), camera_from_marker, detector);
+            const auto seen = bias_of(exposures.with_noise(detector, key), camera_from_marker);
             if (!seen)
                 continue;
             ++pose.detections;
@@ -57,10 +56,9 @@ public:
     }
 
 private:
-    // B2 of an image whose pose is known; nothing when the marker is not detected in it.
-    std::optional<PoseBias> bias_in(const CodeImage& image, const Rigid& camera_from_marker,
-                                    Detector& detector) const {
-        const auto corners = detector.detect(image);
+    // B2 where the pose is known; nothing when the marker was not detected.
+    std::optional<PoseBias> bias_of(const std::optional<DetectedCorners>& corners,
+                                    const Rigid& camera_from_marker) const {
         if (!corners)
             return std::nullopt;
         const PoseBias bias = pose_bias(projector_, request_.marker.points_mm, camera_from_marker,
@@ -70,7 +68,6 @@ private:
 
     const ExpectationRequest& request_;
     ExpectedView view_;
-    SensorModel sensor_;
     Projector projector_;
 };
 

@@ -89,9 +89,9 @@ struct Expectation {
 void fit_maps(Expectation& expectation, std::uint64_t seed);
 
 // Parallel over the poses; the result does not depend on the threads. `step` is called after every
-// pose, from any thread. CPU time: a render, and per frame 60 ns a pixel and a detection.
-// Throws ConfigError for a detector that cannot see the marker, NumericalError for a volume into
-// which the marker hardly fits, and what Renderer::render throws.
+// pose, from any thread. CPU time: a render, and per frame 60 ns a pixel of the marker and a
+// detection. Throws ConfigError for a detector that cannot see the marker, NumericalError for a
+// volume into which the marker hardly fits, and what Renderer::render throws.
 Expectation expect_errors(const ExpectationRequest& request,
                           const std::function<void()>& step = {});
 

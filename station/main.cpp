@@ -25,6 +25,8 @@ constexpr const char* marker_names =
     "Markers:\n"
     "  apriltag:36h11:5@50mm   family, id, side of the black square\n"
     "  aruco:4X4_50:7@50mm     OpenCV's predefined dictionary, id, side\n"
+    "  stag:HD21:3@50mm        STag: family or table file, id, side\n"
+    "  topotag:4x4:123@50mm    vertices, id, side of the white square; 4x4-circle\n"
     "  chessboard:9x6@25mm     inner corners, side of a square\n"
     "  charuco:4X4_50:9x6@30mm/22mm   squares, side of a square and of a marker\n"
     "  aprilgrid:36h11:6x5@40mm/12mm  Kalibr's grid: tags, side of a tag, gap\n"
@@ -257,8 +259,8 @@ void add_detect_command(CLI::App& app, Run& run) {
     sub->add_option("--camera", arguments->camera, "calibration, for the pose")->type_name("FILE");
     sub->add_option(
            "--detector", arguments->detector,
-           "apriltag, aruco, chessboard, auto: the marker's\nown; or photometric: the pose "
-           "from all pixels,\nfor any marker or board")
+           "apriltag, aruco, topotag, chessboard, stag, auto:\nthe marker's own; or photometric: "
+           "the pose from all\npixels, for any marker or board")
         ->type_name("NAME");
     sub->add_option("--poses", arguments->poses,
                     "where the marker is about (photometric only):\na pose for each photo, the "
@@ -300,7 +302,7 @@ void add_compare_command(CLI::App& app, Run& run) {
                     "CSV with the header rx,ry,rz,tx,ty,tz, one row\nper photograph, or JSON")
         ->type_name("FILE");
     sub->add_option("--detector", arguments->detector,
-                    "apriltag, aruco, chessboard, or auto: the marker's own")
+                    "apriltag, aruco, topotag, chessboard, stag, or auto:\nthe marker's own")
         ->type_name("NAME");
     sub->add_option("--score-margin", arguments->score_margin,
                     "how far around a board's inner corners residuals\n"

@@ -63,14 +63,6 @@ private:
     PhotometricDetector detector_;
 };
 
-std::optional<std::size_t> same_target_before(const std::vector<PoseRecord>& poses,
-                                              std::size_t index) {
-    for (std::size_t i = 0; i < index; ++i)
-        if (poses[i].planned.target == poses[index].planned.target)
-            return i;
-    return std::nullopt;
-}
-
 }  // namespace
 
 std::optional<CornerNoise> corner_noise(const PoseRecord& pose) {
@@ -99,7 +91,7 @@ std::vector<QualificationPose> measured_poses(const QualifyResult& result,
         const PoseRecord& record = result.poses[i];
         QualificationPose pose{record.stage.base_from_carriage, record.planned.hold_out, {}};
         pose.time_s = record.settled_s;
-        pose.repeats = same_target_before(result.poses, i);
+        pose.repeats = visited_before(result.plan, i);
         if (!record.corners.empty()) {
             pose.corners = record.corners;
             pose.corner_noise = corner_noise(record);

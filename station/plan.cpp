@@ -4,6 +4,8 @@
 
 #include "core/errors.h"
 #include "sim/pose_sampling.h"
+#include "stage/kinematics.h"
+#include "station/marker_in_view.h"
 
 namespace etalon {
 namespace {
@@ -30,7 +32,7 @@ std::vector<double> target_of(const PlanRequest& request, const std::vector<doub
 }
 
 std::vector<PlannedPose> sampled_poses(const PlanRequest& request, std::span<const Axis> axes,
-                                       const MotionRules& rules) {
+                                       const MotionRules& rules, const TargetFilter& is_useful) {
     const long hold_out = std::lround(request.hold_out * request.poses);
     const long training = request.poses - hold_out;
     if (hold_out < 1 || training < 1)
@@ -45,12 +47,12 @@ std::vector<PlannedPose> sampled_poses(const PlanRequest& request, std::span<con
     const long last = max_points_per_pose * request.poses;
     for (long i = 0; i < last && poses.size() < static_cast<std::size_t>(request.poses); ++i) {
         const auto target = target_of(request, sequence.point(static_cast<std::uint64_t>(i)));
-        if (is_clear(axes, rules, target))
+        if (is_clear(axes, rules, target) && (!is_useful || is_useful(target)))
             poses.push_back({target, static_cast<long>(poses.size()) >= training});
     }
     if (poses.size() < static_cast<std::size_t>(request.poses))
-        throw ConfigError(request.place, fmt::format("hardly any of it is clear of the forbidden "
-                                                     "boxes: {} of {} points",
+        throw ConfigError(request.place, fmt::format("hardly any of it is clear of forbidden boxes "
+                                                     "and seen by the camera: {} of {} points",
                                                      poses.size(), last));
     return poses;
 }
@@ -145,6 +147,18 @@ std::vector<std::size_t> short_path(const TravelTable& travel) {
     return path;
 }
 
+// Of the hold-out poses, evenly along the path, in reverse.
+void add_repeats(const PlanRequest& request, std::vector<PlannedPose>& path) {
+    std::vector<PlannedPose> judging;
+    std::ranges::copy_if(path, std::back_inserter(judging), &PlannedPose::hold_out);
+    const std::size_t count = static_cast<std::size_t>(request.repeats);
+    if (count > judging.size())
+        throw ConfigError(request.place,
+                          fmt::format("{} repeats of {} hold-out poses", count, judging.size()));
+    for (std::size_t i = count; i-- > 0;)
+        path.push_back(judging[(2 * i + 1) * judging.size() / (2 * count)]);
+}
+
 }  // namespace
 
 Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
@@ -156,15 +170,17 @@ Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
 }
 
 Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
-               std::chrono::microseconds exposure, const MotionRules& rules) {
+               std::chrono::microseconds exposure, const MotionRules& rules,
+               const TargetFilter& is_useful) {
     if (request.volume.size() != axes.size())
         throw ConfigError(request.place, fmt::format("{} intervals for {} axes",
                                                      request.volume.size(), axes.size()));
-    const std::vector<PlannedPose> poses = sampled_poses(request, axes, rules);
+    const std::vector<PlannedPose> poses = sampled_poses(request, axes, rules, is_useful);
     require_all_within_limits(request, axes, poses);
     Plan plan;
     for (const std::size_t next : short_path(TravelTable(axes, poses)))
         plan.poses.push_back(poses[next]);
+    add_repeats(request, plan.poses);
     std::vector<double> at = home_position(axes);
     const Duration per_pose = request.settle + request.frames * (exposure + frame_overhead);
     for (std::size_t i = 0; i < plan.poses.size(); ++i) {
@@ -176,6 +192,30 @@ Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
         at = target;
     }
     return plan;
+}
+
+std::optional<std::size_t> visited_before(const Plan& plan, std::size_t pose) {
+    for (std::size_t i = 0; i < pose; ++i)
+        if (plan.poses[i].target == plan.poses.at(pose).target)
+            return i;
+    return std::nullopt;
+}
+
+Rigid expected_pose(const StationFile& station, const std::vector<double>& target) {
+    return station.camera_from_base_nominal.value() *
+           base_from_carriage(station.stage.axes, target) * station.carriage_from_marker_nominal;
+}
+
+Plan plan_of(const StationFile& station) {
+    constexpr double margin = 0.02;  // of the width: the mounting is not quite as drawn
+    TargetFilter is_seen;
+    if (station.camera_from_base_nominal)
+        is_seen = [&, projector = Projector(station.camera.model)](const auto& target) {
+            return is_in_view(projector, station.marker.grid, expected_pose(station, target),
+                              margin * station.camera.model.width);
+        };
+    return make_plan(station.plan, station.stage.axes, station.camera.settings.exposure,
+                     station.stage.rules, is_seen);
 }
 
 }  // namespace etalon

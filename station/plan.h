@@ -5,10 +5,13 @@
 // (sim/pose_sampling.h): each block by itself fills the volume evenly, so both are stratified.
 // (Taking every second point of one block instead would leave all hold-out poses in one half of the
 // first axis, because base 2 alternates between the halves.) The path then visits both kinds mixed,
-// and comes to the positions of each axis from both sides.
+// and comes to the positions of each axis from both sides. At its end some hold-out poses are
+// visited again, last first: most axes then come from the other side than before.
 #pragma once
 
 #include <chrono>
+#include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -33,12 +36,27 @@ struct Plan {
     Duration expected_duration{};
 };
 
+// Whether a target is of use; empty: every one is.
+using TargetFilter = std::function<bool(const std::vector<double>& target)>;
+
 // Deterministic in the request. Points of the sequence in or too near to a forbidden box are left
-// out. Throws ConfigError at request.place, naming the axis and the pose, when a pose lies outside
-// a soft limit or no way leads to it, when hardly any of the volume is free, and when a split of
-// the poses leaves either side empty.
+// out, and those that `is_useful` refuses. Throws ConfigError at request.place, naming the axis and
+// the pose, when a pose lies outside a soft limit or no way leads to it, when hardly any of the
+// volume is left, when a split of the poses leaves either side empty, and for more repeats than
+// hold-out poses.
 Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
-               std::chrono::microseconds exposure, const MotionRules& rules = {});
+               std::chrono::microseconds exposure, const MotionRules& rules = {},
+               const TargetFilter& is_useful = {});
+
+// The station's plan. Where it states its camera_mount, targets at which the marker would not be
+// wholly in the image by 2 % of its width are left out.
+Plan plan_of(const StationFile& station);
+
+// camera_from_marker at a target as drawn; the station must state its camera_mount.
+Rigid expected_pose(const StationFile& station, const std::vector<double>& target);
+
+// The earlier pose with the same target.
+std::optional<std::size_t> visited_before(const Plan& plan, std::size_t pose);
 
 // Time to go from one position to another with all axes moving together at their speeds.
 Duration travel_time(std::span<const Axis> axes, std::span<const double> from,

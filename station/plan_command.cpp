@@ -23,6 +23,8 @@ constexpr int simulated_runs = 20;
 struct ExpectedQuantity {
     std::string name, unit;
     double limit = 0.0, uncertainty = 0.0;  // U, mean over the simulated runs
+    // What each input of the budget gives to u, mean over the runs; the order is the budget's.
+    std::vector<std::pair<std::string, double>> contributions;
 };
 
 struct Forecast {
@@ -31,13 +33,24 @@ struct Forecast {
     int runs = 0;
 };
 
+void add(const std::vector<BudgetRow>& budget, ExpectedQuantity& quantity) {
+    if (quantity.contributions.empty())
+        for (const BudgetRow& row : budget)
+            quantity.contributions.emplace_back(row.source, 0.0);
+    for (std::size_t i = 0; i < budget.size(); ++i)
+        if (budget[i].counted)
+            quantity.contributions[i].second +=
+                budget[i].contribution(quantity.name) / simulated_runs;
+}
+
 void add(const Qualification& run, Forecast& forecast) {
     ++forecast.runs;
     for (std::size_t k = 0; k < run.quantities.size(); ++k) {
         const JudgedQuantity& quantity = run.quantities[k];
         if (forecast.quantities.size() <= k)
-            forecast.quantities.push_back({quantity.name, quantity.unit, quantity.limit, 0.0});
+            forecast.quantities.push_back({quantity.name, quantity.unit, quantity.limit, 0.0, {}});
         forecast.quantities[k].uncertainty += quantity.expanded_uncertainty / simulated_runs;
+        add(run.budget, forecast.quantities[k]);
     }
 }
 
@@ -75,6 +88,20 @@ void print_plan(const StudiedPlan& studied) {
                detector_text(studied.simulator->study()));
 }
 
+// "b3_position_field_rms_mm: image noise 0.051, registration 0.022": the largest first.
+std::string composition(const ExpectedQuantity& quantity) {
+    constexpr std::size_t most = 5;
+    constexpr double worth_a_word = 0.1;  // of U
+    auto rows = quantity.contributions;
+    std::ranges::stable_sort(rows, std::ranges::greater{}, &std::pair<std::string, double>::second);
+    std::string text = "  " + quantity.name;
+    for (std::size_t i = 0; i < std::min(most, rows.size()); ++i)
+        if (2.0 * rows[i].second > worth_a_word * quantity.uncertainty)
+            text += fmt::format("\n    {:<28} {:.4f} {}", rows[i].first, 2.0 * rows[i].second,
+                                quantity.unit);
+    return text;
+}
+
 void print_quantities(const Forecast& forecast) {
     fmt::print("\n{:<30} {:>10} {:>12} {:>10}\n", "judged quantity", "limit", "expected U",
                "U / limit");
@@ -83,6 +110,9 @@ void print_quantities(const Forecast& forecast) {
                    fmt::format("{:.4g} {}", one.limit, one.unit),
                    fmt::format("{:.4f} {}", one.uncertainty, one.unit),
                    one.uncertainty / one.limit);
+    fmt::print("\nwhat these U are made of (2 u):\n");
+    for (const ExpectedQuantity& one : forecast.quantities)
+        fmt::print("{}\n", composition(one));
 }
 
 void print_errors(const std::vector<ErrorSignature>& signatures) {
@@ -123,12 +153,17 @@ Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
     const DetectorStudy& study = studied.simulator->study();
     const auto hold_out = std::ranges::count(studied.plan.poses, true, &PlannedPose::hold_out);
     Json quantities = Json::array(), errors = Json::array();
-    for (const ExpectedQuantity& one : forecast.quantities)
+    for (const ExpectedQuantity& one : forecast.quantities) {
+        Json budget = Json::object();
+        for (const auto& [source, contribution] : one.contributions)
+            budget[source] = contribution;
         quantities.push_back({{"name", one.name},
                               {"unit", one.unit},
                               {"limit", one.limit},
                               {"expected_uncertainty", one.uncertainty},
-                              {"uncertainty_over_limit", one.uncertainty / one.limit}});
+                              {"uncertainty_over_limit", one.uncertainty / one.limit},
+                              {"standard_uncertainty_of_inputs", budget}});
+    }
     for (const ErrorSignature& one : forecast.signatures)
         errors.push_back(json_of(one));
     return {{"etalon", "plan-forecast/1"},

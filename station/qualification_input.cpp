@@ -1,6 +1,6 @@
 #include "station/qualification_input.h"
 
-#include "sim/renderer.h"
+#include "station/rendered_corners.h"
 #include "station/stage_registration.h"
 
 namespace etalon {
@@ -11,7 +11,7 @@ namespace {
 double render_edge_bound_px(const StationFile& station) {
     constexpr double full_scale_gray = 255.0;
     constexpr double edge_width_px = 2.0;
-    return edge_width_px * RenderOptions{}.tolerance_gray / (full_scale_gray * station.white_level);
+    return edge_width_px * ExpectedView::tolerance_gray / (full_scale_gray * station.white_level);
 }
 
 }  // namespace
@@ -27,6 +27,7 @@ QualificationInput declared_input(const StationFile& station,
     input.marker_size_uncertainty = station.marker_size_uncertainty;
     input.marker_flatness_mm = station.marker_flatness_mm;
     input.temperature = station.temperature;
+    input.render_noise_ratio = RenderedCorners::noise_ratio(station);
     input.render_edge_bound_px = render_edge_bound_px(station);
     input.limits = station.limits;
     input.seed = station.plan.seed;

@@ -14,8 +14,7 @@ namespace etalon {
 namespace {
 
 void announce(const StationFile& station, Progress& progress) {
-    const Plan plan = make_plan(station.plan, station.stage.axes, station.camera.settings.exposure,
-                                station.stage.rules);
+    const Plan plan = plan_of(station);
     progress.note(fmt::format("{}: {} poses, about {} and the analysis", station.id,
                               plan.poses.size(), duration_text(plan.expected_duration)));
 }

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -19,23 +20,24 @@ namespace etalon {
 
 class RenderedCorners {
 public:
-    // Of the mean: the detector's noise is a third of a single photograph's.
-    static constexpr int noisy_exposures = 9;
+    // Of the mean: the detector's noise is a fifth of a single photograph's.
+    static constexpr int noisy_exposures = 25;
 
-    // `detector` must outlive it, and is used by one thread at a time.
-    RenderedCorners(const StationFile& station, Detector& detector);
+    explicit RenderedCorners(const StationFile& station);
 
     const ExpectedView& view() const { return view_; }
 
+    // Variance of these corners by noise, in units of that of a pose's mean over its frames.
+    static double noise_ratio(const StationFile& station);
+
     // In the order of Marker::points_mm; nothing when the marker is not detected in most of the
-    // exposures. A pure function of station and pose. Throws what Renderer::render throws.
+    // exposures. A pure function of station and pose. The exposures are seen in parallel; at() is
+    // for one thread at a time. Throws what Renderer::render throws.
     std::optional<std::vector<Eigen::Vector2d>> at(const Rigid& camera_from_marker) const;
 
 private:
     ExpectedView view_;
-    SensorModel sensor_;
-    Detector& detector_;
-    int exposures_;
+    std::vector<std::unique_ptr<Detector>> detectors_;  // one per exposure
     std::uint64_t seed_;
 };
 

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 
-#include "compare/detector.h"
 #include "compare/photo_match.h"
 #include "core/errors.h"
 #include "station/image_writer.h"
@@ -62,9 +61,8 @@ void compare_with_renders(QualifyResult& result, const ExpectedView& view, Progr
         throw_if_stopped(stop);
         PoseRecord& pose = result.poses[i];
         const Rigid& camera_from_marker = analysis.poses[i].bias.predicted;
-        const Radiance radiance = view.radiance_at(camera_from_marker);
         pose.render_file = fmt::format("renders/{:04}.png", pose.index);
-        renders.write(result.folder / pose.render_file, view.codes_of(radiance));
+        renders.write(result.folder / pose.render_file, view.at(camera_from_marker));
         try {
             pose.residual = residual_of(recorded_photo(result, pose), station, area, camera,
                                         camera_from_marker);
@@ -89,8 +87,7 @@ int expected_renders(const QualificationInput& input) {
 
 void analyse_run(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
     const StationFile& station = result.station;
-    const auto detector = make_detector(station.detector, station.marker, station.detector);
-    const RenderedCorners rendered(station, *detector);
+    const RenderedCorners rendered(station);
     QualificationInput input = measured_input(result, stop);
     input.render_and_detect =
         [&](const Rigid& camera_from_marker) -> std::optional<std::vector<Eigen::Vector2d>> {

@@ -127,6 +127,7 @@ Json plan_json(const StationFile& station, const Plan& plan) {
     return {{"volume", volume},
             {"poses", plan.poses.size()},
             {"hold_out", hold_out},
+            {"repeats", station.plan.repeats},
             {"frames", station.plan.frames},
             {"seed", station.plan.seed},
             {"settle_ms", station.plan.settle.count()},

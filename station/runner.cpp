@@ -327,11 +327,6 @@ void begin_session(const Run& run, const std::string& started_utc) {
     run.record.write(run.result);
 }
 
-Plan plan_of(const StationFile& station) {
-    return make_plan(station.plan, station.stage.axes, station.camera.settings.exposure,
-                     station.stage.rules);
-}
-
 std::unique_ptr<Stage> guarded(const StationFile& station, const DeviceOpeners& open) {
     return std::make_unique<GuardedStage>(open.stage(), station.stage.rules);
 }

@@ -20,13 +20,12 @@ using Corners = std::vector<Eigen::Vector2d>;
 // render.
 constexpr std::uint32_t run_stream = 0, first_pose_stream = 1, first_render_stream = 1u << 31;
 
-const Rigid& required_camera_mount(const StationFile& station) {
+void require_camera_mount(const StationFile& station) {
     if (!station.camera_from_base_nominal)
         throw ConfigError(
             {station.inputs.empty() ? "" : station.inputs.front().path.string(), 0, "camera_mount"},
             "is needed to say what the camera will see: rotation_deg and "
             "translation_mm of the stage's base before the camera, as drawn");
-    return *station.camera_from_base_nominal;
 }
 
 // Positions as they will be read: the targets, with the declared noise of the mean of the readings
@@ -134,6 +133,24 @@ Eigen::VectorXd frame_noise(const DetectorStatistics& pose, RandomStream& random
     return pose.noise_factor * deviates(pose.noise_factor.cols(), random);
 }
 
+struct FramesNoise {
+    Eigen::VectorXd mean;                // of the frames' corners, px
+    std::optional<CornerNoise> of_mean;  // as a run tells it: from how far the frames are apart
+};
+
+FramesNoise noise_of_frames(const DetectorStatistics& pose, int frames, RandomStream& random) {
+    Eigen::MatrixXd each(pose.bias.size(), frames);
+    for (Eigen::Index i = 0; i < frames; ++i)
+        each.col(i) = frame_noise(pose, random);
+    FramesNoise noise{each.rowwise().mean(), std::nullopt};
+    if (frames < 2)
+        return noise;
+    const double freedom = (frames - 1.0) * static_cast<double>(pose.bias.size());
+    const double squares = (each.colwise() - noise.mean).squaredNorm();
+    noise.of_mean = CornerNoise{squares / freedom / frames, freedom};
+    return noise;
+}
+
 // What the true camera sees of the true marker, without the detector.
 Corners seen(const RunTruth& truth, const Rigid& base_from_carriage,
              const std::vector<Eigen::Vector3d>& points_mm) {
@@ -152,11 +169,10 @@ Corners seen(const RunTruth& truth, const Rigid& base_from_carriage,
 }  // namespace
 
 std::vector<Rigid> expected_poses(const StationFile& station, const Plan& plan) {
-    const Rigid& camera_from_base = required_camera_mount(station);
+    require_camera_mount(station);
     std::vector<Rigid> poses;
     for (const PlannedPose& pose : plan.poses)
-        poses.push_back(camera_from_base * base_from_carriage(station.stage.axes, pose.target) *
-                        station.carriage_from_marker_nominal);
+        poses.push_back(expected_pose(station, pose.target));
     return poses;
 }
 
@@ -178,9 +194,13 @@ RunSimulator::RunSimulator(const StationFile& station, const Plan& plan, Detecto
     if (study_.poses.size() != plan_.poses.size())
         throw NumericalError(fmt::format("simulated run: a study of {} poses for a plan of {}",
                                          study_.poses.size(), plan_.poses.size()));
-    for (const PlannedPose& pose : plan_.poses)
-        declared_.poses.push_back(
-            {base_from_carriage(station_.stage.axes, pose.target), pose.hold_out, std::nullopt});
+    for (std::size_t i = 0; i < plan_.poses.size(); ++i) {
+        const PlannedPose& planned = plan_.poses[i];
+        QualificationPose pose{base_from_carriage(station_.stage.axes, planned.target),
+                               planned.hold_out, std::nullopt};
+        pose.repeats = visited_before(plan_, i);
+        declared_.poses.push_back(pose);
+    }
 }
 
 // Half the lost motion up where an axis came from above, half down where it came from below; an
@@ -284,30 +304,33 @@ Vector6d RunSimulator::drawn_shift(const Draws& draws, std::size_t pose,
     return shift + left_difference(told, base_from_carriage(axes, position));
 }
 
-std::optional<Corners> RunSimulator::photo(const RunTruth& truth, const Draws* draws,
-                                           std::size_t pose) const {
-    const auto& statistics = study_.poses[pose];
+// Sets the pose's corners and what its frames tell of their noise.
+void RunSimulator::photograph(const RunTruth& truth, const Draws* draws, std::size_t index,
+                              QualificationPose& pose) const {
+    const auto& statistics = study_.poses[index];
     if (!statistics)
-        return std::nullopt;
-    Rigid base_from_carriage = truth.base_from_carriage.at(pose);
+        return;
+    Rigid base_from_carriage = truth.base_from_carriage.at(index);
     Eigen::VectorXd displacement = statistics->bias + statistics->noise_bias;
     if (draws) {
-        RandomStream random(draws->seed, first_pose_stream + static_cast<std::uint32_t>(pose),
+        RandomStream random(draws->seed, first_pose_stream + static_cast<std::uint32_t>(index),
                             draws->run);
-        base_from_carriage = left_perturbed(base_from_carriage, drawn_shift(*draws, pose, random));
-        displacement += frame_noise(*statistics, random) / std::sqrt(station_.plan.frames);
+        base_from_carriage = left_perturbed(base_from_carriage, drawn_shift(*draws, index, random));
+        const FramesNoise noise = noise_of_frames(*statistics, station_.plan.frames, random);
+        displacement += noise.mean;
+        pose.corner_noise = noise.of_mean;
     }
     Corners corners = seen(truth, base_from_carriage, draws ? draws->points_mm : truth.points_mm);
     if (truth.edges_inwards_px != 0.0)
         corners = edges_moved_inwards(corners, truth.edges_inwards_px);
     add(displacement, corners);
-    return corners;
+    pose.corners = corners;
 }
 
 QualificationInput RunSimulator::input(const RunTruth& truth, const Draws* draws) const {
     QualificationInput input = declared_;
     for (std::size_t i = 0; i < input.poses.size(); ++i)
-        input.poses[i].corners = photo(truth, draws, i);
+        photograph(truth, draws, i, input.poses[i]);
     const std::optional<Draws> drawn = draws ? std::optional(*draws) : std::nullopt;
     input.render_and_detect = [this, drawn](const Rigid& pose) { return render(pose, drawn); };
     return input;

@@ -8,10 +8,10 @@
 //
 // Drawn anew for every run, from what the station declares: each stage term of the budget, the
 // marker's print size and flatness, the temperature, repeatability and read-back noise of each axis
-// at each pose, image noise. Backlash follows from the path. Not simulated: error maps' own
-// uncertainties, the calibration's covariance (it is the camera under test), drift, and that the
-// detector's bias changes within the fraction of a pixel by which photo and render differ (its
-// size: docs/operating-characteristic.md).
+// at each pose, image noise of every frame. Backlash follows from the path. Not simulated: error
+// maps' own uncertainties, the calibration's covariance (it is the camera under test), drift, and
+// that the detector's bias changes within the fraction of a pixel by which photo and render differ
+// (its size: docs/operating-characteristic.md).
 #pragma once
 
 #include <functional>
@@ -85,7 +85,8 @@ private:
     std::optional<Corners> render(const Rigid& camera_from_marker,
                                   const std::optional<Draws>& draws) const;
     Vector6d drawn_shift(const Draws& draws, std::size_t pose, RandomStream& random) const;
-    std::optional<Corners> photo(const RunTruth& truth, const Draws* draws, std::size_t pose) const;
+    void photograph(const RunTruth& truth, const Draws* draws, std::size_t index,
+                    QualificationPose& pose) const;
     QualificationInput input(const RunTruth& truth, const Draws* draws) const;
 
     StationFile station_;

@@ -132,8 +132,7 @@ int run_stage_trace(const StageArguments& arguments) {
 
 int run_stage_plan(const StageArguments& arguments) {
     const StationFile station = read_station(arguments.station);
-    const Plan plan = make_plan(station.plan, station.stage.axes, station.camera.settings.exposure,
-                                station.stage.rules);
+    const Plan plan = plan_of(station);
     const auto text = arguments.json ? stage_plan_json : stage_plan_text;
     fmt::print("{}", text(station.stage.axes, plan));
     return 0;

@@ -130,13 +130,13 @@ void require_full_motion(const std::vector<Sighting>& seen, const std::vector<Ax
     require_full_motion(plan, stage_reach(axes));
 }
 
-void register_corners(const StationFile& station, std::vector<Sighting>& seen, Detector& detector,
+void register_corners(const StationFile& station, std::vector<Sighting>& seen,
                       const Projector& projector, StageRegistration& result) {
     std::vector<RegistrationPose> poses;
     for (const Sighting& one : seen)
         poses.push_back({one.base_from_carriage, one.found.estimate->camera_from_marker,
                          one.found.corners->pixels});
-    const RenderedCorners rendered(station, detector);
+    const RenderedCorners rendered(station);
     const BiasCorrectedRegistration corrected = register_bias_corrected(
         projector, station.marker.points_mm, poses, station.carriage_from_marker_nominal,
         [&](const Rigid& camera_from_marker) { return rendered.at(camera_from_marker); });
@@ -239,7 +239,7 @@ StageRegistration register_photos(const StationFile& station, const std::vector<
     if (photometric)
         register_photometric(station, seen, result);
     else
-        register_corners(station, seen, *corners, projector, result);
+        register_corners(station, seen, projector, result);
     result.deviations = result.scale * result.registration.covariance.diagonal().cwiseSqrt();
     for (const Sighting& one : seen)
         result.photos[one.index].residual =

@@ -25,7 +25,8 @@ TargetFinder tag_finder(const Marker& tag, const std::string& place) {
 
 TargetFinder make_target_finder(const std::string& spec, const std::string& place) {
     const Marker marker = parse_marker(spec, place);
-    if (marker.kind == Marker::Kind::apriltag || marker.kind == Marker::Kind::aruco)
+    if (marker.kind == Marker::Kind::apriltag || marker.kind == Marker::Kind::aruco ||
+        marker.kind == Marker::Kind::stag || marker.kind == Marker::Kind::topotag)
         return tag_finder(marker, place);
     return [target = parse_calibration_target(spec, place)](const CodeImage& image) {
         const auto view = observe(target, image);

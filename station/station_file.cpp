@@ -133,6 +133,8 @@ PlanRequest read_plan(const Value& section, const std::vector<Axis>& axes) {
     plan.place = volume.place();
     plan.poses = section.at("poses").integer(2, 2000);
     plan.hold_out = section.at("hold_out").number({0.0, 0.9, true});
+    if (const auto repeats = section.find("repeats"))
+        plan.repeats = repeats->integer(0, 2000);
     plan.frames = section.at("frames").integer(1, 1000);
     plan.seed =
         static_cast<std::uint64_t>(section.at("seed").integer(0, std::numeric_limits<int>::max()));

@@ -81,6 +81,7 @@ struct PlanRequest {
     std::vector<Interval> volume;  // one per axis, in the axes' order, mm or rad
     int poses = 0;                 // training and hold-out together
     double hold_out = 0.0;         // share of them, 0 < hold_out < 1
+    int repeats = 0;               // hold-out poses that are visited a second time at the end
     int frames = 1;                // per pose
     std::uint64_t seed = 0;
     std::chrono::milliseconds settle{0};  // after the stage reports the move done

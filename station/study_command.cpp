@@ -16,8 +16,7 @@ StudiedPlan study_plan(const std::filesystem::path& path, int noisy_frames) {
     StudiedPlan studied;
     studied.station = read_station(path);
     const StationFile& station = studied.station;
-    studied.plan = make_plan(station.plan, station.stage.axes, station.camera.settings.exposure,
-                             station.stage.rules);
+    studied.plan = plan_of(station);
     const std::vector<Rigid> poses = expected_poses(station, studied.plan);
     SteadyClock clock;
     Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);

@@ -15,7 +15,7 @@ struct StudiedPlan {
 };
 
 // Reads the station, plans, and renders and detects every pose with `noisy_frames` different
-// noises, with progress on stderr. Throws ConfigError as read_station, make_plan and
+// noises, with progress on stderr. Throws ConfigError as read_station, plan_of and
 // study_detector do.
 StudiedPlan study_plan(const std::filesystem::path& station, int noisy_frames);
 

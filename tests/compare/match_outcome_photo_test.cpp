@@ -63,8 +63,9 @@ TEST(MatchOutcomeOfRealPhotographs, IsAMatchWithTheirOwnCalibration) {
             const bool clipped = photos.names[i] == "left05.jpg";
             ASSERT_EQ(all[i].size(), clipped ? 1u : 0u)
                 << photos.names[i] << ": " << all[i].front().sentence;
-            if (clipped)
+            if (clipped) {
                 EXPECT_EQ(all[i].front().name, "saturated");
+            }
         }
     }
 }

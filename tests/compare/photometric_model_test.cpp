@@ -30,16 +30,39 @@ TEST(PhotometricModel, PredictsBlackAndWhitePlanes) {
     EXPECT_NEAR(light.at<float>(0, width - 1), 201.0 - 31.0 * 159 / 320 - 17.0 * 119 / 240, 1e-4);
 }
 
-TEST(PhotometricModel, TakesTheCamerasTransferCurveIntoAccount) {
+// A camera with a black level of 8 sees black at 23 and white at 201 of 255: on Rec. 709's straight
+// toe (below 0.081) and on its power. Half of that light is neither's half.
+TEST(PhotometricModel, TakesTheCamerasTransferCurveBetweenItsOwnLevels) {
     PhotometricModel model = some_model();
     model.psf_sigma_px = 0.0;
+    model.black.tail<5>().setZero();
+    model.white.tail<5>().setZero();
     const Radiance half(height, width, CV_32FC1, cv::Scalar(0.5));
-    // At the image's centre; Rec. 709 of 0.5 is 1.099 * 0.5^0.45 - 0.099.
-    const double curve = 1.099 * std::pow(0.5, 0.45) - 0.099;
-    EXPECT_NEAR(model.at(level_terms(79.5, 59.5, half.size()), 0.5).gray, 0.5 * (23.0 + 201.0),
-                1e-9);
-    const cv::Mat seen = predicted_gray(model, half, {Transfer::Kind::rec709, {}});
-    EXPECT_NEAR(seen.at<float>(60, 80), 23.0 + 178.0 * curve, 0.2);
+    Sensor sensor;
+    sensor.transfer.kind = Transfer::Kind::rec709;
+    sensor.black_dn = 8.0;
+    const double dark = 15.0 / 247.0 / 4.5;
+    const double light = std::pow((193.0 / 247.0 + 0.099) / 1.099, 1.0 / 0.45);
+    const double expected = 8.0 + 247.0 * (1.099 * std::pow(0.5 * (dark + light), 0.45) - 0.099);
+    const cv::Mat seen = predicted_gray(model, half, {sensor, model});
+    EXPECT_NEAR(seen.at<float>(60, 80), expected, 1e-3);
+    EXPECT_GT(std::abs(expected - (23.0 + 178.0 * (1.099 * std::pow(0.5, 0.45) - 0.099))), 0.5)
+        << "what a curve between 0 and 1 would give";
+}
+
+TEST(LightCurve, RunsFromBlackToWhiteWithItsOwnSlope) {
+    Sensor sensor;
+    sensor.transfer.kind = Transfer::Kind::rec709;
+    const PhotometricModel model = some_model();
+    const LightCurve curve(sensor, model);
+    EXPECT_NEAR(curve.value(0.0), 0.0, 1e-12);
+    EXPECT_NEAR(curve.value(1.0), 1.0, 1e-12);
+    for (const double radiance : {-0.02, 0.3, 0.7}) {
+        const double slope = (curve.value(radiance + 1e-3) - curve.value(radiance - 1e-3)) / 2e-3;
+        EXPECT_NEAR(curve.at(radiance).slope, slope, 1e-3);
+    }
+    EXPECT_EQ(LightCurve().value(0.37), 0.37);
+    EXPECT_EQ(LightCurve(std::nullopt, model).value(0.37), 0.37);
 }
 
 TEST(PhotometricModel, SaysHowGrayChangesWithWhatIsSeen) {

@@ -21,11 +21,6 @@ StationFile station() {
     return read_station(write_station(folder, replaced(station_text, "marker_mount: ", mounts)));
 }
 
-Plan plan_of(const StationFile& station) {
-    return make_plan(station.plan, station.stage.axes, station.camera.settings.exposure,
-                     station.stage.rules);
-}
-
 // A detector that is off by much, differently at every pose, and has little noise.
 DetectorStudy made_up_study(std::size_t poses, double bias_px, double noise_px) {
     DetectorStudy study;

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "core/errors.h"
+#include "stage/kinematics.h"
+#include "tests/station/stations.h"
 
 namespace etalon {
 namespace {
@@ -179,6 +181,80 @@ TEST(Plan, KeepsOutOfForbiddenBoxesOnItsWayAsWell) {
               travel + 75 * (std::chrono::milliseconds(70) + 3 * std::chrono::milliseconds(35)));
 }
 
+TEST(Plan, LeavesOutWhatIsOfNoUse) {
+    const auto is_useful = [](const std::vector<double>& target) {
+        return target[0] + 2.0 * target[1] < 50.0;
+    };
+    const Plan plan = make_plan(request(), axes, {}, {}, is_useful);
+    ASSERT_EQ(plan.poses.size(), 75u);
+    for (const PlannedPose& pose : plan.poses)
+        EXPECT_TRUE(is_useful(pose.target));
+}
+
+// Six of the 40, spread over the path; the first way back starts at the path's end.
+TEST(Plan, VisitsHoldOutPosesAgainInReverse) {
+    PlanRequest wanted = request();
+    const Plan once = plan_of(wanted);
+    wanted.repeats = 6;
+    const Plan plan = plan_of(wanted);
+    ASSERT_EQ(plan.poses.size(), 81u);
+    ASSERT_EQ(plan.legs.size(), 81u);
+    std::size_t last = 75;
+    for (std::size_t i = 0; i < plan.poses.size(); ++i) {
+        const auto before = visited_before(plan, i);
+        EXPECT_EQ(before.has_value(), i >= 75) << i;
+        if (i < 75) {
+            EXPECT_EQ(plan.poses[i].target, once.poses[i].target);
+            continue;
+        }
+        EXPECT_TRUE(plan.poses[i].hold_out && plan.poses[*before].hold_out);
+        EXPECT_LT(*before, last);
+        EXPECT_GT(*before + 20, last) << "a sixth of 75 poses and what lies between";
+        last = *before;
+    }
+    wanted.repeats = 41;
+    EXPECT_THROW(plan_of(wanted), ConfigError);
+}
+
+// Where a position was gone to upwards it is mostly come to downwards the second time.
+TEST(Plan, ComesToRepeatedPosesMostlyFromTheOtherSide) {
+    PlanRequest wanted = request();
+    wanted.repeats = 20;
+    const Plan plan = plan_of(wanted);
+    const auto step = [&](std::size_t pose, std::size_t axis) {
+        return plan.poses[pose].target[axis] - plan.poses[pose - 1].target[axis];
+    };
+    int other = 0, same = 0;
+    for (std::size_t i = 75; i < plan.poses.size(); ++i)
+        if (const std::size_t before = *visited_before(plan, i); before > 0)
+            for (std::size_t k = 0; k < axes.size(); ++k)
+                (step(i, k) * step(before, k) < 0.0 ? other : same) += 1;
+    EXPECT_GT(other, same);
+}
+
+// And from a camera that stands 5 m beside the stage, where there is nothing to be seen, no plan.
+TEST(Plan, KeepsToWhatTheCameraSees) {
+    const TemporaryFolder folder;
+    StationFile station = read_station(write_station(folder, station_text));
+    station.camera_from_base_nominal = Rigid{Eigen::Quaterniond::Identity(), {0.0, 0.0, 380.0}};
+    const Plan plan = plan_of(station);
+    const Projector projector(station.camera.model);
+    EXPECT_EQ(std::ssize(plan.poses), station.plan.poses + station.plan.repeats);
+    for (const PlannedPose& pose : plan.poses) {
+        const Rigid camera_from_marker = *station.camera_from_base_nominal *
+                                         base_from_carriage(station.stage.axes, pose.target) *
+                                         station.carriage_from_marker_nominal;
+        for (const Eigen::Vector3d& point : station.marker.points_mm) {
+            const auto pixel = projector.project(camera_from_marker * point);
+            ASSERT_TRUE(pixel);
+            EXPECT_GT(pixel->minCoeff(), 0.02 * station.camera.model.width);
+            EXPECT_LT(pixel->x(), 0.98 * station.camera.model.width);
+        }
+    }
+    station.camera_from_base_nominal->translation.x() = 5000.0;
+    EXPECT_THROW(plan_of(station), ConfigError);
+}
+
 TEST(Plan, RefusesAVolumeWithoutRoom) {
     const auto error = [](const MotionRules& rules) -> std::string {
         try {
@@ -190,8 +266,8 @@ TEST(Plan, RefusesAVolumeWithoutRoom) {
     };
     EXPECT_EQ(
         error({{{"all", {{-121, 111}, {}, {}}}}, {}, 1.0}),
-        "station.yaml:17: plan.volume: hardly any of it is clear of the forbidden boxes: 0 of "
-        "7500 points");
+        "station.yaml:17: plan.volume: hardly any of it is clear of forbidden boxes and seen by "
+        "the camera: 0 of 7500 points");
     // A wall through the whole travel.
     EXPECT_NE(error({{{"wall", {{}, {5, 15}, {}}}}, {}, 1.0}).find("no way was found"),
               std::string::npos);

@@ -1,6 +1,7 @@
 #include "station/rendered_corners.h"
 
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 namespace etalon {
 namespace {
@@ -37,27 +38,32 @@ std::optional<std::vector<Eigen::Vector2d>> mean_of(
 
 RenderedCorners::RenderedCorners(const StationFile& station)
     : view_(station.camera.model, station.marker.grid, station.background, station.white_level),
+      detectors_([name = station.detector, marker = station.marker] {
+          return make_detector(name, marker, name);
+      }),
+      exposures_(states_noise(station.camera.model) ? exposures_per_frame * station.plan.frames
+                                                    : 1),
       seed_(station.plan.seed) {
-    const int exposures = states_noise(station.camera.model) ? noisy_exposures : 1;
-    for (int i = 0; i < exposures; ++i)
-        detectors_.push_back(make_detector(station.detector, station.marker, station.detector));
+    detectors_.local();  // whether there is one
 }
 
 double RenderedCorners::noise_ratio(const StationFile& station) {
-    return states_noise(station.camera.model) ? double(station.plan.frames) / noisy_exposures : 0.0;
+    return states_noise(station.camera.model) ? 1.0 / exposures_per_frame : 0.0;
 }
 
 std::optional<std::vector<Eigen::Vector2d>> RenderedCorners::at(
     const Rigid& camera_from_marker) const {
     const ExpectedExposures exposures(view_, camera_from_marker);
-    std::vector<std::optional<DetectedCorners>> seen(detectors_.size());
-    if (seen.size() == 1)
-        seen[0] = exposures.without_noise(*detectors_[0]);
-    else
-        tbb::parallel_for(std::size_t{0}, seen.size(), [&](std::size_t i) {
-            const auto frame = first_frame + static_cast<std::uint32_t>(i);
-            seen[i] = exposures.with_noise(*detectors_[i], {seed_, frame});
+    if (exposures_ == 1)
+        return mean_of({exposures.without_noise(*detectors_.local())});
+    std::vector<std::optional<DetectedCorners>> seen(static_cast<std::size_t>(exposures_));
+    // Isolated: a thread that waits in its detector must not begin another exposure with it.
+    tbb::parallel_for(std::size_t{0}, seen.size(), [&](std::size_t i) {
+        const auto frame = first_frame + static_cast<std::uint32_t>(i);
+        tbb::this_task_arena::isolate([&] {
+            seen[i] = exposures.with_noise(*detectors_.local(), {seed_, frame});
         });
+    });
     return mean_of(seen);
 }
 

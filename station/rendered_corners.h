@@ -7,6 +7,8 @@
 // exposures, and the corners' mean is taken. A calibration without noise gets one exposure without.
 #pragma once
 
+#include <tbb/enumerable_thread_specific.h>
+
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -20,8 +22,9 @@ namespace etalon {
 
 class RenderedCorners {
 public:
-    // Of the mean: the detector's noise is a fifth of a single photograph's.
-    static constexpr int noisy_exposures = 25;
+    // Of a render for each frame of a photographed pose: noise adds a fifth to the variance of the
+    // difference.
+    static constexpr int exposures_per_frame = 5;
 
     explicit RenderedCorners(const StationFile& station);
 
@@ -37,7 +40,9 @@ public:
 
 private:
     ExpectedView view_;
-    std::vector<std::unique_ptr<Detector>> detectors_;  // one per exposure
+    // One a thread and not one an exposure: libapriltag's takes 20 MB.
+    mutable tbb::enumerable_thread_specific<std::unique_ptr<Detector>> detectors_;
+    int exposures_;
     std::uint64_t seed_;
 };
 

@@ -280,8 +280,8 @@ std::optional<Corners> RunSimulator::render(const Rigid& camera_from_marker,
     if (draws) {
         RandomStream random(draws->seed, first_render_stream + static_cast<std::uint32_t>(planned),
                             draws->run);
-        displacement +=
-            frame_noise(*statistics, random) / std::sqrt(RenderedCorners::noisy_exposures);
+        displacement += frame_noise(*statistics, random) /
+                        std::sqrt(RenderedCorners::exposures_per_frame * station_.plan.frames);
     }
     add(displacement, corners);
     return corners;

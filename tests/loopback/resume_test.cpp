@@ -107,7 +107,7 @@ protected:
             }));
     }
     static void wait_for_session(const std::filesystem::path& record, int sessions) {
-        for (int i = 0; i < 2000 && count(record, "session") < sessions; ++i)
+        for (int i = 0; i < 12000 && count(record, "session") < sessions; ++i)
             SteadyClock().wait_for(5ms, {});
     }
     static Json run_of(const std::filesystem::path& record) {

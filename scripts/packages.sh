@@ -8,6 +8,8 @@ test_packages="libbenchmark-dev libgtest-dev libgmock-dev poppler-utils"
 # Tests with real camera drivers run in a virtual machine: its emulator, what its first file
 # system is made of, and the service that tells programs about devices.
 test_packages="$test_packages qemu-system-x86 busybox-static kmod cpio udev"
+# A study on a cluster of one node.
+test_packages="$test_packages slurm-wlm"
 
 missing_packages() {
     local package

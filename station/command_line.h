@@ -40,7 +40,7 @@ void add_qualify_commands(CLI::App& app, Run& run);
 // `etalon stage ...`.
 void add_stage_commands(CLI::App& app, Run& run);
 
-// `etalon register` and `etalon expect`.
+// `etalon register`, `etalon expect` and `etalon study`.
 void add_metrology_commands(CLI::App& app, Run& run);
 
 }  // namespace etalon

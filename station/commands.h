@@ -197,6 +197,22 @@ struct ExpectArguments {
 };
 int run_expect(const ExpectArguments& arguments);
 
+// Needs no device. Exit code 130 when it was interrupted: the same command goes on.
+struct StudyArguments {
+    std::filesystem::path study, out;
+    std::string ablate;  // "tone,noise": variants of the study (station/study_switches.h)
+    std::string shard;   // "2/5"; empty: all of it
+    bool json = false;
+};
+int run_study_command(const StudyArguments& arguments);
+
+struct StudyMergeArguments {
+    std::vector<std::filesystem::path> shards;
+    std::filesystem::path out;
+    bool json = false;
+};
+int run_study_merge(const StudyMergeArguments& arguments);
+
 // `etalon stage ...`: one structure for all of them but `check`.
 struct StageArguments {
     std::filesystem::path station;

@@ -1,4 +1,4 @@
-// `etalon register` and `etalon expect` on the command line.
+// `etalon register`, `etalon expect` and `etalon study` on the command line.
 #include <CLI/CLI.hpp>
 
 #include "station/command_line.h"
@@ -84,11 +84,62 @@ void add_expect_command(CLI::App& app, Run& run) {
         ->type_name("DIR");
 }
 
+void add_study_merge(CLI::App& study, Run& run) {
+    auto arguments = std::make_shared<StudyMergeArguments>();
+    CLI::App* sub = add_command(
+        study, run, arguments, run_study_merge, "merge", "put the shards of a study together",
+        "All shards, in any order. The result is that of the study in one piece, byte\n"
+        "for byte.\n\n"
+        "Example:\n  etalon study merge part-1 part-2 part-3 --out compared\n");
+    sub->add_option("SHARDS", arguments->shards, "folders of `etalon study --shard`")
+        ->required()
+        ->type_name("");
+    sub->add_option("--out", arguments->out, "folder of the whole study")
+        ->required()
+        ->type_name("DIR");
+}
+
+void add_study_command(CLI::App& app, Run& run) {
+    auto arguments = std::make_shared<StudyArguments>();
+    CLI::App* sub = add_command(
+        app, run, arguments, run_study_command, "study", "compare detectors on rendered poses",
+        "Renders markers at poses all over a volume as a camera would see them, lets\n"
+        "detectors find them, and compares their poses with the truth: detection rate,\n"
+        "bias, scatter, flips, each error against each degree of freedom. Stopped or\n"
+        "killed, the same command goes on. Explained in docs/study.md.\n\n"
+        "Detectors: aruco, apriltag, charuco, chessboard, stag, topotag, photometric,\n"
+        "external\n"
+        "Ablations: tone, half-pixel, noise, blur, undistortion\n\n"
+        "Examples:\n"
+        "  etalon study examples/study/published.yaml --out compared\n"
+        "  etalon study study.yaml --ablate tone,half-pixel --out explained\n"
+        "  etalon study study.yaml --shard 2/5 --out part-2\n");
+    sub->add_option("STUDY", arguments->study, "study.yaml: camera, poses, detectors")
+        ->type_name("");
+    sub->add_option("--out", arguments->out, "folder for results and report")->type_name("DIR");
+    sub->add_option("--ablate", arguments->ablate, "also with each of these switched")
+        ->type_name("NAME,...");
+    sub->add_option("--shard", arguments->shard, "only part I of N: every N-th pose")
+        ->type_name("I/N");
+    add_study_merge(*sub, run);
+    // What a study needs `merge` does not, so CLI11 cannot require it.
+    sub->callback([sub, arguments, &run] {
+        if (!sub->get_subcommands().empty())
+            return;
+        if (arguments->study.empty())
+            throw CLI::RequiredError("STUDY");
+        if (arguments->out.empty())
+            throw CLI::RequiredError("--out");
+        run = [arguments] { return run_study_command(*arguments); };
+    });
+}
+
 }  // namespace
 
 void add_metrology_commands(CLI::App& app, Run& run) {
     add_register_command(app, run);
     add_expect_command(app, run);
+    add_study_command(app, run);
 }
 
 }  // namespace etalon

@@ -13,7 +13,7 @@
 #include "station/commands.h"
 #include "station/operating_characteristic.h"
 #include "station/progress.h"
-#include "station/study_command.h"
+#include "station/studied_plan.h"
 #include "station/svg_plot.h"
 
 namespace etalon {

@@ -10,7 +10,7 @@
 #include "core/errors.h"
 #include "station/commands.h"
 #include "station/progress.h"
-#include "station/study_command.h"
+#include "station/studied_plan.h"
 
 namespace etalon {
 namespace {

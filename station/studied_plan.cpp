@@ -1,4 +1,4 @@
-#include "station/study_command.h"
+#include "station/studied_plan.h"
 
 #include <fmt/format.h>
 #include <unistd.h>

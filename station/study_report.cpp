@@ -1,0 +1,203 @@
+#include "station/study_report.h"
+
+#include <fmt/format.h>
+
+#include "core/errors.h"
+#include "core/text.h"
+#include "core/version.h"
+#include "station/html.h"
+#include "station/pair_matrix.h"
+#include "station/study_plots.h"
+
+namespace etalon {
+namespace {
+
+using Rows = std::vector<std::vector<std::string>>;
+
+constexpr std::size_t z = 2, angle = 7;  // places in error_measures
+
+// "0.0213 (0.0190 to 0.0240)"
+std::string with_interval(const Estimate& estimate) {
+    const std::string value = figure_text(estimate.value);
+    if (!estimate.interval)
+        return value;
+    return fmt::format("{} ({} to {})", value, figure_text(estimate.interval->low),
+                       figure_text(estimate.interval->high));
+}
+
+std::string with_interval(const std::optional<Estimate>& estimate) {
+    return estimate ? with_interval(*estimate) : "-";
+}
+
+std::string with_interval(const std::optional<Share>& share) {
+    return share ? fmt::format("{:.2f} % ({:.2f} to {:.2f})", 100.0 * share->value,
+                               100.0 * share->low, 100.0 * share->high)
+                 : "-";
+}
+
+void add_detection(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
+    page.add_heading("Detection");
+    Rows rows;
+    for (std::size_t i = 0; i < results.description.detectors.size(); ++i) {
+        const DetectorSummary& one = summary.detectors[0][i];
+        rows.push_back({results.description.detectors[i].name,
+                        results.description.detectors[i].marker, with_interval(one.own.detected),
+                        with_interval(one.own.flips),
+                        one.median_corner_px ? figure_text(*one.median_corner_px) + " px" : "-"});
+    }
+    page.add_table({"detector", "marker", "detected", "flips", "median corner error"}, rows);
+    page.add_paragraph(
+        "In brackets the 95 % interval. A flip is the wrong one of a planar marker's two poses. "
+        "The corner error is the RMS distance of a pose's corners from the projected truth.");
+}
+
+void add_errors(HtmlPage& page, const StudyDescription& description,
+                const std::vector<DetectorSummary>& detectors,
+                const PoseStatistics DetectorSummary::*set) {
+    Rows rows;
+    for (std::size_t i = 0; i < detectors.size(); ++i) {
+        const PoseStatistics& statistics = detectors[i].*set;
+        for (std::size_t k = 0; statistics.all && k < error_measure_count; ++k) {
+            const ErrorStatistics& s = (*statistics.all)[k];
+            rows.push_back({k == 0 ? description.detectors[i].name : "",
+                            fmt::format("{}, {}", error_measures[k].name, error_measures[k].unit),
+                            with_interval(s.mean), with_interval(s.standard_deviation),
+                            with_interval(s.mean_absolute), with_interval(s.median_absolute)});
+        }
+    }
+    page.add_table(
+        {"detector", "error", "mean", "standard deviation", "mean |error|", "median |error|"},
+        rows);
+}
+
+void add_accuracy(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
+    page.add_heading("Accuracy");
+    page.add_paragraph(fmt::format(
+        "On the {} poses that every detector detects, so that no detector is favoured for leaving "
+        "the difficult ones out. Errors are estimated minus true pose.",
+        summary.common[0]));
+    add_errors(page, results.description, summary.detectors[0], &DetectorSummary::common);
+    page.begin_details("Each detector on all poses that it detects itself");
+    add_errors(page, results.description, summary.detectors[0], &DetectorSummary::own);
+    page.end_details();
+}
+
+void add_variants(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
+    const StudyDescription& description = results.description;
+    if (description.variants.size() < 2)
+        return;
+    page.add_heading("Where the errors come from");
+    page.add_paragraph(
+        "The same study with one thing switched: an error that changes with it is made of it. Each "
+        "line is over the poses that all detectors detect in that variant.");
+    Rows rows;
+    for (std::size_t i = 0; i < description.detectors.size(); ++i)
+        for (std::size_t v = 0; v < description.variants.size(); ++v) {
+            const DetectorSummary& one = summary.detectors[v][i];
+            std::vector<std::string> row{
+                v == 0 ? description.detectors[i].name : "", description.variants[v],
+                one.own.detected ? fmt::format("{:.2f} %", 100.0 * one.own.detected->value) : "-"};
+            for (std::size_t k = 0; k <= z; ++k)
+                row.push_back(one.common.all ? with_interval((*one.common.all)[k].mean) : "-");
+            row.push_back(one.common.all ? with_interval((*one.common.all)[z].median_absolute)
+                                         : "-");
+            row.push_back(one.common.all ? with_interval((*one.common.all)[angle].median_absolute)
+                                         : "-");
+            rows.push_back(row);
+        }
+    page.add_table({"detector", "switched", "detected", "mean X, mm", "mean Y, mm", "mean Z, mm",
+                    "median |Z|, mm", "median angle, deg"},
+                   rows);
+}
+
+void add_pairs(HtmlPage& page, const std::vector<PairMatrix>& matrices) {
+    page.add_heading("Errors against the degrees of freedom");
+    page.add_paragraph(
+        "Each of the six errors against each of the six components of the true pose: how many "
+        "poses lie where, their mean and the mean +- one standard deviation.");
+    add_pair_matrices(page, matrices);
+}
+
+// One value of the axis per pose and detector.
+void add_axis(HtmlPage& page, const StudyResults& results, const std::string& label,
+              const std::vector<const std::vector<double>*>& values) {
+    std::vector<BinnedDetector> binned;
+    for (std::size_t i = 0; i < results.description.detectors.size(); ++i)
+        binned.push_back({results.description.detectors[i].name,
+                          binned_statistics(results.errors[0][i], *values[i])});
+    page.add_figures({{detection_rate_plot(label, binned).svg(), "Detected, with 95 % intervals"},
+                      {median_error_plot(label, z, binned).svg(), "Median |Z error|, mm"},
+                      {median_error_plot(label, angle, binned).svg(), "Median angle, deg"}});
+}
+
+void add_axes(HtmlPage& page, const StudyResults& results) {
+    const StudyDescription& description = results.description;
+    page.add_heading("Against the marker's size in the image");
+    std::vector<const std::vector<double>*> values;
+    for (const std::vector<double>& sizes : results.sizes_px)
+        values.push_back(&sizes);
+    add_axis(page, results, "root of the marker's area in the image, px", values);
+    for (std::size_t k = 0; k < description.axes.size(); ++k) {
+        const StudyAxis& axis = description.axes[k];
+        page.add_heading("Against " + axis.name);
+        add_axis(page, results, axis.unit.empty() ? axis.name : axis.name + ", " + axis.unit,
+                 std::vector(description.detectors.size(), &results.axes[k]));
+    }
+}
+
+std::vector<PairMatrix> matrices_of(const StudyResults& results) {
+    std::vector<PairMatrix> matrices;
+    for (std::size_t i = 0; i < results.description.detectors.size(); ++i)
+        matrices.push_back(pair_matrix(results.description.detectors[i].name, results.truth,
+                                       results.errors[0][i]));
+    return matrices;
+}
+
+std::string html_of(const StudyResults& results, const StudySummary& summary,
+                    const std::vector<PairMatrix>& matrices) {
+    const StudyDescription& description = results.description;
+    HtmlPage page("Study " + description.id, "detectors compared on rendered images");
+    page.add_facts({{"poses", fmt::format("{}", description.poses)},
+                    {"seen by all", fmt::format("{}", summary.common[0])},
+                    {"camera", description.camera},
+                    {"volume", description.volume},
+                    {"etalon", version}});
+    if (results.refused > 0)
+        page.add_paragraph(fmt::format(
+            "{} poses could not be rendered (results.csv says why); they count as not detected.",
+            results.refused));
+    add_detection(page, results, summary);
+    add_accuracy(page, results, summary);
+    add_variants(page, results, summary);
+    add_pairs(page, matrices);
+    add_axes(page, results);
+    return page.finish();
+}
+
+// A name as part of a file's name.
+std::string file_word(const std::string& name) {
+    std::string word = name;
+    for (char& c : word)
+        if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-' && c != '.')
+            c = '_';
+    return word;
+}
+
+}  // namespace
+
+std::string study_html(const StudyResults& results, const StudySummary& summary) {
+    return html_of(results, summary, matrices_of(results));
+}
+
+void write_study_report(const StudyResults& results, const StudySummary& summary,
+                        const std::filesystem::path& folder) {
+    const std::vector<PairMatrix> matrices = matrices_of(results);
+    for (const PairMatrix& matrix : matrices)
+        write_text(folder / ("pairs-" + file_word(matrix.detector) + ".svg"),
+                   pair_matrix_svg(matrix));
+    write_text(folder / "summary.csv", summary_csv(results.description, summary));
+    write_text(folder / "summary.json", summary_json(results, summary));
+    write_text(folder / "report.html", html_of(results, summary, matrices));
+}
+
+}  // namespace etalon

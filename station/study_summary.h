@@ -1,0 +1,38 @@
+// What a study's results say: statistics of every detector in every variant, over its own poses and
+// over those that all detectors of the variant detect; and the same as tables, CSV and JSON.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "station/study_results.h"
+
+namespace etalon {
+
+struct DetectorSummary {
+    PoseStatistics own, common;
+    std::optional<double> median_corner_px;  // of the RMS corner error of a pose
+};
+
+struct StudySummary {
+    std::vector<std::size_t> common;  // by variant: poses that every detector detects
+    std::vector<std::vector<DetectorSummary>> detectors;  // by variant, by detector
+};
+
+// 25 ms and 1 us a line of the results.
+StudySummary summarise(const StudyResults& results);
+
+// For a terminal, at most 80 columns: detection, errors on the common poses, and the variants.
+std::string summary_text(const StudyResults& results, const StudySummary& summary);
+
+// A line per variant, detector, set of poses ("own", "common") and measure.
+std::string summary_csv(const StudyDescription& description, const StudySummary& summary);
+
+// Everything with its intervals.
+std::string summary_json(const StudyResults& results, const StudySummary& summary);
+
+// "-0.0213", "12.9", "-": four figures; for cells of tables.
+std::string figure_text(double value);
+
+}  // namespace etalon

@@ -17,8 +17,8 @@ constexpr std::array primes{2,  3,  5,  7,  11, 13, 17, 19, 23, 29,
                             31, 37, 41, 43, 47, 53, 59, 61, 67, 71};
 constexpr double below_one = 1.0 - 0x1p-53;  // the largest double under 1
 
-// Digits until they are too small for a double: 53 in base 2. An index has no more than 64 bits,
-// and digits beyond would not show in the sum.
+// Digits until they are too small for a double: 53 in base 2. Those beyond would not show in the
+// sum.
 int digit_count(int base) {
     return static_cast<int>(std::ceil(53.0 / std::log2(base)));
 }
@@ -46,15 +46,6 @@ void check_dimensions(const char* what, int dimensions, int most) {
 }
 
 }  // namespace
-
-double radical_inverse(std::uint64_t index, int base) {
-    double value = 0.0, weight = 1.0;
-    for (; index > 0; index /= static_cast<std::uint64_t>(base)) {
-        weight /= base;
-        value += weight * static_cast<double>(index % static_cast<std::uint64_t>(base));
-    }
-    return std::min(value, below_one);
-}
 
 std::vector<int> faure_permutation(int base) {
     if (base < 2)

@@ -2,8 +2,9 @@
 // evenly with as few poses as they can afford. Plain points: what the coordinates mean is the
 // plan's part (a study's: sim/pose_volume.h).
 //
-// Halton's sequence (Numerische Mathematik 2, 1960): the radical inverse of the index in the first
-// prime bases. From the fifth base or so its first points lie on lines, so the digits are permuted:
+// Halton's sequence (Numerische Mathematik 2, 1960): the index's digits in the first prime bases,
+// mirrored at the point: 6 = 110b -> 0.011b = 0.375. From the fifth base or so its first points lie
+// on lines, so the digits are permuted:
 //   - every digit position of every base by a random permutation of its own (random digit
 //     scrambling; Matousek, J. Complexity 14, 1998): each point is uniform; or
 //   - by Faure's permutations (H. Faure, "Good permutations for extreme discrepancy", J. Number
@@ -23,9 +24,6 @@
 #include "sim/sobol.h"
 
 namespace etalon {
-
-// The index's digits in `base`, mirrored at the point: 6 = 110b -> 0.011b = 0.375. In [0, 1).
-double radical_inverse(std::uint64_t index, int base);
 
 // Faure's permutation of the digits 0 to base - 1, base >= 2: (0 3 2 1 4) for 5. An even base takes
 // 2 s and then 2 s + 1 of the permutation s of its half; an odd one puts its middle digit into the

@@ -69,9 +69,10 @@ int dimensions_of(const std::array<bool, 6>& moves, int extra) {
 }
 
 bool contains(const CellGrid& outer, const CellGrid& inner) {
-    const auto low = [](const CellGrid& g) { return g.point_mm(0.0, 0.0).array(); };
-    const auto high = [](const CellGrid& g) { return g.point_mm(g.columns(), g.rows()).array(); };
-    return (low(outer) <= low(inner)).all() && (high(outer) >= high(inner)).all();
+    const auto low = [](const CellGrid& g) { return g.point_mm(0.0, 0.0); };
+    const auto high = [](const CellGrid& g) { return g.point_mm(g.columns(), g.rows()); };
+    return low(outer).cwiseMin(low(inner)) == low(outer) &&
+           high(outer).cwiseMax(high(inner)) == high(outer);
 }
 
 std::vector<CellGrid> outermost(std::span<const CellGrid> grids) {

@@ -16,15 +16,16 @@ using testing::DoubleEq;
 using testing::Pointwise;
 
 // Van der Corput's sequence in base 2 and its like in base 3, from the digits by hand.
-TEST(RadicalInverse, MirrorsTheDigitsAtThePoint) {
+TEST(HaltonSequence, MirrorsTheDigitsAtThePoint) {
     const std::vector<double> base2{0, 1 / 2., 1 / 4., 3 / 4., 1 / 8., 5 / 8., 3 / 8., 7 / 8.};
     const std::vector<double> base3{0,      1 / 3., 2 / 3., 1 / 9., 4 / 9.,
                                     7 / 9., 2 / 9., 5 / 9., 8 / 9., 1 / 27.};
+    const HaltonSequence halton(2, {});
     for (std::size_t i = 0; i < base2.size(); ++i)
-        EXPECT_DOUBLE_EQ(radical_inverse(i, 2), base2[i]);
+        EXPECT_DOUBLE_EQ(halton.point(i)[0], base2[i]);
     for (std::size_t i = 0; i < base3.size(); ++i)
-        EXPECT_DOUBLE_EQ(radical_inverse(i, 3), base3[i]);
-    EXPECT_LT(radical_inverse(~std::uint64_t{0}, 2), 1.0);
+        EXPECT_DOUBLE_EQ(halton.point(i)[1], base3[i]);
+    EXPECT_LT(halton.point(~std::uint64_t{0})[0], 1.0);
 }
 
 TEST(HaltonSequence, WithoutASeedTakesThePrimesInTurn) {

@@ -1,42 +1,55 @@
 #include "sim/sobol.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <numbers>
 
+#include "core/errors.h"
 #include "core/random.h"
 
 namespace etalon {
 namespace {
 
-constexpr int bits = 32;
+constexpr int bits = 64;
 
 struct Polynomial {
     int degree;
-    std::uint32_t coefficients;
-    std::array<std::uint32_t, 4> initial;
+    std::uint32_t coefficients;  // without the first and the last, which are 1
+    std::array<std::uint32_t, 6> initial;
 };
 
-// Dimensions 2 to 6; the first is van der Corput's sequence.
-constexpr std::array<Polynomial, SobolPoints::dimensions - 1> polynomials{{
+// Dimensions 2 to 16; the first is van der Corput's sequence.
+constexpr std::array<Polynomial, SobolSequence::max_dimensions - 1> polynomials{{
     {1, 0, {1}},
     {2, 1, {1, 3}},
     {3, 1, {1, 3, 1}},
     {3, 2, {1, 1, 1}},
     {4, 1, {1, 1, 3, 3}},
+    {4, 4, {1, 3, 5, 13}},
+    {5, 2, {1, 1, 5, 5, 17}},
+    {5, 4, {1, 1, 5, 5, 5}},
+    {5, 7, {1, 1, 7, 11, 19}},
+    {5, 11, {1, 1, 5, 1, 1}},
+    {5, 13, {1, 1, 1, 3, 11}},
+    {5, 14, {1, 3, 5, 5, 31}},
+    {6, 1, {1, 3, 3, 9, 7, 49}},
+    {6, 13, {1, 1, 1, 15, 21, 21}},
+    {6, 16, {1, 3, 1, 13, 27, 49}},
 }};
 
-std::array<std::uint32_t, bits> direction_numbers(int dimension) {
-    std::array<std::uint32_t, bits> v{};
+SobolDirections direction_numbers(int dimension) {
+    SobolDirections v{};
     if (dimension == 0) {
         for (std::size_t i = 0; i < bits; ++i)
-            v[i] = std::uint32_t{1} << (bits - 1 - i);
+            v[i] = std::uint64_t{1} << (bits - 1 - i);
         return v;
     }
     const Polynomial& p = polynomials[static_cast<std::size_t>(dimension - 1)];
     const auto degree = static_cast<std::size_t>(p.degree);
     for (std::size_t i = 0; i < bits; ++i) {
         if (i < degree) {
-            v[i] = p.initial[i] << (bits - 1 - i);
+            v[i] = std::uint64_t{p.initial[i]} << (bits - 1 - i);
             continue;
         }
         v[i] = v[i - degree] ^ (v[i - degree] >> degree);
@@ -45,6 +58,39 @@ std::array<std::uint32_t, bits> direction_numbers(int dimension) {
                 v[i] ^= v[i - k];
     }
     return v;
+}
+
+// The point's binary digits, the first in the highest bit.
+std::uint64_t sobol_digits(const SobolDirections& directions, std::uint64_t index) {
+    std::uint64_t digits = 0;
+    for (std::size_t bit = 0; index != 0; ++bit, index >>= 1)
+        if (index & 1u)
+            digits ^= directions[bit];
+    return digits;
+}
+
+// Owen's nested uniform scrambling: a digit is flipped or not by a random bit of its own for every
+// value of all the digits before it. The bits form a binary tree, of which the four words of a
+// counter-based generator hold seven levels (1 + 2 + ... + 64 = 127 nodes, numbered from 1 as in a
+// heap): keyed by the digits before them, eight draws scramble 56 digits. The first 56, as an
+// integer.
+std::uint64_t nested_uniform(std::uint64_t digits, std::uint64_t seed, std::uint32_t dimension) {
+    constexpr int levels = 7, scrambled = 56;
+    constexpr std::uint32_t purpose = 0x4f77656eu;  // apart from every RandomStream of this seed
+    std::uint64_t result = 0;
+    for (int first = 0; first < scrambled; first += levels) {
+        const std::uint64_t before = first == 0 ? 0 : digits >> (bits - first);
+        const auto tree = philox(
+            seed, {static_cast<std::uint32_t>(before), static_cast<std::uint32_t>(before >> 32),
+                   dimension << 8 | static_cast<std::uint32_t>(first), purpose});
+        std::uint32_t node = 1;
+        for (int level = first; level < first + levels; ++level) {
+            const auto digit = static_cast<std::uint32_t>(digits >> (bits - 1 - level)) & 1u;
+            result = result << 1 | (digit ^ ((tree[node / 32] >> (node % 32)) & 1u));
+            node = node << 1 | digit;
+        }
+    }
+    return result;
 }
 
 std::uint32_t bit_reversed(std::uint32_t x) {
@@ -69,16 +115,33 @@ std::uint32_t nested_scramble(std::uint32_t x, std::uint32_t seed) {
 
 }  // namespace
 
+SobolSequence::SobolSequence(int dimensions, std::optional<std::uint64_t> seed) : seed_(seed) {
+    if (dimensions < 1 || dimensions > max_dimensions)
+        throw NumericalError(
+            fmt::format("a Sobol sequence of {} dimensions: 1 to {}", dimensions, max_dimensions));
+    for (int d = 0; d < dimensions; ++d)
+        directions_.push_back(direction_numbers(d));
+}
+
+std::vector<double> SobolSequence::point(std::uint64_t index) const {
+    std::vector<double> point(directions_.size());
+    for (std::size_t d = 0; d < directions_.size(); ++d) {
+        const std::uint64_t digits = sobol_digits(directions_[d], index);
+        point[d] =
+            seed_
+                ? 0x1p-53 * static_cast<double>(
+                                nested_uniform(digits, *seed_, static_cast<std::uint32_t>(d)) >> 3)
+                : 0x1p-53 * static_cast<double>(digits >> 11);
+    }
+    return point;
+}
+
 SobolPoints::SobolPoints(int count) : reversed_(static_cast<std::size_t>(count)) {
     for (std::size_t d = 0; d < dimensions; ++d) {
-        const auto directions = direction_numbers(static_cast<int>(d));
-        for (std::size_t i = 0; i < reversed_.size(); ++i) {
-            std::uint32_t x = 0;
-            for (std::size_t bit = 0; (i >> bit) != 0; ++bit)
-                if ((i >> bit) & 1u)
-                    x ^= directions[bit];
-            reversed_[i][d] = bit_reversed(x);
-        }
+        const SobolDirections directions = direction_numbers(static_cast<int>(d));
+        for (std::size_t i = 0; i < reversed_.size(); ++i)
+            reversed_[i][d] =
+                bit_reversed(static_cast<std::uint32_t>(sobol_digits(directions, i) >> 32));
     }
 }
 

@@ -1,17 +1,47 @@
-// Owen-scrambled Sobol points in six dimensions: each scramble is an independent randomisation of
-// the same low-discrepancy set, so their spread is an honest standard error.
+// Owen-scrambled Sobol points: each scramble is an independent randomisation of the same
+// low-discrepancy set, so their spread is an honest standard error.
+//
+// SobolSequence is for plans and studies: up to 16 dimensions, any index, scrambled exactly as Owen
+// defined it (A. B. Owen, "Randomly permuted (t,m,s)-nets and (t,s)-sequences", Lecture Notes in
+// Statistics 106, Springer 1995). SobolPoints is for millions of integrals: six dimensions, a
+// prepared number of points, scrambled by hashing (B. Burley, "Practical hash-based Owen
+// scrambling", JCGT 9(4) (2020)) in a few ns.
 //
 // Direction numbers: S. Joe and F. Y. Kuo, "Constructing Sobol sequences with better
 // two-dimensional projections", SIAM J. Sci. Comput. 30 (2008), file new-joe-kuo-6.21201.
-// Scrambling by hashing: B. Burley, "Practical hash-based Owen scrambling", JCGT 9(4) (2020).
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 namespace etalon {
+
+// By digit of the index, the last first: the fraction that it is multiplied with and added modulo 2
+// to the point, its first binary digit in the highest bit.
+using SobolDirections = std::array<std::uint64_t, 64>;
+
+// Immutable, safe from every thread. point() costs 0.1 us per dimension, a tenth of it unscrambled.
+class SobolSequence {
+public:
+    static constexpr int max_dimensions = 16;
+
+    // 1 to 16 dimensions (NumericalError otherwise); without a seed the points are not scrambled.
+    SobolSequence(int dimensions, std::optional<std::uint64_t> seed);
+
+    // One coordinate in [0, 1) per dimension, 53 binary digits. Of 2^m points that start at a
+    // multiple of 2^m, exactly one lies in each of the 2^m equal intervals of every dimension, and
+    // of the first two dimensions in each rectangle of area 2^-m with sides of powers of two;
+    // scrambled or not. In the index's own order, not in that of its Gray code, in which the same
+    // points are often listed. Point 0 of the unscrambled sequence is the origin.
+    std::vector<double> point(std::uint64_t index) const;
+
+private:
+    std::vector<SobolDirections> directions_;  // by dimension
+    std::optional<std::uint64_t> seed_;
+};
 
 class SobolPoints {
 public:

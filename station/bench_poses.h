@@ -2,7 +2,7 @@
 // (sim/pose_sampling.h) of which those are left out that would bring a corner of the grid nearer
 // than 20 px to the image's border or outside, or whose plane passes through the lens (part of
 // which would see the back). The same arguments give the same poses, and more of them begin with
-// the fewer. Both throw NumericalError when one draw in a thousand or less fits.
+// the fewer. All throw NumericalError when one draw in a thousand or less fits.
 #pragma once
 
 #include <cstdint>
@@ -33,7 +33,7 @@ std::vector<Rigid> spread_poses(const CameraModel& camera, const CellGrid& grid,
 
 // The volume of the published comparison of detectors (FMAC, 10 000 images): depth uniform from 500
 // to 1500 mm, R = Rz(yaw) Ry(pitch) Rx(roll) with roll and pitch uniform within +-45 degrees and
-// any yaw, the centre anywhere in the image.
+// any yaw, the marker's origin anywhere in the image (sim/pose_volume.h).
 std::vector<Rigid> study_poses(const CameraModel& camera, const CellGrid& grid, int count,
                                std::uint64_t seed);
 

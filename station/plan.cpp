@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include "core/errors.h"
+#include "sim/marker_in_view.h"
 #include "sim/pose_sampling.h"
 #include "stage/kinematics.h"
-#include "station/marker_in_view.h"
 
 namespace etalon {
 namespace {

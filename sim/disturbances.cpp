@@ -235,8 +235,9 @@ CodeImage compressed(const CodeImage& image, double quality) {
         refuse(axis, quality);
     if (quality == axis.neutral())
         return image;
-    if (image.bits != 8 || image.pixels.type() != CV_8UC1)
-        throw NumericalError(fmt::format("JPEG holds 8 bits, not an image of {}", image.bits));
+    if (image.bits != 8 || image.pixels.type() != CV_8UC1 || image.pixels.empty())
+        throw NumericalError(fmt::format("JPEG holds 8 bits, not an image of {} and {} x {} px",
+                                         image.bits, image.pixels.cols, image.pixels.rows));
     std::vector<unsigned char> file;
     const int whole = static_cast<int>(std::floor(quality + 0.5));
     if (!cv::imencode(".jpg", image.pixels, file, {cv::IMWRITE_JPEG_QUALITY, whole}))

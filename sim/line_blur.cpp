@@ -11,6 +11,7 @@
 namespace etalon {
 namespace {
 
+// The pixels at +- `at` count with this weight each.
 struct Tap {
     cv::Point at;
     float weight;
@@ -71,15 +72,15 @@ cv::Mat_<double> line_kernel(const Eigen::Vector2d& motion_px) {
     return kernel;
 }
 
-// All but the middle one: its weight is what the others leave of 1.
+// One of each pair: a line is its own mirror image. The middle's weight is what they leave of 1.
 std::vector<Tap> line_taps(const Eigen::Vector2d& motion_px) {
     const cv::Mat_<double> kernel = line_kernel(motion_px);
     const cv::Point reach = reach_of(motion_px);
     std::vector<Tap> taps;
-    for (int y = -reach.y; y <= reach.y; ++y)
-        for (int x = -reach.x; x <= reach.x; ++x)
+    for (int y = 0; y <= reach.y; ++y)
+        for (int x = y == 0 ? 1 : -reach.x; x <= reach.x; ++x)
             if (const auto weight = static_cast<float>(kernel(reach.y + y, reach.x + x));
-                weight != 0.0f && (x != 0 || y != 0))
+                weight != 0.0f)
                 taps.push_back({{x, y}, weight});
     return taps;
 }
@@ -91,9 +92,16 @@ cv::Rect uneven_part(const Radiance& radiance) {
     return cv::boundingRect(differs);
 }
 
+// As differences from the middle pixel, so that what is even stays so to the last bit.
+void add_tap(const Tap& tap, const float* middle, std::ptrdiff_t row, int count, float* to) {
+    const std::ptrdiff_t offset = tap.at.y * row + tap.at.x;
+    const float *ahead = middle + offset, *behind = middle - offset;
+    for (int x = 0; x < count; ++x)
+        to[x] += tap.weight * ((ahead[x] - middle[x]) + (behind[x] - middle[x]));
+}
+
 }  // namespace
 
-// As differences from the middle pixel, so that what is even stays so to the last bit.
 Radiance line_blurred(const Radiance& radiance, const Eigen::Vector2d& motion_px) {
     if (radiance.empty() || motion_px.isZero(0.0))
         return radiance;
@@ -107,16 +115,11 @@ Radiance line_blurred(const Radiance& radiance, const Eigen::Vector2d& motion_px
     cv::Mat bordered;
     cv::copyMakeBorder(radiance, bordered, reach.y, reach.y, reach.x, reach.x,
                        cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
-    for (int y = part.y; y < part.br().y; ++y) {
-        float* to = result.ptr<float>(y) + part.x;
-        const float* middle = bordered.ptr<float>(y + reach.y) + part.x + reach.x;
-        for (const Tap& tap : taps) {
-            const float* from =
-                bordered.ptr<float>(y + reach.y + tap.at.y) + part.x + reach.x + tap.at.x;
-            for (int x = 0; x < part.width; ++x)
-                to[x] += tap.weight * (from[x] - middle[x]);
-        }
-    }
+    for (int y = part.y; y < part.br().y; ++y)
+        for (const Tap& tap : taps)
+            add_tap(tap, bordered.ptr<float>(y + reach.y) + part.x + reach.x,
+                    static_cast<std::ptrdiff_t>(bordered.step1()), part.width,
+                    result.ptr<float>(y) + part.x);
     return result;
 }
 

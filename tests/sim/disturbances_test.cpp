@@ -5,12 +5,10 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <numeric>
-#include <string_view>
+#include <opencv2/imgproc.hpp>
 #include <thread>
 
 #include "core/errors.h"
-#include "core/random.h"
 
 namespace etalon {
 namespace {
@@ -185,16 +183,21 @@ double edge_by_counting(const PlacedMarker& marker, const Eigen::Vector2d& direc
     return *at;
 }
 
-// Share of n x n points of a pixel that see the card.
+// Share of n x n points of a pixel that see the card; all or none where its corners agree.
 double counted_cover(const Projector& projector, const PlacedMarker& marker,
                      const Eigen::Vector2d& direction, double edge_mm, int x, int y) {
+    const auto is_hidden = [&](double right, double down) {
+        const Eigen::Vector2d pixel(x + right, y + down);
+        return along_plane(projector, marker, direction, pixel) > edge_mm;
+    };
+    const int corners =
+        is_hidden(-0.5, -0.5) + is_hidden(0.5, -0.5) + is_hidden(-0.5, 0.5) + is_hidden(0.5, 0.5);
+    if (corners == 0 || corners == 4)
+        return corners / 4.0;
     constexpr int n = 16;
     int hidden = 0;
-    for (int k = 0; k < n * n; ++k) {
-        const Eigen::Vector2d within((k % n + 0.5) / n - 0.5, (k / n + 0.5) / n - 0.5);
-        hidden +=
-            along_plane(projector, marker, direction, Eigen::Vector2d(x, y) + within) > edge_mm;
-    }
+    for (int k = 0; k < n * n; ++k)
+        hidden += is_hidden((k % n + 0.5) / n - 0.5, (k / n + 0.5) / n - 0.5);
     return hidden / double(n * n);
 }
 
@@ -307,7 +310,7 @@ TEST(Occlusion, LeavesPixelsWithoutARayAlone) {
     EXPECT_GT(card, 300);
 }
 
-// A bright line in a dark image: the blurred image's second moments about it.
+// Of a point: the moments of the line that it draws.
 TEST(MotionBlur, HasTheLengthAskedForInTheDirectionOfItsKey) {
     for (const std::uint32_t pose : {0u, 1u, 2u}) {
         Radiance impulse = even(0.0);
@@ -434,13 +437,15 @@ double rms(const CodeImage& a, const CodeImage& b) {
     return cv::norm(a.pixels, b.pixels, cv::NORM_L2) / std::sqrt(double(a.pixels.total()));
 }
 
-// At 100 all quantisation steps are 1: coefficients and pixels are each rounded once, with the
-// variance 1/12 (the transform is orthonormal), and what was rounded before hardly changes.
-TEST(Jpeg, RoundsOnlyAtQuality100) {
+// At 100 all quantisation steps are 1. The transform is orthonormal: pixels get an error of
+// variance 1/12, which rounding them turns into 1 where it is over 1/2: 8.3 % of a normal
+// distribution. With 6912 pixels the RMS of 0.289 has the standard deviation 0.006; 5 of them. A
+// second time there is less to round.
+TEST(Jpeg, OnlyRoundsAtQuality100) {
     const CodeImage image = SensorModel(small_camera()).expose(texture());
     const CodeImage once = compressed(image, 100.0), twice = compressed(once, 100.0);
-    EXPECT_LT(rms(once, image), 1.1 * std::sqrt(2.0 / 12.0));
-    EXPECT_LT(rms(twice, once), 0.5 * rms(once, image));
+    EXPECT_NEAR(rms(once, image), std::sqrt(0.083), 0.03);
+    EXPECT_LT(rms(twice, once), 0.8 * rms(once, image));
     const CodeImage flat{cv::Mat(17, 23, CV_8UC1, cv::Scalar(93)), 8};
     EXPECT_TRUE(same_bytes(compressed(flat, 100.0).pixels, flat.pixels));
 }

@@ -84,6 +84,8 @@ public:
     const cv::Mat& relative_response() const { return response_; }
 
     int bits() const { return sensor_.bits; }
+    // F - black: the linear signal of radiance 1, DN.
+    double range_dn() const { return range_; }
 
 private:
     double with_noise(double radiance, const NoiseKey& key, std::uint64_t pixel) const;

@@ -58,6 +58,17 @@ SquareCut square_cut(const Eigen::Vector2d& gradient, double offset) {
     return {gradient, offset, offset >= 0.0 ? major : 1.0 - major};
 }
 
+// major_area() solved for the distance, for the part without the square's centre.
+double offset_of_area(const Eigen::Vector2d& gradient, double area) {
+    const double gx = std::abs(gradient.x()), gy = std::abs(gradient.y());
+    const double steep = std::max(gx, gy), flat = std::min(gx, gy);
+    const double minor = std::min(area, 1.0 - area);
+    const double distance = 2.0 * steep * minor >= flat
+                                ? (0.5 - minor) * steep
+                                : (steep + flat) / 2.0 - std::sqrt(2.0 * steep * flat * minor);
+    return area >= 0.5 ? distance : -distance;
+}
+
 double square_wedge_area(const SquareCut& a, const SquareCut& b) {
     Outline square;
     for (const auto& [x, y] : {std::pair{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}})

@@ -19,6 +19,9 @@ struct SquareCut {
 // Any finite values; a zero gradient gives 0 or 1.
 SquareCut square_cut(const Eigen::Vector2d& gradient, double offset);
 
+// The inverse: the offset of the cut that has this area, 0..1. Needs a gradient that is not zero.
+double offset_of_area(const Eigen::Vector2d& gradient, double area);
+
 // Fraction of the square that lies in both parts.
 double square_wedge_area(const SquareCut& a, const SquareCut& b);
 

@@ -30,6 +30,17 @@ TEST(SquareArea, OfNoGradientIsAllOrNothing) {
     EXPECT_EQ(square_cut({0.0, 0.0}, -0.1).area, 0.0);
 }
 
+// From the area of a triangle and of a trapezium by hand, then all the way from 0 to 1.
+TEST(SquareArea, IsThatOfTheOffsetFoundForIt) {
+    // Legs 2/3 and 2/5 as above.
+    EXPECT_NEAR(offset_of_area({3.0, 5.0}, 2.0 / 15.0), -2.0, 1e-14);
+    EXPECT_NEAR(offset_of_area({0.0, -5.0}, 0.1), -2.0, 1e-14);
+    for (const Eigen::Vector2d& gradient :
+         {Eigen::Vector2d(3.0, 5.0), {-7.0, 2.0}, {0.5, -6.0}, {0.0, 4.0}, {2.0, 2.0}})
+        for (const double area : {0.0, 1e-9, 0.03, 0.25, 0.5, 0.71, 0.999, 1.0})
+            EXPECT_NEAR(square_cut(gradient, offset_of_area(gradient, area)).area, area, 1e-14);
+}
+
 TEST(SquareArea, OfTwoCutsIsWhatCountingPointsGives) {
     const SquareCut cuts[] = {square_cut({3.0, 5.0}, -0.4), square_cut({-7.0, 2.0}, 1.1),
                               square_cut({0.5, -6.0}, 2.0), square_cut({1.0, 1e-3}, 0.2)};

@@ -97,7 +97,8 @@ cv::Mat density(const PairPanel& panel, std::uint32_t highest) {
     return picture;
 }
 
-// Through the bins' middles at mean + deviations * standard deviation; broken where a bin has none.
+// Through the bins' middles at mean + deviations * standard deviation; broken where a bin has none,
+// and a dot (a line of no length with round ends) where its neighbours have none.
 std::string bin_path(const PairPanel& panel, const PairAxis& freedom, const PairAxis& error,
                      double deviations) {
     std::string path;
@@ -109,7 +110,7 @@ std::string bin_path(const PairPanel& panel, const PairAxis& freedom, const Pair
             continue;
         }
         const double value = *mean + (deviations != 0.0 ? deviations * *deviation : 0.0);
-        path += fmt::format("{}{:.1f} {:.1f}", pen_down ? "L" : "M",
+        path += fmt::format(pen_down ? "L{:.1f} {:.1f}" : "M{:.1f} {:.1f}h0",
                             across(freedom, 0.5 * (bin.low + bin.high)),
                             std::clamp(down(error, value), panel_rim, panel_height - panel_rim));
         pen_down = true;
@@ -177,8 +178,8 @@ private:
         x += 260;
         text += fmt::format(
             "<rect fill='#4292c6' x='{0}' y='36' width='12' height='12'/><text x='{1}' "
-            "y='46'>inside"
-            " the axis</text><rect fill='#f16913' x='{2}' y='36' width='12' height='12'/>"
+            "y='46'>inside the axis</text><rect fill='#f16913' x='{2}' y='36' width='12' "
+            "height='12'/>"
             "<text x='{3}' y='46'>beyond it (▲ ▼ how many)</text>",
             x, x + 17, x + 118, x + 135);
         x += 310;
@@ -294,8 +295,8 @@ private:
     std::string footnote() const {
         return fmt::format(
             "<text class='note' x='{}' y='{}'>An error's axis spans its median ± {} robust "
-            "standard "
-            "deviations, or less where the data end before; what lies beyond is shown in the "
+            "standard deviations, or less where the data end before; what lies beyond is shown in "
+            "the "
             "panels' rims.</text>",
             left, picture_height - 8, PairMatrix::robust_deviations);
     }
@@ -317,9 +318,11 @@ std::string pair_matrix_style(PairPicture kind) {
         ".pairs .note{{font-size:11px}}"
         ".panel .paper{{fill:{}}}.panel .grid{{fill:none;stroke-width:1}}"
         ".panel image{{image-rendering:pixelated}}"
-        ".plot .halo{{fill:none;stroke:{};stroke-width:4;stroke-linejoin:round}}"
-        ".plot .mean,.plot .spread{{fill:none;stroke:{};stroke-width:1.8;stroke-linejoin:round}}"
-        ".plot .spread{{stroke-width:1.3;stroke-dasharray:4 2.5}}",
+        ".plot "
+        ".halo{{fill:none;stroke:{};stroke-width:4;stroke-linejoin:round;stroke-linecap:round}}"
+        ".plot .mean,.plot "
+        ".spread{{fill:none;stroke:{};stroke-width:1.8;stroke-linejoin:round;stroke-linecap:round}}"
+        ".plot .spread{{stroke-width:1.3;stroke-dasharray:4 3}}",
         colour("var(--card)", "#fff"), colour("var(--card)", "#fff"),
         colour("var(--mean)", "#d1131f"));
 }

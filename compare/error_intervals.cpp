@@ -94,7 +94,7 @@ std::optional<ConfidenceInterval> percentiles(std::span<const Sums> drawn, doubl
     constexpr std::ptrdiff_t rank = (draws + 1) / 40;  // 2.5 %
     const auto low = values.begin() + rank - 1, high = values.end() - rank;
     std::nth_element(values.begin(), low, values.end());
-    std::nth_element(low, high, values.end());
+    std::nth_element(low + 1, high, values.end());
     return ConfidenceInterval{*low, *high};
 }
 

@@ -110,9 +110,10 @@ std::string bin_path(const PairPanel& panel, const PairAxis& freedom, const Pair
             continue;
         }
         const double value = *mean + (deviations != 0.0 ? deviations * *deviation : 0.0);
-        path += fmt::format(pen_down ? "L{:.1f} {:.1f}" : "M{:.1f} {:.1f}h0",
+        path += fmt::format("{}{:.1f} {:.1f}{}", pen_down ? "L" : "M",
                             across(freedom, 0.5 * (bin.low + bin.high)),
-                            std::clamp(down(error, value), panel_rim, panel_height - panel_rim));
+                            std::clamp(down(error, value), panel_rim, panel_height - panel_rim),
+                            pen_down ? "" : "h0");
         pen_down = true;
     }
     return path;

@@ -82,6 +82,8 @@ TEST(PairMatrix, ShowsAnErrorThatGrowsWithDepth) {
 TEST(PairMatrix, KeepsWhatLiesBeyondAnAxis) {
     auto poses = test::study_poses(500);
     DetectorErrors errors = test::synthetic_errors({1.0, 0.0, 0.0, 0.0}, poses, 1);
+    for (std::size_t i = 0; i < errors.size(); ++i)
+        errors[i]->measures[0] = 0.1 * static_cast<double>(i % 7);
     errors[7]->measures[0] = 4000.0;
     errors[8]->measures[0] = errors[9]->measures[0] = -4000.0;
     const PairMatrix matrix = pair_matrix("tag", test::components(poses), errors);

@@ -43,7 +43,8 @@ figure img{width:100%;height:auto;image-rendering:pixelated;display:block}
 figcaption{color:var(--soft);font-size:.85rem;margin-top:6px}
 svg.plot{width:100%;height:auto;font:12px system-ui,sans-serif;display:block}
 .plot text{fill:var(--text)}.plot .grid{stroke:var(--line)}.plot .axis{stroke:var(--soft);fill:none}
-.blue{--ink:#0072b2}.orange{--ink:#e69f00}.green{--ink:#009e73}.red{--ink:#d55e00}.gray{--ink:#8a949b}
+.blue{--ink:#0072b2}.orange{--ink:#e69f00}.green{--ink:#009e73}.red{--ink:#d55e00}
+.purple{--ink:#cc79a7}.sky{--ink:#56b4e9}.gray{--ink:#8a949b}
 .plot .mark{fill:var(--ink)}.plot .stroke{stroke:var(--ink);fill:none}.plot .area{fill:var(--ink);opacity:.2}
 details{margin:1em 0}summary{cursor:pointer;font-weight:600}code{font-size:.92em}
 @media print{body{background:#fff}.figures{break-inside:avoid}details>*{display:block}}
@@ -79,14 +80,17 @@ std::string base64(const std::vector<unsigned char>& bytes) {
     return text;
 }
 
-std::string embedded(const cv::Mat& picture, const std::string& extension,
-                     const std::string& media_type, const std::vector<int>& parameters,
-                     const std::string& alt) {
+std::string data_uri(const cv::Mat& picture, const std::string& extension,
+                     const std::string& media_type, const std::vector<int>& parameters) {
     std::vector<unsigned char> bytes;
     if (!cv::imencode(extension, picture, bytes, parameters))
         throw Error("a picture of the report cannot be encoded as " + media_type);
-    return fmt::format("<img alt=\"{}\" width=\"{}\" height=\"{}\" src=\"data:{};base64,{}\">",
-                       escape_html(alt), picture.cols, picture.rows, media_type, base64(bytes));
+    return "data:" + media_type + ";base64," + base64(bytes);
+}
+
+std::string image_element(const cv::Mat& picture, const std::string& uri, const std::string& alt) {
+    return fmt::format("<img alt=\"{}\" width=\"{}\" height=\"{}\" src=\"{}\">", escape_html(alt),
+                       picture.cols, picture.rows, uri);
 }
 
 }  // namespace
@@ -170,12 +174,17 @@ std::string HtmlPage::finish() const {
         escape_html(title_), style, style_, escape_html(title_), escape_html(subtitle_), body_);
 }
 
+std::string png_data_uri(const cv::Mat& picture) {
+    return data_uri(picture, ".png", "image/png", {});
+}
+
 std::string embedded_png(const cv::Mat& picture, const std::string& alt) {
-    return embedded(picture, ".png", "image/png", {}, alt);
+    return image_element(picture, png_data_uri(picture), alt);
 }
 
 std::string embedded_jpeg(const cv::Mat& picture, int quality, const std::string& alt) {
-    return embedded(picture, ".jpg", "image/jpeg", {cv::IMWRITE_JPEG_QUALITY, quality}, alt);
+    return image_element(
+        picture, data_uri(picture, ".jpg", "image/jpeg", {cv::IMWRITE_JPEG_QUALITY, quality}), alt);
 }
 
 }  // namespace etalon

@@ -53,4 +53,7 @@ private:
 std::string embedded_png(const cv::Mat& picture, const std::string& alt);
 std::string embedded_jpeg(const cv::Mat& picture, int quality, const std::string& alt);
 
+// The picture as "data:image/png;base64,...", for the <image> of an <svg>.
+std::string png_data_uri(const cv::Mat& picture);
+
 }  // namespace etalon

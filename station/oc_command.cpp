@@ -27,12 +27,12 @@ constexpr int noisy_frames = 24;
 
 // "99.9 >99.6": the share in percent and the end of its interval that matters.
 std::string at_least(int count, int runs) {
-    const RunShare share = run_share(count, runs);
+    const Share share = run_share(count, runs);
     return fmt::format("{:5.1f} >{:4.1f}", 100.0 * share.value, 100.0 * share.low);
 }
 
 std::string at_most(int count, int runs) {
-    const RunShare share = run_share(count, runs);
+    const Share share = run_share(count, runs);
     return fmt::format("{:5.2f} <{:4.2f}", 100.0 * share.value, 100.0 * share.high);
 }
 
@@ -89,7 +89,7 @@ void print_text(const StudiedPlan& studied, const OperatingCharacteristic& resul
     fmt::print("operating characteristic of {}: {} poses, {} runs a point\n{}", studied.station.id,
                studied.plan.poses.size(), result.runs, detector_text(studied.simulator->study()));
     const OutcomeCounts& verdict = result.without_error.verdict;
-    const RunShare pass = run_share(verdict.pass, verdict.runs());
+    const Share pass = run_share(verdict.pass, verdict.runs());
     fmt::print("without any error the verdict is PASS in {:.2f} % of runs ({:.2f} to {:.2f})\n",
                100.0 * pass.value, 100.0 * pass.low, 100.0 * pass.high);
     for (std::size_t k = 0; k < result.quantities.size(); ++k)
@@ -102,7 +102,7 @@ void print_text(const StudiedPlan& studied, const OperatingCharacteristic& resul
 
 Json json_of(const OutcomeCounts& counts) {
     const auto share = [&](int count) {
-        const RunShare s = run_share(count, counts.runs());
+        const Share s = run_share(count, counts.runs());
         return Json{{"runs", count}, {"share", s.value}, {"low", s.low}, {"high", s.high}};
     };
     return {{"PASS", share(counts.pass)},
@@ -179,7 +179,7 @@ std::string curve(const OperatingCharacteristic& result, const ErrorCharacterist
         counts.push_back(point.quantities[quantity].counts);
     }
     for (const OutcomeCounts& one : counts) {
-        const RunShare share = run_share(one.pass, one.runs());
+        const Share share = run_share(one.pass, one.runs());
         pass.push_back(share.value);
         low.push_back(share.low);
         high.push_back(share.high);

@@ -250,15 +250,10 @@ private:
 
 }  // namespace
 
-RunShare run_share(int count, int runs) {
-    if (runs <= 0 || count < 0 || count > runs)
+Share run_share(int count, int runs) {
+    if (runs <= 0 || count < 0)
         throw NumericalError(fmt::format("share of runs: {} of {}", count, runs));
-    constexpr double z = 1.959964;  // 97.5 % quantile of the normal distribution
-    const double n = runs, share = count / n;
-    const double middle = (share + z * z / (2.0 * n)) / (1.0 + z * z / n);
-    const double half =
-        z / (1.0 + z * z / n) * std::sqrt(share * (1.0 - share) / n + z * z / (4.0 * n * n));
-    return {share, std::max(0.0, middle - half), std::min(1.0, middle + half)};
+    return wilson_share(static_cast<std::size_t>(count), static_cast<std::size_t>(runs));
 }
 
 OperatingCharacteristic operating_characteristic(const RunSimulator& simulator,

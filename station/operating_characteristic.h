@@ -17,15 +17,13 @@
 #include <string>
 #include <vector>
 
+#include "core/share.h"
 #include "station/simulated_run.h"
 
 namespace etalon {
 
-// A share of runs with its two-sided 95 % interval (Wilson 1927).
-struct RunShare {
-    double value = 0.0, low = 0.0, high = 1.0;
-};
-RunShare run_share(int count, int runs);  // 0 <= count <= runs, runs > 0
+// A share of runs with its two-sided 95 % interval. 0 <= count <= runs, runs > 0.
+Share run_share(int count, int runs);
 
 struct OutcomeCounts {
     int pass = 0, fail = 0, other = 0;

@@ -11,7 +11,7 @@
 namespace etalon {
 namespace {
 
-constexpr double left = 62, right = 14, top = 26, bottom = 44;  // margins, px
+constexpr double left = 62, right = 14, bottom = 44;  // margins, px; the upper one is the legend's
 
 const char* css_class(Ink ink) {
     switch (ink) {
@@ -23,6 +23,10 @@ const char* css_class(Ink ink) {
             return "green";
         case Ink::red:
             return "red";
+        case Ink::purple:
+            return "purple";
+        case Ink::sky:
+            return "sky";
         case Ink::gray:
             return "gray";
     }
@@ -39,12 +43,39 @@ double tick_step(double low, double high, int most) {
     return 10.0 * power;
 }
 
-std::vector<double> ticks(double low, double high, int most) {
-    const double step = tick_step(low, high, most);
+// Logarithms of round numbers on an axis from 10^low to 10^high: those of a linear axis for less
+// than a decade, else 1, 2 and 5 of every decade, or only the decades where there are many.
+std::vector<double> log_ticks(double low, double high, int most) {
     std::vector<double> values;
-    for (double tick = std::ceil(low / step) * step; tick <= high + 1e-9 * step; tick += step)
-        values.push_back(std::abs(tick) < 1e-9 * step ? 0.0 : tick);
+    if (high - low < 1.0) {
+        for (const double value : axis_ticks(std::pow(10.0, low), std::pow(10.0, high), most))
+            values.push_back(std::log10(value));
+        return values;
+    }
+    for (double decade = std::floor(low); decade <= high; decade += 1.0)
+        for (const double factor : {1.0, 2.0, 5.0}) {
+            const double tick = decade + std::log10(factor);
+            if (tick >= low && tick <= high && (factor == 1.0 || high - low < 2.5))
+                values.push_back(tick);
+        }
     return values;
+}
+
+std::vector<double> ticks(double low, double high, int most, bool logarithmic) {
+    return logarithmic ? log_ticks(low, high, most) : axis_ticks(low, high, most);
+}
+
+std::string tick_label(double tick, bool logarithmic) {
+    return fmt::format("{:.4g}", logarithmic ? std::pow(10.0, tick) : tick);
+}
+
+// Along an axis: the values, or their logarithms.
+std::vector<double> placed(std::span<const double> values, bool logarithmic) {
+    std::vector<double> result(values.begin(), values.end());
+    if (logarithmic)
+        for (double& value : result)
+            value = std::log10(value);
+    return result;
 }
 
 std::string title(const std::string& note) {
@@ -59,6 +90,7 @@ std::string stand_alone_style() {
     for (const auto& [ink, colour] :
          {std::pair(Ink::blue, "#0072b2"), std::pair(Ink::orange, "#e69f00"),
           std::pair(Ink::green, "#009e73"), std::pair(Ink::red, "#d55e00"),
+          std::pair(Ink::purple, "#aa4f8b"), std::pair(Ink::sky, "#3f9fd8"),
           std::pair(Ink::gray, "#8a949b")})
         style +=
             fmt::format(".{0} .mark,.{0} .area{{fill:{1}}}.{0} .stroke{{stroke:{1};fill:none}}",
@@ -67,6 +99,14 @@ std::string stand_alone_style() {
 }
 
 }  // namespace
+
+std::vector<double> axis_ticks(double low, double high, int most) {
+    const double step = tick_step(low, high, most);
+    std::vector<double> values;
+    for (double tick = std::ceil(low / step) * step; tick <= high + 1e-9 * step; tick += step)
+        values.push_back(std::abs(tick) < 1e-9 * step ? 0.0 : tick);
+    return values;
+}
 
 struct SvgPlot::Extent {
     double low = std::numeric_limits<double>::infinity();
@@ -89,7 +129,7 @@ struct SvgPlot::Extent {
 
 struct SvgPlot::Frame {
     Extent x, y;
-    double width, height;  // of the inner area, px
+    double top, width, height;  // of the inner area, px
     bool y_down;
 
     double px(double value) const { return left + width * (value - x.low) / (x.high - x.low); }
@@ -113,20 +153,11 @@ void SvgPlot::set_image_axes() {
 }
 
 void SvgPlot::set_log_axes() {
-    log_axes_ = true;
+    log_x_ = log_y_ = true;
 }
 
-// Along an axis: the values, or their logarithms.
-std::vector<double> SvgPlot::placed(std::span<const double> values) const {
-    std::vector<double> result(values.begin(), values.end());
-    if (log_axes_)
-        for (double& value : result)
-            value = std::log10(value);
-    return result;
-}
-
-std::string SvgPlot::tick_label(double tick) const {
-    return log_axes_ ? fmt::format("{:.2g}", std::pow(10.0, tick)) : fmt::format("{:.4g}", tick);
+void SvgPlot::set_log_y_axis() {
+    log_y_ = true;
 }
 
 void SvgPlot::set_y_range(double low, double high) {
@@ -135,20 +166,22 @@ void SvgPlot::set_y_range(double low, double high) {
 
 void SvgPlot::add_points(std::span<const double> xs, std::span<const double> ys, Ink ink,
                          const std::string& name, const std::vector<std::string>& notes) {
-    layers_.push_back({Layer::Kind::points, placed(xs), placed(ys), {}, {}, ink, name, notes});
+    layers_.push_back(
+        {Layer::Kind::points, placed(xs, log_x_), placed(ys, log_y_), {}, {}, ink, name, notes});
 }
 
 void SvgPlot::add_line(std::span<const double> xs, std::span<const double> ys, Ink ink,
                        const std::string& name) {
-    layers_.push_back({Layer::Kind::line, placed(xs), placed(ys), {}, {}, ink, name, {}});
+    layers_.push_back(
+        {Layer::Kind::line, placed(xs, log_x_), placed(ys, log_y_), {}, {}, ink, name, {}});
 }
 
 void SvgPlot::add_band(std::span<const double> xs, std::span<const double> lows,
                        std::span<const double> highs, Ink ink, const std::string& name) {
     layers_.push_back({Layer::Kind::band,
-                       {xs.begin(), xs.end()},
-                       {lows.begin(), lows.end()},
-                       {highs.begin(), highs.end()},
+                       placed(xs, log_x_),
+                       placed(lows, log_y_),
+                       placed(highs, log_y_),
                        {},
                        ink,
                        name,
@@ -179,7 +212,7 @@ void SvgPlot::add_arrows(std::span<const double> xs, std::span<const double> ys,
 }
 
 void SvgPlot::add_level(double y, Ink ink, const std::string& label) {
-    layers_.push_back({Layer::Kind::level, {}, placed({&y, 1}), {}, {}, ink, label, {}});
+    layers_.push_back({Layer::Kind::level, {}, placed({&y, 1}, log_y_), {}, {}, ink, label, {}});
 }
 
 void SvgPlot::Layer::include_in(Extent& x, Extent& y) const {
@@ -216,7 +249,9 @@ SvgPlot::Frame SvgPlot::frame() const {
     Extent x, y;
     for (const Layer& layer : layers_)
         layer.include_in(x, y);
-    Frame frame{x.padded(), y.padded(), width_ - left - right, height_ - top - bottom, image_axes_};
+    const double top = 26.0 + 16.0 * (legend_places().rows - 1);
+    Frame frame{x.padded(), y.padded(), top, width_ - left - right, height_ - top - bottom,
+                image_axes_};
     if (y_range_)
         frame.y = {y_range_->first, y_range_->second};
     if (image_axes_)
@@ -226,21 +261,21 @@ SvgPlot::Frame SvgPlot::frame() const {
 
 std::string SvgPlot::axes(const Frame& f) const {
     std::string text;
-    const double x0 = left, x1 = left + f.width, y0 = top, y1 = top + f.height;
-    for (const double tick : ticks(f.y.low, f.y.high, 6)) {
+    const double x0 = left, x1 = left + f.width, y0 = f.top, y1 = f.top + f.height;
+    for (const double tick : ticks(f.y.low, f.y.high, 6, log_y_)) {
         const double y = f.py(tick);
         text += fmt::format("<line class='grid' x1='{}' x2='{}' y1='{:.1f}' y2='{:.1f}'/>", x0, x1,
                             y, y);
         text += fmt::format("<text x='{}' y='{:.1f}' text-anchor='end'>{}</text>", x0 - 6, y + 4,
-                            tick_label(tick));
+                            tick_label(tick, log_y_));
     }
     if (categories_.empty()) {
-        for (const double tick : ticks(f.x.low, f.x.high, 8)) {
+        for (const double tick : ticks(f.x.low, f.x.high, 8, log_x_)) {
             const double x = f.px(tick);
             text += fmt::format("<line class='grid' y1='{}' y2='{}' x1='{:.1f}' x2='{:.1f}'/>", y0,
                                 y1, x, x);
             text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{}</text>", x,
-                                y1 + 16, tick_label(tick));
+                                y1 + 16, tick_label(tick, log_x_));
         }
     }
     for (std::size_t i = 0; i < categories_.size(); ++i)
@@ -324,18 +359,32 @@ std::string SvgPlot::layer(const Layer& layer, const Frame& f) const {
     return fmt::format("<g class='{}'>{}</g>", css_class(layer.ink), shapes);
 }
 
-std::string SvgPlot::legend() const {
-    std::string text;
+// From left to right, in as many rows as the names need.
+SvgPlot::LegendPlaces SvgPlot::legend_places() const {
+    LegendPlaces places;
     double x = left;
     for (const Layer& layer : layers_) {
         if (layer.name.empty() || layer.kind == Layer::Kind::level)
             continue;
-        text += fmt::format(
-            "<g class='{}'><rect class='mark' x='{:.1f}' y='8' width='10' height='10' rx='2'/></g>"
-            "<text x='{:.1f}' y='17'>{}</text>",
-            css_class(layer.ink), x, x + 15, escape_html(layer.name));
-        x += 30 + 6.6 * static_cast<double>(layer.name.size());
+        const double entry = 30.0 + 6.6 * static_cast<double>(layer.name.size());
+        if (x > left && x + entry > width_) {
+            x = left;
+            ++places.rows;
+        }
+        places.entries.emplace_back(&layer, Eigen::Vector2d(x, 16.0 * (places.rows - 1)));
+        x += entry;
     }
+    return places;
+}
+
+std::string SvgPlot::legend() const {
+    std::string text;
+    for (const auto& [layer, place] : legend_places().entries)
+        text += fmt::format(
+            "<g class='{}'><rect class='mark' x='{:.1f}' y='{:g}' width='10' height='10' rx='2'/>"
+            "</g><text x='{:.1f}' y='{:g}'>{}</text>",
+            css_class(layer->ink), place.x(), place.y() + 8.0, place.x() + 15.0, place.y() + 17.0,
+            escape_html(layer->name));
     return text;
 }
 

@@ -15,7 +15,11 @@
 namespace etalon {
 
 // The colours of the style sheet, safe for colour-blind readers (Okabe and Ito 2008).
-enum class Ink { blue, orange, green, red, gray };
+enum class Ink { blue, orange, green, red, purple, sky, gray };
+
+// Round numbers within [low, high], low < high: at steps of 1, 2 or 5 times a power of ten, at most
+// `most` + 1 of them.
+std::vector<double> axis_ticks(double low, double high, int most);
 
 class SvgPlot {
 public:
@@ -25,9 +29,10 @@ public:
     void set_size(int width, int height);
     // Equal scales on both axes (maps), y growing downwards as in an image.
     void set_image_axes();
-    // Both axes logarithmic, for points, lines and levels that are added afterwards; coordinates
-    // that are not positive are left out.
+    // Both axes logarithmic, or y alone, for everything but bars and arrows that is added
+    // afterwards; coordinates that are not positive are left out.
     void set_log_axes();
+    void set_log_y_axis();
     // Fixed ends of an axis; otherwise they follow the data.
     void set_y_range(double low, double high);
 
@@ -65,9 +70,12 @@ private:
         void include_in(Extent& x, Extent& y) const;
     };
     struct Frame;  // the map from data to picture
+    struct LegendPlaces {
+        std::vector<std::pair<const Layer*, Eigen::Vector2d>> entries;  // places in px
+        int rows = 1;
+    };
 
-    std::vector<double> placed(std::span<const double> values) const;
-    std::string tick_label(double tick) const;
+    LegendPlaces legend_places() const;
     Frame frame() const;
     std::string axes(const Frame& frame) const;
     std::string layer(const Layer& layer, const Frame& frame) const;
@@ -79,7 +87,7 @@ private:
 
     std::string x_label_, y_label_;
     int width_ = 640, height_ = 320;
-    bool image_axes_ = false, log_axes_ = false;
+    bool image_axes_ = false, log_x_ = false, log_y_ = false;
     std::optional<std::pair<double, double>> y_range_;
     std::vector<std::string> categories_;
     std::vector<Layer> layers_;

@@ -52,6 +52,33 @@ TEST(SvgPlot, LeavesOutWhatIsNotFinite) {
     EXPECT_EQ(svg.find("inf"), std::string::npos);
 }
 
+// 1, 10 and 100 at equal distances, named as they are.
+TEST(SvgPlot, PlacesALogarithmicAxisByRatios) {
+    SvgPlot plot("x", "y");
+    plot.set_log_y_axis();
+    const std::vector<double> xs{1, 2, 3}, ys{1, 10, 100};
+    plot.add_points(xs, ys, Ink::blue, "points");
+    const std::string svg = plot.svg();
+    const std::vector<double> cx = attribute(svg, "circle", "cx");
+    const std::vector<double> cy = attribute(svg, "circle", "cy");
+    EXPECT_NEAR(cy[0] - cy[1], cy[1] - cy[2], 0.11);
+    EXPECT_NEAR(cx[1] - cx[0], cx[2] - cx[1], 0.11);
+    EXPECT_NE(svg.find(">20</text>"), std::string::npos);
+}
+
+TEST(SvgPlot, BreaksALegendThatIsTooLong) {
+    SvgPlot plot("x", "y");
+    plot.set_size(300, 200);
+    const std::vector<double> xs{1, 2}, ys{3, 4};
+    for (const char* name : {"the first of them", "the second of them", "the third"})
+        plot.add_line(xs, ys, Ink::blue, name);
+    const std::vector<double> x = attribute(plot.svg(), "rect class='mark'", "x");
+    ASSERT_EQ(x.size(), 3u);
+    EXPECT_EQ(x[0], x[1]);  // one below the other
+    for (const double each : x)
+        EXPECT_LT(each, 300.0 - 15.0);
+}
+
 TEST(SvgPlot, DrawsAnEmptyPlotWithoutData) {
     EXPECT_NE(SvgPlot("x", "y").svg().find("<svg"), std::string::npos);
 }

@@ -37,9 +37,9 @@ double checked_decimation(double factor, const std::string& place) {
     constexpr double largest = 8.0;
     const bool is_whole = factor >= 1.0 && factor <= largest && factor == std::floor(factor);
     if (!is_whole && factor != 1.5)
-        throw ConfigError({place, 0, "quad_decimate"},
-                          fmt::format("{} is not 1, 1.5 or a whole number up to {}", factor,
-                                      largest));
+        throw ConfigError(
+            {place, 0, "quad_decimate"},
+            fmt::format("{} is not 1, 1.5 or a whole number up to {}", factor, largest));
     return factor;
 }
 

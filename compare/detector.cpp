@@ -43,9 +43,9 @@ void require_options_of(const std::string& chosen, const DetectorOptions& option
                         const std::string& place) {
     const auto require = [&](bool is_given, const char* option, const char* owner) {
         if (is_given && chosen != owner)
-            throw ConfigError({place, 0, option},
-                              fmt::format("belongs to the detector '{}', and this is '{}'", owner,
-                                          chosen));
+            throw ConfigError(
+                {place, 0, option},
+                fmt::format("belongs to the detector '{}', and this is '{}'", owner, chosen));
     };
     require(options.subpixel_half_window_px.has_value(), "subpixel_half_window_px", "aruco");
     require(options.quad_decimate.has_value(), "quad_decimate", "apriltag");

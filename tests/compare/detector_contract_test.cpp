@@ -15,9 +15,10 @@ using test::sharp_camera;
 struct Contract {
     const char* detector;
     const char* marker;
-    const char* other;        // of the same kind, with another id or layout
-    double largest_error_px;  // of a point: the detector's bias and scatter, twice what was measured
-    const char* seen_twice;   // what is said then; empty for a marker without id
+    const char* other;  // of the same kind, with another id or layout
+    double
+        largest_error_px;    // of a point: the detector's bias and scatter, twice what was measured
+    const char* seen_twice;  // what is said then; empty for a marker without id
 };
 
 void PrintTo(const Contract& contract, std::ostream* out) {
@@ -75,8 +76,7 @@ TEST_P(EveryDetector, FindsItsMarkerAndItsPose) {
     std::printf("%s: largest error %.4f px\n", contract().detector, error);
 
     const Projector projector(sharp_camera());
-    const auto estimate =
-        estimate_pose(projector, seen_points_mm(marker_, *found), found->pixels);
+    const auto estimate = estimate_pose(projector, seen_points_mm(marker_, *found), found->pixels);
     ASSERT_TRUE(estimate);
     std::vector<Eigen::Vector2d> projected;
     for (const Eigen::Vector3d& point : marker_.points_mm)
@@ -93,7 +93,8 @@ TEST_P(EveryDetector, CountsOnlyTheMarkersOwnId) {
 TEST_P(EveryDetector, TakesNeitherOfTwoWithTheSameIdAndSaysSo) {
     if (*contract().seen_twice == '\0')
         GTEST_SKIP() << "a " << contract().detector << " has no id";
-    const RenderedTag left = photo_of(marker_, {-70, 5, 300}), right = photo_of(marker_, {70, -5, 300});
+    const RenderedTag left = photo_of(marker_, {-70, 5, 300}),
+                      right = photo_of(marker_, {70, -5, 300});
     // The white around each yields to the other.
     const CodeImage both{cv::min(left.image.pixels, right.image.pixels), 8};
     EXPECT_TRUE(detector_->detect(left.image));
@@ -103,7 +104,8 @@ TEST_P(EveryDetector, TakesNeitherOfTwoWithTheSameIdAndSaysSo) {
 }
 
 TEST_P(EveryDetector, GivesTheSameForTheSameImageWhateverItSawBefore) {
-    const RenderedTag photo = photo_of(marker_, {10, -7, 290}), other = photo_of(marker_, {-20, 3, 250});
+    const RenderedTag photo = photo_of(marker_, {10, -7, 290}),
+                      other = photo_of(marker_, {-20, 3, 250});
     const auto first = detector_->detect(photo.image);
     const auto between = detector_->detect(other.image);
     const auto again = detector_->detect(photo.image);
@@ -165,11 +167,10 @@ TEST(CharucoDetector, FindsTheCornersThatAreSeenAndThePoseByThem) {
         const auto point = static_cast<std::size_t>(found->points[i]);
         EXPECT_LT((found->pixels[i] - photo.corners.at(point)).norm(), 0.1) << point;
     }
-    const auto estimate = estimate_pose(Projector(sharp_camera()), seen_points_mm(board, *found),
-                                        found->pixels);
+    const auto estimate =
+        estimate_pose(Projector(sharp_camera()), seen_points_mm(board, *found), found->pixels);
     ASSERT_TRUE(estimate);
-    EXPECT_LT((estimate->camera_from_marker * test::middle_of(board) -
-               Eigen::Vector3d(10, -7, 290))
+    EXPECT_LT((estimate->camera_from_marker * test::middle_of(board) - Eigen::Vector3d(10, -7, 290))
                   .norm(),
               0.2);
 }
@@ -179,8 +180,8 @@ TEST(CharucoDetector, NeedsSixCornersOfABoardThatHasThem) {
     const RenderedTag photo = photo_of(board, {10, -7, 290});
     const auto detector = make_detector("auto", board, "test");
     // Two tags of the first column, and what is beside them.
-    EXPECT_FALSE(detector->detect(covered_from(
-        photo.image, static_cast<int>(photo.corners.front().x()) + 5)));
+    EXPECT_FALSE(detector->detect(
+        covered_from(photo.image, static_cast<int>(photo.corners.front().x()) + 5)));
     EXPECT_EQ(detector->failure(), "marker not found");
     EXPECT_THROW(make_detector("charuco", marker_of("charuco:4X4_50:3x3@12mm/9mm"), "test"),
                  ConfigError);

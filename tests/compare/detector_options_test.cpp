@@ -62,8 +62,8 @@ TEST(DetectorOptions, OfAnotherDetectorAreRefused) {
 }
 
 TEST(DetectorOptions, OutOfRangeAreRefused) {
-    for (const double factor : {0.0, -2.0, 0.5, 1.25, 2.5, 9.0, std::nan(""),
-                                std::numeric_limits<double>::infinity()})
+    for (const double factor :
+         {0.0, -2.0, 0.5, 1.25, 2.5, 9.0, std::nan(""), std::numeric_limits<double>::infinity()})
         EXPECT_NE(complaint("apriltag", apriltag, decimated(factor)), "") << factor;
     for (const double factor : {1.0, 1.5, 2.0, 8.0})
         EXPECT_EQ(complaint("apriltag", apriltag, decimated(factor)), "") << factor;
@@ -104,10 +104,12 @@ Offsets measured(const char* marker, const DetectorOptions& options, double scal
     constexpr int poses = 20;
     const Marker tag = parse_marker(marker, "test");
     const auto detector = make_detector("auto", tag, "test", options);
-    const Offsets offsets = mean_offset(test::tag_photos(sharp_camera(), tag, poses, scale), *detector);
-    std::printf("%s, %.0f px: mean offset %+.4f, %+.4f px, inward %+.4f px, rms %.4f px, %d of %d\n",
-                detector->name().c_str(), 120.0 * scale, offsets.mean.x(), offsets.mean.y(),
-                offsets.inward, offsets.rms, offsets.detected, poses);
+    const Offsets offsets =
+        mean_offset(test::tag_photos(sharp_camera(), tag, poses, scale), *detector);
+    std::printf(
+        "%s, %.0f px: mean offset %+.4f, %+.4f px, inward %+.4f px, rms %.4f px, %d of %d\n",
+        detector->name().c_str(), 120.0 * scale, offsets.mean.x(), offsets.mean.y(), offsets.inward,
+        offsets.rms, offsets.detected, poses);
     return offsets;
 }
 

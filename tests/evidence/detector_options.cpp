@@ -69,9 +69,9 @@ void print_table(const char* spec, const std::vector<Variant>& variants) {
 
 void print_costs() {
     fmt::print("{:<34} {:>7}\n", "CPU time of a detection", "ms");
-    for (const char* spec : {"apriltag:36h11:17@50mm", "aruco:4X4_50:7@50mm", "stag:HD21:5@50mm",
-                             "topotag:4x4:9283@50mm", "charuco:4X4_50:9x6@12mm/9mm",
-                             "chessboard:9x6@12mm"}) {
+    for (const char* spec :
+         {"apriltag:36h11:17@50mm", "aruco:4X4_50:7@50mm", "stag:HD21:5@50mm",
+          "topotag:4x4:9283@50mm", "charuco:4X4_50:9x6@12mm/9mm", "chessboard:9x6@12mm"}) {
         const Marker marker = parse_marker(spec, "evidence");
         const auto detector = make_detector("auto", marker, "evidence");
         const RenderedTag photo =

@@ -79,15 +79,16 @@ struct ApriltagFinder::Handles {
     Finder finder;
 };
 
-ApriltagFinder::ApriltagFinder(const std::string& family, int border_cells)
+ApriltagFinder::ApriltagFinder(const std::string& family, int border_cells,
+                               const ApriltagQuads& quads)
     : handles_(new Handles{make_family(family),
                            {apriltag_detector_create(), apriltag_detector_destroy}}) {
     if (border_cells > 1)
         widen_border(*handles_->family, border_cells);
     apriltag_detector_t& finder = *handles_->finder;
-    finder.nthreads = 1;       // the same image gives the same result
-    finder.quad_decimate = 1;  // 2, the library's default, loses half of the small tags
-    finder.refine_edges = true;
+    finder.nthreads = 1;  // the same image gives the same result
+    finder.quad_decimate = static_cast<float>(quads.decimate);
+    finder.refine_edges = quads.refine_edges;
     apriltag_detector_add_family_bits(&finder, handles_->family.get(),
                                       correctable_bits(*handles_->family));
 }
@@ -96,7 +97,8 @@ ApriltagFinder::~ApriltagFinder() = default;
 
 std::vector<FoundTag> ApriltagFinder::find(cv::Mat image) {
     constexpr int smallest_tag = 8;  // px; the library's tiles need this much, too
-    if (image.cols < smallest_tag || image.rows < smallest_tag)
+    const double smallest_side = smallest_tag * handles_->finder->quad_decimate;
+    if (image.cols < smallest_side || image.rows < smallest_side)
         return {};
     image_u8_t view{image.cols, image.rows, static_cast<int32_t>(image.step), image.data};
     const Detections detections(apriltag_detector_detect(handles_->finder.get(), &view),

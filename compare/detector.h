@@ -20,7 +20,15 @@ namespace etalon {
 struct DetectedCorners {
     int id = 0;
     std::vector<Eigen::Vector2d> pixels;  // in the order of Marker::points_mm
+    // Of a marker that is seen in part: the index into Marker::points_mm of each pixel, ascending.
+    // Empty when all points are seen. Only boards of tags can be seen in part.
+    std::vector<int> points = {};
+
+    bool is_whole() const { return points.empty(); }
 };
+
+// The points of the marker that these pixels show: what estimate_pose() needs beside them.
+std::vector<Eigen::Vector3d> seen_points_mm(const Marker& marker, const DetectedCorners& corners);
 
 class Detector {
 public:
@@ -29,8 +37,8 @@ public:
 
     // The marker's corners in the image, or nothing when it is not seen: failure() says why. Tags
     // with another id are no concern; the marker's own id seen twice is a failure, as nothing tells
-    // which of them is on the stage. The same image gives the same result. Not thread-safe: one
-    // detector per thread.
+    // which of them is on the stage (of a ChArUco board, the tags that are; a chessboard has no
+    // id). The same image gives the same result. Not thread-safe: one detector per thread.
     virtual std::optional<DetectedCorners> detect(const CodeImage& image) = 0;
 
     // Why the last detect() returned nothing, in words: "marker not found".
@@ -47,12 +55,27 @@ private:
     std::string failure_;
 };
 
-// A detector for this marker: "apriltag", "aruco", "topotag", "chessboard" or "stag"; "auto" takes
-// the one that belongs to the marker. ArUco's other ways to place corners, for studies of their
-// bias, are "aruco-none", "aruco-contour" and "aruco-apriltag". Throws ConfigError (at `place`)
-// when there is no such detector or it cannot see the marker.
+// What a study may change of how a library places corners. What is not given is as in the adaptor.
+// How far off the corners are with each: compare/detector_adaptors.h.
+struct DetectorOptions {
+    // "aruco": half the side of the window that cv::cornerSubPix sees around a corner, as OpenCV's
+    // cornerRefinementWinSize: 2 half + 1 pixels a side. 1 to 30; 3 when not given.
+    std::optional<int> subpixel_half_window_px;
+    // "apriltag": outlines are looked for in an image reduced by this factor. 1, 1.5, or a whole
+    // number up to 8; 1 when not given (the library's own default is 2).
+    std::optional<double> quad_decimate;
+    // "apriltag": whether edges are then fitted anew to the whole image. True when not given.
+    std::optional<bool> refine_edges;
+};
+
+// A detector for this marker: "apriltag", "aruco", "topotag", "chessboard", "charuco" or "stag";
+// "auto" takes the one that belongs to the marker. ArUco's other ways to place corners, for studies
+// of their bias, are "aruco-none", "aruco-contour" and "aruco-apriltag". Throws ConfigError (at
+// `place`) when there is no such detector, it cannot see the marker, or an option is out of its
+// range or belongs to another detector.
 std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& marker,
-                                        const std::string& place);
+                                        const std::string& place,
+                                        const DetectorOptions& options = {});
 
 // A pose from corners. Planar targets have two local solutions; both are kept unless they end in
 // the same pose. RMS is that of the distance in pixels, sqrt(sum |e|^2 / points).

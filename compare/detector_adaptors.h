@@ -9,9 +9,13 @@
 
 namespace etalon {
 
-// libapriltag, full resolution (no decimation), edges refined. ConfigError at `place` for a marker
-// that is no AprilTag or of a family that the library does not have.
-std::unique_ptr<Detector> make_apriltag_detector(const Marker& marker, const std::string& place);
+// libapriltag, by default at full resolution (no decimation) and with edges refined. ConfigError at
+// `place` for a marker that is no AprilTag or of a family that the library does not have, and for
+// an option out of its range.
+//
+// TABLE
+std::unique_ptr<Detector> make_apriltag_detector(const Marker& marker, const std::string& place,
+                                                 const DetectorOptions& options = {});
 
 // How OpenCV's ArUco places the corners. Mean offset towards the tag's centre on exact renderings
 // of 120 px tags, OpenCV 4.6 (tests/compare/aruco_detector_test.cpp measures and prints it again).
@@ -24,9 +28,13 @@ enum class ArucoRefinement {
                // -0.08 px in x and in y
 };
 
-// OpenCV's ArUco with a dictionary of its own. ConfigError at `place` for any other marker.
+// OpenCV's ArUco with a dictionary of its own. ConfigError at `place` for any other marker, and for
+// a window out of its range.
+//
+// TABLE
 std::unique_ptr<Detector> make_aruco_detector(const Marker& marker, ArucoRefinement refinement,
-                                              const std::string& place);
+                                              const std::string& place,
+                                              const DetectorOptions& options = {});
 
 // Our own finder of STag markers (compare/stag_finder.h), all of whose edges place the corners: a
 // marker that is too small or too hidden for that is not found. ConfigError for any other marker.
@@ -37,6 +45,12 @@ std::unique_ptr<Detector> make_topotag_detector(const Marker& marker, const std:
 
 // The corner finder of compare/chessboard_corners.h for a marker of kind chessboard.
 std::unique_ptr<Detector> make_chessboard_detector(const Marker& marker, const std::string& place);
+
+// The ChArUco corners that a calibration finds (compare/calibration_target.h), at least six of
+// them: a board may be seen in part. Tags whose id is seen twice count as not seen, so that of two
+// boards alike nothing is found. ConfigError at `place` for any other marker and for a board with
+// fewer than 2x3 inner corners.
+std::unique_ptr<Detector> make_charuco_detector(const Marker& marker, const std::string& place);
 
 // The image with its full scale at 255, rounded: what the libraries expect. 8-bit images are not
 // copied.

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "core/errors.h"
 
 namespace etalon {
@@ -76,6 +78,14 @@ double distance(const Rigid& one, const Rigid& two, double length_mm) {
     return std::hypot(length_mm * difference.head<3>().norm(), difference.tail<3>().norm());
 }
 
+// Of the point that a turn about the marker's origin moves most; a board's first is its origin.
+double longest_arm(const Points& points) {
+    double longest_mm = 0.0;
+    for (const Eigen::Vector3d& point : points)
+        longest_mm = std::max(longest_mm, point.norm());
+    return longest_mm;
+}
+
 // The planar solution nearer to the prediction comes first.
 std::optional<PoseEstimate> estimate_near(const Projector& projector, const Points& points,
                                           const Pixels& pixels, const Rigid& predicted) {
@@ -83,7 +93,7 @@ std::optional<PoseEstimate> estimate_near(const Projector& projector, const Poin
     std::optional<PoseEstimate> estimate = estimate_pose(projector, points, pixels);
     if (!estimate || !estimate->alternative)
         return estimate;
-    const double length_mm = points.front().norm();
+    const double length_mm = longest_arm(points);
     if (distance(*estimate->alternative, predicted, length_mm) <
         distance(estimate->camera_from_marker, predicted, length_mm)) {
         std::swap(*estimate->alternative, estimate->camera_from_marker);

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "core/errors.h"
+#include "sim/disc_cells.h"
 #include "sim/tag_pattern.h"
 
 namespace etalon {
@@ -236,14 +237,9 @@ BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double 
     Drawing drawing =
         blank(Eigen::Vector2d(-spacing, -spacing),
               Eigen::Vector2d((across - 1.0) * spacing, (down - 1.0) * spacing), cell);
-    const int reach = static_cast<int>(std::ceil(diameter / 2.0 / cell));
-    for (const Eigen::Vector3d& centre : board.points_mm) {
-        const Eigen::Vector2i middle = drawing.border(centre.head<2>());
-        for (int y = -reach; y < reach; ++y)
-            for (int x = -reach; x < reach; ++x)
-                if (std::hypot(x + 0.5, y + 0.5) * cell <= diameter / 2.0)
-                    drawing.grid.cells.at<float>(middle.y() + y, middle.x() + x) = black;
-    }
+    for (const Eigen::Vector3d& centre : board.points_mm)
+        fill_disc(drawing.grid.cells, drawing.border(centre.head<2>()).cast<double>(),
+                  diameter / 2.0 / cell, black);
     board.grid = drawing.grid;
     return board;
 }

@@ -4,6 +4,8 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
+#include "sim/disc_cells.h"
+
 namespace etalon {
 namespace {
 
@@ -48,15 +50,11 @@ std::array<Eigen::Vector2d, stag_bits> all_quadrants() {
     return points;
 }
 
-// Fills a disc given in sides of the marker, from its centre.
-void fill_disc(cv::Mat& cells, const Eigen::Vector2d& centre, double radius, float radiance) {
+// A disc given in sides of the marker, from its centre.
+void draw_disc(cv::Mat& cells, const Eigen::Vector2d& centre, double radius, float radiance) {
     constexpr double cell = 1.0 / stag_cells_a_side;
     const Eigen::Vector2d middle = centre / cell + Eigen::Vector2d::Constant(cells.cols / 2.0);
-    const double reach = radius / cell;
-    for (int y = static_cast<int>(std::floor(middle.y() - reach)); y < middle.y() + reach; ++y)
-        for (int x = static_cast<int>(std::floor(middle.x() - reach)); x < middle.x() + reach; ++x)
-            if (std::hypot(x + 0.5 - middle.x(), y + 0.5 - middle.y()) <= reach)
-                cells.at<float>(y, x) = radiance;
+    fill_disc(cells, middle, radius / cell, radiance);
 }
 
 bool is_black(StagCode code, std::size_t point) {
@@ -66,7 +64,7 @@ bool is_black(StagCode code, std::size_t point) {
 void draw_code_discs(cv::Mat& cells, StagCode code) {
     const auto& points = stag_code_points();
     for (std::size_t i = 0; i < points.size(); ++i)
-        fill_disc(cells, points[i], disc_radius, is_black(code, i) ? black : white);
+        draw_disc(cells, points[i], disc_radius, is_black(code, i) ? black : white);
 }
 
 void join_black_discs(cv::Mat& cells, StagCode code) {
@@ -75,7 +73,7 @@ void join_black_discs(cv::Mat& cells, StagCode code) {
         for (std::size_t j = 0; j < i; ++j)
             if (is_black(code, i) && is_black(code, j) &&
                 (points[i] - points[j]).norm() < joined_below)
-                fill_disc(cells, (points[i] + points[j]) / 2.0, joint_radius, black);
+                draw_disc(cells, (points[i] + points[j]) / 2.0, joint_radius, black);
 }
 
 // Every cell takes the colour of most of those around it, which removes slivers between discs.
@@ -118,7 +116,7 @@ cv::Mat stag_cells(StagCode code) {
     cv::Mat cells(whole, whole, CV_32FC1, cv::Scalar::all(white));
     cells(cv::Rect(border, border, stag_cells_a_side, stag_cells_a_side))
         .setTo(cv::Scalar::all(black));
-    fill_disc(cells, Eigen::Vector2d::Zero(), stag_circle_radius, white);
+    draw_disc(cells, Eigen::Vector2d::Zero(), stag_circle_radius, white);
     const cv::Mat inside = code_cells(code);
     const int corner = (whole - inside.cols) / 2;
     cv::Mat middle = cells(cv::Rect(corner, corner, inside.cols, inside.rows));

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "core/errors.h"
+#include "sim/disc_cells.h"
 
 namespace etalon {
 namespace {
@@ -28,12 +29,13 @@ void paint(cv::Mat& pixels, const TopotagShape& shape, int pixels_per_cell) {
     const Eigen::Vector2d centre =
         shape.centre * pixels_per_cell + Eigen::Vector2d(pixels.cols, pixels.rows) / 2.0;
     const double reach = shape.half_side * pixels_per_cell;
+    const float radiance = shape.is_white ? 1.0f : 0.0f;
+    if (shape.is_round)
+        return fill_disc(pixels, centre, reach, radiance);
     const auto first = [&](double middle) { return static_cast<int>(std::lround(middle - reach)); };
     const int side = static_cast<int>(std::lround(2.0 * reach));
-    for (int y = first(centre.y()); y < first(centre.y()) + side; ++y)
-        for (int x = first(centre.x()); x < first(centre.x()) + side; ++x)
-            if (!shape.is_round || std::hypot(x + 0.5 - centre.x(), y + 0.5 - centre.y()) <= reach)
-                pixels.at<float>(y, x) = shape.is_white ? 1.0f : 0.0f;
+    pixels(cv::Rect(first(centre.x()), first(centre.y()), side, side))
+        .setTo(cv::Scalar::all(radiance));
 }
 
 }  // namespace

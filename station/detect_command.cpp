@@ -20,6 +20,8 @@ ordered_json photo_json(const PhotoPose& pose) {
         json["id"] = pose.corners->id;
         for (const Eigen::Vector2d& corner : pose.corners->pixels)
             json["corners_px"].push_back({corner.x(), corner.y()});
+        if (!pose.corners->is_whole())
+            json["points"] = pose.corners->points;
     }
     if (!pose.estimate) {
         json["failure"] = pose.failure;

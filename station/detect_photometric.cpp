@@ -34,9 +34,10 @@ struct Found {
     double cpu_ms = 0.0;  // of the fit, without that of the detector
 };
 
+// Boards that a calibration finds, and no detector.
 bool is_board(const Marker& marker) {
-    return marker.kind == Marker::Kind::charuco || marker.kind == Marker::Kind::aprilgrid ||
-           marker.kind == Marker::Kind::circles || marker.kind == Marker::Kind::acircles;
+    return marker.kind == Marker::Kind::aprilgrid || marker.kind == Marker::Kind::circles ||
+           marker.kind == Marker::Kind::acircles;
 }
 
 // The target's points that are seen, as a calibration finds them.

@@ -63,7 +63,7 @@ public:
         const ExpectedExposures exposures(view_, camera_from_marker);
         const auto detector = make_detector(station_.detector, station_.marker, station_.detector);
         const Corners clean = exposures.without_noise(*detector);
-        if (!clean)
+        if (!clean || !clean->is_whole())
             return std::nullopt;
         DetectorStatistics pose;
         pose.bias = stacked(clean->pixels) - *truth;
@@ -72,7 +72,8 @@ public:
         for (int i = 0; i < frames_; ++i) {
             const auto frame =
                 static_cast<std::uint32_t>(index) * 65536u + static_cast<std::uint32_t>(i);
-            if (const Corners noisy = exposures.with_noise(*detector, {seed_, frame}))
+            const Corners noisy = exposures.with_noise(*detector, {seed_, frame});
+            if (noisy && noisy->is_whole())
                 differences.col(seen++) = stacked(noisy->pixels) - stacked(clean->pixels);
         }
         if (2 * seen < frames_)

@@ -61,8 +61,8 @@ private:
                                     const Rigid& camera_from_marker) const {
         if (!corners)
             return std::nullopt;
-        const PoseBias bias = pose_bias(projector_, request_.marker.points_mm, camera_from_marker,
-                                        corners->pixels, std::nullopt);
+        const PoseBias bias = pose_bias(projector_, seen_points_mm(request_.marker, *corners),
+                                        camera_from_marker, corners->pixels, std::nullopt);
         return bias.b2 ? std::optional(bias) : std::nullopt;
     }
 

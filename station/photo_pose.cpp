@@ -71,7 +71,8 @@ PhotoPose find_marker(const std::filesystem::path& photo, const CodeImage& image
         result.failure = detector.failure().empty() ? "marker not found" : detector.failure();
         return result;
     }
-    result.estimate = estimate_pose(projector, marker.points_mm, result.corners->pixels);
+    result.estimate =
+        estimate_pose(projector, seen_points_mm(marker, *result.corners), result.corners->pixels);
     if (!result.estimate)
         result.failure = "its corners determine no pose in front of the camera";
     return result;

@@ -20,7 +20,7 @@ std::optional<std::vector<Eigen::Vector2d>> mean_of(
     std::vector<Eigen::Vector2d> mean;
     std::size_t count = 0;
     for (const auto& corners : seen) {
-        if (!corners)
+        if (!corners || !corners->is_whole())
             continue;
         ++count;
         mean.resize(corners->pixels.size(), Eigen::Vector2d::Zero());

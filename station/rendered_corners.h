@@ -33,9 +33,9 @@ public:
     // Variance of these corners by noise, in units of that of a pose's mean over its frames.
     static double noise_ratio(const StationFile& station);
 
-    // In the order of Marker::points_mm; nothing when the marker is not detected in most of the
-    // exposures. A pure function of station and pose. The exposures are seen in parallel; at() is
-    // for one thread at a time. Throws what Renderer::render throws.
+    // In the order of Marker::points_mm; nothing when the whole marker is not detected in most of
+    // the exposures. A pure function of station and pose. The exposures are seen in parallel; at()
+    // is for one thread at a time. Throws what Renderer::render throws.
     std::optional<std::vector<Eigen::Vector2d>> at(const Rigid& camera_from_marker) const;
 
 private:

@@ -17,7 +17,7 @@ TargetFinder tag_finder(const Marker& tag, const std::string& place) {
     const std::shared_ptr<Detector> detector = make_detector("auto", tag, place);
     return [detector](const CodeImage& image) {
         const auto found = detector->detect(image);
-        return found ? by_id(found->pixels, {}) : TargetPoints{};
+        return found ? by_id(found->pixels, found->points) : TargetPoints{};
     };
 }
 

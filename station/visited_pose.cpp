@@ -28,10 +28,13 @@ void average_readings(PoseRecord& pose, std::span<const Axis> axes) {
 }
 
 void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame) {
-    if (const auto detected = detector.detect(image))
-        frame.corners = detected->pixels;
-    else
+    const auto detected = detector.detect(image);
+    if (!detected)
         frame.detection = detector.failure();
+    else if (!detected->is_whole())
+        frame.detection = "marker seen in part only";
+    else
+        frame.corners = detected->pixels;
 }
 
 void average_corners(PoseRecord& pose) {

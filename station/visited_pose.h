@@ -16,7 +16,7 @@ std::string frame_file(int pose, int frame);
 // least two, each with a position for every axis.
 void average_readings(PoseRecord& pose, std::span<const Axis> axes);
 
-// Sets the frame's corners, or why there are none.
+// Sets the frame's corners, or why there are none: all are needed, as means are taken of them.
 void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame);
 
 // Sets the pose's corners, the mean over the frames that saw the marker, and their number.

@@ -32,34 +32,12 @@ TEST(ApriltagDetector, FindsTheCornersFromTheTopLeftClockwise) {
 TEST(ApriltagDetector, HasNoMeanOffset) {
     const Marker tag = parse_marker("apriltag:36h11:17@50mm", "test");
     const auto detector = make_detector("apriltag", tag, "test");
-    const test::Offsets offsets = mean_offset(sharp_camera(), tag, *detector, 40);
+    const test::Offsets offsets = mean_offset(test::tag_photos(sharp_camera(), tag, 40), *detector);
     EXPECT_GE(offsets.detected, 38);
     EXPECT_LT(std::abs(offsets.mean.x()), 0.02);
     EXPECT_LT(std::abs(offsets.mean.y()), 0.02);
     std::printf("AprilTag: mean offset %+.4f, %+.4f px, inward %+.4f px, %d poses\n",
                 offsets.mean.x(), offsets.mean.y(), offsets.inward, offsets.detected);
-}
-
-TEST(ApriltagDetector, CountsOnlyTheMarkersOwnId) {
-    const Marker shown = parse_marker("apriltag:36h11:5@50mm", "test");
-    const Marker wanted = parse_marker("apriltag:36h11:6@50mm", "test");
-    const auto photo = test::render_tag(sharp_camera(), shown, {0.1, -0.1, 0.2, 0, 0, 300});
-    EXPECT_TRUE(make_detector("auto", shown, "test")->detect(photo.image));
-    const auto detector = make_detector("auto", wanted, "test");
-    EXPECT_FALSE(detector->detect(photo.image));
-    EXPECT_EQ(detector->failure(), "marker not found");
-}
-
-TEST(ApriltagDetector, TakesNeitherOfTwoWithTheSameIdAndSaysSo) {
-    const Marker tag = parse_marker("apriltag:36h11:5@50mm", "test");
-    const auto left = test::render_tag(sharp_camera(), tag, {0.1, -0.1, 0.2, -70, 5, 300});
-    const auto right = test::render_tag(sharp_camera(), tag, {0.1, -0.1, 0.2, 70, -5, 300});
-    // The white around each yields to the other.
-    const CodeImage both{cv::min(left.image.pixels, right.image.pixels), 8};
-    const auto detector = make_detector("auto", tag, "test");
-    EXPECT_TRUE(detector->detect(left.image));
-    EXPECT_FALSE(detector->detect(both));
-    EXPECT_EQ(detector->failure(), "marker 5 is seen 2 times");
 }
 
 TEST(ApriltagDetector, SeesTwelveBitImagesAsItSeesEightBitOnes) {
@@ -74,18 +52,9 @@ TEST(ApriltagDetector, SeesTwelveBitImagesAsItSeesEightBitOnes) {
         EXPECT_LT((eight->pixels[i] - twelve->pixels[i]).norm(), 1e-9);
 }
 
-TEST(ApriltagDetector, FindsNothingInImagesWithoutContentOrSize) {
-    const Marker tag = parse_marker("apriltag:36h11:5@50mm", "test");
-    const auto detector = make_detector("auto", tag, "test");
-    for (const cv::Size size : {cv::Size(1, 1), cv::Size(7, 300), cv::Size(9, 9), cv::Size(640, 3)})
-        EXPECT_FALSE(detector->detect({cv::Mat(size, CV_8UC1, cv::Scalar(128)), 8}));
-}
-
-TEST(MakeDetector, RefusesUnknownNamesAndMarkersThatItCannotSee) {
+TEST(MakeDetector, RefusesUnknownNames) {
     const Marker tag = parse_marker("apriltag:36h11:5@50mm", "test");
     EXPECT_THROW(make_detector("apriltags", tag, "--detector"), ConfigError);
-    EXPECT_THROW(make_detector("aruco", tag, "--detector"), ConfigError);
-    EXPECT_THROW(make_detector("chessboard", tag, "--detector"), ConfigError);
 }
 
 }  // namespace

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include "compare/detector_adaptors.h"
-#include "core/errors.h"
 #include "rendered_tags.h"
 
 namespace etalon {
@@ -14,7 +13,7 @@ using test::sharp_camera;
 test::Offsets measured(ArucoRefinement refinement) {
     const Marker tag = parse_marker("aruco:4X4_50:7@50mm", "test");
     const auto detector = make_aruco_detector(tag, refinement, "test");
-    const test::Offsets offsets = mean_offset(sharp_camera(), tag, *detector, 40);
+    const test::Offsets offsets = mean_offset(test::tag_photos(sharp_camera(), tag, 40), *detector);
     EXPECT_GE(offsets.detected, 36);
     std::printf("%s: mean offset %+.4f, %+.4f px, inward %+.4f px, %d poses\n",
                 detector->name().c_str(), offsets.mean.x(), offsets.mean.y(), offsets.inward,
@@ -58,23 +57,6 @@ TEST(ArucoDetector, ContourCornersLieFartherInward) {
 TEST(ArucoDetector, AprilTagModesHalfPixelIsUndone) {
     const test::Offsets offsets = measured(ArucoRefinement::apriltag);
     EXPECT_LT(offsets.mean.norm(), 0.2) << "0.7 px if it were not undone";
-}
-
-TEST(ArucoDetector, TakesNeitherOfTwoWithTheSameIdAndSaysSo) {
-    const Marker tag = parse_marker("aruco:4X4_50:7@50mm", "test");
-    const auto left = test::render_tag(sharp_camera(), tag, {0.1, -0.1, 0.2, -70, 5, 300});
-    const auto right = test::render_tag(sharp_camera(), tag, {0.1, -0.1, 0.2, 70, -5, 300});
-    // The white around each yields to the other.
-    const CodeImage both{cv::min(left.image.pixels, right.image.pixels), 8};
-    const auto detector = make_detector("auto", tag, "test");
-    EXPECT_TRUE(detector->detect(right.image));
-    EXPECT_FALSE(detector->detect(both));
-    EXPECT_EQ(detector->failure(), "marker 7 is seen 2 times");
-}
-
-TEST(ArucoDetector, RefusesAnotherKindOfMarker) {
-    const Marker tag = parse_marker("apriltag:36h11:5@50mm", "test");
-    EXPECT_THROW(make_aruco_detector(tag, ArucoRefinement::subpixel, "test"), ConfigError);
 }
 
 }  // namespace

@@ -69,6 +69,25 @@ TEST(PoseBias, LeavesOutWhatWasNotDetected) {
     EXPECT_FALSE(bias.b2 || bias.b3);
 }
 
+// A board's first point is its origin. Tilted about the line from there to its middle, both planar
+// solutions put it at almost the same place, and only the rotation tells them apart.
+TEST(PoseBias, TellsTheSolutionsOfABoardApartByTheirRotation) {
+    std::vector<Eigen::Vector3d> board;
+    for (int row = 0; row < 5; ++row)
+        for (int column = 0; column < 7; ++column)
+            board.emplace_back(8.0 * column, 8.0 * row, 0.0);
+    const Rigid truth{rotation_from_vector(0.4 * Eigen::Vector3d(3, 2, 0).normalized()),
+                      {-24.0, -16.0, 470.0}};
+    const CameraModel camera = demo_run().camera;
+    const Corners corners = corners_at(camera, board, truth);
+    const auto estimate = estimate_pose(Projector(camera), board, corners);
+    ASSERT_TRUE(estimate && estimate->alternative);
+    const Rigid predicted{truth.rotation, estimate->alternative->translation};
+    const PoseBias bias = pose_bias(Projector(camera), board, predicted, corners, std::nullopt);
+    ASSERT_TRUE(bias.b2);
+    EXPECT_LT(bias.b2->rotation_rad.norm(), 1e-6) << "0.8 rad for the other solution";
+}
+
 // A detector that draws corners apart by 0.3 px sees the marker about 5 mm too near. Registered on
 // its corners as they are, X takes part of that over, and B3 would show it as the camera's error.
 TEST(BiasCorrectedRegistration, KeepsTheDetectorsBiasOutOfXAndY) {

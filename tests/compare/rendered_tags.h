@@ -46,13 +46,14 @@ struct Offsets {
     int detected = 0;
     Eigen::Vector2d mean = Eigen::Vector2d::Zero();  // found - true, px
     double inward = 0.0;                             // mean of the part towards the tag's centre
+    double rms = 0.0;                                // of |found - true|
 };
 
-// Tags of about 120 px at `count` poses: tilts to 0.35 rad, any roll, all over the image.
-inline Offsets mean_offset(const CameraModel& camera, const Marker& tag, Detector& detector,
-                           int count) {
+// `count` tags: tilts to 0.35 rad, any roll, all over the image; about 120 px times `scale`.
+inline std::vector<RenderedTag> tag_photos(const CameraModel& camera, const Marker& tag, int count,
+                                           double scale = 1.0) {
     const Renderer renderer(camera);
-    Offsets offsets;
+    std::vector<RenderedTag> photos;
     for (int n = 0; n < count; ++n) {
         RandomStream random(23, 4, static_cast<std::uint64_t>(n));
         const auto between = [&](double low, double high) {
@@ -61,7 +62,15 @@ inline Offsets mean_offset(const CameraModel& camera, const Marker& tag, Detecto
         Vector6d pose;
         pose << between(-0.35, 0.35), between(-0.35, 0.35), between(-3.1, 3.1), between(-50, 50),
             between(-30, 30), between(270, 310);
-        const RenderedTag photo = render_tag(renderer, tag, rigid_from_vector(pose));
+        pose.tail<3>() /= scale;
+        photos.push_back(render_tag(renderer, tag, rigid_from_vector(pose)));
+    }
+    return photos;
+}
+
+inline Offsets mean_offset(const std::vector<RenderedTag>& photos, Detector& detector) {
+    Offsets offsets;
+    for (const RenderedTag& photo : photos) {
         const auto found = detector.detect(photo.image);
         if (!found)
             continue;
@@ -73,10 +82,13 @@ inline Offsets mean_offset(const CameraModel& camera, const Marker& tag, Detecto
             const Eigen::Vector2d error = found->pixels[i] - photo.corners[i];
             offsets.mean += error;
             offsets.inward += error.dot((centre - photo.corners[i]).normalized());
+            offsets.rms += error.squaredNorm();
         }
     }
-    offsets.mean /= 4.0 * std::max(offsets.detected, 1);
-    offsets.inward /= 4.0 * std::max(offsets.detected, 1);
+    const double corners = 4.0 * std::max(offsets.detected, 1);
+    offsets.mean /= corners;
+    offsets.inward /= corners;
+    offsets.rms = std::sqrt(offsets.rms / corners);
     return offsets;
 }
 

@@ -6,7 +6,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/detector.h"
-#include "core/errors.h"
 #include "rendered_tags.h"
 #include "tests/compare/stag_judgement.h"
 
@@ -49,28 +48,6 @@ TEST(StagDetector, FindsMarkersOfOurOwnFamily) {
     const auto photo = test::render_tag(sharp_camera(), stag, {0.2, -0.5, 2.0, 10, -7, 290});
     EXPECT_LT(worst_corner(make_detector("stag", stag, "test")->detect(photo.image), photo.corners),
               0.1);
-}
-
-TEST(StagDetector, CountsOnlyTheMarkersOwnId) {
-    const auto photo =
-        test::render_tag(sharp_camera(), marker("stag:HD21:5@50mm"), {0.1, -0.1, 0.2, 0, 0, 300});
-    for (int other = 0; other < 12; ++other) {
-        const Marker wanted = marker(fmt::format("stag:HD21:{}@50mm", other));
-        const auto detector = make_detector("auto", wanted, "test");
-        EXPECT_EQ(detector->detect(photo.image).has_value(), other == 5) << other;
-        EXPECT_EQ(detector->failure(), other == 5 ? "" : "marker not found");
-    }
-}
-
-TEST(StagDetector, TakesNeitherOfTwoWithTheSameIdAndSaysSo) {
-    const Marker stag = marker("stag:HD21:5@50mm");
-    const auto left = test::render_tag(sharp_camera(), stag, {0.1, -0.1, 0.2, -70, 5, 300});
-    const auto right = test::render_tag(sharp_camera(), stag, {0.1, -0.1, 0.2, 70, -5, 300});
-    const CodeImage both{cv::min(left.image.pixels, right.image.pixels), 8};
-    const auto detector = make_detector("auto", stag, "test");
-    EXPECT_TRUE(detector->detect(left.image));
-    EXPECT_FALSE(detector->detect(both));
-    EXPECT_EQ(detector->failure(), "marker 5 is seen 2 times");
 }
 
 // The fourth corner is where the two sides meet that go to it, and the circle helps to place it.
@@ -144,13 +121,6 @@ TEST(StagDetector, SeesTwelveBitImagesAsItSeesEightBitOnes) {
         EXPECT_LT((eight->pixels[i] - twelve->pixels[i]).norm(), 1e-6);
 }
 
-TEST(StagDetector, FindsNothingInImagesWithoutContentOrSize) {
-    const auto detector = make_detector("auto", marker("stag:HD21:5@50mm"), "test");
-    for (const cv::Size size : {cv::Size(1, 1), cv::Size(7, 300), cv::Size(9, 9), cv::Size(16, 16),
-                                cv::Size(17, 40), cv::Size(640, 3)})
-        EXPECT_FALSE(detector->detect({cv::Mat(size, CV_8UC1, cv::Scalar(128)), 8}));
-}
-
 TEST(StagDetector, SurvivesNoiseOfAnySize) {
     const auto detector = make_detector("auto", marker("stag:HD21:5@50mm"), "test");
     for (int i = 0; i < 60; ++i) {
@@ -173,11 +143,6 @@ TEST(StagFinder, TakesNothingElseForAMarker) {
     EXPECT_EQ(tally.false_ids, 0);
     EXPECT_EQ(tally.misplaced, 0);
     EXPECT_GE(tally.found, 10);  // of 40 markers, many of them partly outside the image
-}
-
-TEST(MakeStagDetector, RefusesMarkersThatItCannotSee) {
-    EXPECT_THROW(make_detector("stag", marker("apriltag:36h11:5@50mm"), "--detector"), ConfigError);
-    EXPECT_THROW(make_detector("aruco", marker("stag:HD21:5@50mm"), "--detector"), ConfigError);
 }
 
 }  // namespace

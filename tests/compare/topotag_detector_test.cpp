@@ -4,7 +4,6 @@
 
 #include "compare/detector.h"
 #include "compare/detector_adaptors.h"
-#include "core/errors.h"
 #include "core/median.h"
 #include "rendered_tags.h"
 #include "tests/evidence/topotag_study.h"
@@ -119,27 +118,6 @@ TEST(TopotagDetector, IsNotMovedByUnevenLight) {
     EXPECT_LT(largest_error(*found, photo.corners), 0.05);
 }
 
-TEST(TopotagDetector, CountsOnlyTheMarkersOwnId) {
-    const Marker shown = parse_marker("topotag:4x4:9283@50mm", "test");
-    const Marker wanted = parse_marker("topotag:4x4:9282@50mm", "test");
-    const auto photo = test::render_tag(sharp_camera(), shown, {0.1, -0.1, 0.2, 0, 0, 300});
-    EXPECT_TRUE(make_detector("auto", shown, "test")->detect(photo.image));
-    const auto detector = make_detector("auto", wanted, "test");
-    EXPECT_FALSE(detector->detect(photo.image));
-    EXPECT_EQ(detector->failure(), "marker not found");
-}
-
-TEST(TopotagDetector, TakesNeitherOfTwoWithTheSameIdAndSaysSo) {
-    const Marker tag = parse_marker("topotag:4x4:9283@50mm", "test");
-    const auto left = test::render_tag(sharp_camera(), tag, {0.1, -0.1, 0.2, -70, 5, 300});
-    const auto right = test::render_tag(sharp_camera(), tag, {0.1, -0.1, 0.2, 70, -5, 300});
-    const CodeImage both{cv::min(left.image.pixels, right.image.pixels), 8};
-    const auto detector = make_detector("auto", tag, "test");
-    EXPECT_TRUE(detector->detect(left.image));
-    EXPECT_FALSE(detector->detect(both));
-    EXPECT_EQ(detector->failure(), "marker 9283 is seen 2 times");
-}
-
 TEST(TopotagDetector, SeesTwelveBitImagesAsItSeesEightBitOnes) {
     const Marker tag = parse_marker("topotag:4x4:9283@50mm", "test");
     const auto photo = test::render_tag(sharp_camera(), tag, {0.2, 0.1, 0, 3, 5, 300});
@@ -164,20 +142,6 @@ TEST(TopotagDetector, FindsNothingThatIsNotThere) {
             EXPECT_TRUE(test::find_in(distraction.picture(kind, n, family), family).empty())
                 << test::Distraction::names[kind] << ", " << n << ", " << family;
         }
-}
-
-TEST(TopotagDetector, FindsNothingInImagesWithoutContentOrSize) {
-    const Marker tag = parse_marker("topotag:4x4:9283@50mm", "test");
-    const auto detector = make_detector("auto", tag, "test");
-    for (const cv::Size size : {cv::Size(1, 1), cv::Size(7, 300), cv::Size(9, 9), cv::Size(640, 3)})
-        for (const int level : {0, 128, 255})
-            EXPECT_FALSE(detector->detect({cv::Mat(size, CV_8UC1, cv::Scalar(level)), 8}));
-}
-
-TEST(TopotagDetector, RefusesAnotherKindOfMarker) {
-    const Marker tag = parse_marker("aruco:4X4_50:7@50mm", "test");
-    EXPECT_THROW(make_topotag_detector(tag, "test"), ConfigError);
-    EXPECT_THROW(make_detector("topotag", tag, "test"), ConfigError);
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ namespace etalon {
 // to the point, its first binary digit in the highest bit.
 using SobolDirections = std::array<std::uint64_t, 64>;
 
-// Immutable, safe from every thread. point() costs 0.1 us per dimension, a tenth of it unscrambled.
+// Immutable, safe from every thread. point() costs 0.3 us per dimension, unscrambled 0.1 us.
 class SobolSequence {
 public:
     static constexpr int max_dimensions = 16;

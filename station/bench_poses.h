@@ -1,5 +1,5 @@
 // Poses that fill what a camera can see of a marker, for statistics over poses: Halton points
-// (sim/pose_sampling.h) of which those are left out that would bring a corner of the grid nearer
+// (sim/pose_sampling.h) of which those are left out that would bring the grid's outline nearer
 // than 20 px to the image's border or outside, or whose plane passes through the lens (part of
 // which would see the back). The same arguments give the same poses, and more of them begin with
 // the fewer. All throw NumericalError when one draw in a thousand or less fits.

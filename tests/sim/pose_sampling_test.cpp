@@ -141,6 +141,24 @@ TEST(HaltonSequence, StaysStratifiedInAllDimensionsTogetherFromARandomStart) {
     }
 }
 
+// In base 2, which Faure leaves as it is, the point's mirrored digits count the index from a start.
+TEST(HaltonSequence, CountsOnFromItsRandomStart) {
+    const auto halton = HaltonSequence::with_faure_permutations(1, 23);
+    const auto counted = [&](std::uint64_t index) {
+        double x = halton.point(index)[0];
+        int count = 0;
+        for (int digit = 0; digit < 12; ++digit) {
+            count |= static_cast<int>(2.0 * x) << digit;
+            x = 2.0 * x - std::floor(2.0 * x);
+        }
+        return count;
+    };
+    const int start = counted(0);
+    EXPECT_NE(start, 0);
+    for (const int index : {1, 2, 7, 100, 4095, 4096, 5000})
+        EXPECT_EQ(counted(static_cast<std::uint64_t>(index)), (start + index) % 4096);
+}
+
 class AnySequence : public testing::TestWithParam<SequenceKind> {};
 
 // The product of 1 + (x - 1/2) over six dimensions has the mean 1 and the variance

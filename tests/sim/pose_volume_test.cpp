@@ -200,8 +200,8 @@ struct View {
 
 class WholeMarker : public testing::TestWithParam<std::function<View()>> {};
 
-// The corners to rounding. Between its ends an edge of the widest marker bulges out by up to some
-// 40 px, of which a sixty-fourth may be missed.
+// The corners to rounding. An edge that bulges out by 40 px between its ends may pass the seven
+// points of it by a sixty-fourth of that.
 TEST_P(WholeMarker, IsInViewAtEveryPose) {
     const View view = GetParam()();
     double nearest = 1e9;

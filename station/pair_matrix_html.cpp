@@ -67,7 +67,7 @@ constexpr const char* script = R"js(
     const l = 66, t = 30, w = W - l - 14, h = H - t - 46, rim = h * %RIM%;
     const X = v => l + w * (v - x0) / (x1 - x0), Y = v => t + rim + (h - 2 * rim) * (y1 - v) / (y1 - y0);
     let axes = `<text class='title' x='${l}' y='17'></text>`;
-    for (const v of ticks(+x0, +x1, W / 90, xName.endsWith('deg')))
+    for (const v of ticks(+x0, +x1, Math.max(4, W / 90), xName.endsWith('deg')))
       axes += `<line class='grid' x1='${X(v)}' x2='${X(v)}' y1='${t}' y2='${t + h}'/><text x='${X(v)}' y='${t + h + 16}' text-anchor='middle'>${v}</text>`;
     for (const v of ticks(+y0, +y1, H / 50, yName.endsWith('deg')))
       axes += `<line class='grid' x1='${l}' x2='${l + w}' y1='${Y(v)}' y2='${Y(v)}'/><text x='${l - 6}' y='${Y(v) + 4}' text-anchor='end'>${v}</text>`;

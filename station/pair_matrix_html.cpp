@@ -57,8 +57,8 @@ constexpr const char* script = R"js(
   const ticks = (low, high, most, angle) => {
     const raw = (high - low) / most, power = 10 ** Math.floor(Math.log10(raw));
     const steps = angle && high - low >= 60 ? [15, 30, 45, 90] : [1, 2, 5, 10].map(f => f * power);
-    const step = steps.find(s => s >= raw * 0.999) || steps[3], all = [];
-    for (let i = Math.ceil(low / step - 1e-6); i * step <= high + 1e-6 * step; ++i) all.push(+(i * step).toPrecision(6));
+    const step = steps.find(s => s >= raw * 0.999) || steps[3], all = [], end = 0.01 * (high - low);
+    for (let i = Math.ceil((low - end) / step); i * step <= high + end; ++i) all.push(+(i * step).toPrecision(6));
     return all;
   };
   const enlarge = panel => {

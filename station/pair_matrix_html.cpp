@@ -64,7 +64,7 @@ constexpr const char* script = R"js(
   const enlarge = panel => {
     const [xName, x0, x1] = panel.dataset.x.split('|'), [yName, y0, y1] = panel.dataset.y.split('|');
     const W = Math.min(940, innerWidth - 60), H = Math.max(260, Math.min(0.68 * W, innerHeight - 90));
-    const l = 66, t = 30, w = W - l - 14, h = H - t - 46, rim = h * %RIM%;
+    const l = 66, t = 30, w = W - l - 22, h = H - t - 46, rim = h * %RIM%;
     const X = v => l + w * (v - x0) / (x1 - x0), Y = v => t + rim + (h - 2 * rim) * (y1 - v) / (y1 - y0);
     let axes = `<text class='title' x='${l}' y='17'></text>`;
     for (const v of ticks(+x0, +x1, Math.max(4, W / 90), xName.endsWith('deg')))

@@ -99,7 +99,7 @@ struct PoseStatistics {
 };
 
 // Over all poses, or over those of `mask` (empty, or one entry per pose). The same numbers for the
-// same `seed`. CPU time: 10 ms and 0.5 us a pose. Throws NumericalError for a mask of another size.
+// same `seed`. CPU time: 15 ms and 0.5 us a pose. Throws NumericalError for a mask of another size.
 PoseStatistics pose_statistics(const DetectorErrors& errors, std::uint64_t seed,
                                const std::vector<bool>& mask = {});
 
@@ -137,7 +137,7 @@ struct AxisBin {
 // Statistics against one axis: a degree of freedom, a disturbance, the marker's size in px; one
 // value of it per pose. An axis of at most `most_bins` different values has a bin for each (edges
 // in the middle between them), another one bins of equal width. Detectors of one study share them.
-// 0.3 us a pose. Throws NumericalError when the sizes differ, a value is not finite or most_bins
+// 0.4 us a pose. Throws NumericalError when the sizes differ, a value is not finite or most_bins
 // is below 1.
 std::vector<AxisBin> binned_statistics(const DetectorErrors& errors, std::span<const double> axis,
                                        std::size_t most_bins = 12);

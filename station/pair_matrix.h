@@ -50,7 +50,7 @@ struct PairMatrix {
     std::uint32_t highest_count() const;  // of a cell, in any panel
 };
 
-// `truth` and `errors` have an entry per pose (NumericalError otherwise). 2 us a pose.
+// `truth` and `errors` have an entry per pose (NumericalError otherwise). 1 us a pose.
 PairMatrix pair_matrix(const std::string& detector, std::span<const PoseComponents> truth,
                        const DetectorErrors& errors);
 

@@ -57,17 +57,17 @@ constexpr const char* script = R"js(
   const ticks = (low, high, most, angle) => {
     const raw = (high - low) / most, power = 10 ** Math.floor(Math.log10(raw));
     const steps = angle && high - low >= 60 ? [15, 30, 45, 90] : [1, 2, 5, 10].map(f => f * power);
-    const step = steps.find(s => s >= raw * 0.999) || steps[3], all = [];
-    for (let i = Math.ceil(low / step - 1e-6); i * step <= high + 1e-6 * step; ++i) all.push(+(i * step).toPrecision(6));
+    const step = steps.find(s => s >= raw * 0.999) || steps[3], all = [], end = 0.01 * (high - low);
+    for (let i = Math.ceil((low - end) / step); i * step <= high + end; ++i) all.push(+(i * step).toPrecision(6));
     return all;
   };
   const enlarge = panel => {
     const [xName, x0, x1] = panel.dataset.x.split('|'), [yName, y0, y1] = panel.dataset.y.split('|');
     const W = Math.min(940, innerWidth - 60), H = Math.max(260, Math.min(0.68 * W, innerHeight - 90));
-    const l = 66, t = 30, w = W - l - 14, h = H - t - 46, rim = h * %RIM%;
+    const l = 66, t = 30, w = W - l - 22, h = H - t - 46, rim = h * %RIM%;
     const X = v => l + w * (v - x0) / (x1 - x0), Y = v => t + rim + (h - 2 * rim) * (y1 - v) / (y1 - y0);
     let axes = `<text class='title' x='${l}' y='17'></text>`;
-    for (const v of ticks(+x0, +x1, W / 90, xName.endsWith('deg')))
+    for (const v of ticks(+x0, +x1, Math.max(4, W / 90), xName.endsWith('deg')))
       axes += `<line class='grid' x1='${X(v)}' x2='${X(v)}' y1='${t}' y2='${t + h}'/><text x='${X(v)}' y='${t + h + 16}' text-anchor='middle'>${v}</text>`;
     for (const v of ticks(+y0, +y1, H / 50, yName.endsWith('deg')))
       axes += `<line class='grid' x1='${l}' x2='${l + w}' y1='${Y(v)}' y2='${Y(v)}'/><text x='${l - 6}' y='${Y(v) + 4}' text-anchor='end'>${v}</text>`;

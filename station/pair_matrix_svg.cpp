@@ -32,15 +32,28 @@ double down(const PairAxis& axis, double value) {
            (panel_height - 2.0 * panel_rim) * (axis.high - value) / (axis.high - axis.low);
 }
 
-// Angles over a wide range at multiples of 45 or 90 degrees.
-std::vector<double> ticks(const PairAxis& axis, std::size_t component, int most) {
-    const double span = axis.high - axis.low;
-    if (component < 3 || span < 60.0)
-        return axis_ticks(axis.low, axis.high, most);
-    const double step = span > 185.0 ? 90.0 : span > 95.0 ? 45.0 : 30.0;
+// Of five or more; fewer stay as they are.
+std::vector<double> every_second(const std::vector<double>& values) {
+    if (values.size() < 5)
+        return values;
+    std::vector<double> kept;
+    for (std::size_t i = 0; i < values.size(); i += 2)
+        kept.push_back(values[i]);
+    return kept;
+}
+
+// At least three of them where round numbers allow; angles over a wide range at parts of a turn.
+// A tick a hundredth beyond the axis is one at its end: sampled poses come no nearer.
+std::vector<double> ticks(const PairAxis& axis, std::size_t component) {
+    const double span = axis.high - axis.low, low = axis.low - 0.01 * span,
+                 high = axis.high + 0.01 * span;
+    if (component < 3 || span < 60.0) {
+        const std::vector<double> few = axis_ticks(low, high, 4);
+        return few.size() >= 3 ? few : every_second(axis_ticks(low, high, 6));
+    }
+    const double step = span > 300.0 ? 120.0 : span > 185.0 ? 90.0 : span > 95.0 ? 45.0 : 30.0;
     std::vector<double> values;
-    for (double tick = std::ceil(axis.low / step - 0.01) * step; tick <= axis.high + 0.01 * step;
-         tick += step)
+    for (double tick = std::ceil(low / step) * step; tick <= high; tick += step)
         values.push_back(tick);
     return values;
 }
@@ -210,7 +223,7 @@ private:
             "<text class='label' transform='translate(16 {:.1f}) rotate(-90)' "
             "text-anchor='middle'>{}</text>",
             y + 0.5 * panel_height, error_label(e));
-        for (const double tick : ticks(matrix_.errors[e], e, 4))
+        for (const double tick : ticks(matrix_.errors[e], e))
             text += fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='end'>{:.4g}</text>",
                                 left - 6, y + down(matrix_.errors[e], tick) + 4, tick);
         return text + fmt::format(
@@ -225,7 +238,7 @@ private:
         std::string text =
             fmt::format("<text class='label' x='{:.1f}' y='{:.1f}' text-anchor='middle'>{}</text>",
                         x + 0.5 * panel_width, y + 36, freedom_label(f));
-        for (const double tick : ticks(matrix_.freedoms[f], f, 4)) {
+        for (const double tick : ticks(matrix_.freedoms[f], f)) {
             const double place = across(matrix_.freedoms[f], tick);
             const char* anchor = place < 12 ? "start" : place > panel_width - 12 ? "end" : "middle";
             text += fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='{}'>{:.4g}</text>",
@@ -271,9 +284,9 @@ private:
 
     std::string grid(std::size_t e, std::size_t f) const {
         std::string path;
-        for (const double tick : ticks(matrix_.errors[e], e, 4))
+        for (const double tick : ticks(matrix_.errors[e], e))
             path += fmt::format("M0 {:.1f}H{}", down(matrix_.errors[e], tick), panel_width);
-        for (const double tick : ticks(matrix_.freedoms[f], f, 4))
+        for (const double tick : ticks(matrix_.freedoms[f], f))
             path += fmt::format("M{:.1f} {}V{}", across(matrix_.freedoms[f], tick), panel_rim,
                                 panel_height - panel_rim);
         return "<path class='grid' d='" + path + "'/>";

@@ -32,8 +32,7 @@ private:
 std::unique_ptr<Detector> make_charuco_detector(const Marker& marker, const std::string& place) {
     if (marker.kind != Marker::Kind::charuco)
         throw ConfigError({place}, "the charuco detector cannot see " + marker.spec);
-    const auto [fewer, more] = std::minmax(marker.columns - 1, marker.rows - 1);
-    if (fewer < 2 || more < 3)
+    if (std::min(marker.columns, marker.rows) < 3 || std::max(marker.columns, marker.rows) < 4)
         throw ConfigError({place}, marker.spec + " has fewer than 2x3 inner corners");
     return std::make_unique<CharucoDetector>(marker);
 }

@@ -135,7 +135,8 @@ private:
         return cv::Rect(i * side, j * side, side, side) & map_.groups(level - 1);
     }
 
-    // The edge is straight over a pixel to 1e-3 px for any lens that is not a fish-eye.
+    // The edge is taken as straight within a pixel: what distortion bends it there, an eighth of
+    // its curvature (1/px), is left out.
     void draw_tile(int i, int j) {
         constexpr int n = UndistortionMap::tile_px;
         map_.sample(i, j, n, points_);

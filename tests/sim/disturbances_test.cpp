@@ -397,6 +397,12 @@ TEST(AddedNoise, IsIndependentBetweenPixelsPosesSeedsAndOfTheSensors) {
     const auto of_sensor = noise_codes(camera, 0.0, {17, 3}, NoiseKey{17, 3});
     EXPECT_GT(mean_power(of_sensor, 2), 1000.0);
     EXPECT_LT(std::abs(correlation(noise, of_sensor, 0)), tolerance);
+    // Were the generator's streams the same, row y would begin like pixel y.
+    std::vector<double> row_begins;
+    for (std::size_t y = 0; y < 200; ++y)
+        row_begins.push_back(noise[320 * y]);
+    const std::vector<double> first_pixels(of_sensor.begin(), of_sensor.begin() + 200);
+    EXPECT_LT(std::abs(correlation(row_begins, first_pixels, 0)), 5.0 / std::sqrt(200.0));
     // Independent noises: the variances add up. 64 000 pixels: 0.56 % of the variance; 5 of them.
     const double sum = mean_power(noise_codes(camera, 200.0, {17, 3}, NoiseKey{17, 3}), 2);
     EXPECT_NEAR(sum / (mean_power(noise, 2) + mean_power(of_sensor, 2)), 1.0, 0.028);

@@ -23,11 +23,13 @@ if(ETALON_SANITIZE)
 endif()
 
 # ccache is used when it is there. The two sloppiness flags are what it needs for precompiled
-# headers; neither can change what is compiled.
+# headers; neither can change what is compiled. Paths below the source folder count as relative, so
+# that a second clone finds what the first one compiled.
 find_program(CCACHE_PROGRAM ccache)
 if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
     set(CMAKE_CXX_COMPILER_LAUNCHER
-        ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${CCACHE_PROGRAM})
+        ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros
+        CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} CCACHE_NOHASHDIR=1 ${CCACHE_PROGRAM})
     if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
         target_compile_options(etalon_compiler INTERFACE -fpch-preprocess)
     endif()

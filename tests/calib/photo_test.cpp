@@ -9,6 +9,7 @@
 #include "calib/camera_file.h"
 #include "compare/chessboard_corners.h"
 #include "sim/marker.h"
+#include "tests/paths.h"
 
 namespace etalon {
 namespace {
@@ -79,8 +80,8 @@ TEST(CalibrationPhotos, RightFitsAndPredictsToATwentiethOfASquare) {
     EXPECT_LE(*found.leave_one_out_rms_px, 0.216);
 }
 
-// The standard model is the simplest that predicts; without left06.jpg the prism model folds over in
-// it, and the rational one misses it by far: they followed the photos.
+// The standard model is the simplest that predicts; without left06.jpg the prism model folds over
+// in it, and the rational one misses it by far: they followed the photos.
 TEST(CalibrationPhotos, RationalAndPrismModelsAreFoundToOverfit) {
     if (!have(photos("left")))
         GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;

@@ -2,6 +2,7 @@
 
 #include "capture/camera.h"
 #include "core/errors.h"
+#include "tests/paths.h"
 
 namespace etalon {
 namespace {

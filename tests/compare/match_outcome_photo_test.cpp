@@ -9,6 +9,7 @@
 #include "calib/camera_fit.h"
 #include "compare/chessboard_corners.h"
 #include "compare/match_outcome.h"
+#include "tests/paths.h"
 
 namespace etalon {
 namespace {

@@ -9,6 +9,7 @@
 #include "compare/detector.h"
 #include "compare/photo_match.h"
 #include "core/image.h"
+#include "tests/paths.h"
 
 namespace etalon {
 namespace {

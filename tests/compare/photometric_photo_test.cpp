@@ -8,6 +8,7 @@
 #include "compare/chessboard_corners.h"
 #include "compare/photometric_refinement.h"
 #include "sim/marker.h"
+#include "tests/paths.h"
 
 namespace etalon {
 namespace {

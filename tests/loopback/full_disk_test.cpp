@@ -8,6 +8,7 @@
 #include "core/text.h"
 #include "tests/loopback/gige_rig.h"
 #include "tests/loopback/program.h"
+#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

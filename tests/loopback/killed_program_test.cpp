@@ -11,6 +11,7 @@
 #include "core/text.h"
 #include "tests/loopback/program.h"
 #include "tests/loopback/stage_rig.h"
+#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

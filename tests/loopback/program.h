@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/paths.h"
+
 namespace etalon {
 
 // A child process with its stdout and stderr in one pipe; ended and reaped on destruction. `name`

@@ -9,6 +9,7 @@
 #include "core/clock.h"
 #include "core/text.h"
 #include "tests/loopback/program.h"
+#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

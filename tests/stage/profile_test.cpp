@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "core/errors.h"
+#include "tests/paths.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

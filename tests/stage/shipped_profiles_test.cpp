@@ -6,6 +6,7 @@
 
 #include "core/errors.h"
 #include "stage/profile.h"
+#include "tests/paths.h"
 
 namespace etalon {
 namespace {

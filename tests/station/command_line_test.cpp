@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 
 #include "core/image.h"
+#include "tests/paths.h"
 #include "tests/station/stations.h"
 
 namespace etalon {

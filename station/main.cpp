@@ -259,7 +259,7 @@ void add_detect_command(CLI::App& app, Run& run) {
     sub->add_option("--camera", arguments->camera, "calibration, for the pose")->type_name("FILE");
     sub->add_option(
            "--detector", arguments->detector,
-           "apriltag, aruco, topotag, chessboard, stag, auto:\nthe marker's own; or photometric: "
+           "apriltag, aruco, topotag, chessboard, charuco, stag,\nauto: the marker's own; or photometric: "
            "the pose from all\npixels, for any marker or board")
         ->type_name("NAME");
     sub->add_option("--poses", arguments->poses,
@@ -302,7 +302,7 @@ void add_compare_command(CLI::App& app, Run& run) {
                     "CSV with the header rx,ry,rz,tx,ty,tz, one row\nper photograph, or JSON")
         ->type_name("FILE");
     sub->add_option("--detector", arguments->detector,
-                    "apriltag, aruco, topotag, chessboard, stag, or auto:\nthe marker's own")
+                    "apriltag, aruco, topotag, chessboard, charuco, stag,\nor auto: the marker's own")
         ->type_name("NAME");
     sub->add_option("--score-margin", arguments->score_margin,
                     "how far around a board's inner corners residuals\n"

@@ -8,6 +8,7 @@
 #include "core/clock.h"
 #include "core/errors.h"
 #include "core/text.h"
+#include "station/bench_timing.h"
 #include "station/commands.h"
 #include "station/signals.h"
 #include "station/study_report.h"
@@ -34,11 +35,10 @@ std::string times_text(const StudyRun& run, const StudyFile& study) {
     const double rest = run.cpu_ms - run.times.render - run.times.sensor -
                         sum(run.times.detectors) - run.times.estimate;
     std::string text = fmt::format(
-        "\n{} poses in {:.1f} s: {:.2f} ms of CPU time a pose\n  rendering {}, sensor {}, corners "
-        "to "
-        "poses {}, all else {}\n",
+        "\n{} poses in {:.1f} s: {:.2f} ms of CPU time a pose, peak memory {:.0f} MiB\n"
+        "  rendering {}, sensor {}, corners to poses {}, all else {}\n",
         run.poses, 1e-3 * run.wall_ms, run.cpu_ms / static_cast<double>(run.poses),
-        rate(run.times.render, run.cpu_ms), rate(run.times.sensor, run.cpu_ms),
+        peak_memory_mib(), rate(run.times.render, run.cpu_ms), rate(run.times.sensor, run.cpu_ms),
         rate(run.times.estimate, run.cpu_ms), rate(rest, run.cpu_ms));
     for (std::size_t i = 0; i < study.detectors.size(); ++i)
         text += fmt::format("  {:<22.21} {:>8}  {:.2f} ms a pose\n", study.detectors[i].name,

@@ -76,6 +76,12 @@ private:
         return *value;
     }
 
+    bool flag(std::size_t field) const {
+        if (fields_[field] != "0" && fields_[field] != "1")
+            fail(fmt::format("field {} is neither 0 nor 1", field + 1));
+        return fields_[field] == "1";
+    }
+
     // Whether the pose could not be rendered.
     bool read_row(std::size_t pose, std::size_t variant, std::size_t detector) {
         const StudyDescription& description = results_.description;
@@ -86,9 +92,9 @@ private:
         if (variant == 0)
             results_.sizes_px[detector].push_back(number(Fields::size));
         std::optional<DetectedError> error;
-        if (fields_[Fields::detected] == "1") {
+        if (flag(Fields::detected)) {
             error.emplace();
-            error->flip = fields_[Fields::flip] == "1";
+            error->flip = flag(Fields::flip);
             for (std::size_t k = 0; k < error_measure_count; ++k)
                 error->measures[k] = number(places_.errors + k);
         }

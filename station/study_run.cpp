@@ -27,6 +27,8 @@ public:
         sampler_.emplace(study.camera, grids, poses.volume, poses.sequence, poses.seed, extra);
     }
 
+    std::size_t next_index() const { return index_; }
+
     StudyPose next() {
         StudyPose pose;
         pose.index = index_++;
@@ -129,9 +131,8 @@ private:
     }
 
     StudyPose next_pose(tbb::flow_control& control) {
-        while (next_ < poses() && !stop_.stop_requested()) {
+        while (source_.next_index() < poses() && !stop_.stop_requested()) {
             const StudyPose pose = source_.next();
-            next_ = pose.index + 1;
             if (shard_.holds(pose.index))
                 return pose;
         }
@@ -155,7 +156,6 @@ private:
     std::stop_token stop_;
     Progress& progress_;
     StudyPoseSource source_;
-    std::size_t next_ = 0;
     std::filesystem::path scratch_ = record_.folder() / "scratch";
     std::atomic<int> worker_count_ = 0;
     tbb::enumerable_thread_specific<StudyWorker> workers_;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -277,13 +278,21 @@ void StudyWorker::judge_image(const CodeImage& image, const StudyOptics::Imaging
     const std::size_t detectors = optics_.study().detectors.size();
     const bool is_external = externals_[detector] != nullptr;
     const Sighting sighting = is_external ? Sighting{} : see(image, detector);
+    std::map<bool, std::size_t> photometric;  // by undistortion: corners do not come into it
     for (const std::size_t variant : imaging.variants) {
         const Rigid& truth = pose.camera_from_marker;
-        findings[variant * detectors + detector] =
-            is_external ? judge_external(image, variant, detector, truth)
-            : optics_.photometric(variant, detector)
-                ? judge_photometric(image, sighting, variant, detector, truth)
-                : judge_corners(sighting, variant, detector, truth);
+        StudyFinding& finding = findings[variant * detectors + detector];
+        if (is_external) {
+            finding = judge_external(image, variant, detector, truth);
+        } else if (!optics_.photometric(variant, detector)) {
+            finding = judge_corners(sighting, variant, detector, truth);
+        } else {
+            const bool undistortion =
+                optics_.variants()[variant].switches.has(StudySwitch::undistortion);
+            const auto [same, is_first] = photometric.try_emplace(undistortion, variant);
+            finding = is_first ? judge_photometric(image, sighting, variant, detector, truth)
+                               : findings[same->second * detectors + detector];
+        }
     }
 }
 

@@ -70,13 +70,30 @@ void add_errors(HtmlPage& page, const StudyDescription& description,
         rows);
 }
 
+// The published comparison's layout: a column for each component.
+void add_short_errors(HtmlPage& page, const StudyDescription& description,
+                      const std::vector<DetectorSummary>& detectors) {
+    Rows rows;
+    for (std::size_t i = 0; i < detectors.size(); ++i)
+        for (std::vector<std::string> row : error_table(detectors[i].common)) {
+            const bool is_first = rows.empty() || row.front() == "mean";
+            row.insert(row.begin(), is_first ? description.detectors[i].name : "");
+            rows.push_back(row);
+        }
+    page.add_table(
+        {"detector", "", "X, mm", "Y, mm", "Z, mm", "roll, deg", "pitch, deg", "yaw, deg"}, rows);
+}
+
 void add_accuracy(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
     page.add_heading("Accuracy");
     page.add_paragraph(fmt::format(
         "On the {} poses that every detector detects, so that no detector is favoured for leaving "
         "the difficult ones out. Errors are estimated minus true pose.",
         summary.common[0]));
+    add_short_errors(page, results.description, summary.detectors[0]);
+    page.begin_details("With 95 % intervals");
     add_errors(page, results.description, summary.detectors[0], &DetectorSummary::common);
+    page.end_details();
     page.begin_details("Each detector on all poses that it detects itself");
     add_errors(page, results.description, summary.detectors[0], &DetectorSummary::own);
     page.end_details();
@@ -97,12 +114,14 @@ void add_variants(HtmlPage& page, const StudyResults& results, const StudySummar
             std::vector<std::string> row{
                 v == 0 ? description.detectors[i].name : "", description.variants[v],
                 one.own.detected ? fmt::format("{:.2f} %", 100.0 * one.own.detected->value) : "-"};
+            const auto add = [&](std::size_t measure, Estimate ErrorStatistics::*value) {
+                row.push_back(
+                    one.common.all ? figure_text(((*one.common.all)[measure].*value).value) : "-");
+            };
             for (std::size_t k = 0; k <= z; ++k)
-                row.push_back(one.common.all ? with_interval((*one.common.all)[k].mean) : "-");
-            row.push_back(one.common.all ? with_interval((*one.common.all)[z].median_absolute)
-                                         : "-");
-            row.push_back(one.common.all ? with_interval((*one.common.all)[angle].median_absolute)
-                                         : "-");
+                add(k, &ErrorStatistics::mean);
+            add(z, &ErrorStatistics::median_absolute);
+            add(angle, &ErrorStatistics::median_absolute);
             rows.push_back(row);
         }
     page.add_table({"detector", "switched", "detected", "mean X, mm", "mean Y, mm", "mean Z, mm",
@@ -158,10 +177,11 @@ std::string html_of(const StudyResults& results, const StudySummary& summary,
     const StudyDescription& description = results.description;
     HtmlPage page("Study " + description.id, "detectors compared on rendered images");
     page.add_facts({{"poses", fmt::format("{}", description.poses)},
-                    {"seen by all", fmt::format("{}", summary.common[0])},
-                    {"camera", description.camera},
-                    {"volume", description.volume},
+                    {"detectors", fmt::format("{}", description.detectors.size())},
+                    {"poses that all detect", fmt::format("{}", summary.common[0])},
                     {"etalon", version}});
+    page.add_paragraph("Camera: " + description.camera + ".");
+    page.add_paragraph("Poses: " + description.volume + ".");
     if (results.refused > 0)
         page.add_paragraph(fmt::format(
             "{} poses could not be rendered (results.csv says why); they count as not detected.",

@@ -62,12 +62,10 @@ std::string error_lines(const std::string& name, const PoseStatistics& statistic
     if (!statistics.all)
         return fmt::format("{:<16.15}nothing to tell\n", name);
     std::string text;
-    for (const auto& [statistic, value_of] : statistics_of_table) {
-        text += fmt::format("{:<16.15}{:<15}", text.empty() ? name : "", statistic);
-        for (std::size_t k = 0; k < pose_component_count; ++k) {
-            const auto estimate = value_of((*statistics.all)[k]);
-            text += fmt::format("{:>8}", estimate ? figure_text(estimate->value) : "-");
-        }
+    for (const std::vector<std::string>& row : error_table(statistics)) {
+        text += fmt::format("{:<16.15}{:<15}", text.empty() ? name : "", row.front());
+        for (std::size_t k = 1; k < row.size(); ++k)
+            text += fmt::format("{:>8}", row[k]);
         text += "\n";
     }
     return text;
@@ -185,6 +183,20 @@ StudySummary summarise(const StudyResults& results) {
         }
     }
     return summary;
+}
+
+std::vector<std::vector<std::string>> error_table(const PoseStatistics& statistics) {
+    std::vector<std::vector<std::string>> table;
+    for (const auto& [statistic, value_of] : statistics_of_table) {
+        if (!statistics.all)
+            break;
+        std::vector<std::string>& row = table.emplace_back(1, statistic);
+        for (std::size_t k = 0; k < pose_component_count; ++k) {
+            const auto estimate = value_of((*statistics.all)[k]);
+            row.push_back(estimate ? figure_text(estimate->value) : "-");
+        }
+    }
+    return table;
 }
 
 std::string figure_text(double value) {

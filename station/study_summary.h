@@ -32,7 +32,11 @@ std::string summary_csv(const StudyDescription& description, const StudySummary&
 // Everything with its intervals.
 std::string summary_json(const StudyResults& results, const StudySummary& summary);
 
-// "-0.0213", "12.9", "-": four figures; for cells of tables.
+// Mean, standard deviation, mean and median |error|: a line each, with a cell for each of the six
+// components ("-" where there is none) behind the statistic's name. Empty if nothing was detected.
+std::vector<std::vector<std::string>> error_table(const PoseStatistics& statistics);
+
+// "-0.0213", "12.90": four figures; for cells of tables.
 std::string figure_text(double value);
 
 }  // namespace etalon

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <thread>
 
+#include "core/clock.h"
 #include "core/errors.h"
 #include "tests/temporary_folder.h"
 

@@ -259,8 +259,8 @@ void add_detect_command(CLI::App& app, Run& run) {
     sub->add_option("--camera", arguments->camera, "calibration, for the pose")->type_name("FILE");
     sub->add_option(
            "--detector", arguments->detector,
-           "apriltag, aruco, topotag, chessboard, charuco, stag,\nauto: the marker's own; or photometric: "
-           "the pose from all\npixels, for any marker or board")
+           "apriltag, aruco, topotag, chessboard, charuco, stag,\nauto: the marker's own; or "
+           "photometric: the pose\nfrom all pixels, for any marker or board")
         ->type_name("NAME");
     sub->add_option("--poses", arguments->poses,
                     "where the marker is about (photometric only):\na pose for each photo, the "
@@ -301,8 +301,9 @@ void add_compare_command(CLI::App& app, Run& run) {
     sub->add_option("--poses", arguments->poses,
                     "CSV with the header rx,ry,rz,tx,ty,tz, one row\nper photograph, or JSON")
         ->type_name("FILE");
-    sub->add_option("--detector", arguments->detector,
-                    "apriltag, aruco, topotag, chessboard, charuco, stag,\nor auto: the marker's own")
+    sub->add_option(
+           "--detector", arguments->detector,
+           "apriltag, aruco, topotag, chessboard, charuco, stag,\nor auto: the marker's own")
         ->type_name("NAME");
     sub->add_option("--score-margin", arguments->score_margin,
                     "how far around a board's inner corners residuals\n"

@@ -38,8 +38,8 @@ void expect_one_line_error(const Finished& finished, int exit_code, const std::s
 TEST(CommandLine, HelpFits80ColumnsAndNamesEveryCommand) {
     const TemporaryFolder folder;
     const std::string main_help = etalon_with(folder, "--help").out;
-    for (const char* command :
-         {"", "qualify", "compare", "calibrate", "render", "detect", "marker", "devices"}) {
+    for (const char* command : {"", "qualify", "compare", "calibrate", "render", "detect", "marker",
+                                "devices", "study"}) {
         EXPECT_THAT(main_help, HasSubstr(command));
         const Finished help = etalon_with(folder, std::string(command) + " --help");
         EXPECT_EQ(help.exit_code, 0);

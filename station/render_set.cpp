@@ -11,6 +11,7 @@
 #include "core/text.h"
 #include "core/version.h"
 #include "sim/pose_file.h"
+#include "station/camera_hash.h"
 #include "station/image_set.h"
 #include "station/render_plan_text.h"
 #include "station/render_view.h"
@@ -52,20 +53,6 @@ ordered_json marker_settings(const Marker& marker, const Rigid& scene_from_marke
             {"scene_from_marker", numbers(scene_from_marker)}};
 }
 
-// The camera's file, and what was read from the files that it names.
-std::string camera_sha256(const RenderArguments& arguments, const CameraModel& camera) {
-    std::string text = read_text(arguments.camera);
-    const auto add = [&](const std::vector<std::pair<double, double>>& table) {
-        for (const auto& [a, b] : table)
-            text += fmt::format("\n{},{}", a, b);
-    };
-    if (camera.lens)
-        add(camera.lens->psf.profile);
-    if (camera.sensor)
-        add(camera.sensor->transfer.table);
-    return sha256(text);
-}
-
 ordered_json background_settings(const std::string& text) {
     if (const auto number = parse_number(text))
         return *number;
@@ -87,18 +74,19 @@ std::string settings_of(const RenderArguments& arguments, const ViewRenderer& re
     ordered_json markers = ordered_json::array();
     for (std::size_t i = 0; i < placed.size(); ++i)
         markers.push_back(marker_settings(renderer.markers()[i], placed[i]));
-    ordered_json settings{{"version", version},
-                          {"camera", {{"sha256", camera_sha256(arguments, renderer.camera())}}},
-                          {"markers", markers},
-                          {"background", background_settings(arguments.background)},
-                          {"poses", {{"sha256", sha256(poses)}}},
-                          {"method", arguments.method},
-                          {"tolerance_gray", arguments.tolerance_gray},
-                          {"exposure", arguments.exposure},
-                          {"velocity", arguments.velocity},
-                          {"shutter_ms", arguments.shutter_ms},
-                          {"linear", arguments.linear},
-                          {"noise_seed", nullptr}};
+    ordered_json settings{
+        {"version", version},
+        {"camera", {{"sha256", camera_sha256(arguments.camera, renderer.camera())}}},
+        {"markers", markers},
+        {"background", background_settings(arguments.background)},
+        {"poses", {{"sha256", sha256(poses)}}},
+        {"method", arguments.method},
+        {"tolerance_gray", arguments.tolerance_gray},
+        {"exposure", arguments.exposure},
+        {"velocity", arguments.velocity},
+        {"shutter_ms", arguments.shutter_ms},
+        {"linear", arguments.linear},
+        {"noise_seed", nullptr}};
     if (arguments.noise_seed)
         settings["noise_seed"] = *arguments.noise_seed;
     return settings.dump();

@@ -9,6 +9,7 @@
 #include "core/sha256.h"
 #include "core/text.h"
 #include "core/version.h"
+#include "station/camera_hash.h"
 
 namespace etalon {
 namespace {
@@ -106,20 +107,6 @@ std::string volume_words(const StudyPoses& poses) {
                        range_words("yaw", v.yaw, deg), sequence, poses.seed);
 }
 
-// The camera's file may name others: what was read of them counts.
-std::string camera_sha256(const StudyFile& study) {
-    std::string text = read_text(study.camera_file);
-    const auto add = [&](const std::vector<std::pair<double, double>>& table) {
-        for (const auto& [a, b] : table)
-            text += fmt::format("\n{},{}", a, b);
-    };
-    if (study.camera.lens)
-        add(study.camera.lens->psf.profile);
-    if (study.camera.sensor)
-        add(study.camera.sensor->transfer.table);
-    return sha256(text);
-}
-
 }  // namespace
 
 StudyShard parse_shard(const std::string& text) {
@@ -148,7 +135,7 @@ StudyDescription describe(const StudyFile& study, const std::filesystem::path& f
         description.axes.push_back({"focus-mm", "mm"});
     ordered_json made_from{{"version", version},
                            {"study_sha256", sha256(read_text(file))},
-                           {"camera_sha256", camera_sha256(study)}};
+                           {"camera_sha256", camera_sha256(study.camera_file, study.camera)}};
     if (!study.poses.file.empty())
         made_from["poses_sha256"] = sha256_of_file(study.poses.file);
     description.made_from = made_from.dump();

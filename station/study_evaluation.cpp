@@ -17,6 +17,8 @@ namespace {
 // Detectors are right to some tenths of a pixel: what a photometric fit starts from.
 constexpr double detector_error_px = 0.5;
 
+constexpr const char* no_pose = "its corners determine no pose in front of the camera";
+
 // Adds the CPU time of its life to a sum.
 class Stopwatch {
 public:
@@ -317,7 +319,7 @@ StudyFinding StudyWorker::judge_corners(const Sighting& sighting, std::size_t va
     const std::vector<Eigen::Vector3d> points = seen_points_mm(one.marker, corners);
     const auto estimate = estimate_pose(optics_.projector(variant), points, corners.pixels);
     if (!estimate)
-        return failed("its corners determine no pose in front of the camera");
+        return failed(no_pose);
     StudyFinding finding;
     finding.error = detected_error(estimate->camera_from_marker, truth, is_flip(*estimate, truth));
     finding.corner_rms_px = corner_rms_px(optics_.true_projector(), points, corners, truth);
@@ -327,18 +329,19 @@ StudyFinding StudyWorker::judge_corners(const Sighting& sighting, std::size_t va
 StudyFinding StudyWorker::judge_photometric(const CodeImage& image, const Sighting& sighting,
                                             std::size_t variant, std::size_t detector,
                                             const Rigid& truth) {
-    const StudyFinding start = judge_corners(sighting, variant, detector, truth);
-    if (!start.error)
-        return start;
+    if (!sighting.corners)
+        return failed(sighting.failure);
     const Stopwatch watch(times_.detectors[detector]);
-    const auto estimate =
+    const auto start =
         estimate_pose(optics_.projector(variant),
                       seen_points_mm(optics_.study().detectors[detector].marker, *sighting.corners),
                       sighting.corners->pixels);
+    if (!start)
+        return failed(no_pose);
     try {
         const PhotometricPose pose =
             optics_.photometric(variant, detector)
-                ->find(image, estimate->camera_from_marker, detector_error_px);
+                ->find(image, start->camera_from_marker, detector_error_px);
         const auto angle = [&](const Rigid& one) {
             return one.rotation.angularDistance(truth.rotation);
         };

@@ -87,26 +87,43 @@ HWY_INLINE Blur blur_of(const TileGeometry& tile, Vector dx, Vector dy) {
     return {square * inverse, all(tile.turn_x) * share, all(tile.turn_y) * share};
 }
 
-HWY_INLINE void cut_aperture(const TileLine& line, Vector dx, Vector dy, const Blur& blur,
-                             Chord& chord) {
+// Where a line cuts the apertures of a vector of points.
+struct Cut {
+    Vector normal_x, normal_y, offset, root,
+        area;  // as in Chord; but for `area` only if it crosses
+    bool crosses;
+};
+
+HWY_INLINE Cut cut_aperture(const TileLine& line, Vector dx, Vector dy, const Blur& blur) {
+    Cut cut;
     const Vector offset = distance(line, dx, dy);
     const Vector slope_x = hn::NegMulAdd(blur.turn_x, offset, blur.radius * all(line.gradient_x));
     const Vector slope_y = hn::NegMulAdd(blur.turn_y, offset, blur.radius * all(line.gradient_y));
     const Vector square = hn::MulAdd(slope_x, slope_x, slope_y * slope_y);
-    chord.crosses = !hn::AllFalse(tag, hn::Lt(offset * offset, square));
-    if (!chord.crosses) {
-        store(hn::IfThenElseZero(hn::Ge(offset, hn::Zero(tag)), all(1.0f)), chord.area);
-        return;
+    cut.crosses = !hn::AllFalse(tag, hn::Lt(offset * offset, square));
+    if (!cut.crosses) {
+        cut.area = hn::IfThenElseZero(hn::Ge(offset, hn::Zero(tag)), all(1.0f));
+        return cut;
     }
     // A point without blur has slope 0: its large quotient becomes a sharp step by the clamp.
     const Vector inverse = inverse_root(square + all(tiny));
-    store(slope_x * inverse, chord.normal_x);
-    store(slope_y * inverse, chord.normal_y);
-    const Vector within = hn::Clamp(offset * inverse, all(-1.0f), all(1.0f));
-    const Vector root = hn::Sqrt(all(1.0f) - hn::Abs(within));
-    store(within, chord.offset);
-    store(root, chord.root);
-    store(area_beyond(within, root), chord.area);
+    cut.normal_x = slope_x * inverse;
+    cut.normal_y = slope_y * inverse;
+    cut.offset = hn::Clamp(offset * inverse, all(-1.0f), all(1.0f));
+    cut.root = hn::Sqrt(all(1.0f) - hn::Abs(cut.offset));
+    cut.area = area_beyond(cut.offset, cut.root);
+    return cut;
+}
+
+HWY_INLINE void store_chord(const Cut& cut, Chord& chord) {
+    chord.crosses = cut.crosses;
+    store(cut.area, chord.area);
+    if (!cut.crosses)
+        return;
+    store(cut.normal_x, chord.normal_x);
+    store(cut.normal_y, chord.normal_y);
+    store(cut.offset, chord.offset);
+    store(cut.root, chord.root);
 }
 
 // The fraction of the disk beyond both chords: disk_wedge_area() of sim/disk_area.cpp. Mirrored
@@ -153,39 +170,53 @@ HWY_INLINE void add_arcs(Chord* chords, std::size_t count) {
             add_arc(chords[i]);
 }
 
-// Whether the cells on both sides of a line differ anywhere in the part.
-HWY_INLINE bool column_counts(const TilePatch& patch, const PatchPart& part, std::size_t i) {
-    bool counts = patch.cells[part.first_row][i + 1] != patch.cells[part.first_row][i];
-    for (std::size_t j = part.first_row; j < part.end_row; ++j)
-        counts |= patch.mixed[j][i] != 0.0f;
-    return counts;
-}
-HWY_INLINE bool row_counts(const TilePatch& patch, const PatchPart& part, std::size_t j) {
-    bool counts = patch.cells[j + 1][part.first_column] != patch.cells[j][part.first_column];
-    for (std::size_t i = part.first_column; i < part.end_column; ++i)
-        counts |= patch.mixed[j][i] != 0.0f;
-    return counts;
-}
 HWY_INLINE void leave_out(Chord& chord) {
     chord.crosses = false;
     store(hn::Zero(tag), chord.area);
 }
 
+// Of a part with lines of one direction only.
+HWY_INLINE Vector sum_of_columns(const TilePatch& patch, const PatchPart& part, Vector dx,
+                                 Vector dy, const Blur& blur) {
+    const float* cells = patch.cells[part.first_row].data();
+    Vector sum = all(cells[part.first_column]);
+    for (std::size_t i = part.first_column; i < part.end_column; ++i)
+        if (patch.column_counts(part, i))
+            sum = hn::MulAdd(all(cells[i + 1] - cells[i]),
+                             cut_aperture(patch.columns[i], dx, dy, blur).area, sum);
+    return sum;
+}
+HWY_INLINE Vector sum_of_rows(const TilePatch& patch, const PatchPart& part, Vector dx, Vector dy,
+                              const Blur& blur) {
+    const auto cell = [&](std::size_t j) { return patch.cells[j][part.first_column]; };
+    Vector sum = all(cell(part.first_row));
+    for (std::size_t j = part.first_row; j < part.end_row; ++j)
+        if (patch.row_counts(part, j))
+            sum = hn::MulAdd(all(cell(j + 1) - cell(j)),
+                             cut_aperture(patch.rows[j], dx, dy, blur).area, sum);
+    return sum;
+}
+
 // Of the lines of a part of the patch; no other cuts the aperture of any of these points.
 HWY_INLINE Vector lens_average(const TileGeometry& tile, const TilePatch& patch,
                                const PatchPart& part, Vector dx, Vector dy) {
-    Chord columns[TilePatch::capacity], rows[TilePatch::capacity];
     const std::size_t column_count = part.end_column - part.first_column;
     const std::size_t row_count = part.end_row - part.first_row;
     const Blur blur = blur_of(tile, dx, dy);
+    if (row_count == 0)
+        return sum_of_columns(patch, part, dx, dy, blur);
+    if (column_count == 0)
+        return sum_of_rows(patch, part, dx, dy, blur);
+    Chord columns[TilePatch::capacity], rows[TilePatch::capacity];
     for (std::size_t i = 0; i < column_count; ++i)
-        if (column_counts(patch, part, part.first_column + i))
-            cut_aperture(patch.columns[part.first_column + i], dx, dy, blur, columns[i]);
+        if (patch.column_counts(part, part.first_column + i))
+            store_chord(cut_aperture(patch.columns[part.first_column + i], dx, dy, blur),
+                        columns[i]);
         else
             leave_out(columns[i]);
     for (std::size_t j = 0; j < row_count; ++j)
-        if (row_counts(patch, part, part.first_row + j))
-            cut_aperture(patch.rows[part.first_row + j], dx, dy, blur, rows[j]);
+        if (patch.row_counts(part, part.first_row + j))
+            store_chord(cut_aperture(patch.rows[part.first_row + j], dx, dy, blur), rows[j]);
         else
             leave_out(rows[j]);
     if (any_crosses(columns, column_count) && any_crosses(rows, row_count)) {

@@ -43,6 +43,23 @@ void differentiate(const std::array<float, 16>& c, float scale, std::array<float
         }
 }
 
+void find_contrasts(TilePatch& patch) {
+    const auto differ = [&](std::size_t row, std::size_t column, std::size_t down,
+                            std::size_t right) {
+        return std::uint64_t{patch.cells[row][column] != patch.cells[row + down][column + right]};
+    };
+    for (std::size_t i = 0; i < patch.column_count; ++i) {
+        patch.column_contrasts[i] = 0;
+        for (std::size_t j = 0; j <= patch.row_count; ++j)
+            patch.column_contrasts[i] |= differ(j, i, 0, 1) << j;
+    }
+    for (std::size_t j = 0; j < patch.row_count; ++j) {
+        patch.row_contrasts[j] = 0;
+        for (std::size_t i = 0; i <= patch.column_count; ++i)
+            patch.row_contrasts[j] |= differ(j, i, 1, 0) << i;
+    }
+}
+
 }  // namespace
 
 TilePositions::TilePositions(int n) : TilePositions(n, 0) {}
@@ -114,6 +131,7 @@ TilePatch make_tile_patch(const TileGeometry& geometry, std::size_t first_column
                 beyond[i] + (before[i + 1] - before[i]) + patch.mixed[patch.row_count][i];
         patch.rows[patch.row_count++] = geometry.rows[j];
     }
+    find_contrasts(patch);
     return patch;
 }
 

@@ -5,11 +5,19 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
 #include <vector>
 
 #include "sim/tile_kernel.h"
 
 namespace etalon {
+
+// Some consecutive lines of a patch.
+struct PatchPart {
+    std::size_t first_column, end_column, first_row, end_row;
+
+    bool has_no_line() const { return first_column == end_column && first_row == end_row; }
+};
 
 struct TilePatch {
     static constexpr std::size_t capacity = 32;
@@ -20,13 +28,22 @@ struct TilePatch {
     // What the cells between the lines add: of a ray beyond the first j row lines and the first i
     // column lines, at [j][i].
     std::array<std::array<float, capacity + 1>, capacity + 1> cells;
-};
+    // Where the cells on both sides of a line differ: bit j (i) of a column (row) line stands for
+    // the cells beyond the first j row (i column) lines.
+    std::array<std::uint64_t, capacity> column_contrasts, row_contrasts;
 
-// Some consecutive lines of a patch.
-struct PatchPart {
-    std::size_t first_column, end_column, first_row, end_row;
+    // Whether a line's cells differ anywhere in the part.
+    bool column_counts(const PatchPart& part, std::size_t column) const {
+        return any_bit(column_contrasts[column], part.first_row, part.end_row);
+    }
+    bool row_counts(const PatchPart& part, std::size_t row) const {
+        return any_bit(row_contrasts[row], part.first_column, part.end_column);
+    }
 
-    bool has_no_line() const { return first_column == end_column && first_row == end_row; }
+private:
+    static bool any_bit(std::uint64_t bits, std::size_t first, std::size_t last) {
+        return (bits >> first & ((std::uint64_t{2} << (last - first)) - 1)) != 0;
+    }
 };
 
 // The patch of the column lines from `first_column` and the row lines from `first_row` on. Only

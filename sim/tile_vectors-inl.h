@@ -148,20 +148,28 @@ HWY_INLINE float* corner_of_block(std::size_t index, std::size_t n, float* value
     return values + 4 * (index / blocks) * n + 4 * (index % blocks);
 }
 
+using Four = hn::CappedTag<float, 4>;  // of a block's row
+
 // Adds a block's sums to the image of n x n values.
 HWY_INLINE void add_block(const float* sums, std::size_t index, std::size_t n, float* values) {
+    constexpr Four four;
     float* corner = corner_of_block(index, n, values);
     for (std::size_t row = 0; row < 4; ++row)
-        for (std::size_t column = 0; column < 4; ++column)
-            corner[row * n + column] += sums[4 * row + column];
+        for (std::size_t column = 0; column < 4; column += hn::Lanes(four)) {
+            float* to = corner + row * n + column;
+            hn::StoreU(hn::LoadU(four, to) + hn::LoadU(four, sums + 4 * row + column), four, to);
+        }
 }
 
 // Adds one value to all of a block.
 HWY_INLINE void add_even_block(float value, std::size_t index, std::size_t n, float* values) {
+    constexpr Four four;
     float* corner = corner_of_block(index, n, values);
     for (std::size_t row = 0; row < 4; ++row)
-        for (std::size_t column = 0; column < 4; ++column)
-            corner[row * n + column] += value;
+        for (std::size_t column = 0; column < 4; column += hn::Lanes(four)) {
+            float* to = corner + row * n + column;
+            hn::StoreU(hn::LoadU(four, to) + hn::Set(four, value), four, to);
+        }
 }
 
 }  // namespace

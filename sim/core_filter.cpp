@@ -127,10 +127,9 @@ public:
           out_(out),
           outputs_per_tile_(field.side / kernel.k()),
           tile_shift_(std::countr_zero(static_cast<unsigned>(outputs_per_tile_))),
-          window_rows_(block_rows * kernel.k() + 2 * kernel.reach_y()),
           phase_stride_(kernel.phase_stride()),
           stride_(kernel.k() * phase_stride_),
-          window_(new float[length(window_rows_ * stride_)]) {}
+          window_(new float[length((block_rows * kernel.k() + 2 * kernel.reach_y()) * stride_)]) {}
 
     // The blocks of a row that hold the outputs `left` (a multiple of their side) to `right` - 1. A
     // strip is filtered when the next one is found, whose samples are fetched meanwhile.
@@ -221,7 +220,10 @@ private:
                      static_cast<std::ptrdiff_t>(out_.step1()));
     }
 
-    void filter(const cv::Rect& outputs) {
+    void filter(const cv::Rect& block_outputs) {
+        const cv::Rect outputs = without_constant_rows(block_outputs);
+        if (outputs.empty())
+            return;
         const float* window = gather(outputs);
         for (int y = outputs.y; y < outputs.br().y; y += part_rows)
             for (int x = outputs.x; x < outputs.br().x;) {
@@ -238,6 +240,23 @@ private:
                                             outputs.x);
                 x = end;
             }
+    }
+
+    // Without the rows of parts at the top and at the bottom that are constant: what only they see
+    // need not be gathered.
+    cv::Rect without_constant_rows(cv::Rect outputs) {
+        const auto fill_constant = [&](int y) {
+            const cv::Rect row(outputs.x, y, outputs.width, part_rows);
+            const bool constant = is_constant(row);
+            if (constant)
+                fill(row), outputs.height -= part_rows;
+            return constant;
+        };
+        while (outputs.height > 0 && fill_constant(outputs.y))
+            outputs.y += part_rows;
+        while (outputs.height > 0 && fill_constant(outputs.br().y - part_rows))
+            continue;
+        return outputs;
     }
 
     // Fewer parts, where the constant outputs at both ends leave no more.
@@ -300,7 +319,8 @@ private:
     template <int n>
     const float* gather_tiles(const cv::Rect& outputs) {
         const int side = field_.side, k = kernel_.k();
-        const int top = outputs.y * k - kernel_.reach_y(), bottom = top + window_rows_;
+        const int top = outputs.y * k - kernel_.reach_y();
+        const int bottom = outputs.br().y * k + kernel_.reach_y();
         const cv::Rect seen = tiles_seen(outputs);
         for (int j = floor_div(top, side); j * side < bottom; ++j) {
             const int first = std::max(top, j * side), last = std::min(bottom, (j + 1) * side);
@@ -372,7 +392,7 @@ private:
     const FilterKernel& kernel_;
     cv::Rect region_;
     cv::Mat& out_;
-    int outputs_per_tile_, tile_shift_, window_rows_;  // 4, 2 or 1 outputs, and its logarithm
+    int outputs_per_tile_, tile_shift_;  // 4, 2 or 1 outputs, and its logarithm
     std::ptrdiff_t phase_stride_, stride_;
     std::unique_ptr<float[]> window_;
 };

@@ -95,14 +95,14 @@ void add_sizes(HtmlPage& page, const StudyResults& results, const StudySummary& 
         for (const SizeClass& size : summary.detectors[0][i].sizes) {
             if (size.poses == 0)
                 continue;
-            rows.push_back({name, size_words(size), fmt::format("{}", size.poses),
-                            with_interval(size.detected), with_interval(size.median_corner_px),
-                            size.corner_quantile_px ? figure_text(*size.corner_quantile_px) : "-"});
+            rows.push_back({name, size_words(size), with_interval(size.median_corner_px),
+                            size.corner_quantile_px ? figure_text(*size.corner_quantile_px) : "-",
+                            with_interval(size.detected), fmt::format("{}", size.poses)});
             name.clear();
         }
     }
-    page.add_table({"detector", "size, px", "poses", "detected, %", "median corner error, px",
-                    "95 % are below, px"},
+    page.add_table({"detector", "size, px", "median corner error, px", "95 % are below, px",
+                    "detected, %", "poses"},
                    rows);
     page.add_paragraph(fmt::format(
         "No 95 % quantile is given of fewer than {} poses. \"From 60\" and \"all\" hold the poses "

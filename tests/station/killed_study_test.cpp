@@ -19,7 +19,7 @@ namespace {
 
 using testing::StartsWith;
 
-constexpr int poses = 60, rows_per_pose = 2;
+constexpr int poses = 40, rows_per_pose = 2;
 constexpr int killed = -1;  // the exit code that Program gives to the victim of a signal
 
 constexpr const char* camera_text = R"(etalon: camera/1
@@ -39,14 +39,18 @@ poses: {{count: {}, seed: 5, z_mm: [300, 900], roll_deg: [-40, 40], yaw_deg: [-1
 detectors:
   - {{detector: apriltag, marker: "apriltag:36h11:5@50mm"}}
   - {{detector: aruco, marker: "aruco:4X4_50:7@45mm"}}
-disturbances: {{noise-dn: [0, 6]}}
+disturbances: {{jpeg: [60, 100]}}
 )";
 
 class KilledStudy : public testing::Test {
 protected:
     KilledStudy() {
         write_text(folder_ / "camera.yml", camera_text);
-        write_text(folder_ / "study.yaml", fmt::format(study_text, poses));
+        write_study(poses);
+    }
+
+    void write_study(int count) const {
+        write_text(folder_ / "study.yaml", fmt::format(study_text, count));
     }
 
     std::unique_ptr<Program> begin(const std::string& out) const {
@@ -135,6 +139,7 @@ TEST_F(KilledStudy, GoesOnWithWhatIsMissingAndEndsWithTheSameBytes) {
 // What is made of the results, and the first files of a folder: each is there at once or not at
 // all, and a folder that has only some of them is gone on with.
 TEST_F(KilledStudy, IsNotHarmedWhereItWritesItsOtherFiles) {
+    write_study(8);
     finish("undisturbed");
     int kills = 0, folders = 0;
     for (const char* file :

@@ -316,4 +316,11 @@ Marker parse_marker(const std::string& text, const std::string& place) {
                                        "aprilgrid", "circles", "acircles", "bitmap", "stag"}));
 }
 
+std::string marker_file(const Marker& marker) {
+    if (marker.kind == Marker::Kind::bitmap)
+        return take_apart(marker.spec, "").what;
+    const bool has_table = marker.kind == Marker::Kind::stag && is_stag_file(marker.family);
+    return has_table ? marker.family : "";
+}
+
 }  // namespace etalon

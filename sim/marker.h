@@ -79,4 +79,8 @@ struct Marker {
 // STag and boards of many cells.
 Marker parse_marker(const std::string& spec, const std::string& place);
 
+// The file that the marker's name names, as it stands there: a bitmap, or a table of STag's words;
+// empty where the name says all.
+std::string marker_file(const Marker& marker);
+
 }  // namespace etalon

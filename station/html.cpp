@@ -36,6 +36,7 @@ dt{color:var(--soft);font-size:.8rem}dd{margin:0;font-variant-numeric:tabular-nu
 table{border-collapse:collapse;width:100%;font-size:.9rem;font-variant-numeric:tabular-nums}
 th,td{padding:6px 12px;text-align:left;border-bottom:1px solid var(--line);vertical-align:top}
 th{color:var(--soft);font-weight:600;min-width:9ch}@media(min-width:700px){td:first-child{white-space:nowrap}}tr:last-child td{border-bottom:0}
+@media(max-width:500px){th,td{padding:5px 7px}th{min-width:0}}
 td.n,th.n{text-align:right;white-space:nowrap}td.PASS,td.FAIL{color:var(--tone);font-weight:700}
 .figures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,440px),1fr));gap:16px;margin:1em 0}
 figure{margin:0;background:var(--card);border:1px solid var(--line);border-radius:6px;padding:10px}

@@ -138,6 +138,9 @@ StudyDescription describe(const StudyFile& study, const std::filesystem::path& f
                            {"camera_sha256", camera_sha256(study.camera_file, study.camera)}};
     if (!study.poses.file.empty())
         made_from["poses_sha256"] = sha256_of_file(study.poses.file);
+    for (const StudiedDetector& one : study.detectors)
+        if (const std::string name = marker_file(one.marker); !name.empty())
+            made_from["marker_files_sha256"][name] = sha256_of_file(name);
     description.made_from = made_from.dump();
     return description;
 }

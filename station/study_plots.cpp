@@ -12,6 +12,9 @@ namespace {
 constexpr std::array inks{Ink::blue,   Ink::orange, Ink::green, Ink::red,
                           Ink::purple, Ink::sky,    Ink::gray};
 
+// Small: on a phone a page shows them at three quarters of this, and letters must stay readable.
+constexpr int plot_width = 440, plot_height = 300;
+
 // The line of one detector, with the interval where there is one.
 struct Curve {
     std::vector<double> places, values, lows, highs;
@@ -83,7 +86,7 @@ bool spans_a_decade(const std::vector<Curve>& curves) {
 
 SvgPlot detection_rate_plot(const std::string& axis, std::span<const BinnedDetector> detectors) {
     SvgPlot plot(axis, "detected / %");
-    plot.set_size(560, 320);
+    plot.set_size(plot_width, plot_height);
     plot.set_y_range(0.0, 103.0);
     std::vector<Curve> curves;
     for (const BinnedDetector& detector : detectors)
@@ -96,7 +99,7 @@ SvgPlot median_error_plot(const std::string& axis, std::size_t measure,
                           std::span<const BinnedDetector> detectors) {
     const MeasureName& name = error_measures.at(measure);
     SvgPlot plot(axis, fmt::format("median |{} error| / {}", name.name, name.unit));
-    plot.set_size(560, 320);
+    plot.set_size(plot_width, plot_height);
     std::vector<Curve> curves;
     for (const BinnedDetector& detector : detectors)
         curves.push_back(median_curve(detector, measure));

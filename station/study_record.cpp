@@ -37,6 +37,20 @@ std::string findings_text(const StudyFinding& finding, const std::string& common
     return line + csv_text(finding.failure) + "\n";
 }
 
+// Whether a folder without study.json holds nothing but what a study leaves that was killed before
+// it had written that.
+bool is_only_begun(const std::filesystem::path& folder, const std::string& header) {
+    std::error_code error;
+    return std::ranges::all_of(
+        std::filesystem::directory_iterator(folder, error), [&](const auto& entry) {
+            const std::string name = entry.path().filename().string();
+            return name == std::string(description_file) + ".part" ||
+                   name == std::string(results_file) + ".part" ||
+                   (name == results_file && entry.is_regular_file() &&
+                    entry.file_size() == header.size() && read_text(entry.path()) == header);
+        });
+}
+
 }  // namespace
 
 StudyRecord::StudyRecord(const std::filesystem::path& folder, const StudyDescription& description)
@@ -52,7 +66,7 @@ StudyRecord::StudyRecord(const std::filesystem::path& folder, const StudyDescrip
         std::filesystem::create_directories(folder, error);
         if (error)
             refuse(folder, "cannot be made: " + error.message());
-        if (!std::filesystem::is_empty(folder, error))
+        if (!is_only_begun(folder, results_header(description)))
             refuse(folder, "is not empty and holds no study");
         write_text(folder / results_file, results_header(description));
         write_text(folder / description_file, description_text(description));

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "core/errors.h"
 #include "core/text.h"
 #include "core/version.h"
@@ -16,12 +18,12 @@ using Rows = std::vector<std::vector<std::string>>;
 
 constexpr std::size_t z = 2, angle = 7;  // places in error_measures
 
-// "0.0213 (0.0190 to 0.0240)"
+// "0.0213 (0.0190 to 0.0240)"; a narrow table breaks it before the bracket only.
 std::string with_interval(const Estimate& estimate) {
     const std::string value = figure_text(estimate.value);
     if (!estimate.interval)
         return value;
-    return fmt::format("{} ({} to {})", value, figure_text(estimate.interval->low),
+    return fmt::format("{} ({}\u00a0to\u00a0{})", value, figure_text(estimate.interval->low),
                        figure_text(estimate.interval->high));
 }
 
@@ -30,9 +32,35 @@ std::string with_interval(const std::optional<Estimate>& estimate) {
 }
 
 std::string with_interval(const std::optional<Share>& share) {
-    return share ? fmt::format("{:.2f} % ({:.2f} to {:.2f})", 100.0 * share->value,
+    return share ? fmt::format("{:.2f} ({:.2f}\u00a0to\u00a0{:.2f})", 100.0 * share->value,
                                100.0 * share->low, 100.0 * share->high)
                  : "-";
+}
+
+// The most frequent ones by name, the rest in one line.
+void add_failures(HtmlPage& page, const StudyResults& results) {
+    constexpr std::size_t most_reasons = 4;
+    Rows rows;
+    for (std::size_t i = 0; i < results.failures.size(); ++i) {
+        std::vector<std::pair<std::string, std::size_t>> reasons(results.failures[i].begin(),
+                                                                 results.failures[i].end());
+        std::ranges::stable_sort(
+            reasons, [](const auto& one, const auto& two) { return one.second > two.second; });
+        std::size_t others = 0;
+        for (std::size_t k = most_reasons; k < reasons.size(); ++k)
+            others += reasons[k].second;
+        reasons.resize(std::min(reasons.size(), most_reasons));
+        if (others > 0)
+            reasons.emplace_back("others, see results.csv", others);
+        for (const auto& [reason, poses] : reasons)
+            rows.push_back(
+                {&reason == &reasons.front().first ? results.description.detectors[i].name : "",
+                 fmt::format("{}", poses), reason});
+    }
+    if (rows.empty())
+        return;
+    page.add_paragraph("Poses that were not detected:");
+    page.add_table({"detector", "poses", "why"}, rows);
 }
 
 void add_detection(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
@@ -40,15 +68,46 @@ void add_detection(HtmlPage& page, const StudyResults& results, const StudySumma
     Rows rows;
     for (std::size_t i = 0; i < results.description.detectors.size(); ++i) {
         const DetectorSummary& one = summary.detectors[0][i];
-        rows.push_back({results.description.detectors[i].name,
-                        results.description.detectors[i].marker, with_interval(one.own.detected),
+        rows.push_back({results.description.detectors[i].name, with_interval(one.own.detected),
                         with_interval(one.own.flips),
-                        one.median_corner_px ? figure_text(*one.median_corner_px) + " px" : "-"});
+                        one.median_corner_px() ? figure_text(one.median_corner_px()->value) : "-",
+                        results.description.detectors[i].marker});
     }
-    page.add_table({"detector", "marker", "detected", "flips", "median corner error"}, rows);
+    page.add_table({"detector", "detected, %", "flips, %", "median corner error, px", "marker"},
+                   rows);
     page.add_paragraph(
         "In brackets the 95 % interval. A flip is the wrong one of a planar marker's two poses. "
-        "The corner error is the RMS distance of a pose's corners from the projected truth.");
+        "The corner error is the RMS distance of a pose's corners from the projected truth; what "
+        "reports a pose without corners has none.");
+    add_failures(page, results);
+}
+
+void add_sizes(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
+    page.add_heading("Corner errors by the marker's size in the image");
+    page.add_paragraph(
+        "The size is the root of the area that the marker's points span: a tag's corners, a "
+        "board's inner corners, a TopoTag's vertices, which span less than its square. Errors are "
+        "those of the poses that the detector detects itself: where it detects few, they are the "
+        "easier ones.");
+    Rows rows;
+    for (std::size_t i = 0; i < results.description.detectors.size(); ++i) {
+        std::string name = results.description.detectors[i].name;
+        for (const SizeClass& size : summary.detectors[0][i].sizes) {
+            if (size.poses == 0)
+                continue;
+            rows.push_back({name, size_words(size), with_interval(size.median_corner_px),
+                            size.corner_quantile_px ? figure_text(*size.corner_quantile_px) : "-",
+                            with_interval(size.detected), fmt::format("{}", size.poses)});
+            name.clear();
+        }
+    }
+    page.add_table({"detector", "size, px", "median corner error, px", "95 % are below, px",
+                    "detected, %", "poses"},
+                   rows);
+    page.add_paragraph(fmt::format(
+        "No 95 % quantile is given of fewer than {} poses. \"From 60\" and \"all\" hold the poses "
+        "of the classes above them once more.",
+        least_quantile_values));
 }
 
 void add_errors(HtmlPage& page, const StudyDescription& description,
@@ -81,7 +140,8 @@ void add_short_errors(HtmlPage& page, const StudyDescription& description,
             rows.push_back(row);
         }
     page.add_table(
-        {"detector", "", "X, mm", "Y, mm", "Z, mm", "roll, deg", "pitch, deg", "yaw, deg"}, rows);
+        {"detector", "errors", "X, mm", "Y, mm", "Z, mm", "roll, deg", "pitch, deg", "yaw, deg"},
+        rows);
 }
 
 void add_accuracy(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
@@ -133,34 +193,65 @@ void add_pairs(HtmlPage& page, const std::vector<PairMatrix>& matrices) {
     page.add_heading("Errors against the degrees of freedom");
     page.add_paragraph(
         "Each of the six errors against each of the six components of the true pose: how many "
-        "poses lie where, their mean and the mean +- one standard deviation.");
+        "poses lie where, their mean and the mean ± one standard deviation. A detector's panels "
+        "show all poses that it detects itself, those that it misses are in none.");
     add_pair_matrices(page, matrices);
 }
 
+// The detected poses of a mask; bins of an axis do not depend on which are detected.
+DetectorErrors only(const DetectorErrors& errors, const std::vector<bool>& mask) {
+    DetectorErrors kept = errors;
+    for (std::size_t i = 0; i < kept.size(); ++i)
+        if (!mask[i])
+            kept[i].reset();
+    return kept;
+}
+
 // One value of the axis per pose and detector.
+using AxisValues = std::vector<const std::vector<double>*>;
+
+std::vector<HtmlPage::Figure> error_figures(const std::string& label,
+                                            const std::vector<BinnedDetector>& binned) {
+    return {{median_error_plot(label, z, binned).svg(), "Median |Z error|, with 95 % intervals"},
+            {median_error_plot(label, angle, binned).svg(),
+             "Median angle between the poses, with 95 % intervals"}};
+}
+
 void add_axis(HtmlPage& page, const StudyResults& results, const std::string& label,
-              const std::vector<const std::vector<double>*>& values) {
-    std::vector<BinnedDetector> binned;
-    for (std::size_t i = 0; i < results.description.detectors.size(); ++i)
-        binned.push_back({results.description.detectors[i].name,
-                          binned_statistics(results.errors[0][i], *values[i])});
-    page.add_figures({{detection_rate_plot(label, binned).svg(), "Detected, with 95 % intervals"},
-                      {median_error_plot(label, z, binned).svg(), "Median |Z error|, mm"},
-                      {median_error_plot(label, angle, binned).svg(), "Median angle, deg"}});
+              const AxisValues& values, const std::vector<bool>& common) {
+    std::vector<BinnedDetector> own, shared;
+    for (std::size_t i = 0; i < results.description.detectors.size(); ++i) {
+        const std::string& name = results.description.detectors[i].name;
+        const DetectorErrors& errors = results.errors[0][i];
+        own.push_back({name, binned_statistics(errors, *values[i])});
+        shared.push_back({name, binned_statistics(only(errors, common), *values[i])});
+    }
+    std::vector<HtmlPage::Figure> figures = error_figures(label, own);
+    figures.insert(figures.begin(),
+                   {detection_rate_plot(label, own).svg(), "Detected, with 95 % intervals"});
+    page.add_figures(figures);
+    page.begin_details(fmt::format("The errors on the {} poses that every detector detects",
+                                   std::ranges::count(common, true)));
+    page.add_figures(error_figures(label, shared));
+    page.end_details();
 }
 
 void add_axes(HtmlPage& page, const StudyResults& results) {
     const StudyDescription& description = results.description;
+    const std::vector<bool> common = commonly_detected(results.errors[0]);
     page.add_heading("Against the marker's size in the image");
-    std::vector<const std::vector<double>*> values;
+    page.add_paragraph(
+        "Errors here and below are those of the poses that each detector detects itself; folded "
+        "away beneath are those of the poses that all detect.");
+    AxisValues values;
     for (const std::vector<double>& sizes : results.sizes_px)
         values.push_back(&sizes);
-    add_axis(page, results, "root of the marker's area in the image, px", values);
+    add_axis(page, results, "root of the marker's area in the image / px", values, common);
     for (std::size_t k = 0; k < description.axes.size(); ++k) {
         const StudyAxis& axis = description.axes[k];
         page.add_heading("Against " + axis.name);
-        add_axis(page, results, axis.unit.empty() ? axis.name : axis.name + ", " + axis.unit,
-                 std::vector(description.detectors.size(), &results.axes[k]));
+        add_axis(page, results, axis.unit.empty() ? axis.name : axis.name + " / " + axis.unit,
+                 AxisValues(description.detectors.size(), &results.axes[k]), common);
     }
 }
 
@@ -188,6 +279,7 @@ std::string html_of(const StudyResults& results, const StudySummary& summary,
             results.refused));
     add_detection(page, results, summary);
     add_accuracy(page, results, summary);
+    add_sizes(page, results, summary);
     add_variants(page, results, summary);
     add_pairs(page, matrices);
     add_axes(page, results);

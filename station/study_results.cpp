@@ -19,6 +19,18 @@ struct Fields {
     std::size_t axes, errors, failure;
 };
 
+// What csv_text() was given.
+std::string unquoted(std::string_view field) {
+    if (!field.starts_with('"'))
+        return std::string(field);
+    std::string text;
+    for (std::size_t i = 1; i + 1 < field.size(); ++i) {
+        text += field[i];
+        i += field[i] == '"';
+    }
+    return text;
+}
+
 class ResultsReader {
 public:
     ResultsReader(const std::filesystem::path& folder, StudyResults& results)
@@ -99,9 +111,13 @@ private:
                 error->measures[k] = number(places_.errors + k);
         }
         results_.errors[variant][detector].push_back(error);
-        if (!fields_[Fields::corner_rms].empty())
-            results_.corner_rms_px[variant][detector].push_back(number(Fields::corner_rms));
-        return fields_[places_.failure].find("not rendered: ") != std::string_view::npos;
+        const bool has_corners = !fields_[Fields::corner_rms].empty();
+        results_.corner_rms_px[variant][detector].push_back(
+            has_corners ? std::optional(number(Fields::corner_rms)) : std::nullopt);
+        const std::string failure = unquoted(fields_[places_.failure]);
+        if (variant == 0 && !error)
+            ++results_.failures[detector][failure];
+        return failure.starts_with("not rendered: ");
     }
 
     void read_pose() {
@@ -148,7 +164,8 @@ StudyResults read_results(const std::filesystem::path& folder) {
     results.sizes_px.resize(detectors);
     results.errors.assign(description.variants.size(), std::vector<DetectorErrors>(detectors));
     results.corner_rms_px.assign(description.variants.size(),
-                                 std::vector<std::vector<double>>(detectors));
+                                 std::vector<std::vector<std::optional<double>>>(detectors));
+    results.failures.resize(detectors);
     ResultsReader(folder, results).read_all();
     return results;
 }

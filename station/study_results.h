@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,13 +22,15 @@ struct StudyResults {
     std::vector<std::vector<double>> axes;            // by axis, by pose
     std::vector<std::vector<double>> sizes_px;        // by detector, by pose
     std::vector<std::vector<DetectorErrors>> errors;  // by variant, by detector
-    std::vector<std::vector<std::vector<double>>>
-        corner_rms_px;        // the same; of those that have one
+    // The same, by pose; nothing where there are no corners.
+    std::vector<std::vector<std::vector<std::optional<double>>>> corner_rms_px;
+    // By detector: why it has no pose, and how often, in the study as it is.
+    std::vector<std::map<std::string, std::size_t>> failures;
     std::size_t refused = 0;  // poses that could not be rendered
 };
 
 // Throws ConfigError with file and line for results that are not whole or not as they were written.
-// 0.5 us a line and number; 100 bytes a line.
+// 0.5 us a line and number; 120 bytes a line.
 StudyResults read_results(const std::filesystem::path& folder);
 
 }  // namespace etalon

@@ -4,7 +4,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/median.h"
 #include "core/version.h"
 #include "station/csv.h"
 
@@ -44,7 +43,7 @@ std::string detection_lines(const StudyDescription& description,
                                            100.0 * one.own.detected->high)
                              : "",
             percent(one.own.flips),
-            one.median_corner_px ? figure_text(*one.median_corner_px) + " px" : "-");
+            one.median_corner_px() ? figure_text(one.median_corner_px()->value) + " px" : "-");
     }
     return text;
 }
@@ -140,6 +139,20 @@ ordered_json json_of(const PoseStatistics& statistics) {
     return json;
 }
 
+ordered_json json_of(const SizeClass& one) {
+    ordered_json json{{"from_px", one.from_px},
+                      {"to_px", nullptr},
+                      {"poses", one.poses},
+                      {"detected", json_of(one.detected)}};
+    if (one.to_px)
+        json["to_px"] = *one.to_px;
+    if (one.median_corner_px)
+        json["median_corner_rms_px"] = json_of(*one.median_corner_px);
+    if (one.corner_quantile_px)
+        json["quantile95_corner_rms_px"] = *one.corner_quantile_px;
+    return json;
+}
+
 // -------------------------------------------------------------------------------------------- CSV
 
 std::string csv_cell(const std::optional<Estimate>& estimate) {
@@ -155,13 +168,23 @@ std::string csv_lines(const std::string& start, const PoseStatistics& statistics
     std::string text;
     for (std::size_t k = 0; statistics.all && k < error_measure_count; ++k) {
         const ErrorStatistics& s = (*statistics.all)[k];
-        text += fmt::format("{}{},{},{},{},{},{},{},{}\n", start, statistics.poses,
+        text += fmt::format("{}{},{},{},{},{},{},{},{},,,\n", start, statistics.poses,
                             statistics.detected ? statistics.detected->count : 0,
                             error_measures[k].name, error_measures[k].unit, csv_cell(s.mean),
                             csv_cell(s.standard_deviation), csv_cell(s.mean_absolute),
                             csv_cell(s.median_absolute));
     }
     return text;
+}
+
+std::string csv_line(const std::string& start, const SizeClass& one) {
+    const std::string nothing = csv_cell(std::nullopt);
+    return fmt::format(
+        "{}size,{},{},corner,px,{},{},{},{},{:g},{},{}\n", start, one.poses,
+        one.detected ? one.detected->count : 0, nothing, nothing, nothing,
+        csv_cell(one.median_corner_px), one.from_px,
+        one.to_px ? fmt::format("{:g}", *one.to_px) : "",
+        one.corner_quantile_px ? fmt::format("{:.6f}", *one.corner_quantile_px) : "");
 }
 
 }  // namespace
@@ -174,12 +197,11 @@ StudySummary summarise(const StudyResults& results) {
             static_cast<std::size_t>(std::count(common.begin(), common.end(), true)));
         std::vector<DetectorSummary>& detectors = summary.detectors.emplace_back();
         for (std::size_t i = 0; i < results.errors[v].size(); ++i) {
-            DetectorSummary one{pose_statistics(results.errors[v][i], bootstrap_seed),
-                                pose_statistics(results.errors[v][i], bootstrap_seed, common),
-                                {}};
-            if (!results.corner_rms_px[v][i].empty())
-                one.median_corner_px = median(results.corner_rms_px[v][i]);
-            detectors.push_back(one);
+            const DetectorErrors& errors = results.errors[v][i];
+            detectors.push_back(
+                {pose_statistics(errors, bootstrap_seed),
+                 pose_statistics(errors, bootstrap_seed, common),
+                 size_classes(errors, results.sizes_px[i], results.corner_rms_px[v][i])});
         }
     }
     return summary;
@@ -228,13 +250,15 @@ std::string summary_csv(const StudyDescription& description, const StudySummary&
     std::string text = "variant,detector,set,poses,detected,measure,unit";
     for (const char* statistic : {"mean", "std", "mean_absolute", "median_absolute"})
         text += fmt::format(",{0},{0}_low,{0}_high", statistic);
-    text += "\n";
+    text += ",size_from_px,size_to_px,quantile95_absolute\n";
     for (std::size_t v = 0; v < description.variants.size(); ++v)
         for (std::size_t i = 0; i < description.detectors.size(); ++i) {
             const std::string start = csv_text(description.variants[v]) + "," +
                                       csv_text(description.detectors[i].name) + ",";
             text += csv_lines(start + "own,", summary.detectors[v][i].own);
             text += csv_lines(start + "common,", summary.detectors[v][i].common);
+            for (const SizeClass& size : summary.detectors[v][i].sizes)
+                text += csv_line(start, size);
         }
     return text;
 }
@@ -251,8 +275,10 @@ std::string summary_json(const StudyResults& results, const StudySummary& summar
                                {"marker", description.detectors[i].marker},
                                {"own", json_of(one.own)},
                                {"common", json_of(one.common)}};
-            if (one.median_corner_px)
-                entry["median_corner_rms_px"] = *one.median_corner_px;
+            if (one.median_corner_px())
+                entry["median_corner_rms_px"] = one.median_corner_px()->value;
+            for (const SizeClass& size : one.sizes)
+                entry["sizes"].push_back(json_of(size));
             detectors.push_back(entry);
         }
         variants.push_back({{"variant", description.variants[v]},

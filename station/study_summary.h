@@ -7,12 +7,18 @@
 #include <vector>
 
 #include "station/study_results.h"
+#include "station/study_sizes.h"
 
 namespace etalon {
 
 struct DetectorSummary {
     PoseStatistics own, common;
-    std::optional<double> median_corner_px;  // of the RMS corner error of a pose
+    std::vector<SizeClass> sizes;  // over its own poses
+
+    // Over all sizes.
+    const std::optional<Estimate>& median_corner_px() const {
+        return sizes.back().median_corner_px;
+    }
 };
 
 struct StudySummary {
@@ -26,7 +32,14 @@ StudySummary summarise(const StudyResults& results);
 // For a terminal, at most 80 columns: detection, errors on the common poses, and the variants.
 std::string summary_text(const StudyResults& results, const StudySummary& summary);
 
-// A line per variant, detector, set of poses ("own", "common") and measure.
+// A line per variant, detector, set of poses and measure. Columns, empty where there is nothing:
+//
+//     variant,detector,set       set: "own", "common", or "size", a class of the own poses by size
+//     poses,detected             of the set
+//     measure,unit               of "size": "corner", the RMS corner error of a pose
+//     mean, std, mean_absolute, median_absolute      each with _low and _high, the 95 % interval
+//     size_from_px,size_to_px    of "size": the class (station/study_sizes.h)
+//     quantile95_absolute        of "size": the error that 95 % of its poses do not exceed
 std::string summary_csv(const StudyDescription& description, const StudySummary& summary);
 
 // Everything with its intervals.

@@ -63,6 +63,11 @@ public:
         return text;
     }
     void send(int signal) { kill(process_, signal); }
+    bool has_ended() const {
+        siginfo_t info{};
+        waitid(P_PID, static_cast<id_t>(process_), &info, WEXITED | WNOHANG | WNOWAIT);
+        return info.si_pid != 0;
+    }
     int exit_code() {
         int status = 0;
         waitpid(process_, &status, 0);

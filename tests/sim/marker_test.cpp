@@ -281,6 +281,15 @@ TEST(Bitmap, TakesItsPixelsAsCellsOfLinearRadiance) {
     EXPECT_FLOAT_EQ(deep.grid.cells.at<float>(0, 1), 0.2f);
 }
 
+TEST(Marker, NamesTheFileThatItIsMadeFrom) {
+    const TemporaryFolder folder;
+    const auto path = folder / "marker@cells.png";
+    write_image(path, {(cv::Mat_<std::uint8_t>(1, 2) << 0, 255), 8});
+    EXPECT_EQ(marker_file(parse_marker("bitmap:" + path.string() + "@60x50mm", "")), path);
+    EXPECT_EQ(marker_file(parse_marker("apriltag:36h11:5@50mm", "")), "");
+    EXPECT_EQ(marker_file(parse_marker("stag:HD23:0@50mm", "")), "");
+}
+
 TEST(Marker, RefusesWhatItCannotDrawAndSaysWhy) {
     EXPECT_THAT(complaint("apriltag:36h111:5@50mm"), HasSubstr("did you mean '36h11'"));
     EXPECT_THAT(complaint("apriltag:36h11:587@50mm"), HasSubstr("those are 0 to 586"));

@@ -1,5 +1,6 @@
 // Small studies from the file to the report, with what must not change them: shards, interruptions,
 // threads.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <tbb/global_control.h>
 
@@ -9,6 +10,7 @@
 
 #include "core/errors.h"
 #include "core/text.h"
+#include "sim/stag_codes.h"
 #include "station/study_report.h"
 #include "station/study_run.h"
 #include "tests/temporary_folder.h"
@@ -76,13 +78,17 @@ protected:
     StudyResults results(const std::string& out) { return read_results(folder_ / out); }
     std::string csv(const std::string& out) { return read_text(folder_ / out / "results.csv"); }
 
-    std::string error_of_file() {
+    template <class Action>
+    static std::string complaint(Action action) {
         try {
-            read_study(folder_ / "study.yaml");
+            action();
         } catch (const ConfigError& error) {
             return error.what();
         }
         return "";
+    }
+    std::string error_of_file() {
+        return complaint([&] { read_study(folder_ / "study.yaml"); });
     }
 
     TemporaryFolder folder_;
@@ -143,13 +149,8 @@ TEST_F(StudyTest, IsTheSameInOnePieceAndInShards) {
 TEST_F(StudyTest, IsNotMergedFromShardsThatDoNotFit) {
     for (const std::size_t i : {1, 2})
         ASSERT_TRUE(run("part-" + std::to_string(i), {i, 2}));
-    const auto refusal = [&](const std::vector<std::filesystem::path>& shards) -> std::string {
-        try {
-            merge_shards(shards, folder_ / "merged");
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "";
+    const auto refusal = [&](const std::vector<std::filesystem::path>& shards) {
+        return complaint([&] { merge_shards(shards, folder_ / "merged"); });
     };
     const std::filesystem::path one = folder_ / "part-1", two = folder_ / "part-2";
     EXPECT_THAT(refusal({one}), HasSubstr("shard 2/2 is missing"));
@@ -174,6 +175,80 @@ TEST_F(StudyTest, GoesOnWhereItWasKilled) {
         ASSERT_TRUE(run("whole"));
         EXPECT_EQ(csv("whole"), text) << kept;
     }
+}
+
+// Killed before study.json is there.
+TEST_F(StudyTest, BeginsAnewWhereItHadHardlyBegun) {
+    ASSERT_TRUE(run("whole"));
+    const std::string text = csv("whole"), header = text.substr(0, text.find('\n') + 1);
+    const auto folder = folder_ / "begun";
+    std::filesystem::create_directory(folder);
+    write_text(folder / "results.csv.part", header.substr(0, 9));
+    ASSERT_TRUE(run("begun"));
+    EXPECT_EQ(csv("begun"), text);
+    std::filesystem::remove(folder / "study.json");
+    EXPECT_THROW(run("begun"), ConfigError) << "results of nobody knows what";
+    write_text(folder / "results.csv", header);
+    write_text(folder / "study.json.part", "{");
+    ASSERT_TRUE(run("begun"));
+    EXPECT_EQ(csv("begun"), text);
+}
+
+// A marker's own file is as much of the study as its description.
+TEST_F(StudyTest, NamesTheMarkersFileThatHasChanged) {
+    const std::string table = (folder_ / "words.txt").string();
+    std::string words;
+    for (const StagCode code : stag_codes("HD23")) {
+        for (int i = 0; i < stag_bits; ++i)
+            words += (code >> i & 1) != 0 ? '1' : '0';
+        words += '\n';
+    }
+    write_text(table, words);
+    replace("{detector: apriltag, marker: \"apriltag:36h11:5@50mm\"}",
+            "{detector: stag, marker: \"stag:" + table + ":2@50mm\"}");
+    // Renders nothing: study.json is compared before anything else.
+    const auto begin = [&](const std::string& out, const StudyShard& shard) {
+        const StudyFile study = read_study(folder_ / "study.yaml");
+        StudyRecord(folder_ / out,
+                    describe(study, folder_ / "study.yaml", study_variants(study, {}), shard));
+    };
+    begin("part-1", {1, 2});
+    begin("part-1", {1, 2});
+
+    write_text(table, words + "# and a word\n");
+    const std::string differs = "'made_from.marker_files_sha256." + table + "' differs";
+    EXPECT_THAT(complaint([&] { begin("part-1", {1, 2}); }), HasSubstr(differs));
+    begin("part-2", {2, 2});
+    EXPECT_THAT(complaint([&] {
+                    merge_shards({folder_ / "part-1", folder_ / "part-2"}, folder_ / "merged");
+                }),
+                HasSubstr(differs));
+}
+
+TEST_F(StudyTest, ReportsCornersBySizeAndWhyPosesWereMissed) {
+    replace("z_mm: [300, 420]", "z_mm: [300, 2000]");
+    ASSERT_TRUE(run("out"));
+    StudyResults found = results("out");
+    const StudySummary summary = summarise(found);
+    const auto& sizes = summary.detectors[0][0].sizes;
+    std::size_t poses = 0, missed = 0;
+    for (std::size_t k = 0; k < 5; ++k)
+        poses += sizes[k].poses;
+    EXPECT_EQ(poses, 13u);
+    EXPECT_EQ(sizes.back().poses, 13u);
+    for (const auto& [reason, count] : found.failures[0])
+        missed += count;
+    EXPECT_EQ(sizes.back().detected->count + missed, 13u);
+    ASSERT_GT(missed, 0u);
+    const std::string csv = summary_csv(found.description, summary);
+    for (const std::string& line : split(csv.substr(0, csv.size() - 1), '\n'))
+        EXPECT_EQ(std::count(line.begin(), line.end(), ','), 21) << line;
+    EXPECT_THAT(csv, HasSubstr(fmt::format("as is,apriltag,size,{},", sizes[0].poses)));
+    EXPECT_THAT(csv, HasSubstr(",25,40,"));
+    const std::string page = study_html(found, summary);
+    EXPECT_THAT(page, HasSubstr("<td>25 to 40</td>"));
+    EXPECT_THAT(page, HasSubstr("not detected"));
+    EXPECT_THAT(page, HasSubstr(escape_html(found.failures[0].begin()->first)));
 }
 
 TEST_F(StudyTest, DoesNotDependOnThreads) {
@@ -276,14 +351,9 @@ TEST_F(StudyTest, TakesItsPosesFromAFile) {
 TEST_F(StudyTest, RefusesResultsThatAreNotWhatWasWritten) {
     ASSERT_TRUE(run("out"));
     const std::string text = csv("out");
-    const auto refusal = [&](const std::string& changed) -> std::string {
+    const auto refusal = [&](const std::string& changed) {
         write_text(folder_ / "out" / "results.csv", changed);
-        try {
-            results("out");
-        } catch (const ConfigError& error) {
-            return error.what();
-        }
-        return "";
+        return complaint([&] { results("out"); });
     };
     EXPECT_THAT(refusal(text), IsEmpty());
     EXPECT_THAT(refusal(text.substr(0, text.size() - 9)), HasSubstr("not finished"));

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <limits>
 
 #include "calib/projector.h"
 #include "core/errors.h"
@@ -37,11 +36,12 @@ constexpr int most_bits_of_steps = 12;
 
 constexpr int most_at_once = 256;  // pixels: 2 KiB of signals
 
+// Full scale is 1. Limited so that a signal stays finite at any gain and 0 has no photon noise.
 SensorNoise noise_of(const Sensor& sensor, double range_dn) {
+    constexpr double most = 1e200;
     const double electrons = sensor.gain_e_per_dn * range_dn;
     const double read = sensor.read_noise_e / electrons;
-    // Finite: a signal of 0 has no photon noise at any gain.
-    return {std::min(1.0 / electrons, std::numeric_limits<double>::max()), read * read};
+    return {std::min(1.0 / electrons, most), std::min(read * read, most)};
 }
 
 using Point = std::pair<double, double>;
@@ -256,14 +256,15 @@ bool SensorModel::expose_row(const float* radiance, const cv::Point& first, int 
         return linear_codes({range_, sensor_.black_dn + 0.5}, radiance, response, count, codes);
     if (!all_finite(radiance, count))
         return false;
-    const std::uint64_t pixel = std::uint64_t(first.y) * size_.width + first.x;
+    const std::int64_t pixel = std::int64_t{first.y} * size_.width + first.x;
     double signals[most_at_once];
     for (int x = 0; x < count; x += most_at_once) {
         const int n = std::min(most_at_once, count - x);
         for (int i = 0; i < n; ++i)
             signals[i] = response ? double(radiance[x + i]) * response[x + i] : radiance[x + i];
         if (noise)
-            add_noise(noise_of(sensor_, range_), *noise, pixel + x, n, signals);
+            add_noise(noise_of(sensor_, range_), *noise, static_cast<std::uint64_t>(pixel + x), n,
+                      signals);
         put_codes(signals, n, codes + x);
     }
     return true;

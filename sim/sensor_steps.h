@@ -17,7 +17,7 @@ public:
     // 1..16. Calls it 64 times a code: 8 bits cost about 0.5 ms of Rec. 709, 12 bits 8 ms.
     SensorSteps(int bits, const std::function<double(double)>& code_of);
 
-    // code_of(radiance), exactly; not NaN.
+    // code_of(radiance), exactly; finite.
     std::uint16_t code_at(double radiance) const {
         if (radiance < -1.0)
             return code_below_cells(radiance);

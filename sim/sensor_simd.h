@@ -28,12 +28,9 @@ bool linear_codes(LinearSensor sensor, const float* radiance, const float* respo
 bool linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
                   std::uint16_t* codes);
 
-// Of signals that are finite already. The scalar formula, pixel by pixel.
-template <class Code>
-void linear_codes(LinearSensor sensor, const double* signals, int count, Code* codes) {
-    for (int x = 0; x < count; ++x)
-        codes[x] = static_cast<Code>(sensor.code_of(signals[x]));
-}
+// Of signals p, finite.
+void linear_codes(LinearSensor sensor, const double* signals, int count, std::uint8_t* codes);
+void linear_codes(LinearSensor sensor, const double* signals, int count, std::uint16_t* codes);
 
 // Whether none of them is NaN or infinite.
 bool all_finite(const float* values, int count);

@@ -56,7 +56,7 @@ public:
     explicit SensorModel(const CameraModel& camera);
 
     // Code values of a radiance image of the camera's size. CPU time of a pixel about 0.3 ns,
-    // 2 with a curved transfer (20 above 12 bits), 60 with noise, 20 more with both.
+    // 2 with a curved transfer (20 above 12 bits), and 5 more with noise (7 without AVX-512).
     // Throws NumericalError for another size or type and for a pixel that is not finite.
     CodeImage expose(const Radiance& radiance, std::optional<NoiseKey> noise = {}) const;
 

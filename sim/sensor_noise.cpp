@@ -1,4 +1,4 @@
-// Vectors of at most eight doubles, which those of unknown size cannot be.
+// Not for vectors of unknown size: a machine that has these takes its others.
 #undef HWY_DISABLED_TARGETS
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
@@ -46,7 +46,7 @@ struct PhiloxKeys {
 };
 
 // Pixels whose words are drawn before the first is used. Loops of few operations let the processor
-// work on several vectors at once: twice as fast as one loop.
+// work on several vectors at once.
 constexpr int stretch = 64;
 
 // A word of random bits is the lower half of each; above it is what the products left.

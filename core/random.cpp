@@ -1,19 +1,18 @@
 #include "core/random.h"
 
-#include <cmath>
-#include <numbers>
+#include "core/box_muller.h"
 
 namespace etalon {
 
 std::array<std::uint32_t, 4> philox(std::uint64_t key, std::array<std::uint32_t, 4> c) {
     auto k0 = static_cast<std::uint32_t>(key), k1 = static_cast<std::uint32_t>(key >> 32);
-    for (int round = 0; round < 10; ++round) {
-        const std::uint64_t p0 = std::uint64_t{0xD2511F53u} * c[0];
-        const std::uint64_t p1 = std::uint64_t{0xCD9E8D57u} * c[2];
+    for (int round = 0; round < philox_rounds; ++round) {
+        const std::uint64_t p0 = std::uint64_t{philox_multipliers[0]} * c[0];
+        const std::uint64_t p1 = std::uint64_t{philox_multipliers[1]} * c[2];
         c = {static_cast<std::uint32_t>(p1 >> 32) ^ c[1] ^ k0, static_cast<std::uint32_t>(p1),
              static_cast<std::uint32_t>(p0 >> 32) ^ c[3] ^ k1, static_cast<std::uint32_t>(p0)};
-        k0 += 0x9E3779B9u;
-        k1 += 0xBB67AE85u;
+        k0 += philox_key_steps[0];
+        k1 += philox_key_steps[1];
     }
     return c;
 }
@@ -36,11 +35,11 @@ double RandomStream::normal() {
         has_spare_ = false;
         return spare_;
     }
-    const double radius = std::sqrt(-2.0 * std::log(uniform()));
-    const double angle = 2.0 * std::numbers::pi * uniform();
-    spare_ = radius * std::sin(angle);
+    const std::uint32_t radius_word = bits();
+    const NormalPair pair = box_muller(radius_word, bits());
+    spare_ = pair.sine;
     has_spare_ = true;
-    return radius * std::cos(angle);
+    return pair.cosine;
 }
 
 }  // namespace etalon

@@ -2,13 +2,17 @@
 // get the same noise on every platform and for every number of threads, in any order.
 //
 // Philox4x32-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011); normal
-// deviates by Box and Muller in double precision.
+// deviates by Box and Muller in double precision (core/box_muller.h).
 #pragma once
 
 #include <array>
 #include <cstdint>
 
 namespace etalon {
+
+inline constexpr int philox_rounds = 10;
+inline constexpr std::uint32_t philox_multipliers[] = {0xD2511F53, 0xCD9E8D57};
+inline constexpr std::uint32_t philox_key_steps[] = {0x9E3779B9, 0xBB67AE85};
 
 // Four independent 32-bit words for one (key, counter).
 std::array<std::uint32_t, 4> philox(std::uint64_t key, std::array<std::uint32_t, 4> counter);

@@ -88,7 +88,7 @@ public:
     // Steps 1 to 5 on a rendering of the marker (of several, of that which the card hides),
     // CV_32FC1 of the camera's size. Without any the same pixels, not a copy. The key is the
     // pose's: its frame the pose's index. One thread; CPU time of a pixel about 1 ns for the
-    // contrast, 1.5 for light or card, 25 for noise, and that of line_blurred() for motion.
+    // contrast, 1.5 for light or card, 15 for noise, and that of line_blurred() for motion.
     // Throws NumericalError for what check_disturbances() refuses, an image of another size or
     // type, a marker that the card cannot hide (MarkerView), and a result that is not finite.
     Radiance disturbed(const Radiance& radiance, const PlacedMarker& marker,

@@ -10,7 +10,6 @@
 
 #include "calib/projector.h"
 #include "core/errors.h"
-#include "core/random.h"
 
 namespace etalon {
 namespace {
@@ -34,6 +33,16 @@ double decode_rec709(double code) {
 
 // Finer codes are computed pixel by pixel: the steps of 16 bits would take 0.1 s.
 constexpr int most_bits_of_steps = 12;
+
+constexpr int most_at_once = 256;  // pixels: 2 KiB of signals
+
+// Full scale is 1. Limited so that a signal stays finite at any gain and 0 has no photon noise.
+SensorNoise noise_of(const Sensor& sensor, double range_dn) {
+    constexpr double most = 1e200;
+    const double electrons = sensor.gain_e_per_dn * range_dn;
+    const double read = sensor.read_noise_e / electrons;
+    return {std::min(1.0 / electrons, most), std::min(read * read, most)};
+}
 
 using Point = std::pair<double, double>;
 
@@ -226,17 +235,17 @@ SensorModel::SensorModel(const CameraModel& camera)
     apply_mosaic(sensor_, size_, response_);
 }
 
-double SensorModel::with_noise(double radiance, const NoiseKey& key, std::uint64_t pixel) const {
-    const double signal_dn = range_ * radiance;
-    const double read_dn = sensor_.read_noise_e / sensor_.gain_e_per_dn;
-    const double variance = std::max(signal_dn, 0.0) / sensor_.gain_e_per_dn + read_dn * read_dn;
-    const double deviate = RandomStream(key.seed, key.frame, pixel).normal();
-    return (signal_dn + std::sqrt(variance) * deviate) / range_;
-}
-
 double SensorModel::code_of(double radiance) const {
     const double code = sensor_.black_dn + range_ * encode(sensor_.transfer, radiance);
     return std::clamp(std::floor(code + 0.5), 0.0, full_scale_);
+}
+
+template <class Code>
+void SensorModel::put_codes(const double* signals, int count, Code* codes) const {
+    if (sensor_.transfer.kind == Transfer::Kind::linear)
+        return linear_codes({range_, sensor_.black_dn + 0.5}, signals, count, codes);
+    for (int x = 0; x < count; ++x)
+        codes[x] = static_cast<Code>(steps_ ? steps_->code_at(signals[x]) : code_of(signals[x]));
 }
 
 template <class Code>
@@ -247,13 +256,16 @@ bool SensorModel::expose_row(const float* radiance, const cv::Point& first, int 
         return linear_codes({range_, sensor_.black_dn + 0.5}, radiance, response, count, codes);
     if (!all_finite(radiance, count))
         return false;
-    const std::uint64_t pixel = std::uint64_t(first.y) * size_.width + first.x;
-    for (int x = 0; x < count; ++x) {
-        const double signal = response ? double(radiance[x]) * response[x] : double(radiance[x]);
+    const std::int64_t pixel = std::int64_t{first.y} * size_.width + first.x;
+    double signals[most_at_once];
+    for (int x = 0; x < count; x += most_at_once) {
+        const int n = std::min(most_at_once, count - x);
+        for (int i = 0; i < n; ++i)
+            signals[i] = response ? double(radiance[x + i]) * response[x + i] : radiance[x + i];
         if (noise)
-            codes[x] = static_cast<Code>(code_of(with_noise(signal, *noise, pixel + x)));
-        else
-            codes[x] = static_cast<Code>(steps_ ? steps_->code_at(signal) : code_of(signal));
+            add_noise(noise_of(sensor_, range_), *noise, static_cast<std::uint64_t>(pixel + x), n,
+                      signals);
+        put_codes(signals, n, codes + x);
     }
     return true;
 }

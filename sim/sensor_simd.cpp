@@ -13,22 +13,28 @@ namespace etalon::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+// LinearSensor::code_of() of as many signals as D has lanes.
+template <class D, class Code>
+HWY_ATTR HWY_INLINE void store_codes(D d, LinearSensor sensor, hn::Vec<D> p, Code* codes) {
+    const hn::Rebind<std::int32_t, D> integers;
+    const hn::Rebind<Code, D> narrow;
+    const auto signal = hn::Mul(hn::Set(d, sensor.range), hn::Min(p, hn::Set(d, 1.0)));
+    const auto code = hn::Add(signal, hn::Set(d, sensor.offset));
+    const auto whole = hn::DemoteTo(integers, code);  // towards 0; the next step limits it to 0
+    hn::StoreU(hn::DemoteTo(narrow, whole), narrow, codes);
+}
+
 // As many pixels as D has lanes of doubles; returns 0 or, where one is not finite, NaN: what 0
 // times the pixel is. The product of two floats is exact in double.
 template <class D, class Code>
 HWY_ATTR HWY_INLINE hn::Vec<D> linear_vector(D d, LinearSensor sensor, const float* radiance,
                                              const float* response, Code* codes) {
     const hn::Rebind<float, D> floats;
-    const hn::Rebind<std::int32_t, D> integers;
-    const hn::Rebind<Code, D> narrow;
     auto p = hn::PromoteTo(d, hn::LoadU(floats, radiance));
     const auto nothing = hn::Mul(p, hn::Zero(d));
     if (response)
         p = hn::Mul(p, hn::PromoteTo(d, hn::LoadU(floats, response)));
-    const auto signal = hn::Mul(hn::Set(d, sensor.range), hn::Min(p, hn::Set(d, 1.0)));
-    const auto code = hn::Add(signal, hn::Set(d, sensor.offset));
-    const auto whole = hn::DemoteTo(integers, code);  // towards 0; the next step limits it to 0
-    hn::StoreU(hn::DemoteTo(narrow, whole), narrow, codes);
+    store_codes(d, sensor, p, codes);
     return nothing;
 }
 
@@ -130,6 +136,28 @@ HWY_ATTR bool LinearCodes16(LinearSensor sensor, const float* radiance, const fl
     return linear_row(sensor, radiance, response, count, codes);
 }
 
+template <class Code>
+HWY_ATTR HWY_INLINE void signal_codes(LinearSensor sensor, const double* signals, int count,
+                                      Code* codes) {
+    const hn::ScalableTag<double> d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    int x = 0;
+    for (; x + n <= count; x += n)
+        store_codes(d, sensor, hn::LoadU(d, signals + x), codes + x);
+    for (; x < count; ++x)
+        codes[x] = static_cast<Code>(sensor.code_of(signals[x]));
+}
+
+HWY_ATTR void SignalCodes8(LinearSensor sensor, const double* signals, int count,
+                           std::uint8_t* codes) {
+    signal_codes(sensor, signals, count, codes);
+}
+
+HWY_ATTR void SignalCodes16(LinearSensor sensor, const double* signals, int count,
+                            std::uint16_t* codes) {
+    signal_codes(sensor, signals, count, codes);
+}
+
 // 0 times a number is 0, and NaN for the others; a NaN stays in the sum.
 HWY_ATTR bool AllFinite(const float* values, int count) {
     const hn::ScalableTag<float> d;
@@ -153,6 +181,8 @@ namespace etalon {
 
 HWY_EXPORT(LinearCodes8);
 HWY_EXPORT(LinearCodes16);
+HWY_EXPORT(SignalCodes8);
+HWY_EXPORT(SignalCodes16);
 HWY_EXPORT(AllFinite);
 
 bool linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
@@ -163,6 +193,14 @@ bool linear_codes(LinearSensor sensor, const float* radiance, const float* respo
 bool linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
                   std::uint16_t* codes) {
     return HWY_DYNAMIC_DISPATCH(LinearCodes16)(sensor, radiance, response, count, codes);
+}
+
+void linear_codes(LinearSensor sensor, const double* signals, int count, std::uint8_t* codes) {
+    HWY_DYNAMIC_DISPATCH(SignalCodes8)(sensor, signals, count, codes);
+}
+
+void linear_codes(LinearSensor sensor, const double* signals, int count, std::uint16_t* codes) {
+    HWY_DYNAMIC_DISPATCH(SignalCodes16)(sensor, signals, count, codes);
 }
 
 bool all_finite(const float* values, int count) {

@@ -28,6 +28,10 @@ bool linear_codes(LinearSensor sensor, const float* radiance, const float* respo
 bool linear_codes(LinearSensor sensor, const float* radiance, const float* response, int count,
                   std::uint16_t* codes);
 
+// Of signals p, finite.
+void linear_codes(LinearSensor sensor, const double* signals, int count, std::uint8_t* codes);
+void linear_codes(LinearSensor sensor, const double* signals, int count, std::uint16_t* codes);
+
 // Whether none of them is NaN or infinite.
 bool all_finite(const float* values, int count);
 

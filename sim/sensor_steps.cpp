@@ -38,17 +38,18 @@ SensorSteps::SensorSteps(int bits, const std::function<double(double)>& code_of)
             least_above([&](double radiance) { return code_of(radiance) > double(code); }));
     steps_.push_back(std::numeric_limits<double>::infinity());
 
-    const std::size_t cells =
-        8 * codes;  // Rec. 709, of slope 4.5 at most, has a step in each other
+    // Rec. 709, of slope 4.5 at most, has a step in each other.
+    const auto cells = static_cast<std::ptrdiff_t>(8 * codes);
     cells_ = static_cast<double>(cells);
-    for (std::size_t cell = 0, code = 0; cell <= cells; ++cell) {
+    std::size_t code = 0;
+    for (std::ptrdiff_t cell = -cells - 1; cell <= cells; ++cell) {
         while (double(cell) / cells_ >= steps_[code])
             ++code;
         code_of_cell_.push_back(static_cast<std::uint16_t>(code));
     }
 }
 
-std::uint16_t SensorSteps::code_below_zero(double radiance) const {
+std::uint16_t SensorSteps::code_below_cells(double radiance) const {
     return static_cast<std::uint16_t>(std::upper_bound(steps_.begin(), steps_.end(), radiance) -
                                       steps_.begin());
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -18,9 +19,12 @@ public:
 
     // code_of(radiance), exactly; finite.
     std::uint16_t code_at(double radiance) const {
-        if (radiance < 0.0)
-            return code_below_zero(radiance);
-        auto code = code_of_cell_[static_cast<std::size_t>(std::min(radiance, 1.0) * cells_)];
+        if (radiance < -1.0)
+            return code_below_cells(radiance);
+        // Rounded towards 0, which is upwards for a negative one: the cell below.
+        const auto cell = static_cast<std::ptrdiff_t>(std::min(radiance, 1.0) * cells_) -
+                          static_cast<std::ptrdiff_t>(radiance < 0.0);
+        auto code = code_of_cell_[code_of_cell_.size() / 2 + static_cast<std::size_t>(cell)];
         // One step without a branch that the processor could guess wrongly; more are rare.
         code = static_cast<std::uint16_t>(code + (radiance >= steps_[code]));
         while (radiance >= steps_[code])
@@ -29,11 +33,12 @@ public:
     }
 
 private:
-    std::uint16_t code_below_zero(double radiance) const;
+    std::uint16_t code_below_cells(double radiance) const;
 
     std::vector<double> steps_;  // [c]: the least radiance whose code is above c; last infinity
     double cells_;               // of radiance 0..1; a power of two, so that no index is rounded
-    std::vector<std::uint16_t> code_of_cell_;  // at its lower end; the last is radiance 1
+    // At its lower end, of the cells -cells_ - 1 to cells_; number 0 begins with radiance 0.
+    std::vector<std::uint16_t> code_of_cell_;
 };
 
 }  // namespace etalon

@@ -47,7 +47,7 @@ public:
 
     // The frame that the sensor makes of it: `exposure` times the nominal light (gain included),
     // saturating, with shot and read noise keyed by (seed, frame, pixel), quantised.
-    // exposure >= 0 and finite. About 50 ns a pixel with noise.
+    // exposure >= 0 and finite. About 7 ns a pixel with noise.
     CodeImage expose(const Radiance& radiance, double exposure, std::uint32_t frame) const;
 
     const CameraModel& camera() const { return renderer_.camera(); }

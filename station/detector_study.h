@@ -39,7 +39,7 @@ struct DetectorStudy {
 
 // Noises are a pure function of (seed, pose, frame). `step` is called after every pose, from any
 // thread; may be empty. Parallel over the poses; the result does not depend on the threads. CPU
-// time: frames x (60 ns a pixel of the marker + one detection) per pose.
+// time: frames x (6 ns a pixel of the marker + one detection) per pose.
 //
 // Throws ConfigError when the calibration declares no sensor noise, NumericalError for less than 8
 // frames and whatever Renderer::render throws.

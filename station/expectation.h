@@ -89,7 +89,7 @@ struct Expectation {
 void fit_maps(Expectation& expectation, std::uint64_t seed);
 
 // Parallel over the poses; the result does not depend on the threads. `step` is called after every
-// pose, from any thread. CPU time: a render, and per frame 60 ns a pixel of the marker and a
+// pose, from any thread. CPU time: a render, and per frame 6 ns a pixel of the marker and a
 // detection. Throws ConfigError for a detector that cannot see the marker, NumericalError for a
 // volume into which the marker hardly fits, and what Renderer::render throws.
 Expectation expect_errors(const ExpectationRequest& request,

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "core/errors.h"
+#include "core/random.h"
 
 namespace etalon {
 namespace {
@@ -255,6 +256,66 @@ TEST(SensorModel, GivesTheDocumentedCodeAroundEveryRoundingBoundary) {
                         expect_documented_codes(sensor, red);
                     }
     });
+}
+
+// Of the deviate that the pixel's own stream gives: no pixel depends on its place in a vector.
+void expect_documented_noise(const Sensor& sensor, const NoiseKey& key) {
+    const CameraModel camera = camera_with(sensor, 301, 3);
+    Radiance radiance(3, 301, CV_32FC1);
+    for (int y = 0; y < 3; ++y)
+        for (int x = 0; x < 301; ++x)
+            radiance.at<float>(y, x) = static_cast<float>(0.004 * x - 0.02 * y);
+    cv::Mat codes;
+    SensorModel(camera).expose(radiance, key).pixels.convertTo(codes, CV_32S);
+    const double range = (1 << sensor.bits) - 1 - sensor.black_dn;
+    for (int y = 0; y < 3; ++y)
+        for (int x = 0; x < 301; ++x) {
+            const double signal = range * radiance.at<float>(y, x);
+            const double read_dn = sensor.read_noise_e / sensor.gain_e_per_dn;
+            const double sigma =
+                std::sqrt(std::max(signal, 0.0) / sensor.gain_e_per_dn + read_dn * read_dn);
+            const auto pixel = static_cast<std::uint64_t>(301 * y + x);
+            const double noise = sigma * RandomStream(key.seed, key.frame, pixel).normal();
+            ASSERT_EQ(codes.at<int>(y, x), documented_code(sensor, (signal + noise) / range))
+                << x << " " << y;
+        }
+}
+
+TEST(SensorNoise, GivesEveryPixelTheDocumentedCode) {
+    on_every_target([] {
+        for (const auto kind : {Transfer::Kind::linear, Transfer::Kind::rec709})
+            for (const int bits : {8, 12, 16})
+                for (const double black : {0.0, 0.05}) {
+                    SCOPED_TRACE(fmt::format("{} bits, black {}", bits, black));
+                    const double full_scale = (1 << bits) - 1;
+                    Sensor sensor{.bits = bits,
+                                  .black_dn = black * full_scale,
+                                  .gain_e_per_dn = 9000.0 / full_scale,
+                                  .read_noise_e = 70.0};
+                    sensor.transfer.kind = kind;
+                    expect_documented_noise(sensor, {23, 6});
+                }
+    });
+}
+
+// 1 / (gain times range) overflows: no light has no photon noise, light is saturated or black.
+TEST(SensorNoise, LeavesACodeAtTheLeastGain) {
+    for (const auto kind : {Transfer::Kind::linear, Transfer::Kind::rec709}) {
+        Sensor sensor{.gain_e_per_dn = 5e-324};
+        sensor.transfer.kind = kind;
+        const NoiseKey key{1, 1};
+        const cv::Mat dark = SensorModel(camera_with(sensor)).expose(uniform(0.0), key).pixels;
+        EXPECT_EQ(cv::countNonZero(dark), 0);
+        const auto expect_extremes = [&](double radiance) {
+            const cv::Mat lit =
+                SensorModel(camera_with(sensor)).expose(uniform(radiance), key).pixels;
+            EXPECT_EQ(cv::countNonZero(lit == 0) + cv::countNonZero(lit == 255), 35);
+            EXPECT_GT(cv::countNonZero(lit), 5);
+        };
+        expect_extremes(0.5);
+        sensor.read_noise_e = 1.0;
+        expect_extremes(0.0);
+    }
 }
 
 // Single precision is enough from 1e-4 of a step on.

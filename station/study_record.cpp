@@ -47,6 +47,7 @@ StudyRecord::StudyRecord(const std::filesystem::path& folder, const StudyDescrip
         if (!different.empty())
             refuse(folder, fmt::format("belongs to another study: its '{}' differs (see {})",
                                        different, description_file));
+        lock_.emplace(folder / results_file);
         keep_whole_poses();
     } else {
         std::filesystem::create_directories(folder, error);
@@ -55,6 +56,7 @@ StudyRecord::StudyRecord(const std::filesystem::path& folder, const StudyDescrip
         if (!std::filesystem::is_empty(folder, error))
             refuse(folder, "is not empty and holds no study");
         write_text(folder / results_file, results_header(description));
+        lock_.emplace(folder / results_file);
         write_text(folder / description_file, description_text(description));
     }
     results_.open(folder / results_file, std::ios::binary | std::ios::app);

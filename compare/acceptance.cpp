@@ -111,7 +111,8 @@ Drift fitted_drift(const SmoothField& field, std::span<const FieldSample> sample
     const Eigen::MatrixXd from_samples = estimator(field, samples);
     const Eigen::MatrixXd freed = shift - design * (from_samples * shift);
     const Eigen::VectorXd residual = error - design * (from_samples * error);
-    const Eigen::MatrixXd weighted = freed.transpose() * stacked_weight(field, samples);
+    const Eigen::MatrixXd weighted =
+        times_blocks(freed.transpose(), sample_weights(field, samples));
     const Eigen::Matrix3d covariance = Eigen::Matrix3d(weighted * freed).inverse();
     return {covariance * (weighted * residual),
             coverage_factor * std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance)

@@ -97,4 +97,12 @@ std::optional<PoseEstimate> estimate_pose(const Projector& projector,
                                           const std::vector<Eigen::Vector3d>& points_mm,
                                           const std::vector<Eigen::Vector2d>& pixels);
 
+// The same from `start`, a pose known well enough to tell the two planar solutions apart: gives the
+// one that least squares reach from there, without the other, in a fifth of the time. Nothing also
+// when a point cannot be seen from the start.
+std::optional<PoseEstimate> estimate_pose_near(const Projector& projector,
+                                               const std::vector<Eigen::Vector3d>& points_mm,
+                                               const std::vector<Eigen::Vector2d>& pixels,
+                                               const Rigid& start);
+
 }  // namespace etalon

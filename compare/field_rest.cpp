@@ -30,33 +30,70 @@ Eigen::VectorXd stacked_errors(std::span<const FieldSample> samples) {
     return errors;
 }
 
-Eigen::MatrixXd stacked_covariance(std::span<const SampleNoise> noise) {
-    const auto rows = 3 * std::ssize(noise);
-    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(rows, rows);
-    for (std::size_t i = 0; i < noise.size(); ++i) {
-        const auto k = static_cast<Eigen::Index>(3 * i);
-        covariance.block<3, 3>(k, k) = noise[i].covariance;
-    }
-    return covariance;
-}
+// The residuals r = M e of a fit with the weights W: M = I - D E, of the design D and the estimator
+// E = (D^T W D)^-1 D^T W, is a projection with W M = M^T W. Its products are left to the thin D and
+// E, which have 15 columns and rows where M has 3 for each sample.
+class Residuals {
+public:
+    Residuals(const SmoothField& field, std::span<const FieldSample> samples)
+        : design_(stacked_design(field, samples)),
+          estimator_(estimator(field, samples)),
+          weights_(sample_weights(field, samples)) {}
 
-// Of Q = r^T W r with r = M e: what noise in e makes of it.
+    Eigen::VectorXd of(const Eigen::VectorXd& errors) const {
+        return errors - design_ * (estimator_ * errors);
+    }
+
+    // M^T M = I - D E - (D E)^T + E^T (D^T D) E
+    Eigen::MatrixXd plain_kernel() const {
+        const Eigen::MatrixXd half = 0.5 * (design_.transpose() * design_) * estimator_;
+        const Eigen::MatrixXd taken = (design_.transpose() - half).transpose() * estimator_;
+        Eigen::MatrixXd kernel = -taken - taken.transpose();
+        kernel.diagonal().array() += 1.0;
+        return kernel;
+    }
+
+    // M^T W M = W M = W - W D E
+    Eigen::MatrixXd weighted_kernel() const {
+        const Eigen::MatrixXd weighted_design =
+            times_blocks(design_.transpose(), weights_).transpose();
+        Eigen::MatrixXd kernel = -weighted_design * estimator_;
+        for (std::size_t i = 0; i < weights_.size(); ++i) {
+            const auto k = static_cast<Eigen::Index>(3 * i);
+            kernel.block<3, 3>(k, k) += weights_[i];
+        }
+        return kernel;
+    }
+
+    // r^T W r
+    double weighted_square(const Eigen::VectorXd& residual) const {
+        return times_blocks(residual.transpose(), weights_).row(0).dot(residual);
+    }
+
+private:
+    Eigen::MatrixXd design_, estimator_;
+    std::vector<Eigen::Matrix3d> weights_;
+};
+
+// Of Q = e^T K e: what noise in e makes of it.
 struct QuadraticForm {
-    Eigen::MatrixXd kernel;      // M^T W M
+    Eigen::MatrixXd kernel;      // K
+    Eigen::MatrixXd spread;      // K times the noise's covariance
     double mean = 0.0;           // for the stated noise
     double variance = 0.0;       // of Q for it
     double mean_variance = 0.0;  // of the mean, as the noise is itself an estimate
 };
 
-QuadraticForm form_of(const Eigen::MatrixXd& residual_maker, const Eigen::MatrixXd& weight,
-                      const Eigen::MatrixXd& covariance, std::span<const SampleNoise> noise) {
-    QuadraticForm form;
-    form.kernel = residual_maker.transpose() * weight * residual_maker;
-    const Eigen::MatrixXd spread = form.kernel * covariance;
-    form.mean = spread.trace();
-    form.variance = 2.0 * spread.cwiseProduct(spread.transpose()).sum();
+QuadraticForm form_of(const Eigen::MatrixXd& kernel, std::span<const SampleNoise> noise) {
+    std::vector<Eigen::Matrix3d> covariances;
+    for (const SampleNoise& each : noise)
+        covariances.push_back(each.covariance);
+    QuadraticForm form{kernel, times_blocks(kernel, covariances)};
+    form.mean = form.spread.trace();
+    form.variance = 2.0 * form.spread.cwiseProduct(form.spread.transpose()).sum();
     for (std::size_t i = 0; i < noise.size(); ++i) {
-        const double share = spread.diagonal().segment<3>(static_cast<Eigen::Index>(3 * i)).sum();
+        const double share =
+            form.spread.diagonal().segment<3>(static_cast<Eigen::Index>(3 * i)).sum();
         form.mean_variance += 2.0 * share * share / noise[i].degrees_of_freedom;
     }
     return form;
@@ -65,12 +102,10 @@ QuadraticForm form_of(const Eigen::MatrixXd& residual_maker, const Eigen::Matrix
 // The rest is taken as independent from sample to sample and alike in all directions: then a rest
 // of mean square length s puts s t into |r|^2, t = trace(K) / 3. The upper end of the interval is
 // the s with s = s_0 + k sigma(s), which grows with s itself.
-void find_rest(const Eigen::VectorXd& residual, const QuadraticForm& form,
-               const Eigen::MatrixXd& covariance, FieldRest& rest) {
+void find_rest(const Eigen::VectorXd& residual, const QuadraticForm& form, FieldRest& rest) {
     const double gain = form.kernel.trace() / 3.0;
     const double mean_square = std::max(0.0, (residual.squaredNorm() - form.mean) / gain);
-    const Eigen::MatrixXd spread = form.kernel * covariance;
-    const double mixed = 4.0 * spread.cwiseProduct(form.kernel.transpose()).sum() / 3.0;
+    const double mixed = 4.0 * form.spread.cwiseProduct(form.kernel.transpose()).sum() / 3.0;
     const double own = 2.0 * form.kernel.squaredNorm() / 9.0;
     double upper = mean_square;
     for (int round = 0; round < 100; ++round)
@@ -91,22 +126,18 @@ double chi_square_limit(double degrees_of_freedom) {
 FieldRest field_rest(const SmoothField& field, std::span<const FieldSample> samples,
                      std::span<const SampleNoise> noise) {
     require_usable(samples, noise);
-    const Eigen::MatrixXd design = stacked_design(field, samples);
-    const auto rows = design.rows();
-    const Eigen::MatrixXd residual_maker =
-        Eigen::MatrixXd::Identity(rows, rows) - design * estimator(field, samples);
-    const Eigen::VectorXd residual = residual_maker * stacked_errors(samples);
-    const Eigen::MatrixXd covariance = stacked_covariance(noise);
+    const Residuals residuals(field, samples);
+    const Eigen::VectorXd residual = residuals.of(stacked_errors(samples));
 
     FieldRest rest;
-    rest.noise_rms = std::sqrt(covariance.trace() / static_cast<double>(samples.size()));
-    const QuadraticForm plain =
-        form_of(residual_maker, Eigen::MatrixXd::Identity(rows, rows), covariance, noise);
-    find_rest(residual, plain, covariance, rest);
+    double noise_square = 0.0;
+    for (const SampleNoise& each : noise)
+        noise_square += each.covariance.trace();
+    rest.noise_rms = std::sqrt(noise_square / static_cast<double>(samples.size()));
+    find_rest(residual, form_of(residuals.plain_kernel(), noise), rest);
 
-    const Eigen::MatrixXd weight = stacked_weight(field, samples);
-    const QuadraticForm weighted = form_of(residual_maker, weight, covariance, noise);
-    rest.chi_square_ratio = residual.dot(weight * residual) / weighted.mean;
+    const QuadraticForm weighted = form_of(residuals.weighted_kernel(), noise);
+    rest.chi_square_ratio = residuals.weighted_square(residual) / weighted.mean;
     rest.degrees_of_freedom =
         2.0 * weighted.mean * weighted.mean / (weighted.variance + weighted.mean_variance);
     rest.chi_square_limit = chi_square_limit(rest.degrees_of_freedom);

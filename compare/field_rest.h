@@ -33,7 +33,7 @@ struct FieldRest {
 // residuals' power for given noise, and its variance, follow from the fit's own weights (quadratic
 // forms of normal deviates); the limit is Wilson and Hilferty's (PNAS 17, 1931). Throws
 // NumericalError when the sizes do not agree or a covariance is not finite and positive.
-// Milliseconds for 40 samples, with the cube of their number.
+// A millisecond for 60 samples, with the square of their number.
 FieldRest field_rest(const SmoothField& field, std::span<const FieldSample> samples,
                      std::span<const SampleNoise> noise);
 

@@ -58,7 +58,7 @@ PairLengthening pair_lengthening(std::span<const FieldSample> samples) {
 }
 
 LengthErrors length_errors(const SmoothField& field, std::span<const FieldSample> samples,
-                           std::uint64_t seed) {
+                           const NoiseDraws& draws) {
     const Eigen::MatrixXd lengthening = pair_lengthening(samples) * stacked_design(field, samples);
     const Eigen::VectorXd distances = pair_distances(samples);
     const Eigen::VectorXd measured = measured_errors(samples);
@@ -71,7 +71,7 @@ LengthErrors length_errors(const SmoothField& field, std::span<const FieldSample
     result.field_max_mm = (lengthening * field.coefficients).cwiseAbs().maxCoeff(&worst);
     result.field_max_length_mm = distances[worst];
     result.field_max_uncertainty_mm =
-        noise_quantile(field, seed, [&](const Eigen::MatrixXd& noise) {
+        noise_quantile(field, draws, [&](const Eigen::MatrixXd& noise) {
             const Eigen::MatrixXd lengths = lengthening * noise;
             return Eigen::RowVectorXd(lengths.cwiseAbs().colwise().maxCoeff());
         });

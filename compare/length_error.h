@@ -8,7 +8,6 @@
 #pragma once
 
 #include <Eigen/SparseCore>
-#include <cstdint>
 #include <span>
 
 #include "compare/smooth_field.h"
@@ -27,10 +26,10 @@ struct LengthErrors {
     double field_max_uncertainty_mm = 0.0;
 };
 
-// `samples` are those that the field was fitted to. `seed` drives the 2000 draws of the band.
-// Throws NumericalError for less than two samples. Some 10 ms for 70 samples.
+// `samples` are those that the field was fitted to, `draws` are behind the band. Throws
+// NumericalError for less than two samples. Some 10 ms for 70 samples.
 LengthErrors length_errors(const SmoothField& field, std::span<const FieldSample> samples,
-                           std::uint64_t seed);
+                           const NoiseDraws& draws);
 
 // One row per pair: what the samples' shifts, stacked by three, do to its length. Zeros for two
 // poses in the same place.

@@ -108,24 +108,26 @@ struct Refined {
     Linearised at;
 };
 
-// One damped step; true if the cost went down.
-bool step(const Projector& projector, const Points& points, const Pixels& pixels, double damping,
-          Refined& state) {
-    Matrix6d damped = state.at.information;
+Vector6d damped_step(const Linearised& at, double damping) {
+    Matrix6d damped = at.information;
     damped.diagonal() *= 1.0 + damping;
-    const Vector6d delta = -damped.ldlt().solve(state.at.gradient);
-    if (!delta.allFinite())
-        return false;
-    const Rigid candidate = left_perturbed(state.camera_from_marker, delta);
-    const Linearised there = linearise(projector, points, pixels, candidate);
-    if (!(there.cost < state.at.cost))
-        return false;
-    state = {candidate, there};
-    return true;
+    return -damped.ldlt().solve(at.gradient);
 }
 
-// Levenberg and Marquardt's method until no step lowers the cost any more (to rounding) or the
-// gain is below 1e-14 of it. Nothing when a point cannot be seen from the start.
+// Where a step leads; nothing when it is not finite or a point is not seen from there.
+std::optional<Refined> moved(const Projector& projector, const Points& points, const Pixels& pixels,
+                             const Rigid& from, const Vector6d& delta) {
+    if (!delta.allFinite())
+        return std::nullopt;
+    const Rigid there = left_perturbed(from, delta);
+    Refined state{there, linearise(projector, points, pixels, there)};
+    return state.at.cost < infinity ? std::optional(state) : std::nullopt;
+}
+
+// Levenberg and Marquardt's method until a step promises less than 1e-14 of the cost, or none
+// lowers it any more. Such a last step is taken in full and unseen: what it does to the cost is
+// lost in rounding, but not what it does to the pose, which so does not depend on the start.
+// Nothing when a point cannot be seen from the start.
 std::optional<Refined> refine(const Projector& projector, const Points& points,
                               const Pixels& pixels, const Rigid& start) {
     constexpr int max_iterations = 200;
@@ -135,14 +137,16 @@ std::optional<Refined> refine(const Projector& projector, const Points& points,
         return std::nullopt;
     double damping = 1e-4;
     for (int i = 0; i < max_iterations && damping < max_damping; ++i) {
-        const double before = state.at.cost;
-        if (!step(projector, points, pixels, damping, state)) {
-            damping *= 10.0;
-            continue;
-        }
-        damping = std::max(damping * 0.1, 1e-12);
-        if (before - state.at.cost <= 1e-14 * before)
+        const Vector6d delta = damped_step(state.at, damping);
+        const bool is_last = -state.at.gradient.dot(delta) <= 1e-14 * state.at.cost;
+        const auto next = moved(projector, points, pixels, state.camera_from_marker,
+                                is_last ? damped_step(state.at, 0.0) : delta);
+        const bool is_better = next && next->at.cost < state.at.cost;
+        if (next && (is_last || is_better))
+            state = *next;
+        if (is_last)
             break;
+        damping = is_better ? std::max(damping * 0.1, 1e-12) : damping * 10.0;
     }
     return state;
 }
@@ -164,6 +168,23 @@ std::optional<Matrix6d> covariance_per_px2(const Matrix6d& information) {
     return scale.asDiagonal() * inverse * scale.asDiagonal();
 }
 
+bool usable(const Points& points_mm, const Pixels& pixels) {
+    return points_mm.size() >= 4 && pixels.size() == points_mm.size() && all_finite(points_mm) &&
+           all_finite(pixels) && span_a_plane(points_mm);
+}
+
+double rms_px(const Refined& pose, const Points& points) {
+    return std::sqrt(pose.at.cost / static_cast<double>(points.size()));
+}
+
+// Without the other solution.
+std::optional<PoseEstimate> estimate_of(const Refined& pose, const Points& points) {
+    const auto covariance = covariance_per_px2(pose.at.information);
+    if (!covariance)
+        return std::nullopt;
+    return PoseEstimate{pose.camera_from_marker, rms_px(pose, points), {}, 0.0, *covariance};
+}
+
 // Both starts can end in one minimum, for instance with strong perspective.
 bool same_pose(const Rigid& a, const Rigid& b) {
     const Vector6d delta = left_difference(a, b);
@@ -176,9 +197,7 @@ bool same_pose(const Rigid& a, const Rigid& b) {
 std::optional<PoseEstimate> estimate_pose(const Projector& projector, const Points& points_mm,
                                           const Pixels& pixels) {
     require_perspective(projector.camera(), "estimating a marker's pose");
-    const std::size_t count = points_mm.size();
-    if (count < 4 || pixels.size() != count || !all_finite(points_mm) || !all_finite(pixels) ||
-        !span_a_plane(points_mm))
+    if (!usable(points_mm, pixels))
         return std::nullopt;
     std::vector<Refined> found;
     for (const Rigid& start : closed_form_poses(projector, points_mm, pixels))
@@ -189,18 +208,22 @@ std::optional<PoseEstimate> estimate_pose(const Projector& projector, const Poin
     if (found.empty())
         return std::nullopt;
 
-    const auto covariance = covariance_per_px2(found[0].at.information);
-    if (!covariance)
-        return std::nullopt;
-    const auto rms = [&](const Refined& pose) {
-        return std::sqrt(pose.at.cost / static_cast<double>(count));
-    };
-    PoseEstimate estimate{found[0].camera_from_marker, rms(found[0]), {}, 0.0, *covariance};
-    if (found.size() > 1 && !same_pose(found[0].camera_from_marker, found[1].camera_from_marker)) {
-        estimate.alternative = found[1].camera_from_marker;
-        estimate.alternative_rms_px = rms(found[1]);
+    std::optional<PoseEstimate> estimate = estimate_of(found[0], points_mm);
+    if (estimate && found.size() > 1 &&
+        !same_pose(found[0].camera_from_marker, found[1].camera_from_marker)) {
+        estimate->alternative = found[1].camera_from_marker;
+        estimate->alternative_rms_px = rms_px(found[1], points_mm);
     }
     return estimate;
+}
+
+std::optional<PoseEstimate> estimate_pose_near(const Projector& projector, const Points& points_mm,
+                                               const Pixels& pixels, const Rigid& start) {
+    require_perspective(projector.camera(), "estimating a marker's pose");
+    if (!usable(points_mm, pixels))
+        return std::nullopt;
+    const auto refined = refine(projector, points_mm, pixels, start);
+    return refined ? estimate_of(*refined, points_mm) : std::nullopt;
 }
 
 }  // namespace etalon

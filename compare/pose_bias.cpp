@@ -73,33 +73,13 @@ double largest_move_px(const Projector& projector, const Points& points,
     return largest;
 }
 
-double distance(const Rigid& one, const Rigid& two, double length_mm) {
-    const Vector6d difference = left_difference(one, two);
-    return std::hypot(length_mm * difference.head<3>().norm(), difference.tail<3>().norm());
-}
-
-// Of the point that a turn about the marker's origin moves most; a board's first is its origin.
-double longest_arm(const Points& points) {
-    double longest_mm = 0.0;
-    for (const Eigen::Vector3d& point : points)
-        longest_mm = std::max(longest_mm, point.norm());
-    return longest_mm;
-}
-
-// The planar solution nearer to the prediction comes first.
 std::optional<PoseEstimate> estimate_near(const Projector& projector, const Points& points,
-                                          const Pixels& pixels, const Rigid& predicted) {
-    require_corners(pixels, points.size());
-    std::optional<PoseEstimate> estimate = estimate_pose(projector, points, pixels);
-    if (!estimate || !estimate->alternative)
-        return estimate;
-    const double length_mm = longest_arm(points);
-    if (distance(*estimate->alternative, predicted, length_mm) <
-        distance(estimate->camera_from_marker, predicted, length_mm)) {
-        std::swap(*estimate->alternative, estimate->camera_from_marker);
-        std::swap(estimate->alternative_rms_px, estimate->reprojection_rms_px);
-    }
-    return estimate;
+                                          const std::optional<Pixels>& corners,
+                                          const Rigid& predicted) {
+    if (!corners)
+        return std::nullopt;
+    require_corners(*corners, points.size());
+    return estimate_pose_near(projector, points, *corners, predicted);
 }
 
 }  // namespace
@@ -138,10 +118,8 @@ PoseBias pose_bias(const Projector& projector, const std::vector<Eigen::Vector3d
                    const std::optional<std::vector<Eigen::Vector2d>>& render_corners) {
     PoseBias bias;
     bias.predicted = predicted;
-    if (photo_corners)
-        bias.photo = estimate_near(projector, points_mm, *photo_corners, predicted);
-    if (render_corners)
-        bias.render = estimate_near(projector, points_mm, *render_corners, predicted);
+    bias.photo = estimate_near(projector, points_mm, photo_corners, predicted);
+    bias.render = estimate_near(projector, points_mm, render_corners, predicted);
     if (bias.render)
         bias.b1 = pose_error(bias.render->camera_from_marker, predicted);
     if (bias.photo)

@@ -243,12 +243,13 @@ std::vector<Eigen::Vector3d> volume_of(const Qualification& result) {
 
 void fit_fields(const QualificationInput& input, Qualification& result) {
     const std::vector<Eigen::Vector3d> volume = volume_of(result);
+    const NoiseDraws draws(input.seed);
     const std::vector<FieldSample> positions = position_samples(result);
     result.position_field = fit_smooth_field(positions, FieldBasis::position);
-    result.position_summary = summarize(*result.position_field, volume, input.seed);
+    result.position_summary = summarize(*result.position_field, volume, draws);
     result.rotation_field = fit_smooth_field(rotation_samples(result), FieldBasis::linear);
-    result.rotation_summary = summarize(*result.rotation_field, volume, input.seed);
-    result.lengths = length_errors(*result.position_field, positions, input.seed);
+    result.rotation_summary = summarize(*result.rotation_field, volume, draws);
+    result.lengths = length_errors(*result.position_field, positions, draws);
     if (const auto noise = position_noise(input, result))
         result.position_rest = field_rest(*result.position_field, positions, *noise);
     const std::vector<FieldSample> photometric = photometric_samples(input, result);
@@ -257,7 +258,7 @@ void fit_fields(const QualificationInput& input, Qualification& result) {
     PhotometricField field;
     field.poses = static_cast<int>(photometric.size());
     field.position_field = fit_smooth_field(photometric, FieldBasis::position);
-    field.position_summary = summarize(field.position_field, volume, input.seed);
+    field.position_summary = summarize(field.position_field, volume, draws);
     result.photometric = field;
 }
 

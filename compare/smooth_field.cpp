@@ -16,7 +16,8 @@ constexpr double length_mm = 100.0;  // makes the basis functions comparable
 constexpr int min_samples = 10;
 constexpr double coverage_factor = 2.0;
 constexpr double coverage = 0.977;  // one-sided, of that factor
-constexpr int draws = 2000;
+constexpr int draw_count = 2000;
+constexpr int most_coefficients = 15;
 constexpr double huber_sigmas = 3.0;
 constexpr double least_scale = 1e-9;  // of exact data: keeps the weights finite
 
@@ -125,7 +126,7 @@ Eigen::VectorXd weights(SmoothField& field, const Rows& rows, const Eigen::Vecto
 
 Eigen::MatrixXd SmoothField::design(const Eigen::Vector3d& position_mm) const {
     const bool full = basis == FieldBasis::position;
-    Eigen::MatrixXd b = Eigen::MatrixXd::Zero(3, full ? 15 : 12);
+    Eigen::MatrixXd b = Eigen::MatrixXd::Zero(3, full ? most_coefficients : 12);
     const Eigen::Vector3d q = (position_mm - centre_mm) / length_mm;
     b.leftCols<3>().setIdentity();
     for (int k = 0; k < 3; ++k)
@@ -175,23 +176,34 @@ Eigen::MatrixXd stacked_design(const SmoothField& field, std::span<const FieldSa
     return stacked;
 }
 
-Eigen::MatrixXd stacked_weight(const SmoothField& field, std::span<const FieldSample> samples) {
-    const auto rows = 3 * std::ssize(samples);
-    Eigen::MatrixXd weight = Eigen::MatrixXd::Zero(rows, rows);
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-        const FieldSample& sample = samples[i];
+std::vector<Eigen::Matrix3d> sample_weights(const SmoothField& field,
+                                            std::span<const FieldSample> samples) {
+    std::vector<Eigen::Matrix3d> weights;
+    for (const FieldSample& sample : samples) {
         const Eigen::Matrix3d along = sample.axis * sample.axis.transpose();
-        const auto k = static_cast<Eigen::Index>(3 * i);
-        weight.block<3, 3>(k, k) = along * std::pow(field.scale_along * sample.sigma_along, -2) +
-                                   (Eigen::Matrix3d::Identity() - along) *
-                                       std::pow(field.scale_across * sample.sigma_across, -2);
+        weights.push_back(along * std::pow(field.scale_along * sample.sigma_along, -2) +
+                          (Eigen::Matrix3d::Identity() - along) *
+                              std::pow(field.scale_across * sample.sigma_across, -2));
     }
-    return weight;
+    return weights;
+}
+
+Eigen::MatrixXd times_blocks(const Eigen::MatrixXd& left, std::span<const Eigen::Matrix3d> blocks) {
+    if (left.cols() != 3 * std::ssize(blocks))
+        throw NumericalError(
+            fmt::format("smooth field: {} columns for {} blocks of 3", left.cols(), blocks.size()));
+    Eigen::MatrixXd product(left.rows(), left.cols());
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+        const auto k = static_cast<Eigen::Index>(3 * i);
+        product.middleCols<3>(k).noalias() = left.middleCols<3>(k) * blocks[i];
+    }
+    return product;
 }
 
 Eigen::MatrixXd estimator(const SmoothField& field, std::span<const FieldSample> samples) {
     const Eigen::MatrixXd design = stacked_design(field, samples);
-    const Eigen::MatrixXd weighted = design.transpose() * stacked_weight(field, samples);
+    const Eigen::MatrixXd weighted =
+        times_blocks(design.transpose(), sample_weights(field, samples));
     const Eigen::MatrixXd normal = weighted * design;
     // Columns to equal length: the coefficients' sizes differ by much.
     const Eigen::VectorXd unscale = normal.diagonal().cwiseSqrt().cwiseInverse();
@@ -204,21 +216,24 @@ Eigen::MatrixXd covariance_factor(const SmoothField& field) {
     return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
 
-double noise_quantile(const SmoothField& field, std::uint64_t seed, const DrawFigures& figures) {
-    constexpr int batch = 50;  // keeps a batch's figures of some thousand points in the cache
-    static_assert(draws % batch == 0);
-    const Eigen::MatrixXd factor = covariance_factor(field);
-    Eigen::MatrixXd deviates(factor.cols(), batch);
-    Eigen::VectorXd all(draws);
-    for (int first = 0; first < draws; first += batch) {
-        for (int i = 0; i < batch; ++i) {
-            RandomStream random(seed, 0, static_cast<std::uint64_t>(first + i));
-            for (double& value : deviates.col(i))
-                value = random.normal();
-        }
-        all.segment<batch>(first) = figures(factor * deviates).transpose();
+NoiseDraws::NoiseDraws(std::uint64_t seed) : deviates(most_coefficients, draw_count) {
+    for (int i = 0; i < draw_count; ++i) {
+        RandomStream random(seed, 0, static_cast<std::uint64_t>(i));
+        for (double& value : deviates.col(i))
+            value = random.normal();
     }
-    const auto quantile = all.begin() + static_cast<std::ptrdiff_t>(coverage * draws);
+}
+
+double noise_quantile(const SmoothField& field, const NoiseDraws& draws,
+                      const DrawFigures& figures) {
+    constexpr int batch = 50;  // keeps a batch's figures of some thousand points in the cache
+    static_assert(draw_count % batch == 0);
+    const Eigen::MatrixXd factor = covariance_factor(field);
+    Eigen::VectorXd all(draw_count);
+    for (int first = 0; first < draw_count; first += batch)
+        all.segment<batch>(first) =
+            figures(factor * draws.deviates.block(0, first, factor.cols(), batch)).transpose();
+    const auto quantile = all.begin() + static_cast<std::ptrdiff_t>(coverage * draw_count);
     std::nth_element(all.begin(), quantile, all.end());
     return *quantile;
 }
@@ -251,24 +266,24 @@ void summarize_rms(const SmoothField& field, std::span<const Eigen::Vector3d> po
 }
 
 double largest_noise(const SmoothField& field, std::span<const Eigen::Vector3d> positions,
-                     std::uint64_t seed) {
+                     const NoiseDraws& draws) {
     Eigen::MatrixXd spread(3 * positions.size(), field.coefficients.size());
     for (std::size_t i = 0; i < positions.size(); ++i)
         spread.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = field.design(positions[i]);
     const auto points = static_cast<Eigen::Index>(positions.size());
-    return noise_quantile(field, seed, [&](const Eigen::MatrixXd& coefficients) {
+    return noise_quantile(field, draws, [&](const Eigen::MatrixXd& coefficients) {
         const Eigen::MatrixXd noise = spread * coefficients;
-        const Eigen::RowVectorXd lengths =
-            noise.reshaped(3, points * coefficients.cols()).colwise().norm();
+        const Eigen::RowVectorXd squares =
+            noise.reshaped(3, points * coefficients.cols()).colwise().squaredNorm();
         return Eigen::RowVectorXd(
-            lengths.reshaped(points, coefficients.cols()).colwise().maxCoeff());
+            squares.reshaped(points, coefficients.cols()).colwise().maxCoeff().cwiseSqrt());
     });
 }
 
 }  // namespace
 
 FieldSummary summarize(const SmoothField& field, std::span<const Eigen::Vector3d> positions_mm,
-                       std::uint64_t seed) {
+                       const NoiseDraws& draws) {
     if (positions_mm.empty())
         throw NumericalError("smooth field: no positions to evaluate it at");
     for (const Eigen::Vector3d& position : positions_mm)
@@ -284,7 +299,7 @@ FieldSummary summarize(const SmoothField& field, std::span<const Eigen::Vector3d
             summary.max_position_mm = position;
         }
     }
-    summary.max_uncertainty = largest_noise(field, positions_mm, seed);
+    summary.max_uncertainty = largest_noise(field, positions_mm, draws);
     return summary;
 }
 

@@ -58,17 +58,30 @@ SmoothField fit_smooth_field(std::span<const FieldSample> samples, FieldBasis ba
 // The samples' design matrices below one another, 3 rows per sample.
 Eigen::MatrixXd stacked_design(const SmoothField& field, std::span<const FieldSample> samples);
 
-// One over the noise's variance along each sample's axis and across it, at the field's levels: 3 x
-// 3 blocks on the diagonal.
-Eigen::MatrixXd stacked_weight(const SmoothField& field, std::span<const FieldSample> samples);
+// One over the noise's variance along each sample's axis and across it, at the field's levels: the
+// blocks on the diagonal of the stacked samples' weight.
+std::vector<Eigen::Matrix3d> sample_weights(const SmoothField& field,
+                                            std::span<const FieldSample> samples);
+
+// `left` times the block-diagonal matrix of these blocks; `left` has 3 columns for each. In full
+// that product would cost as many times more as there are blocks.
+Eigen::MatrixXd times_blocks(const Eigen::MatrixXd& left, std::span<const Eigen::Matrix3d> blocks);
 
 // Coefficients x (3 per sample): what the fit makes of the samples' errors, Huber's weights aside.
 Eigen::MatrixXd estimator(const SmoothField& field, std::span<const FieldSample> samples);
 
-// The 97.7 % quantile, over 2000 draws of the coefficients' noise from their covariance, of a
-// figure that is not negative. `figures` are those of several draws, each a column.
+// Normal deviates for 2000 draws of a field's noise, each a column. They depend on the seed alone:
+// a field of fewer coefficients takes the first rows, and all figures of a run take the same.
+struct NoiseDraws {
+    explicit NoiseDraws(std::uint64_t seed);
+    Eigen::MatrixXd deviates;  // 15 x 2000
+};
+
+// The 97.7 % quantile, over the draws of the coefficients' noise from their covariance, of a figure
+// that is not negative. `figures` are those of several draws, each a column.
 using DrawFigures = std::function<Eigen::RowVectorXd(const Eigen::MatrixXd& coefficients)>;
-double noise_quantile(const SmoothField& field, std::uint64_t seed, const DrawFigures& figures);
+double noise_quantile(const SmoothField& field, const NoiseDraws& draws,
+                      const DrawFigures& figures);
 
 // A matrix F with F F^T the coefficients' covariance.
 Eigen::MatrixXd covariance_factor(const SmoothField& field);
@@ -88,10 +101,10 @@ struct FieldSummary {
     Eigen::Vector3d max_position_mm = Eigen::Vector3d::Zero();
 };
 
-// `seed` drives the 2000 draws behind max_uncertainty. Some 10 ms for 100 positions. Throws
-// NumericalError for no positions, or one that is not finite or not in front of the camera.
+// `draws` are behind max_uncertainty. Some milliseconds for 100 positions. Throws NumericalError
+// for no positions, or one that is not finite or not in front of the camera.
 FieldSummary summarize(const SmoothField& field, std::span<const Eigen::Vector3d> positions_mm,
-                       std::uint64_t seed);
+                       const NoiseDraws& draws);
 
 // The given positions and the midpoints of all pairs: they fill the convex hull, where the field is
 // supported, without leaving it. The largest norm of a linear field is always at a given position.

@@ -1,5 +1,6 @@
 #include "station/analysis_json.h"
 
+#include <cmath>
 #include <span>
 
 #include "station/pose_numbers.h"
@@ -43,13 +44,26 @@ Json risk_json(const FamilyRisk& risk) {
             {"wrong_fail", risk.wrong_fail}};
 }
 
+// Deviations as `etalon register` gives them: the corners' noise is that of the residuals.
+Json weak_json(const Registration& registration) {
+    Json list = Json::array();
+    for (const WeakDirection& weak : registration.weak)
+        list.push_back({{"name", weak.name},
+                        {"direction", numbers_json(weak.direction)},
+                        {"deviation", std::sqrt(registration.reduced_squares) * weak.deviation},
+                        {"unit", weak.is_shift() ? "mm" : "rad"},
+                        {"worth_photographs", weak.worth_poses}});
+    return list;
+}
+
 Json registration_json(const BiasCorrectedRegistration& corrected) {
     const Registration& registration = corrected.registration;
     Json freedoms = Json::array();
     for (const GaugeFreedom& freedom : registration.freedoms)
         freedoms.push_back(
             {{"name", freedom.name}, {"direction", numbers_json(freedom.direction)}});
-    return {{"camera_from_base", pose_numbers(registration.camera_from_base)},
+    return {{"motion", registration.motion},
+            {"camera_from_base", pose_numbers(registration.camera_from_base)},
             {"carriage_from_marker", pose_numbers(registration.carriage_from_marker)},
             {"residual_rms_px", registration.residual_rms_px},
             {"poses_used", corrected.used.size()},
@@ -58,7 +72,8 @@ Json registration_json(const BiasCorrectedRegistration& corrected) {
             {"last_change_px", corrected.last_change_px},
             {"rank", registration.rank},
             {"condition_number", registration.condition_number},
-            {"freedoms", freedoms}};
+            {"freedoms", freedoms},
+            {"badly_determined", weak_json(registration)}};
 }
 
 Json field_json(const SmoothField& field, const FieldSummary& summary) {

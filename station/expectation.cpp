@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "compare/detector.h"
+#include "compare/pose_statistics.h"
 #include "core/errors.h"
 #include "station/expected_view.h"
 
@@ -43,12 +44,12 @@ public:
         ErrorSpread spread;
         for (int frame = 0; frame < frames; ++frame) {
             const NoiseKey key{request_.seed + index, static_cast<std::uint32_t>(frame)};
-            const auto seen = bias_of(exposures.with_noise(detector, key), camera_from_marker);
+            const auto corners = exposures.with_noise(detector, key);
+            const auto seen = bias_of(corners, camera_from_marker);
             if (!seen)
                 continue;
             ++pose.detections;
-            pose.flips += seen->photo->alternative &&
-                          seen->photo->alternative_rms_px < seen->photo->reprojection_rms_px;
+            pose.flips += fits_better_flipped(*corners, camera_from_marker);
             spread.add(components_of(*seen->b2, camera_from_marker));
         }
         pose.noise = spread.deviations();
@@ -56,6 +57,13 @@ public:
     }
 
 private:
+    bool fits_better_flipped(const DetectedCorners& corners,
+                             const Rigid& camera_from_marker) const {
+        const auto best =
+            estimate_pose(projector_, seen_points_mm(request_.marker, corners), corners.pixels);
+        return best && is_flip(*best, camera_from_marker);
+    }
+
     // B2 where the pose is known; nothing when the marker was not detected.
     std::optional<PoseBias> bias_of(const std::optional<DetectedCorners>& corners,
                                     const Rigid& camera_from_marker) const {

@@ -25,6 +25,10 @@ bool begins_baseline(const QuantityHistory& history, std::size_t i) {
     return i > 0 && history.runs[i].baseline != history.runs[i - 1].baseline;
 }
 
+std::string short_hash(const HistoricRun& run) {
+    return run.calibration_sha256.substr(0, 12);
+}
+
 std::string title_of(const QuantityHistory& history) {
     return fmt::format("{} / {}", history.quantity, history.unit);
 }
@@ -52,8 +56,7 @@ std::string table_of(std::span<const HistoricRun> runs, const QuantityHistory& h
     for (std::size_t i = 0; i < history.runs.size(); ++i) {
         const HistoricRun& run = runs[history.runs[i].run];
         if (begins_baseline(history, i))
-            text += fmt::format("  -- calibration {}: a new baseline\n",
-                                run.calibration_sha256.substr(0, 12));
+            text += fmt::format("  -- calibration {}: a new baseline\n", short_hash(run));
         text += row(run, history.runs[i]);
     }
     return text + "\n";
@@ -97,6 +100,9 @@ RecordJson chart_entry(std::span<const HistoricRun> runs, const QuantityHistory&
 struct Columns {
     std::vector<double> number, value, low, high, ewma, ewma_number;
     std::vector<std::string> notes, ewma_notes;
+    // The runs that are the first with another calibration.
+    std::vector<double> new_number, new_value;
+    std::vector<std::string> new_notes;
 };
 
 Columns columns_of(std::span<const HistoricRun> runs, const QuantityHistory& history) {
@@ -111,6 +117,12 @@ Columns columns_of(std::span<const HistoricRun> runs, const QuantityHistory& his
         columns.low.push_back(*charted.quantity.value - u);
         columns.high.push_back(*charted.quantity.value + u);
         columns.notes.push_back(note);
+        if (begins_baseline(history, i)) {
+            columns.new_number.push_back(static_cast<double>(i + 1));
+            columns.new_value.push_back(*charted.quantity.value);
+            columns.new_notes.push_back(
+                fmt::format("{}, calibration {}", note, short_hash(runs[charted.run])));
+        }
         if (!charted.chart.ewma)
             continue;
         columns.ewma_number.push_back(static_cast<double>(i + 1));
@@ -125,6 +137,9 @@ SvgPlot value_plot(const Columns& columns, const QuantityHistory& history) {
     plot.add_band(columns.number, columns.low, columns.high, Ink::gray, "U");
     plot.add_line(columns.number, columns.value, Ink::blue, "value");
     plot.add_points(columns.number, columns.value, Ink::blue, "", columns.notes);
+    if (!columns.new_number.empty())
+        plot.add_points(columns.new_number, columns.new_value, Ink::orange, "new calibration",
+                        columns.new_notes);
     if (const auto limit = history.runs.back().quantity.limit)
         plot.add_level(*limit, Ink::red, "limit");
     return plot;
@@ -153,7 +168,7 @@ void add_chart(HtmlPage& page, std::span<const HistoricRun> runs, const Quantity
         rows.push_back({run.started_utc, number(charted.quantity.value, 4),
                         number(charted.quantity.expanded_uncertainty, 3), charted.quantity.outcome,
                         number(charted.chart.ewma, 3), charted.chart.alarm ? "DRIFT" : "",
-                        fmt::format("{}", charted.baseline), run.calibration_sha256.substr(0, 12)});
+                        fmt::format("{}", charted.baseline), short_hash(run)});
     }
     page.add_table({"run", "value", "U", "outcome", "EWMA", "alarm", "baseline", "calibration"},
                    rows);

@@ -4,8 +4,10 @@
 #include <cstdio>
 
 #include "core/errors.h"
+#include "core/file_lock.h"
 #include "station/commands.h"
 #include "station/run_json.h"
+#include "station/run_record.h"
 #include "station/runner.h"
 #include "station/signals.h"
 #include "station/station_inputs.h"
@@ -67,6 +69,7 @@ std::unique_ptr<Camera> open_when_free(const std::function<std::unique_ptr<Camer
 
 QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                      const std::stop_token& stop) {
+    const FileLock lock(arguments.resume / log_file);
     const RecordedRun recorded = read_record(arguments.resume, progress, stop);
     announce(recorded, progress);
     if (!arguments.station.empty())
@@ -111,6 +114,7 @@ int run_report(const ReportArguments& arguments) {
     const StopOnSignals signals(stop);
     const SteadyClock clock;
     Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    const FileLock lock(arguments.record / log_file);
     const RecordedRun recorded = read_record(arguments.record, progress, stop.get_token());
     announce(recorded, progress);
     return print_result(analyse_record(recorded, progress, stop.get_token()), arguments.json);

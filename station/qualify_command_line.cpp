@@ -53,7 +53,7 @@ void add_oc_command(CLI::App& app, Run& run) {
         app, run, arguments, run_oc, "oc", "operating characteristic: what its PASS means",
         "Simulates thousands of runs with errors of known size put in, and prints how\n"
         "often each judged quantity comes out as PASS and FAIL. 1x is the size whose\n"
-        "field just reaches the quantity's limit. About 20 ms of CPU a run; --runs 200\n"
+        "field just reaches the quantity's limit. About 40 ms of CPU a run; --runs 200\n"
         "for a first look. Explained in docs/operating-characteristic.md.\n\n"
         "Example:\n  etalon oc examples/demo/station.yaml --error \"focal length\"\n");
     sub->add_option("STATION", arguments->station, "station.yaml")->required()->type_name("");

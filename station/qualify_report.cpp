@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
@@ -302,7 +303,7 @@ void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected
         page.add_paragraph(fmt::format(
             "Badly determined: {}, standard deviation {} {}. All poses say less about it than one "
             "would if the mounting were known.",
-            weak.name, number(registration.residual_rms_px * weak.deviation),
+            weak.name, number(std::sqrt(registration.reduced_squares) * weak.deviation),
             weak.is_shift() ? "mm" : "rad"));
     const auto row = [](const std::string& label, const Rigid& transform) {
         const Vector6d pose = vector_from_rigid(transform);

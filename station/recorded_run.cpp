@@ -112,7 +112,7 @@ public:
     explicit LogReader(RecordedRun& run) : run_(run), result_(run.result) {}
 
     void read() {
-        const Path path = result_.folder / "events.jsonl";
+        const Path path = result_.folder / log_file;
         std::ifstream file(path, std::ios::binary);
         if (!file)
             throw ConfigError({path.string()}, "cannot be read: is this the folder of a run?");

@@ -42,8 +42,7 @@ void attach(QualifyResult& result, const std::string& path) {
 
 void attach_all(QualifyResult& result) {
     result.attachments.clear();
-    for (const char* file :
-         {"events.jsonl", "poses.csv", "convergence.csv", "junit.xml", "report.html"})
+    for (const char* file : {log_file, "poses.csv", "convergence.csv", "junit.xml", "report.html"})
         attach(result, file);
     for (const InputFile& input : result.station.inputs)
         result.attachments.push_back({input.copy, input.sha256});
@@ -113,17 +112,16 @@ FrameRecord frame_record(const Frame& frame, Instant start) {
 }
 
 RunRecord::RunRecord(const std::filesystem::path& folder, std::initializer_list<const char*> parts)
-    : folder_(made(folder, parts)),
-      events_(folder / "events.jsonl", std::ios::binary | std::ios::app) {
+    : folder_(made(folder, parts)), events_(folder / log_file, std::ios::binary | std::ios::app) {
     if (!events_)
         throw ConfigError({"--out"}, fmt::format("{} cannot be written", folder.string()));
 }
 
 RunRecord::RunRecord(const std::filesystem::path& folder, std::uintmax_t whole_bytes)
     : folder_(folder),
-      events_(cut(folder / "events.jsonl", whole_bytes), std::ios::binary | std::ios::app) {
+      events_(cut(folder / log_file, whole_bytes), std::ios::binary | std::ios::app) {
     if (!events_)
-        throw ConfigError({(folder / "events.jsonl").string()}, "cannot be written");
+        throw ConfigError({(folder / log_file).string()}, "cannot be written");
     make_record_folders(folder, {"frames", "renders"});
 }
 
@@ -131,7 +129,7 @@ void RunRecord::append(const std::string& line) {
     errno = 0;
     events_ << line << '\n' << std::flush;
     if (!events_)
-        throw ConfigError({(folder_ / "events.jsonl").string()},
+        throw ConfigError({(folder_ / log_file).string()},
                           "cannot be written: " + std::generic_category().message(errno));
 }
 

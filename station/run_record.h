@@ -30,6 +30,9 @@
 
 namespace etalon {
 
+// The log, in a record's folder. Whoever writes to the record holds a FileLock on it.
+inline constexpr const char* log_file = "events.jsonl";
+
 // Throws ConfigError unless a record could go there: nothing is there, or an empty folder.
 void require_new_folder(const std::filesystem::path& folder);
 

@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "core/errors.h"
+#include "core/file_lock.h"
 #include "core/version.h"
 #include "stage/guarded_stage.h"
 #include "station/camera_recovery.h"
@@ -385,6 +386,7 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
     require_same_camera(station, result.camera);
 
     RunRecord record(folder);
+    const FileLock lock(folder / log_file);
     copy_inputs(result.station.inputs, folder);
     result.started_utc = utc_now();
     record.log(run_event(result));

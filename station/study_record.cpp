@@ -61,6 +61,7 @@ StudyRecord::StudyRecord(const std::filesystem::path& folder, const StudyDescrip
         if (!different.empty())
             refuse(folder, fmt::format("belongs to another study: its '{}' differs (see {})",
                                        different, description_file));
+        lock_.emplace(folder / results_file);
         keep_whole_poses();
     } else {
         std::filesystem::create_directories(folder, error);
@@ -69,6 +70,7 @@ StudyRecord::StudyRecord(const std::filesystem::path& folder, const StudyDescrip
         if (!is_only_begun(folder, results_header(description)))
             refuse(folder, "is not empty and holds no study");
         write_text(folder / results_file, results_header(description));
+        lock_.emplace(folder / results_file);
         write_text(folder / description_file, description_text(description));
     }
     results_.open(folder / results_file, std::ios::binary | std::ios::app);

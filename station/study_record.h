@@ -11,9 +11,11 @@
 
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "core/file_lock.h"
 #include "station/study_description.h"
 
 namespace etalon {
@@ -23,7 +25,7 @@ class StudyRecord {
 public:
     // Makes the folder, or continues the one that was made with the same study; what was half
     // written is cut off. Throws ConfigError (place --out) when the folder holds something else or
-    // a study that differs: in what, is said.
+    // a study that differs: in what, is said. Throws it too while another program writes there.
     StudyRecord(const std::filesystem::path& folder, const StudyDescription& description);
 
     const std::filesystem::path& folder() const { return folder_; }
@@ -40,6 +42,7 @@ private:
     std::filesystem::path folder_;
     StudyDescription description_;
     std::size_t poses_done_ = 0;
+    std::optional<FileLock> lock_;  // on results.csv
     std::ofstream results_;
 };
 

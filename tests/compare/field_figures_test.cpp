@@ -1,6 +1,7 @@
 // The rest that a field leaves, length errors and the Monte Carlo propagation, against analysis.
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <cmath>
 
 #include "compare/budget_monte_carlo.h"
@@ -56,6 +57,36 @@ TEST(FieldRest, FindsNothingInNoiseAlone) {
     EXPECT_LE(beyond, 2);
 }
 
+// The definition in full matrices: r = M e, Q = r^T W r, Q over its mean tr(M^T W M S), and degrees
+// of freedom by its variance 2 tr((M^T W M S)^2). The noise's own freedom of 1e6 adds less than
+// 1e-4.
+TEST(FieldRest, IsWhatItsDefinitionSays) {
+    const auto all = samples(23, 1.0, 0.05, 7);
+    const SmoothField field = fit_smooth_field(all, FieldBasis::position);
+    const auto noise = noise_of(all, 0.03);
+    const FieldRest rest = field_rest(field, all, noise);
+    Eigen::MatrixXd w = Eigen::MatrixXd::Zero(69, 69), s = w;
+    Eigen::VectorXd e(69);
+    const auto weights = sample_weights(field, all);
+    for (std::size_t i = 0; i < 23; ++i) {
+        const auto k = static_cast<Eigen::Index>(3 * i);
+        w.block<3, 3>(k, k) = weights[i];
+        s.block<3, 3>(k, k) = noise[i].covariance;
+        e.segment<3>(k) = all[i].error;
+    }
+    const Eigen::MatrixXd d = stacked_design(field, all);
+    const Eigen::MatrixXd m = Eigen::MatrixXd::Identity(69, 69) -
+                              d * (d.transpose() * w * d).ldlt().solve(d.transpose() * w);
+    const Eigen::VectorXd r = m * e;
+    const Eigen::MatrixXd weighted = m.transpose() * w * m * s, plain = m.transpose() * m;
+    EXPECT_NEAR(rest.chi_square_ratio, r.dot(w * r) / weighted.trace(), 1e-9);
+    EXPECT_NEAR(rest.degrees_of_freedom,
+                std::pow(weighted.trace(), 2) / (weighted * weighted).trace(), 1e-2);
+    EXPECT_NEAR(rest.rms,
+                std::sqrt((r.squaredNorm() - (plain * s).trace()) / (plain.trace() / 3.0)), 1e-9);
+    EXPECT_NEAR(rest.noise_rms, std::sqrt(s.trace() / 23.0), 1e-12);
+}
+
 // Below, equal to and above the noise: rms + U lies below the truth in 2.3 % of runs, 4.6 of 200;
 // 12 is 3.5 standard deviations more.
 TEST(FieldRest, StatesAnUncertaintyThatCoversTheTruth) {
@@ -95,7 +126,8 @@ TEST(LengthErrors, AreThoseOfAStretchedDepth) {
     auto all = samples(20, 0.0, 0.0, 1);
     for (FieldSample& sample : all)
         sample.error = Eigen::Vector3d(3.0, -2.0, 7.0 + 1e-3 * sample.position_mm.z());
-    const LengthErrors errors = length_errors(fit_smooth_field(all, FieldBasis::position), all, 1);
+    const LengthErrors errors =
+        length_errors(fit_smooth_field(all, FieldBasis::position), all, NoiseDraws(1));
     double expected = 0.0, length = 0.0;
     for (const FieldSample& one : all)
         for (const FieldSample& two : all) {

@@ -1,6 +1,7 @@
 // Pose errors with a known smooth field and known noise, for the tests of the field's fit.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cmath>
 
 #include "compare/smooth_field.h"

@@ -117,6 +117,28 @@ TEST(EstimatePose, KeepsBothSolutionsOfASmallTagNearlySquareToTheCamera) {
     EXPECT_LT(estimate->alternative_rms_px, 0.05);
 }
 
+// The line between the two valleys is where the tag is square to the line of sight.
+TEST(EstimatePose, FromAStartTakesTheSolutionOnItsSide) {
+    const Projector projector(webcam());
+    const Points corners = square(20.0);
+    const Rigid truth{rotation_from_vector({0.21, 0.14, 0.0}), {30.0, 20.0, 800.0}};
+    Pixels pixels = projected(projector, corners, truth);
+    pixels[1] += Eigen::Vector2d(0.013, -0.007);  // else the solution is exact: no rounding to see
+    const auto both = estimate_pose(projector, corners, pixels);
+    ASSERT_TRUE(both && both->alternative);
+    Vector6d away;
+    away << 0.05, -0.04, 0.03, 1.0, -2.0, 7.0;
+    for (const Rigid& solution : {both->camera_from_marker, *both->alternative}) {
+        const auto near =
+            estimate_pose_near(projector, corners, pixels, left_perturbed(solution, away));
+        ASSERT_TRUE(near);
+        expect_same_pose(near->camera_from_marker, solution, 1e-9, 1e-7);
+        EXPECT_FALSE(near->alternative);
+    }
+    const Rigid behind{truth.rotation, -truth.translation};
+    EXPECT_FALSE(estimate_pose_near(projector, corners, pixels, behind));
+}
+
 // Each component of the covariance against 1500 noisy estimates. A sample variance of n normal
 // draws has the relative standard deviation sqrt(2/(n-1)) = 3.65 %; with six components and a
 // family-wise 1 % the two-sided limit is 3.14 standard deviations = 11.5 %. Second-order terms of

@@ -22,7 +22,7 @@ TEST(SmoothFieldStatistics, KnowsThePowerThatNoiseAlonePutsIntoIt) {
             fit_smooth_field(samples(40, 0.0, noise_mm, run), FieldBasis::position);
         for (const Eigen::Vector3d& p : positions(40))
             power += field.at(p).squaredNorm() / (40.0 * runs);
-        expected += std::pow(summarize(field, positions(40), 1).noise_rms, 2) / runs;
+        expected += std::pow(summarize(field, positions(40), NoiseDraws(1)).noise_rms, 2) / runs;
         along += field.scale_along / runs;
         across += field.scale_across / runs;
     }
@@ -46,7 +46,7 @@ TEST(SmoothFieldStatistics, StatesUncertaintiesThatCoverTheTruth) {
         for (std::uint64_t run = 1; run <= runs; ++run) {
             const FieldSummary summary =
                 summarize(fit_smooth_field(samples(40, size, 0.05, run), FieldBasis::position),
-                          positions(40), run);
+                          positions(40), NoiseDraws(run));
             rms_missed += std::sqrt(rms2) > summary.rms + summary.rms_uncertainty ? 1 : 0;
             max_missed += largest > summary.max + summary.max_uncertainty ? 1 : 0;
         }

@@ -27,7 +27,7 @@ TEST(SmoothField, SummarisesAFieldAsItsTrueRmsAndMaximum) {
         sum += truth(position(i)).squaredNorm() / 60;
     for (const Eigen::Vector3d& p : hull_positions(positions(60)))
         largest = std::max(largest, truth(p).norm());
-    const FieldSummary summary = summarize(field, positions(60), 1);
+    const FieldSummary summary = summarize(field, positions(60), NoiseDraws(1));
     EXPECT_NEAR(summary.rms, std::sqrt(sum), 1e-8);
     EXPECT_NEAR(summary.max, largest, 1e-8);
     EXPECT_LT(summary.rms_uncertainty + summary.max_uncertainty, 1e-6);
@@ -40,7 +40,7 @@ TEST(SmoothField, TakesThePowerOfNoiseOutOfTheRmsAndNeverGoesBelowZero) {
         double power = 0.0;
         for (const Eigen::Vector3d& p : positions(40))
             power += field.at(p).squaredNorm() / 40;
-        const FieldSummary summary = summarize(field, positions(40), 1);
+        const FieldSummary summary = summarize(field, positions(40), NoiseDraws(1));
         EXPECT_GT(summary.noise_rms, 0.0);
         EXPECT_NEAR(summary.rms * summary.rms,
                     std::max(0.0, power - summary.noise_rms * summary.noise_rms), 1e-12);

@@ -1,10 +1,9 @@
 // The built program as a user meets it: exit codes, one-line errors, nothing half-written.
-#include <fmt/format.h>
 #include <gmock/gmock.h>
-#include <sys/wait.h>
 
+#include "core/file_lock.h"
 #include "core/image.h"
-#include "tests/paths.h"
+#include "tests/station/built_program.h"
 #include "tests/station/stations.h"
 
 namespace etalon {
@@ -12,28 +11,7 @@ namespace {
 
 using testing::EndsWith;
 using testing::HasSubstr;
-using testing::StartsWith;
-
-struct Finished {
-    int exit_code = -1;
-    std::string out, err;
-};
-
-Finished etalon_with(const TemporaryFolder& folder, const std::string& arguments) {
-    const std::string command = fmt::format("cd '{}' && '{}/etalon' {} > out.txt 2> err.txt",
-                                            (folder / "").string(), ETALON_BINARY_DIR, arguments);
-    const int status = std::system(command.c_str());
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text(folder / "out.txt"),
-            read_text(folder / "err.txt")};
-}
-
-void expect_one_line_error(const Finished& finished, int exit_code, const std::string& message) {
-    EXPECT_EQ(finished.exit_code, exit_code) << finished.err;
-    EXPECT_THAT(finished.err, StartsWith("etalon: "));
-    EXPECT_THAT(finished.err, HasSubstr(message));
-    EXPECT_EQ(std::count(finished.err.begin(), finished.err.end(), '\n'), 1) << finished.err;
-    EXPECT_EQ(finished.out, "");
-}
+using testing::Not;
 
 TEST(CommandLine, HelpFits80ColumnsAndNamesEveryCommand) {
     const TemporaryFolder folder;
@@ -133,6 +111,25 @@ TEST(CommandLine, QualifyRefusesAFolderWithSomethingInIt) {
     EXPECT_EQ(finished.exit_code, 3);
     EXPECT_THAT(finished.err, EndsWith("etalon: --out: record is not empty\n"));
     EXPECT_EQ(read_text(folder / "record/other.txt"), "precious");
+}
+
+// The lock is that of a program that is at work there.
+TEST(CommandLine, ARecordInUseIsNeitherResumedNorReported) {
+    const TemporaryFolder folder;
+    std::filesystem::create_directories(folder / "record");
+    write_text(folder / "record/events.jsonl", "");
+    const auto first_line = [&](const std::string& command) {
+        const Finished finished = etalon_with(folder, command);
+        EXPECT_EQ(finished.exit_code, 3) << finished.err;
+        return finished.err;
+    };
+    {
+        const FileLock held(folder / "record/events.jsonl");
+        for (const char* command : {"qualify --resume record", "report record"})
+            EXPECT_EQ(first_line(command),
+                      "etalon: record: is in use: another etalon is writing to this folder\n");
+    }
+    EXPECT_THAT(first_line("qualify --resume record"), Not(HasSubstr("in use")));
 }
 
 // Nobody listens on port 9 of the loopback interface.

@@ -14,6 +14,7 @@ namespace {
 
 using Json = nlohmann::json;
 using testing::HasSubstr;
+using testing::Not;
 
 // Deviates by turns: 1, -2, 2, -1 of the last digit.
 double wobble(int i) {
@@ -93,6 +94,11 @@ TEST_F(History, BeginsANewBaselineWithANewCalibration) {
     EXPECT_EQ(charts[0].runs[12].baseline, 2);
     EXPECT_FALSE(charts[0].runs[13].chart.q);
     EXPECT_THAT(history_text(runs, charts), HasSubstr("calibration bbbbbbbbbbbb: a new baseline"));
+    write_history_report(runs, charts, folder / "report");
+    const std::string chart = read_text(folder / "report/chart-1.svg");
+    EXPECT_THAT(chart, HasSubstr("new calibration"));
+    EXPECT_THAT(chart, HasSubstr("2026-03-13T14:05:09Z, PASS, calibration bbbbbbbbbbbb"));
+    EXPECT_THAT(chart, Not(HasSubstr("calibration aaaaaaaaaaaa")));
 }
 
 TEST_F(History, KeepsCamerasStationsAndMarkersApart) {

@@ -161,6 +161,33 @@ TEST(RunJson, GivesEachQuantityItsUnitLimitUncertaintyAndOutcome) {
     EXPECT_TRUE(run["gauge_report"][0]["detectable_size"].is_null());
 }
 
+// The deviation is for a corner of 1 px; the residuals say 0.2 px.
+TEST(RunJson, SaysWhatTheRegistrationCouldHardlySee) {
+    const TemporaryFolder folder;
+    QualifyResult result = result_of(folder);
+    BiasCorrectedRegistration corrected;
+    corrected.registration.motion = "turns about one axis, base z";
+    corrected.registration.reduced_squares = 0.04;
+    WeakDirection weak;
+    weak.name = "rotation about base x between X and Y";
+    weak.direction = Vector12d::Unit(3);
+    weak.deviation = 0.35;
+    weak.worth_poses = 0.7;
+    corrected.registration.weak = {weak};
+    result.analysis.emplace();
+    result.analysis->registration = corrected;
+    result.analysis->poses.resize(1);
+    const Json registration = Json::parse(run_json(result))["registration"];
+    EXPECT_EQ(registration["motion"], "turns about one axis, base z");
+    ASSERT_EQ(registration["badly_determined"].size(), 1u);
+    const Json& found = registration["badly_determined"][0];
+    EXPECT_EQ(found["name"], weak.name);
+    EXPECT_EQ(found["direction"][3], 1.0);
+    EXPECT_NEAR(found["deviation"].get<double>(), 0.2 * 0.35, 1e-15);
+    EXPECT_EQ(found["unit"], "rad");
+    EXPECT_EQ(found["worth_photographs"], 0.7);
+}
+
 TEST(PosesCsv, HasAsManyFieldsInEachRowAsInItsHeader) {
     const TemporaryFolder folder;
     QualifyResult result = result_of(folder);

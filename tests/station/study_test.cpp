@@ -104,6 +104,21 @@ double mean(const DetectorErrors& errors, std::size_t measure) {
     return sum / count;
 }
 
+// In this process as in another: the lock belongs to who opened the file.
+TEST_F(StudyTest, IsNotWrittenByTwoAtOnce) {
+    const StudyFile study = read_study(folder_ / "study.yaml");
+    const StudyOptics optics(study, study_variants(study, {}));
+    const auto description = describe(study, folder_ / "study.yaml", optics.variants(), {});
+    const StudyRecord first(folder_ / "out", description);
+    try {
+        const StudyRecord second(folder_ / "out", description);
+        ADD_FAILURE() << "accepted";
+    } catch (const ConfigError& error) {
+        EXPECT_EQ(error.what(), (folder_ / "out").string() +
+                                    ": is in use: another etalon is writing to this folder");
+    }
+}
+
 TEST_F(StudyTest, FindsTheMarkersWhereTheyAre) {
     ASSERT_TRUE(run("out"));
     const StudyResults found = results("out");

@@ -130,9 +130,10 @@ void expect_no_bias(const Runs& all) {
 
 void expect_coverage(const Runs& all) {
     for (int k = 0; k < 12; ++k)
-        if (all.covariance(k, k) > 1e-16)  // else held at the truth: always inside
+        if (all.covariance(k, k) > 1e-16) {  // else held at the truth: always inside
             EXPECT_NEAR(all.inside[k] / runs, 0.95, normal_limit * std::sqrt(0.95 * 0.05 / runs))
                 << "parameter " << k;
+        }
 }
 
 // `quantile_95` of chi-square with `rank` degrees of freedom: from the table.

@@ -179,15 +179,15 @@ TileUse TileEvaluator::sample_boxes(double blur_radius_px, float* values) {
 
 namespace {
 
-// Whether one of a sample's neighbours in the tile has a ray and the sample has not, or the other
-// way round: the border of the valid region passes through it, and only a part of it sees anything.
-bool is_at_border(const std::vector<std::optional<MappedPoint>>& points, int n, int column,
-                  int row) {
+// Whether one of a sample's neighbours has a ray and the sample has not, or the other way round:
+// the border of the valid region passes through it, and only a part of it sees anything. `rays` has
+// a ring of samples around the n x n of the tile: the border may run between two tiles.
+bool is_at_border(const std::vector<bool>& rays, int n, int column, int row) {
     const auto has_ray = [&](int x, int y) {
-        return points[static_cast<std::size_t>(y * n + x)].has_value();
+        return rays[static_cast<std::size_t>((y + 1) * (n + 2) + x + 1)];
     };
-    for (int y = std::max(0, row - 1); y <= std::min(n - 1, row + 1); ++y)
-        for (int x = std::max(0, column - 1); x <= std::min(n - 1, column + 1); ++x)
+    for (int y = row - 1; y <= row + 1; ++y)
+        for (int x = column - 1; x <= column + 1; ++x)
             if (has_ray(x, y) != has_ray(column, row))
                 return true;
     return false;
@@ -256,16 +256,33 @@ std::optional<TileUse> TileEvaluator::sample_grid_one_by_one(int i, int j, float
     return std::nullopt;
 }
 
+// Which of the tile's points have a ray, and of the ring of points around them; row by row.
+std::vector<bool> TileEvaluator::rays_around(int i, int j) const {
+    const int n = tile_px * sampling_.k;
+    std::vector<bool> rays;
+    for (int row = -1; row <= n; ++row)
+        for (int column = -1; column <= n; ++column) {
+            const bool is_inside = row >= 0 && row < n && column >= 0 && column < n;
+            const Eigen::Vector2d within(column + 0.5, row + 0.5);
+            rays.push_back(
+                is_inside ? points_[static_cast<std::size_t>(row * n + column)].has_value()
+                          : map_.exact(UndistortionMap::tile_corner_px(i, j) + within / sampling_.k)
+                                .has_value());
+        }
+    return rays;
+}
+
 // Where some of a tile's points have no ray: those are background.
 TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
     if (const auto use = sample_grid_one_by_one(i, j, values))
         return *use;
     const int n = tile_px * sampling_.k;
     map_.sample(i, j, n, points_);
+    const std::vector<bool> rays = rays_around(i, j);
     for (int p = 0; p < n * n; ++p) {
         const auto& point = points_[static_cast<std::size_t>(p)];
         double radiance = view_.background();
-        if (is_at_border(points_, n, p % n, p / n))
+        if (is_at_border(rays, n, p % n, p / n))
             radiance = mean_of_parts(i, j, p % n, p / n);
         else if (point)
             radiance = radiance_at(*point, 1.0 / sampling_.k);

@@ -62,6 +62,7 @@ private:
     TileUse sample_boxes(double blur_radius_px, float* values);
     bool find_points(const Grid& grid, int i, int j);
     std::optional<TileUse> sample_grid_one_by_one(int i, int j, float* values);
+    std::vector<bool> rays_around(int i, int j) const;
     TileUse sample_one_by_one(int i, int j, float* values);
     double least_blur_px(const Box& box) const;
     double largest_blur_px(const Box& box) const;

@@ -178,6 +178,16 @@ PlacedMarker place(const CameraModel& camera, Dice& dice, double side_px, double
     return marker;
 }
 
+bool is_before_lens(const PlacedMarker& marker) {
+    constexpr double least_mm = 20.0;  // more than an aperture's radius
+    const CellGrid& grid = marker.grid;
+    for (const int u : {0, grid.columns()})
+        for (const int v : {0, grid.rows()})
+            if (!((marker.camera_from_marker * grid.point_mm(u, v)).z() > least_mm))
+                return false;
+    return true;
+}
+
 double random_background(Dice& dice) {
     constexpr double usual[] = {0.0, 0.5, 0.99, 1.0, 1.0};
     return dice.chance(0.7) ? dice.one_of(usual) : dice.between(0.0, 1.0);
@@ -259,8 +269,13 @@ RandomInput ordinary_input(std::uint64_t seed) {
     Dice camera_dice(input.camera_key, 3);
     input.camera = ordinary_camera(camera_dice);
     const double depth = dice.log_between(100.0, 2000.0), side_px = dice.log_between(6.0, 80.0);
-    input.scene.markers = {
-        place(input.camera, dice, side_px, depth, dice.between(0.0, 70.0) * degree, 8, 0.0)};
+    const auto any_marker = [&] {
+        return place(input.camera, dice, side_px, depth, dice.between(0.0, 70.0) * degree, 8, 0.0);
+    };
+    PlacedMarker marker = any_marker();
+    while (!is_before_lens(marker))  // a wide one, tilted, of a short lens
+        marker = any_marker();
+    input.scene.markers = {marker};
     input.scene.background = random_background(dice);
     return input;
 }

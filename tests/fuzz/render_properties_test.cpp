@@ -57,6 +57,17 @@ TEST(RandomScenes, HostileOnesEndInARightImageOrARefusal) {
     EXPECT_GT(poisoned, 0);
 }
 
+// A marker blurred by 133 px, of whose image one point a pixel says all but beside the fold of the
+// distortion, where the image ends sharply.
+TEST(RandomScenes, TheBorderOfTheValidRegionIsSharpInABlurredImage) {
+    KeptRenderer kept;
+    constexpr std::uint64_t seed = 1140007441;
+    const SceneCheck check =
+        check_scene_of(kept, hostile_input(seed), 6, {.samples_per_scramble = 256, .rounds = 4});
+    EXPECT_EQ(check.refusal, "");
+    expect_clean(check, seed);
+}
+
 TEST(RandomScenes, ARegionIsTheCropOfTheWhole) {
     for (std::uint64_t seed = 16; seed < 22; ++seed) {
         const RandomInput input = ordinary_input(seed);

@@ -290,7 +290,7 @@ TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
     }
     if (sampling_.kind == SampleKind::point)
         return {RenderMethod::exact_lens, sampling_.k, 1, 1};
-    return {RenderMethod::exact_area, sampling_.k, finest_rule.points(), 1};
+    return {RenderMethod::exact_area, sampling_.k, std::max(coverage_of_, 1), 1};
 }
 
 // The border cuts parts, whichever way it runs: on a Fibonacci lattice no two parts share a row or
@@ -334,9 +334,11 @@ double TileEvaluator::radiance_at(const MappedPoint& point, double side_px) {
     const auto range = view_.footprint(parallelogram_box(point.x, sides));
     if (!range)
         return view_.background();
-    if (!coverage_)
-        coverage_.emplace(
-            view_, lens_points(view_.aperture().radius_mm, finest_rule.rings, finest_rule.spokes));
+    const LensRule rule = lens_rule(largest_blur_px({point.x, point.x}), sampling_.sharp_up_to_px);
+    if (!coverage_ || coverage_of_ != rule.points()) {
+        coverage_.emplace(view_, lens_points(view_.aperture().radius_mm, rule.rings, rule.spokes));
+        coverage_of_ = rule.points();
+    }
     return coverage_->over(point.x, sides, *range);
 }
 

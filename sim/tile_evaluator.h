@@ -83,6 +83,7 @@ private:
     // For tiles at the border.
     LensAverage lens_average_;
     std::optional<CellCoverage> coverage_;  // made when first needed
+    int coverage_of_ = 0;                   // its number of lens points
     std::vector<std::optional<MappedPoint>> points_;
 };
 

@@ -87,10 +87,10 @@ HWY_INLINE Blur blur_of(const TileGeometry& tile, Vector dx, Vector dy) {
     return {square * inverse, all(tile.turn_x) * share, all(tile.turn_y) * share};
 }
 
-// Where a line cuts the apertures of a vector of points.
+// Where a line cuts the apertures of a vector of points: as in Chord, and but for `area` only if it
+// crosses.
 struct Cut {
-    Vector normal_x, normal_y, offset, root,
-        area;  // as in Chord; but for `area` only if it crosses
+    Vector normal_x, normal_y, offset, root, area;
     bool crosses;
 };
 

@@ -11,4 +11,15 @@ std::string csv_text(const std::string& text) {
     return quoted + "\"";
 }
 
+std::string text_of_csv(std::string_view field) {
+    if (!field.starts_with('"'))
+        return std::string(field);
+    std::string text;
+    for (std::size_t i = 1; i + 1 < field.size(); ++i) {
+        text += field[i];
+        i += field[i] == '"';
+    }
+    return text;
+}
+
 }  // namespace etalon

@@ -19,18 +19,6 @@ struct Fields {
     std::size_t axes, errors, failure;
 };
 
-// What csv_text() was given.
-std::string unquoted(std::string_view field) {
-    if (!field.starts_with('"'))
-        return std::string(field);
-    std::string text;
-    for (std::size_t i = 1; i + 1 < field.size(); ++i) {
-        text += field[i];
-        i += field[i] == '"';
-    }
-    return text;
-}
-
 class ResultsReader {
 public:
     ResultsReader(const std::filesystem::path& folder, StudyResults& results)
@@ -114,7 +102,7 @@ private:
         const bool has_corners = !fields_[Fields::corner_rms].empty();
         results_.corner_rms_px[variant][detector].push_back(
             has_corners ? std::optional(number(Fields::corner_rms)) : std::nullopt);
-        const std::string failure = unquoted(fields_[places_.failure]);
+        const std::string failure = text_of_csv(fields_[places_.failure]);
         if (variant == 0 && !error)
             ++results_.failures[detector][failure];
         return failure.starts_with("not rendered: ");

@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
-#include <hwy/targets.h>
 
 #include <cmath>
 #include <random>
 
 #include "core/errors.h"
 #include "core/random.h"
+#include "tests/sim/every_target.h"
 
 namespace etalon {
 namespace {
@@ -229,17 +229,6 @@ void expect_documented_codes(const Sensor& sensor, float red) {
         ASSERT_EQ(codes.at<int>(0, x), documented_code(sensor, signal))
             << radiance.at<float>(0, x) << " at pixel " << x;
     }
-}
-
-// Each instruction set of this machine in turn.
-template <class Body>
-void on_every_target(Body body) {
-    for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-        hwy::SetSupportedTargetsForTest(target);
-        SCOPED_TRACE(hwy::TargetName(target));
-        body();
-    }
-    hwy::SetSupportedTargetsForTest(0);
 }
 
 TEST(SensorModel, GivesTheDocumentedCodeAroundEveryRoundingBoundary) {

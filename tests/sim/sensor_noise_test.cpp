@@ -1,27 +1,16 @@
 #include "sim/sensor_noise.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "core/random.h"
+#include "tests/sim/every_target.h"
 
 namespace etalon {
 namespace {
-
-// Each instruction set of this machine in turn.
-template <class Body>
-void on_every_target(Body body) {
-    for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-        hwy::SetSupportedTargetsForTest(target);
-        SCOPED_TRACE(hwy::TargetName(target));
-        body();
-    }
-    hwy::SetSupportedTargetsForTest(0);
-}
 
 // The formula of sim/sensor_noise.h, one pixel at a time.
 double documented(const SensorNoise& noise, const NoiseKey& key, std::uint64_t pixel,

@@ -2,15 +2,15 @@
 // the table below.
 #include <functional>
 
-#include "capture/camera.h"
 #include "capture/files_camera.h"
-#include "capture/v4l2_camera.h"
+#include "capture/frame/camera.h"
+#include "capture/v4l2/v4l2_camera.h"
 #include "core/errors.h"
 #ifdef ETALON_HAVE_ARAVIS
-#include "capture/genicam_camera.h"
+#include "capture/genicam/genicam_camera.h"
 #endif
 #ifdef ETALON_HAVE_LIBCAMERA
-#include "capture/libcamera_camera.h"
+#include "capture/libcamera/libcamera_camera.h"
 #endif
 
 namespace etalon {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/frame_checks.h"
+#include "capture/frame/frame_checks.h"
 #include "capture/recorded_frames.h"
 #include "core/errors.h"
 

@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "capture/camera.h"
+#include "capture/frame/camera.h"
 
 namespace etalon {
 

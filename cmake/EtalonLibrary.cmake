@@ -1,10 +1,15 @@
-# etalon_library(NAME SOURCES ... [PUBLIC libs...] [PRIVATE libs...])
+# etalon_library(NAME [PUBLIC libs...] [PRIVATE libs...] [WITHOUT files or rooms...])
 #
-# One static library per folder, with the alias etalon::NAME. Headers are included from the root
-# ("sim/renderer.h"). All folders share one precompiled header, made by core.
+# One static library per folder at the top, with the alias etalon::NAME: every .cpp file of its rooms.
+# Headers are included from the root ("sim/render/renderer.h"). All folders share one precompiled
+# header, made by core.
 function(etalon_library name)
-    cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
-    add_library(etalon_${name} STATIC ${ARG_SOURCES})
+    cmake_parse_arguments(ARG "" "" "PUBLIC;PRIVATE;WITHOUT" ${ARGN})
+    file(GLOB_RECURSE sources CONFIGURE_DEPENDS RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} *.cpp)
+    foreach(pattern IN LISTS ARG_WITHOUT)
+        list(FILTER sources EXCLUDE REGEX "^${pattern}")
+    endforeach()
+    add_library(etalon_${name} STATIC ${sources})
     add_library(etalon::${name} ALIAS etalon_${name})
     set_target_properties(etalon_${name} PROPERTIES EXPORT_NAME ${name})
     target_include_directories(etalon_${name} PUBLIC

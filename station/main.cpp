@@ -1,18 +1,18 @@
-// The command line of `etalon`: options in, one function of station/commands.h called, its exit
-// code out. Nothing else happens here.
+// The command line of `etalon`: options in, one function of station/shell/commands.h called, its
+// exit code out. Nothing else happens here.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
 
-#include "capture/camera.h"
+#include "capture/frame/camera.h"
 #include "core/errors.h"
 #include "core/text.h"
 #include "core/version.h"
-#include "station/command_line.h"
-#include "station/commands.h"
-#include "station/qualify_result.h"
+#include "station/record/qualify_result.h"
+#include "station/shell/command_line.h"
+#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

@@ -16,7 +16,7 @@ set(allowed_bench   core calib sim capture compare bench)
 set(sdk_headers "arv\\.h|libcamera/|linux/videodev2\\.h|modbus|apriltag|tag[0-9A-Za-z]+h[0-9]+\\.h|opencv2/aruco|opencv2/objdetect|yaml-cpp|nlohmann|CLI/|ceres/")
 
 # The one header with an SDK's types: what the .cpp files that write a record's JSON share.
-set(json_header station/record_json.h)
+set(json_header station/record/record_json.h)
 
 set(offences "")
 foreach(folder core calib sim capture stage compare station mocks bench)

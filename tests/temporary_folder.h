@@ -1,5 +1,5 @@
-// A folder that no other test, process or user shares, gone when its owner is. Tests run in parallel,
-// each in a process of its own: a file name under /tmp that two of them use is a race.
+// A folder that no other test, process or user shares, gone when its owner is. Tests run in
+// parallel, each in a process of its own: a file name under /tmp that two of them use is a race.
 #pragma once
 
 #include <stdlib.h>

@@ -2,7 +2,7 @@
 // ones.
 #pragma once
 
-#include "calib/camera_model.h"
+#include "calib/camera/camera_model.h"
 
 namespace etalon::test {
 

@@ -1,8 +1,8 @@
 // Views of a 9x6 board of 25 mm squares, made by projection alone.
 #pragma once
 
-#include "calib/calibrate.h"
-#include "calib/projector.h"
+#include "calib/camera/projector.h"
+#include "calib/intrinsics/calibrate.h"
 #include "core/random.h"
 #include "tests/calib/cameras.h"
 

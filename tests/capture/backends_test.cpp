@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "capture/camera.h"
+#include "capture/frame/camera.h"
 #include "core/errors.h"
 #include "tests/paths.h"
 

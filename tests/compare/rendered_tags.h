@@ -5,11 +5,11 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "calib/projector.h"
-#include "compare/detector.h"
+#include "calib/camera/projector.h"
+#include "compare/detect/detector.h"
 #include "core/random.h"
-#include "sim/renderer.h"
-#include "sim/sensor_model.h"
+#include "sim/render/renderer.h"
+#include "sim/sensor/sensor_model.h"
 
 namespace etalon::test {
 

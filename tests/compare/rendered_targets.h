@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "compare/calibration_target.h"
+#include "compare/detect/calibration_target.h"
 #include "rendered_tags.h"
 
 namespace etalon::test {

@@ -2,8 +2,8 @@
 // something.
 #include <opencv2/core.hpp>
 
-#include "sim/marker.h"
-#include "sim/renderer.h"
+#include "sim/marker/marker.h"
+#include "sim/render/renderer.h"
 
 int main() {
     etalon::CameraModel camera;

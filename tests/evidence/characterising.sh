@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Every value that `etalon characterise` finds beside the truth and its U, from photographs that the
-# reference integrator rendered (tests/station/characterise_command_test.cpp has the scenes).
+# reference integrator rendered (tests/station/calibrate/characterise_command_statistics_test.cpp has the scenes).
 # Exit 0 when each is within its U. About two minutes of CPU time.
 #
 #     tests/evidence/characterising.sh

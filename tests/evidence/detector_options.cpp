@@ -1,6 +1,6 @@
 // What each option of a detector does to its corners, and what a detection costs: the tables of
-// compare/detector_adaptors.h and docs. Exact renderings without blur and noise of tags of 30 to
-// 120 px at 40 poses each, tilted by up to 0.35 rad; 640x480 px.
+// compare/detect/detector_adaptors.h and docs. Exact renderings without blur and noise of tags of
+// 30 to 120 px at 40 poses each, tilted by up to 0.35 rad; 640x480 px.
 //
 //   detector_options        prints tables in px: mean offset towards the tag's centre, mean offset
 //                           in x and in y, RMS distance of a corner, tags found, CPU time
@@ -8,7 +8,7 @@
 
 #include <ctime>
 
-#include "compare/detector.h"
+#include "compare/detect/detector.h"
 #include "tests/compare/rendered_targets.h"
 
 namespace etalon {

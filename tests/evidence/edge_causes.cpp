@@ -11,10 +11,10 @@
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 
-#include "calib/camera_fit.h"
-#include "compare/chessboard_corners.h"
-#include "compare/edge_summary.h"
-#include "compare/photo_match.h"
+#include "calib/intrinsics/camera_fit.h"
+#include "compare/detect/chessboard_corners.h"
+#include "compare/edges/edge_summary.h"
+#include "compare/photometric/photo_match.h"
 #include "core/median.h"
 
 namespace {

@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "compare/match_outcome.h"
+#include "compare/match/match_outcome.h"
 #include "core/errors.h"
-#include "tests/compare/adversarial_photos.h"
+#include "tests/compare/match/adversarial_photos.h"
 
 namespace {
 

@@ -1,6 +1,7 @@
 // Photometric poses against the truth and against AprilTag's corners, on photographs made by the
 // reference integrator and the sensor's noise: the renderer that is fitted has no part in them.
-// Shared by tests/evidence/photometric_pose.cpp and tests/compare/photometric_poses_test.cpp.
+// Shared by tests/evidence/photometric_pose.cpp and
+// tests/compare/photometric/photometric_poses_statistics_test.cpp.
 #pragma once
 
 #include <time.h>
@@ -10,14 +11,14 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/projector.h"
-#include "compare/detector.h"
-#include "compare/photometric_detector.h"
+#include "calib/camera/projector.h"
+#include "compare/detect/detector.h"
+#include "compare/photometric/photometric_detector.h"
 #include "core/errors.h"
-#include "sim/pose_sampling.h"
-#include "sim/reference_integrator.h"
-#include "sim/renderer.h"
-#include "sim/sensor_model.h"
+#include "sim/render/reference_integrator.h"
+#include "sim/render/renderer.h"
+#include "sim/scene/pose_sampling.h"
+#include "sim/sensor/sensor_model.h"
 
 namespace etalon::test {
 

@@ -8,13 +8,13 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "calib/projector.h"
-#include "compare/topotag_finder.h"
+#include "calib/camera/projector.h"
+#include "compare/topotag/topotag_finder.h"
 #include "core/random.h"
-#include "sim/marker.h"
-#include "sim/renderer.h"
-#include "sim/sensor_model.h"
-#include "sim/topotag_pattern.h"
+#include "sim/marker/marker.h"
+#include "sim/marker/topotag_pattern.h"
+#include "sim/render/renderer.h"
+#include "sim/sensor/sensor_model.h"
 
 namespace etalon::test {
 

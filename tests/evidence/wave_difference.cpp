@@ -4,9 +4,9 @@
 #include <fmt/format.h>
 #include <math.h>  // j0, j1: POSIX, not in namespace std
 
-#include "sim/benchmark_scenes.h"
-#include "sim/diffraction.h"
-#include "sim/wave_point_spread.h"
+#include "bench/benchmark_scenes.h"
+#include "sim/spread/diffraction.h"
+#include "sim/spread/wave_point_spread.h"
 #include "tests/evidence/edge_spread.h"
 
 namespace etalon {

@@ -13,14 +13,14 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "calib/boofcv_file.h"
-#include "calib/camera_file.h"
-#include "calib/colmap_file.h"
-#include "calib/kalibr_file.h"
-#include "calib/matlab_file.h"
-#include "calib/mrcal_file.h"
-#include "calib/opencv_file.h"
-#include "calib/ros_file.h"
+#include "calib/files/boofcv_file.h"
+#include "calib/files/camera_file.h"
+#include "calib/files/colmap_file.h"
+#include "calib/files/kalibr_file.h"
+#include "calib/files/matlab_file.h"
+#include "calib/files/mrcal_file.h"
+#include "calib/files/opencv_file.h"
+#include "calib/files/ros_file.h"
 #include "core/errors.h"
 #include "core/random.h"
 #include "tests/fuzz/damaged_files.h"

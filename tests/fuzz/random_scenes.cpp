@@ -2,7 +2,7 @@
 
 #include <numbers>
 
-#include "calib/projector.h"
+#include "calib/camera/projector.h"
 #include "core/errors.h"
 #include "core/random.h"
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <string>
 
-#include "sim/renderer.h"
+#include "sim/render/renderer.h"
 
 namespace etalon::test {
 

@@ -5,9 +5,9 @@
 
 #include <fstream>
 
-#include "calib/camera_file.h"
+#include "calib/files/camera_file.h"
 #include "core/errors.h"
-#include "sim/pose_file.h"
+#include "sim/scene/pose_file.h"
 #include "tests/fuzz/damaged_files.h"
 #include "tests/fuzz/scene_check.h"
 #include "tests/temporary_folder.h"

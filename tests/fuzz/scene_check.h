@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "sim/renderer.h"
-#include "station/reference_check.h"
+#include "bench/stability/reference_check.h"
+#include "sim/render/renderer.h"
 #include "tests/fuzz/random_scenes.h"
 
 namespace etalon::test {

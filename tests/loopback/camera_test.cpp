@@ -1,6 +1,6 @@
 // The GenICam backend against a GigE Vision camera on 127.0.0.1: real protocols, real sockets, the
 // machine's stock receive buffer.
-#include "capture/camera.h"
+#include "capture/frame/camera.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

@@ -2,9 +2,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "capture/camera.h"
-#include "mocks/gige_camera.h"
-#include "station/commands.h"
+#include "capture/frame/camera.h"
+#include "mocks/camera/gige_camera.h"
+#include "station/shell/commands.h"
 
 namespace etalon {
 namespace {

@@ -5,8 +5,8 @@
 
 #include <cstring>
 
-#include "capture/camera.h"
-#include "mocks/gige_camera.h"
+#include "capture/frame/camera.h"
+#include "mocks/camera/gige_camera.h"
 #include "tests/loopback/stage_rig.h"
 
 namespace etalon {

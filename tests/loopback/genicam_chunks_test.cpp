@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "core/errors.h"
-#include "mocks/gige_chunks.h"
-#include "mocks/gige_description.h"
+#include "mocks/camera/gige_chunks.h"
+#include "mocks/camera/gige_description.h"
 #include "tests/loopback/gige_rig.h"
 
 namespace etalon {

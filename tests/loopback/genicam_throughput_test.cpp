@@ -5,8 +5,8 @@
 #include <atomic>
 #include <cstring>
 
-#include "capture/genicam_device.h"
-#include "capture/genicam_support.h"
+#include "capture/genicam/genicam_device.h"
+#include "capture/genicam/genicam_support.h"
 #include "tests/loopback/gige_rig.h"
 
 namespace etalon {

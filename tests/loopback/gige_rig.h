@@ -4,9 +4,9 @@
 #include <memory>
 #include <mutex>
 
-#include "capture/camera.h"
+#include "capture/frame/camera.h"
 #include "core/random.h"
-#include "mocks/gige_camera.h"
+#include "mocks/camera/gige_camera.h"
 
 namespace etalon {
 

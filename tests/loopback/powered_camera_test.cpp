@@ -7,7 +7,7 @@
 
 #include <future>
 
-#include "capture/frame_checks.h"
+#include "capture/frame/frame_checks.h"
 #include "core/errors.h"
 
 namespace etalon {

@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "mocks/modbus_stage_server.h"
-#include "mocks/simulated_stage.h"
-#include "stage/modbus_stage.h"
+#include "mocks/stage/modbus_stage_server.h"
+#include "mocks/stage/simulated_stage.h"
+#include "stage/motion/modbus_stage.h"
 
 namespace etalon {
 

@@ -6,9 +6,9 @@
 
 #include "core/clock.h"
 #include "core/text.h"
-#include "mocks/gige_camera.h"
+#include "mocks/camera/gige_camera.h"
 #include "tests/loopback/program.h"
-#include "tests/mocks/twin_folder.h"
+#include "tests/mocks/twin/twin_folder.h"
 
 namespace etalon {
 namespace {

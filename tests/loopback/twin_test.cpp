@@ -1,18 +1,18 @@
 // The whole twin through the station's own device code: what the camera delivers is what an
 // in-process rendering says the stage's position must show.
-#include "mocks/twin.h"
+#include "mocks/twin/twin.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "capture/camera.h"
+#include "capture/frame/camera.h"
 #include "core/errors.h"
-#include "stage/kinematics.h"
-#include "stage/profile.h"
-#include "stage/stage.h"
-#include "tests/mocks/twin_folder.h"
+#include "stage/axes/kinematics.h"
+#include "stage/motion/stage.h"
+#include "stage/profile/profile.h"
+#include "tests/mocks/twin/twin_folder.h"
 
 namespace etalon {
 namespace {

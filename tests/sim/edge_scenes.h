@@ -1,7 +1,7 @@
 // A straight edge before a small camera: the scene in which sampling errors are largest.
 #pragma once
 
-#include "sim/renderer.h"
+#include "sim/render/renderer.h"
 
 namespace etalon::test {
 

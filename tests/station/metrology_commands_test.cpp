@@ -31,7 +31,7 @@ TEST(RegisterCommand, PrintsWhereTheStageStandsAndWhatItCannotTell) {
     EXPECT_EQ(found["etalon"], "registration/1");
     EXPECT_EQ(found["photos_used"], 10);
     EXPECT_EQ(found["freedoms"].size(), 1u);
-    // To what renders without noise allow (tests/station/stage_registration_test.cpp).
+    // To what renders without noise allow (tests/station/register/stage_registration_test.cpp).
     const Vector6d truth = vector_from_rigid(true_x);
     for (std::size_t i = 0; i < 6; ++i)
         EXPECT_NEAR(found["camera_from_base"][i].get<double>(), truth[static_cast<Eigen::Index>(i)],

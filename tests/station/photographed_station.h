@@ -6,10 +6,10 @@
 #include <numbers>
 #include <opencv2/imgcodecs.hpp>
 
-#include "sim/pose_sampling.h"
-#include "stage/kinematics.h"
-#include "station/expected_view.h"
-#include "station/station_file.h"
+#include "compare/expect/expected_view.h"
+#include "sim/scene/pose_sampling.h"
+#include "stage/axes/kinematics.h"
+#include "station/setup/station_file.h"
 #include "tests/station/stations.h"
 
 namespace etalon {

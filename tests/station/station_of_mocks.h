@@ -4,12 +4,12 @@
 
 #include <nlohmann/json.hpp>
 
+#include "compare/expect/expected_view.h"
 #include "core/errors.h"
-#include "mocks/fake_camera.h"
-#include "mocks/fake_stage.h"
-#include "stage/kinematics.h"
-#include "station/expected_view.h"
-#include "station/runner.h"
+#include "mocks/camera/fake_camera.h"
+#include "mocks/stage/fake_stage.h"
+#include "stage/axes/kinematics.h"
+#include "station/qualify/runner.h"
 #include "tests/station/stations.h"
 
 namespace etalon {

@@ -1,12 +1,12 @@
 // The USB camera behind one of the product's backends, for the contract that every backend keeps
-// (tests/capture/camera_contract.h) and for tests of what only a real driver does.
+// (tests/capture/frame/camera_contract.h) and for tests of what only a real driver does.
 #pragma once
 
 #include <mutex>
 #include <optional>
 #include <string>
 
-#include "tests/capture/camera_contract.h"
+#include "tests/capture/frame/camera_contract.h"
 #include "tests/vm/device_events.h"
 #include "tests/vm/usb_camera.h"
 

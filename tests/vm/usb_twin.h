@@ -1,9 +1,9 @@
 // The twin with a USB camera: a stage over Modbus TCP on 127.0.0.1 and pictures that follow it, as
-// in mocks/twin.h, shown by a camera on this kernel's virtual USB port. It runs freely and is a
-// consumer's: as it powers up, it chooses its own exposure and sharpens.
+// in mocks/twin/twin.h, shown by a camera on this kernel's virtual USB port. It runs freely and is
+// a consumer's: as it powers up, it chooses its own exposure and sharpens.
 #pragma once
 
-#include "mocks/twin_rig.h"
+#include "mocks/twin/twin_rig.h"
 #include "tests/vm/usb_camera.h"
 
 namespace etalon {

@@ -8,9 +8,9 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include "capture/v4l2_camera.h"
+#include "capture/v4l2/v4l2_camera.h"
 #include "core/errors.h"
-#include "tests/capture/camera_contract.h"
+#include "tests/capture/frame/camera_contract.h"
 
 namespace etalon {
 namespace {

@@ -1,0 +1,61 @@
+// Error against run time: every method and setting on a scene, timed on one thread and compared
+// with the reference integrator.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "bench/render_comparison.h"
+
+namespace etalon {
+
+// How much is measured.
+struct BenchPlan {
+    int window_side_px = 6;
+    int reference_samples = 16384;  // in each of 16 scrambles
+    int cloud_window_side_px = 1;
+    int cloud_reference_samples = 4096;
+    std::vector<int> lens_sides{1, 2, 3, 4, 5, 6, 8};        // k of E
+    std::vector<int> area_sides{1, 2, 3, 4, 5, 6, 7, 8, 9};  // k of C
+    std::vector<int> rays{64, 256, 1024, 4096};              // n of the published method
+    std::vector<int> quasi_monte_carlo{64, 256, 1024};       // samples per pixel
+    double slowest_frame_ms = 8000.0;  // a sweep ends before a frame that would take longer
+};
+BenchPlan full_plan();
+BenchPlan quick_plan();
+
+struct BenchRow {
+    std::string scene, method, setting;
+    double cpu_ms = 0.0;  // of a whole frame, caches warm
+    RenderComparison error;
+    double ns_per_pixel = 0.0;  // cpu_ms over the scene's refined pixels
+};
+
+// Of one scene, or of the cloud of poses.
+struct BenchScene {
+    std::string name;
+    std::vector<BenchRow> rows;  // `default` first
+    double cache_ms = 0.0;       // CPU time to build what the renderer keeps for this camera
+    int refined_pixels = 0;      // within blur radius + 1 px of an edge (the published method's)
+    double ns_per_ray = 0.0;     // of the published method, from its two largest settings
+    int refused_poses = 0;       // of the cloud, with NumericalError; not in the rows
+    std::vector<std::string> left_out;  // settings not measured, and why
+
+    // Nothing where the setting was not measured.
+    const BenchRow* row(const std::string& method, const std::string& setting) const;
+    const BenchRow& default_row() const { return rows.front(); }
+};
+
+// The setting of the published method that ratios refer to.
+inline constexpr const char* published_setting = "n256";
+
+BenchScene measure_scene(const BenchmarkScene& scene, const BenchPlan& plan);
+
+// The scene's camera and marker at many poses: the default plan and the published method at 256
+// rays. Times are means over the poses; errors are over all of them. `progress` hears how many
+// poses are done.
+BenchScene measure_cloud(const BenchmarkScene& scene, int poses, const BenchPlan& plan,
+                         const std::function<void(int)>& progress);
+
+}  // namespace etalon

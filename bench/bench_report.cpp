@@ -1,0 +1,313 @@
+#include "bench/bench_report.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "core/text.h"
+#include "report/svg_plot.h"
+
+namespace etalon {
+namespace {
+
+using nlohmann::ordered_json;
+
+// What docs/performance.md promises.
+constexpr double largest_sigmas = 4.0;  // of the reference, beyond 0.1 gray
+constexpr double largest_edge_shift_px = 1e-3;
+constexpr double slowest_baseline_ns = 9.0;
+constexpr double rms_ratio = 60.0;
+constexpr double throughput_ratio = 15.0;
+constexpr double least_cores_used = 1.8;
+constexpr double most_memory_growth = 1.05;
+
+double time_ratio(const std::string& scene) {
+    return scene.starts_with("webcam") ? 15.0 : scene.starts_with("canon") ? 12.0 : 3.0;
+}
+
+// Error as far as the reference can tell.
+double told_error(const BenchRow& row) {
+    return std::max(row.error.corrected_rms_gray(), row.error.reference_rms_gray);
+}
+
+bool beats(const BenchRow& a, const BenchRow& b) {
+    return a.cpu_ms < b.cpu_ms && told_error(a) < told_error(b);
+}
+
+std::string row_name(const BenchRow& row) {
+    return row.method == "default" ? row.method : row.method + " " + row.setting;
+}
+
+std::vector<const BenchScene*> all_scenes(const BenchResult& result) {
+    std::vector<const BenchScene*> scenes;
+    for (const BenchScene& scene : result.scenes)
+        scenes.push_back(&scene);
+    if (result.cloud)
+        scenes.push_back(&*result.cloud);
+    return scenes;
+}
+
+// How much longer than the published method's row; NaN without one.
+double ratio_to_published(const BenchScene& scene, const BenchRow& row) {
+    const BenchRow* published = scene.row("published", published_setting);
+    return published ? published->cpu_ms / row.cpu_ms : std::nan("");
+}
+
+BenchCheck at_least(const std::string& what, double value, double limit) {
+    return {what, fmt::format("{:.3g}, at least {:g}", value, limit), value >= limit};
+}
+
+BenchCheck at_most(const std::string& what, double value, double limit) {
+    return {what, fmt::format("{:.3g}, at most {:g}", value, limit), value <= limit};
+}
+
+// Without the reference's own noise the default's error may come out as nothing at all.
+BenchCheck rms_check(const std::string& scene, double published_rms_gray,
+                     const RenderComparison& error) {
+    const std::string what = scene + ": RMS of published n256 over default's";
+    const double rms = error.corrected_rms_gray();
+    if (rms > 0.0)
+        return at_least(what, published_rms_gray / rms, rms_ratio);
+    return {what,
+            fmt::format("{:.3g} gray over less than the reference can tell ({:.2g} gray of noise)",
+                        published_rms_gray, error.reference_rms_gray),
+            true};
+}
+
+void add_error_checks(const BenchScene& scene, std::vector<BenchCheck>& checks) {
+    const RenderComparison& error = scene.default_row().error;
+    checks.push_back(
+        {scene.name + ": max <= 0.1 gray + 4 s.e.",
+         fmt::format("max {:.3f}, {:.1f} s.e. above 0.1", error.max_gray, error.max_sigmas),
+         error.max_sigmas <= largest_sigmas});
+    checks.push_back(at_most(scene.name + ": edge position, px RMS", error.corrected_shift_px(),
+                             largest_edge_shift_px));
+    if (const BenchRow* published = scene.row("published", published_setting))
+        checks.push_back(rms_check(scene.name, published->error.rms_gray, error));
+}
+
+void add_speed_checks(const BenchScene& scene, std::vector<BenchCheck>& checks) {
+    checks.push_back(at_least(scene.name + ": time of published n256 over default's",
+                              ratio_to_published(scene, scene.default_row()),
+                              time_ratio(scene.name)));
+    checks.push_back(
+        at_most(scene.name + ": baseline, ns per ray", scene.ns_per_ray, slowest_baseline_ns));
+}
+
+}  // namespace
+
+std::vector<BenchCheck> bench_checks(const BenchResult& result) {
+    std::vector<BenchCheck> checks;
+    for (const BenchScene* scene : all_scenes(result))
+        add_error_checks(*scene, checks);
+    if (result.cloud)
+        checks.push_back(at_most("cloud: poses refused", result.cloud->refused_poses, 0.0));
+    for (const BenchScene& scene : result.scenes)
+        add_speed_checks(scene, checks);
+    if (const auto& t = result.throughput) {
+        checks.push_back(
+            at_least("throughput over the published method's", t->ratio(), throughput_ratio));
+        checks.push_back(
+            at_least("throughput: cores used", t->by_default.cores_used, least_cores_used));
+        checks.push_back(at_most("throughput: poses refused", t->refused, 0.0));
+        checks.push_back(at_most("throughput: growth of peak memory after a tenth",
+                                 t->final_peak_mib / t->early_peak_mib, most_memory_growth));
+    }
+    return checks;
+}
+
+std::string bench_csv(const BenchResult& result) {
+    std::string text =
+        "scene,method,setting,cpu_ms,rms,p99,max,edge_shift_px,ns_per_pixel,corrected_rms,"
+        "reference_se\n";
+    for (const BenchScene* scene : all_scenes(result))
+        for (const BenchRow& row : scene->rows)
+            text += fmt::format(
+                "{},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}\n", row.scene,
+                row.method, row.setting, row.cpu_ms, row.error.rms_gray, row.error.p99_gray,
+                row.error.max_gray, row.error.edge_shift_px, row.ns_per_pixel,
+                row.error.corrected_rms_gray(), row.error.reference_rms_gray);
+    return text;
+}
+
+std::string bench_markdown(const BenchResult& result) {
+    std::string text =
+        "| scene | method | CPU ms | RMS | p99 | max | edge shift, px | ns per refined px | "
+        "published n256 takes |\n|---|---|---|---|---|---|---|---|---|\n";
+    for (const BenchScene* scene : all_scenes(result))
+        for (const BenchRow& row : scene->rows)
+            text += fmt::format(
+                "| {} | {} | {:.3g} | {:.4f} | {:.3f} | {:.3f} | {:.2g} | {:.0f} | {:.2f}x |\n",
+                row.scene, row_name(row), row.cpu_ms, row.error.rms_gray, row.error.p99_gray,
+                row.error.max_gray, row.error.edge_shift_px, row.ns_per_pixel,
+                ratio_to_published(*scene, row));
+    return text;
+}
+
+namespace {
+
+SvgPlot panel(const BenchScene& scene) {
+    SvgPlot plot("CPU time of a frame, ms (one thread)", scene.name + ": RMS error, gray");
+    plot.set_log_axes();
+    const std::vector<std::pair<std::string, Ink>> methods{{"default", Ink::red},
+                                                           {"E", Ink::blue},
+                                                           {"C", Ink::green},
+                                                           {"published", Ink::orange},
+                                                           {"published-linearised", Ink::orange},
+                                                           {"qmc", Ink::gray}};
+    for (const auto& [method, ink] : methods) {
+        std::vector<double> times, errors;
+        std::vector<std::string> notes;
+        for (const BenchRow& row : scene.rows)
+            if (row.method == method) {
+                times.push_back(row.cpu_ms);
+                errors.push_back(row.error.rms_gray);
+                notes.push_back(fmt::format("{}: {:.3g} ms, {:.3g} gray", row_name(row), row.cpu_ms,
+                                            row.error.rms_gray));
+            }
+        plot.add_line(times, errors, ink, "");
+        plot.add_points(times, errors, ink, method, notes);
+    }
+    plot.add_level(scene.default_row().error.reference_rms_gray, Ink::gray,
+                   "the reference's own standard error");
+    return plot;
+}
+
+ordered_json throughput_json(const Throughput& t) {
+    return {{"frames", t.by_default.frames},
+            {"frames_per_s", t.by_default.frames_per_s},
+            {"cores_used", t.by_default.cores_used},
+            {"refused", t.refused},
+            {"published_frames", t.by_published.frames},
+            {"published_frames_per_s", t.by_published.frames_per_s},
+            {"ratio", t.ratio()},
+            {"early_peak_mib", t.early_peak_mib},
+            {"final_peak_mib", t.final_peak_mib}};
+}
+
+}  // namespace
+
+std::string bench_plot(const std::vector<BenchScene>& scenes) {
+    constexpr int width = 640, height = 360, columns = 2;
+    const int rows = (static_cast<int>(scenes.size()) + columns - 1) / columns;
+    std::string text = fmt::format("<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {} {}'>",
+                                   columns * width, rows * height);
+    int index = 0;
+    for (const BenchScene& scene : scenes) {
+        SvgPlot plot = panel(scene);
+        plot.set_size(width, height);
+        std::string svg = plot.svg(true);
+        svg.insert(4, fmt::format(" x='{}' y='{}' width='{}' height='{}'", index % columns * width,
+                                  index / columns * height, width, height));
+        text += svg;
+        ++index;
+    }
+    return text + "</svg>\n";
+}
+
+std::string bench_json(const BenchResult& result) {
+    ordered_json json = {{"etalon", "bench/1"}, {"rows", ordered_json::array()}};
+    for (const BenchScene* scene : all_scenes(result))
+        for (const BenchRow& row : scene->rows)
+            json["rows"].push_back({{"scene", row.scene},
+                                    {"method", row.method},
+                                    {"setting", row.setting},
+                                    {"cpu_ms", row.cpu_ms},
+                                    {"rms", row.error.rms_gray},
+                                    {"p99", row.error.p99_gray},
+                                    {"max", row.error.max_gray},
+                                    {"edge_shift_px", row.error.edge_shift_px},
+                                    {"ns_per_pixel", row.ns_per_pixel},
+                                    {"corrected_rms", row.error.corrected_rms_gray()},
+                                    {"reference_se", row.error.reference_rms_gray}});
+    for (const BenchScene& scene : result.scenes)
+        json["scenes"].push_back({{"scene", scene.name},
+                                  {"cache_ms", scene.cache_ms},
+                                  {"refined_pixels", scene.refined_pixels},
+                                  {"baseline_ns_per_ray", scene.ns_per_ray},
+                                  {"left_out", scene.left_out}});
+    if (result.throughput)
+        json["throughput"] = throughput_json(*result.throughput);
+    if (result.wide_throughput)
+        json["wide_throughput"] = throughput_json(*result.wide_throughput);
+    for (const BenchCheck& check : bench_checks(result))
+        json["checks"].push_back(
+            {{"what", check.what}, {"figure", check.figure}, {"reached", check.reached}});
+    return json.dump(2, ' ', false, ordered_json::error_handler_t::replace);
+}
+
+std::string pareto_words(const BenchScene& scene) {
+    std::string front;
+    const BenchRow* better = nullptr;
+    for (const BenchRow& row : scene.rows) {
+        const auto beaten = [&](const BenchRow& by) { return beats(by, row); };
+        if (std::none_of(scene.rows.begin(), scene.rows.end(), beaten))
+            front += (front.empty() ? "" : ", ") + row_name(row);
+        if (beats(row, scene.default_row()))
+            better = &row;
+    }
+    const std::string about_default =
+        better ? fmt::format("default is not on the front: {} is faster and more exact",
+                             row_name(*better))
+               : "default is on the front: nothing is both faster and more exact";
+    return fmt::format("{}: {}\n  front: {}\n", scene.name, about_default, front);
+}
+
+namespace {
+
+std::string table(const BenchResult& result) {
+    std::string text = fmt::format("{:<12} {:<26} {:>9} {:>8} {:>8} {:>8}\n", "scene",
+                                   "method and setting", "CPU ms", "RMS", "max", "ratio");
+    for (const BenchScene* scene : all_scenes(result))
+        for (const BenchRow& row : scene->rows)
+            text += fmt::format("{:<12} {:<26} {:>9.3f} {:>8.4f} {:>8.3f} {:>8.2f}\n", row.scene,
+                                row_name(row), row.cpu_ms, row.error.rms_gray, row.error.max_gray,
+                                ratio_to_published(*scene, row));
+    return text;
+}
+
+std::string scene_words(const BenchScene& scene) {
+    const RenderComparison& error = scene.default_row().error;
+    std::string text = fmt::format(
+        "{}: max {:.3f} gray <= 0.1 + 4 s.e.: {}; edge shift {:.1e} px\n", scene.name,
+        error.max_gray, error.max_sigmas <= largest_sigmas ? "ok" : "FAIL", error.edge_shift_px);
+    text += fmt::format(
+        "  reference s.e. {:.4f} gray, {:.1e} px; without it RMS {:.4f}, shift {:.1e}\n",
+        error.reference_rms_gray, error.reference_shift_px, error.corrected_rms_gray(),
+        error.corrected_shift_px());
+    if (scene.ns_per_ray > 0.0)
+        text += fmt::format("  caches {:.1f} ms; {} refined px; baseline {:.2f} ns per ray\n",
+                            scene.cache_ms, scene.refined_pixels, scene.ns_per_ray);
+    for (const std::string& what : scene.left_out)
+        text += "  left out: " + what + "\n";
+    return text;
+}
+
+std::string throughput_words(const std::string& name, const Throughput& t) {
+    std::string text =
+        fmt::format("{}: {:.1f} frames/s over {} poses, {:.2f} cores used\n", name,
+                    t.by_default.frames_per_s, t.by_default.frames, t.by_default.cores_used);
+    text += fmt::format(
+        "  published n256: {:.1f} frames/s over {} of them, {:.2f} cores used: {:.1f}x\n",
+        t.by_published.frames_per_s, t.by_published.frames, t.by_published.cores_used, t.ratio());
+    return text + fmt::format("  peak memory {:.1f} MiB after a tenth, {:.1f} MiB at the end\n",
+                              t.early_peak_mib, t.final_peak_mib);
+}
+
+}  // namespace
+
+std::string bench_text(const BenchResult& result) {
+    std::string text = table(result) + "\n";
+    for (const BenchScene* scene : all_scenes(result))
+        text += scene_words(*scene);
+    text += "\n";
+    for (const BenchScene& scene : result.scenes)
+        text += pareto_words(scene);
+    if (result.throughput)
+        text += "\n" + throughput_words("throughput", *result.throughput);
+    if (result.wide_throughput)
+        text += throughput_words("throughput from near focus to far", *result.wide_throughput);
+    return text;
+}
+
+}  // namespace etalon

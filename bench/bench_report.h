@@ -1,0 +1,43 @@
+// What `etalon bench` says about its measurements: tables, plot, the Pareto front in words, and
+// whether the figures that Etalon promises were reached.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "bench/bench_methods.h"
+#include "bench/bench_throughput.h"
+
+namespace etalon {
+
+struct BenchResult {
+    std::vector<BenchScene> scenes;
+    std::optional<BenchScene> cloud;
+    std::optional<Throughput> throughput;       // at study_poses(): what is promised
+    std::optional<Throughput> wide_throughput;  // at spread_poses(), focus included
+};
+
+// A promised figure, as measured.
+struct BenchCheck {
+    std::string what;    // "webcam-500: time ratio to published n256"
+    std::string figure;  // "17.3, at least 15"
+    bool reached = false;
+};
+std::vector<BenchCheck> bench_checks(const BenchResult& result);
+
+// Files: one row per measurement, numbers unrounded; the table of docs/performance.md; one panel
+// per scene, error RMS against CPU time, both logarithmic.
+std::string bench_csv(const BenchResult& result);
+std::string bench_markdown(const BenchResult& result);
+std::string bench_plot(const std::vector<BenchScene>& scenes);
+std::string bench_json(const BenchResult& result);
+
+// For a terminal of 80 columns: everything but the checks.
+std::string bench_text(const BenchResult& result);
+
+// Which settings nothing else beats in both time and error; and whether `default` is among them.
+// Errors below the reference's standard error count as equal: nobody can tell them apart.
+std::string pareto_words(const BenchScene& scene);
+
+}  // namespace etalon

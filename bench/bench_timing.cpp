@@ -1,0 +1,91 @@
+#include "bench/bench_timing.h"
+
+#include <malloc.h>
+#include <time.h>
+
+#include <fstream>
+#include <vector>
+
+#include "core/median.h"
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+// Seven repetitions at least; of short work more, up to so much time, as its first runs are slower.
+constexpr std::size_t repetitions = 7;
+constexpr double long_enough_ms = 150.0;
+constexpr double long_run_ms = 1000.0;
+
+double clock_ms(clockid_t clock) {
+    timespec t;
+    clock_gettime(clock, &t);
+    return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
+}
+
+double run_ms(const std::function<void()>& work) {
+    const double start = thread_cpu_ms();
+    work();
+    return thread_cpu_ms() - start;
+}
+
+// After a run that only warms the processor's caches: one, or as many as take 50 ms.
+void add_warm_runs(const std::function<void()>& work, std::vector<double>& times) {
+    constexpr double long_enough_ms = 50.0;
+    run_ms(work);
+    double sum = 0.0;
+    while (sum < long_enough_ms) {
+        times.push_back(run_ms(work));
+        sum += times.back();
+    }
+}
+
+}  // namespace
+
+double thread_cpu_ms() {
+    return clock_ms(CLOCK_THREAD_CPUTIME_ID);
+}
+
+double process_cpu_ms() {
+    return clock_ms(CLOCK_PROCESS_CPUTIME_ID);
+}
+
+double peak_memory_mib() {
+    std::ifstream status("/proc/self/status");
+    for (std::string word; status >> word;)
+        if (double kib = 0.0; word == "VmHWM:" && status >> kib)
+            return kib / 1024.0;
+    return 0.0;
+}
+
+void keep_freed_memory() {
+    mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the largest that glibc takes
+    mallopt(M_TRIM_THRESHOLD, 1 << 30);
+}
+
+double median_cpu_ms(const std::function<void()>& work) {
+    const double first = run_ms(work);
+    if (first > long_run_ms)
+        return first;
+    std::vector<double> times;
+    double sum = 0.0;
+    while (times.size() < repetitions ||
+           (sum < long_enough_ms && times.size() < 20 * repetitions)) {
+        times.push_back(run_ms(work));
+        sum += times.back();
+    }
+    return median(times);
+}
+
+std::pair<double, double> median_cpu_ms_by_turns(const std::function<void()>& one,
+                                                 const std::function<void()>& other) {
+    constexpr int turns = 9;
+    std::vector<double> ones, others;
+    for (int turn = 0; turn < turns; ++turn) {
+        add_warm_runs(one, ones);
+        add_warm_runs(other, others);
+    }
+    return {median(ones), median(others)};
+}
+
+}  // namespace etalon

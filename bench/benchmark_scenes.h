@@ -1,0 +1,29 @@
+// The eight scenes on which every method is measured, by name: a webcam focused near (blurred) and
+// at 1 m (sharp), and a 5-megapixel camera with strong distortion.
+//
+// All show AprilTag 36h11 id 0 with its white border, tilted by 30 degrees about an axis at 35
+// degrees in the image plane after a turn of 20 degrees in its own; the tag's centre projects to a
+// given pixel.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "sim/render/renderer.h"
+
+namespace etalon {
+
+struct BenchmarkScene {
+    std::string name;  // "webcam-500", "sharp-1000", "canon-900", ...
+    CameraModel camera;
+    Scene scene;
+};
+
+// webcam-500, -1000, -1500, sharp-500, -1000, -1500, canon-500, -900, in this order.
+std::vector<BenchmarkScene> benchmark_scenes();
+
+// Throws ConfigError for a name that is not among them.
+BenchmarkScene benchmark_scene(const std::string& name);
+
+}  // namespace etalon

@@ -1,0 +1,78 @@
+// What surrounds the kernels: the undistortion map, whole frames with their filters, the sensor.
+#include <benchmark/benchmark.h>
+
+#include "bench/benchmark_scenes.h"
+#include "sim/render/renderer.h"
+#include "sim/sensor/sensor_model.h"
+#include "sim/tiles/undistortion_map.h"
+
+namespace etalon {
+namespace {
+
+std::int64_t pixels(const CameraModel& camera) {
+    return std::int64_t{camera.width} * camera.height;
+}
+
+void build_undistortion_map(benchmark::State& state) {
+    const CameraModel camera = benchmark_scene("webcam-500").camera;
+    const Projector projector(camera);
+    for (auto _ : state)
+        benchmark::DoNotOptimize(UndistortionMap(projector, 16).tiles());
+    state.SetItemsProcessed(state.iterations() * pixels(camera));
+}
+BENCHMARK(build_undistortion_map)->Unit(benchmark::kMillisecond);
+
+void sample_undistortion_map(benchmark::State& state) {
+    const UndistortionMap map(Projector(benchmark_scene("webcam-500").camera), 0);
+    const int n = static_cast<int>(state.range(0));
+    std::vector<std::optional<MappedPoint>> points;
+    int tile = 0;
+    for (auto _ : state) {
+        map.sample(tile % 100, tile / 100, n, points);
+        benchmark::DoNotOptimize(points.data());
+        tile = (tile + 37) % 10000;
+    }
+    state.SetItemsProcessed(state.iterations() * n * n);
+}
+BENCHMARK(sample_undistortion_map)->Arg(4)->Arg(16)->Arg(36);
+
+// The default plan with warm caches: tiles, core filter and tails.
+void render_frame(benchmark::State& state, const std::string& name) {
+    const BenchmarkScene benchmark = benchmark_scene(name);
+    const Renderer renderer(benchmark.camera);
+    renderer.render(benchmark.scene);  // makes the filters
+    for (auto _ : state)
+        benchmark::DoNotOptimize(renderer.render(benchmark.scene).radiance.data);
+    state.SetItemsProcessed(state.iterations() * pixels(benchmark.camera));
+}
+BENCHMARK_CAPTURE(render_frame, webcam_500, "webcam-500")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+BENCHMARK_CAPTURE(render_frame, sharp_1000, "sharp-1000")
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+
+// Per pixel of a frame at medium gray, from radiance to codes.
+void expose(benchmark::State& state, Transfer::Kind transfer, bool noisy) {
+    CameraModel camera = benchmark_scene("webcam-500").camera;
+    camera.sensor->transfer.kind = transfer;
+    camera.sensor->gain_e_per_dn = noisy ? 20.0 : 0.0;
+    const SensorModel sensor(camera);
+    const Radiance radiance(camera.height, camera.width, CV_32FC1, cv::Scalar(0.4));
+    const std::optional<NoiseKey> key = noisy ? std::optional(NoiseKey{1, 2}) : std::nullopt;
+    for (auto _ : state)
+        benchmark::DoNotOptimize(sensor.expose(radiance, key));
+    state.SetItemsProcessed(state.iterations() * pixels(camera));
+}
+BENCHMARK_CAPTURE(expose, linear, Transfer::Kind::linear, false)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+BENCHMARK_CAPTURE(expose, linear_noise, Transfer::Kind::linear, true)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+BENCHMARK_CAPTURE(expose, rec709_noise, Transfer::Kind::rec709, true)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,74 @@
+// The published way to render a marker through a lens, as a baseline for speed and accuracy; the
+// errors that it has by design are kept (docs/performance.md names them).
+//
+// Source: the renderer of the FMAC paper, as its text describes it.
+//   1. One ray per pixel, through the pixel's centre and the lens' centre, undistorted with
+//      OpenCV's five fixed-point steps, finds the nearest marker's cell or the background.
+//   2. A pixel that differs from one of its four neighbours is an edge pixel, and so is everything
+//      within 1 + ceil(R) px of it; R is the blur radius there.
+//   3. An edge pixel becomes the mean over n rays, a four-dimensional Sobol set: two dimensions in
+//      the pixel's square, two mapped concentrically to the aperture.
+//   4. The image is convolved with pixel box (*) Airy pattern, sampled at the pixel pitch and cut
+//      at 5 px.
+//
+// Made as fast as it goes without changing what it computes: vectorised over rays and pixels in
+// single precision, the undistortion's steps included. Kept between frames, per camera: the ray set
+// (one Owen scramble of it, which is nearer to the truth than the plain one) and the kernel's
+// weights. Done anew in every frame, as the published program does: undistorting and tracing the
+// centre rays, the edge mask, the rays, the convolution of the whole image.
+#pragma once
+
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "core/image.h"
+#include "sim/scene/scene.h"
+
+namespace etalon {
+
+struct PublishedImage {
+    Radiance radiance;    // CV_32FC1, the camera's size
+    int edge_pixels = 0;  // each cost n rays; those just outside the image included
+};
+
+// One per camera and number of rays. render() works in the caller's thread alone; any number of
+// threads may call it at once.
+class PublishedMethod {
+public:
+    // How the rays of an edge pixel are undistorted: each by the five steps, or all by the
+    // derivative of the undistortion at the pixel's centre.
+    enum class Undistortion { per_ray, linearised };
+
+    // Throws NumericalError for a camera without an image, a tilted sensor (tau_x, tau_y), a number
+    // of rays that is not a power of two from 64 to 65536, and as thin_lens() and
+    // PointSpreadFunction::of() do. Takes about 10 ms.
+    PublishedMethod(const CameraModel& camera, int rays_per_pixel, Undistortion undistortion);
+
+    // Markers that turn their back to the lens are not seen; parts behind it neither.
+    // Throws NumericalError as check_scene() does. Cost: a few ns per pixel and about 2 ns per ray.
+    PublishedImage render(const Scene& scene) const;
+
+    int rays_per_pixel() const { return static_cast<int>(pixel_x_.size()); }
+
+private:
+    struct Frame;
+    void make_rays(int count);
+    void make_kernel();
+    void trace_centre_rays(Frame& frame) const;
+    void mark_edges(Frame& frame) const;
+    void mark_row(Frame& frame, int y) const;
+    int refine(Frame& frame) const;
+    void refine_linearised(Frame& frame, int y, const std::vector<int>& columns) const;
+    Radiance convolved(const Frame& frame) const;
+
+    CameraModel camera_;
+    Undistortion undistortion_;
+    std::vector<float> pixel_x_, pixel_y_, lens_x_, lens_y_;  // px, mm
+    struct Tap {
+        int dx, dy;
+        float weight;
+    };
+    std::vector<Tap> taps_;
+};
+
+}  // namespace etalon

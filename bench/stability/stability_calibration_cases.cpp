@@ -1,0 +1,228 @@
+// Calibrations that are hard for arithmetic: parameters that are correlated to 0.9999, condition
+// numbers of 1e6, focal lengths from 5 to 500 000 px, lengths from micrometres to kilometres. The
+// fit in double precision, from nothing but the views, against the same least-squares problem
+// solved in long double from the truth.
+#include <fmt/format.h>
+
+#include "bench/stability/stability_case.h"
+#include "bench/stability/stability_scenes.h"
+#include "calib/camera/projector.h"
+#include "calib/intrinsics/bundle_adjustment.h"
+#include "calib/intrinsics/camera_fit.h"
+#include "core/errors.h"
+#include "core/random.h"
+
+namespace etalon {
+namespace {
+
+constexpr double bound_of_u = 1e-6;
+
+// Boards of 9x6 points, all inside the image, at the depth where they fill `share` of its width.
+struct BoardViews {
+    int count = 12;
+    double share = 0.6;
+    double tilt = 0.6;  // rad
+    double noise_px = 0.1;
+    double depth_mm = 500.0;
+    double origin_mm = 0.0;  // of the target's frame, from the board along its x
+};
+
+struct Problem {
+    CameraModel camera;
+    std::string model;
+    BoardViews boards;
+    double least_condition = 0.0;    // that makes the case what its name says
+    double least_correlation = 0.0;  // of two of k1..k6
+};
+
+CameraModel camera_of(int width, int height, double focal_px, const Distortion& distortion) {
+    CameraModel camera;
+    camera.width = width;
+    camera.height = height;
+    camera.intrinsics = {focal_px, 0.97 * focal_px, 0.52 * width, 0.47 * height};
+    camera.distortion = distortion;
+    return camera;
+}
+
+// A barrel of a tenth at the image's corner, whatever the focal length.
+Distortion barrel(int width, int height, double focal_px) {
+    const double s = 0.25 * (width * width + height * height) / (focal_px * focal_px);
+    return {.k1 = -0.12 / s,
+            .k2 = 0.03 / (s * s),
+            .p1 = 0.002 / std::sqrt(s),
+            .p2 = -0.001 / std::sqrt(s),
+            .k3 = -0.01 / (s * s * s)};
+}
+
+// Tilted every way, the board's middle at nine places of the image in turn.
+Rigid board_pose(const CameraModel& camera, const BoardViews& boards, int view, double square_mm) {
+    const Intrinsics& i = camera.intrinsics;
+    const double turn = 2.4 * view;  // the golden angle: no two views alike
+    const Eigen::Vector3d tilt(boards.tilt * std::cos(turn), boards.tilt * std::sin(turn),
+                               0.3 * std::sin(5 * turn));
+    const Eigen::Quaterniond rotation = rotation_from_vector(tilt);
+    const double room = 0.5 * (0.9 - boards.share);
+    const double depth = boards.depth_mm * (1.0 + 0.1 * std::sin(3 * turn));
+    const Eigen::Vector2d place(room * camera.width * (view % 3 - 1) / i.fx,
+                                room * camera.height * (view / 3 % 3 - 1) / i.fy);
+    const Eigen::Vector3d middle(4.0 * square_mm + boards.origin_mm, 2.5 * square_mm, 0.0);
+    const Eigen::Vector3d there(depth * place.x(), depth * place.y(), depth);
+    return {rotation, there - rotation * middle};
+}
+
+struct Views {
+    std::vector<CalibrationView> views;
+    std::vector<Rigid> camera_from_target;
+};
+
+Views views_of(const Problem& problem) {
+    const BoardViews& boards = problem.boards;
+    const Projector projector(problem.camera);
+    const double square_mm =
+        boards.share * problem.camera.width / problem.camera.intrinsics.fx * boards.depth_mm / 8.0;
+    Views all;
+    for (int v = 0; v < boards.count; ++v) {
+        const Rigid pose = board_pose(problem.camera, boards, v, square_mm);
+        RandomStream random(7, 5, v);
+        CalibrationView view;
+        for (int row = 0; row < 6; ++row)
+            for (int column = 0; column < 9; ++column) {
+                const Eigen::Vector3d point(boards.origin_mm + square_mm * column, square_mm * row,
+                                            0.0);
+                const auto pixel = projector.project(pose * point);
+                if (!pixel)
+                    throw NumericalError("a point of the case is not seen");
+                const Eigen::Vector2d noise(random.normal(), random.normal());
+                view.points_mm.push_back(point);
+                view.pixels.push_back(*pixel + boards.noise_px * noise);
+            }
+        all.views.push_back(view);
+        all.camera_from_target.push_back(pose);
+    }
+    return all;
+}
+
+// The same problem from the truth, in long double.
+Eigen::VectorXd long_double_solution(const Problem& problem, const Views& views,
+                                     const CalibrationModel& model) {
+    std::vector<BundleView<long double>> all;
+    Bundle<long double> truth{all_parameters(problem.camera).cast<long double>(), {}};
+    for (std::size_t v = 0; v < views.views.size(); ++v) {
+        all.push_back(bundle_view<long double>(views.views[v]));
+        truth.poses.push_back(
+            bundle_pose<long double>(views.camera_from_target[v], all[v].centre_mm));
+    }
+    BundleOptions options;
+    for (const std::string& name : model.parameters)
+        options.free.push_back(parameter_index(name));
+    const auto solution = adjust_bundle(all, truth, options);
+    if (!solution || !solution->converged)
+        throw NumericalError("the long-double solve did not converge");
+    CameraModel camera = problem.camera;
+    set_all_parameters(camera, solution->bundle.camera.cast<double>());
+    return parameters_of(camera, model);
+}
+
+double largest_correlation_of_radial(const Eigen::MatrixXd& covariance,
+                                     const CalibrationModel& model) {
+    double largest = 0.0;
+    for (Eigen::Index i = 0; i < covariance.rows(); ++i)
+        for (Eigen::Index j = 0; j < i; ++j)
+            if (model.parameters[i].starts_with('k') && model.parameters[j].starts_with('k'))
+                largest = std::max(largest, std::abs(covariance(i, j)) /
+                                                std::sqrt(covariance(i, i) * covariance(j, j)));
+    return largest;
+}
+
+StabilityOutcome agrees_with_long_double(const Problem& problem) {
+    const CalibrationModel& model = calibration_model(problem.model);
+    const Views views = views_of(problem);
+    const CameraFit fit =
+        fit_camera(views.views, {problem.camera.width, problem.camera.height}, model);
+    const Eigen::MatrixXd covariance =
+        fit.variance *
+        inverse_information(view_equations(views.views, fit.camera, fit.camera_from_target, model),
+                            model);
+    const Eigen::VectorXd u = covariance.diagonal().cwiseSqrt();
+    const Eigen::VectorXd difference =
+        parameters_of(fit.camera, model) - long_double_solution(problem, views, model);
+    const double correlation = largest_correlation_of_radial(covariance, model);
+    const double figure = difference.cwiseQuotient(u).cwiseAbs().maxCoeff();
+    const bool is_hard =
+        fit.condition_number >= problem.least_condition && correlation >= problem.least_correlation;
+    return {fit.converged && is_hard && figure <= bound_of_u, figure, bound_of_u,
+            fmt::format("condition number {:.2g}, two of k1..k6 correlated to {:.6f}, u(fx) {:.2g} "
+                        "px, {} iterations, converged: {}",
+                        fit.condition_number, correlation, u[0], fit.iterations, fit.converged)};
+}
+
+StabilityCase calibration_case(const std::string& name, const Problem& problem) {
+    return {"calibrating: " + name, "long double, in u",
+            [=](const RenderFunction&) { return agrees_with_long_double(problem); }};
+}
+
+// The same lens and boards in other lengths: the intrinsics do not know of them.
+StabilityOutcome same_for_every_length(const Problem& problem) {
+    const CalibrationModel& model = calibration_model(problem.model);
+    const auto fitted = [&](double scale) {
+        Problem scaled = problem;
+        scaled.boards.depth_mm *= scale;
+        return fit_camera(views_of(scaled).views, {problem.camera.width, problem.camera.height},
+                          model);
+    };
+    const CameraFit fit = fitted(1.0);
+    StabilityOutcome worst{true, 0.0, bound_of_u,
+                           "boards of 0.4 um to 400 km beside one of 400 mm"};
+    const Views views = views_of(problem);
+    const Eigen::VectorXd u =
+        (fit.variance *
+         inverse_information(view_equations(views.views, fit.camera, fit.camera_from_target, model),
+                             model))
+            .diagonal()
+            .cwiseSqrt();
+    for (const double scale : {1e-6, 1e-3, 1e3, 1e6}) {
+        const Eigen::VectorXd difference =
+            parameters_of(fitted(scale).camera, model) - parameters_of(fit.camera, model);
+        worst.figure = std::max(worst.figure, difference.cwiseQuotient(u).cwiseAbs().maxCoeff());
+    }
+    worst.passed = worst.figure <= bound_of_u;
+    return worst;
+}
+
+}  // namespace
+
+std::vector<StabilityCase> calibration_cases() {
+    std::vector<StabilityCase> cases;
+    const auto add = [&](const std::string& name, const Problem& problem) {
+        cases.push_back(calibration_case(name, problem));
+    };
+    const CameraModel webcam = camera_of(640, 480, 540.0, barrel(640, 480, 540.0));
+    add("f = 5 px", {camera_of(16, 12, 5.0, barrel(16, 12, 5.0)),
+                     "standard",
+                     {.share = 0.4, .tilt = 0.35, .noise_px = 0.003}});
+    add("f = 540 px", {webcam, "standard", {}});
+    add("f = 20 000 px", {camera_of(4000, 3000, 2e4, barrel(4000, 3000, 2e4)), "standard", {}});
+    add("f = 500 000 px", {camera_of(4000, 3000, 5e5, barrel(4000, 3000, 5e5)),
+                           "standard",
+                           {.count = 24, .tilt = 1.0}});
+    add("origin 1 km away", {webcam, "standard", {.origin_mm = 1e6}});
+    const CameraModel wide =
+        camera_of(1000, 800, 300.0,
+                  {.k1 = 735.0 / 945, .k2 = 64.0 / 945, .k4 = 1050.0 / 945, .k5 = 225.0 / 945});
+    add("k1..k6 to 0.9999", {wide, "rational", {.share = 0.5, .tilt = 0.5}, 0.0, 0.9999});
+    add("all 18 parameters", {camera_of(700, 500, 420.0, every_distortion()),
+                              "tilted",
+                              {.count = 16, .share = 0.5, .noise_px = 0.001},
+                              0.0,
+                              0.9999});
+    const CameraModel narrow =
+        camera_of(640, 480, 540.0,
+                  {.k1 = 0.31, .k2 = -0.12, .k3 = 0.05, .k4 = 0.41, .k5 = -0.08, .k6 = 0.03});
+    add("condition 1e6", {narrow, "rational", {.noise_px = 1e-4}, 1e6});
+    cases.push_back({"calibrating: um to km", "same camera, in u", [=](const RenderFunction&) {
+                         return same_for_every_length({webcam, "standard", {}});
+                     }});
+    return cases;
+}
+
+}  // namespace etalon

@@ -1,0 +1,123 @@
+// Extreme cameras: distortion that bulges, folds and has poles, all f-numbers and focal lengths,
+// one pixel and a hundred million.
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include "bench/benchmark_scenes.h"
+#include "bench/stability/stability_case.h"
+#include "bench/stability/stability_scenes.h"
+
+namespace etalon {
+namespace {
+
+CameraModel distorted_camera(const Distortion& distortion) {
+    CameraModel camera = short_camera(2.8, 330.0);
+    camera.intrinsics.fx = camera.intrinsics.fy = 120.0;
+    camera.sensor->pixel_pitch_um = 50.0;
+    camera.lens->wavelength_nm = 2750.0;
+    camera.distortion = distortion;
+    return camera;
+}
+
+void add_distortions(std::vector<StabilityCase>& cases) {
+    const auto add = [&](const std::string& name, const Distortion& distortion,
+                         const MarkerPlace& place) {
+        const CameraModel camera = distorted_camera(distortion);
+        cases.push_back(agrees_with_reference(name, camera, marker_scene(camera, place)));
+    };
+    add("barrel: edges bulge outwards", {.k1 = -0.25, .k2 = 0.04},
+        {.side_px = 110.0, .tilt_deg = 0.0});
+    add("barrel: corners out of the image", {.k1 = -0.3, .k2 = 0.05},
+        {.side_px = 170.0, .tilt_deg = 3.0});
+    add("fold inside the image", {.k1 = -0.9}, {.side_px = 60.0, .off_centre_px = {30.0, 21.0}});
+    add("fold crossed by the marker", {.k1 = -0.9}, {.side_px = 160.0, .tilt_deg = 4.0});
+    add("pole: rational, k4 = -2", {.k4 = -2.0}, {.side_px = 90.0});
+    add("pole behind a fold", {.k1 = -4.2, .k4 = -4.0}, {.side_px = 90.0});
+    add("tilted sensor 0.2, -0.15 rad", {.k1 = -0.1, .tau_x = 0.2, .tau_y = -0.15}, {});
+    const BenchmarkScene canon = benchmark_scene("canon-900");
+    cases.push_back(agrees_with_reference("k3 = -40 (Canon)", canon.camera, canon.scene));
+    CameraModel camera = short_camera(2.8, 330.0);
+    camera.intrinsics.fy = 400.0;
+    cases.push_back(agrees_with_reference("fx = 2 fy", camera, marker_scene(camera, {})));
+    camera.intrinsics.fy = 1600.0;
+    cases.push_back(agrees_with_reference("fy = 2 fx", camera, marker_scene(camera, {})));
+}
+
+void add_lenses(std::vector<StabilityCase>& cases) {
+    for (const double f_number : {0.95, 22.0, 200.0}) {
+        const CameraModel camera = short_camera(f_number, 330.0);
+        cases.push_back(agrees_with_reference(fmt::format("f-number {}", f_number), camera,
+                                              marker_scene(camera, {})));
+    }
+    // The same lens, 8 mm before the sensor, on pixels from 1.6 mm to 16 nm.
+    for (const double focal_px : {5.0, 500000.0}) {
+        CameraModel camera = short_camera(2.8, 330.0);
+        camera.intrinsics.fx = camera.intrinsics.fy = focal_px;
+        camera.sensor->pixel_pitch_um = 8000.0 / focal_px;
+        camera.lens->wavelength_nm = 550.0 * 800.0 / focal_px;
+        const double focus = focal_px > 1000.0 ? 400.01 : 330.0;
+        camera.lens->focus_distance_mm = focus;
+        cases.push_back(agrees_with_reference(
+            fmt::format("focal length {:.0f} px", focal_px), camera,
+            marker_scene(camera,
+                         {.tilt_deg = focal_px < 6 ? 3.0 : 25.0, .off_centre_px = {1.3, -0.7}})));
+    }
+}
+
+void add_backgrounds(std::vector<StabilityCase>& cases) {
+    const CameraModel camera = short_camera(2.8, 330.0);
+    for (const double background : {0.0, 0.5, 0.99, 1.0}) {
+        Scene scene = marker_scene(camera, {});
+        scene.background = background;
+        cases.push_back(
+            agrees_with_reference(fmt::format("background {}", background), camera, scene));
+    }
+}
+
+double peak_memory_gib() {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return static_cast<double>(usage.ru_maxrss) / (1024.0 * 1024.0);  // in KiB on Linux
+}
+
+// 12000 x 8400 px with distortion; the marker 600 px wide.
+StabilityOutcome render_megapixels(const RenderFunction& render) {
+    CameraModel camera = short_camera(4.0, 500.0);
+    camera.width = 12000;
+    camera.height = 8400;
+    camera.intrinsics = {9000.0, 9000.0, 5999.5, 4199.5};
+    camera.sensor->pixel_pitch_um = 2.5;
+    camera.distortion = {.k1 = -0.1, .k2 = 0.02, .p1 = 0.001};
+    const Scene scene = marker_scene(camera, {.side_px = 600.0, .off_centre_px = {1500.3, -800.7}});
+    const double before = peak_memory_gib();
+    const StabilityOutcome image =
+        compare_with_reference(render(camera, scene, {}).radiance, camera, scene);
+    const double after = peak_memory_gib();
+    return {image.passed && after < 4.0, after, 4.0,
+            fmt::format("peak memory {:.2f} GiB, {:.2f} more than before; {:.3f} gray from the "
+                        "reference, bound {:.3f}",
+                        after, after - before, image.figure, image.bound)};
+}
+
+void add_image_sizes(std::vector<StabilityCase>& cases) {
+    CameraModel camera = short_camera(2.8, 330.0);
+    camera.width = camera.height = 1;
+    camera.intrinsics.cx = camera.intrinsics.cy = 0.0;
+    cases.push_back(
+        agrees_with_reference("image of 1x1 px", camera,
+                              marker_scene(camera, {.side_px = 5.0, .off_centre_px = {2.4, 0.3}})));
+    cases.push_back({"100 megapixel image", "memory, GiB", render_megapixels});
+}
+
+}  // namespace
+
+std::vector<StabilityCase> camera_cases() {
+    std::vector<StabilityCase> cases;
+    add_distortions(cases);
+    add_lenses(cases);
+    add_backgrounds(cases);
+    add_image_sizes(cases);
+    return cases;
+}
+
+}  // namespace etalon

@@ -1,0 +1,306 @@
+// Registration of stages that cannot determine all of X and Y, of plans that hardly do, and of
+// plans that do not: each must be told apart and named. No renderer is asked; pixels are exact.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "bench/stability/stability_case.h"
+#include "calib/registration/registration.h"
+#include "calib/registration/stage_motion.h"
+#include "compare/verdict/error_signatures.h"
+#include "core/errors.h"
+#include "core/random.h"
+
+namespace etalon {
+namespace {
+
+using Names = std::vector<std::string>;
+using Points = std::vector<Eigen::Vector3d>;
+
+constexpr double deg = std::numbers::pi / 180.0;
+constexpr int training = 25, hold_out = 20;
+
+const Points tag = {{-40, -40, 0}, {40, -40, 0}, {40, 40, 0}, {-40, 40, 0}};
+const Rigid true_x{rotation_from_vector({0.05, -0.09, 0.03}), {11.0, -7.0, 520.0}};
+const Rigid true_y{rotation_from_vector({0.35, 0.06, -0.11}), {5.0, -13.0, 17.0}};
+
+CameraModel wide_camera() {
+    CameraModel camera;
+    camera.width = 640;
+    camera.height = 480;
+    camera.intrinsics = {540.0, 536.0, 322.0, 235.0};
+    camera.distortion.k1 = -0.28;
+    camera.distortion.k2 = 0.07;
+    return camera;
+}
+
+// How far each axis goes, mm and rad; the linear ones carry the rotary ones.
+struct Reach {
+    double x = 0, y = 0, z = 0, rx = 0, ry = 0, rz = 0;
+};
+constexpr Reach xyz{90, 70, 110, 0, 0, 0};
+constexpr Reach six_axes{90, 70, 110, 0.4, 0.3, 3.0};
+
+std::vector<Rigid> stage_poses(const Reach& reach, int count) {
+    std::vector<Rigid> poses;
+    for (int i = 0; i < count; ++i) {
+        RandomStream random(5, 1, static_cast<std::uint64_t>(i));
+        const auto within = [&](double limit) { return limit * (2.0 * random.uniform() - 1.0); };
+        const double x = within(reach.x), y = within(reach.y), z = within(reach.z);
+        Rigid pose{Eigen::Quaterniond::Identity(), {x, y, z}};
+        for (const Eigen::Vector3d& turn :
+             {Eigen::Vector3d(within(reach.rx), 0, 0), Eigen::Vector3d(0, within(reach.ry), 0),
+              Eigen::Vector3d(0, 0, within(reach.rz))})
+            pose.rotation = pose.rotation * rotation_from_vector(turn);
+        poses.push_back(pose);
+    }
+    return poses;
+}
+
+// Exact pixels; first estimates that are off by a degree and some millimetres.
+std::vector<RegistrationPose> seen(const Projector& projector, const std::vector<Rigid>& stage) {
+    const Vector6d wrong = (Vector6d() << 0.01, -0.02, 0.015, 2.0, -3.0, 1.5).finished();
+    std::vector<RegistrationPose> poses;
+    for (const Rigid& base_from_carriage : stage) {
+        const Rigid camera_from_marker = true_x * base_from_carriage * true_y;
+        RegistrationPose pose{base_from_carriage, left_perturbed(camera_from_marker, wrong), {}};
+        for (const Eigen::Vector3d& point : tag)
+            pose.pixels.push_back(projector.project(camera_from_marker * point).value());
+        poses.push_back(pose);
+    }
+    return poses;
+}
+
+Registration registered(const Projector& projector, const Reach& reach, const Rigid& nominal) {
+    return register_stage(projector, tag, seen(projector, stage_poses(reach, training)), nominal);
+}
+
+StabilityCase registering(const std::string& name, const std::string& expectation,
+                          const std::function<StabilityOutcome()>& run) {
+    return {"registering: " + name, expectation, [run](const RenderFunction&) { return run(); }};
+}
+
+// ---- Freedoms
+
+// px at any of the poses for 1 mm or 1 rad along the freedom.
+double largest_px(const Projector& projector, const Registration& result,
+                  const std::vector<Rigid>& stage) {
+    double largest = 0.0;
+    for (const GaugeFreedom& freedom : result.freedoms)
+        for (const Rigid& pose : stage)
+            largest =
+                std::max(largest, (registration_jacobian(projector, tag, result.camera_from_base,
+                                                         pose, result.carriage_from_marker) *
+                                   freedom.direction)
+                                      .norm());
+    return largest;
+}
+
+// How far the prediction is off at poses that were not used, mm and rad: the prior must not matter.
+double largest_error(const Registration& result, const std::vector<Rigid>& stage) {
+    double largest = 0.0;
+    for (const Rigid& pose : stage)
+        largest = std::max(
+            largest,
+            left_difference(result.camera_from_marker(pose), true_x * pose * true_y).norm());
+    return largest;
+}
+
+StabilityOutcome finds_freedoms(const Reach& reach, const Names& expected) {
+    const Projector projector(wide_camera());
+    const Rigid prior =
+        left_perturbed(true_y, (Vector6d() << 0.1, -0.05, 0.2, 20.0, 30.0, -10.0).finished());
+    const Registration result = registered(projector, reach, prior);
+    Names found;
+    for (const GaugeFreedom& freedom : result.freedoms)
+        found.push_back(freedom.name);
+    const std::vector<Rigid> others = stage_poses(reach, training + hold_out);
+    StabilityOutcome outcome;
+    outcome.figure = std::max(largest_px(projector, result, others), largest_error(result, others));
+    outcome.bound = 1e-6;
+    outcome.passed = found == expected && result.rank == 12 - std::ssize(expected) &&
+                     outcome.figure <= outcome.bound;
+    outcome.words = fmt::format("rank {}, condition number {:.3g}; free: {}", result.rank,
+                                result.condition_number, fmt::join(found, ", "));
+    return outcome;
+}
+
+std::string shift(char axis) {
+    return fmt::format("shift along base {} between X and Y", axis);
+}
+std::string rotation(char axis) {
+    return fmt::format("rotation about base {} between X and Y", axis);
+}
+
+void add_freedoms(std::vector<StabilityCase>& cases) {
+    const auto add = [&](const std::string& name, const Reach& reach, const Names& expected) {
+        cases.push_back(registering(name, "named, px that move",
+                                    [=] { return finds_freedoms(reach, expected); }));
+    };
+    add("x, 4 free", {.x = 90}, {shift('x'), shift('y'), shift('z'), rotation('x')});
+    add("rz, 2 free", {.rz = 3}, {shift('z'), rotation('z')});
+    add("xyz, 3 free", xyz, {shift('x'), shift('y'), shift('z')});
+    add("xyz + rz, 1 free", {90, 70, 110, 0, 0, 3}, {shift('z')});
+    add("rx + rz, none free", {.rx = 0.4, .rz = 3}, {});
+    add("six axes, none free", six_axes, {});
+}
+
+// ---- Hardly determined
+
+// Turns of 2 degrees, on a stage that is free to shift.
+StabilityOutcome labels_small_turns(const Reach& reach, const Names& expected) {
+    const Registration result = registered(Projector(wide_camera()), reach, true_y);
+    StabilityOutcome outcome{.bound = 1.0};
+    Names found;
+    for (const WeakDirection& weak : result.weak) {
+        found.push_back(weak.name);
+        outcome.figure = std::max(outcome.figure, weak.worth_poses);
+        outcome.words += fmt::format("{}: {:.2g} {} at 1 px; ", weak.name, weak.deviation,
+                                     weak.is_shift() ? "mm" : "rad");
+    }
+    std::sort(found.begin(), found.end());
+    outcome.passed = found == expected;
+    return outcome;
+}
+
+void add_small_turns(std::vector<StabilityCase>& cases) {
+    cases.push_back(registering("rz of +-2 degrees", "labelled, poses' worth", [] {
+        Reach reach = xyz;
+        reach.rz = 2.0 * deg;
+        return labels_small_turns(reach, {shift('x'), shift('y')});
+    }));
+    cases.push_back(registering("rz, rx of +-2 deg", "labelled, poses' worth", [] {
+        return labels_small_turns({.rx = 2.0 * deg, .rz = 3.0}, {rotation('z'), shift('z')});
+    }));
+}
+
+// ---- Degenerate plans
+
+StabilityOutcome names_degenerate(const std::vector<Rigid>& plan, const std::string& word) {
+    try {
+        require_full_motion(plan, stage_poses(six_axes, training));
+        register_stage(Projector(wide_camera()), tag, seen(Projector(wide_camera()), plan), true_y);
+    } catch (const NumericalError& refusal) {
+        const std::string words = refusal.what();
+        return {.passed = words.find(word) != std::string::npos, .words = words};
+    }
+    return {.figure = 1.0, .words = "registered all the same"};
+}
+
+void add_degenerate(std::vector<StabilityCase>& cases) {
+    const auto add = [&](const std::string& name, const std::vector<Rigid>& plan,
+                         const std::string& word) {
+        cases.push_back(
+            registering(name, "named, not solved", [=] { return names_degenerate(plan, word); }));
+    };
+    const std::vector<Rigid> some = stage_poses(six_axes, training);
+    std::vector<Rigid> two;
+    for (std::size_t i = 0; i < training; ++i)
+        two.push_back(some[i % 2]);
+    add("all poses identical", std::vector<Rigid>(training, some[0]), "no motion");
+    add("two poses", two, "2 distinct poses");
+    add("three poses", {some[0], some[1], some[2]}, "3 distinct poses");
+    add("collinear", stage_poses({.y = 70}, training), "one line, base y");
+    add("planar shifts", stage_poses({.x = 90, .z = 110}, training), "plane across base y");
+    add("planar motion", stage_poses({.x = 90, .y = 70, .rz = 3}, training), "planar motion");
+    add("one axis' turns", stage_poses({.rx = 0.4}, training), "one fixed axis");
+}
+
+// ---- Confounded errors
+
+// The scale of axis k stretches the stage's shifts along it.
+StageError scale_error(int axis, std::vector<Rigid> poses) {
+    for (Rigid& pose : poses)
+        pose.translation[axis] *= 1.0 + 1e-4;
+    return {fmt::format("stage scale {}", "xyz"[axis]), "1", 1e-4, poses};
+}
+
+// 1 - |cosine| of what two errors leave on the hold-out poses of an XYZ stage.
+StabilityOutcome confounded(const CameraModel& camera, const Rigid& x, const Rigid& y,
+                            const std::string& one, const std::string& two) {
+    const Projector projector(camera);
+    const std::vector<Rigid> poses = stage_poses(xyz, training + hold_out);
+    SignatureChain chain{projector, tag, x, y, poses, std::vector<bool>(training, false)};
+    chain.hold_out.resize(poses.size(), true);
+    const std::vector<StageError> scales = {scale_error(0, poses), scale_error(1, poses),
+                                            scale_error(2, poses)};
+    const std::vector<std::size_t> linear = {0, 1, 2};
+    const HoldOutNoise noise{std::vector<double>(hold_out, 0.05),
+                             std::vector<double>(hold_out, 0.005)};
+    const std::vector<ErrorSignature> all = error_signatures(chain, scales, linear, noise, 0.1);
+    const auto named = [&](const std::string& name) {
+        return *std::find_if(all.begin(), all.end(),
+                             [&](const ErrorSignature& s) { return s.name == name; });
+    };
+    const ErrorSignature a = named(one), b = named(two);
+    const double cosine = a.after.dot(b.after) / (a.after.norm() * b.after.norm());
+    const bool listed = std::find(a.confounded_with.begin(), a.confounded_with.end(), two) !=
+                        a.confounded_with.end();
+    constexpr double bound = 1e-6;
+    const double figure = 1.0 - std::abs(cosine);
+    return {listed && figure <= bound, figure, bound,
+            one + " is confounded with: " + fmt::format("{}", fmt::join(a.confounded_with, ", "))};
+}
+
+void add_confounded(std::vector<StabilityCase>& cases) {
+    // Exact where all of the marker is equally deep and the axis z is the line of sight.
+    cases.push_back(registering("f ~ scale of z", "1 - |cosine|", [] {
+        CameraModel camera = wide_camera();
+        camera.distortion = {};
+        const Rigid frontal{rotation_from_vector({0, 0, 0.3}), {5.0, -13.0, 17.0}};
+        const Rigid along_z{rotation_from_vector({0, 0, 0.2}), {11.0, -7.0, 520.0}};
+        return confounded(camera, along_z, frontal, "focal length", "stage scale z");
+    }));
+    // Both scale the scene, whatever the camera.
+    cases.push_back(registering("print ~ all scales", "1 - |cosine|", [] {
+        return confounded(wide_camera(), true_x, true_y, "marker print size",
+                          "stage scale, all linear axes");
+    }));
+}
+
+// ---- Numbers without a meaning
+
+StabilityOutcome refuses(double number) {
+    const Projector projector(wide_camera());
+    const std::vector<RegistrationPose> good = seen(projector, stage_poses(xyz, 8));
+    StabilityOutcome outcome{.passed = true};
+    const auto attempt = [&](const std::string& what,
+                             const std::function<void(RegistrationPose&)>& damage) {
+        std::vector<RegistrationPose> poses = good;
+        damage(poses[3]);
+        try {
+            register_stage(projector, tag, poses, true_y);
+            outcome.figure += 1.0;
+            outcome.words += "accepted: " + what + " ";
+            outcome.passed = false;
+        } catch (const NumericalError&) {
+        }
+    };
+    attempt("pixel", [=](RegistrationPose& p) { p.pixels[2].x() = number; });
+    attempt("stage", [=](RegistrationPose& p) { p.base_from_carriage.translation.y() = number; });
+    attempt("turn", [=](RegistrationPose& p) { p.base_from_carriage.rotation.x() = number; });
+    attempt("estimate",
+            [=](RegistrationPose& p) { p.camera_from_marker.translation.z() = number; });
+    attempt("sigma", [=](RegistrationPose& p) { p.sigma_px = number; });
+    return outcome;
+}
+
+}  // namespace
+
+std::vector<StabilityCase> registration_cases() {
+    std::vector<StabilityCase> cases;
+    add_freedoms(cases);
+    add_small_turns(cases);
+    add_degenerate(cases);
+    add_confounded(cases);
+    for (const double number :
+         {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})
+        cases.push_back(registering(std::isnan(number) ? "nan" : "infinity", "number accepted",
+                                    [number] { return refuses(number); }));
+    return cases;
+}
+
+}  // namespace etalon

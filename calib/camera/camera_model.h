@@ -1,0 +1,185 @@
+// What is known about a camera: intrinsics, OpenCV's 14 distortion coefficients, the lens and the
+// sensor. Plain data; projecting is in calib/camera/projector.h, files in
+// calib/files/camera_file.h.
+//
+// A camera without lens and sensor sections (an OpenCV or ROS calibration) is a sharp pinhole:
+// nothing about blur or noise is invented for it.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/mosaic.h"
+
+namespace etalon {
+
+// How the chief rays reach the camera.
+enum class Projection {
+    perspective,  // through one point, the lens: normalised image coordinates are (X/Z, Y/Z)
+    telecentric,  // parallel to the axis (object-space telecentric): they are (X, Y) in mm
+};
+
+// Pixels; pixel centres at integers, (0, 0) is the centre of the top-left pixel. Of a telecentric
+// camera fx and fy are px per mm.
+struct Intrinsics {
+    double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
+};
+
+// OpenCV's model, on normalised image coordinates: radial rational (k1..k6), tangential (p1, p2),
+// thin prism (s1..s4) and sensor tilt (tau_x, tau_y, rad).
+struct Distortion {
+    double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0, k4 = 0, k5 = 0, k6 = 0;
+    double s1 = 0, s2 = 0, s3 = 0, s4 = 0, tau_x = 0, tau_y = 0;
+
+    std::array<double, 14> in_opencv_order() const {
+        return {k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y};
+    }
+    static Distortion from_opencv_order(const std::array<double, 14>& c) {
+        return {c[0], c[1], c[2], c[3],  c[4],  c[5],  c[6],
+                c[7], c[8], c[9], c[10], c[11], c[12], c[13]};
+    }
+    bool is_zero() const { return in_opencv_order() == std::array<double, 14>{}; }
+};
+
+// Estimated covariance of some of the parameters, by name ("fx", "k1", ...), symmetric.
+struct ParameterCovariance {
+    std::vector<std::string> order;
+    Eigen::MatrixXd matrix;
+};
+
+// How the lens spreads a point. Radii in px along x.
+struct PointSpread {
+    enum class Kind {
+        ideal,     // Airy pattern of the working f-number, and geometric defocus
+        gaussian,  // sigma_px, in place of the Airy pattern, and geometric defocus
+        measured,  // the profile, in place of the Airy pattern and of defocus
+        wave,      // wave-optical: diffraction and defocus together
+    };
+    Kind kind = Kind::ideal;
+    double sigma_px = 0.0;
+    // (radius, energy per area), radii ascending from 0, joined by straight lines, nothing beyond
+    // the last. The density's scale does not matter: the energy is taken as 1.
+    std::vector<std::pair<double, double>> profile = {};
+};
+
+// A thin lens with a circular aperture, or a telecentric one.
+struct Lens {
+    double f_number = 0.0;  // perspective: the engraved N = f/d
+    double focus_distance_mm = std::numeric_limits<double>::infinity();  // lens to sharp plane
+    double wavelength_nm = 0.0;
+    PointSpread psf;
+    double object_na = 0.0;  // telecentric: sine of the half angle of the cone of rays
+};
+
+// Code value from linear radiance.
+struct Transfer {
+    enum class Kind { linear, rec709, table };
+    Kind kind = Kind::linear;
+    std::vector<std::pair<double, double>> table;  // (radiance, code / full scale), both ascending
+};
+
+// Part of the light that reaches a pixel, relative to the axis.
+struct Illumination {
+    enum class Kind {
+        uniform,
+        cos4,        // of the field angle
+        polynomial,  // 1 + c1 r^2 + c2 r^4 + c3 r^6, r from the principal point (cx, cy) in units
+                     // of half the image's diagonal, hypot(width, height) / 2 px
+    };
+    Kind kind = Kind::uniform;
+    std::array<double, 3> polynomial = {};
+};
+
+struct Sensor {
+    double pixel_pitch_um = 0.0;  // along x; along y it is pixel_pitch_um * fx / fy
+    int bits = 8;                 // 1..16, full scale 2^bits - 1
+    Transfer transfer;
+    double black_dn = 0.0;       // code value without light
+    double gain_e_per_dn = 0.0;  // electrons per code value; 0: no shot noise
+    double read_noise_e = 0.0;   // electrons; with gain 0 it must be 0
+    Illumination illumination = {};
+    Mosaic mosaic = Mosaic::none;
+    // Signal of the red, green and blue pixels for a gray radiance under the light in use, relative
+    // to the radiance; only with a mosaic.
+    std::array<double, 3> channel_response = {1.0, 1.0, 1.0};
+};
+
+// Standard uncertainties of entries that were measured (`etalon characterise`); nothing where the
+// uncertainty is not known, which does not mean that it is zero.
+struct CameraUncertainty {
+    std::optional<double> f_number, focus_distance_mm, psf_sigma_px;
+    std::optional<double> black_dn, gain_e_per_dn, read_noise_e;
+    std::optional<std::array<double, 3>> illumination;  // of the polynomial's coefficients
+    // Of each density of PointSpread::profile and of each code of Transfer::table, in their
+    // units; empty where not known.
+    std::vector<double> psf_density, transfer_code;
+};
+
+struct CameraModel {
+    std::string serial;  // empty: not known
+    int width = 0, height = 0;
+    Projection projection = Projection::perspective;
+    Intrinsics intrinsics;
+    Distortion distortion;
+    std::optional<ParameterCovariance> covariance;
+    std::optional<Lens> lens;  // present only together with a sensor
+    std::optional<Sensor> sensor;
+    std::optional<CameraUncertainty> standard_uncertainty;
+};
+
+// The thin lens in numbers, from the image distance that the calibration measured: v = fx * pitch.
+struct ThinLens {
+    double image_distance_mm;     // v
+    double focal_length_mm;       // 1/f = 1/z_f + 1/v
+    double aperture_diameter_mm;  // d = f/N
+    double working_f_number;      // N_w = v/d
+    double inverse_focus_per_mm;  // 1/z_f; 0 when focused at infinity
+};
+
+// Throws NumericalError for a telecentric camera, without lens and sensor sections, or when pitch,
+// f-number or focus distance is not positive. (The focus distance is then always beyond f:
+// 1/z_f = 1/f - 1/v < 1/f.)
+ThinLens thin_lens(const CameraModel& camera);
+
+// The telecentric lens in numbers: magnification m = fx * pitch.
+struct TelecentricLens {
+    double magnification;
+    double cone_tangent;      // of the half angle of the cone of rays, tan(asin(object_na))
+    double working_f_number;  // N_w = m / (2 object_na)
+    double focus_distance_mm;
+};
+
+// Throws NumericalError for a perspective camera, without lens and sensor sections, for a tilted
+// sensor (tau_x, tau_y describe a perspective one), or when pitch or focus distance is not positive
+// and finite or object_na not in (0, 1).
+TelecentricLens telecentric_lens(const CameraModel& camera);
+
+// Of either lens; throws as they do.
+double working_f_number(const CameraModel& camera);
+
+// Radius in pixels of the blur disk of a point at depth z_mm > 0 along x:
+// fx * d/2 * |1/z - 1/z_f|, telecentric fx * tan(asin(object_na)) * |z - z_f|; along y it is this
+// times fy/fx. Zero for a camera without a lens section, or with a measured point spread, which
+// holds its blur. Throws NumericalError when z_mm is not positive.
+double blur_radius_px(const CameraModel& camera, double z_mm);
+
+// 1 + c1 s + c2 s^2 + c3 s^3 at the squared radius s >= 0 (see Illumination).
+double polynomial_illumination(const std::array<double, 3>& coefficients, double s);
+
+// The squared radius of a pixel position in the units of that polynomial.
+double illumination_radius_squared(const CameraModel& camera, const Eigen::Vector2d& pixel);
+
+// The polynomial's smallest value over the image, pixels' outer corners included: at one of the
+// ends or where the cubic's derivative vanishes. NaN when a coefficient is.
+double least_polynomial_illumination(const CameraModel& camera);
+
+// For what is written for perspective cameras only. Throws NumericalError, naming `purpose`, for a
+// telecentric one.
+void require_perspective(const CameraModel& camera, const char* purpose);
+
+}  // namespace etalon

@@ -1,0 +1,173 @@
+#include "calib/camera/projector.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>  // homogeneous()
+#include <Eigen/LU>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+// Refuses before any member is computed from what is not a number.
+const CameraModel& checked(const CameraModel& camera) {
+    const Intrinsics& i = camera.intrinsics;
+    if (!(i.fx > 0.0) || !(i.fy > 0.0) || !std::isfinite(i.fx) || !std::isfinite(i.fy) ||
+        !std::isfinite(i.cx) || !std::isfinite(i.cy))
+        throw NumericalError(
+            fmt::format("no camera has fx {}, fy {}, cx {}, cy {}", i.fx, i.fy, i.cx, i.cy));
+    for (const double coefficient : camera.distortion.in_opencv_order())
+        if (!std::isfinite(coefficient))
+            throw NumericalError("a distortion coefficient is not finite");
+    const bool is_tilted = camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0;
+    if (camera.projection == Projection::telecentric && is_tilted)
+        throw NumericalError("tau_x and tau_y belong to a perspective camera, not a telecentric");
+    return camera;
+}
+
+// d (normalised coordinates) / d (X, Y, Z).
+struct Normalised {
+    Eigen::Vector2d point;
+    Eigen::Matrix<double, 2, 3> jacobian;
+};
+
+Normalised normalised(Projection projection, const Eigen::Vector3d& p) {
+    Normalised result;
+    if (projection == Projection::telecentric) {
+        result.point = p.head<2>();
+        result.jacobian << 1, 0, 0, 0, 1, 0;
+    } else {
+        result.point = p.head<2>() / p.z();
+        result.jacobian << 1, 0, -result.point.x(), 0, 1, -result.point.y();
+        result.jacobian /= p.z();
+    }
+    return result;
+}
+
+constexpr double tolerance = 1e-12;       // asked of the result
+constexpr double stop_tolerance = 1e-14;  // at which no further step is worth its time
+
+}  // namespace
+
+Projector::Projector(const CameraModel& camera)
+    : camera_(checked(camera)),
+      has_distortion_(!camera.distortion.is_zero()),
+      has_tilt_(camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0),
+      tilt_(tilt_matrix(camera.distortion.tau_x, camera.distortion.tau_y)),
+      untilt_(tilt_.inverse()),
+      pixel_size_(1.0 / std::min(camera.intrinsics.fx, camera.intrinsics.fy)),
+      region_(camera.distortion) {}
+
+std::optional<Distorted> Projector::distorted(const Eigen::Vector2d& undistorted) const {
+    if (!region_.contains(undistorted))
+        return std::nullopt;
+    Distorted result = distort_before_tilt(camera_.distortion, undistorted);
+    if (has_tilt_)
+        result = apply_tilt(tilt_, result);
+    if (!result.is_regular())
+        return std::nullopt;
+    return result;
+}
+
+bool Projector::is_valid(const Eigen::Vector2d& undistorted) const {
+    return distorted(undistorted).has_value();
+}
+
+std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d& p_camera) const {
+    if (!(p_camera.z() > 0.0))
+        return std::nullopt;
+    const Normalised undistorted = normalised(camera_.projection, p_camera);
+    const auto d = distorted(undistorted.point);
+    if (!d)
+        return std::nullopt;
+    const Intrinsics& i = camera_.intrinsics;
+    Projected result;
+    result.pixel << i.fx * d->point.x() + i.cx, i.fy * d->point.y() + i.cy;
+    if (!result.pixel.allFinite())
+        return std::nullopt;
+    result.jacobian =
+        Eigen::Vector2d(i.fx, i.fy).asDiagonal() * (d->jacobian * undistorted.jacobian);
+    return result;
+}
+
+std::optional<Eigen::Vector2d> Projector::project(const Eigen::Vector3d& p_camera) const {
+    const auto projected = project_with_jacobian(p_camera);
+    if (!projected)
+        return std::nullopt;
+    return projected->pixel;
+}
+
+// The tilt is undone in closed form; nothing behind its horizon.
+std::optional<Eigen::Vector2d> Projector::untilted(const Eigen::Vector2d& distorted) const {
+    const Eigen::Vector3d h = untilt_ * distorted.homogeneous();
+    if (!(h.z() > 0.0))
+        return std::nullopt;
+    return h.head<2>() / h.z();
+}
+
+std::optional<Eigen::Vector2d> Projector::solve(const Eigen::Vector2d& target,
+                                                const Eigen::Vector2d& start) const {
+    const double scale = target.norm() + pixel_size_;
+    Eigen::Vector2d x = start;
+    Distorted d = distort_before_tilt(camera_.distortion, x);
+    double error = (target - d.point).norm();
+    for (int i = 0; i < 60 && error > stop_tolerance * scale; ++i) {
+        const Eigen::Vector2d step = d.jacobian.inverse() * (target - d.point);
+        bool advanced = false;
+        for (double part = 1.0; part > 1e-6 && !advanced; part *= 0.5) {
+            const Eigen::Vector2d next = x + part * step;
+            if (!region_.contains(next))
+                continue;
+            const Distorted there = distort_before_tilt(camera_.distortion, next);
+            const double next_error = (target - there.point).norm();
+            if (!there.is_regular() || !(next_error < error))
+                continue;
+            x = next;
+            d = there;
+            error = next_error;
+            advanced = true;
+        }
+        if (!advanced)
+            break;
+    }
+    if (!(error <= tolerance * scale))
+        return std::nullopt;
+    return x;
+}
+
+// Follows the preimage while the target moves out from the axis: slow, but started near the
+// solution at every step.
+std::optional<Eigen::Vector2d> Projector::solve_along_ray(const Eigen::Vector2d& target) const {
+    constexpr int steps = 32;
+    std::optional<Eigen::Vector2d> x = Eigen::Vector2d::Zero();
+    for (int i = 1; i <= steps && x; ++i)
+        x = solve(target * (static_cast<double>(i) / steps), *x);
+    return x;
+}
+
+std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel) const {
+    const Intrinsics& i = camera_.intrinsics;
+    const Eigen::Vector2d target((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
+    if (!target.allFinite())
+        return std::nullopt;
+    if (!has_distortion_)
+        return target;
+    const auto before_tilt = has_tilt_ ? untilted(target) : target;
+    if (!before_tilt)
+        return std::nullopt;
+    // A barrel's preimage lies outside its image and Newton climbs there; a start beyond the border
+    // is drawn in.
+    const double border = region_.border(*before_tilt);
+    const double radius = before_tilt->norm();
+    const Eigen::Vector2d start =
+        radius < border ? *before_tilt : Eigen::Vector2d(*before_tilt * (0.9 * border / radius));
+    auto x = solve(*before_tilt, start);
+    if (!x)
+        x = solve_along_ray(*before_tilt);
+    if (!x || !is_valid(*x))
+        return std::nullopt;
+    return x;
+}
+
+}  // namespace etalon

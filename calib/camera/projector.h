@@ -1,0 +1,64 @@
+// Projection of camera-frame points to pixels with its Jacobian, and the exact inverse.
+//
+// OpenCV's model: x = X/Z, y = Y/Z (of a telecentric camera X and Y in mm, the same at every
+// depth: its distortion coefficients are per mm^2, mm^4, ...), then radial (rational), tangential,
+// thin prism and tilt. It is used only in the region around the optical axis where it is invertible
+// (calib/camera/valid_region.h); outside, two rays share a pixel or a pole lies between. There
+// nothing is guessed: the functions return nothing.
+//
+// Immutable after construction, safe from every thread. Construction costs 0.05 ms for a purely
+// radial distortion and some milliseconds otherwise (the border of the valid region is searched in
+// every direction); project() costs tens and unproject() hundreds of ns.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+#include "calib/camera/camera_model.h"
+#include "calib/camera/distortion.h"
+#include "calib/camera/valid_region.h"
+
+namespace etalon {
+
+struct Projected {
+    Eigen::Vector2d pixel;
+    Eigen::Matrix<double, 2, 3> jacobian;  // d pixel / d p_camera, px/mm
+};
+
+class Projector {
+public:
+    // Throws NumericalError when an intrinsic or a coefficient is not finite, fx or fy is not
+    // positive, or a telecentric camera has a sensor tilt (tau_x, tau_y: a perspective model).
+    explicit Projector(const CameraModel& camera);
+
+    // Nothing when the point is not in front of the camera (z <= 0), outside the valid region, or
+    // not finite. The pixel may lie outside the image.
+    std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& p_camera) const;
+    std::optional<Projected> project_with_jacobian(const Eigen::Vector3d& p_camera) const;
+
+    // Undistorted normalised coordinates (X/Z, Y/Z), or (X, Y), of a pixel: Newton's method, damped
+    // and kept inside the valid region, until the distorted point is right to 1e-12 (relative to
+    // its radius plus a pixel). Nothing when the pixel has no preimage there (this costs some us).
+    std::optional<Eigen::Vector2d> unproject(const Eigen::Vector2d& pixel) const;
+
+    // Whether an undistorted normalised point is inside the valid region.
+    bool is_valid(const Eigen::Vector2d& undistorted) const;
+
+    const CameraModel& camera() const { return camera_; }
+    const ValidRegion& valid_region() const { return region_; }
+
+private:
+    std::optional<Distorted> distorted(const Eigen::Vector2d& undistorted) const;
+    std::optional<Eigen::Vector2d> untilted(const Eigen::Vector2d& distorted) const;
+    std::optional<Eigen::Vector2d> solve(const Eigen::Vector2d& target,
+                                         const Eigen::Vector2d& start) const;
+    std::optional<Eigen::Vector2d> solve_along_ray(const Eigen::Vector2d& target) const;
+
+    CameraModel camera_;
+    bool has_distortion_, has_tilt_;
+    Eigen::Matrix3d tilt_, untilt_;
+    double pixel_size_;  // of one pixel in normalised coordinates, the larger of x and y
+    ValidRegion region_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,163 @@
+#include "calib/camera/valid_region.h"
+
+#include <Eigen/Eigenvalues>
+#include <limits>
+#include <numbers>
+
+#include "calib/camera/distortion.h"
+
+namespace etalon {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr int direction_count = 256;
+constexpr double largest_radius = 1e6;  // tangent of a ray 0.2" short of a right angle
+constexpr double march_ratio = 1.05;
+
+struct Interval {
+    double low, high;
+};
+
+// The radii between which the model can do anything: where any two of its terms, taken relative to
+// the undistorted radius, have the same size, and a margin for the factors of derivatives.
+Interval interesting_radii(const Distortion& d) {
+    struct Term {
+        double size;
+        int power;
+    };
+    const std::array<Term, 15> terms{{{1.0, 0},
+                                      {d.k1, 2},
+                                      {d.k2, 4},
+                                      {d.k3, 6},
+                                      {d.k4, 2},
+                                      {d.k5, 4},
+                                      {d.k6, 6},
+                                      {d.p1, 1},
+                                      {d.p2, 1},
+                                      {d.s1, 1},
+                                      {d.s2, 3},
+                                      {d.s3, 1},
+                                      {d.s4, 3},
+                                      {std::tan(d.tau_x), 1},
+                                      {std::tan(d.tau_y), 1}}};
+    constexpr double margin = 50.0;
+    Interval radii{infinity, 0.0};
+    for (const Term& a : terms)
+        for (const Term& b : terms) {
+            if (a.size == 0.0 || b.size == 0.0 || a.power >= b.power)
+                continue;
+            const double log_radius =
+                (std::log(std::abs(a.size)) - std::log(std::abs(b.size))) / (b.power - a.power);
+            radii.low = std::min(radii.low, std::exp(log_radius) / margin);
+            radii.high = std::max(radii.high, std::exp(log_radius) * margin);
+        }
+    return {std::max(radii.low, 1e-150), std::min(radii.high, largest_radius)};
+}
+
+// First radius at which 1 + k4 s + k5 s^2 + k6 s^3 (s = r^2) is zero; infinity if it never is.
+// A double root, where it only touches zero, counts.
+double pole_radius(const Distortion& d) {
+    Eigen::Matrix3d companion;  // its eigenvalues are 1/s, so that k6 = 0 needs no special case
+    companion << -d.k4, -d.k5, -d.k6, 1, 0, 0, 0, 1, 0;
+    const Eigen::Vector3cd inverse_roots = companion.eigenvalues();
+    double first = infinity;
+    for (const auto& inverse : inverse_roots)
+        if (inverse.real() > 0.0 && std::abs(inverse.imag()) <= 1e-7 * inverse.real())
+            first = std::min(first, 1.0 / std::sqrt(inverse.real()));
+    return first;
+}
+
+// Marches along one direction from the axis.
+class Ray {
+public:
+    Ray(const Distortion& distortion, const Eigen::Matrix3d& tilt, Eigen::Vector2d direction)
+        : distortion_(distortion), tilt_(tilt), direction_(std::move(direction)) {}
+
+    double border(const Interval& radii) const {
+        if (!at(0.0).is_regular())
+            return 0.0;
+        double before = 0.0, last = 0.0;
+        double det_before = infinity, det_last = determinant(0.0);
+        for (double r = radii.low; r <= radii.high; r *= march_ratio) {
+            const Distorted here = at(r);
+            if (!here.is_regular())
+                return bisected(last, r);
+            const double det = here.jacobian.determinant();
+            if (det_last < det_before && det_last < det) {  // may dip below zero between the steps
+                const double dip = minimum(before, r);
+                if (!at(dip).is_regular())
+                    return bisected(before, dip);
+            }
+            before = std::exchange(last, r);
+            det_before = std::exchange(det_last, det);
+        }
+        return infinity;
+    }
+
+private:
+    Distorted at(double r) const {
+        return apply_tilt(tilt_, distort_before_tilt(distortion_, r * direction_));
+    }
+    double determinant(double r) const { return at(r).jacobian.determinant(); }
+
+    // The last regular radius, to rounding.
+    double bisected(double regular, double irregular) const {
+        for (int i = 0; i < 60; ++i) {
+            const double middle = 0.5 * (regular + irregular);
+            (at(middle).is_regular() ? regular : irregular) = middle;
+        }
+        return regular;
+    }
+
+    // Of the determinant, by ternary search; ends early below zero.
+    double minimum(double low, double high) const {
+        for (int i = 0; i < 60 && at(low).is_regular() && at(high).is_regular(); ++i) {
+            const double third = (high - low) / 3.0;
+            const bool left = determinant(low + third) < determinant(high - third);
+            (left ? high : low) = left ? high - third : low + third;
+        }
+        return at(low).is_regular() ? high : low;
+    }
+
+    const Distortion& distortion_;
+    const Eigen::Matrix3d& tilt_;
+    Eigen::Vector2d direction_;
+};
+
+bool is_radial(const Distortion& d) {
+    return d.p1 == 0 && d.p2 == 0 && d.s1 == 0 && d.s2 == 0 && d.s3 == 0 && d.s4 == 0 &&
+           d.tau_x == 0 && d.tau_y == 0;
+}
+
+}  // namespace
+
+ValidRegion::ValidRegion(const Distortion& distortion) {
+    const int count = is_radial(distortion) ? 1 : direction_count;
+    const Interval radii = interesting_radii(distortion);
+    const double pole = pole_radius(distortion);
+    const Eigen::Matrix3d tilt = tilt_matrix(distortion.tau_x, distortion.tau_y);
+    border_.reserve(count);
+    for (int i = 0; i < count; ++i) {
+        const double angle = 2.0 * std::numbers::pi * i / count;
+        const Ray ray(distortion, tilt, {std::cos(angle), std::sin(angle)});
+        border_.push_back(std::min(ray.border(radii), pole));
+    }
+    safe_radius_ = *std::min_element(border_.begin(), border_.end());
+}
+
+double ValidRegion::border(const Eigen::Vector2d& direction) const {
+    if (border_.size() == 1)
+        return border_.front();
+    const double turns = std::atan2(direction.y(), direction.x()) / (2.0 * std::numbers::pi);
+    if (!std::isfinite(turns))
+        return 0.0;
+    const double position = (turns < 0.0 ? turns + 1.0 : turns) * direction_count;
+    const double index = std::floor(position);
+    const double a = border_[static_cast<std::size_t>(index) % direction_count];
+    const double b = border_[(static_cast<std::size_t>(index) + 1) % direction_count];
+    if (!std::isfinite(a) || !std::isfinite(b))
+        return std::min(a, b);  // next to a direction with a border, believe the border
+    return a + (position - index) * (b - a);
+}
+
+}  // namespace etalon

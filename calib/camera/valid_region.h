@@ -1,0 +1,36 @@
+// Where a distortion model may be used: the points around the axis that a ray from the axis reaches
+// before the first fold (det J = 0), pole of the rational part or horizon of the tilt. Beyond it
+// two rays share a pixel, or none has it.
+//
+// The border is found along 256 directions (one, when the model is radially symmetric) by marching
+// in geometric steps through the radii at which any two terms of the model are alike, and
+// bisection. Between directions it is interpolated: good to about 1e-4 of its radius.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+
+namespace etalon {
+
+class ValidRegion {
+public:
+    // Costs a few milliseconds, 0.05 ms for purely radial models. Coefficients must be finite.
+    explicit ValidRegion(const Distortion& distortion);
+
+    // Whether an undistorted normalised point lies inside the border. False for NaN.
+    bool contains(const Eigen::Vector2d& undistorted) const {
+        return undistorted.squaredNorm() < safe_radius_ * safe_radius_ ||
+               undistorted.norm() < border(undistorted);
+    }
+
+    // Radius of the border in the direction of this point; infinity where there is none.
+    double border(const Eigen::Vector2d& direction) const;
+
+private:
+    double safe_radius_ = 0.0;    // smallest radius of the border
+    std::vector<double> border_;  // by direction, equally spaced from the x axis; one if symmetric
+};
+
+}  // namespace etalon

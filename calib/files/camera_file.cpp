@@ -1,0 +1,422 @@
+#include "calib/files/camera_file.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <numbers>
+
+#include "calib/camera/parameter_names.h"
+#include "calib/files/camera_formats.h"
+#include "core/strict_reader.h"
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+Intrinsics read_intrinsics(const Value& value) {
+    return {.fx = value.at("fx").number(positive),
+            .fy = value.at("fy").number(positive),
+            .cx = value.at("cx").number(),
+            .cy = value.at("cy").number()};
+}
+
+Distortion read_distortion(const Value& value) {
+    std::array<double, 14> coefficients{};
+    for (std::size_t i = 0; i < coefficients.size(); ++i) {
+        const bool is_tilt = i >= 12;
+        constexpr double right_angle = std::numbers::pi / 2;
+        if (const auto given = value.find(distortion_names[i]))
+            coefficients[i] =
+                given->number(is_tilt ? Range{-right_angle, right_angle} : any_number);
+    }
+    return Distortion::from_opencv_order(coefficients);
+}
+
+std::vector<std::string> read_parameter_order(const Value& value) {
+    std::vector<std::string> order;
+    for (const Value& item : value.items()) {
+        const std::string name = item.text();
+        if (!is_camera_parameter(name))
+            item.fail("is no camera parameter: '" + name + "'");
+        if (std::find(order.begin(), order.end(), name) != order.end())
+            item.fail("is listed twice: '" + name + "'");
+        order.push_back(name);
+    }
+    return order;
+}
+
+// Of the correlations, so that the parameters' units do not matter; -1e-6 leaves room for the
+// rounding of files written with few digits.
+bool is_positive_semidefinite(const Eigen::MatrixXd& matrix) {
+    const Eigen::VectorXd deviations = matrix.diagonal().cwiseSqrt();
+    if (!deviations.allFinite())
+        return false;  // a negative variance
+    Eigen::MatrixXd correlation = matrix;
+    for (Eigen::Index i = 0; i < matrix.rows(); ++i)
+        for (Eigen::Index j = 0; j < matrix.cols(); ++j) {
+            const double scale = deviations(i) * deviations(j);
+            if (scale > 0.0)
+                correlation(i, j) /= scale;
+            else if (matrix(i, j) != 0.0)
+                return false;  // correlated with something known exactly
+        }
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(correlation, Eigen::EigenvaluesOnly);
+    return eigen.info() == Eigen::Success && eigen.eigenvalues().minCoeff() >= -1e-6;
+}
+
+ParameterCovariance read_covariance(const Value& value) {
+    ParameterCovariance covariance;
+    covariance.order = read_parameter_order(value.at("order"));
+    const std::size_t n = covariance.order.size();
+    if (n == 0)
+        value.at("order").fail("must name at least one parameter");
+    const Value lower = value.at("lower");
+    const std::vector<double> entries = lower.numbers(n * (n + 1) / 2);
+    covariance.matrix.resize(n, n);
+    std::size_t next = 0;
+    for (std::size_t row = 0; row < n; ++row)
+        for (std::size_t col = 0; col <= row; ++col)
+            covariance.matrix(row, col) = covariance.matrix(col, row) = entries[next++];
+    if (!is_positive_semidefinite(covariance.matrix))
+        lower.fail("is no covariance: not positive semi-definite");
+    return covariance;
+}
+
+// Pairs of a table, and the standard uncertainty of each second number where the file has them.
+struct MeasuredTable {
+    std::vector<std::pair<double, double>> pairs;
+    std::vector<double> uncertainties;
+};
+
+// A radial profile, `etalon: psf/1`.
+MeasuredTable read_profile(const std::filesystem::path& path) {
+    const StrictFile file(path, "psf/1");
+    const Value radius = file.root().at("radius_px"), density = file.root().at("density");
+    const std::vector<double> radii = radius.numbers(0, non_negative);
+    if (radii.size() < 4)
+        radius.fail("needs at least 4 radii");
+    const std::vector<double> densities = density.numbers(radii.size(), non_negative);
+    MeasuredTable profile;
+    if (const auto uncertainty = file.root().find("standard_uncertainty"))
+        profile.uncertainties = uncertainty->numbers(radii.size(), non_negative);
+    file.finish();
+    if (radii.front() != 0.0)
+        radius.fail("must begin with 0");
+    for (std::size_t i = 1; i < radii.size(); ++i)
+        if (!(radii[i] > radii[i - 1]))
+            radius.fail(fmt::format("must ascend: {} after {}", radii[i], radii[i - 1]));
+    if (std::all_of(densities.begin(), densities.end(), [](double d) { return d == 0.0; }))
+        density.fail("holds no energy");
+    for (std::size_t i = 0; i < radii.size(); ++i)
+        profile.pairs.emplace_back(radii[i], densities[i]);
+    return profile;
+}
+
+PointSpread read_point_spread(const StrictFile& file, const Value& value,
+                              std::vector<double>& density_uncertainties) {
+    if (value.is_scalar())
+        return {.kind = value.one_of({"ideal", "wave"}) == "ideal" ? PointSpread::Kind::ideal
+                                                                   : PointSpread::Kind::wave};
+    if (const auto measured = value.find("measured")) {
+        MeasuredTable profile = read_profile(file.resolve(measured->at("file").text()));
+        density_uncertainties = std::move(profile.uncertainties);
+        return {.kind = PointSpread::Kind::measured, .profile = std::move(profile.pairs)};
+    }
+    return {.kind = PointSpread::Kind::gaussian,
+            .sigma_px = value.at("gaussian").at("sigma_px").number(positive)};
+}
+
+double read_focus_distance(const Value& value) {
+    if (value.is_scalar() && value.text() == "infinity")
+        return std::numeric_limits<double>::infinity();
+    return value.number(positive);
+}
+
+// Engraved f-number from whichever is given: N = N_w f / v = N_w / (1 + v / z_f).
+double read_f_number(const Value& lens, double image_distance_mm, double focus_distance_mm) {
+    const auto engraved = lens.find("f_number"), working = lens.find("working_f_number");
+    if (!working)
+        return lens.at("f_number").number(positive);
+    const double from_working =
+        working->number(positive) / (1.0 + image_distance_mm / focus_distance_mm);
+    if (!engraved)
+        return from_working;
+    const double f_number = engraved->number(positive);
+    if (!(std::abs(from_working / f_number - 1.0) <= 1e-6))
+        working->fail(
+            fmt::format("contradicts f_number {}: belongs to {}", f_number, from_working));
+    return f_number;
+}
+
+Lens read_lens(const StrictFile& file, const Value& value, const CameraModel& camera,
+               CameraUncertainty& uncertainty) {
+    Lens lens;
+    if (camera.projection == Projection::telecentric) {
+        lens.focus_distance_mm = value.at("focus_distance_mm").number(positive);
+        lens.object_na = value.at("object_na").number({0.0, 1.0, true});
+        if (lens.object_na == 1.0)
+            value.at("object_na").fail("must be less than 1");
+    } else {
+        const double image_distance_mm =
+            camera.intrinsics.fx * camera.sensor->pixel_pitch_um * 1e-3;
+        lens.focus_distance_mm = read_focus_distance(value.at("focus_distance_mm"));
+        lens.f_number = read_f_number(value, image_distance_mm, lens.focus_distance_mm);
+    }
+    lens.wavelength_nm = value.at("wavelength_nm").number(positive);
+    if (const auto psf = value.find("psf"))
+        lens.psf = read_point_spread(file, *psf, uncertainty.psf_density);
+    return lens;
+}
+
+// The numbers of one line of a transfer table; throws for anything else.
+std::vector<double> read_table_line(const std::string& line, std::size_t columns, int full_scale,
+                                    const SourcePlace& place) {
+    std::vector<double> numbers;
+    for (const std::string& cell : split(line, ','))
+        if (const auto number = parse_number(cell))
+            numbers.push_back(*number);
+    if (numbers.size() != columns || split(line, ',').size() != columns)
+        throw ConfigError(place,
+                          fmt::format("must be {} finite numbers", columns == 2 ? "two" : "three"));
+    if (numbers[0] < 0.0 || numbers[1] < 0.0 || numbers[1] > full_scale)
+        throw ConfigError(
+            place,
+            fmt::format("radiance must be at least 0 and code between 0 and {}", full_scale));
+    if (columns == 3 && numbers[2] < 0.0)
+        throw ConfigError(place, "a standard uncertainty must be at least 0");
+    return numbers;
+}
+
+// CSV `radiance,code` or `radiance,code,u_code`; codes become fractions of full scale.
+MeasuredTable read_transfer_table(const std::filesystem::path& path, int full_scale) {
+    MeasuredTable table;
+    const std::vector<std::string> lines = split(read_text(path), '\n');
+    const std::string header(trimmed(lines.front()));
+    if (header != "radiance,code" && header != "radiance,code,u_code")
+        throw ConfigError({path.string(), 1},
+                          "must begin with the header radiance,code or radiance,code,u_code");
+    const std::size_t columns = header == "radiance,code" ? 2 : 3;
+    for (std::size_t i = 1; i < lines.size(); ++i) {
+        const SourcePlace place{path.string(), static_cast<int>(i) + 1};
+        if (trimmed(lines[i]).empty())
+            continue;
+        const std::vector<double> line = read_table_line(lines[i], columns, full_scale, place);
+        const std::pair<double, double> entry(line[0], line[1] / full_scale);
+        if (!table.pairs.empty() &&
+            (entry.first <= table.pairs.back().first || entry.second <= table.pairs.back().second))
+            throw ConfigError(place, "must be greater than the line before, in both columns");
+        table.pairs.push_back(entry);
+        if (columns == 3)
+            table.uncertainties.push_back(line[2] / full_scale);
+    }
+    if (table.pairs.size() < 2)
+        throw ConfigError({path.string()}, "must have at least two lines of numbers");
+    return table;
+}
+
+Transfer read_transfer(const StrictFile& file, const Value& value, int full_scale,
+                       std::vector<double>& code_uncertainties) {
+    if (value.is_scalar())
+        return {.kind = value.one_of({"linear", "rec709"}) == "linear" ? Transfer::Kind::linear
+                                                                       : Transfer::Kind::rec709};
+    MeasuredTable table =
+        read_transfer_table(file.resolve(value.at("table").at("file").text()), full_scale);
+    code_uncertainties = std::move(table.uncertainties);
+    return {.kind = Transfer::Kind::table, .table = std::move(table.pairs)};
+}
+
+Illumination read_illumination(const Value& value, Projection projection) {
+    Illumination illumination;
+    const auto cos4 = value.find("cos4"), polynomial = value.find("polynomial");
+    if (cos4 && polynomial)
+        polynomial->fail("excludes cos4: it is the whole relative illumination");
+    if (polynomial) {
+        illumination.kind = Illumination::Kind::polynomial;
+        const std::vector<double> coefficients = polynomial->numbers(3);
+        std::copy(coefficients.begin(), coefficients.end(), illumination.polynomial.begin());
+    } else if (value.at("cos4").flag()) {
+        if (projection == Projection::telecentric)
+            cos4->fail("belongs to a perspective camera: a telecentric one has no field angle");
+        illumination.kind = Illumination::Kind::cos4;
+    }
+    return illumination;
+}
+
+void read_mosaic(const Value& value, Sensor& sensor) {
+    if (const auto mosaic = value.find("mosaic")) {
+        const std::string word = mosaic->one_of({"RGGB", "BGGR", "GRBG", "GBRG"});
+        sensor.mosaic = word == "RGGB"   ? Mosaic::rggb
+                        : word == "BGGR" ? Mosaic::bggr
+                        : word == "GRBG" ? Mosaic::grbg
+                                         : Mosaic::gbrg;
+    }
+    if (const auto response = value.find("channel_response")) {
+        if (sensor.mosaic == Mosaic::none)
+            response->fail("needs a mosaic");
+        const std::vector<double> channels = response->numbers(3, positive);
+        std::copy(channels.begin(), channels.end(), sensor.channel_response.begin());
+    }
+}
+
+Sensor read_sensor(const StrictFile& file, const Value& value, Projection projection,
+                   CameraUncertainty& uncertainty) {
+    Sensor sensor;
+    const auto number = [&value](const char* key, Range range) {
+        const auto given = value.find(key);
+        return given ? given->number(range) : 0.0;
+    };
+    sensor.pixel_pitch_um = number("pixel_pitch_um", positive);
+    if (const auto bits = value.find("bits"))
+        sensor.bits = bits->integer(1, 16);
+    const int full_scale = (1 << sensor.bits) - 1;
+    if (const auto transfer = value.find("transfer"))
+        sensor.transfer = read_transfer(file, *transfer, full_scale, uncertainty.transfer_code);
+    sensor.black_dn = number("black", {0.0, static_cast<double>(full_scale)});
+    sensor.gain_e_per_dn = number("gain_e_per_dn", non_negative);
+    sensor.read_noise_e = number("read_noise_e", non_negative);
+    if (sensor.read_noise_e > 0.0 && sensor.gain_e_per_dn == 0.0)
+        value.at("read_noise_e").fail("needs gain_e_per_dn to become code values");
+    if (const auto illumination = value.find("illumination"))
+        sensor.illumination = read_illumination(*illumination, projection);
+    read_mosaic(value, sensor);
+    return sensor;
+}
+
+void check_illumination(const CameraModel& camera, const Value& sensor) {
+    if (camera.sensor->illumination.kind != Illumination::Kind::polynomial)
+        return;
+    const double least = least_polynomial_illumination(camera);
+    if (!(least > 0.0))
+        sensor.at("illumination")
+            .at("polynomial")
+            .fail(fmt::format("falls to {} within the image", least));
+}
+
+// A lens whose numbers overflow or vanish in double precision is no lens.
+void check_lens(const CameraModel& camera, const Value& value) {
+    const bool is_telecentric = camera.projection == Projection::telecentric;
+    std::vector<double> lengths{working_f_number(camera)};
+    if (is_telecentric) {
+        const TelecentricLens lens = telecentric_lens(camera);
+        lengths.insert(lengths.end(), {lens.magnification, lens.cone_tangent});
+    } else {
+        const ThinLens lens = thin_lens(camera);
+        lengths.insert(lengths.end(),
+                       {lens.image_distance_mm, lens.focal_length_mm, lens.aperture_diameter_mm});
+    }
+    for (const double length : lengths)
+        if (!std::isfinite(length) || length <= 0.0)
+            value.fail("describes no lens: a length overflows or vanishes");
+}
+
+Projection read_projection(const Value& root) {
+    const auto word = root.find("projection");
+    const bool is_telecentric =
+        word && word->one_of({"perspective", "telecentric"}) == "telecentric";
+    return is_telecentric ? Projection::telecentric : Projection::perspective;
+}
+
+void check_distortion(const CameraModel& camera, const Value& distortion) {
+    if (camera.projection == Projection::telecentric)
+        for (const char* key : {"tau_x", "tau_y"})
+            if (const auto tilt = distortion.find(key); tilt && tilt->number() != 0.0)
+                tilt->fail("belongs to a perspective camera");
+}
+
+// Only of what the file has: the uncertainty of a default would be that of nothing measured.
+void read_uncertainty(const Value& root, const CameraModel& camera, CameraUncertainty& result) {
+    const auto given = root.find("standard_uncertainty");
+    if (!given)
+        return;
+    const auto number = [&](const char* key, const char* section, std::optional<double>& target) {
+        const auto value = given->find(key);
+        if (!value)
+            return;
+        const auto holder = root.find(section);
+        if (!holder || !holder->find(key))
+            value->fail(fmt::format("is of {}.{}, which this file does not have", section, key));
+        target = value->number(non_negative);
+    };
+    number("f_number", "lens", result.f_number);
+    number("focus_distance_mm", "lens", result.focus_distance_mm);
+    number("black", "sensor", result.black_dn);
+    number("gain_e_per_dn", "sensor", result.gain_e_per_dn);
+    number("read_noise_e", "sensor", result.read_noise_e);
+    if (const auto sigma = given->find("psf_sigma_px")) {
+        if (!camera.lens || camera.lens->psf.kind != PointSpread::Kind::gaussian)
+            sigma->fail("is of lens.psf.gaussian, which this file does not have");
+        result.psf_sigma_px = sigma->number(non_negative);
+    }
+    if (const auto illumination = given->find("illumination")) {
+        if (!camera.sensor || camera.sensor->illumination.kind != Illumination::Kind::polynomial)
+            illumination->fail(
+                "is of sensor.illumination.polynomial, which this file does not have");
+        const std::vector<double> deviations = illumination->numbers(3, non_negative);
+        result.illumination = {deviations[0], deviations[1], deviations[2]};
+    }
+}
+
+bool is_empty(const CameraUncertainty& u) {
+    return !u.f_number && !u.focus_distance_mm && !u.psf_sigma_px && !u.black_dn &&
+           !u.gain_e_per_dn && !u.read_noise_e && !u.illumination && u.psf_density.empty() &&
+           u.transfer_code.empty();
+}
+
+CameraModel read_own_camera(const std::filesystem::path& path) {
+    const StrictFile file(path, "camera/1");
+    const Value root = file.root();
+    CameraModel camera;
+    CameraUncertainty uncertainty;
+    if (const auto serial = root.find("serial"))
+        camera.serial = serial->text();
+    camera.width = root.at("image").at("width").integer(1, 100'000);
+    camera.height = root.at("image").at("height").integer(1, 100'000);
+    camera.projection = read_projection(root);
+    camera.intrinsics = read_intrinsics(root.at("intrinsics"));
+    if (const auto distortion = root.find("distortion")) {
+        camera.distortion = read_distortion(*distortion);
+        check_distortion(camera, *distortion);
+    }
+    if (const auto covariance = root.find("covariance"))
+        camera.covariance = read_covariance(*covariance);
+    if (const auto sensor = root.find("sensor")) {
+        camera.sensor = read_sensor(file, *sensor, camera.projection, uncertainty);
+        check_illumination(camera, *sensor);
+    }
+    if (const auto lens = root.find("lens")) {
+        root.at("sensor").at("pixel_pitch_um").number(positive);
+        camera.lens = read_lens(file, *lens, camera, uncertainty);
+        check_lens(camera, *lens);
+    }
+    read_uncertainty(root, camera, uncertainty);
+    if (!is_empty(uncertainty))
+        camera.standard_uncertainty = std::move(uncertainty);
+    file.finish();
+    return camera;
+}
+
+void settle_image_size(CameraModel& camera, const std::filesystem::path& path,
+                       std::optional<cv::Size> known) {
+    const bool in_file = camera.width > 0;
+    if (!in_file && !known)
+        throw ConfigError({path.string(), 0, "image_width"},
+                          "missing, and the image size is not known from elsewhere");
+    if (in_file && known && (camera.width != known->width || camera.height != known->height))
+        throw ConfigError({path.string()},
+                          fmt::format("is for images of {}x{}, not {}x{}", camera.width,
+                                      camera.height, known->width, known->height));
+    if (!in_file) {
+        camera.width = known->width;
+        camera.height = known->height;
+    }
+}
+
+}  // namespace
+
+CameraModel read_camera(const std::filesystem::path& path, std::optional<cv::Size> image_size) {
+    CameraModel camera = is_etalon_file(path) ? read_own_camera(path) : read_foreign_camera(path);
+    settle_image_size(camera, path, image_size);
+    return camera;
+}
+
+}  // namespace etalon

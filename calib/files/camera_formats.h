@@ -1,0 +1,38 @@
+// The calibration files of all tools behind one name each: which tool a file belongs to, reading it
+// as that, and writing a camera for a tool.
+//
+// What the formats are, and what of a camera each can hold: the headers of the tools' files
+// (calib/files/opencv_file.h, kalibr_file.h, ...) and docs/files.md.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "calib/files/pixel_origin.h"
+
+namespace etalon {
+
+// opencv, ros, kalibr, mrcal, matlab, boofcv, colmap: the words of the command line.
+const char* name_of(CalibrationTool tool);
+const std::vector<CalibrationTool>& calibration_tools();
+
+// Told by the file's beginning and the keys that only one tool has; what nothing else claims is
+// taken for ROS. Throws ConfigError when the file cannot be read.
+CalibrationTool tool_of(const std::filesystem::path& path);
+
+// `select`: which camera of a file with several (Kalibr "cam1", COLMAP "3"); empty: the only one.
+// Throws ConfigError, also for a selection from a tool whose files hold one camera.
+CameraModel read_foreign_camera(const std::filesystem::path& path, const std::string& select = "");
+
+// Throws ConfigError when the tool's model lacks a coefficient of the camera that is not 0. Serial,
+// covariance, lens and sensor have no place in these files (see lost_in_foreign_file), but the
+// standard deviations of a covariance in OpenCV's.
+void write_foreign_camera(const std::filesystem::path& path, CalibrationTool tool,
+                          const CameraModel& camera);
+
+// What of this camera a file of this tool does not hold, in words: "serial", "covariance", ...
+std::vector<std::string> lost_in_foreign_file(CalibrationTool tool, const CameraModel& camera);
+
+}  // namespace etalon

@@ -1,0 +1,112 @@
+#include "calib/files/foreign_camera.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "calib/camera/parameter_names.h"
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+void check_finite(const ForeignMatrix& matrix) {
+    for (const double value : matrix.values)
+        if (!std::isfinite(value))
+            throw ConfigError(matrix.place, "has a number that is not finite");
+}
+
+Intrinsics intrinsics_of(const ForeignMatrix& matrix) {
+    if (matrix.rows != 3 || matrix.cols != 3 || matrix.values.size() != 9)
+        throw ConfigError(matrix.place,
+                          fmt::format("must be a 3x3 matrix, not {}x{} with {} numbers",
+                                      matrix.rows, matrix.cols, matrix.values.size()));
+    check_finite(matrix);
+    const std::vector<double>& m = matrix.values;
+    if (m[1] != 0.0)
+        throw ConfigError(matrix.place,
+                          fmt::format("has a skew of {}, which no model here has", m[1]));
+    if (m[3] != 0.0 || m[6] != 0.0 || m[7] != 0.0 || m[8] != 1.0)
+        throw ConfigError(matrix.place, "must be [fx 0 cx; 0 fy cy; 0 0 1]");
+    return checked_intrinsics(m[0], m[4], m[2], m[5], matrix.place);
+}
+
+Distortion distortion_of(const ForeignMatrix& matrix) {
+    const std::size_t count = matrix.values.size();
+    const bool is_vector = matrix.rows == 1 || matrix.cols == 1;
+    const bool known = count == 4 || count == 5 || count == 8 || count == 12 || count == 14;
+    if (!is_vector || !known)
+        throw ConfigError(matrix.place,
+                          fmt::format("must be a row or column of 4, 5, 8, 12 or 14 coefficients, "
+                                      "not {}x{} with {} numbers",
+                                      matrix.rows, matrix.cols, count));
+    check_finite(matrix);
+    std::array<double, 14> all{};
+    std::copy(matrix.values.begin(), matrix.values.end(), all.begin());
+    return Distortion::from_opencv_order(all);
+}
+
+}  // namespace
+
+CameraModel camera_from_matrices(const ForeignMatrix& camera_matrix,
+                                 const ForeignMatrix& distortion) {
+    CameraModel camera;
+    camera.intrinsics = intrinsics_of(camera_matrix);
+    camera.distortion = distortion_of(distortion);
+    return camera;
+}
+
+Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy,
+                              const SourcePlace& place) {
+    for (const double value : {fx, fy, cx, cy})
+        if (!std::isfinite(value))
+            throw ConfigError(place, "has a number that is not finite");
+    if (fx <= 0.0 || fy <= 0.0)
+        throw ConfigError(place, fmt::format("fx and fy must be positive, not {} and {}", fx, fy));
+    return {.fx = fx, .fy = fy, .cx = cx, .cy = cy};
+}
+
+int shortest_distortion(const CameraModel& camera, std::initializer_list<int> counts,
+                        const std::filesystem::path& path, const char* format) {
+    const auto coefficients = camera.distortion.in_opencv_order();
+    std::size_t needed = coefficients.size();
+    while (needed > 0 && coefficients[needed - 1] == 0.0)
+        --needed;
+    for (const int count : counts)
+        if (static_cast<std::size_t>(count) >= needed)
+            return count;
+    for (std::size_t i = static_cast<std::size_t>(*(counts.end() - 1)); i < needed; ++i)
+        if (coefficients[i] != 0.0)
+            throw ConfigError({path.string()}, fmt::format("{} has no place for {} = {}", format,
+                                                           distortion_names[i], coefficients[i]));
+    return 0;
+}
+
+void require_foreign_camera(const CameraModel& camera, const std::filesystem::path& path,
+                            const char* format) {
+    if (camera.projection != Projection::perspective)
+        throw ConfigError({path.string()}, fmt::format("{} has no telecentric cameras", format));
+    if (camera.width < 1 || camera.height < 1)
+        throw ConfigError({path.string()}, "the image size is not known");
+    const Intrinsics& i = camera.intrinsics;
+    checked_intrinsics(i.fx, i.fy, i.cx, i.cy, {path.string()});
+    for (const double coefficient : camera.distortion.in_opencv_order())
+        if (!std::isfinite(coefficient))
+            throw ConfigError({path.string()}, "has a coefficient that is not finite");
+}
+
+std::string yaml_real(double value) {
+    std::string text = exact(value);
+    if (text.find('.') == std::string::npos)
+        text.insert(std::min(text.find('e'), text.size()), ".0");
+    return text;
+}
+
+int checked_image_side(double value, const SourcePlace& place) {
+    if (!(value >= 1.0 && value <= 100'000.0) || value != std::floor(value))
+        throw ConfigError(
+            place, fmt::format("must be a whole number of 1 to 100000 pixels, not {}", value));
+    return static_cast<int>(value);
+}
+
+}  // namespace etalon

@@ -1,0 +1,299 @@
+#include "calib/files/opencv_file.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+
+#include "calib/camera/parameter_names.h"
+#include "calib/files/foreign_camera.h"
+#include "calib/files/pixel_origin.h"
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+using Names = std::initializer_list<const char*>;
+constexpr Names camera_matrix_names{"camera_matrix", "cameraMatrix", "Camera_Matrix"};
+constexpr Names distortion_keys{"distortion_coefficients", "dist_coeffs", "distCoeffs",
+                                "Distortion_Coefficients"};
+constexpr Names width_names{"image_width", "image_Width"};
+constexpr Names height_names{"image_height", "image_Height"};
+
+// cv::FileStorage does not say in which line a value stands: the first line that holds the key as
+// a word is where a reader will look.
+int line_of(const std::string& text, const std::string& key) {
+    const auto is_word = [](char c) {
+        return std::isalnum(static_cast<unsigned char>(c)) || c == '_';
+    };
+    for (std::size_t at = text.find(key); at != std::string::npos; at = text.find(key, at + 1)) {
+        const std::size_t end = at + key.size();
+        if ((at > 0 && is_word(text[at - 1])) || (end < text.size() && is_word(text[end])))
+            continue;
+        return 1 + static_cast<int>(std::count(text.begin(), text.begin() + at, '\n'));
+    }
+    return 0;
+}
+
+// OpenCV's parsers descend by recursion, so that a hostile file could exhaust the stack. What opens
+// a level is counted rather than followed: quoting and comments cannot hide it.
+void refuse_deep_nesting(const std::string& text, const std::string& file) {
+    constexpr int most = 1000;
+    int openings = 0;
+    for (std::size_t i = 0; i < text.size(); ++i)
+        if (text[i] == '[' || text[i] == '{' || (text[i] == '<' && text.compare(i, 2, "</") != 0))
+            ++openings;
+    if (openings > most)
+        throw ConfigError({file},
+                          fmt::format("has {} lists, mappings or tags, more than the {} of any "
+                                      "camera calibration",
+                                      openings, most));
+}
+
+std::string one_line(std::string text) {
+    std::replace(text.begin(), text.end(), '\n', ' ');
+    return std::string(trimmed(text));
+}
+
+struct OpenedFile {
+    std::string file, text;
+    cv::FileStorage storage;
+
+    SourcePlace place(const std::string& key) const { return {file, line_of(text, key), key}; }
+};
+
+OpenedFile open(const std::filesystem::path& path) {
+    OpenedFile opened{path.string(), read_text(path), {}};
+    constexpr std::size_t largest = 1u << 20;
+    if (opened.text.size() > largest)
+        throw ConfigError({opened.file}, "is larger than 1 MiB: no camera calibration");
+    refuse_deep_nesting(opened.text, opened.file);
+    try {
+        opened.storage.open(opened.text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
+    } catch (const cv::Exception& error) {
+        throw ConfigError({opened.file}, "OpenCV cannot parse it: " + one_line(error.err));
+    } catch (const std::length_error&) {  // of some unfinished tags and quotes
+        throw ConfigError({opened.file}, "OpenCV cannot parse it: a text without an end");
+    }
+    if (!opened.storage.isOpened() || !opened.storage.root().isMap())
+        throw ConfigError({opened.file}, "is no OpenCV YAML, XML or JSON with named values");
+    return opened;
+}
+
+struct NamedNode {
+    std::string key;
+    cv::FileNode node;
+};
+
+// The value under any one of its usual names.
+std::optional<NamedNode> find(const OpenedFile& opened, Names names) {
+    std::optional<NamedNode> found;
+    for (const char* name : names) {
+        const cv::FileNode node = opened.storage[name];
+        if (node.empty())
+            continue;
+        if (found)
+            throw ConfigError(opened.place(name), "is given as '" + found->key + "' too");
+        found = NamedNode{name, node};
+    }
+    return found;
+}
+
+NamedNode require(const OpenedFile& opened, Names names) {
+    if (auto found = find(opened, names))
+        return *found;
+    throw ConfigError({opened.file, 0, *names.begin()}, "missing");
+}
+
+double number(const cv::FileNode& node, const SourcePlace& place) {
+    if (!node.isInt() && !node.isReal())
+        throw ConfigError(place, "must hold numbers only");
+    return static_cast<double>(node);
+}
+
+void append_numbers(const cv::FileNode& list, ForeignMatrix& matrix) {
+    for (const cv::FileNode& item : list)
+        matrix.values.push_back(number(item, matrix.place));
+}
+
+void read_nested_lists(const cv::FileNode& list, ForeignMatrix& matrix) {
+    matrix.rows = static_cast<int>(list.size());
+    for (const cv::FileNode& row : list) {
+        if (!row.isSeq() || row.size() != (*list.begin()).size())
+            throw ConfigError(matrix.place, "must have rows of one length");
+        matrix.cols = static_cast<int>(row.size());
+        append_numbers(row, matrix);
+    }
+}
+
+// OpenCV's own matrices (rows, cols, data), and the plain lists of other writers. Read number by
+// number: cv::Mat's reader would allocate whatever size the file claims.
+ForeignMatrix read_matrix(const OpenedFile& opened, const NamedNode& named) {
+    ForeignMatrix matrix{opened.place(named.key)};
+    const cv::FileNode& node = named.node;
+    if (node.isMap() && node["data"].isSeq()) {
+        const double rows = number(node["rows"], matrix.place);
+        const double cols = number(node["cols"], matrix.place);
+        append_numbers(node["data"], matrix);
+        if (rows < 1 || cols < 1 || rows * cols != static_cast<double>(matrix.values.size()))
+            throw ConfigError(matrix.place, fmt::format("says {}x{} but has {} numbers", rows, cols,
+                                                        matrix.values.size()));
+        matrix.rows = static_cast<int>(rows);
+        matrix.cols = static_cast<int>(cols);
+    } else if (node.isSeq() && node.size() > 0 && (*node.begin()).isSeq()) {
+        read_nested_lists(node, matrix);
+    } else if (node.isSeq()) {
+        append_numbers(node, matrix);
+        matrix.rows = 1;
+        matrix.cols = static_cast<int>(matrix.values.size());
+    } else {
+        throw ConfigError(matrix.place, "must be a matrix");
+    }
+    return matrix;
+}
+
+// Standard deviations as OpenCV's interactive-calibration writes them: of fx fy cx cy, and of the
+// first coefficients. Those of parameters that were held fixed are 0 and say nothing.
+void append_deviations(const OpenedFile& opened, Names names, bool of_intrinsics, std::size_t most,
+                       std::vector<std::pair<std::string, double>>& deviations) {
+    const auto named = find(opened, names);
+    if (!named)
+        return;
+    const ForeignMatrix list = read_matrix(opened, *named);
+    if ((list.rows != 1 && list.cols != 1) || list.values.size() > most)
+        throw ConfigError(list.place, fmt::format("must be a row or column of at most {}", most));
+    for (std::size_t i = 0; i < list.values.size(); ++i) {
+        const double deviation = list.values[i];
+        const double variance = deviation * deviation;
+        if (!std::isfinite(variance) || deviation < 0.0 || (deviation > 0.0 && variance == 0.0))
+            throw ConfigError(list.place,
+                              "has a standard deviation that is negative or whose square is no "
+                              "finite number");
+        if (deviation > 0.0)
+            deviations.emplace_back(of_intrinsics ? intrinsic_names[i] : distortion_names[i],
+                                    deviation);
+    }
+}
+
+std::optional<ParameterCovariance> read_covariance(const OpenedFile& opened) {
+    std::vector<std::pair<std::string, double>> deviations;
+    append_deviations(opened, {"camera_matrix_std_dev", "cameraMatrix_std_dev"}, true, 4,
+                      deviations);
+    append_deviations(opened, {"distortion_coefficients_std_dev", "dist_coeffs_std_dev"}, false, 14,
+                      deviations);
+    if (deviations.empty())
+        return std::nullopt;
+    const auto n = static_cast<Eigen::Index>(deviations.size());
+    ParameterCovariance covariance{{}, Eigen::MatrixXd::Zero(n, n)};
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const auto& [name, deviation] = deviations[static_cast<std::size_t>(i)];
+        covariance.order.push_back(name);
+        covariance.matrix(i, i) = deviation * deviation;
+    }
+    return covariance;
+}
+
+// Some ROS drivers write camera_info with OpenCV and say the model.
+void refuse_other_models(const OpenedFile& opened) {
+    const cv::FileNode model = opened.storage["distortion_model"];
+    if (model.empty())
+        return;
+    const std::string name = model.isString() ? model.string() : "";
+    if (name != "plumb_bob" && name != "rational_polynomial")
+        throw ConfigError(opened.place("distortion_model"),
+                          "must be plumb_bob or rational_polynomial, not '" + one_line(name) + "'");
+}
+
+// As two numbers, or as the interactive calibration's cv::Size.
+void read_image_size(const OpenedFile& opened, CameraModel& camera) {
+    const auto width = find(opened, width_names), height = find(opened, height_names);
+    const auto size = find(opened, {"cameraResolution"});
+    if (width.has_value() != height.has_value())
+        throw ConfigError(opened.place(width ? width->key : height->key),
+                          "image width and height must be given together");
+    if (size && width)
+        throw ConfigError(opened.place(size->key), "is given as '" + width->key + "' too");
+    if (width) {
+        const SourcePlace of_width = opened.place(width->key),
+                          of_height = opened.place(height->key);
+        camera.width = checked_image_side(number(width->node, of_width), of_width);
+        camera.height = checked_image_side(number(height->node, of_height), of_height);
+    } else if (size) {
+        const SourcePlace place = opened.place(size->key);
+        if (!size->node.isSeq() || size->node.size() != 2)
+            throw ConfigError(place, "must be width and height");
+        camera.width = checked_image_side(number(size->node[0], place), place);
+        camera.height = checked_image_side(number(size->node[1], place), place);
+    }
+}
+
+CameraModel read_camera_from(const OpenedFile& opened) {
+    refuse_other_models(opened);
+    const ForeignMatrix camera_matrix = read_matrix(opened, require(opened, camera_matrix_names));
+    const ForeignMatrix distortion = read_matrix(opened, require(opened, distortion_keys));
+    CameraModel camera = camera_from_matrices(camera_matrix, distortion);
+    camera.intrinsics = from_pixels_of(CalibrationTool::opencv, camera.intrinsics);
+    camera.covariance = read_covariance(opened);
+    read_image_size(opened, camera);
+    return camera;
+}
+
+// Standard deviations of these parameters, 0 for those that the covariance does not have.
+template <std::size_t N>
+std::array<double, N> deviations_of(const CameraModel& camera,
+                                    const std::array<const char*, N>& names) {
+    std::array<double, N> deviations{};
+    if (!camera.covariance)
+        return deviations;
+    const auto& [order, matrix] = *camera.covariance;
+    for (std::size_t i = 0; i < order.size(); ++i)
+        if (const auto at = std::find(names.begin(), names.end(), order[i]); at != names.end()) {
+            const auto k = static_cast<Eigen::Index>(i);
+            deviations[static_cast<std::size_t>(at - names.begin())] = std::sqrt(matrix(k, k));
+        }
+    return deviations;
+}
+
+// How many coefficients OpenCV would write to hold all that are not 0.
+int shortest_list(const std::array<double, 14>& values) {
+    int count = 14;
+    for (const int shorter : {12, 8, 5})
+        if (std::all_of(values.begin() + shorter, values.end(), [](double c) { return c == 0.0; }))
+            count = shorter;
+    return count;
+}
+
+}  // namespace
+
+CameraModel read_opencv_camera(const std::filesystem::path& path) {
+    const OpenedFile opened = open(path);
+    try {
+        return read_camera_from(opened);
+    } catch (const cv::Exception& error) {
+        throw ConfigError({opened.file}, "OpenCV cannot read it: " + one_line(error.err));
+    }
+}
+
+void write_opencv_camera(const std::filesystem::path& path, const CameraModel& camera) {
+    require_perspective(camera, "an OpenCV calibration file");
+    const Intrinsics i = to_pixels_of(CalibrationTool::opencv, camera.intrinsics);
+    const cv::Matx33d camera_matrix(i.fx, 0, i.cx, 0, i.fy, i.cy, 0, 0, 1);
+    const auto coefficients = camera.distortion.in_opencv_order();
+    const auto deviations = deviations_of(camera, distortion_names);
+    const int count = std::max(shortest_list(coefficients), shortest_list(deviations));
+
+    const std::string kind = path.extension();
+    cv::FileStorage storage(kind == ".xml" || kind == ".json" ? kind : ".yml",
+                            cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
+    storage << "image_width" << camera.width << "image_height" << camera.height;
+    storage << "camera_matrix" << cv::Mat(camera_matrix);
+    storage << "distortion_coefficients" << cv::Mat(coefficients).rowRange(0, count).t();
+    if (camera.covariance) {
+        storage << "cameraMatrix_std_dev" << cv::Mat(deviations_of(camera, intrinsic_names));
+        storage << "dist_coeffs_std_dev" << cv::Mat(deviations).rowRange(0, count);
+    }
+    write_text(path, storage.releaseAndGetString());
+}
+
+}  // namespace etalon

@@ -1,0 +1,302 @@
+#include "calib/intrinsics/calibrate.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/camera/projector.h"
+#include "calib/intrinsics/calibration_outliers.h"
+#include "calib/intrinsics/camera_fit.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+constexpr std::size_t least_views = 3, least_points = 6;
+
+// The views that are used, without their outliers, and which of those given
+// they are.
+struct KeptViews {
+    std::vector<CalibrationView> views;
+    std::vector<std::size_t> indices;
+};
+
+bool all_left_out(const std::vector<bool>& left_out) {
+    return std::all_of(left_out.begin(), left_out.end(), [](bool each) { return each; });
+}
+
+KeptViews kept_views(std::span<const CalibrationView> views, const CornerMask& left_out) {
+    KeptViews kept;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        if (all_left_out(left_out[i]))
+            continue;
+        kept.views.push_back(without_points(views[i], left_out[i]));
+        kept.indices.push_back(i);
+    }
+    return kept;
+}
+
+// Left out silently, outliers could make any photos look good.
+void refuse_many_outliers(std::span<const CalibrationView> views, const CornerMask& left_out) {
+    std::vector<std::string> of_views;
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        const auto in_view = std::count(left_out[i].begin(), left_out[i].end(), true);
+        count += static_cast<std::size_t>(in_view);
+        if (in_view > 0)
+            of_views.push_back(fmt::format("view {}: {} of {}", i, in_view, left_out[i].size()));
+    }
+    const std::size_t all = point_count(views);
+    if (static_cast<double>(count) > largest_outlier_share * static_cast<double>(all))
+        throw NumericalError(
+            fmt::format("{} of {} points do not fit the others, more than {:.0f} % ({}); take "
+                        "those views away, or look at what is wrong with them",
+                        count, all, 100.0 * largest_outlier_share, fmt::join(of_views, ", ")));
+}
+
+std::vector<CalibrationModel> candidates(const CalibrationOptions& options) {
+    const CalibrationModel& named = calibration_model(options.model.value_or("standard"));
+    if (options.leave_one_out)
+        return calibration_models();
+    return {named};
+}
+
+// What the advice, or the user, chose among the scored models.
+const ModelScore& chosen_score(const ModelAdvice& advice, const CalibrationOptions& options) {
+    std::string name = options.model.value_or("standard");
+    if (!options.model && advice.advised)
+        name = advice.models[*advice.advised].model;
+    const auto score = std::find_if(advice.models.begin(), advice.models.end(),
+                                    [&](const ModelScore& each) { return each.model == name; });
+    if (!score->fit)
+        throw NumericalError(score->failure);
+    return *score;
+}
+
+double view_rms(double squares, const CalibrationView& view) {
+    return std::sqrt(squares / static_cast<double>(view.pixels.size()));
+}
+
+double sum_of_squares(std::span<const Eigen::Vector2d> residuals) {
+    double sum = 0.0;
+    for (const Eigen::Vector2d& residual : residuals)
+        sum += residual.squaredNorm();
+    return sum;
+}
+
+std::vector<std::size_t> outlier_views(const KeptViews& kept, const ModelScore& score) {
+    if (!score.leave_one_out_rms_px)
+        return {};
+    std::vector<double> fitted, left_out;
+    for (std::size_t i = 0; i < kept.views.size(); ++i) {
+        fitted.push_back(view_rms(sum_of_squares(score.fit->residuals_px[i]), kept.views[i]));
+        left_out.push_back(view_rms(score.left_out_squares[i], kept.views[i]));
+    }
+    return find_outlier_views(fitted, left_out);
+}
+
+// Models are compared on the points that fit, and what fits depends on the
+// model: until both stay.
+struct Selection {
+    CornerMask left_out;
+    KeptViews kept;
+    ModelAdvice advice;
+    std::size_t chosen = 0;  // among the advice's models
+
+    const ModelScore& score() const { return advice.models[chosen]; }
+};
+
+Selection select(std::span<const CalibrationView> views, cv::Size image_size,
+                 const CalibrationOptions& options) {
+    const std::vector<CalibrationModel> models = candidates(options);
+    Selection selection;
+    selection.left_out = find_outlier_corners(views, image_size, models);
+    for (;;) {
+        refuse_many_outliers(views, selection.left_out);
+        selection.kept = kept_views(views, selection.left_out);
+        selection.advice = compare_models(
+            score_models(selection.kept.views, image_size, models, options.leave_one_out),
+            selection.kept.views);
+        const ModelScore& score = chosen_score(selection.advice, options);
+        selection.chosen = static_cast<std::size_t>(&score - selection.advice.models.data());
+        const std::vector<std::size_t> bad = outlier_views(selection.kept, score);
+        if (bad.empty())
+            return selection;
+        for (const std::size_t view : bad) {
+            std::vector<bool>& mask = selection.left_out[selection.kept.indices[view]];
+            mask.assign(mask.size(), true);
+        }
+    }
+}
+
+// The fit only looks at the points: between them and the axis the model may
+// still fold over.
+void refuse_folds(const CameraModel& camera, std::span<const Rigid> poses,
+                  std::span<const CalibrationView> views) {
+    const Projector projector(camera);
+    for (std::size_t i = 0; i < views.size(); ++i)
+        for (std::size_t k = 0; k < views[i].points_mm.size(); ++k)
+            if (!projector.project(poses[i] * views[i].points_mm[k]))
+                throw NumericalError(
+                    fmt::format("the fitted distortion folds over "
+                                "inside the image: no ray near pixel "
+                                "({:.1f}, {:.1f})",
+                                views[i].pixels[k].x(), views[i].pixels[k].y()));
+}
+
+CalibratedView rejected_view(const CameraModel& camera, const CalibrationView& view) {
+    CalibratedView rejected;
+    rejected.left_out.assign(view.pixels.size(), true);
+    try {
+        const Rigid pose = fit_view_pose(camera, view);
+        rejected.residuals_px = view_residuals(camera, pose, view);
+        rejected.camera_from_target = pose;
+    } catch (const NumericalError&) {
+        return rejected;
+    }
+    rejected.rms_px = view_rms(sum_of_squares(rejected.residuals_px), view);
+    rejected.left_out_rms_px = rejected.rms_px;
+    return rejected;
+}
+
+std::vector<CalibratedView> calibrated_views(std::span<const CalibrationView> views,
+                                             const Selection& selection) {
+    const ModelScore& score = selection.score();
+    const CameraFit& fit = *score.fit;
+    std::vector<CalibratedView> result(views.size());
+    for (std::size_t k = 0; k < selection.kept.indices.size(); ++k) {
+        const std::size_t i = selection.kept.indices[k];
+        CalibratedView& view = result[i];
+        view.camera_from_target = fit.camera_from_target[k];
+        view.residuals_px = view_residuals(fit.camera, fit.camera_from_target[k], views[i]);
+        view.left_out = selection.left_out[i];
+        view.rms_px = view_rms(sum_of_squares(fit.residuals_px[k]), selection.kept.views[k]);
+        if (score.leave_one_out_rms_px)
+            view.left_out_rms_px = view_rms(score.left_out_squares[k], selection.kept.views[k]);
+    }
+    for (std::size_t i = 0; i < views.size(); ++i)
+        if (all_left_out(selection.left_out[i]))
+            result[i] = rejected_view(fit.camera, views[i]);
+    return result;
+}
+
+// Resamples that fail are those in which the views differ least: leaving out
+// more than a few would flatter the rest.
+std::optional<Eigen::MatrixXd> bootstrap_covariance(std::span<const CalibrationView> views,
+                                                    cv::Size image_size,
+                                                    const CalibrationModel& model,
+                                                    const CameraFit& fit, int resamples) {
+    constexpr double largest_share_without_result = 0.05;
+    if (resamples < 2 || views.size() < least_bootstrap_views)
+        return std::nullopt;
+    const Bootstrap bootstrap = bootstrap_calibrations(views, image_size, model, fit, resamples);
+    if (bootstrap.without_result > largest_share_without_result * resamples)
+        return std::nullopt;
+    return bootstrap.covariance(views.size());
+}
+
+CalibrationCovariances covariances_of(std::span<const CalibrationView> views, cv::Size image_size,
+                                      const CalibrationModel& model, const CameraFit& fit,
+                                      int resamples) {
+    const auto equations = view_equations(views, fit.camera, fit.camera_from_target, model);
+    return {formal_covariance(equations, model, fit.variance),
+            cluster_robust_covariance(equations, model),
+            bootstrap_covariance(views, image_size, model, fit, resamples)};
+}
+
+std::vector<ParameterDeviation> deviations_of(const CalibrationModel& model,
+                                              const CalibrationCovariances& covariances) {
+    std::vector<ParameterDeviation> deviations;
+    for (std::size_t p = 0; p < model.parameters.size(); ++p) {
+        const auto i = static_cast<Eigen::Index>(p);
+        ParameterDeviation deviation{model.parameters[p], std::sqrt(covariances.formal(i, i)),
+                                     std::sqrt(covariances.cluster_robust(i, i)), std::nullopt};
+        if (covariances.bootstrap)
+            deviation.bootstrap = std::sqrt((*covariances.bootstrap)(i, i));
+        deviations.push_back(deviation);
+    }
+    return deviations;
+}
+
+std::optional<CrossValidation> halves_of(std::span<const CalibrationView> views,
+                                         cv::Size image_size, const CalibrationModel& model,
+                                         const CameraFit& fit) {
+    if (views.size() < least_cross_validation_views)
+        return std::nullopt;
+    try {
+        return cross_validate(views, image_size, model, fit);
+    } catch (const NumericalError&) {
+        return std::nullopt;
+    }
+}
+
+// Views are known to the caller as they were given.
+ModelAdvice advice_on_given_views(Selection selection) {
+    for (ModelScore& score : selection.advice.models)
+        if (score.failed_view)
+            score.failed_view = selection.kept.indices[*score.failed_view];
+    return std::move(selection.advice);
+}
+
+}  // namespace
+
+bool CalibratedView::used() const {
+    return !all_left_out(left_out);
+}
+
+std::size_t CameraCalibration::points() const {
+    std::size_t count = 0;
+    for (const CalibratedView& view : views)
+        count += view.left_out.size();
+    return count;
+}
+
+std::size_t CameraCalibration::points_left_out() const {
+    std::size_t count = 0;
+    for (const CalibratedView& view : views)
+        count +=
+            static_cast<std::size_t>(std::count(view.left_out.begin(), view.left_out.end(), true));
+    return count;
+}
+
+bool CameraCalibration::overfits() const {
+    return std::any_of(advice.models.begin(), advice.models.end(), [&](const ModelScore& score) {
+        return score.model == model.name && score.overfits;
+    });
+}
+
+CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv::Size image_size,
+                                   const CalibrationOptions& options) {
+    if (views.size() < least_views)
+        throw NumericalError(fmt::format("{} views, three are needed", views.size()));
+    for (std::size_t i = 0; i < views.size(); ++i)
+        check_view(views[i], i, least_points);
+
+    Selection selection = select(views, image_size, options);
+    const std::vector<CalibrationView>& used = selection.kept.views;
+    const CameraFit& fit = *selection.score().fit;
+    refuse_folds(fit.camera, fit.camera_from_target, used);
+
+    CameraCalibration calibration;
+    calibration.camera = fit.camera;
+    calibration.model = calibration_model(selection.score().model);
+    calibration.rms_px = selection.score().rms_px;
+    calibration.leave_one_out_rms_px = selection.score().leave_one_out_rms_px;
+    calibration.condition_number = fit.condition_number;
+    calibration.views = calibrated_views(views, selection);
+    calibration.covariances =
+        covariances_of(used, image_size, calibration.model, fit, options.resamples);
+    calibration.deviations = deviations_of(calibration.model, calibration.covariances);
+    const Eigen::MatrixXd largest =
+        with_largest_deviations(calibration.covariances.formal, calibration.deviations);
+    calibration.camera.covariance = ParameterCovariance{calibration.model.parameters, largest};
+    calibration.uncertainty =
+        projection_uncertainty(calibration.camera, calibration.model, largest, all_pixels(used));
+    calibration.halves = halves_of(used, image_size, calibration.model, fit);
+    calibration.advice = advice_on_given_views(std::move(selection));
+    return calibration;
+}
+
+}  // namespace etalon

@@ -1,0 +1,91 @@
+// A camera's intrinsics from views of a planar target, and what they are worth:
+// which model the views support, which points do not fit, how uncertain every
+// parameter and every place of the image is, and whether two halves of the
+// views agree. The fit itself is calib/intrinsics/camera_fit.h.
+//
+// Takes observations, never photos; corners come from
+// compare/detect/calibration_target.h. The method, to be repeated by hand:
+// docs/calibration.md.
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "calib/intrinsics/calibration_covariance.h"
+#include "calib/intrinsics/calibration_model.h"
+#include "calib/intrinsics/calibration_view.h"
+#include "calib/intrinsics/cross_validation.h"
+#include "calib/intrinsics/model_advice.h"
+#include "calib/intrinsics/projection_uncertainty.h"
+#include "core/rigid.h"
+
+namespace etalon {
+
+struct CalibratedView {
+    // Nothing, and no residuals, of a view that was left out and that no pose explains.
+    std::optional<Rigid> camera_from_target;
+    std::vector<Eigen::Vector2d> residuals_px;  // photo minus model, of all its points
+    std::vector<bool> left_out;                 // of each point: did not fit, was not used
+    // Over the points that were used, of the distance in the image; of a view
+    // that was left out as a whole, over all of its points with only the pose
+    // fitted.
+    double rms_px = 0.0;
+    // The same with the camera calibrated without this view.
+    std::optional<double> left_out_rms_px = std::nullopt;
+
+    bool used() const;
+};
+
+// Covariances of the model's parameters, in their order.
+struct CalibrationCovariances {
+    Eigen::MatrixXd formal, cluster_robust;
+    std::optional<Eigen::MatrixXd> bootstrap;
+};
+
+struct CameraCalibration {
+    // With the covariance of the model's parameters: the formal correlations,
+    // scaled to the largest of the standard deviations.
+    CameraModel camera;
+    CalibrationModel model;
+    double rms_px = 0.0;                         // over the points that were used
+    std::optional<double> leave_one_out_rms_px;  // over the same points; needs four views
+    double condition_number = 0.0;               // see CameraFit
+    std::vector<CalibratedView> views;           // as given
+    ModelAdvice advice;                          // of the views that were used
+    CalibrationCovariances covariances;
+    std::vector<ParameterDeviation> deviations;
+    ProjectionUncertainty uncertainty;
+    std::optional<CrossValidation> halves;  // needs six views that determine the camera in halves
+
+    std::size_t points() const, points_left_out() const;  // of all views
+    // The chosen model is richer than the advised one and overfits.
+    bool overfits() const;
+};
+
+struct CalibrationOptions {
+    std::optional<std::string> model = std::nullopt;  // nothing: the advised one
+    bool leave_one_out = true;  // of every model; without it, "standard" when no model is named
+    int resamples = bootstrap_resamples;  // 0: no bootstrap
+};
+
+// A ratio of the largest standard deviation to the formal one that is worth a
+// warning.
+inline constexpr double suspicious_deviation_ratio = 1.5;
+// Of all points, more than this share of outliers is refused.
+inline constexpr double largest_outlier_share = 0.1;
+
+// Needs three views of at least six points each that are not collinear, and
+// different orientations. Throws ConfigError for an unknown model;
+// NumericalError, naming the view by its index from 0, for what check_view()
+// refuses, for geometry that does not determine the parameters, for a model
+// that folds over inside a view, and for too many outliers. Costs some seconds
+// for 13 views of 54 points with everything; runs on all cores, with the same
+// result for any number of them.
+CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv::Size image_size,
+                                   const CalibrationOptions& options = {});
+
+}  // namespace etalon

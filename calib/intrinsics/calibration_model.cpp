@@ -1,0 +1,87 @@
+#include "calib/intrinsics/calibration_model.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "calib/camera/parameter_names.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+// The models are heads of one list: OpenCV appended to its coefficients as its model grew.
+CalibrationModel first_parameters(const char* name, std::size_t count) {
+    CalibrationModel model{name, {intrinsic_names.begin(), intrinsic_names.end()}};
+    model.parameters.insert(model.parameters.end(), distortion_names.begin(),
+                            distortion_names.begin() + (count - intrinsic_names.size()));
+    return model;
+}
+
+}  // namespace
+
+const std::vector<CalibrationModel>& calibration_models() {
+    static const std::vector<CalibrationModel> models{
+        first_parameters("pinhole", 4),  first_parameters("radial", 6),
+        first_parameters("standard", 9), first_parameters("rational", 12),
+        first_parameters("prism", 16),   first_parameters("tilted", 18),
+    };
+    return models;
+}
+
+const CalibrationModel& calibration_model(std::string_view name) {
+    std::vector<std::string> names;
+    for (const CalibrationModel& model : calibration_models()) {
+        if (model.name == name)
+            return model;
+        names.push_back(model.name);
+    }
+    throw ConfigError({}, fmt::format("no calibration model is named '{}'; there are {}", name,
+                                      fmt::join(names, ", ")));
+}
+
+CameraParameters all_parameters(const CameraModel& camera) {
+    const Intrinsics& i = camera.intrinsics;
+    const auto coefficients = camera.distortion.in_opencv_order();
+    CameraParameters values;
+    values << i.fx, i.fy, i.cx, i.cy,
+        Eigen::Map<const Eigen::Matrix<double, 14, 1>>(coefficients.data());
+    return values;
+}
+
+void set_all_parameters(CameraModel& camera, const CameraParameters& values) {
+    camera.intrinsics = {values[0], values[1], values[2], values[3]};
+    std::array<double, 14> coefficients{};
+    std::copy(values.begin() + 4, values.end(), coefficients.begin());
+    camera.distortion = Distortion::from_opencv_order(coefficients);
+}
+
+int parameter_index(std::string_view name) {
+    for (std::size_t i = 0; i < intrinsic_names.size(); ++i)
+        if (name == intrinsic_names[i])
+            return static_cast<int>(i);
+    for (std::size_t i = 0; i < distortion_names.size(); ++i)
+        if (name == distortion_names[i])
+            return static_cast<int>(intrinsic_names.size() + i);
+    throw ConfigError({}, fmt::format("a camera has no parameter '{}'", name));
+}
+
+Eigen::VectorXd parameters_of(const CameraModel& camera, const CalibrationModel& model) {
+    const CameraParameters all = all_parameters(camera);
+    Eigen::VectorXd values(model.parameters.size());
+    for (std::size_t i = 0; i < model.parameters.size(); ++i)
+        values[i] = all[parameter_index(model.parameters[i])];
+    return values;
+}
+
+void set_parameters(CameraModel& camera, const CalibrationModel& model,
+                    const Eigen::VectorXd& values) {
+    if (values.size() != static_cast<Eigen::Index>(model.parameters.size()))
+        throw NumericalError(fmt::format("{} values for the {} parameters of model {}",
+                                         values.size(), model.parameters.size(), model.name));
+    CameraParameters all = all_parameters(camera);
+    for (std::size_t i = 0; i < model.parameters.size(); ++i)
+        all[parameter_index(model.parameters[i])] = values[i];
+    set_all_parameters(camera, all);
+}
+
+}  // namespace etalon

@@ -1,0 +1,44 @@
+// Which parameters a calibration leaves free: named sets, each containing the one before, and the
+// parameters of a camera by name. The others keep the values that they have (zero distortion).
+//
+// The names are those of calib/camera/parameter_names.h and of files.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+
+namespace etalon {
+
+// The order is that of covariances and of vectors of parameters.
+struct CalibrationModel {
+    std::string name;
+    std::vector<std::string> parameters;
+};
+
+// From the simplest on: pinhole (fx fy cx cy), radial (and k1 k2), standard (and p1 p2 k3, what
+// OpenCV fits unless told otherwise), rational (and k4 k5 k6), prism (and s1 s2 s3 s4), tilted (and
+// tau_x tau_y).
+const std::vector<CalibrationModel>& calibration_models();
+
+// Throws ConfigError, listing the names there are.
+const CalibrationModel& calibration_model(std::string_view name);
+
+// All eighteen parameters: fx fy cx cy, then the distortion in OpenCV's order.
+inline constexpr int camera_parameter_count = 18;
+using CameraParameters = Eigen::Matrix<double, camera_parameter_count, 1>;
+CameraParameters all_parameters(const CameraModel& camera);
+void set_all_parameters(CameraModel& camera, const CameraParameters& values);
+
+// Where a name stands among the eighteen. Throws ConfigError for a name that is none of them.
+int parameter_index(std::string_view name);
+
+// The parameters of the model, in its order.
+Eigen::VectorXd parameters_of(const CameraModel& camera, const CalibrationModel& model);
+void set_parameters(CameraModel& camera, const CalibrationModel& model,
+                    const Eigen::VectorXd& values);
+
+}  // namespace etalon

@@ -1,0 +1,288 @@
+#include "calib/intrinsics/calibration_start.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <array>
+#include <limits>
+
+#include "calib/intrinsics/bundle_adjustment.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+// Moves points to their centroid and scales them to a mean square of 2.
+struct Normaliser {
+    Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+    double scale = 1.0;
+
+    template <typename Points>
+    explicit Normaliser(const Points& points) {
+        const double count = static_cast<double>(points.size());
+        for (const auto& point : points)
+            centre += point.template head<2>() / count;
+        double squares = 0.0;
+        for (const auto& point : points)
+            squares += (point.template head<2>() - centre).squaredNorm() / count;
+        scale = std::sqrt(2.0 / squares);
+    }
+    Eigen::Vector2d operator()(const Eigen::Vector2d& point) const {
+        return scale * (point - centre);
+    }
+    Eigen::Matrix3d matrix() const {
+        Eigen::Matrix3d map;
+        map << scale, 0, -scale * centre.x(), 0, scale, -scale * centre.y(), 0, 0, 1;
+        return map;
+    }
+};
+
+// A view's plane, its points scaled, and the homography that takes them to what was seen, positive
+// for points in front.
+struct Plane {
+    Eigen::Vector2d centre_mm;
+    double scale;  // of the points
+    std::vector<Eigen::Vector2d> points, seen;
+    Eigen::Matrix3d homography;
+    double misfit;  // mean square of the algebraic distances, relative to the view's extent
+};
+
+Plane plane_of(const std::vector<Eigen::Vector3d>& points_mm,
+               const std::vector<Eigen::Vector2d>& seen) {
+    const Normaliser of_points(points_mm), of_seen(seen);
+    Plane plane{of_points.centre, of_points.scale, {}, seen, {}, 0.0};
+    Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        plane.points.push_back(of_points(points_mm[i].head<2>()));
+        const Eigen::RowVector3d p(plane.points[i].x(), plane.points[i].y(), 1.0);
+        const Eigen::Vector2d q = of_seen(seen[i]);
+        Eigen::Matrix<double, 2, 9> rows;
+        rows << p, Eigen::RowVector3d::Zero(), -q.x() * p,  //
+            Eigen::RowVector3d::Zero(), p, -q.y() * p;
+        normal += rows.transpose() * rows;
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> eigen(normal);
+    const Eigen::Matrix3d transposed =
+        Eigen::Map<const Eigen::Matrix3d>(eigen.eigenvectors().col(0).data());
+    plane.homography = of_seen.matrix().inverse() * transposed.transpose();
+    if (plane.homography(2, 2) < 0.0)
+        plane.homography = -plane.homography;
+    plane.misfit = eigen.eigenvalues()[0] / static_cast<double>(seen.size());
+    return plane;
+}
+
+// The camera from the scaled plane.
+struct PlanePose {
+    Eigen::Matrix3d rotation;
+    Eigen::Vector3d translation;
+
+    Eigen::Vector3d operator()(const Eigen::Vector2d& point) const {
+        return rotation.leftCols<2>() * point + translation;
+    }
+};
+
+// Both poses in which a plane's middle is seen at v with the derivatives J. Seen along its line of
+// sight, what a rotation shows of the plane's axes is the derivative over its larger singular
+// value, 1 / depth; what lies along the line of sight is known but for a sign.
+std::array<PlanePose, 2> poses_of(const Eigen::Vector2d& v, const Eigen::Matrix2d& derivatives) {
+    const Eigen::Matrix3d to_sight =
+        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), v.homogeneous())
+            .toRotationMatrix();
+    Eigen::Matrix<double, 2, 3> projected;
+    projected << 1, 0, -v.x(), 0, 1, -v.y();
+    const Eigen::Matrix2d across = (projected * to_sight).leftCols<2>();
+    const Eigen::Matrix2d scaled = across.inverse() * derivatives;
+    const Eigen::Matrix2d gram = scaled.transpose() * scaled;
+    const double mean = 0.5 * gram.trace();
+    const double largest =
+        std::sqrt(mean + std::sqrt(std::max(mean * mean - gram.determinant(), 0.0)));
+    const Eigen::Matrix2d shown = scaled / largest;
+    const Eigen::Matrix2d hidden = Eigen::Matrix2d::Identity() - shown.transpose() * shown;
+    Eigen::RowVector2d along(std::sqrt(std::max(hidden(0, 0), 0.0)),
+                             std::sqrt(std::max(hidden(1, 1), 0.0)));
+    if (hidden(0, 1) < 0.0)
+        along.y() = -along.y();
+    std::array<PlanePose, 2> poses;
+    for (int k = 0; k < 2; ++k) {
+        Eigen::Matrix3d rotation;
+        rotation.topLeftCorner<2, 2>() = shown;
+        rotation.bottomLeftCorner<1, 2>() = k == 0 ? along : Eigen::RowVector2d(-along);
+        rotation.col(2) = rotation.col(0).cross(rotation.col(1));
+        poses[k] = {to_sight * rotation, v.homogeneous() / largest};
+    }
+    return poses;
+}
+
+struct PlaneFit {
+    PlanePose pose;
+    double error = std::numeric_limits<double>::infinity();  // squared px; infinite when behind
+};
+
+double projection_error(const Plane& plane, const PlanePose& pose, const Eigen::Vector2d& focal,
+                        const Eigen::Vector2d& principal) {
+    double squares = 0.0;
+    for (std::size_t i = 0; i < plane.points.size(); ++i) {
+        const Eigen::Vector3d p = pose(plane.points[i]);
+        if (!(p.z() > 0.0))
+            return std::numeric_limits<double>::infinity();
+        const Eigen::Vector2d pixel = focal.cwiseProduct(p.head<2>()) / p.z() + principal;
+        squares += (pixel - plane.seen[i]).squaredNorm();
+    }
+    return squares;
+}
+
+PlaneFit fit_plane(const Plane& plane, const Eigen::Vector2d& focal,
+                   const Eigen::Vector2d& principal) {
+    const Eigen::Matrix3d& h = plane.homography;
+    const Eigen::Vector2d pixel = h.col(2).hnormalized();
+    const Eigen::Matrix2d of_pixel =
+        (h.topLeftCorner<2, 2>() - pixel * h.bottomLeftCorner<1, 2>()) / h(2, 2);
+    const Eigen::Vector2d v = (pixel - principal).cwiseQuotient(focal);
+    PlaneFit best;
+    for (const PlanePose& pose : poses_of(v, focal.cwiseInverse().asDiagonal() * of_pixel)) {
+        const double error = projection_error(plane, pose, focal, principal);
+        if (error < best.error)
+            best = {pose, error};
+    }
+    return best;
+}
+
+// The best of a grid with steps of a quarter. Pixels are taken to be square unless others halve the
+// error: what is left of the distortion would choose any.
+Eigen::Vector2d searched_focal(const std::vector<Plane>& planes, double diagonal_px,
+                               const Eigen::Vector2d& principal) {
+    double best = std::numeric_limits<double>::infinity();
+    Eigen::Vector2d focal = Eigen::Vector2d::Zero();
+    const auto search = [&](double root_of_ratio, double least_gain) {
+        for (double f = 0.01 * diagonal_px; f < 1e4 * diagonal_px; f *= 1.25) {
+            const Eigen::Vector2d candidate(f * root_of_ratio, f / root_of_ratio);
+            double error = 0.0;
+            for (const Plane& plane : planes)
+                error += fit_plane(plane, candidate, principal).error;
+            if (error * least_gain < best) {
+                best = error * least_gain;
+                focal = candidate;
+            }
+        }
+    };
+    search(1.0, 1.0);
+    for (const double root_of_ratio : {0.7071, 0.8409, 1.1892, 1.4142})
+        search(root_of_ratio, 2.0);
+    if (!std::isfinite(best))
+        throw NumericalError("no focal length puts all points in front of the camera");
+    return focal;
+}
+
+// q about the principal point over 1 + lambda |q|^2.
+std::vector<Eigen::Vector2d> divided(const std::vector<Eigen::Vector2d>& pixels,
+                                     const Eigen::Vector2d& principal, double lambda) {
+    std::vector<Eigen::Vector2d> undistorted;
+    for (const Eigen::Vector2d& pixel : pixels) {
+        const Eigen::Vector2d arm = pixel - principal;
+        undistorted.push_back(principal + arm / (1.0 + lambda * arm.squaredNorm()));
+    }
+    return undistorted;
+}
+
+std::vector<Plane> planes_of(std::span<const CalibrationView> views,
+                             const Eigen::Vector2d& principal, double lambda) {
+    std::vector<Plane> planes;
+    for (const CalibrationView& view : views)
+        planes.push_back(plane_of(view.points_mm, divided(view.pixels, principal, lambda)));
+    return planes;
+}
+
+// The views as planes after the division that makes them most nearly planes.
+std::vector<Plane> undistorted_planes(std::span<const CalibrationView> views,
+                                      const Eigen::Vector2d& principal) {
+    double largest = 0.0;
+    for (const CalibrationView& view : views)
+        for (const Eigen::Vector2d& pixel : view.pixels)
+            largest = std::max(largest, (pixel - principal).squaredNorm());
+    double best = std::numeric_limits<double>::infinity(), best_share = 0.0;
+    std::vector<Plane> best_planes;
+    const auto consider = [&](double share) {
+        std::vector<Plane> planes = planes_of(views, principal, share / largest);
+        double misfit = 0.0;
+        for (const Plane& plane : planes)
+            misfit += plane.misfit;
+        if (misfit < best) {
+            best = misfit;
+            best_share = share;
+            best_planes = std::move(planes);
+        }
+    };
+    for (int i = -7; i <= 7; ++i)
+        consider(0.1 * i);
+    for (double step = 0.05; step > 0.002; step *= 0.5) {
+        const double middle = best_share;
+        consider(middle - step);
+        consider(middle + step);
+    }
+    if (!std::isfinite(best))
+        throw NumericalError("the pixels of a view do not make a plane");
+    return best_planes;
+}
+
+Rigid rigid_of(const Plane& plane, const PlanePose& pose) {
+    const Eigen::Quaterniond rotation = Eigen::Quaterniond(pose.rotation).normalized();
+    const Eigen::Vector3d centre(plane.centre_mm.x(), plane.centre_mm.y(), 0.0);
+    return {rotation, pose.translation / plane.scale - rotation * centre};
+}
+
+}  // namespace
+
+double plane_misfit(const CalibrationView& view) {
+    return std::sqrt(std::max(plane_of(view.points_mm, view.pixels).misfit, 0.0));
+}
+
+std::optional<Rigid> pose_from_homography(const std::vector<Eigen::Vector3d>& points_mm,
+                                          const std::vector<Eigen::Vector2d>& normalised) {
+    const Plane plane = plane_of(points_mm, normalised);
+    const PlaneFit fit = fit_plane(plane, Eigen::Vector2d::Ones(), Eigen::Vector2d::Zero());
+    if (!std::isfinite(fit.error))
+        return std::nullopt;
+    return rigid_of(plane, fit.pose);
+}
+
+Rigid mirrored_pose(const Rigid& camera_from_target, const Eigen::Vector3d& centre_mm) {
+    const Eigen::Vector3d centre = camera_from_target * centre_mm;
+    const Eigen::Vector3d sight = centre.normalized();
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - 2.0 * sight * sight.transpose();
+    const Eigen::Matrix3d rotation = across * camera_from_target.rotation.toRotationMatrix() *
+                                     Eigen::Vector3d(1, 1, -1).asDiagonal();
+    const Eigen::Quaterniond turned = Eigen::Quaterniond(rotation).normalized();
+    return {turned, centre - turned * centre_mm};
+}
+
+CameraStart calibration_start(std::span<const CalibrationView> views, cv::Size image_size) {
+    const Eigen::Vector2d principal(0.5 * (image_size.width - 1), 0.5 * (image_size.height - 1));
+    const std::vector<Plane> planes = undistorted_planes(views, principal);
+    const Eigen::Vector2d focal =
+        searched_focal(planes, std::hypot(image_size.width, image_size.height), principal);
+    Bundle<double> bundle;
+    bundle.camera.setZero();
+    bundle.camera.head<4>() << focal, principal;
+    std::vector<BundleView<double>> undistorted;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        CalibrationView view = views[i];
+        view.pixels = planes[i].seen;
+        undistorted.push_back(bundle_view<double>(view));
+        const Rigid pose = rigid_of(planes[i], fit_plane(planes[i], focal, principal).pose);
+        bundle.poses.push_back(bundle_pose<double>(pose, undistorted[i].centre_mm));
+    }
+    constexpr int few = 20;
+    const auto solution =
+        adjust_bundle(undistorted, bundle, {.free = {0, 1}, .most_iterations = few});
+    if (solution)
+        bundle = solution->bundle;
+    CameraStart start;
+    start.camera.width = image_size.width;
+    start.camera.height = image_size.height;
+    set_all_parameters(start.camera, bundle.camera);
+    for (std::size_t i = 0; i < views.size(); ++i)
+        start.camera_from_target.push_back(rigid_from(bundle.poses[i], undistorted[i].centre_mm));
+    return start;
+}
+
+}  // namespace etalon

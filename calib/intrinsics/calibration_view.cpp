@@ -1,0 +1,77 @@
+#include "calib/intrinsics/calibration_view.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <set>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+[[noreturn]] void refuse_view(std::size_t view, const std::string& why) {
+    throw NumericalError(fmt::format("view {}: {}", view, why));
+}
+
+// The smaller extent of the points below a millionth of the larger.
+bool are_collinear(const std::vector<Eigen::Vector3d>& points) {
+    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+    for (const Eigen::Vector3d& point : points)
+        mean += point.head<2>() / static_cast<double>(points.size());
+    Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+    for (const Eigen::Vector3d& point : points) {
+        const Eigen::Vector2d arm = point.head<2>() - mean;
+        scatter += arm * arm.transpose();
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(scatter, Eigen::EigenvaluesOnly);
+    return !(eigen.eigenvalues()[0] > 1e-12 * eigen.eigenvalues()[1]);
+}
+
+void check_points(const CalibrationView& view, std::size_t index) {
+    for (std::size_t i = 0; i < view.points_mm.size(); ++i)
+        if (!view.points_mm[i].allFinite() || !view.pixels[i].allFinite())
+            refuse_view(index, fmt::format("point {} is not finite", i));
+        else if (view.points_mm[i].z() != 0.0)
+            refuse_view(index, fmt::format("point {} is not in the plane z = 0", i));
+}
+
+void check_labels(const CalibrationView& view, std::size_t index) {
+    const std::size_t points = view.points_mm.size();
+    if (!view.ids.empty() && view.ids.size() != points)
+        refuse_view(index, fmt::format("has {} points but {} ids", points, view.ids.size()));
+    std::set<int> seen;
+    for (const int id : view.ids)
+        if (!seen.insert(id).second)
+            refuse_view(index, fmt::format("the id {} is there twice", id));
+    if (!view.sigma_px.empty() && view.sigma_px.size() != points)
+        refuse_view(index, fmt::format("has {} points but {} standard deviations", points,
+                                       view.sigma_px.size()));
+    for (std::size_t i = 0; i < view.sigma_px.size(); ++i)
+        if (!(view.sigma_px[i] > 0.0) || !std::isfinite(view.sigma_px[i]))
+            refuse_view(index, fmt::format("point {} has the standard deviation {} px", i,
+                                           view.sigma_px[i]));
+}
+
+}  // namespace
+
+std::size_t point_count(std::span<const CalibrationView> views) {
+    std::size_t count = 0;
+    for (const CalibrationView& view : views)
+        count += view.pixels.size();
+    return count;
+}
+
+void check_view(const CalibrationView& view, std::size_t index, std::size_t least_points) {
+    const std::size_t points = view.points_mm.size();
+    if (points != view.pixels.size())
+        refuse_view(index, fmt::format("has {} points but {} pixels", points, view.pixels.size()));
+    if (points < least_points)
+        refuse_view(index, fmt::format("has {} points, {} are needed", points, least_points));
+    check_points(view, index);
+    check_labels(view, index);
+    if (are_collinear(view.points_mm))
+        refuse_view(index, "the points are collinear");
+}
+
+}  // namespace etalon

@@ -1,0 +1,40 @@
+// Whether a calibration can be used for what it is meant for: what is seen of the image, how near
+// the distortion model's limits lie, what contradicts itself, and what the renderer will miss.
+//
+// Says nothing about whether the numbers are right: that takes photographs (`etalon compare`).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+
+namespace etalon {
+
+struct CameraFinding {
+    enum class Weight {
+        note,     // good to know
+        warning,  // unusual: check it
+        fault,    // part of the image cannot be used
+    };
+    Weight weight = Weight::note;
+    std::string about;    // "valid region", "sensor", ...: one of a few words
+    std::string message;  // one line
+};
+
+struct CameraCheck {
+    double horizontal_deg = 0, vertical_deg = 0, diagonal_deg = 0;  // field of view; NaN: no ray
+    double image_without_ray = 0.0;  // share of the image that no ray reaches, 0 to 1
+    // Smallest ratio of the valid region's border to the radius of the image's edge, along the
+    // edge: above 1 the fold, pole or horizon lies outside the image; infinity where none exists.
+    double margin = 0.0;
+    std::vector<CameraFinding> findings;
+
+    bool has_fault() const;
+};
+
+// Of a telecentric camera the fields of view are 0. Looks at a grid of 65 x 65 pixel positions,
+// outer corners included: some milliseconds. Throws NumericalError where Projector does.
+CameraCheck check_camera(const CameraModel& camera);
+
+}  // namespace etalon

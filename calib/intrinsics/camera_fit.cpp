@@ -1,0 +1,401 @@
+#include "calib/intrinsics/camera_fit.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/QR>
+#include <Eigen/SVD>
+#include <numeric>
+
+#include "calib/camera/pixel_model.h"
+#include "calib/intrinsics/bundle_adjustment.h"
+#include "calib/intrinsics/calibration_start.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+constexpr std::size_t least_views = 3, least_points = 6, least_pose_points = 4;
+
+using Views = std::vector<BundleView<double>>;
+using Solution = BundleSolution<double>;
+
+std::vector<int> indices_of(const CalibrationModel& model) {
+    std::vector<int> indices;
+    for (const std::string& name : model.parameters)
+        indices.push_back(parameter_index(name));
+    return indices;
+}
+
+Views bundle_views(std::span<const CalibrationView> views) {
+    Views all;
+    for (const CalibrationView& view : views)
+        all.push_back(bundle_view<double>(view));
+    return all;
+}
+
+void check_input(std::span<const CalibrationView> views, cv::Size size,
+                 const CalibrationModel& model) {
+    if (size.width <= 0 || size.height <= 0)
+        throw NumericalError(fmt::format("no image has {} x {} px", size.width, size.height));
+    if (views.size() < least_views)
+        throw NumericalError(fmt::format("{} views, three are needed", views.size()));
+    for (std::size_t i = 0; i < views.size(); ++i)
+        check_view(views[i], i, least_points);
+    const std::size_t unknowns = model.parameters.size() + 6 * views.size();
+    const std::size_t observations = 2 * point_count(views);
+    if (observations < unknowns)
+        throw NumericalError(fmt::format("{} coordinates for {} unknowns of model {}", observations,
+                                         unknowns, model.name));
+}
+
+// Also of poses and equations that are asked for: what Eigen would read beyond, or NaN.
+void check_camera(const CameraModel& camera, std::span<const Rigid> poses, std::size_t views) {
+    require_perspective(camera, "calibrating");
+    const CameraParameters parameters = all_parameters(camera);
+    if (!parameters.allFinite() || !(parameters[0] > 0.0) || !(parameters[1] > 0.0))
+        throw NumericalError(
+            fmt::format("no camera has fx {} and fy {}", parameters[0], parameters[1]));
+    if (poses.size() != views)
+        throw NumericalError(fmt::format("{} poses for {} views", poses.size(), views));
+    for (const Rigid& pose : poses)
+        if (!pose.rotation.coeffs().allFinite() || !pose.translation.allFinite() ||
+            !(pose.rotation.norm() > 0.0))
+            throw NumericalError("a pose is not finite");
+}
+
+Bundle<double> bundle_of(const CameraModel& camera, std::span<const Rigid> poses,
+                         const Views& views) {
+    Bundle<double> bundle{all_parameters(camera), {}};
+    for (std::size_t i = 0; i < views.size(); ++i)
+        bundle.poses.push_back(bundle_pose<double>(poses[i], views[i].centre_mm));
+    return bundle;
+}
+
+[[noreturn]] void refuse_start() {
+    throw NumericalError(
+        "the start puts a point behind the camera, or where the distortion folds over");
+}
+
+std::optional<BundleSolution<double>> adjusted_pose(const BundleView<double>& view,
+                                                    const CameraParameters& camera,
+                                                    const BundlePose<double>& pose,
+                                                    const BundleOptions& options = {}) {
+    return adjust_bundle<double>({view}, {camera, {pose}}, options);
+}
+
+BundlePose<double> mirrored(const BundlePose<double>& pose) {
+    const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+    return bundle_pose<double>(mirrored_pose(rigid_from(pose, origin), origin), origin);
+}
+
+// A plane seen without much perspective has two poses; the start may have taken the wrong one.
+// Returns whether one was.
+bool choose_mirrored_poses(const Views& views, Bundle<double>& bundle, double huber) {
+    const BundleOptions options{.free = {}, .huber = huber, .most_iterations = 8};
+    bool changed = false;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        const auto as_is = adjusted_pose(views[i], bundle.camera, bundle.poses[i], options);
+        const auto other =
+            adjusted_pose(views[i], bundle.camera, mirrored(bundle.poses[i]), options);
+        if (as_is && other && other->cost < 0.999 * as_is->cost) {
+            bundle.poses[i] = other->bundle.poses.front();
+            changed = true;
+        }
+    }
+    return changed;
+}
+
+// Adjusts until no mirrored pose fits better.
+std::optional<Solution> adjust_with_mirrored(const Views& views, const Bundle<double>& start,
+                                             const BundleOptions& options) {
+    constexpr int most_rounds = 4;
+    auto solution = adjust_bundle(views, start, options);
+    for (int round = 0; solution && round < most_rounds; ++round) {
+        if (!choose_mirrored_poses(views, solution->bundle, options.huber))
+            break;
+        solution = adjust_bundle(views, solution->bundle, options);
+    }
+    return solution;
+}
+
+// From the start to the simplest distortion, which high orders need to begin with, then to all that
+// is free. A lens of 160 degrees, which the simplest distortion cannot follow, goes there at once.
+std::optional<Solution> adjust_in_stages(const Views& views, const Bundle<double>& start,
+                                         const BundleOptions& options) {
+    constexpr int last_free = 5;  // k2
+    BundleOptions stage = options;
+    stage.most_iterations = 10;
+    std::erase_if(stage.free, [=](int parameter) { return parameter > last_free; });
+    const auto simple = adjust_with_mirrored(views, start, stage);
+    auto solution = simple ? adjust_with_mirrored(views, simple->bundle, options) : std::nullopt;
+    if (solution && solution->converged)
+        return solution;
+    const auto at_once = adjust_with_mirrored(views, start, options);
+    return !solution || (at_once && at_once->cost < solution->cost) ? at_once : solution;
+}
+
+std::optional<Solution> solve(std::span<const CalibrationView> views, cv::Size size,
+                              const Views& all, const CameraFitOptions& options,
+                              const BundleOptions& bundle_options) {
+    if (options.start) {
+        const CameraStart& start = *options.start;
+        check_camera(start.camera, start.camera_from_target, views.size());
+        return adjust_bundle(all, bundle_of(start.camera, start.camera_from_target, all),
+                             bundle_options);
+    }
+    const CameraStart start = calibration_start(views, size);
+    return adjust_in_stages(all, bundle_of(start.camera, start.camera_from_target, all),
+                            bundle_options);
+}
+
+// The equations of all views below each other, columns scaled to length 1, after one more QR.
+struct ScaledTriangle {
+    Eigen::MatrixXd triangle;
+    Eigen::VectorXd lengths;
+};
+
+ScaledTriangle scaled_triangle(std::span<const ViewEquations> equations,
+                               const CalibrationModel& model) {
+    const Eigen::Index free = static_cast<Eigen::Index>(model.parameters.size());
+    const Eigen::Index views = static_cast<Eigen::Index>(equations.size());
+    Eigen::MatrixXd stack(std::max<Eigen::Index>(views, 1) * free, free);
+    stack.topRows(free).setZero();
+    for (Eigen::Index v = 0; v < views; ++v)
+        stack.middleRows(v * free, free) = equations[v].triangle;
+    ScaledTriangle scaled;
+    scaled.lengths = stack.colwise().norm().transpose();
+    if (!scaled.lengths.allFinite() || !(scaled.lengths.array() > 0.0).all())
+        throw NumericalError("these views say nothing about a parameter of model " + model.name);
+    stack *= scaled.lengths.cwiseInverse().asDiagonal();
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(stack);
+    scaled.triangle = qr.matrixQR().topRows(free).triangularView<Eigen::Upper>();
+    return scaled;
+}
+
+std::string combination_of(const Eigen::VectorXd& direction, const CalibrationModel& model) {
+    constexpr double least_part = 0.1;
+    std::vector<int> order(direction.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(),
+                     [&](int a, int b) { return std::abs(direction[a]) > std::abs(direction[b]); });
+    const double sign = direction[order.front()] < 0.0 ? -1.0 : 1.0;
+    std::string words;
+    for (const int i : order) {
+        const double part = sign * direction[i];
+        if (std::abs(part) >= least_part)
+            words += words.empty() ? fmt::format("{:.2f} {}", part, model.parameters[i])
+                                   : fmt::format(" {} {:.2f} {}", part < 0.0 ? '-' : '+',
+                                                 std::abs(part), model.parameters[i]);
+    }
+    return words;
+}
+
+WeakestDirection weakest_direction(const ScaledTriangle& scaled, const CalibrationModel& model) {
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled.triangle, Eigen::ComputeThinV);
+    const Eigen::VectorXd& values = svd.singularValues();
+    const Eigen::Index last = values.size() - 1;
+    return {combination_of(svd.matrixV().col(last), model), values[0] / values[last]};
+}
+
+Eigen::MatrixXd inverse_information(const ScaledTriangle& scaled, const CalibrationModel& model) {
+    constexpr double most_condition = 1e11;  // leaves five digits of a step, of a deviation too
+    const WeakestDirection weakest = weakest_direction(scaled, model);
+    if (!(weakest.condition_number < most_condition))
+        throw NumericalError(
+            fmt::format("these views do not determine the camera: {} is free (condition number "
+                        "{:.2g}); views of different tilt, or a simpler model, are needed",
+                        weakest.combination, weakest.condition_number));
+    const Eigen::Index size = scaled.triangle.cols();
+    Eigen::MatrixXd root =
+        scaled.triangle.triangularView<Eigen::Upper>().solve(Eigen::MatrixXd::Identity(size, size));
+    root = scaled.lengths.cwiseInverse().asDiagonal() * root;
+    return root * root.transpose();
+}
+
+double variance_of(std::span<const CalibrationView> views, double squares,
+                   const CalibrationModel& model) {
+    const double freedom = 2.0 * static_cast<double>(point_count(views)) -
+                           static_cast<double>(model.parameters.size() + 6 * views.size());
+    return freedom > 0.0 ? squares / freedom : 0.0;
+}
+
+// The pixels' sigma that the mean weight belongs to.
+double typical_sigma(std::span<const CalibrationView> views) {
+    double weights = 0.0;
+    for (const CalibrationView& view : views)
+        for (std::size_t i = 0; i < view.pixels.size(); ++i)
+            weights += 1.0 / (view.sigma(i) * view.sigma(i));
+    return std::sqrt(static_cast<double>(point_count(views)) / weights);
+}
+
+// Exact views of bad geometry have no residuals to tell of it: pixels are taken to be no better
+// than 0.1 px.
+void check_focal_lengths(std::span<const CalibrationView> views, const CameraFit& fit,
+                         const CalibrationModel& model, const ScaledTriangle& scaled) {
+    constexpr double least_noise_px = 0.1, largest_share = 0.1;
+    const Eigen::MatrixXd inverse = inverse_information(scaled, model);
+    const double noise = std::max(std::sqrt(fit.variance), least_noise_px / typical_sigma(views));
+    for (std::size_t i = 0; i < model.parameters.size(); ++i) {
+        const std::string& name = model.parameters[i];
+        if (name != "fx" && name != "fy")
+            continue;
+        const double value = parameters_of(fit.camera, model)[i];
+        const double deviation = noise * std::sqrt(inverse(i, i));
+        if (!(deviation < largest_share * value))
+            throw NumericalError(fmt::format(
+                "these views do not determine the focal length: {} {:.5g} with a standard "
+                "deviation of {:.2g} px; views of different tilt are needed, weakest is {}",
+                name, value, deviation, weakest_direction(scaled, model).combination));
+    }
+}
+
+CameraFit fit_from(const Solution& solution, std::span<const CalibrationView> views,
+                   const Views& bundle_views, CameraModel camera) {
+    CameraFit fit;
+    set_all_parameters(camera, solution.bundle.camera);
+    camera.covariance.reset();
+    fit.camera = camera;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        fit.camera_from_target.push_back(
+            rigid_from(solution.bundle.poses[i], bundle_views[i].centre_mm));
+        fit.residuals_px.push_back(view_residuals(camera, fit.camera_from_target[i], views[i]));
+    }
+    fit.iterations = solution.iterations;
+    fit.converged = solution.converged;
+    return fit;
+}
+
+double weighted_squares(std::span<const CalibrationView> views, const CameraFit& fit) {
+    double squares = 0.0;
+    for (std::size_t v = 0; v < views.size(); ++v)
+        for (std::size_t i = 0; i < views[v].pixels.size(); ++i)
+            squares += (fit.residuals_px[v][i] / views[v].sigma(i)).squaredNorm();
+    return squares;
+}
+
+CameraModel pinhole_of(cv::Size size) {
+    CameraModel camera;
+    camera.width = size.width;
+    camera.height = size.height;
+    return camera;
+}
+
+// The undistorted coordinates of pixels by Newton's method from the distorted ones; where it does
+// not converge they stay near. For a start only.
+std::vector<Eigen::Vector2d> roughly_undistorted(const CameraModel& camera,
+                                                 const std::vector<Eigen::Vector2d>& pixels) {
+    constexpr int steps = 8;
+    const PixelModel<double> model(all_parameters(camera));
+    const Intrinsics& i = camera.intrinsics;
+    std::vector<Eigen::Vector2d> normalised;
+    for (const Eigen::Vector2d& pixel : pixels) {
+        Eigen::Vector2d u((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
+        for (int step = 0; step < steps; ++step) {
+            const auto seen = model(u);
+            if (!seen.is_regular)
+                break;
+            u += seen.of_ray.inverse() * (pixel - seen.pixel);
+        }
+        normalised.push_back(u);
+    }
+    return normalised;
+}
+
+}  // namespace
+
+CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size,
+                     const CalibrationModel& model, const CameraFitOptions& options) {
+    check_input(views, image_size, model);
+    const BundleOptions bundle_options{indices_of(model), options.huber};
+    const Views all = bundle_views(views);
+    const auto solution = solve(views, image_size, all, options, bundle_options);
+    if (!solution)
+        refuse_start();
+    CameraFit fit = fit_from(*solution, views, all,
+                             options.start ? options.start->camera : pinhole_of(image_size));
+    fit.variance = variance_of(views, weighted_squares(views, fit), model);
+    const ScaledTriangle scaled =
+        scaled_triangle(view_equations(views, fit.camera, fit.camera_from_target, model), model);
+    fit.condition_number = weakest_direction(scaled, model).condition_number;
+    check_focal_lengths(views, fit, model, scaled);
+    return fit;
+}
+
+Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view) {
+    check_camera(camera, {}, 0);
+    check_view(view, 0, least_pose_points);
+    const auto start =
+        pose_from_homography(view.points_mm, roughly_undistorted(camera, view.pixels));
+    if (!start)
+        throw NumericalError("no pose fits the view: its points would be behind the camera");
+    const CameraParameters parameters = all_parameters(camera);
+    const BundleView<double> of_view = bundle_view<double>(view);
+    const BundlePose<double> pose = bundle_pose<double>(*start, of_view.centre_mm);
+    auto best = adjusted_pose(of_view, parameters, pose);
+    const auto other = adjusted_pose(of_view, parameters, mirrored(pose));
+    if (!best || (other && other->cost < best->cost))
+        best = other;
+    if (!best)
+        throw NumericalError("no pose fits the view: the camera's distortion folds over in it");
+    return rigid_from(best->bundle.poses.front(), of_view.centre_mm);
+}
+
+std::vector<Eigen::Vector2d> view_residuals(const CameraModel& camera,
+                                            const Rigid& camera_from_target,
+                                            const CalibrationView& view) {
+    const PixelModel<double> model(all_parameters(camera));
+    std::vector<Eigen::Vector2d> residuals;
+    for (std::size_t i = 0; i < view.pixels.size(); ++i) {
+        const Eigen::Vector3d p = camera_from_target * view.points_mm[i];
+        const auto seen = model(p.head<2>() / p.z());
+        if (!(p.z() > 0.0) || !seen.is_regular)
+            throw NumericalError(fmt::format(
+                "the distortion folds over inside the image: no ray near pixel ({:.1f}, "
+                "{:.1f})",
+                view.pixels[i].x(), view.pixels[i].y()));
+        residuals.push_back(view.pixels[i] - seen.pixel);
+    }
+    return residuals;
+}
+
+Eigen::Matrix2Xd parameter_jacobian(const CameraModel& camera, const Eigen::Vector2d& undistorted,
+                                    const CalibrationModel& model) {
+    PixelModel<double>::OfParameters all;
+    PixelModel<double>(all_parameters(camera)).with_derivatives(undistorted, all);
+    Eigen::Matrix2Xd jacobian(2, model.parameters.size());
+    for (std::size_t i = 0; i < model.parameters.size(); ++i)
+        jacobian.col(i) = all.col(parameter_index(model.parameters[i]));
+    return jacobian;
+}
+
+std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views,
+                                          const CameraModel& camera,
+                                          std::span<const Rigid> camera_from_target,
+                                          const CalibrationModel& model) {
+    check_camera(camera, camera_from_target, views.size());
+    const CameraParameters parameters = all_parameters(camera);
+    const BundleOptions options{indices_of(model)};
+    const Eigen::Index free = static_cast<Eigen::Index>(model.parameters.size());
+    std::vector<ViewEquations> equations;
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        const BundleView<double> view = bundle_view<double>(views[v]);
+        const Eigen::MatrixXd triangle = view_triangle(
+            view, parameters, bundle_pose<double>(camera_from_target[v], view.centre_mm), options);
+        equations.push_back({triangle.block(6, 6, free, free),
+                             triangle.col(6 + free).segment(6, free),
+                             triangle(6 + free, 6 + free) * triangle(6 + free, 6 + free)});
+    }
+    return equations;
+}
+
+Eigen::MatrixXd inverse_information(std::span<const ViewEquations> equations,
+                                    const CalibrationModel& model) {
+    return inverse_information(scaled_triangle(equations, model), model);
+}
+
+WeakestDirection weakest_direction(std::span<const ViewEquations> equations,
+                                   const CalibrationModel& model) {
+    return weakest_direction(scaled_triangle(equations, model), model);
+}
+
+}  // namespace etalon

@@ -1,0 +1,56 @@
+// The gauge of the registration X * base_from_carriage(q) * Y: which motions of the base frame
+// leave every predicted pixel where it is, how they are named, and how a prior on Y fixes them.
+//
+// Internal to calib/registration; the method is described there.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "calib/registration/registration.h"
+
+namespace etalon {
+
+struct XY {
+    Rigid camera_from_base, carriage_from_marker;
+};
+
+// d all pixels / d (X, Y), in standard deviations.
+using RegistrationJacobian = Eigen::Matrix<double, Eigen::Dynamic, 12>;
+
+// A motion of the base frame, X' = X Exp(twist), that Y can undo: rotation, then translation.
+using Twist = Vector6d;
+
+struct RegistrationRank {
+    int rank = 0;
+    double condition_number = 0.0;  // of the column-scaled Jacobian, determined directions only
+    std::vector<Twist> freedoms;    // pure shifts first, each with a largest entry of about 1
+};
+
+// From the singular values of the column-scaled Jacobian. Throws NumericalError for more than 4
+// freedoms: a single linear axis has 4, more means that the stage hardly moved.
+RegistrationRank registration_rank(const RegistrationJacobian& jacobian, const XY& xy);
+
+// With the name and the direction in (X, Y) that the report shows.
+GaugeFreedom gauge_freedom(const Twist& twist, const XY& xy, const Rigid& base_from_carriage);
+
+// Directions that all poses say less about than one would if Y were known. The ratio is the squared
+// sine of the angle between the columns of X and those of Y (canonical correlation; Bjorck and
+// Golub, Math. Comp. 27, 1973), times the number of poses: it depends on no unit and on no choice
+// of origin. `middle_mm`: of the marker's positions, base frame; a motion's shift is that of this
+// point, and it counts as a shift when that is more than the arc of its turn at 100 mm.
+std::vector<WeakDirection> weak_directions(const RegistrationJacobian& jacobian, const XY& xy,
+                                           const std::vector<Twist>& freedoms,
+                                           const Eigen::Vector3d& middle_mm, std::size_t poses);
+
+// Moves along the freedoms to the carriage_from_marker nearest to the nominal one (rotations count
+// as arcs of 100 mm radius). Exact: the predicted pixels do not change. `base_from_carriage` is any
+// one of the run. Throws NumericalError when that does not converge.
+XY nearest_to_prior(XY xy, const std::vector<Twist>& freedoms, const Rigid& base_from_carriage,
+                    const Rigid& nominal_carriage_from_marker);
+
+// Covariance of (X, Y) with the freedoms held where the prior puts them.
+Matrix12d constrained_covariance(const RegistrationJacobian& jacobian,
+                                 const std::vector<GaugeFreedom>& freedoms);
+
+}  // namespace etalon

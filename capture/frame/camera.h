@@ -1,0 +1,143 @@
+// A camera that takes pictures on request, whatever is behind it: a GenICam device, a V4L2 or
+// libcamera one, a folder of recorded images, or a mock. The contract that every backend keeps
+// (tests/capture/frame/camera_contract.h checks it for each of them):
+//
+//   closed -- open (constructor) --> idle -- configure --> configured -- arm --> armed
+//   armed -- frame_after --> armed          armed -- disarm --> configured
+//   any -- the device is gone: DeviceError --> lost -- reconnect --> as it was before
+//
+//   * A `complete` frame from frame_after(t) began its exposure after t, the uncertainty of the
+//     clock mapping included. A backend that cannot know drains or restarts until it does.
+//   * What was asked is what the camera does, or DeviceError says the difference: every setting is
+//     read back. A configure() that threw leaves the camera idle.
+//   * An incomplete frame comes back with its status and without an image; it is never handed on
+//     as good. Codes are in the low bits of a pixel, 9 to 16 bits in 16, none lost.
+//   * Automatic and enhancing functions of the device are off; remarks() names those that cannot
+//   be.
+//   * disarm() and the destructor never throw and never hang (bounded by 3 s), lost or not.
+//
+// One thread owns a camera; only the stop_token may be triggered from another.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "core/image.h"
+
+namespace etalon {
+
+struct CameraIdentity {
+    std::string uri;                    // "genicam:127.0.0.1", "v4l2:/dev/video0", "files:photos"
+    std::string vendor, model, serial;  // empty where the device does not say
+};
+
+// Counters since opening, for the record.
+struct CaptureStatistics {
+    long delivered = 0;  // complete frames handed out
+    long rejected = 0;   // too old, short, corrupt or lost, and triggered again
+    long missing_packets = 0;
+    long resent_packets = 0;  // that came after they were asked for again
+    long underruns = 0;       // frames that found no buffer to be written to
+    long skipped = 0;         // that the device's frame counter counted and nobody received
+    long reconnects = 0;
+};
+
+// ---- what a device can do, as `etalon devices` prints it
+// -----------------------------------------
+
+// Image sizes from `smallest` to `largest` in steps; one single size has both equal.
+struct FrameSizes {
+    cv::Size smallest, largest;
+    cv::Size step{1, 1};
+};
+
+struct CameraFormat {
+    std::string name;         // what CaptureSettings::format takes
+    std::string description;  // the device's own words; may be empty
+    int bits = 0;             // of a pixel as delivered; 0: this program cannot unpack the format
+    std::vector<FrameSizes> sizes;
+};
+
+struct CameraControl {
+    std::string name;   // the device's own
+    std::string value;  // now: a number, or the chosen one of `choices`
+    std::string unit;   // empty where the device does not say
+    // Of numbers; nothing where the device does not say.
+    std::optional<double> low, high, step;
+    std::vector<std::string> choices;  // of a menu
+    bool read_only = false;
+};
+
+struct CameraAbilities {
+    std::vector<CameraFormat> formats;
+    std::vector<CameraControl> controls;
+};
+
+// ---- the camera
+// ----------------------------------------------------------------------------------
+
+class Camera {
+public:
+    virtual ~Camera() = default;
+
+    virtual const CameraIdentity& identity() const = 0;
+
+    // Asks the device; for an idle or configured camera. Throws DeviceError when it is gone. Empty
+    // for what is no device.
+    virtual CameraAbilities abilities() const { return {}; }
+
+    // Applies the settings, reads every one back, returns what is in force (format and trigger by
+    // name, bits and size as numbers). Throws DeviceError when the device refuses or changes one by
+    // more than its own step.
+    virtual CaptureSettings configure(const CaptureSettings& wanted) = 0;
+
+    virtual void arm() = 0;
+
+    // Triggers and returns a frame whose exposure began after `t`. Bad frames are triggered again,
+    // at most `retries` times, and counted; then the last one comes back with its status.
+    // Throws DeviceError when the device is gone, Interrupted when a stop was requested.
+    virtual Frame frame_after(Instant t, int retries, std::stop_token stop) = 0;
+
+    virtual void disarm() noexcept = 0;
+
+    // After the device was gone: waits for it until `deadline`, opens it anew, requires the same
+    // serial number, applies the settings that were in force and compares, and arms if it was
+    // armed. May be tried again. Throws DeviceError when it does not come back as it was, and
+    // always where a device cannot come back; Interrupted when a stop was requested.
+    virtual void reconnect(Instant deadline, std::stop_token stop);
+
+    virtual CaptureStatistics statistics() const = 0;
+
+    // What limits this connection or cannot be switched off, one line each, for the record and the
+    // operator ("the kernel grants a receive buffer of 212992 bytes, 4194304 were asked ...",
+    // "sharpness stays at 3: it cannot be switched off"). Usually empty.
+    virtual std::vector<std::string> remarks() const { return {}; }
+};
+
+// What `etalon devices` prints.
+struct CameraBackend {
+    std::string name;                     // "genicam", "files"
+    bool built_in = false;                // false: its SDK was missing when this program was built
+    std::string detail;                   // the SDK's version, or why it is left out
+    std::vector<CameraIdentity> cameras;  // found now
+};
+std::vector<CameraBackend> list_cameras();
+
+// Options of a connection that are no exposure settings.
+struct CameraLink {
+    std::chrono::milliseconds frame_timeout{1000};  // from trigger to complete frame
+    // GigE Vision only.
+    int packet_size = 1400;                     // bytes
+    std::chrono::microseconds packet_delay{0};  // between two packets; 0 leaves the device's own
+    std::string
+        interface;  // IP address of the network card to use; empty: the library looks for it
+};
+
+// Opens by URI: `genicam:ID-or-IP`, `v4l2:/dev/video0`, `libcamera:ID`, `files:FOLDER`. Throws
+// ConfigError for a URI that no backend knows and DeviceError when the device does not answer.
+std::unique_ptr<Camera> open_camera(const std::string& uri, const CameraLink& link, Clock& clock);
+
+}  // namespace etalon

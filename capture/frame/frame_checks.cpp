@@ -1,0 +1,155 @@
+#include "capture/frame/frame_checks.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/errors.h"
+
+namespace etalon {
+
+namespace {
+
+constexpr std::uint64_t wrapping_ids = 65535;  // 1..65535, then 1 again
+
+// Steps from `last` forward to `id`, both wrapping ones.
+std::uint64_t ahead(std::uint64_t last, std::uint64_t id) {
+    return (id + wrapping_ids - last) % wrapping_ids;
+}
+
+}  // namespace
+
+bool frame_id_advanced(std::uint64_t last, std::uint64_t id) {
+    if (last > wrapping_ids || id > wrapping_ids)
+        return id > last;
+    return ahead(last, id) > 0 && ahead(last, id) <= wrapping_ids / 2;
+}
+
+std::uint64_t frames_between(std::uint64_t last, std::uint64_t id) {
+    return (last > wrapping_ids || id > wrapping_ids ? id - last : ahead(last, id)) - 1;
+}
+
+bool bits_fit_depth(int bits, int cv_depth) {
+    return cv_depth == CV_8U ? bits >= 1 && bits <= 8
+                             : cv_depth == CV_16U && bits >= 9 && bits <= 16;
+}
+
+namespace {
+
+// The full scale is all ones, so a code above it has a bit that lies above.
+template <typename Code>
+bool has_bit_above(const cv::Mat& pixels, int full_scale) {
+    Code bits = 0;
+    for (int y = 0; y < pixels.rows; ++y) {
+        const Code* row = pixels.ptr<Code>(y);
+        for (int x = 0; x < pixels.cols; ++x)
+            bits = static_cast<Code>(bits | row[x]);
+    }
+    return bits > full_scale;
+}
+
+}  // namespace
+
+bool can_exceed_full_scale(const PixelFormat& format, int bits) {
+    return bits < format.bits || (format.packing == PixelPacking::words_low && bits < 16);
+}
+
+bool exceeds_full_scale(const CodeImage& image) {
+    return image.pixels.depth() == CV_8U
+               ? has_bit_above<std::uint8_t>(image.pixels, image.full_scale())
+               : has_bit_above<std::uint16_t>(image.pixels, image.full_scale());
+}
+
+std::string code_fault(const CodeImage& image, const PixelFormat& format) {
+    if (!can_exceed_full_scale(format, image.bits) || !exceeds_full_scale(image))
+        return "";
+    return fmt::format(
+        "a code is above {}: the device does not send {} bits in the low bits of a pixel",
+        image.full_scale(), image.bits);
+}
+
+namespace {
+
+using Difference = std::optional<SettingDifference>;
+
+bool nearly_equal(double a, double b) {
+    return std::abs(a - b) <= 1e-6 * std::max(std::abs(a), std::abs(b));
+}
+
+Difference image_difference(const CaptureSettings& wanted, const CaptureSettings& actual) {
+    if ((wanted.width && wanted.width != actual.width) ||
+        (wanted.height && wanted.height != actual.height))
+        return SettingDifference{fmt::format("set image size {}x{}", wanted.width, wanted.height),
+                                 fmt::format("the device uses {}x{}", actual.width, actual.height)};
+    if (wanted.bits && wanted.bits != actual.bits)
+        return SettingDifference{fmt::format("set {} bits a pixel", wanted.bits),
+                                 fmt::format("the device uses {}", actual.bits)};
+    if (!wanted.format.empty() && wanted.format != actual.format)
+        return SettingDifference{"set pixel format " + wanted.format,
+                                 "the device uses " + actual.format};
+    return std::nullopt;
+}
+
+Difference exposure_difference(const CaptureSettings& wanted, const CaptureSettings& actual,
+                               double step_us) {
+    const double error_us =
+        std::abs(static_cast<double>((actual.exposure - wanted.exposure).count()));
+    if (wanted.exposure.count() && error_us > step_us)
+        return SettingDifference{fmt::format("set exposure {} us", wanted.exposure.count()),
+                                 fmt::format("the device uses {} us", actual.exposure.count())};
+    if (!wanted.trigger.empty() && wanted.trigger != actual.trigger)
+        return SettingDifference{
+            "set trigger " + wanted.trigger,
+            "the device uses " + (actual.trigger.empty() ? "none" : actual.trigger)};
+    return std::nullopt;
+}
+
+Difference level_difference(const CaptureSettings& wanted, const CaptureSettings& actual) {
+    if (!(std::abs(actual.gain_db - wanted.gain_db) <= 0.05))
+        return SettingDifference{fmt::format("set gain {} dB", wanted.gain_db),
+                                 fmt::format("the device uses {} dB", actual.gain_db)};
+    if (wanted.black_level &&
+        !(actual.black_level && nearly_equal(*wanted.black_level, *actual.black_level)))
+        return SettingDifference{fmt::format("set black level {}", *wanted.black_level),
+                                 actual.black_level
+                                     ? fmt::format("the device uses {}", *actual.black_level)
+                                     : "the device has none"};
+    return std::nullopt;
+}
+
+Difference control_difference(const CaptureSettings& wanted, const CaptureSettings& actual) {
+    for (const auto& [control, value] : wanted.controls) {
+        const auto found = actual.controls.find(control);
+        if (found == actual.controls.end() || !nearly_equal(found->second, value))
+            return SettingDifference{fmt::format("set {} to {}", control, value),
+                                     found == actual.controls.end()
+                                         ? "the device has no such control"
+                                         : fmt::format("the device uses {}", found->second)};
+    }
+    return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
+                                                  const CaptureSettings& actual,
+                                                  double exposure_step_us) {
+    if (auto difference = image_difference(wanted, actual))
+        return difference;
+    if (auto difference = exposure_difference(wanted, actual, exposure_step_us))
+        return difference;
+    if (auto difference = level_difference(wanted, actual))
+        return difference;
+    return control_difference(wanted, actual);
+}
+
+void wait_until_after(Clock& clock, Instant t, std::stop_token stop) {
+    while (clock.now() <= t)
+        if (!clock.wait_until(t + Duration(1), stop))
+            throw Interrupted();
+    if (stop.stop_requested())
+        throw Interrupted();
+}
+
+}  // namespace etalon

@@ -1,0 +1,72 @@
+// The tests that decide whether a frame, and the settings that it is taken with, are what was asked
+// for. Shared by the backends.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <stop_token>
+#include <string>
+
+#include "capture/frame/camera.h"
+#include "capture/frame/pixel_formats.h"
+#include "core/image.h"
+
+namespace etalon {
+
+// Whether frame `id` comes after frame `last` on a GigE Vision stream. Block ids count 1..65535 and
+// wrap to 1, never to 0 (GigE Vision 1.x); an id that is ahead by less than half of that range
+// counts as later. Ids above 65535 (GigE Vision 2 extended ids, USB3 Vision) never wrap.
+bool frame_id_advanced(std::uint64_t last, std::uint64_t id);
+
+// How many ids lie between frame `last` and the later frame `id`: frames that never came.
+std::uint64_t frames_between(std::uint64_t last, std::uint64_t id);
+
+// Whether the images' container can hold codes of `bits` bits: 8-bit pixels 1..8, 16-bit 9..16.
+bool bits_fit_depth(int bits, int cv_depth);
+
+// Whether a code value lies above the full scale, which means that the device aligns its codes to
+// the high bits or has more bits than was said. Reads every pixel.
+bool exceeds_full_scale(const CodeImage& image);
+
+// Whether that can happen at all: packed codes have no room for more bits than the format's.
+bool can_exceed_full_scale(const PixelFormat& format, int bits);
+
+// What is wrong with the codes of an image of this format, in the words of a DeviceError: they
+// exceed its full scale. Empty if nothing. What a device sends in the wrong bits, no other frame
+// will send right.
+std::string code_fault(const CodeImage& image, const PixelFormat& format);
+
+// A wish that a device did not fulfil, in the words of a DeviceError.
+struct SettingDifference {
+    std::string request;  // "set gain 2.5 dB"
+    std::string cause;    // "the device uses 2 dB"
+};
+
+// The first that differs of size, bits, format, exposure, gain, black level, trigger and further
+// controls: exposure by more than `exposure_step_us`, gain by more than 0.05 dB (cameras' coarsest
+// usual step is 0.1 dB), black level and controls by more than 1e-6 of themselves. Wishes of 0 for
+// size, bits and exposure, and empty ones, are none.
+std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
+                                                  const CaptureSettings& actual,
+                                                  double exposure_step_us);
+
+// The retries of Camera::frame_after(): takes frames until one is complete, at most 1 + `retries`,
+// and counts them. Returns the last.
+template <class Take>
+Frame first_complete_frame(int retries, CaptureStatistics& statistics, const Take& take) {
+    Frame frame;
+    for (int attempt = 0; attempt <= retries; ++attempt) {
+        frame = take();
+        if (frame.status == FrameStatus::complete) {
+            ++statistics.delivered;
+            return frame;
+        }
+        ++statistics.rejected;
+    }
+    return frame;
+}
+
+// Returns once the clock is past t. Throws Interrupted when a stop is requested.
+void wait_until_after(Clock& clock, Instant t, std::stop_token stop);
+
+}  // namespace etalon

@@ -1,0 +1,64 @@
+// What a frame of a GenICam device says of itself, in chunks that are sent with the image: the
+// exposure time and the gain that it was taken with, its time stamp and its number. They are
+// switched on where the device has them (names of SFNC 2). Aravis' parser evaluates them, since the
+// device's description says how; it trusts every length, so the chunks' layout is checked before it
+// sees a frame, and only values that lie in chunks as they are, without selectors, are used.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/genicam/chunk_layout.h"
+#include "capture/genicam/genicam_device.h"
+
+typedef struct _ArvChunkParser ArvChunkParser;
+typedef struct _ArvBuffer ArvBuffer;
+
+namespace etalon {
+
+// As far as the device says.
+struct ChunkValues {
+    std::optional<double> exposure_us, gain_db;
+    std::optional<std::uint64_t> time_ns, frame_id;
+};
+
+// A value, and what of which chunks it is made from.
+struct ChunkField {
+    struct Source {
+        std::uint32_t id;
+        std::size_t bytes;  // that the chunk needs at least
+    };
+    std::string feature;  // "ChunkExposureTime"
+    std::vector<Source> sources;
+    bool whole = false;                // a whole number
+    std::uint64_t ticks_a_second = 0;  // of a time stamp; 0: it counts nanoseconds
+};
+
+struct GenicamChunks {
+    bool active = false;  // whether the device sends chunks
+    std::vector<ChunkField> fields;
+    std::shared_ptr<ArvChunkParser> parser;
+};
+
+// Chunk mode is on afterwards if the device has one of the values that are of use, else off, unless
+// it will not be switched off: ask. Throw DeviceError when the device does not answer.
+GenicamChunks switch_chunks_on(const GenicamDevice& device);
+bool chunks_are_on(const GenicamDevice& device);
+
+// Whether the library can read the chunks of this buffer's payload type.
+bool chunks_are_readable(ArvBuffer* buffer);
+
+// The values of a frame whose chunks are in `parts`. Returns what is wrong: a chunk that is
+// missing, too short or cannot be evaluated; empty if nothing.
+[[nodiscard]] std::string read_chunks(const GenicamChunks& chunks, ArvBuffer* buffer,
+                                      const PayloadParts& parts, ChunkValues& values);
+
+// What of a frame is not as the settings say, in words; empty if nothing. The exposure may differ
+// by `exposure_step_us`, 1 us or a thousandth, the gain by 0.05 dB.
+std::string contradiction(const ChunkValues& values, const CaptureSettings& settings,
+                          double exposure_step_us);
+
+}  // namespace etalon

@@ -1,0 +1,169 @@
+#include "capture/genicam/genicam_device.h"
+
+#include <arv.h>
+#include <fmt/format.h>
+
+#include <cmath>
+#include <system_error>
+#include <thread>
+
+#include "capture/genicam/genicam_support.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+using LostFlag = std::shared_ptr<std::atomic<bool>>;
+
+struct UnrefAddress {
+    void operator()(GInetAddress* address) const { g_object_unref(address); }
+};
+using Address = std::unique_ptr<GInetAddress, UnrefAddress>;
+
+std::string text_or_empty(const char* text) {
+    return text ? text : "";
+}
+
+// On the library's heartbeat thread, where nothing but a flag may be touched.
+void control_lost(ArvDevice*, const LostFlag* lost) {
+    **lost = true;
+}
+
+void drop_flag(gpointer flag, GClosure*) {
+    delete static_cast<LostFlag*>(flag);
+}
+
+}  // namespace
+
+ErrorSlot::~ErrorSlot() {
+    g_clear_error(&error_);
+}
+
+std::string ErrorSlot::message() const {
+    return error_ ? error_->message : "";
+}
+
+bool ErrorSlot::is_silence() const {
+    for (const int code : {ARV_DEVICE_ERROR_TIMEOUT, ARV_DEVICE_ERROR_NOT_CONNECTED,
+                           ARV_DEVICE_ERROR_NOT_CONTROLLER, ARV_DEVICE_ERROR_TRANSFER_ERROR})
+        if (error_ && g_error_matches(error_, ARV_DEVICE_ERROR, code))
+            return true;
+    return false;
+}
+
+void UnrefObject::operator()(void* object) const {
+    g_object_unref(object);
+}
+
+void release_in_background(std::shared_ptr<void> object) noexcept {
+    try {
+        std::thread([held = std::move(object)]() mutable { held.reset(); }).detach();
+    } catch (const std::system_error&) {
+        // No thread to be had: the object's own destructor has waited instead.
+    }
+}
+
+GenicamDevice::GenicamDevice(const std::string& id, const CameraLink& link)
+    : name_("camera genicam:" + id) {
+    open(id, link);
+    watch_control();
+    read_identity(id);
+    set_up_transport(link);
+}
+
+GenicamDevice::~GenicamDevice() {
+    if (lost())
+        release_in_background(std::move(camera_));
+}
+
+void GenicamDevice::fail(const std::string& request, const std::string& cause) const {
+    throw DeviceError(name_, request, cause);
+}
+
+void GenicamDevice::require_answer(const std::string& request, const ErrorSlot& error) const {
+    if (!error)
+        return;
+    if (!error.is_silence())
+        fail(request, error.message());
+    *lost_ = true;
+    fail(request, "the camera is lost: " + error.message());
+}
+
+bool GenicamDevice::has(const char* feature) const {
+    return says_yes(
+        [&](GError** e) { return arv_camera_is_feature_available(camera(), feature, e); });
+}
+
+void GenicamDevice::open(const std::string& id, const CameraLink& link) {
+    camera_.reset(ask("open", [&](GError** e) -> ArvCamera* {
+        if (link.interface.empty())
+            return arv_camera_new(id.c_str(), e);
+        const Address card(g_inet_address_new_from_string(link.interface.c_str()));
+        const Address device(g_inet_address_new_from_string(id.c_str()));
+        if (!card || !device)
+            fail("open", fmt::format("through the network card {} it can only be opened by its IP "
+                                     "address",
+                                     link.interface));
+        const std::unique_ptr<ArvDevice, UnrefObject> opened(
+            arv_gv_device_new(card.get(), device.get(), e));
+        return opened ? arv_camera_new_with_device(opened.get(), e) : nullptr;
+    }));
+    if (!camera_)
+        fail("open", "no such device");
+    if (arv_camera_is_gv_device(camera()) &&
+        !arv_gv_device_is_controller(ARV_GV_DEVICE(arv_camera_get_device(camera()))))
+        fail("open", "it is controlled by another program");
+}
+
+void GenicamDevice::watch_control() {
+    g_signal_connect_data(arv_camera_get_device(camera()), "control-lost", G_CALLBACK(control_lost),
+                          new LostFlag(lost_), drop_flag, GConnectFlags(0));
+}
+
+void GenicamDevice::read_identity(const std::string& id) {
+    const auto text = [&](auto getter) {
+        ErrorSlot ignored;  // not every device says all of these
+        return text_or_empty(getter(camera(), ignored.out()));
+    };
+    identity_.uri = "genicam:" + id;
+    identity_.vendor = text(arv_camera_get_vendor_name);
+    identity_.model = text(arv_camera_get_model_name);
+    identity_.serial = text(arv_camera_get_device_serial_number);
+    if (identity_.serial.empty())
+        identity_.serial = text(arv_camera_get_device_id);
+}
+
+void GenicamDevice::set_up_transport(const CameraLink& link) {
+    arv_camera_set_range_check_policy(camera(), ARV_RANGE_CHECK_POLICY_ENABLE);
+    if (!arv_camera_is_gv_device(camera()))
+        return;
+    arv_camera_gv_set_stream_options(camera(), ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
+    arv_camera_gv_set_packet_size_adjustment(camera(), ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
+    set_packets(link);
+    const int granted = granted_receive_buffer(receive_buffer_bytes);
+    if (granted < receive_buffer_bytes)
+        remarks_.push_back(
+            fmt::format("the kernel grants a receive buffer of {} bytes, {} were asked for "
+                        "(net.core.rmem_max): large frames may lose packets",
+                        granted, receive_buffer_bytes));
+}
+
+void GenicamDevice::set_packets(const CameraLink& link) {
+    const std::string request = fmt::format("set packet size {}", link.packet_size);
+    ask(request, [&](GError** e) { arv_camera_gv_set_packet_size(camera(), link.packet_size, e); });
+    const guint size =
+        ask(request, [&](GError** e) { return arv_camera_gv_get_packet_size(camera(), e); });
+    if (static_cast<int>(size) != link.packet_size)
+        fail(request, fmt::format("the device uses {}", size));
+    if (link.packet_delay.count() == 0)
+        return;
+    const std::string delay = fmt::format("set packet delay {} us", link.packet_delay.count());
+    const gint64 asked_ns = std::chrono::nanoseconds(link.packet_delay).count();
+    ask(delay, [&](GError** e) { arv_camera_gv_set_packet_delay(camera(), asked_ns, e); });
+    const gint64 actual_ns =
+        ask(delay, [&](GError** e) { return arv_camera_gv_get_packet_delay(camera(), e); });
+    if (std::abs(actual_ns - asked_ns) > 1000)  // clocks of cameras tick within a microsecond
+        fail(delay, fmt::format("the device uses {} ns", actual_ns));
+}
+
+}  // namespace etalon

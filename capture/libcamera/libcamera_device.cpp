@@ -1,0 +1,512 @@
+#include "capture/libcamera/libcamera_device.h"
+
+#include <fmt/format.h>
+#include <libcamera/camera.h>
+#include <libcamera/camera_manager.h>
+#include <libcamera/control_ids.h>
+#include <libcamera/framebuffer_allocator.h>
+#include <libcamera/logging.h>
+#include <libcamera/property_ids.h>
+#include <libcamera/version.h>
+#include <linux/dma-buf.h>
+#include <linux/videodev2.h>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <mutex>
+#include <system_error>
+#include <utility>
+
+#include "capture/frame/handover_queue.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+std::string reason(int negative_errno) {
+    return std::generic_category().message(-negative_errno);
+}
+
+// ---- the one camera manager ----------------------------------------------------------------
+
+// libcamera allows one manager in a process. It lives while somebody holds a lease; the next one
+// after that looks for cameras afresh, which finds a camera that has come back even where no udev
+// announces it.
+class ManagerLease {
+public:
+    ManagerLease() {
+        const std::lock_guard lock(shared().mutex);
+        if (shared().leases == 0)
+            shared().manager = started_manager();
+        ++shared().leases;
+    }
+    ~ManagerLease() {
+        const std::lock_guard lock(shared().mutex);
+        if (--shared().leases == 0)
+            shared().manager.reset();
+    }
+    ManagerLease(const ManagerLease&) = delete;
+    ManagerLease& operator=(const ManagerLease&) = delete;
+
+    libcamera::CameraManager* operator->() const { return shared().manager.get(); }
+
+    // Null if there is none, nor soon: one that was plugged in a moment ago takes some time.
+    std::shared_ptr<libcamera::Camera> find(const std::string& id) const {
+        constexpr auto patience = std::chrono::milliseconds(200);
+        auto camera = shared().manager->get(id);
+        while (!camera && shared().arrivals.pop(patience, {}))
+            camera = shared().manager->get(id);
+        return camera;
+    }
+
+private:
+    struct Shared {
+        std::mutex mutex;
+        std::unique_ptr<libcamera::CameraManager> manager;
+        int leases = 0;
+        HandoverQueue<bool> arrivals;
+
+        // Comes on libcamera's thread.
+        void camera_added(std::shared_ptr<libcamera::Camera>) { arrivals.push(true); }
+    };
+    static Shared& shared() {
+        static Shared& one = *new Shared;  // for as long as the background may still use it
+        return one;
+    }
+
+    static std::unique_ptr<libcamera::CameraManager> started_manager() {
+        // It would write to stderr, which is the program's; an operator can still ask it to.
+        if (!std::getenv("LIBCAMERA_LOG_LEVELS") && !std::getenv("LIBCAMERA_LOG_FILE"))
+            libcamera::logSetTarget(libcamera::LoggingTargetNone);
+        auto manager = std::make_unique<libcamera::CameraManager>();
+        manager->cameraAdded.connect(&shared(), &Shared::camera_added);
+        if (const int result = manager->start(); result < 0)
+            throw DeviceError("libcamera", "start", reason(result));
+        return manager;
+    }
+};
+
+// ---- values --------------------------------------------------------------------------------
+
+// A scalar of any type as a number; nothing for arrays, rectangles and texts.
+std::optional<double> number_in(const libcamera::ControlValue& value) {
+    if (value.isArray())
+        return std::nullopt;
+    switch (value.type()) {
+        case libcamera::ControlTypeBool:
+            return value.get<bool>() ? 1.0 : 0.0;
+        case libcamera::ControlTypeByte:
+            return value.get<std::uint8_t>();
+        case libcamera::ControlTypeInteger32:
+            return value.get<std::int32_t>();
+        case libcamera::ControlTypeInteger64:
+            return static_cast<double>(value.get<std::int64_t>());
+        case libcamera::ControlTypeFloat:
+            return value.get<float>();
+        default:
+            return std::nullopt;
+    }
+}
+
+libcamera::ControlValue value_of(libcamera::ControlType type, double number) {
+    switch (type) {
+        case libcamera::ControlTypeBool:
+            return number != 0.0;
+        case libcamera::ControlTypeByte:
+            return static_cast<std::uint8_t>(number);
+        case libcamera::ControlTypeInteger32:
+            return static_cast<std::int32_t>(number);
+        case libcamera::ControlTypeInteger64:
+            return static_cast<std::int64_t>(number);
+        case libcamera::ControlTypeFloat:
+            return static_cast<float>(number);
+        default:
+            return {};
+    }
+}
+
+LibcameraValues values_in(const libcamera::ControlList& list) {
+    LibcameraValues values;
+    if (!list.idMap())
+        return values;
+    for (const auto& [id, value] : list) {
+        const auto known = list.idMap()->find(id);
+        const std::optional<double> number = number_in(value);
+        if (known != list.idMap()->end() && number)
+            values[known->second->name()] = *number;
+    }
+    return values;
+}
+
+CameraIdentity identity_of(const libcamera::Camera& camera) {
+    CameraIdentity identity{"libcamera:" + camera.id(), "", "", ""};
+    if (const auto model = camera.properties().get(libcamera::properties::Model))
+        identity.model = std::string(*model);
+    return identity;
+}
+
+cv::Size size_of(const libcamera::Size& size) {
+    return {static_cast<int>(size.width), static_cast<int>(size.height)};
+}
+
+std::vector<FrameSizes> sizes_of(const libcamera::StreamFormats& formats,
+                                 const libcamera::PixelFormat& format) {
+    const libcamera::SizeRange range = formats.range(format);
+    if (range.hStep && range.vStep)
+        return {{size_of(range.min), size_of(range.max),
+                 cv::Size(static_cast<int>(range.hStep), static_cast<int>(range.vStep))}};
+    std::vector<FrameSizes> sizes;
+    for (const libcamera::Size& size : formats.sizes(format))
+        sizes.push_back({size_of(size), size_of(size)});
+    return sizes;
+}
+
+// ---- buffers -------------------------------------------------------------------------------
+
+// The first plane of a frame buffer, mapped for reading. It holds all of a frame, or the luma of
+// formats that keep it apart.
+class MappedPlane {
+public:
+    explicit MappedPlane(const libcamera::FrameBuffer& buffer)
+        : buffer_(buffer), plane_(buffer.planes()[0]), length_(plane_.offset + plane_.length) {
+        memory_ = mmap(nullptr, length_, PROT_READ, MAP_SHARED, plane_.fd.get(), 0);
+        if (memory_ == MAP_FAILED)
+            throw std::system_error(errno, std::generic_category());
+    }
+    ~MappedPlane() { munmap(memory_, length_); }
+    MappedPlane(const MappedPlane&) = delete;
+    MappedPlane& operator=(const MappedPlane&) = delete;
+
+    // Reading begins or ends; for machines whose caches the device's writing passes by. Buffers
+    // that are not of that kind refuse, and need none.
+    void synchronise(std::uint64_t begin_or_end) const {
+        dma_buf_sync sync{DMA_BUF_SYNC_READ | begin_or_end};
+        ioctl(plane_.fd.get(), DMA_BUF_IOCTL_SYNC, &sync);
+    }
+
+    std::span<const std::uint8_t> filled() const {
+        const auto planes = buffer_.metadata().planes();
+        const std::size_t used = planes.empty() ? 0 : planes[0].bytesused;
+        return {static_cast<const std::uint8_t*>(memory_) + plane_.offset,
+                std::min<std::size_t>(used, plane_.length)};
+    }
+
+private:
+    const libcamera::FrameBuffer& buffer_;
+    const libcamera::FrameBuffer::Plane& plane_;
+    std::size_t length_;
+    void* memory_ = nullptr;
+};
+
+// ---- devices that are gone ------------------------------------------------------------------
+
+// Whether the kernel has taken away a video device that this process has open. libcamera does not
+// say which devices are its own, so all of them are asked: a question that changes nothing.
+bool a_video_device_is_gone() {
+    constexpr unsigned video4linux_major = 81;
+    std::error_code unreadable;
+    for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd", unreadable)) {
+        const int descriptor = std::atoi(entry.path().filename().c_str());
+        struct stat file {};
+        v4l2_capability capability{};
+        if (fstat(descriptor, &file) == 0 && S_ISCHR(file.st_mode) &&
+            major(file.st_rdev) == video4linux_major &&
+            ioctl(descriptor, VIDIOC_QUERYCAP, &capability) < 0 && errno == ENODEV)
+            return true;
+    }
+    return false;
+}
+
+// ---- the device ----------------------------------------------------------------------------
+
+class Device final : public LibcameraDevice {
+public:
+    explicit Device(std::shared_ptr<libcamera::Camera> camera);
+    ~Device() override;
+    Device(const Device&) = delete;
+    Device& operator=(const Device&) = delete;
+
+    const CameraIdentity& identity() const override { return identity_; }
+    std::vector<LibcameraFormat> formats() const override;
+    std::map<std::string, LibcameraRange> controls() const override;
+    LibcameraStream configure(const std::string& format, cv::Size size) override;
+    void start(const std::vector<LibcameraValues>& controls) override;
+    std::optional<LibcameraFrame> next(Duration at_most, const std::stop_token& stop) override;
+    void give_back(int buffer) override;
+    KernelTime time() const override;
+    bool disconnected() const override { return disconnected_; }
+    bool is_silently_gone() const override { return a_video_device_is_gone(); }
+    void stop() noexcept override;
+
+private:
+    void require(const std::string& request, int result) const;
+    [[noreturn]] void fail(const std::string& request, const std::string& cause) const;
+    std::vector<std::unique_ptr<libcamera::CameraConfiguration>> proposals() const;
+    std::unique_ptr<libcamera::CameraConfiguration> proposal_with(
+        const libcamera::PixelFormat& format) const;
+    void make_requests();
+    void set_controls(libcamera::Request& request, const LibcameraValues& values) const;
+    void queue(libcamera::Request& request);
+    void wait_until_stopping_is_safe();
+
+    // These two come on libcamera's thread.
+    void request_completed(libcamera::Request* request) { completed_.push(request); }
+    void camera_disconnected() {
+        disconnected_ = true;
+        completed_.end();
+    }
+
+    ManagerLease manager_;
+    std::shared_ptr<libcamera::Camera> camera_;
+    CameraIdentity identity_;
+
+    std::unique_ptr<libcamera::CameraConfiguration> configuration_;
+    std::unique_ptr<libcamera::FrameBufferAllocator> allocator_;
+    std::vector<std::unique_ptr<MappedPlane>> planes_;
+    std::vector<std::unique_ptr<libcamera::Request>> requests_;  // one for each plane
+    bool running_ = false;
+    int queued_ = 0;  // requests that have not come back
+
+    HandoverQueue<libcamera::Request*> completed_;
+    std::atomic<bool> disconnected_{false};
+};
+
+void Device::fail(const std::string& request, const std::string& cause) const {
+    throw DeviceError("camera " + identity_.uri, request, cause);
+}
+
+void Device::require(const std::string& request, int result) const {
+    if (result < 0)
+        fail(request, disconnected_ ? "the camera is gone" : reason(result));
+}
+
+Device::Device(std::shared_ptr<libcamera::Camera> camera)
+    : camera_(std::move(camera)), identity_(identity_of(*camera_)) {
+    if (const int result = camera_->acquire(); result == -EBUSY)
+        fail("open", "another program uses it");
+    else
+        require("open", result);
+    camera_->requestCompleted.connect(this, &Device::request_completed);
+    camera_->disconnected.connect(this, &Device::camera_disconnected);
+}
+
+Device::~Device() {
+    stop();
+    camera_->disconnected.disconnect(this);
+    camera_->requestCompleted.disconnect(this);
+    configuration_.reset();
+    camera_->release();
+    camera_.reset();  // before the manager
+}
+
+// One stream each: the sensor's own codes, and what a processor makes of them. A USB camera
+// proposes the same for both.
+std::vector<std::unique_ptr<libcamera::CameraConfiguration>> Device::proposals() const {
+    std::vector<std::unique_ptr<libcamera::CameraConfiguration>> proposals;
+    for (const libcamera::StreamRole role :
+         {libcamera::StreamRole::Raw, libcamera::StreamRole::Viewfinder}) {
+        auto proposal = camera_->generateConfiguration({role});
+        if (proposal && !proposal->empty())
+            proposals.push_back(std::move(proposal));
+    }
+    return proposals;
+}
+
+std::unique_ptr<libcamera::CameraConfiguration> Device::proposal_with(
+    const libcamera::PixelFormat& format) const {
+    for (auto& proposal : proposals()) {
+        const auto offered = proposal->at(0).formats().pixelformats();
+        if (std::find(offered.begin(), offered.end(), format) != offered.end())
+            return std::move(proposal);
+    }
+    return nullptr;
+}
+
+std::vector<LibcameraFormat> Device::formats() const {
+    std::vector<LibcameraFormat> formats;
+    for (const auto& proposal : proposals()) {
+        const libcamera::StreamFormats& offered = proposal->at(0).formats();
+        for (const libcamera::PixelFormat& format : offered.pixelformats()) {
+            const std::string name = format.toString();
+            if (std::none_of(formats.begin(), formats.end(),
+                             [&](const LibcameraFormat& known) { return known.name == name; }))
+                formats.push_back({name, sizes_of(offered, format)});
+        }
+    }
+    return formats;
+}
+
+std::map<std::string, LibcameraRange> Device::controls() const {
+    std::map<std::string, LibcameraRange> controls;
+    for (const auto& [id, info] : camera_->controls()) {
+        const auto low = number_in(info.min()), high = number_in(info.max());
+        if (low && high && *low <= *high)  // some drivers' limits are nonsense
+            controls[id->name()] = {*low, *high, number_in(info.def()).value_or(*low)};
+    }
+    return controls;
+}
+
+LibcameraStream Device::configure(const std::string& format, cv::Size size) {
+    const auto wanted = libcamera::PixelFormat::fromString(format);
+    configuration_ = proposal_with(wanted);
+    if (!configuration_)
+        fail("set pixel format " + format, "the camera does not offer it");
+    libcamera::StreamConfiguration& stream = configuration_->at(0);
+    stream.pixelFormat = wanted;
+    if (!size.empty())
+        stream.size = {static_cast<unsigned>(size.width), static_cast<unsigned>(size.height)};
+    const std::string request = "configure " + stream.toString();
+    if (configuration_->validate() == libcamera::CameraConfiguration::Invalid)
+        fail(request, "libcamera finds it invalid");
+    require(request, camera_->configure(configuration_.get()));
+    const auto& colour = stream.colorSpace;
+    return {stream.pixelFormat.toString(), size_of(stream.size), stream.stride,
+            colour && colour->ycbcrEncoding != libcamera::ColorSpace::YcbcrEncoding::None &&
+                colour->range == libcamera::ColorSpace::Range::Limited};
+}
+
+void Device::make_requests() {
+    libcamera::Stream* stream = configuration_->at(0).stream();
+    allocator_ = std::make_unique<libcamera::FrameBufferAllocator>(camera_);
+    require("allocate buffers", allocator_->allocate(stream));
+    for (const auto& buffer : allocator_->buffers(stream)) {
+        if (buffer->planes().empty())
+            fail("allocate buffers", "one has no memory");
+        auto request = camera_->createRequest(planes_.size());
+        if (!request)
+            fail("create a request", "libcamera gave none");
+        require("create a request", request->addBuffer(stream, buffer.get()));
+        try {
+            planes_.push_back(std::make_unique<MappedPlane>(*buffer));
+        } catch (const std::system_error& error) {
+            fail("map a buffer", error.code().message());
+        }
+        requests_.push_back(std::move(request));
+    }
+}
+
+void Device::start(const std::vector<LibcameraValues>& controls) {
+    if (!configuration_)
+        fail("start", "the camera is not configured");
+    make_requests();
+    require("start", camera_->start());
+    running_ = true;
+    for (std::size_t i = 0; i < requests_.size(); ++i) {
+        if (i < controls.size())
+            set_controls(*requests_[i], controls[i]);
+        queue(*requests_[i]);
+    }
+}
+
+void Device::set_controls(libcamera::Request& request, const LibcameraValues& values) const {
+    for (const auto& [id, info] : camera_->controls())
+        if (const auto value = values.find(id->name()); value != values.end())
+            request.controls().set(id->id(), value_of(id->type(), value->second));
+}
+
+void Device::queue(libcamera::Request& request) {
+    require("queue a request", camera_->queueRequest(&request));
+    ++queued_;
+}
+
+std::optional<LibcameraFrame> Device::next(Duration at_most, const std::stop_token& stop) {
+    const std::optional<libcamera::Request*> completed = completed_.pop(at_most, stop);
+    if (!completed)
+        return std::nullopt;
+    --queued_;
+    libcamera::Request& request = **completed;
+    LibcameraFrame frame;
+    frame.buffer = static_cast<int>(request.cookie());
+    const libcamera::FrameMetadata& buffer = request.buffers().begin()->second->metadata();
+    frame.status =
+        request.status() == libcamera::Request::RequestCancelled ? LibcameraFrame::Status::cancelled
+        : buffer.status == libcamera::FrameMetadata::FrameSuccess ? LibcameraFrame::Status::complete
+                                                                  : LibcameraFrame::Status::error;
+    if (frame.status == LibcameraFrame::Status::cancelled)
+        return frame;
+    frame.sequence = buffer.sequence;
+    frame.timestamp_ns = request.metadata().get(libcamera::controls::SensorTimestamp);
+    frame.metadata = values_in(request.metadata());
+    const MappedPlane& plane = *planes_[request.cookie()];
+    plane.synchronise(DMA_BUF_SYNC_START);
+    frame.data = plane.filled();
+    return frame;
+}
+
+void Device::give_back(int buffer) {
+    const auto index = static_cast<std::size_t>(buffer);
+    planes_.at(index)->synchronise(DMA_BUF_SYNC_END);
+    requests_[index]->reuse(libcamera::Request::ReuseBuffers);
+    queue(*requests_[index]);
+}
+
+KernelTime Device::time() const {
+    const auto read = [](clockid_t clock) {
+        timespec time{};
+        clock_gettime(clock, &time);
+        return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+    };
+    return {read(CLOCK_MONOTONIC), read(CLOCK_BOOTTIME)};
+}
+
+// libcamera ends the program when it has to stop a device that is gone, of which it has not heard
+// yet, while requests are queued: their buffers do not come back (an assertion in its
+// PipelineHandler::stop()). So either they have come back, or libcamera knows.
+void Device::wait_until_stopping_is_safe() {
+    while (queued_ > 0 && !disconnected_ && a_video_device_is_gone())
+        if (completed_.pop(std::chrono::seconds(1), {}))
+            --queued_;
+}
+
+void Device::stop() noexcept {
+    if (running_) {
+        wait_until_stopping_is_safe();
+        camera_->stop();
+    }
+    running_ = false;
+    queued_ = 0;
+    completed_.clear();
+    requests_.clear();
+    planes_.clear();
+    allocator_.reset();
+}
+
+}  // namespace
+
+// Twice, because libcamera misses what udev announces after it has looked at the devices and before
+// it listens. A new manager looks again.
+std::unique_ptr<LibcameraDevice> open_libcamera_device(const std::string& id) {
+    for (int look = 1; look <= 2; ++look) {
+        const ManagerLease manager;
+        if (auto camera = manager.find(id))
+            return std::make_unique<Device>(std::move(camera));
+    }
+    throw DeviceError("camera libcamera:" + id, "open",
+                      "no such camera; `etalon devices` lists those that there are");
+}
+
+std::vector<CameraIdentity> list_libcamera_cameras() {
+    std::vector<CameraIdentity> found;
+    try {
+        const ManagerLease manager;
+        for (const auto& camera : manager->cameras())
+            found.push_back(identity_of(*camera));
+    } catch (const DeviceError&) {
+        // Without a look at the devices there are none to show.
+    }
+    return found;
+}
+
+std::string libcamera_sdk_version() {
+    return fmt::format("libcamera {}.{}.{}", LIBCAMERA_VERSION_MAJOR, LIBCAMERA_VERSION_MINOR,
+                       LIBCAMERA_VERSION_PATCH);
+}
+
+}  // namespace etalon

@@ -1,0 +1,108 @@
+// One libcamera camera, reduced to what the backend needs of it and said in plain types, so that
+// tests can script one. Not a Camera: it neither judges frames nor knows what was wished for.
+//
+// The real one uses only what libcamera 0.0.3 and all later versions have. What differs between
+// them is avoided instead of switched: controls and pixel formats go by their names, so that a
+// control which a version does not have (ExposureTimeMode came with 0.5) is one that this camera
+// does not have.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "capture/frame/camera.h"
+
+namespace etalon {
+
+// Controls or metadata by libcamera's names; booleans are 0 and 1, choices their number. Only
+// scalar ones.
+using LibcameraValues = std::map<std::string, double>;
+
+struct LibcameraRange {
+    double low = 0.0, high = 0.0, standard = 0.0;
+};
+
+struct LibcameraFormat {
+    std::string name;  // "R8", "SRGGB10_CSI2P"
+    std::vector<FrameSizes> sizes;
+};
+
+// What a stream of images is configured to.
+struct LibcameraStream {
+    std::string format;
+    cv::Size size;
+    std::size_t bytes_per_line = 0;
+    bool limited_range = false;  // of YUV formats: codes from 16 to 235 only
+};
+
+// A request that came back.
+struct LibcameraFrame {
+    enum class Status { complete, error, cancelled };
+
+    int buffer = 0;  // to be given back
+    Status status = Status::complete;
+    std::uint64_t sequence = 0;                // counts the device's frames since start()
+    std::optional<std::int64_t> timestamp_ns;  // SensorTimestamp
+    LibcameraValues metadata;
+    std::span<const std::uint8_t> data;  // of the first plane; valid until given back
+};
+
+// The clocks that a SensorTimestamp may refer to, read together. `boot_ns` counts on while the
+// machine is suspended, `monotonic_ns` does not.
+struct KernelTime {
+    std::int64_t monotonic_ns = 0, boot_ns = 0;
+};
+
+// One thread owns it. All throw DeviceError with libcamera's reason, except as said.
+class LibcameraDevice {
+public:
+    virtual ~LibcameraDevice() = default;
+
+    virtual const CameraIdentity& identity() const = 0;
+    virtual std::vector<LibcameraFormat> formats() const = 0;
+    virtual std::map<std::string, LibcameraRange> controls() const = 0;
+
+    // Sets one stream up, not streaming yet. An empty size leaves what libcamera proposes. Both may
+    // be adjusted by the driver: the answer says what it is now.
+    virtual LibcameraStream configure(const std::string& format, cv::Size size) = 0;
+
+    // Starts the stream with every buffer in a request of its own. The i-th of these requests
+    // carries controls[i].
+    virtual void start(const std::vector<LibcameraValues>& controls) = 0;
+
+    // The next request that comes back; nothing if none does within `at_most`, or if the camera was
+    // disconnected. Throws Interrupted as soon as a stop is requested.
+    virtual std::optional<LibcameraFrame> next(Duration at_most, const std::stop_token& stop) = 0;
+
+    virtual void give_back(int buffer) = 0;
+
+    virtual KernelTime time() const = 0;
+
+    // Whether libcamera has said that the device is gone. Safe from every thread.
+    virtual bool disconnected() const = 0;
+
+    // Whether the kernel says so, for a camera that has fallen silent: libcamera hears of it from
+    // udev, later or never. True as well when it is another video device of this process.
+    virtual bool is_silently_gone() const = 0;
+
+    // Ends the stream; nothing if there is none. May take as long as the driver likes, and as long
+    // as libcamera needs to hear that the device is gone.
+    virtual void stop() noexcept = 0;
+};
+
+// `id` as `etalon devices` prints it. Throws DeviceError when there is no such camera or another
+// program has it.
+std::unique_ptr<LibcameraDevice> open_libcamera_device(const std::string& id);
+
+// Takes about a tenth of a second. Empty where libcamera cannot look.
+std::vector<CameraIdentity> list_libcamera_cameras();
+
+std::string libcamera_sdk_version();
+
+}  // namespace etalon

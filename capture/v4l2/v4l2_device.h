@@ -1,0 +1,107 @@
+// One open video node: asking it, with every answer checked, and the image formats it offers. Knows
+// nothing of frames or of exposure: see v4l2_stream.h and v4l2_controls.h.
+//
+// Source: the kernel's Video for Linux API, part I (linux/videodev2.h).
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/frame/camera.h"
+#include "capture/frame/pixel_formats.h"
+#include "capture/v4l2/v4l2_system.h"
+
+namespace etalon {
+
+// What a node says of itself.
+struct V4l2Identity {
+    std::string driver, card;  // "uvcvideo", "Synthetic UVC camera"
+    std::string bus;     // where it is plugged in, "usb-0000:00:14.0-1": the same after replug
+    std::string serial;  // empty where unknown
+    bool operator==(const V4l2Identity&) const = default;
+};
+
+// The format in force. Lines may be longer than their pixels.
+struct V4l2ImageFormat {
+    const PixelFormat* pixels = nullptr;
+    int width = 0, height = 0;
+    std::size_t bytes_per_line = 0;  // 0 for compressed formats
+};
+
+class V4l2Device {
+public:
+    // Opens the node. Throws DeviceError when it cannot be opened or captures no video. `name` is
+    // for errors ("camera v4l2:/dev/video0"); the system outlives the device.
+    V4l2Device(V4l2System& system, const std::string& node, std::string name);
+    ~V4l2Device();
+    V4l2Device(const V4l2Device&) = delete;
+    V4l2Device& operator=(const V4l2Device&) = delete;
+
+    const V4l2Identity& identity() const { return identity_; }
+    bool multi_planar() const { return multi_planar_; }
+    V4l2System& system() const { return system_; }
+    int file() const { return file_; }
+
+    // The v4l2_buf_type of this node's buffers.
+    unsigned buffer_type() const;
+
+    // One ioctl, repeated when a signal interrupts it: 0, or the positive error number. From ENODEV
+    // on the device is lost.
+    int ask(unsigned long request, void* argument);
+
+    // The same, for what must succeed: `what` says it in an error ("start the stream").
+    void require(unsigned long request, void* argument, const std::string& what);
+
+    [[noreturn]] void fail(const std::string& what, const std::string& cause) const;
+    [[noreturn]] void fail(const std::string& what, int error) const;
+
+    // Whether the device has gone: every further request would fail.
+    bool lost() const { return lost_; }
+    void set_lost() { lost_ = true; }
+
+    std::vector<CameraFormat> formats();
+
+    // Sets, reads back, and throws DeviceError when the driver changes anything. Width and height 0
+    // keep what is set.
+    V4l2ImageFormat set_format(const PixelFormat& pixels, int width, int height);
+
+    // Between two frames, as the driver says; 0 where it does not.
+    Duration frame_period();
+
+    // The frame rate, which is no control of V4L2's but is set and listed like one (Hz, told to a
+    // hundredth). Nothing where the driver does not say.
+    std::optional<double> frame_rate();
+    void set_frame_rate(double hz);  // throws where it is none or the driver refuses
+    std::optional<CameraControl> frame_rate_control();
+
+private:
+    void read_capability();
+    std::vector<FrameSizes> sizes(std::uint32_t fourcc);
+    void list_frame_rates(CameraControl& control);
+
+    V4l2System& system_;
+    std::string name_;
+    int file_ = -1;
+    bool multi_planar_ = false;
+    bool lost_ = false;
+    V4l2Identity identity_;
+};
+
+constexpr const char* frame_rate_name = "frame_rate";  // in CaptureSettings::controls
+
+// A format's four characters without trailing blanks, as people write them: "Y10", "Y16 -BE".
+std::string v4l2_format_name(std::uint32_t fourcc);
+
+// The table's format of that name; null where there is none.
+const PixelFormat* find_trimmed_v4l2_format(const std::string& name);
+
+// Runs what a hanging driver may never end. True when it is done; after 1.2 s false, and it goes on
+// in the background, so it must own all that it touches.
+bool run_bounded(const std::function<void()>& task) noexcept;
+
+// What is wrong, in words: "No such device (ENODEV)".
+std::string describe_error(int error);
+
+}  // namespace etalon

@@ -1,0 +1,41 @@
+// What code values do to statistics: rounding, and the ends of the scale.
+//
+// Used by everything that characterises a camera (compare/characterise/black_level.h,
+// photon_transfer.h, transfer_estimate.h, illumination_estimate.h). Not for pixel residuals: those
+// are judged against the whole noise model (compare/photometric/pixel_difference.h).
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "core/image.h"
+
+namespace etalon {
+
+// Variance that rounding to whole code values adds, DN^2 (EMVA 1288 release 4, 2.3).
+inline constexpr double rounding_variance = 1.0 / 12.0;
+
+// Rounding a value with noise of standard deviation sigma (DN) leaves mean and variance (less
+// rounding_variance) right on average over all fractions of a code, but not at each: the standard
+// deviations of these errors over the fractions (Widrow and Kollár, "Quantization noise", 2008,
+// sums over the harmonics). 0.289 DN of the mean without noise, 0.04 at sigma 0.3, none above 1.
+double rounding_uncertainty_of_mean(double sigma);
+double rounding_uncertainty_of_variance(double sigma);
+
+// The code from which on values are cut off: full scale, or below it the highest code, where so
+// many pixels have it that the sensor or a limit in the camera ended the scale there (5 times as
+// many as the code below, and one pixel in a thousand). Throws NumericalError for no images.
+int saturation_code(std::span<const CodeImage> images);
+
+// Share of pixels at code 0, and of those at `saturation` or above.
+double share_at_floor(const CodeImage& image);
+double share_at_saturation(const CodeImage& image, int saturation);
+
+// Throws NumericalError that begins with `what` unless all images are single-channel and have the
+// first one's size and bits.
+void require_alike(std::span<const CodeImage> images, const std::string& what);
+
+// Pixels as CV_32FC1, exact for 16 bits.
+cv::Mat as_float(const CodeImage& image);
+
+}  // namespace etalon

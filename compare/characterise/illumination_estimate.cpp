@@ -1,0 +1,328 @@
+#include "compare/characterise/illumination_estimate.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <opencv2/imgproc.hpp>
+
+#include "compare/characterise/code_statistics.h"
+#include "compare/characterise/uniform_patches.h"
+#include "core/errors.h"
+#include "sim/sensor/sensor_model.h"
+
+namespace etalon {
+namespace {
+
+constexpr double most_clipped = 1e-3;
+constexpr double most_contrast = 20.0;
+constexpr int blocks_across = 40;
+constexpr int least_patches = 20, least_patches_of_a_photo = 4;
+constexpr double least_radius = 0.6;
+constexpr double most_residual = 0.05;
+constexpr double most_corner_uncertainty = 0.025;
+constexpr int rounds = 20;
+
+// Radiance and its uncertainty from a code value's.
+WhitePatch linear_patch(const CameraModel& camera, double mean, double uncertainty) {
+    const Sensor sensor = camera.sensor.value_or(Sensor{});
+    const double range = (1 << sensor.bits) - 1 - sensor.black_dn;
+    const double code = (mean - sensor.black_dn) / range;
+    constexpr double step = 1e-3;
+    const double slope = (decode(sensor.transfer, std::min(code, 1.0 - step) + step) -
+                          decode(sensor.transfer, std::min(code, 1.0 - step) - step)) /
+                         (2.0 * step);
+    WhitePatch patch;
+    patch.radiance = decode(sensor.transfer, code);
+    patch.standard_uncertainty = uncertainty / range * slope;
+    return patch;
+}
+
+void check_flat(const CodeImage& flat, const std::string& name, int saturation) {
+    const double high = share_at_saturation(flat, saturation), low = share_at_floor(flat);
+    if (high > most_clipped)
+        throw NumericalError(
+            fmt::format("illumination: {}: {:.3g} % of the pixels are saturated: "
+                        "expose less",
+                        name, 100.0 * high));
+    if (low > most_clipped)
+        throw NumericalError(
+            fmt::format("illumination: {}: {:.3g} % of the pixels are at code 0: "
+                        "expose more, or raise the black level",
+                        name, 100.0 * low));
+}
+
+void check_contrast(const std::vector<WhitePatch>& patches, const std::string& name) {
+    const auto [least, most] =
+        std::minmax_element(patches.begin(), patches.end(),
+                            [](const auto& a, const auto& b) { return a.radiance < b.radiance; });
+    if (!(most->radiance < most_contrast * least->radiance))
+        throw NumericalError(
+            fmt::format("illumination: {}: is no photo of a uniform field: the light falls from "
+                        "{:.3g} to {:.3g} of full scale",
+                        name, most->radiance, least->radiance));
+}
+
+// The image's centre is where a photograph's plane is 0.
+Eigen::Vector2d in_half_diagonals(const CameraModel& camera, const Eigen::Vector2d& pixel) {
+    const Eigen::Vector2d middle(0.5 * (camera.width - 1), 0.5 * (camera.height - 1));
+    return 2.0 * (pixel - middle) / std::hypot(camera.width, camera.height);
+}
+
+// What the fits need of a patch.
+struct Row {
+    double squared_radius, x, y, cos4;
+    int photo;
+};
+
+class Falloff {
+public:
+    Falloff(const std::vector<WhitePatch>& patches, const CameraModel& camera) : patches_(patches) {
+        const Projector projector(camera);
+        for (const WhitePatch& patch : patches) {
+            const Eigen::Vector2d place = in_half_diagonals(camera, patch.centre_px);
+            const auto ray = projector.unproject(patch.centre_px);
+            rows_.push_back({illumination_radius_squared(camera, patch.centre_px), place.x(),
+                             place.y(), ray ? 1.0 / std::pow(1.0 + ray->squaredNorm(), 2) : 1.0,
+                             patch.photo});
+            photos_ = std::max(photos_, patch.photo + 1);
+        }
+    }
+
+    int photos() const { return photos_; }
+    const std::vector<Row>& rows() const { return rows_; }
+
+    struct Fit {
+        Eigen::Vector3d coefficients = Eigen::Vector3d::Zero();
+        Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+        Eigen::VectorXd planes;  // level and slopes of each photograph
+        double chi_square = 0.0;
+    };
+
+    // Gauss and Newton on coefficients and planes together; the coefficients stay 0 for a fixed
+    // shape.
+    Fit fit(Illumination::Kind kind) const {
+        const int shape = kind == Illumination::Kind::polynomial ? 3 : 0;
+        const int size = shape + 3 * photos_;
+        Fit result;
+        result.planes = Eigen::VectorXd::Zero(3 * photos_);
+        for (std::size_t i = 0; i < rows_.size(); ++i)
+            result.planes(3 * rows_[i].photo) = patches_[i].radiance;
+        for (int round = 0; round < rounds; ++round) {
+            Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size, size);
+            Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
+            result.chi_square = accumulate(kind, result, normal, right);
+            const Eigen::LDLT<Eigen::MatrixXd> factor(normal);
+            const Eigen::VectorXd step = factor.solve(right);
+            if (!step.allFinite())
+                throw NumericalError("illumination: the white parts do not determine the falloff");
+            result.planes += step.tail(3 * photos_);
+            if (shape == 0)
+                continue;
+            result.coefficients += step.head<3>();
+            result.covariance =
+                factor.solve(Eigen::MatrixXd::Identity(size, size)).topLeftCorner(3, 3);
+        }
+        return result;
+    }
+
+    double plane(const Fit& fit, const Row& row) const {
+        const Eigen::Vector3d p = fit.planes.segment<3>(3 * row.photo);
+        return p(0) + p(1) * row.x + p(2) * row.y;
+    }
+
+private:
+    static double shape_of(Illumination::Kind kind, const Fit& fit, const Row& row) {
+        const Eigen::Vector3d& c = fit.coefficients;
+        if (kind == Illumination::Kind::cos4)
+            return row.cos4;
+        return polynomial_illumination({c(0), c(1), c(2)}, row.squared_radius);
+    }
+
+    double accumulate(Illumination::Kind kind, const Fit& fit, Eigen::MatrixXd& normal,
+                      Eigen::VectorXd& right) const {
+        const int shape = static_cast<int>(normal.rows()) - 3 * photos_;
+        double chi_square = 0.0;
+        for (std::size_t i = 0; i < rows_.size(); ++i) {
+            const Row& row = rows_[i];
+            const double level = plane(fit, row), falloff = shape_of(kind, fit, row);
+            const double weight = 1.0 / patches_[i].standard_uncertainty;
+            const double residual = weight * (patches_[i].radiance - level * falloff);
+            // Only the shape's and this photograph's parameters have a derivative.
+            Eigen::Matrix<double, 6, 1> d;
+            const double s = row.squared_radius;
+            d << level * s, level * s * s, level * s * s * s, falloff, falloff * row.x,
+                falloff * row.y;
+            d *= weight;
+            const int at = shape + 3 * row.photo;
+            const auto own = d.tail<3>();
+            normal.block<3, 3>(at, at) += own * own.transpose();
+            right.segment<3>(at) += residual * own;
+            if (shape > 0) {
+                const auto common = d.head<3>();
+                normal.topLeftCorner<3, 3>() += common * common.transpose();
+                normal.block<3, 3>(0, at) += common * own.transpose();
+                normal.block<3, 3>(at, 0) += own * common.transpose();
+                right.head<3>() += residual * common;
+            }
+            chi_square += residual * residual;
+        }
+        return chi_square;
+    }
+
+    const std::vector<WhitePatch>& patches_;
+    std::vector<Row> rows_;
+    int photos_ = 0;
+};
+
+// Photographs with too few patches for a level and a plane are left out, the others renumbered.
+std::vector<WhitePatch> usable(std::span<const WhitePatch> given) {
+    std::map<int, int> count, number;
+    for (const WhitePatch& patch : given)
+        ++count[patch.photo];
+    std::vector<WhitePatch> patches;
+    for (WhitePatch patch : given) {
+        if (count[patch.photo] < least_patches_of_a_photo)
+            continue;
+        patch.photo = number.emplace(patch.photo, static_cast<int>(number.size())).first->second;
+        patches.push_back(patch);
+    }
+    if (patches.size() < least_patches)
+        throw NumericalError(fmt::format("illumination: {} even white parts; {} are needed",
+                                         patches.size(), least_patches));
+    return patches;
+}
+
+double farthest_corner(const CameraModel& camera) {
+    double farthest = 0.0;
+    for (const double x : {-0.5, camera.width - 0.5})
+        for (const double y : {-0.5, camera.height - 0.5})
+            farthest = std::max(farthest, illumination_radius_squared(camera, {x, y}));
+    return std::sqrt(farthest);
+}
+
+void check_reach(IlluminationEstimate& estimate, const Falloff& falloff) {
+    for (const Row& row : falloff.rows())
+        estimate.farthest_radius =
+            std::max(estimate.farthest_radius, std::sqrt(row.squared_radius));
+    if (estimate.farthest_radius < least_radius)
+        throw NumericalError(fmt::format(
+            "illumination: white parts reach {:.2f} of the way to the image's corners; {:.1f} are "
+            "needed",
+            estimate.farthest_radius, least_radius));
+}
+
+void take_residuals(const std::vector<WhitePatch>& patches, const Falloff& falloff,
+                    const Falloff::Fit& fit, IlluminationEstimate& estimate) {
+    double square = 0.0;
+    for (std::size_t i = 0; i < patches.size(); ++i) {
+        const Row& row = falloff.rows()[i];
+        const double level = falloff.plane(fit, row);
+        const double expected = polynomial_illumination(estimate.coefficients, row.squared_radius);
+        WhitePatch relative = patches[i];
+        relative.radiance /= level;
+        relative.standard_uncertainty /= std::abs(level);
+        square += std::pow(relative.radiance / expected - 1.0, 2);
+        estimate.used.push_back(relative);
+        const Eigen::Vector3d plane = fit.planes.segment<3>(3 * row.photo);
+        estimate.steepest_plane =
+            std::max(estimate.steepest_plane, 2.0 * plane.tail<2>().norm() / std::abs(plane(0)));
+    }
+    estimate.residual_rms = std::sqrt(square / static_cast<double>(patches.size()));
+    if (!(estimate.residual_rms < most_residual))
+        throw NumericalError(
+            fmt::format("illumination: the white parts scatter by {:.2g} % about any falloff: the "
+                        "field is not uniform, or shadows lie on it",
+                        100.0 * estimate.residual_rms));
+}
+
+}  // namespace
+
+std::vector<WhitePatch> flat_patches(const CodeImage& flat, const CameraModel& camera, int photo,
+                                     const std::string& name) {
+    const int saturation = saturation_code({&flat, 1});
+    check_flat(flat, name, saturation);
+    const Mosaic mosaic = camera.sensor ? camera.sensor->mosaic : Mosaic::none;
+    std::vector<WhitePatch> patches;
+    for (const cv::Rect& block : image_blocks(flat.pixels.size(), blocks_across)) {
+        const PatchStatistics statistics = patch_statistics(flat, block, saturation, mosaic);
+        WhitePatch patch = linear_patch(camera, statistics.mean, statistics.standard_uncertainty);
+        patch.photo = photo;
+        patch.centre_px = {block.x + 0.5 * (block.width - 1), block.y + 0.5 * (block.height - 1)};
+        patches.push_back(patch);
+    }
+    check_contrast(patches, name);
+    return patches;
+}
+
+double standard_uncertainty_at(const IlluminationEstimate& estimate, double radius) {
+    const double s = radius * radius;
+    const Eigen::Vector3d powers(s, s * s, s * s * s);
+    return std::sqrt(std::max(powers.dot(estimate.covariance * powers), 0.0));
+}
+
+IlluminationEstimate estimate_illumination(std::span<const WhitePatch> given,
+                                           const CameraModel& camera) {
+    const std::vector<WhitePatch> patches = usable(given);
+    const Falloff falloff(patches, camera);
+    IlluminationEstimate estimate;
+    estimate.patches = static_cast<int>(patches.size());
+    estimate.photos = falloff.photos();
+    check_reach(estimate, falloff);
+    const Falloff::Fit fit = falloff.fit(Illumination::Kind::polynomial);
+    estimate.degrees_of_freedom = estimate.patches - 3 - 3 * estimate.photos;
+    estimate.reduced_chi_square = fit.chi_square / std::max(estimate.degrees_of_freedom, 1);
+    const double excess = std::max(estimate.reduced_chi_square, 1.0);
+    estimate.covariance = fit.covariance * excess;
+    for (int i = 0; i < 3; ++i) {
+        estimate.coefficients[i] = fit.coefficients(i);
+        estimate.standard_uncertainty[i] = std::sqrt(estimate.covariance(i, i));
+    }
+    take_residuals(patches, falloff, fit, estimate);
+    const double corner = farthest_corner(camera);
+    estimate.at_corner = polynomial_illumination(estimate.coefficients, corner * corner);
+    estimate.at_corner_standard_uncertainty = standard_uncertainty_at(estimate, corner);
+
+    // With less any falloff would fit, and the simplest one would be chosen without evidence.
+    if (estimate.at_corner_standard_uncertainty > most_corner_uncertainty)
+        throw NumericalError(fmt::format(
+            "illumination: the white parts tell the falloff in the corner to {:.2f} +- {:.2f} only "
+            "(k = 2): flats, or the target in more places up to the corners",
+            estimate.at_corner, 2.0 * estimate.at_corner_standard_uncertainty));
+
+    std::vector<Illumination::Kind> kinds{Illumination::Kind::uniform};
+    if (camera.projection == Projection::perspective)
+        kinds.push_back(Illumination::Kind::cos4);
+    kinds.push_back(Illumination::Kind::polynomial);
+    for (const Illumination::Kind kind : kinds) {
+        const bool is_polynomial = kind == Illumination::Kind::polynomial;
+        IlluminationCandidate candidate{
+            kind, is_polynomial ? fit.chi_square : falloff.fit(kind).chi_square, 0.0,
+            3 * estimate.photos + (is_polynomial ? 3 : 0)};
+        candidate.information_criterion =
+            candidate.chi_square / excess + candidate.parameters * std::log(estimate.patches);
+        estimate.candidates.push_back(candidate);
+    }
+    const auto best = std::min_element(estimate.candidates.begin(), estimate.candidates.end(),
+                                       [](const auto& a, const auto& b) {
+                                           return a.information_criterion < b.information_criterion;
+                                       });
+    estimate.illumination.kind = best->kind;
+    if (best->kind == Illumination::Kind::polynomial) {
+        estimate.illumination.polynomial = estimate.coefficients;
+        CameraModel lit = camera;
+        if (!lit.sensor)
+            lit.sensor.emplace();
+        lit.sensor->illumination = estimate.illumination;
+        if (const double least = least_polynomial_illumination(lit); !(least > 0.0))
+            throw NumericalError(fmt::format(
+                "illumination: the polynomial falls to {:.3g} where no white part was seen",
+                least));
+    }
+    return estimate;
+}
+
+}  // namespace etalon

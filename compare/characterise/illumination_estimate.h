@@ -1,0 +1,79 @@
+// Relative illumination: how the light falls off from the axis to the image's corners (natural
+// cos^4 falloff, vignetting, the sensor's angular response together), from photographs of a uniform
+// field or from the white squares of a target in many places.
+//
+//     radiance = L_p (1 + a_p x + b_p y) P(r),   P = 1 + c1 r^2 + c2 r^4 + c3 r^6
+//
+// Every photograph p has its own level and its own plane (x, y from the image's centre in half
+// diagonals), which takes a field's or a lamp's unevenness of first order; what is symmetric about
+// the principal point cannot be told from the lens and is the field's own, so that the field's
+// unevenness limits the result. Candidates: uniform, cos^4 of the field angle, and the polynomial;
+// chosen by Schwarz's criterion with the polynomial's residuals as the scale of the scatter.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "calib/camera/projector.h"
+#include "core/image.h"
+#include "core/rigid.h"
+#include "sim/marker/marker.h"
+
+namespace etalon {
+
+// A part of a photograph that is white and even: linear radiance, mean over its pixels.
+struct WhitePatch {
+    int photo = 0;  // 0, 1, ...: whose level and plane it shares
+    Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+    double radiance = 0.0, standard_uncertainty = 0.0;
+};
+
+// Blocks of a flat-field photograph. Throws NumericalError, naming `name`, when over 0.1 % of the
+// pixels are saturated or at code 0, or when it is no flat field (its blocks differ by over a
+// factor of 20).
+std::vector<WhitePatch> flat_patches(const CodeImage& flat, const CameraModel& camera, int photo,
+                                     const std::string& name);
+
+// The middles of a target's white cells: pixels at least 4 px and a quarter of a cell inside.
+// Saturated ones are left out, and cells with fewer than 9 pixels.
+std::vector<WhitePatch> white_cell_patches(const CodeImage& image, const Projector& projector,
+                                           const Marker& marker, const Rigid& camera_from_marker,
+                                           int photo);
+
+struct IlluminationCandidate {
+    Illumination::Kind kind;
+    double chi_square = 0.0, information_criterion = 0.0;
+    int parameters = 0;
+};
+
+struct IlluminationEstimate {
+    Illumination illumination;  // of the chosen kind
+    // Of the polynomial, whichever is chosen.
+    std::array<double, 3> coefficients{}, standard_uncertainty{};
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+    // The polynomial in the corner that is farthest from the principal point.
+    double at_corner = 1.0, at_corner_standard_uncertainty = 0.0;
+    std::vector<IlluminationCandidate> candidates;
+    double reduced_chi_square = 0.0;  // of the polynomial; over 1: multiplied into the covariance
+    double residual_rms = 0.0;        // relative
+    double farthest_radius = 0.0;     // of a patch, half diagonals: beyond it is extrapolated
+    double steepest_plane = 0.0;      // largest change that a photograph's plane makes, relative
+    int photos = 0, patches = 0, degrees_of_freedom = 0;
+    std::vector<WhitePatch> used;  // radiance divided by its photograph's level and plane
+};
+
+// Standard uncertainty of the polynomial at a radius in half diagonals.
+double standard_uncertainty_at(const IlluminationEstimate& estimate, double radius);
+
+// Throws NumericalError for fewer than 20 patches, photographs with fewer than 4, patches that do
+// not reach beyond 0.6 half diagonals (the falloff would be extrapolated), residuals over 5 %, a
+// falloff in the corner that is known to less than 0.05 (k = 2), or a polynomial that is not
+// positive all over the image. Safe from every thread; some 10 ms for 20 photographs.
+IlluminationEstimate estimate_illumination(std::span<const WhitePatch> patches,
+                                           const CameraModel& camera);
+
+}  // namespace etalon

@@ -1,0 +1,364 @@
+#include "compare/characterise/photon_transfer.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "compare/characterise/code_statistics.h"
+#include "compare/characterise/repeated_view.h"
+#include "core/errors.h"
+#include "core/median.h"
+#include "sim/sensor/sensor_model.h"
+
+namespace etalon {
+namespace {
+
+constexpr int bins = 64;
+constexpr double least_pixels = 100.0;        // of a level
+constexpr double most_clipped = 1e-4;         // of a level's pixels
+constexpr double least_code_variance = 0.24;  // DN^2, EMVA 1288: below, rounding rules
+constexpr double most_drift = 0.02, most_shift_px = 0.25;
+constexpr double most_changed = 1e-3;  // share of pixels
+constexpr double most_noise = 0.15;    // of full scale
+constexpr double most_correlation = 0.05;
+constexpr double most_gain_uncertainty = 0.2;  // relative
+constexpr double most_misfit = 0.1;            // relative
+
+// A quantile of chi-square / degrees of freedom, by Wilson and Hilferty (1931): half a percent for
+// the median, ten for 1e-6 with one degree of freedom, which is all that is asked here.
+double chi_square_quantile(double degrees_of_freedom, double normal_quantile) {
+    const double width = 2.0 / (9.0 * degrees_of_freedom);
+    return std::pow(1.0 - width + normal_quantile * std::sqrt(width), 3);
+}
+
+// Sums over the pixels of one level.
+struct Bin {
+    double pixels = 0.0, clipped = 0.0, signal = 0.0, variance = 0.0, degrees_of_freedom = 0.0;
+};
+
+class LevelScale {
+public:
+    explicit LevelScale(const Sensor& sensor)
+        : transfer_(sensor.transfer), range_((1 << sensor.bits) - 1 - sensor.black_dn) {}
+
+    // Finer where the signal and its noise are small.
+    int bin(double signal_dn) const {
+        const double root = std::sqrt(std::clamp(signal_dn / range_, 0.0, 1.0));
+        return std::min(static_cast<int>(bins * root), bins - 1);
+    }
+    // Code values per DN of linear signal.
+    double slope(double signal_dn) const {
+        constexpr double step = 1e-3;
+        const double radiance = std::clamp(signal_dn / range_, 0.0, 1.0 - step);
+        return (encode(transfer_, radiance + step) - encode(transfer_, radiance - step)) /
+               (2.0 * step);
+    }
+    double range() const { return range_; }
+
+private:
+    Transfer transfer_;
+    double range_;
+};
+
+cv::Mat clipped_pixels(const RepeatedView& view, int saturation) {
+    cv::Mat clipped = cv::Mat::zeros(view.front().pixels.size(), CV_8UC1);
+    for (const CodeImage& image : view)
+        clipped |= (image.pixels == 0) | (image.pixels >= saturation);
+    return clipped;
+}
+
+// Variance by level as the median over its pixels: what outliers are told from.
+std::vector<double> median_variances(const ViewNoise& noise, const cv::Mat& use,
+                                     const LevelScale& scale, double degrees_of_freedom) {
+    std::vector<std::vector<double>> variances(bins);
+    for (int y = 0; y < use.rows; ++y)
+        for (int x = 0; x < use.cols; ++x)
+            if (use.at<uchar>(y, x))
+                variances[scale.bin(noise.mean.at<float>(y, x))].push_back(
+                    noise.variance.at<float>(y, x));
+    std::vector<double> medians(bins, 0.0);
+    const double share = 0.005 * static_cast<double>(use.total());
+    for (int i = 0; i < bins; ++i) {
+        if (variances[i].empty())
+            continue;
+        const double many = static_cast<double>(variances[i].size());
+        medians[i] = median(std::move(variances[i])) / chi_square_quantile(degrees_of_freedom, 0.0);
+        if (many > share && std::sqrt(medians[i]) > most_noise * scale.range())
+            throw NumericalError(fmt::format(
+                "repeats: pixels differ by {:.3g} DN RMS where the signal is about {:.3g} DN: more "
+                "than any noise; they do not show the same view",
+                std::sqrt(medians[i]), scale.range() * std::pow((i + 0.5) / bins, 2)));
+    }
+    return medians;
+}
+
+cv::Mat by_level(const cv::Mat& mean, const LevelScale& scale, const std::vector<double>& values,
+                 double factor) {
+    cv::Mat result(mean.size(), CV_32FC1);
+    for (int y = 0; y < mean.rows; ++y)
+        for (int x = 0; x < mean.cols; ++x)
+            result.at<float>(y, x) =
+                static_cast<float>(factor * values[scale.bin(mean.at<float>(y, x))]);
+    return result;
+}
+
+// Pixels that changed by more than noise does in one of a million.
+cv::Mat changed_pixels(const ViewNoise& noise, const cv::Mat& use, const LevelScale& scale,
+                       const std::vector<double>& variances, double degrees_of_freedom) {
+    constexpr double one_in_a_million = 4.75;
+    // Of codes that hardly vary the median may be 0; rounding's own variance is the least.
+    std::vector<double> limits(bins);
+    for (int i = 0; i < bins; ++i) {
+        const double slope = scale.slope(scale.range() * std::pow((i + 0.5) / bins, 2));
+        limits[i] = std::max(variances[i], 0.25 / (slope * slope));
+    }
+    const cv::Mat limit = by_level(noise.mean, scale, limits,
+                                   chi_square_quantile(degrees_of_freedom, one_in_a_million));
+    cv::Mat changed = noise.variance > limit;
+    changed &= use;
+    return changed;
+}
+
+void refuse_change(const ViewNoise& noise) {
+    if (noise.brightness_drift > most_drift)
+        throw NumericalError(fmt::format(
+            "repeats: brightness drifts by {:.2g} %: the light is not steady (over {:.0f} %)",
+            100.0 * noise.brightness_drift, 100.0 * most_drift));
+    if (noise.shift_px > most_shift_px)
+        throw NumericalError(
+            fmt::format("repeats: the view moved by {:.2g} px between them", noise.shift_px));
+}
+
+void add_view(const RepeatedView& view, const SensorModel& sensor, const LevelScale& scale,
+              const CameraModel& camera, PhotonTransfer& result, std::vector<Bin>& levels) {
+    std::vector<cv::Mat> signals;
+    for (const CodeImage& image : view)
+        signals.push_back(sensor.linear_radiance(image) * scale.range());
+    const cv::Mat clipped = clipped_pixels(view, result.saturation_code), use = ~clipped;
+    const int step = camera.sensor->mosaic == Mosaic::none ? 1 : 2;
+    const double degrees_of_freedom = static_cast<double>(view.size()) - 1.0;
+    const ViewNoise noise = view_noise(signals, use, step);
+    refuse_change(noise);
+    const std::vector<double> medians = median_variances(noise, use, scale, degrees_of_freedom);
+    cv::Mat deviation = by_level(noise.mean, scale, medians, 1.0);
+    cv::sqrt(deviation, deviation);
+    const cv::Mat smooth = smooth_pixels(noise.mean, 2.0 * deviation + 1e-3, step);
+    cv::Mat even = use & smooth;
+    const cv::Mat changed = changed_pixels(noise, even, scale, medians, degrees_of_freedom);
+    const double share = cv::countNonZero(changed) / std::max(1.0, double(cv::countNonZero(even)));
+    if (share > most_changed)
+        throw NumericalError(fmt::format(
+            "repeats: {:.3g} % of the pixels changed by more than noise: they do not show the same "
+            "view",
+            100.0 * share));
+    even &= ~changed;
+    result.brightness_drift = std::max(result.brightness_drift, noise.brightness_drift);
+    result.shift_px = std::max(result.shift_px, noise.shift_px);
+    for (const auto& [dx, dy] : {std::pair{1, 0}, std::pair{0, 1}}) {
+        const double correlation = neighbour_correlation(noise.residual, even, dx, dy);
+        if (std::abs(correlation) > std::abs(result.noise_correlation))
+            result.noise_correlation = correlation;
+    }
+    const cv::Mat level = local_level(noise.mean, even, step);
+    for (int y = 0; y < even.rows; ++y)
+        for (int x = 0; x < even.cols; ++x) {
+            if (clipped.at<uchar>(y, x))
+                levels[scale.bin(noise.mean.at<float>(y, x))].clipped += 1.0;
+            if (!even.at<uchar>(y, x))
+                continue;
+            Bin& bin = levels[scale.bin(level.at<float>(y, x))];
+            bin.pixels += 1.0;
+            bin.signal += noise.mean.at<float>(y, x);
+            bin.variance += noise.variance.at<float>(y, x);
+            bin.degrees_of_freedom += degrees_of_freedom;
+        }
+}
+
+// A level before the fit: what the codes' variance was, and how well it is known apart from the
+// level of the noise itself.
+struct Measured {
+    NoiseLevel level;
+    double rounding_dn2 = 0.0;          // variance that rounding added, taken out of the level's
+    double rounding_uncertainty = 0.0;  // of that
+    double degrees_of_freedom = 0.0;
+
+    // Squared standard uncertainty of the variance when the true one is `variance`.
+    double weight_variance(double variance) const {
+        const double total = variance + rounding_dn2;
+        return 2.0 * total * total / degrees_of_freedom +
+               rounding_uncertainty * rounding_uncertainty;
+    }
+};
+
+Measured measured(double signal, double variance, double pixels, double degrees_of_freedom,
+                  double slope) {
+    Measured result;
+    result.rounding_dn2 = rounding_variance / (slope * slope);
+    const double code_variance = variance * slope * slope;
+    const double code_sigma = std::sqrt(std::max(code_variance - rounding_variance, 0.0));
+    result.rounding_uncertainty = rounding_uncertainty_of_variance(code_sigma) / (slope * slope);
+    result.degrees_of_freedom = degrees_of_freedom;
+    result.level = {signal, variance - result.rounding_dn2, 0.0, 0.0, pixels, false};
+    result.level.standard_uncertainty_dn2 =
+        std::sqrt(result.weight_variance(result.level.variance_dn2));
+    result.level.is_used = code_variance >= least_code_variance;
+    return result;
+}
+
+std::vector<Measured> measured_levels(const std::vector<Bin>& levels, const LevelScale& scale,
+                                      const std::optional<BlackLevel>& dark) {
+    std::vector<Measured> result;
+    if (dark && dark->frames > 1) {
+        const double slope = scale.slope(0.0), variance = dark->temporal_variance_dn2;
+        const double relative =
+            dark->temporal_variance_standard_uncertainty / std::max(variance, 1e-30);
+        result.push_back(measured(0.0, variance / (slope * slope), 0.0,
+                                  2.0 / std::max(relative * relative, 1e-12), slope));
+    }
+    for (const Bin& bin : levels) {
+        if (bin.pixels < least_pixels)
+            continue;
+        const double signal = bin.signal / bin.pixels;
+        result.push_back(measured(signal, bin.variance / bin.pixels, bin.pixels,
+                                  bin.degrees_of_freedom, scale.slope(signal)));
+        if (bin.clipped > most_clipped * bin.pixels)
+            result.back().level.is_used = false;
+    }
+    return result;
+}
+
+struct StraightLine {
+    Eigen::Vector2d value = Eigen::Vector2d::Zero();  // at signal 0, and slope
+    Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+    double chi_square = 0.0;
+};
+
+// Weighted least squares; the weights come from the fitted line, not from the scattering values
+// themselves, which would favour those that came out low.
+StraightLine fit_line(const std::vector<Measured>& levels) {
+    StraightLine line;
+    for (int round = 0; round < 6; ++round) {
+        Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
+        Eigen::Vector2d right = Eigen::Vector2d::Zero();
+        double chi_square = 0.0;
+        for (const Measured& m : levels) {
+            if (!m.level.is_used)
+                continue;
+            const Eigen::Vector2d row(1.0, m.level.signal_dn);
+            const double model = round == 0 ? m.level.variance_dn2 : line.value.dot(row);
+            const double weight = 1.0 / m.weight_variance(std::max(model, 0.0));
+            normal += weight * row * row.transpose();
+            right += weight * m.level.variance_dn2 * row;
+            const double residual = m.level.variance_dn2 - line.value.dot(row);
+            chi_square += weight * residual * residual;
+        }
+        line.covariance = normal.inverse();
+        line.value = line.covariance * right;
+        line.chi_square = chi_square;
+    }
+    return line;
+}
+
+int used(const std::vector<Measured>& levels) {
+    return static_cast<int>(std::count_if(levels.begin(), levels.end(),
+                                          [](const Measured& m) { return m.level.is_used; }));
+}
+
+void refuse_misfit(const std::vector<NoiseLevel>& levels) {
+    for (const NoiseLevel& level : levels) {
+        const double off = std::abs(level.variance_dn2 - level.model_dn2);
+        if (level.is_used &&
+            off > most_misfit * level.model_dn2 + 4.0 * level.standard_uncertainty_dn2)
+            throw NumericalError(fmt::format(
+                "photon transfer: the noise at a signal of {:.4g} DN has the variance {:.4g} DN^2, "
+                "not the {:.4g} of read and photon noise: transfer curve or black level are not "
+                "what "
+                "the camera file says, or the camera filters its pictures",
+                level.signal_dn, level.variance_dn2, level.model_dn2));
+    }
+}
+
+// Gain g = 1/b and read noise sqrt(a)/b from the line a + b s.
+void take_gain(const StraightLine& line, PhotonTransfer& result) {
+    const double b = line.value(1), u_b = std::sqrt(line.covariance(1, 1));
+    if (!(b > 0.0) || !(u_b < most_gain_uncertainty * b))
+        throw NumericalError(fmt::format(
+            "photon transfer: the variance rises by {:.3g} +- {:.3g} DN^2 per DN of signal "
+            "(k = 1), which determines no gain: more photos, or darker and brighter parts",
+            b, u_b));
+    result.gain_e_per_dn = 1.0 / b;
+    result.gain_standard_uncertainty = u_b / (b * b);
+    result.covariance(0, 0) = std::pow(result.gain_standard_uncertainty, 2);
+}
+
+void take_read_noise(const StraightLine& line, double u_black, PhotonTransfer& result) {
+    const double a = line.value(0), b = line.value(1);
+    Eigen::Matrix2d covariance = line.covariance;
+    covariance(0, 0) += std::pow(b * u_black, 2);
+    const double u_a = std::sqrt(covariance(0, 0));
+    if (!(a > 2.0 * u_a)) {
+        result.read_noise_remark =
+            fmt::format("below {:.2g} e: not told from the photon noise and rounding",
+                        std::sqrt(std::max(a, 0.0) + 2.0 * u_a) / b);
+        return;
+    }
+    Eigen::Matrix2d jacobian;
+    jacobian << 0.0, -1.0 / (b * b), 0.5 / (std::sqrt(a) * b), -std::sqrt(a) / (b * b);
+    result.covariance = jacobian * covariance * jacobian.transpose();
+    result.read_noise_e = std::sqrt(a) / b;
+    result.read_noise_standard_uncertainty_e = std::sqrt(result.covariance(1, 1));
+}
+
+}  // namespace
+
+PhotonTransfer measure_photon_transfer(std::span<const RepeatedView> views,
+                                       const CameraModel& camera,
+                                       const std::optional<BlackLevel>& dark) {
+    if (!camera.sensor)
+        throw NumericalError("photon transfer needs the sensor section of the camera");
+    const SensorModel sensor(camera);
+    const LevelScale scale(*camera.sensor);
+    std::vector<CodeImage> all;
+    for (const RepeatedView& view : views) {
+        if (view.size() < 2)
+            throw NumericalError("repeats: two photos at least of the same view are needed");
+        all.insert(all.end(), view.begin(), view.end());
+    }
+    require_alike(all, "repeats");
+    PhotonTransfer result;
+    result.saturation_code = saturation_code(all);
+    std::vector<Bin> sums(bins);
+    for (const RepeatedView& view : views)
+        add_view(view, sensor, scale, camera, result, sums);
+    if (std::abs(result.noise_correlation) > most_correlation)
+        throw NumericalError(
+            fmt::format("repeats: the noise of neighbouring pixels is correlated ({:.2f}): these "
+                        "are not raw pixels "
+                        "(JPEG, interpolated colours, denoising or sharpening)",
+                        result.noise_correlation));
+
+    std::vector<Measured> levels = measured_levels(sums, scale, dark);
+    if (used(levels) < 4)
+        throw NumericalError(fmt::format(
+            "photon transfer: {} levels are neither clipped nor lost in the rounding; 4 are needed",
+            used(levels)));
+    StraightLine line = fit_line(levels);
+    result.degrees_of_freedom = used(levels) - 2;
+    result.reduced_chi_square = line.chi_square / result.degrees_of_freedom;
+    line.covariance *= std::max(result.reduced_chi_square, 1.0);
+    for (Measured& m : levels) {
+        m.level.model_dn2 = line.value(0) + line.value(1) * m.level.signal_dn;
+        result.levels.push_back(m.level);
+    }
+    take_gain(line, result);
+    refuse_misfit(result.levels);
+    if (dark)
+        take_read_noise(line, dark->standard_uncertainty_dn, result);
+    else
+        result.read_noise_remark = "no dark photos: the signal's zero is not known";
+    return result;
+}
+
+}  // namespace etalon

@@ -1,0 +1,350 @@
+#include "compare/characterise/slanted_edge.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include "compare/edges/edge_blur_models.h"
+#include "compare/edges/edge_fit.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+using Eigen::ArrayXd;
+using std::numbers::pi;
+
+constexpr double bin_px = 0.25;
+constexpr int least_side_px = 16;
+constexpr double least_half_width_px = 7.0;
+
+struct Sample {
+    double distance_px, along_px, radiance;
+};
+
+// Flat over the middle half, then a cosine to zero at +-1.
+double tukey(double position) {
+    const double u = std::abs(position);
+    if (u >= 1.0)
+        return 0.0;
+    return u <= 0.5 ? 1.0 : 0.5 + 0.5 * std::cos(2.0 * pi * (u - 0.5));
+}
+
+// One side of the edge, well away from it: a plane's level at the edge, and the scatter about it.
+struct Level {
+    double level, noise;
+};
+
+Level level_beside(std::span<const Sample> samples, double sign, double half_width) {
+    std::vector<const Sample*> side;
+    for (const Sample& sample : samples)
+        if (sign * sample.distance_px > 0.6 * half_width)
+            side.push_back(&sample);
+    constexpr std::size_t least_pixels = 20;
+    if (side.size() < least_pixels)
+        throw NumericalError(fmt::format("slanted edge: {} pixels beside it", side.size()));
+    const auto n = static_cast<Eigen::Index>(side.size());
+    Eigen::MatrixXd design(n, 3);
+    Eigen::VectorXd values(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const Sample& sample = *side[static_cast<std::size_t>(i)];
+        design.row(i) << 1.0, sample.distance_px - sign * 0.8 * half_width, sample.along_px;
+        values[i] = sample.radiance;
+    }
+    const Eigen::VectorXd plane = design.colPivHouseholderQr().solve(values);
+    const double squares = (values - design * plane).squaredNorm();
+    return {plane[0], std::sqrt(squares / static_cast<double>(n - 3))};
+}
+
+// The edge spread in bins of a quarter pixel: means of radiance and of place within the bin.
+struct Bins {
+    ArrayXd mean, offset, count;
+    double half_width;            // of the edge spread, px
+    std::vector<double> offsets;  // of the pixels near the edge, from their bin's mean place
+    double centre(Eigen::Index i) const {
+        return (static_cast<double>(i) + 0.5) * bin_px - half_width;
+    }
+};
+
+Bins bins_of(std::span<const Sample> samples, double half_width) {
+    const auto n = static_cast<Eigen::Index>(std::floor(2.0 * half_width / bin_px));
+    Bins bins{ArrayXd::Zero(n),
+              ArrayXd::Zero(n),
+              ArrayXd::Zero(n),
+              0.5 * bin_px * static_cast<double>(n),
+              {}};
+    const auto index_of = [&](const Sample& sample) {
+        return static_cast<Eigen::Index>(
+            std::floor((sample.distance_px + bins.half_width) / bin_px));
+    };
+    for (const Sample& sample : samples)
+        if (const Eigen::Index i = index_of(sample); i >= 0 && i < n) {
+            bins.mean[i] += sample.radiance;
+            bins.offset[i] += sample.distance_px - bins.centre(i);
+            bins.count[i] += 1.0;
+        }
+    for (Eigen::Index i = 0; i < n; ++i)
+        if (bins.count[i] == 0.0)
+            throw NumericalError(fmt::format(
+                "slanted edge: no pixel at {:.2f} px from it: too short, or along the pixels",
+                bins.centre(i)));
+    bins.mean /= bins.count;
+    bins.offset /= bins.count;
+    constexpr double near_px = 2.0;
+    for (const Sample& sample : samples)
+        if (const Eigen::Index i = index_of(sample);
+            i >= 0 && i < n && std::abs(sample.distance_px) < near_px)
+            bins.offsets.push_back(sample.distance_px - bins.centre(i) - bins.offset[i]);
+    return bins;
+}
+
+// (row[i + 1] - row[i - 1]) / 2 bins; zero at both ends. And its transpose.
+ArrayXd difference(const ArrayXd& row) {
+    const Eigen::Index n = row.size();
+    ArrayXd result = ArrayXd::Zero(n);
+    result.segment(1, n - 2) = (row.tail(n - 2) - row.head(n - 2)) / (2.0 * bin_px);
+    return result;
+}
+
+ArrayXd transposed_difference(const ArrayXd& row) {
+    const Eigen::Index n = row.size();
+    ArrayXd result = ArrayXd::Zero(n);
+    result.tail(n - 2) += row.segment(1, n - 2) / (2.0 * bin_px);
+    result.head(n - 2) -= row.segment(1, n - 2) / (2.0 * bin_px);
+    return result;
+}
+
+// What the two-sided difference and the average over a bin leave of this frequency.
+double processing_transfer(const Bins& bins, double frequency) {
+    const double q = 2.0 * pi * frequency * bin_px;
+    const double slope = q < 1e-9 ? 1.0 : std::sin(q) / q;
+    std::complex<double> sum = 0.0;
+    for (const double offset : bins.offsets)
+        sum += std::polar(1.0, -2.0 * pi * frequency * offset);
+    return slope * std::abs(sum) / static_cast<double>(bins.offsets.size());
+}
+
+// The transform at each frequency and its derivative by the bins' means.
+class Transform {
+public:
+    // Each bin's mean is moved from its pixels' mean place to the bin's centre along the slope of
+    // its neighbours.
+    Transform(const Bins& bins, const ArrayXd& variance) : bins_(bins), variance_(variance) {
+        line_spread_ = difference(bins.mean - bins.offset * difference(bins.mean));
+        window_.resize(line_spread_.size());
+        for (Eigen::Index i = 0; i < window_.size(); ++i)
+            window_[i] = tukey(bins.centre(i) / bins.half_width);
+        total_ = (window_ * line_spread_).sum();
+    }
+
+    ModulationRow at(double frequency) const {
+        std::complex<double> sum = 0.0;
+        std::vector<std::complex<double>> turn;
+        for (Eigen::Index i = 0; i < window_.size(); ++i) {
+            turn.push_back(std::polar(window_[i], -2.0 * pi * frequency * bins_.centre(i)));
+            sum += turn.back() * line_spread_[i];
+        }
+        const double size = std::abs(sum), loss = processing_transfer(bins_, frequency) * total_;
+        const std::complex<double> direction = size > 0.0 ? std::conj(sum) / size : 1.0;
+        ArrayXd by_spread(window_.size());
+        for (Eigen::Index i = 0; i < window_.size(); ++i)
+            by_spread[i] = ((turn[static_cast<std::size_t>(i)] * direction).real() -
+                            size / total_ * window_[i]) /
+                           loss;
+        const ArrayXd moved = transposed_difference(by_spread);
+        const ArrayXd by_mean = moved - transposed_difference(bins_.offset * moved);
+        return {frequency, size / loss, std::sqrt((by_mean.square() * variance_).sum())};
+    }
+
+private:
+    const Bins& bins_;
+    const ArrayXd& variance_;
+    ArrayXd line_spread_, window_;
+    double total_;
+};
+
+// Variance of each bin's mean: linear in the signal between the two sides.
+ArrayXd variance_of(const Bins& bins, const Level& dark, const Level& light) {
+    const ArrayXd part = ((bins.mean - dark.level) / (light.level - dark.level)).max(0.0).min(1.0);
+    return (dark.noise * dark.noise * (1.0 - part) + light.noise * light.noise * part) / bins.count;
+}
+
+// Where the modulation first falls to one half, between two rows.
+void find_half(SlantedEdge& edge) {
+    for (std::size_t i = 1; i < edge.modulation.size(); ++i) {
+        const ModulationRow &a = edge.modulation[i - 1], &b = edge.modulation[i];
+        if (b.modulation > 0.5)
+            continue;
+        const double slope = (b.modulation - a.modulation) / (b.cycles_per_px - a.cycles_per_px);
+        edge.mtf50_cycles_per_px = a.cycles_per_px + (0.5 - a.modulation) / slope;
+        edge.mtf50_standard_uncertainty =
+            std::max(a.standard_uncertainty, b.standard_uncertainty) / std::abs(slope);
+        return;
+    }
+}
+
+void transform(std::span<const Sample> samples, double half_width, SlantedEdge& edge) {
+    const Level dark = level_beside(samples, -1.0, half_width);
+    const Level light = level_beside(samples, 1.0, half_width);
+    constexpr double least_contrast_in_noise = 5.0;
+    if (!(light.level - dark.level > least_contrast_in_noise * std::max(light.noise, dark.noise)))
+        throw NumericalError(
+            fmt::format("slanted edge: levels {:.4f} and {:.4f} with noise {:.4f} and {:.4f}",
+                        dark.level, light.level, dark.noise, light.noise));
+    const Bins bins = bins_of(samples, half_width);
+    const ArrayXd variance = variance_of(bins, dark, light);
+    const Transform at(bins, variance);
+    edge.dark = dark.level;
+    edge.light = light.level;
+    edge.noise_dark = dark.noise;
+    edge.noise_light = light.noise;
+    edge.pixels = static_cast<int>(bins.count.sum());
+    const double step = 1.0 / (2.0 * bins.half_width);
+    for (int k = 0; k * step <= 1.0; ++k)
+        edge.modulation.push_back(at.at(k * step));
+    find_half(edge);
+    const ModulationRow nyquist = at.at(0.5);
+    edge.at_nyquist = nyquist.modulation;
+    edge.at_nyquist_standard_uncertainty = nyquist.standard_uncertainty;
+}
+
+// The rectangle turned so that the edge runs down it, light on the right.
+Eigen::MatrixXd upright(const LinearPhoto& photo, const cv::Rect& region) {
+    const cv::Rect image({0, 0}, photo.radiance.size());
+    if (region.width < least_side_px || region.height < least_side_px || (region & image) != region)
+        throw NumericalError(fmt::format("slanted edge: no region {} x {} px at ({}, {})",
+                                         region.width, region.height, region.x, region.y));
+    if (cv::countNonZero(photo.clipped(region)) > 0)
+        throw NumericalError("slanted edge: the region holds clipped pixels");
+    Eigen::MatrixXd pixels(region.height, region.width);
+    for (int y = 0; y < region.height; ++y)
+        for (int x = 0; x < region.width; ++x)
+            pixels(y, x) = photo.radiance.at<float>(region.y + y, region.x + x);
+    if (!pixels.allFinite())
+        throw NumericalError("slanted edge: the region is not finite");
+    const Eigen::Index h = pixels.rows(), w = pixels.cols();
+    const double across = (pixels.rightCols(w / 3).mean() - pixels.leftCols(w / 3).mean());
+    const double down = (pixels.bottomRows(h / 3).mean() - pixels.topRows(h / 3).mean());
+    if (std::abs(down) > std::abs(across))
+        pixels = pixels.transpose().eval();
+    if ((std::abs(down) > std::abs(across) ? down : across) < 0.0)
+        pixels = pixels.rowwise().reverse().eval();
+    return pixels;
+}
+
+struct Line {  // x = at_middle + slope (y - middle)
+    double at_middle, slope, slope_standard_uncertainty;
+};
+
+// Centroid of a row's derivative under a window about `centre`.
+double centroid(const Eigen::MatrixXd& pixels, Eigen::Index y, double centre, double half_width) {
+    double sum = 0.0, moment = 0.0;
+    for (Eigen::Index x = 1; x + 1 < pixels.cols(); ++x) {
+        const double slope = 0.5 * (pixels(y, x + 1) - pixels(y, x - 1)) *
+                             tukey((static_cast<double>(x) - centre) / half_width);
+        sum += slope;
+        moment += slope * (static_cast<double>(x) - centre);
+    }
+    return sum > 0.0 ? centre + std::clamp(moment / sum, -half_width, half_width) : centre;
+}
+
+Line fit_line(const Eigen::VectorXd& places) {
+    const auto n = static_cast<double>(places.size());
+    const ArrayXd y = ArrayXd::LinSpaced(places.size(), -0.5 * (n - 1.0), 0.5 * (n - 1.0));
+    const double squares = y.square().sum(), mean = places.mean();
+    const double slope = (y * places.array()).sum() / squares;
+    const double scatter = (places.array() - mean - slope * y).square().sum() / (n - 2.0);
+    return {mean, slope, std::sqrt(scatter / squares)};
+}
+
+// The standard's two rounds: windows about the middle of the region, then about the line found; a
+// third one, narrower, keeps the far pixels' noise out.
+Line find_line(const Eigen::MatrixXd& pixels) {
+    const auto w = static_cast<double>(pixels.cols());
+    Line line{0.5 * (w - 1.0), 0.0, 0.0};
+    const double middle = 0.5 * (static_cast<double>(pixels.rows()) - 1.0);
+    for (const double half_width : {0.75 * w, 0.5 * w, std::min(0.5 * w, 10.0)}) {
+        Eigen::VectorXd places(pixels.rows());
+        for (Eigen::Index y = 0; y < pixels.rows(); ++y)
+            places[y] =
+                centroid(pixels, y, line.at_middle + line.slope * (static_cast<double>(y) - middle),
+                         half_width);
+        line = fit_line(places);
+    }
+    return line;
+}
+
+// Rows for a whole number of pixels that the edge moves, so that every sub-pixel place of it counts
+// alike; all of them where it moves less than one.
+Eigen::Index whole_phases(Eigen::Index rows, double slope) {
+    const double moved = std::floor(static_cast<double>(rows) * std::abs(slope));
+    return moved < 1.0
+               ? rows
+               : std::min(rows, static_cast<Eigen::Index>(std::lround(moved / std::abs(slope))));
+}
+
+}  // namespace
+
+SlantedEdge slanted_edge(const LinearPhoto& photo, const cv::Rect& region) {
+    const Eigen::MatrixXd pixels = upright(photo, region);
+    const Line line = find_line(pixels);
+    const double cosine = 1.0 / std::hypot(1.0, line.slope);
+    const double degrees = 180.0 / pi;
+    SlantedEdge edge;
+    edge.angle_deg = std::atan(std::abs(line.slope)) * degrees;
+    edge.angle_standard_uncertainty_deg =
+        line.slope_standard_uncertainty * cosine * cosine * degrees;
+    if (!(edge.angle_deg >= 1.0 && edge.angle_deg <= 44.0))
+        throw NumericalError(
+            fmt::format("slanted edge: {:.2f} degrees from the pixels' axis, 1 "
+                        "to 44 are needed",
+                        edge.angle_deg));
+    const Eigen::Index rows = whole_phases(pixels.rows(), line.slope);
+    const double middle = 0.5 * (static_cast<double>(pixels.rows()) - 1.0);
+    double half_width = 0.5 * static_cast<double>(pixels.cols());
+    std::vector<Sample> samples;
+    for (Eigen::Index y = 0; y < rows; ++y) {
+        const double at = line.at_middle + line.slope * (static_cast<double>(y) - middle);
+        half_width = std::min(
+            {half_width, cosine * at, cosine * (static_cast<double>(pixels.cols()) - 1.0 - at)});
+        for (Eigen::Index x = 0; x < pixels.cols(); ++x)
+            samples.push_back({cosine * (static_cast<double>(x) - at),
+                               static_cast<double>(y) - middle, pixels(y, x)});
+    }
+    if (half_width < least_half_width_px)
+        throw NumericalError(fmt::format(
+            "slanted edge: it comes within {:.1f} px of the region's side", half_width));
+    std::erase_if(samples, [&](const Sample& s) { return std::abs(s.distance_px) > half_width; });
+    transform(samples, half_width, edge);
+    return edge;
+}
+
+SlantedEdge slanted_edge(const StraightEdge& edge) {
+    const Aperture pinhole;
+    const EdgeFit fit = fit_edges({&edge, 1}, gaussian_blur(pinhole, 0.0));
+    const FittedEdge& own = fit.edges.front();
+    double half_width[2] = {};
+    std::vector<Sample> samples;
+    for (const EdgePixel& pixel : edge.pixels) {
+        const double distance = pixel.distance_px - own.shift_px - own.turn * pixel.along_px;
+        samples.push_back({distance, pixel.along_px, pixel.radiance});
+        double& half = half_width[distance > 0.0];
+        half = std::max(half, std::abs(distance));
+    }
+    const double half = std::min(half_width[0], half_width[1]) - 0.5;
+    if (half < least_half_width_px)
+        throw NumericalError(fmt::format("slanted edge: the band reaches {:.1f} px from it", half));
+    std::erase_if(samples, [&](const Sample& s) { return std::abs(s.distance_px) > half; });
+    SlantedEdge result;
+    const double angle = std::atan2(std::abs(edge.normal.y()), std::abs(edge.normal.x()));
+    result.angle_deg = std::min(angle, 0.5 * pi - angle) * 180.0 / pi;
+    transform(samples, half, result);
+    return result;
+}
+
+}  // namespace etalon

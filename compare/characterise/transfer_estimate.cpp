@@ -1,0 +1,295 @@
+#include "compare/characterise/transfer_estimate.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "compare/characterise/code_statistics.h"
+#include "compare/characterise/inverse_curve.h"
+#include "compare/characterise/uniform_patches.h"
+#include "core/errors.h"
+#include "sim/sensor/sensor_model.h"
+
+namespace etalon {
+namespace {
+
+constexpr int least_times = 4;
+constexpr double least_time_range = 4.0;
+constexpr int least_patches = 4, most_patches = 100;
+constexpr double most_drift = 0.01;
+constexpr double least_top = 0.5;  // of full scale, that must be seen
+constexpr int table_intervals = 128;
+
+void check_times(std::span<const ExposedPhoto> photos) {
+    std::set<double> times;
+    for (const ExposedPhoto& photo : photos) {
+        if (!(photo.exposure_us > 0.0 && std::isfinite(photo.exposure_us)))
+            throw NumericalError(fmt::format("exposures: {} has the exposure time {} us",
+                                             photo.name, photo.exposure_us));
+        times.insert(photo.exposure_us);
+    }
+    if (times.size() < least_times || *times.rbegin() < least_time_range * *times.begin())
+        throw NumericalError(fmt::format(
+            "exposures: {} different times over a factor of {:.3g}; {} over a factor of {:.0f} are "
+            "needed",
+            times.size(), times.empty() ? 0.0 : *times.rbegin() / *times.begin(), least_times,
+            least_time_range));
+}
+
+// Of a mosaic only the green pixels of every second row: one curve needs one colour.
+std::vector<ExposedPhoto> one_channel(std::span<const ExposedPhoto> photos, Mosaic mosaic) {
+    std::vector<ExposedPhoto> result(photos.begin(), photos.end());
+    if (mosaic == Mosaic::none)
+        return result;
+    const int first = channel_of_pixel(mosaic, 0, 0) == Channel::green ? 0 : 1;
+    for (ExposedPhoto& photo : result) {
+        const cv::Mat all = photo.image.pixels;
+        cv::Mat green((all.rows + 1) / 2, (all.cols - first + 1) / 2, all.type());
+        for (int y = 0; y < green.rows; ++y)
+            for (int x = 0; x < green.cols; ++x)
+                all.col(2 * x + first).row(2 * y).copyTo(green.col(x).row(y));
+        photo.image.pixels = green;
+    }
+    return result;
+}
+
+// The patches in every photograph where they are not clipped, as (patch, time, T).
+std::vector<ExposedPatch> observations(std::span<const ExposedPhoto> photos,
+                                       const std::vector<cv::Rect>& patches, int saturation,
+                                       const Sensor& sensor) {
+    const double range = (1 << sensor.bits) - 1 - sensor.black_dn;
+    std::vector<ExposedPatch> result;
+    for (const ExposedPhoto& photo : photos)
+        for (std::size_t i = 0; i < patches.size(); ++i) {
+            const PatchStatistics patch =
+                patch_statistics(photo.image, patches[i], saturation, Mosaic::none);
+            if (patch.is_clipped)
+                continue;
+            result.push_back({static_cast<int>(i), photo.exposure_us,
+                              (patch.mean - sensor.black_dn) / range,
+                              patch.standard_uncertainty / range});
+        }
+    return result;
+}
+
+// Patches that are uniform in the brightest photograph in which they are not clipped, spread over
+// the levels.
+std::vector<cv::Rect> chosen_patches(std::span<const ExposedPhoto> photos, int saturation,
+                                     const Sensor& sensor) {
+    std::vector<const ExposedPhoto*> brightest_first;
+    for (const ExposedPhoto& photo : photos)
+        brightest_first.push_back(&photo);
+    std::stable_sort(brightest_first.begin(), brightest_first.end(),
+                     [](auto* a, auto* b) { return a->exposure_us > b->exposure_us; });
+    std::vector<std::pair<double, cv::Rect>> by_irradiance;
+    for (const cv::Rect& block : image_blocks(photos.front().image.pixels.size(), 40))
+        for (const ExposedPhoto* photo : brightest_first) {
+            const PatchStatistics patch =
+                patch_statistics(photo->image, block, saturation, Mosaic::none);
+            if (patch.is_clipped)
+                continue;
+            const double signal = patch.mean - sensor.black_dn;
+            if (patch.unevenness < 0.03 * signal)
+                by_irradiance.emplace_back(signal / photo->exposure_us, block);
+            break;
+        }
+    std::sort(by_irradiance.begin(), by_irradiance.end(), [](const auto& a, const auto& b) {
+        return std::tie(a.first, a.second.y, a.second.x) <
+               std::tie(b.first, b.second.y, b.second.x);
+    });
+    std::vector<cv::Rect> patches;
+    const std::size_t many = by_irradiance.size();
+    const std::size_t wanted = std::min<std::size_t>(many, most_patches);
+    for (std::size_t i = 0; i < wanted; ++i)
+        patches.push_back(by_irradiance[(2 * i + 1) * many / (2 * wanted)].second);
+    if (patches.size() < least_patches)
+        throw NumericalError(
+            fmt::format("exposures: {} uniform parts in the scene; {} are needed (a blurred or far "
+                        "target, a gray wall)",
+                        patches.size(), least_patches));
+    return patches;
+}
+
+// Largest relative difference between photographs of one exposure time, as mean over the patches.
+std::optional<double> light_drift(std::span<const ExposedPhoto> photos,
+                                  const std::vector<cv::Rect>& patches, int saturation,
+                                  const Sensor& sensor) {
+    std::map<double, std::vector<double>> sums;
+    for (const ExposedPhoto& photo : photos) {
+        double sum = 0.0;
+        for (const cv::Rect& rect : patches)
+            sum += patch_statistics(photo.image, rect, saturation, Mosaic::none).mean -
+                   sensor.black_dn;
+        sums[photo.exposure_us].push_back(sum);
+    }
+    std::optional<double> drift;
+    for (const auto& [time, values] : sums) {
+        const auto [least, most] = std::minmax_element(values.begin(), values.end());
+        if (values.size() > 1 && *least > 0.0)
+            drift = std::max(drift.value_or(0.0), (*most - *least) / *most);
+    }
+    if (drift.value_or(0.0) > most_drift)
+        throw NumericalError(
+            fmt::format("exposures: photos of equal exposure time differ by {:.2g} %: the light is "
+                        "not steady",
+                        100.0 * *drift));
+    return drift;
+}
+
+// A curve that has no parameters of its own: slope and value of its inverse.
+TransferCandidate known_curve(Transfer::Kind kind, const std::vector<ExposedPatch>& observed) {
+    const Transfer transfer{kind, {}};
+    const auto inverse = [&](double code) { return decode(transfer, std::min(code, 1.0)); };
+    constexpr double step = 1e-5;
+    const auto slope = [&](double code) {
+        return (inverse(code + step) - inverse(code - step)) / (2.0 * step);
+    };
+    TransferCandidate candidate{kind, irradiance_chi_square(observed, inverse, slope)};
+    candidate.parameters = patch_count(observed);
+    return candidate;
+}
+
+void judge(std::vector<TransferCandidate>& candidates, std::size_t observations) {
+    const double n = static_cast<double>(observations);
+    for (TransferCandidate& candidate : candidates)
+        candidate.degrees_of_freedom = static_cast<int>(observations) - candidate.parameters;
+    // The richest model tells how much larger the scatter is than the stated noise.
+    const TransferCandidate& table = candidates.back();
+    const double excess = std::max(1.0, table.chi_square / table.degrees_of_freedom);
+    for (TransferCandidate& candidate : candidates)
+        candidate.information_criterion =
+            candidate.chi_square / excess + candidate.parameters * std::log(n);
+}
+
+// The known curves first: one of them is kept as long as its residuals are at most a fifth larger
+// than the table's, which follows anything.
+Transfer::Kind chosen(const std::vector<TransferCandidate>& candidates) {
+    const auto reduced = [](const TransferCandidate& c) {
+        return c.chi_square / c.degrees_of_freedom;
+    };
+    const double scatter = std::max(1.0, reduced(candidates.back()));
+    const auto best =
+        std::min_element(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
+            return a.information_criterion < b.information_criterion;
+        });
+    for (const TransferCandidate& candidate : candidates)
+        if (candidate.kind == best->kind || reduced(candidate) < 1.5 * scatter)
+            return candidate.kind;
+    return best->kind;
+}
+
+// The whole curve up to saturation as a table, radiance 1 there.
+struct Table {
+    std::vector<std::pair<double, double>> knots;
+    std::vector<double> uncertainties;
+};
+
+Table tabulated(const InverseCurve& curve, double top, double black_uncertainty) {
+    const double end = curve.radiance(top);
+    Table table;
+    for (int i = 0; i <= table_intervals; ++i) {
+        const double code = top * i / table_intervals;
+        const double slope = curve.slope(code) / end;
+        const double u_radiance = curve.relative_uncertainty(code, top);
+        table.knots.emplace_back(curve.radiance(code) / end, code);
+        table.uncertainties.push_back(
+            std::hypot(u_radiance / slope, (1.0 - code) * black_uncertainty));
+    }
+    table.knots.front() = {0.0, 0.0};
+    table.knots.back().first = 1.0;
+    for (std::size_t i = 1; i < table.knots.size(); ++i)
+        if (!(table.knots[i].first > table.knots[i - 1].first))
+            throw NumericalError(
+                fmt::format("exposures: the transfer curve does not rise at {:.3g} of full scale: "
+                            "more exposure "
+                            "times and patches are needed there",
+                            table.knots[i].second));
+    return table;
+}
+
+// Departure from the line through black with the least squares, where EMVA 1288 looks: from 5 to
+// 95 % of the range.
+void take_nonlinearity(const Table& table, TransferEstimate& estimate) {
+    const auto is_in_range = [&](double code) {
+        return code >= 0.05 * estimate.highest_code && code <= 0.95 * estimate.highest_code;
+    };
+    double product = 0.0, square = 0.0;
+    for (const auto& [radiance, code] : table.knots)
+        if (is_in_range(code)) {
+            product += radiance * code;
+            square += radiance * radiance;
+        }
+    for (std::size_t i = 0; i < table.knots.size(); ++i) {
+        const auto [radiance, code] = table.knots[i];
+        const double departure = std::abs(code - radiance * product / square);
+        if (is_in_range(code) && departure > estimate.nonlinearity) {
+            estimate.nonlinearity = departure;
+            estimate.nonlinearity_standard_uncertainty = table.uncertainties[i];
+        }
+    }
+}
+
+void take_points(const std::vector<ExposedPatch>& observed, const InverseCurve& curve, double top,
+                 TransferEstimate& estimate) {
+    const std::vector<double> irradiance = curve.irradiance;
+    const double end = curve.radiance(top);
+    for (const ExposedPatch& patch : observed)
+        estimate.points.push_back(
+            {irradiance[static_cast<std::size_t>(patch.patch)] * patch.exposure / end, patch.code,
+             patch.standard_uncertainty});
+}
+
+}  // namespace
+
+TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Sensor& sensor,
+                                   double black_standard_uncertainty_dn) {
+    check_times(given);
+    std::vector<CodeImage> images;
+    for (const ExposedPhoto& photo : given)
+        images.push_back(photo.image);
+    require_alike(images, "exposures");
+    const std::vector<ExposedPhoto> photos = one_channel(given, sensor.mosaic);
+    TransferEstimate estimate;
+    estimate.saturation_code = saturation_code(images);
+    const std::vector<cv::Rect> patches = chosen_patches(photos, estimate.saturation_code, sensor);
+    const std::vector<ExposedPatch> observed =
+        observations(photos, patches, estimate.saturation_code, sensor);
+    estimate.light_drift = light_drift(photos, patches, estimate.saturation_code, sensor);
+    estimate.patches = static_cast<int>(patches.size());
+    estimate.photos = static_cast<int>(photos.size());
+    const auto [low, high] = std::minmax_element(observed.begin(), observed.end(),
+                                                 [](auto& a, auto& b) { return a.code < b.code; });
+    estimate.lowest_code = low->code;
+    estimate.highest_code = high->code;
+    if (estimate.highest_code < least_top)
+        throw NumericalError(
+            fmt::format("exposures: the brightest parts reach {:.0f} % of full scale without "
+                        "clipping; {:.0f} % are needed",
+                        100.0 * estimate.highest_code, 100.0 * least_top));
+
+    const InverseCurve curve = fit_inverse_curve(observed);
+    estimate.candidates = {known_curve(Transfer::Kind::linear, observed),
+                           known_curve(Transfer::Kind::rec709, observed),
+                           {Transfer::Kind::table, curve.chi_square}};
+    estimate.candidates.back().parameters =
+        estimate.candidates.front().parameters + curve.parameters();
+    judge(estimate.candidates, observed.size());
+    const double range = (1 << sensor.bits) - 1 - sensor.black_dn;
+    const double top =
+        std::max((estimate.saturation_code - sensor.black_dn) / range, estimate.highest_code);
+    const Table table = tabulated(curve, top, black_standard_uncertainty_dn / range);
+    take_nonlinearity(table, estimate);
+    take_points(observed, curve, top, estimate);
+    estimate.transfer.kind = chosen(estimate.candidates);
+    if (estimate.transfer.kind == Transfer::Kind::table) {
+        estimate.transfer.table = table.knots;
+        estimate.code_standard_uncertainty = table.uncertainties;
+    }
+    return estimate;
+}
+
+}  // namespace etalon

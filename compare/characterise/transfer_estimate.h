@@ -1,0 +1,70 @@
+// The transfer curve T from photographs of one still scene at several exposure times: code value
+// from light, without a light meter, because light on the sensor is proportional to the time.
+//
+//     code = black + (full scale - black) T(E t)      (sim/sensor/sensor_model.h)
+//
+// Uniform patches of the scene are followed through the series, each with its unknown irradiance E.
+// Three candidates: a straight line, Rec. 709, and a monotone curve (the inverse curve as a cubic
+// B-spline in T with the fewest pieces that pay); which one the photographs support tells Schwarz's
+// criterion (BIC); a known curve is kept while its residuals are at most a fifth larger than those
+// of the free one. As the scale of the light is unknown, radiance 1 is where the curve reaches
+// saturation; beyond the brightest code that was seen it is continued with the bend that it has
+// there, the whole effect of which is counted as uncertainty. The method is Debevec and Malik's
+// (SIGGRAPH 1997) with measured weights and a model choice.
+//
+// What it relies on: exposure times as commanded (an offset or a jitter of the shutter is taken for
+// a property of the curve), steady light, which repeated exposure times prove.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "core/image.h"
+
+namespace etalon {
+
+struct ExposedPhoto {
+    CodeImage image;
+    double exposure_us = 0.0;
+    std::string name;
+};
+
+struct TransferCandidate {
+    Transfer::Kind kind;
+    double chi_square = 0.0, information_criterion = 0.0;
+    int parameters = 0, degrees_of_freedom = 0;
+};
+
+// A patch in one photograph: the radiance that the fit found for it, and its code (T).
+struct TransferPoint {
+    double radiance, code, standard_uncertainty;
+};
+
+struct TransferEstimate {
+    Transfer transfer;  // of the chosen kind; a table has 129 knots
+    // Of each knot's code, parts of full scale; empty unless it is a table.
+    std::vector<double> code_standard_uncertainty;
+    std::vector<TransferCandidate> candidates;  // linear, Rec. 709, table
+    // Largest departure of the measured curve from the straight line through black that fits it
+    // best, parts of full scale (EMVA 1288's linearity error is of this kind), and its standard
+    // uncertainty: of the table, whichever kind is chosen.
+    double nonlinearity = 0.0, nonlinearity_standard_uncertainty = 0.0;
+    double lowest_code = 0.0, highest_code = 0.0;  // seen, as T
+    int saturation_code = 0;
+    std::optional<double> light_drift;  // largest relative change between equal exposure times
+    int patches = 0, photos = 0;
+    std::vector<TransferPoint> points;
+};
+
+// `sensor` gives bits, mosaic and black level; its transfer is not used. At least 4 exposure times
+// over a factor of 4. Throws NumericalError with the values for fewer, for different sizes, a time
+// that is not positive, light that drifts by over 1 % between equal times, fewer than 4 uniform
+// patches, photographs that all stay below half of full scale, and a curve that does not rise.
+// About 10 ns a pixel and photograph, and a second for the fits. Safe from every thread.
+TransferEstimate estimate_transfer(std::span<const ExposedPhoto> photos, const Sensor& sensor,
+                                   double black_standard_uncertainty_dn);
+
+}  // namespace etalon

@@ -1,0 +1,38 @@
+// libapriltag 3 as a finder of all tags of a family in an image. Single tags behind the Detector
+// interface: compare/detect/apriltag_detector.cpp; boards of them: compare/tag_grid_corners.h.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "compare/detect/found_tag.h"
+
+namespace etalon {
+
+// How the library finds the outlines of tags.
+struct ApriltagQuads {
+    double decimate = 1;  // in an image reduced by this; 2, its default, loses half of small tags
+    bool refine_edges = true;  // fitted anew to the whole image
+};
+
+// Not thread-safe: one per thread. Some 10 ms to
+// make for a family of hundreds of codes.
+class ApriltagFinder {
+public:
+    // Families of sim/marker/tag_pattern.h; Kalibr prints the classic ones with a border of two
+    // cells. Throws ConfigError for an unknown family.
+    explicit ApriltagFinder(const std::string& family, int border_cells = 1,
+                            const ApriltagQuads& quads = {});
+    ~ApriltagFinder();
+
+    // `image`: CV_8UC1. Corners include what decimation displaces them by, which is a bias of the
+    // library (compare/detect/detector_adaptors.h). The same image gives the same result.
+    std::vector<FoundTag> find(cv::Mat image);
+
+private:
+    struct Handles;
+    std::unique_ptr<Handles> handles_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,157 @@
+#include "compare/detect/calibration_target.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "calib/camera/projector.h"
+#include "compare/detect/board_points.h"
+#include "compare/detect/chessboard_corners.h"
+#include "compare/detect/detector_adaptors.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+constexpr std::size_t least_points = 6;
+
+std::vector<BoardPoint> find_chessboard_points(const Marker& board, const CodeImage& image) {
+    const auto corners = find_chessboard_corners(image, board.columns, board.rows);
+    std::vector<BoardPoint> points;
+    for (std::size_t i = 0; corners && i < corners->pixels.size(); ++i)
+        if (corners->refined[i])
+            points.push_back({static_cast<int>(i), corners->pixels[i]});
+    return points;
+}
+
+std::vector<BoardPoint> find_points(const Marker& board, const CodeImage& image) {
+    if (board.kind == Marker::Kind::chessboard)
+        return find_chessboard_points(board, image);
+    BoardPhoto photo{{}, as_8_bit(image)};
+    image.pixels.convertTo(photo.pixels, CV_32F, 1.0 / image.full_scale());
+    if (board.kind == Marker::Kind::charuco)
+        return find_charuco_corners(board, photo);
+    if (board.kind == Marker::Kind::aprilgrid)
+        return find_tag_grid_corners(board, photo);
+    return find_circle_centroids(board, photo);
+}
+
+// Whether the points leave the plane's two directions determined: not fewer than two rows of them.
+bool spread_over_the_plane(const CalibrationView& view) {
+    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+    for (const Eigen::Vector3d& point : view.points_mm)
+        mean += point.head<2>() / static_cast<double>(view.points_mm.size());
+    Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+    for (const Eigen::Vector3d& point : view.points_mm)
+        scatter += (point.head<2>() - mean) * (point.head<2>() - mean).transpose();
+    const Eigen::Vector2d eigenvalues =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(scatter).eigenvalues();
+    return eigenvalues[0] > 1e-6 * eigenvalues[1];
+}
+
+// The centroid of a projected disk, by Green's theorem along its outline: the trapezoidal rule,
+// which converges exponentially on a closed smooth curve. Nothing when part of it has no image.
+std::optional<Eigen::Vector2d> disk_centroid(const Projector& projector,
+                                             const Rigid& camera_from_target,
+                                             const Eigen::Vector3d& centre_mm, double radius_mm) {
+    constexpr int steps = 64;
+    const auto origin = projector.project(camera_from_target * centre_mm);
+    if (!origin)
+        return std::nullopt;
+    double area = 0.0;
+    Eigen::Vector2d moment = Eigen::Vector2d::Zero();
+    for (int i = 0; i < steps; ++i) {
+        const double angle = 2.0 * std::numbers::pi * i / steps;
+        const Eigen::Vector3d outward(std::cos(angle), std::sin(angle), 0.0),
+            forward(-std::sin(angle), std::cos(angle), 0.0);
+        const auto seen =
+            projector.project_with_jacobian(camera_from_target * (centre_mm + radius_mm * outward));
+        if (!seen)
+            return std::nullopt;
+        const Eigen::Vector2d p = seen->pixel - *origin,
+                              dp = seen->jacobian * (camera_from_target.rotation * forward);
+        area += 0.5 * (p.x() * dp.y() - p.y() * dp.x());
+        moment += 0.5 * Eigen::Vector2d(p.x() * p.x() * dp.y(), -p.y() * p.y() * dp.x());
+    }
+    if (!(std::abs(area) > 0.0))
+        return std::nullopt;
+    return Eigen::Vector2d(*origin + moment / area);
+}
+
+}  // namespace
+
+CalibrationTarget parse_calibration_target(const std::string& spec, const std::string& place) {
+    CalibrationTarget target{parse_marker(spec, place)};
+    const Marker& board = target.board;
+    const auto require = [&](int least_columns, int least_rows, const char* what) {
+        const auto [small, large] = std::minmax(board.columns, board.rows);
+        if (small < std::min(least_columns, least_rows) ||
+            large < std::max(least_columns, least_rows))
+            throw ConfigError(
+                {place, 0, spec},
+                fmt::format("a board of {}x{} {} is too small to calibrate with: "
+                            "{}x{} at least",
+                            board.columns, board.rows, what, least_columns, least_rows));
+    };
+    switch (board.kind) {
+        case Marker::Kind::chessboard:
+            require(3, 3, "inner corners");
+            return target;
+        case Marker::Kind::charuco:
+            require(4, 3, "squares");
+            return target;
+        case Marker::Kind::aprilgrid:
+            require(2, 2, "tags");
+            return target;
+        case Marker::Kind::circles:
+        case Marker::Kind::acircles:
+            require(3, 3, "circles");
+            return target;
+        default:
+            throw ConfigError({place, 0, spec},
+                              "a camera is calibrated with a board, for instance "
+                              "chessboard:9x6@25mm");
+    }
+}
+
+std::optional<CalibrationView> observe(const CalibrationTarget& target, const CodeImage& image) {
+    if (image.pixels.empty())
+        return std::nullopt;
+    CalibrationView view;
+    for (const BoardPoint& point : find_points(target.board, image)) {
+        view.points_mm.push_back(target.board.points_mm[static_cast<std::size_t>(point.id)]);
+        view.pixels.push_back(point.pixel);
+        view.ids.push_back(point.id);
+    }
+    if (view.pixels.size() < least_points || !spread_over_the_plane(view))
+        return std::nullopt;
+    return view;
+}
+
+bool has_circles(const CalibrationTarget& target) {
+    return target.board.kind == Marker::Kind::circles ||
+           target.board.kind == Marker::Kind::acircles;
+}
+
+CalibrationView with_circle_centres(const CalibrationTarget& target,
+                                    const CalibrationView& observed, const CameraModel& camera,
+                                    const Rigid& camera_from_target) {
+    CalibrationView view = observed;
+    if (!has_circles(target))
+        return view;
+    const Projector projector(camera);
+    for (std::size_t i = 0; i < view.pixels.size(); ++i) {
+        const Eigen::Vector3d& centre = view.points_mm[i];
+        const auto seen = projector.project(camera_from_target * centre);
+        const auto centroid =
+            disk_centroid(projector, camera_from_target, centre, target.board.part_mm / 2.0);
+        if (seen && centroid)
+            view.pixels[i] -= *centroid - *seen;
+    }
+    return view;
+}
+
+}  // namespace etalon

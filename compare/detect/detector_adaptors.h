@@ -1,0 +1,81 @@
+// The adaptors behind make_detector(), one per library. Only compare/detect/detector.cpp and the
+// tests of single adaptors need this header.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "compare/detect/detector.h"
+
+namespace etalon {
+
+// libapriltag, by default at full resolution (no decimation) and with edges refined. ConfigError at
+// `place` for a marker that is no AprilTag or of a family that the library does not have, and for
+// an option out of its range.
+//
+// What the options do, in px on exact renderings of tags of 45 to 120 px, libapriltag 3.3.0
+// (tests/evidence/detector_options.cpp prints it, with smaller tags): mean offset in x and in y,
+// each; RMS distance of a corner; CPU time for 640x480 px.
+//
+//   quad_decimate   edges refined            not refined                CPU time
+//   1               0.00, RMS 0.08           -0.08, RMS 0.12 to 0.15    3 ms
+//   1.5             0.00, RMS 0.08           -0.11, RMS 0.17 to 0.22    2 ms
+//   2               0.00, RMS 0.08 to 0.09   -0.15, RMS 0.26 to 0.38    1 ms
+//   3               0.00, RMS 0.09           -0.22, RMS 0.44 to 0.64    0.5 ms; 28 of 40 of 30 px
+//
+// So refinement takes away what reduction does to corners, while it finds the edges: it did down
+// to 30 px with 2, not with 3. Releases before 3.4.3 place a reduced outline wrongly, and it shows
+// where edges are not refined.
+std::unique_ptr<Detector> make_apriltag_detector(const Marker& marker, const std::string& place,
+                                                 const DetectorOptions& options = {});
+
+// How OpenCV's ArUco places the corners. Mean offset towards the tag's centre on exact renderings
+// of 120 px tags, OpenCV 4.6 (tests/compare/detect/aruco_detector_test.cpp measures and prints it
+// again). It is left in: it belongs to the detector, and a comparison meets it in photograph and
+// rendering.
+enum class ArucoRefinement {
+    none,      // the contour's own pixels: 0.55 px
+    subpixel,  // cv::cornerSubPix in a 7x7 px window, the default: 0.14 px
+    contour,   // lines through the contour's pixels: 0.64 px
+    apriltag,  // OpenCV's copy of the AprilTag 2 quads: 0.00 px once its half pixel is undone, but
+               // -0.08 px in x and in y
+};
+
+// OpenCV's ArUco with a dictionary of its own. ConfigError at `place` for any other marker, and for
+// a window out of its range.
+//
+// Sub-pixel windows, by side of the tag, in px on the same renderings (OpenCV 4.6): mean offset
+// towards the tag's centre, RMS distance of a corner. The time does not depend on them: 2.5 ms.
+//
+//   half window     30 px         45 px         60 px         90 px         120 px
+//   2               0.17, 0.24    0.17, 0.24    0.17, 0.24    0.18, 0.24    0.17, 0.23
+//   3               0.13, 0.21    0.14, 0.20    0.14, 0.21    0.15, 0.21    0.14, 0.20
+//   5               0.12, 0.22    0.10, 0.20    0.11, 0.21    0.11, 0.22    0.11, 0.20
+//   8               0.54, 0.92    0.11, 0.28    0.10, 0.26    0.10, 0.27    0.09, 0.25
+std::unique_ptr<Detector> make_aruco_detector(const Marker& marker, ArucoRefinement refinement,
+                                              const std::string& place,
+                                              const DetectorOptions& options = {});
+
+// Our own finder of STag markers (compare/stag/stag_finder.h), all of whose edges place the
+// corners: a marker that is too small or too hidden for that is not found. ConfigError for any
+// other marker.
+std::unique_ptr<Detector> make_stag_detector(const Marker& marker, const std::string& place);
+
+// The TopoTag finder of compare/topotag/topotag_finder.h. ConfigError at `place` for any other
+// marker.
+std::unique_ptr<Detector> make_topotag_detector(const Marker& marker, const std::string& place);
+
+// The corner finder of compare/detect/chessboard_corners.h for a marker of kind chessboard.
+std::unique_ptr<Detector> make_chessboard_detector(const Marker& marker, const std::string& place);
+
+// The ChArUco corners that a calibration finds (compare/detect/calibration_target.h), at least six
+// of them: a board may be seen in part. Tags whose id is seen twice count as not seen, so that of
+// two boards alike nothing is found. ConfigError at `place` for any other marker and for a board
+// with fewer than 2x3 inner corners.
+std::unique_ptr<Detector> make_charuco_detector(const Marker& marker, const std::string& place);
+
+// The image with its full scale at 255, rounded: what the libraries expect. 8-bit images are not
+// copied.
+cv::Mat as_8_bit(const CodeImage& image);
+
+}  // namespace etalon

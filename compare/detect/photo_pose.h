@@ -1,0 +1,43 @@
+// Photographs of a marker: read as the calibration expects them, the marker found, its pose
+// estimated. Shared by `etalon detect` and `etalon compare`.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "compare/detect/detector.h"
+
+namespace etalon {
+
+// The marker in one photograph, or why it is not there.
+struct PhotoPose {
+    std::filesystem::path photo;
+    std::string failure;                     // empty when there is a pose
+    std::optional<DetectedCorners> corners;  // may be there without a pose
+    std::optional<PoseEstimate> estimate;
+};
+
+// The camera for these photographs: a foreign calibration without an image size takes that of the
+// first one. Throws ConfigError when the calibration or the photograph cannot be read.
+CameraModel read_camera_for(const std::filesystem::path& camera_file,
+                            const std::vector<std::filesystem::path>& photos);
+
+// One pose for each photograph. Throws ConfigError for a file that cannot be read or holds another
+// number of them.
+std::vector<Rigid> read_poses_for(const std::filesystem::path& poses,
+                                  const std::vector<std::filesystem::path>& photos);
+
+// A photograph whose size must be the calibration's (ConfigError names both). A 16-bit file holds
+// the sensor's bits in the low bits where the camera has a sensor section with fewer than 16.
+CodeImage read_photo(const std::filesystem::path& photo, const CameraModel& camera,
+                     const std::filesystem::path& camera_file);
+
+// By the file's first two bytes, not by its name.
+bool is_jpeg(const std::filesystem::path& photo);
+
+// Detection and pose of one photograph; a marker that is not found is no error.
+PhotoPose find_marker(const std::filesystem::path& photo, const CodeImage& image,
+                      Detector& detector, const Projector& projector, const Marker& marker);
+
+}  // namespace etalon

@@ -1,0 +1,238 @@
+#include "compare/detect/saddle_point.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <numbers>
+#include <vector>
+
+namespace etalon {
+namespace {
+
+constexpr double sharpest_px = 0.1, least_contrast = 0.02, worst_misfit = 0.25;
+constexpr double largest_turn = 0.52;  // 30 degrees
+
+// Centre, angles of the edges, log of the blur, then what is linear: brightness, gradient,
+// contrast.
+using Parameters = Eigen::Matrix<double, 9, 1>;
+enum : int { x, y, angle_1, angle_2, log_blur, brightness, gradient_x, gradient_y, contrast };
+
+struct Sample {
+    Eigen::Vector2d place;  // from the window's centre, px
+    double value, weight;
+};
+
+// All pixels of a disk, fading out over its last pixel so that nothing jumps when it moves.
+std::vector<Sample> window_around(const cv::Mat& pixels, const Eigen::Vector2d& centre,
+                                  double radius) {
+    std::vector<Sample> samples;
+    const Eigen::Vector2d last(pixels.cols - 1, pixels.rows - 1);
+    if (!(centre.minCoeff() >= radius && (last - centre).minCoeff() >= radius))
+        return {};
+    const int left = static_cast<int>(std::ceil(centre.x() - radius)),
+              top = static_cast<int>(std::ceil(centre.y() - radius));
+    const int right = static_cast<int>(std::floor(centre.x() + radius)),
+              bottom = static_cast<int>(std::floor(centre.y() + radius));
+    for (int row = top; row <= bottom; ++row)
+        for (int column = left; column <= right; ++column) {
+            const Eigen::Vector2d place = Eigen::Vector2d(column, row) - centre;
+            const double weight = std::clamp(radius - place.norm(), 0.0, 1.0);
+            if (weight > 0.0)
+                samples.push_back({place, pixels.at<float>(row, column), weight});
+        }
+    return samples;
+}
+
+// A step blurred by a Gaussian and by the pixel's own square: across an edge that is a box of the
+// square's longer projected side and a shorter one, whose variance joins the Gaussian's.
+struct Step {
+    double value, slope, by_blur;  // -1..1; its derivatives by the distance and by the Gaussian
+};
+
+Step blurred_step(double distance, double blur, double box) {
+    const double sigma_slope = std::sqrt(2.0 * std::numbers::inv_pi);
+    double integral[2], step[2], bell[2];
+    for (const int i : {0, 1}) {
+        const double end = distance + (i - 0.5) * box;
+        step[i] = std::erf(end / blur * std::sqrt(0.5));
+        bell[i] = sigma_slope * std::exp(-0.5 * end * end / (blur * blur));
+        integral[i] = end * step[i] + blur * bell[i];
+    }
+    return {(integral[1] - integral[0]) / box, (step[1] - step[0]) / box,
+            (bell[1] - bell[0]) / box};
+}
+
+struct Modelled {
+    double value;
+    Parameters gradient;
+};
+
+Modelled model(const Parameters& p, const Eigen::Vector2d& place) {
+    const double gaussian = std::exp(p[log_blur]);
+    const Eigen::Vector2d from_centre = place - p.head<2>();
+    double along[2], by_log_blur[2];
+    Step step[2];
+    Eigen::Vector2d normal[2];
+    for (const int i : {0, 1}) {
+        const double c = std::cos(p[angle_1 + i]), s = std::sin(p[angle_1 + i]);
+        const double longer = std::max(std::abs(c), std::abs(s)),
+                     shorter = std::min(std::abs(c), std::abs(s));
+        const double blur = std::sqrt(gaussian * gaussian + shorter * shorter / 12.0);
+        normal[i] = {-s, c};
+        along[i] = c * from_centre.x() + s * from_centre.y();
+        step[i] = blurred_step(normal[i].dot(from_centre), blur, longer);
+        by_log_blur[i] = step[i].by_blur * gaussian * gaussian / blur;
+    }
+    const double product = step[0].value * step[1].value;
+    const double pattern = p[brightness] + p[contrast] * product;
+    const double light = 1.0 + p.segment<2>(gradient_x).dot(place), a = light * p[contrast];
+    Modelled result;
+    result.value = light * pattern;
+    result.gradient.head<2>() = -a * (step[0].slope * step[1].value * normal[0] +
+                                      step[0].value * step[1].slope * normal[1]);
+    // The box's change with the angle is left out: LM needs no more.
+    result.gradient[angle_1] = -a * step[0].slope * along[0] * step[1].value;
+    result.gradient[angle_2] = -a * step[0].value * step[1].slope * along[1];
+    result.gradient[log_blur] =
+        a * (by_log_blur[0] * step[1].value + step[0].value * by_log_blur[1]);
+    result.gradient[brightness] = light;
+    result.gradient[contrast] = light * product;
+    result.gradient.segment<2>(gradient_x) = pattern * place;
+    return result;
+}
+
+struct Normal {
+    Eigen::Matrix<double, 9, 9> matrix = Eigen::Matrix<double, 9, 9>::Zero();
+    Parameters rhs = Parameters::Zero();
+    double cost = 0.0;
+};
+
+Normal normal_equations(const std::vector<Sample>& samples, const Parameters& p) {
+    Normal normal;
+    for (const Sample& sample : samples) {
+        const Modelled modelled = model(p, sample.place);
+        const double residual = sample.value - modelled.value;
+        normal.matrix += sample.weight * modelled.gradient * modelled.gradient.transpose();
+        normal.rhs += sample.weight * residual * modelled.gradient;
+        normal.cost += sample.weight * residual * residual;
+    }
+    return normal;
+}
+
+// Mean and contrast from the darkest and the brightest pixel: right wherever the guess is.
+void guess_levels(const std::vector<Sample>& samples, Parameters& p) {
+    const auto [dark, bright] =
+        std::minmax_element(samples.begin(), samples.end(),
+                            [](const Sample& a, const Sample& b) { return a.value < b.value; });
+    p[brightness] = 0.5 * (bright->value + dark->value);
+    p[contrast] = -0.5 * (bright->value - dark->value);
+}
+
+using Fixed = std::initializer_list<int>;
+
+void hold(const Fixed& fixed, Normal& normal) {
+    for (const int i : fixed) {
+        normal.matrix.row(i).setZero();
+        normal.matrix.col(i).setZero();
+        normal.matrix(i, i) = 1.0;
+        normal.rhs[i] = 0.0;
+    }
+}
+
+// Levenberg and Marquardt's method, with some parameters held. Returns the weighted sum of squares.
+double fit(const std::vector<Sample>& samples, double radius, const Fixed& fixed, Parameters& p) {
+    constexpr int most_steps = 40;
+    constexpr double small_step_px = 1e-5, longest_step_px = 1.5;
+    double damping = 1e-3;
+    Normal normal = normal_equations(samples, p);
+    hold(fixed, normal);
+    for (int i = 0; i < most_steps; ++i) {
+        Eigen::Matrix<double, 9, 9> damped = normal.matrix;
+        damped.diagonal() += damping * (normal.matrix.diagonal().array() + 1e-9).matrix();
+        const Parameters step = damped.ldlt().solve(normal.rhs);
+        Parameters tried = p + step;
+        tried[log_blur] = std::clamp(tried[log_blur], std::log(sharpest_px), std::log(radius));
+        if (!tried.allFinite())
+            break;
+        const Normal there = normal_equations(samples, tried);
+        if (there.cost > normal.cost || step.head<2>().norm() > longest_step_px) {
+            damping *= 10.0;
+            if (damping > 1e6)
+                break;
+            continue;
+        }
+        p = tried;
+        normal = there;
+        hold(fixed, normal);
+        damping = std::max(damping * 0.1, 1e-9);
+        if (step.head<2>().norm() < small_step_px)
+            break;
+    }
+    return normal.cost;
+}
+
+bool is_crossing(const Parameters& p, const Parameters& start, double rms) {
+    return p.allFinite() && p[contrast] <= -least_contrast &&
+           rms <= worst_misfit * std::abs(p[contrast]) &&
+           std::abs(p[angle_1] - start[angle_1]) < largest_turn &&
+           std::abs(p[angle_2] - start[angle_2]) < largest_turn;
+}
+
+// Angles such that both steps are positive in the quadrant between the edges.
+Parameters start_of(const SaddleGuess& guess) {
+    Parameters p = Parameters::Zero();
+    const auto angle = [](const Eigen::Vector2d& v) { return std::atan2(v.y(), v.x()); };
+    const double turn =
+        guess.edges[0].x() * guess.edges[1].y() - guess.edges[0].y() * guess.edges[1].x();
+    p[angle_1] = angle(turn > 0 ? guess.edges[0] : Eigen::Vector2d(-guess.edges[0]));
+    p[angle_2] = angle(turn > 0 ? Eigen::Vector2d(-guess.edges[1]) : guess.edges[1]);
+    p[log_blur] = std::log(2.0);
+    return p;
+}
+
+}  // namespace
+
+double saddle_window_px(double room_px) {
+    constexpr double usual = 5.5, least = 2.0;
+    const double window = std::min(std::max(usual, room_px / 6.0), 0.8 * room_px);
+    return window >= least ? window : 0.0;
+}
+
+std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const SaddleGuess& guess) {
+    const double radius = saddle_window_px(guess.room_px);
+    if (radius == 0.0 || !guess.pixel.allFinite())
+        return std::nullopt;
+    Eigen::Vector2d centre = guess.pixel;
+    const Parameters start = start_of(guess);
+    Parameters p = start;
+    constexpr int most_windows = 6;
+    constexpr double settled_px = 0.05;  // the window fades: its place no longer matters
+    for (int i = 0; i < most_windows; ++i) {
+        const std::vector<Sample> samples = window_around(pixels, centre, radius);
+        if (samples.empty())
+            return std::nullopt;
+        p.head<2>().setZero();
+        if (i == 0) {
+            // A guess some pixels off is met by a wide blur first, the rest as it was guessed.
+            guess_levels(samples, p);
+            fit(samples, radius, {angle_1, angle_2, gradient_x, gradient_y}, p);
+        }
+        const double cost = fit(samples, radius, {}, p);
+        double weights = 0.0;
+        for (const Sample& sample : samples)
+            weights += sample.weight;
+        const Eigen::Vector2d shift = p.head<2>();
+        if (!p.allFinite() || (centre + shift - guess.pixel).norm() > 0.5 * guess.room_px)
+            return std::nullopt;
+        centre += shift;
+        if (shift.norm() > settled_px)
+            continue;
+        if (!is_crossing(p, start, std::sqrt(cost / weights)))
+            return std::nullopt;
+        return centre;
+    }
+    return std::nullopt;
+}
+
+}  // namespace etalon

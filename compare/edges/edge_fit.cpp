@@ -1,0 +1,437 @@
+#include "compare/edges/edge_fit.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "compare/edges/edge_response.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+using Eigen::ArrayXd;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// dark, step, gradient across, gradient along, shift, turn
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+// Standard deviations of what is known of an edge beforehand, so wide that they decide nothing
+// where the pixels do: light that varies by 1 % of the step a pixel, an edge that is a pixel or
+// 50 mrad from where pose and print say.
+constexpr double gradient_prior = 0.01, shift_prior_px = 1.0, turn_prior = 0.05;
+constexpr double shift_room_px = 3.0;
+
+constexpr int most_iterations = 50;
+constexpr double outlier_ratio = 4.0;
+constexpr int least_clusters = 8;
+
+Vector6 vector_of(const FittedEdge& edge) {
+    return (Vector6() << edge.dark, edge.step, edge.gradient_across, edge.gradient_along,
+            edge.shift_px, edge.turn)
+        .finished();
+}
+
+void set(FittedEdge& edge, const Vector6& v) {
+    edge.dark = v[0];
+    edge.step = v[1];
+    edge.gradient_across = v[2];
+    edge.gradient_along = v[3];
+    edge.shift_px = v[4];
+    edge.turn = v[5];
+}
+
+Vector6 prior_weight(double step) {
+    const double gradient = 1.0 / std::pow(gradient_prior * step, 2);
+    return (Vector6() << 0.0, 0.0, gradient, gradient, 1.0 / (shift_prior_px * shift_prior_px),
+            1.0 / (turn_prior * turn_prior))
+        .finished();
+}
+
+// What one edge contributes to the normal equations once its own six are eliminated.
+struct Reduced {
+    MatrixXd information;  // of the shared parameters
+    VectorXd score;
+    Eigen::LDLT<Matrix6> own;
+    Vector6 own_score;
+    Eigen::Matrix<double, 6, Eigen::Dynamic> coupling;
+    double chi_square = 0.0, squared_residuals = 0.0;
+};
+
+// The profile of one edge for the current blur.
+struct Profile {
+    ArrayXd odd, even;
+    std::vector<ArrayXd> by_parameter;
+};
+
+class Problem {
+public:
+    Problem(std::span<const StraightEdge> edges, const BlurModel& model)
+        : edges_(edges), model_(model), response_(reach(edges)) {}
+
+    bool are_parts() const { return model_.are_parts; }
+
+    Profile profile(const StraightEdge& edge, const VectorXd& parameters) const {
+        const ArrayXd& f = response_.frequencies();
+        const ArrayXd pixel = pixel_transfer(f, edge.normal);
+        const BlurModel::Transfer lens = model_.transfer(edge, parameters, f);
+        Profile profile{
+            response_.odd_table(pixel * lens.value), response_.even_table(pixel * lens.value), {}};
+        for (Eigen::Index k = 0; k < parameters.size(); ++k)
+            profile.by_parameter.push_back(
+                response_.odd_table(pixel * lens.derivative.col(k).array()));
+        return profile;
+    }
+
+    // Normal equations of one edge at its current own parameters; fills its residuals.
+    Reduced reduce(const StraightEdge& edge, const VectorXd& parameters, FittedEdge& fitted) const {
+        const Eigen::Index m = parameters.size();
+        const Profile table = profile(edge, parameters);
+        Matrix6 own = Matrix6::Zero();
+        Reduced reduced;
+        reduced.information = MatrixXd::Zero(m, m);
+        reduced.score = VectorXd::Zero(m);
+        reduced.own_score = Vector6::Zero();
+        reduced.coupling = Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, m);
+        fitted.residuals.clear();
+        VectorXd shared(m);
+        for (const EdgePixel& pixel : edge.pixels) {
+            const double d = pixel.distance_px, t = pixel.along_px;
+            const double place = d - fitted.shift_px - fitted.turn * t;
+            const EdgeValue at = edge_value(table.odd, table.even, place);
+            const double height =
+                fitted.step + fitted.gradient_across * d + fitted.gradient_along * t;
+            const double expected = fitted.dark + height * at.response;
+            const double residual = pixel.radiance - expected;
+            const double weight = 1.0 / edge.noise.variance(expected);
+            Vector6 row;
+            row << 1.0, at.response, d * at.response, t * at.response, -height * at.spread,
+                -height * at.spread * t;
+            for (Eigen::Index k = 0; k < m; ++k)
+                shared[k] = height * odd_at(table.by_parameter[static_cast<std::size_t>(k)], place);
+            own.noalias() += weight * row * row.transpose();
+            reduced.own_score += weight * residual * row;
+            reduced.coupling.noalias() += weight * row * shared.transpose();
+            reduced.information.noalias() += weight * shared * shared.transpose();
+            reduced.score += weight * residual * shared;
+            reduced.chi_square += weight * residual * residual;
+            reduced.squared_residuals += residual * residual;
+            fitted.residuals.push_back(residual);
+        }
+        const Vector6 prior = prior_weight(fitted.step), current = vector_of(fitted);
+        own.diagonal() += prior;
+        reduced.own_score -= prior.cwiseProduct(current);
+        Vector6 told = current;  // of these the prior says nothing
+        told.head<2>().setZero();
+        reduced.chi_square += told.cwiseProduct(told).dot(prior);
+        reduced.own.compute(own);
+        const auto eliminated = reduced.own.solve(reduced.coupling);
+        reduced.information -= reduced.coupling.transpose() * eliminated;
+        reduced.score -= reduced.coupling.transpose() * reduced.own.solve(reduced.own_score);
+        return reduced;
+    }
+
+private:
+    static double reach(std::span<const StraightEdge> edges) {
+        double widest = 0.0;
+        for (const StraightEdge& edge : edges)
+            for (const EdgePixel& pixel : edge.pixels)
+                widest = std::max(widest, std::abs(pixel.distance_px));
+        return widest + shift_room_px;
+    }
+
+    std::span<const StraightEdge> edges_;
+    const BlurModel& model_;
+    EdgeResponse response_;
+};
+
+// Levels from the outer halves of both sides.
+FittedEdge first_guess(const StraightEdge& edge) {
+    double widest = 0.0, sum[2] = {}, count[2] = {};
+    for (const EdgePixel& pixel : edge.pixels)
+        widest = std::max(widest, std::abs(pixel.distance_px));
+    for (const EdgePixel& pixel : edge.pixels)
+        if (std::abs(pixel.distance_px) >= 0.5 * widest) {
+            sum[pixel.distance_px > 0.0] += pixel.radiance;
+            ++count[pixel.distance_px > 0.0];
+        }
+    if (count[0] == 0.0 || count[1] == 0.0 || !(sum[1] / count[1] > sum[0] / count[0]))
+        throw NumericalError(fmt::format("an edge at ({:.1f}, {:.1f}) px has no lighter side",
+                                         edge.centre_px.x(), edge.centre_px.y()));
+    FittedEdge fitted;
+    fitted.dark = sum[0] / count[0];
+    fitted.step = sum[1] / count[1] - fitted.dark;
+    return fitted;
+}
+
+// Least of 1/2 x^T A x - b^T x with x >= lower: Lawson and Hanson's active set, A positive
+// definite.
+class BoundedQuadratic {
+public:
+    BoundedQuadratic(const MatrixXd& a, const VectorXd& b, const VectorXd& lower)
+        : a_(a),
+          b_(b),
+          lower_(lower),
+          x_(VectorXd::Zero(lower.size())),
+          free_(static_cast<std::size_t>(lower.size()), false) {
+        // x = 0 is always allowed (no step): parameters off their bound start free.
+        for (Eigen::Index i = 0; i < lower.size(); ++i)
+            free_[static_cast<std::size_t>(i)] = lower[i] < 0.0;
+    }
+
+    VectorXd solve() {
+        for (int round = 0; round < 10 * static_cast<int>(free_.size()) + 10; ++round) {
+            while (!move_to_least_of_free()) {
+            }
+            if (!release_one())
+                break;
+        }
+        return x_;
+    }
+
+private:
+    std::vector<Eigen::Index> chosen() const {
+        std::vector<Eigen::Index> indices;
+        for (std::size_t i = 0; i < free_.size(); ++i)
+            if (free_[i])
+                indices.push_back(static_cast<Eigen::Index>(i));
+        return indices;
+    }
+
+    // True when the least over the free ones is inside; else one of them becomes bound.
+    bool move_to_least_of_free() {
+        const std::vector<Eigen::Index> indices = chosen();
+        if (indices.empty())
+            return true;
+        const VectorXd gradient = b_ - a_ * x_;
+        const VectorXd step = a_(indices, indices).ldlt().solve(gradient(indices));
+        double part = 1.0;
+        Eigen::Index blocking = -1;
+        for (std::size_t i = 0; i < indices.size(); ++i) {
+            const double delta = step[static_cast<Eigen::Index>(i)];
+            const double room = lower_[indices[i]] - x_[indices[i]];
+            if (delta < room && room / delta < part) {
+                part = room / delta;
+                blocking = indices[i];
+            }
+        }
+        for (std::size_t i = 0; i < indices.size(); ++i)
+            x_[indices[i]] += part * step[static_cast<Eigen::Index>(i)];
+        if (blocking < 0)
+            return true;
+        x_[blocking] = lower_[blocking];
+        free_[static_cast<std::size_t>(blocking)] = false;
+        return false;
+    }
+
+    bool release_one() {
+        const VectorXd gradient = b_ - a_ * x_;
+        Eigen::Index best = -1;
+        double gain = 0.0;
+        for (Eigen::Index i = 0; i < x_.size(); ++i) {
+            const double scaled = gradient[i] / std::sqrt(a_(i, i));
+            if (!free_[static_cast<std::size_t>(i)] && scaled > gain + 1e-9) {
+                gain = scaled;
+                best = i;
+            }
+        }
+        if (best >= 0)
+            free_[static_cast<std::size_t>(best)] = true;
+        return best >= 0;
+    }
+
+    const MatrixXd& a_;
+    const VectorXd& b_;
+    const VectorXd& lower_;
+    VectorXd x_;
+    std::vector<bool> free_;
+};
+
+// The sums over all edges in use.
+struct Sums {
+    MatrixXd information;
+    VectorXd score;
+    std::vector<Reduced> edges;
+    double chi_square = 0.0;
+};
+
+// Parts of a whole: their sum and the edges' steps together have one freedom too many, which is
+// fixed by a penalty. It is no compromise with the pixels, whatever its weight.
+void hold_sum(double weight, const VectorXd& parameters, Sums& sums) {
+    const double missing = 1.0 - parameters.sum();
+    sums.information.array() += weight;
+    sums.score.array() += weight * missing;
+    sums.chi_square += weight * missing * missing;
+}
+
+Sums sum_up(const Problem& problem, std::span<const StraightEdge> edges, EdgeFit& fit) {
+    const Eigen::Index m = fit.parameters.size();
+    Sums sums{MatrixXd::Zero(m, m), VectorXd::Zero(m), {}, 0.0};
+    double weight = 0.0;
+    for (std::size_t i = 0; i < edges.size(); ++i) {
+        sums.edges.emplace_back();
+        if (fit.edges[i].is_outlier)
+            continue;
+        sums.edges.back() = problem.reduce(edges[i], fit.parameters, fit.edges[i]);
+        const Reduced& edge = sums.edges.back();
+        sums.information += edge.information;
+        sums.score += edge.score;
+        sums.chi_square += edge.chi_square;
+        weight += static_cast<double>(edges[i].pixels.size()) / edges[i].noise.variance(0.5);
+    }
+    if (problem.are_parts())
+        hold_sum(weight, fit.parameters, sums);
+    if (!sums.information.allFinite() || !sums.score.allFinite() || !std::isfinite(sums.chi_square))
+        throw NumericalError("edge fit: not finite");
+    return sums;
+}
+
+// One step of all parameters, shared and own, by the part `part` of Gauss and Newton's.
+void take_step(const Sums& sums, const VectorXd& step, double part, EdgeFit& fit) {
+    fit.parameters += part * step;
+    for (std::size_t i = 0; i < fit.edges.size(); ++i) {
+        if (fit.edges[i].is_outlier)
+            continue;
+        const Reduced& edge = sums.edges[i];
+        const Vector6 own = edge.own.solve(edge.own_score - edge.coupling * step);
+        set(fit.edges[i], vector_of(fit.edges[i]) + part * own);
+    }
+}
+
+void require_information(const Sums& sums) {
+    if (!(sums.information.diagonal().minCoeff() > 0.0))
+        throw NumericalError("edge fit: the edges do not determine the blur");
+}
+
+// Gauss-Newton with halved steps where chi-square rises.
+Sums iterate(const Problem& problem, std::span<const StraightEdge> edges, const VectorXd& lower,
+             EdgeFit& fit) {
+    constexpr double converged = 1e-9;  // of chi-square
+    Sums sums = sum_up(problem, edges, fit);
+    for (int iteration = 0; iteration < most_iterations; ++iteration) {
+        require_information(sums);
+        const VectorXd room = lower - fit.parameters;
+        const VectorXd step = BoundedQuadratic(sums.information, sums.score, room).solve();
+        const EdgeFit before = fit;
+        double part = 1.0;
+        Sums next;
+        for (;; part *= 0.5) {
+            take_step(sums, step, part, fit);
+            next = sum_up(problem, edges, fit);
+            if (next.chi_square <= sums.chi_square * (1.0 + 1e-12) || part < 1e-6)
+                break;
+            fit = before;
+        }
+        const double gain = sums.chi_square - next.chi_square;
+        sums = std::move(next);
+        if (gain <= converged * sums.chi_square)
+            return sums;
+    }
+    throw NumericalError(fmt::format("edge fit: no convergence in {} steps", most_iterations));
+}
+
+// Marks the edges that do not fit; true when there are any.
+bool mark_outliers(std::span<const StraightEdge> edges, const Sums& sums, EdgeFit& fit) {
+    std::vector<double> ratios;
+    for (std::size_t i = 0; i < edges.size(); ++i) {
+        fit.edges[i].reduced_chi_square = sums.edges[i].chi_square / own_freedom(edges[i]);
+        ratios.push_back(fit.edges[i].reduced_chi_square);
+    }
+    const auto middle = ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2);
+    std::nth_element(ratios.begin(), middle, ratios.end());
+    for (FittedEdge& edge : fit.edges)
+        if (edge.reduced_chi_square > outlier_ratio * *middle) {
+            edge.is_outlier = true;
+            ++fit.outlying_edges;
+        }
+    return fit.outlying_edges > 0;
+}
+
+// In units that make the diagonal 1: parameters may be of very different size.
+MatrixXd inverse_of(const MatrixXd& information) {
+    const VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
+    const MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+    const MatrixXd inverse = scale.asDiagonal() * MatrixXd(scaled.inverse()) * scale.asDiagonal();
+    if (!inverse.allFinite() || !(inverse.diagonal().minCoeff() > 0.0))
+        throw NumericalError("edge fit: the edges do not determine the blur");
+    return 0.5 * (inverse + inverse.transpose());
+}
+
+// How many times larger than the formal covariance the scatter of the edges' scores says it is, on
+// average over the parameters; 1 with too few edges.
+double scatter_ratio(const Sums& sums, const EdgeFit& fit, const MatrixXd& covariance,
+                     const MatrixXd& inverse) {
+    const auto m = static_cast<int>(inverse.rows());
+    if (fit.used_edges < std::max(least_clusters, 2 * m))
+        return 1.0;
+    MatrixXd scores = MatrixXd::Zero(m, m);
+    for (std::size_t i = 0; i < sums.edges.size(); ++i)
+        if (!fit.edges[i].is_outlier)
+            scores += sums.edges[i].score * sums.edges[i].score.transpose();
+    const double n = fit.used_edges;
+    const MatrixXd robust = inverse * scores * inverse * (n / (n - m));
+    return covariance.ldlt().solve(robust).trace() / m;
+}
+
+// Covariance as the header says.
+MatrixXd covariance_of(const Sums& sums, const EdgeFit& fit, bool noise_is_known) {
+    const MatrixXd inverse = inverse_of(sums.information);
+    const double excess =
+        noise_is_known ? std::max(1.0, fit.reduced_chi_square) : fit.reduced_chi_square;
+    const MatrixXd covariance = excess * inverse;
+    return covariance * std::max(1.0, scatter_ratio(sums, fit, covariance, inverse));
+}
+
+void summarize(std::span<const StraightEdge> edges, const BlurModel& model, const Sums& sums,
+               EdgeFit& fit) {
+    double squares = 0.0;
+    for (std::size_t i = 0; i < edges.size(); ++i) {
+        if (fit.edges[i].is_outlier)
+            continue;
+        ++fit.used_edges;
+        fit.pixels += static_cast<int>(edges[i].pixels.size());
+        squares += sums.edges[i].squared_residuals / std::pow(fit.edges[i].step, 2);
+        fit.edges[i].reduced_chi_square = sums.edges[i].chi_square / own_freedom(edges[i]);
+    }
+    fit.degrees_of_freedom =
+        fit.pixels - 6 * fit.used_edges - static_cast<int>(fit.parameters.size());
+    if (fit.degrees_of_freedom <= 0)
+        throw NumericalError(
+            fmt::format("edge fit: {} pixels on {} edges", fit.pixels, fit.used_edges));
+    fit.chi_square = sums.chi_square;
+    fit.reduced_chi_square = fit.chi_square / fit.degrees_of_freedom;
+    fit.residual_rms = std::sqrt(squares / fit.pixels);
+    for (Eigen::Index k = 0; k < fit.parameters.size(); ++k)
+        fit.is_at_bound.push_back(fit.parameters[k] <= model.lower[k]);
+    fit.covariance = covariance_of(sums, fit, edges.front().noise.is_known);
+}
+
+}  // namespace
+
+int own_freedom(const StraightEdge& edge) {
+    return static_cast<int>(edge.pixels.size()) - 6;
+}
+
+EdgeFit fit_edges(std::span<const StraightEdge> edges, const BlurModel& model) {
+    if (edges.empty())
+        throw NumericalError("edge fit: no edges");
+    const Problem problem(edges, model);
+    EdgeFit fit;
+    fit.parameters = model.start;
+    for (const StraightEdge& edge : edges) {
+        if (own_freedom(edge) <= 0)
+            throw NumericalError(fmt::format("edge fit: an edge of {} pixels", edge.pixels.size()));
+        fit.edges.push_back(first_guess(edge));
+    }
+    Sums sums = iterate(problem, edges, model.lower, fit);
+    if (mark_outliers(edges, sums, fit))
+        sums = iterate(problem, edges, model.lower, fit);
+    summarize(edges, model, sums, fit);
+    return fit;
+}
+
+}  // namespace etalon

@@ -1,0 +1,288 @@
+#include "compare/edges/edge_spread.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "compare/edges/grid_edges.h"
+#include "core/errors.h"
+#include "sim/sensor/sensor_model.h"
+
+namespace etalon {
+namespace {
+
+// The target's plane as the camera sees it (sim/scene/marker_view.h's h and e).
+struct PlaneView {
+    PlaneView(const CellGrid& cells, const Rigid& camera_from_marker, Projection projection_)
+        : grid(cells), projection(projection_) {
+        const Eigen::Matrix3d rotation = camera_from_marker.rotation.toRotationMatrix();
+        camera_from_grid.col(0) = grid.cell_mm.x() * rotation.col(0);
+        camera_from_grid.col(1) = grid.cell_mm.y() * rotation.col(1);
+        camera_from_grid.col(2) = camera_from_marker * grid.point_mm(0.0, 0.0);
+        Eigen::Matrix3d sensor_from_grid = camera_from_grid;
+        if (projection == Projection::telecentric)
+            sensor_from_grid.row(2) << 0.0, 0.0, 1.0;
+        grid_from_sensor = sensor_from_grid.inverse();
+    }
+
+    Eigen::Vector3d camera_point(double u, double v) const {
+        return camera_from_grid * Eigen::Vector3d(u, v, 1.0);
+    }
+    // 1/z of the plane on the ray through grid coordinates (telecentric: z).
+    double depth_term(const Eigen::Vector2d& uv) const {
+        const double z = camera_from_grid.row(2).dot(uv.homogeneous());
+        return projection == Projection::telecentric ? z : 1.0 / z;
+    }
+
+    const CellGrid& grid;
+    Projection projection;
+    Eigen::Matrix3d camera_from_grid, grid_from_sensor;
+};
+
+// d pixel / d undistorted point.
+std::optional<Eigen::Matrix2d> pixel_by_sensor_point(const Projector& projector,
+                                                     const Eigen::Vector2d& x) {
+    const auto projected = projector.project_with_jacobian(x.homogeneous());
+    if (!projected)
+        return {};
+    return projected->jacobian.leftCols<2>();
+}
+
+// A grid line in the image: N(x) = 0, linear in the undistorted point.
+struct LineInImage {
+    LineInImage(const PlaneView& plane, const GridEdge& edge)
+        : row((plane.grid_from_sensor.row(edge.axis) - edge.line * plane.grid_from_sensor.row(2))
+                  .transpose() *
+              (edge.rises ? 1.0 : -1.0)) {}
+
+    // Gradient of N by the pixel.
+    std::optional<Eigen::Vector2d> gradient(const Projector& projector,
+                                            const Eigen::Vector2d& x) const {
+        const auto jacobian = pixel_by_sensor_point(projector, x);
+        if (!jacobian)
+            return {};
+        return jacobian->transpose().inverse() * row.head<2>();
+    }
+
+    Eigen::Vector3d row;  // positive on the light side
+};
+
+// An edge's ends and frame in the photograph.
+struct EdgeFrame {
+    Eigen::Vector2d centre, undistorted, normal, tangent;
+    double half_length_px, half_width_px, px_per_unit;
+};
+
+class EdgeReader {
+public:
+    EdgeReader(const LinearPhoto& photo, const Projector& projector, const PlaneView& plane,
+               const ComparedArea& area, const EdgeSelection& selection)
+        : photo_(photo), projector_(projector), plane_(plane), area_(area), selection_(selection) {}
+
+    void read(const GridEdge& edge, int photo_number, TargetEdges& result) const {
+        const LineInImage line(plane_, edge);
+        const auto frame = frame_of(edge, line);
+        if (!frame)
+            return;
+        if (frame->half_width_px < selection_.least_half_width_px ||
+            2.0 * frame->half_length_px < selection_.least_length_px) {
+            ++result.too_small;
+            return;
+        }
+        StraightEdge found;
+        found.photo = photo_number;
+        found.noise = photo_.noise;
+        found.clearance_px = selection_.clearance_px;
+        if (!add_pixels(line, *frame, found)) {
+            ++result.clipped;
+            return;
+        }
+        describe(*frame, found);
+        if (found.pixels.size() < least_pixels || found.length_px < selection_.least_length_px)
+            ++result.too_small;
+        else if (contrast(found) < selection_.least_contrast)
+            ++result.faint;
+        else
+            result.edges.push_back(std::move(found));
+    }
+
+private:
+    static constexpr std::size_t least_pixels = 40;  // several for each of an edge's parameters
+
+    std::optional<EdgeFrame> frame_of(const GridEdge& edge, const LineInImage& line) const {
+        const Eigen::Vector2d middle = edge.at(0.5 * (edge.first + edge.last + 1));
+        const auto first = pixel_of(edge.at(edge.first));
+        const auto last = pixel_of(edge.at(edge.last + 1));
+        const auto centre = pixel_of(middle);
+        if (!first || !last || !centre)
+            return {};
+        const auto x = projector_.unproject(*centre);
+        const auto gradient = x ? line.gradient(projector_, *x) : std::nullopt;
+        if (!gradient)
+            return {};
+        EdgeFrame frame;
+        frame.centre = *centre;
+        frame.undistorted = *x;
+        frame.normal = gradient->normalized();
+        frame.tangent = {-frame.normal.y(), frame.normal.x()};
+        frame.px_per_unit = line.row.head<2>().norm() / gradient->norm();
+        const double half = std::min(std::abs((*last - *centre).dot(frame.tangent)),
+                                     std::abs((*first - *centre).dot(frame.tangent)));
+        frame.half_length_px = half - selection_.clearance_px;
+        const double w = plane_.grid_from_sensor.row(2).dot(x->homogeneous());
+        const double cell_px = std::abs(w) / gradient->norm();
+        frame.half_width_px = std::min(
+            selection_.half_width_px,
+            std::min(edge.reach_before, edge.reach_after) * cell_px - selection_.clearance_px);
+        return frame;
+    }
+
+    std::optional<Eigen::Vector2d> pixel_of(const Eigen::Vector2d& uv) const {
+        return projector_.project(plane_.camera_point(uv.x(), uv.y()));
+    }
+
+    cv::Rect band_of(const EdgeFrame& frame) const {
+        const Eigen::Vector2d half = frame.half_length_px * frame.tangent.cwiseAbs() +
+                                     frame.half_width_px * frame.normal.cwiseAbs();
+        const Eigen::Vector2d low = frame.centre - half, high = frame.centre + half;
+        const cv::Rect image({0, 0}, photo_.radiance.size());
+        // Far outside the image nothing is left; the limits keep the integers from overflowing.
+        const auto whole = [](double value) {
+            return static_cast<int>(std::floor(std::clamp(value, -1e6, 1e6)));
+        };
+        const cv::Point first(whole(low.x()), whole(low.y()));
+        const cv::Point last(whole(high.x()) + 2, whole(high.y()) + 2);
+        return cv::Rect(first, last) & image;
+    }
+
+    bool is_inside(const Eigen::Vector2d& uv) const {
+        const Eigen::Vector2d point = plane_.grid.point_mm(uv.x(), uv.y()).head<2>();
+        return (point.array() >= area_.low_mm.array()).all() &&
+               (point.array() <= area_.high_mm.array()).all();
+    }
+
+    // False when one of them is clipped.
+    bool add_pixels(const LineInImage& line, const EdgeFrame& frame, StraightEdge& edge) const {
+        double sum = 0.0, squares = 0.0;
+        const cv::Rect band = band_of(frame);
+        for (int y = band.y; y < band.br().y; ++y)
+            for (int x = band.x; x < band.br().x; ++x) {
+                const Eigen::Vector2d from_centre = Eigen::Vector2d(x, y) - frame.centre;
+                const double along = from_centre.dot(frame.tangent);
+                if (std::abs(along) > frame.half_length_px)
+                    continue;
+                const auto point = projector_.unproject({x, y});
+                const auto gradient = point ? line.gradient(projector_, *point) : std::nullopt;
+                if (!gradient)
+                    continue;
+                const double distance = line.row.dot(point->homogeneous()) / gradient->norm();
+                const Eigen::Vector2d uv =
+                    (plane_.grid_from_sensor * point->homogeneous()).hnormalized();
+                if (!(std::abs(distance) <= frame.half_width_px) || !is_inside(uv))
+                    continue;
+                if (photo_.clipped.at<uchar>(y, x))
+                    return false;
+                const double depth = plane_.depth_term(uv);
+                edge.pixels.push_back({distance, along, photo_.radiance.at<float>(y, x), depth});
+                sum += depth;
+                squares += depth * depth;
+            }
+        if (const auto count = static_cast<double>(edge.pixels.size()); count > 0.0) {
+            edge.depth_term = sum / count;
+            edge.depth_term_variance =
+                std::max(0.0, squares / count - edge.depth_term * edge.depth_term);
+        }
+        return true;
+    }
+
+    void describe(const EdgeFrame& frame, StraightEdge& edge) const {
+        const Intrinsics& intrinsics = projector_.camera().intrinsics;
+        edge.centre_px = frame.centre;
+        edge.undistorted = frame.undistorted;
+        edge.normal = frame.normal;
+        const auto by_place = [](const EdgePixel& a, const EdgePixel& b) {
+            return a.along_px < b.along_px;
+        };
+        if (!edge.pixels.empty()) {
+            const auto [first, last] =
+                std::minmax_element(edge.pixels.begin(), edge.pixels.end(), by_place);
+            edge.length_px = last->along_px - first->along_px;
+        }
+        edge.px_per_unit = frame.px_per_unit;
+        edge.px_per_pitch =
+            std::hypot(frame.normal.x(), frame.normal.y() * intrinsics.fy / intrinsics.fx);
+    }
+
+    // Between the means of the outer halves of both sides; nothing when one of them is empty.
+    static double contrast(const StraightEdge& edge) {
+        double widest = 0.0;
+        for (const EdgePixel& pixel : edge.pixels)
+            widest = std::max(widest, std::abs(pixel.distance_px));
+        double sum[2] = {}, count[2] = {};
+        for (const EdgePixel& pixel : edge.pixels)
+            if (std::abs(pixel.distance_px) > 0.5 * widest) {
+                sum[pixel.distance_px > 0.0] += pixel.radiance;
+                ++count[pixel.distance_px > 0.0];
+            }
+        return count[0] > 0.0 && count[1] > 0.0 ? sum[1] / count[1] - sum[0] / count[0] : 0.0;
+    }
+
+    const LinearPhoto& photo_;
+    const Projector& projector_;
+    const PlaneView& plane_;
+    const ComparedArea& area_;
+    const EdgeSelection& selection_;
+};
+
+void require_usable(const LinearPhoto& photo, const Projector& projector,
+                    const EdgeSelection& selection) {
+    const CameraModel& camera = projector.camera();
+    const cv::Size size = photo.radiance.size();
+    if (size != cv::Size(camera.width, camera.height) || photo.clipped.size() != size ||
+        photo.radiance.type() != CV_32FC1 || photo.clipped.type() != CV_8UC1)
+        throw NumericalError(fmt::format("edges: a photograph of {} x {} px, a camera of {} x {}",
+                                         size.width, size.height, camera.width, camera.height));
+    for (const double value :
+         {selection.half_width_px, selection.clearance_px, selection.least_length_px,
+          selection.least_contrast, selection.least_half_width_px})
+        if (!(value > 0.0) || !std::isfinite(value))
+            throw NumericalError(fmt::format("edges: a selection with {}", value));
+}
+
+RadianceNoise noise_of(const CameraModel& camera) {
+    constexpr double rounding_variance = 1.0 / 12.0;  // DN^2
+    const Sensor sensor = camera.sensor.value_or(Sensor{});
+    const double range = (1 << sensor.bits) - 1 - sensor.black_dn;
+    if (sensor.gain_e_per_dn <= 0.0)
+        return {rounding_variance / (range * range), 0.0, false};
+    const double read_dn = sensor.read_noise_e / sensor.gain_e_per_dn;
+    return {(read_dn * read_dn + rounding_variance) / (range * range),
+            1.0 / (sensor.gain_e_per_dn * range), true};
+}
+
+}  // namespace
+
+LinearPhoto linear_photo(const CodeImage& photo, const CameraModel& camera) {
+    LinearPhoto linear;
+    linear.radiance = SensorModel(camera).linear_radiance(photo);
+    linear.clipped = (photo.pixels == 0) | (photo.pixels >= photo.full_scale());
+    linear.noise = noise_of(camera);
+    return linear;
+}
+
+TargetEdges target_edges(const LinearPhoto& photo, const Projector& projector, const Marker& marker,
+                         const Rigid& camera_from_marker, const ComparedArea& area,
+                         const EdgeSelection& selection, int photo_number) {
+    require_usable(photo, projector, selection);
+    const PlaneView plane(marker.grid, camera_from_marker, projector.camera().projection);
+    const EdgeReader reader(photo, projector, plane, area, selection);
+    TargetEdges result;
+    for (const GridEdge& edge : grid_edges(marker.grid))
+        reader.read(edge, photo_number, result);
+    return result;
+}
+
+}  // namespace etalon

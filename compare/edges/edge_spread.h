@@ -1,0 +1,94 @@
+// The pixels along a known target's straight edges, each with its distance from the projected edge:
+// the over-sampled edge spread function from which blur is measured.
+//
+// The distortion is taken out by the projector, and each edge is straight in the undistorted image:
+// the distance is that to the projected grid line along its normal, in pixels of the photograph at
+// that place. Where the edge truly is to a hundredth of a pixel neither pose nor print tell:
+// whoever fits a blur fits each edge's own shift and turn as well (compare/edges/edge_fit.h).
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "calib/camera/projector.h"
+#include "compare/photometric/compared_area.h"
+#include "core/image.h"
+#include "core/rigid.h"
+#include "sim/marker/marker.h"
+
+namespace etalon {
+
+// Variance of a pixel as a function of its radiance, both linear (1 = full scale):
+// constant + per_radiance * radiance.
+struct RadianceNoise {
+    double constant = 0.0, per_radiance = 0.0;
+    bool is_known = false;  // from the camera's gain; otherwise only its course, not its level
+    double variance(double radiance) const {
+        return constant + per_radiance * (radiance > 0.0 ? radiance : 0.0);
+    }
+};
+
+// A photograph as the lens delivered it: black level and transfer curve undone.
+struct LinearPhoto {
+    Radiance radiance;  // CV_32FC1
+    cv::Mat clipped;    // CV_8UC1: 255 where the code is 0 or full scale, thus only a bound
+    RadianceNoise noise;
+};
+
+// With the camera's sensor section (without one: linear, black 0). Noise: shot, read and rounding
+// where the sensor has a gain; otherwise equal for all pixels. Throws as SensorModel does.
+LinearPhoto linear_photo(const CodeImage& photo, const CameraModel& camera);
+
+struct EdgePixel {
+    double distance_px;  // from the edge along its normal, positive on the lighter side
+    double along_px;     // from the edge's middle
+    double radiance;
+    double depth_term = 0.0;  // of the target there, as StraightEdge's
+};
+
+// A piece of a grid line between a darker and a lighter cell, as seen in one photograph.
+struct StraightEdge {
+    Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+    Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  // in the image, towards the lighter side
+    double length_px = 0.0;                             // of the part that was used
+    double clearance_px = 0.0;                          // from any pixel to the next edge, at least
+    // Of the target along the edge: mean of 1/z and variance about it. A telecentric camera's is z.
+    double depth_term = 0.0, depth_term_variance = 0.0;
+    Eigen::Vector2d undistorted = Eigen::Vector2d::Zero();  // of centre_px: normalised coordinates
+    // Pixels along the normal per unit of undistorted image coordinate: fx and fy, distortion
+    // included. Makes a blur on the normalised image plane one in pixels.
+    double px_per_unit = 0.0;
+    // A length along the normal in px is this times one in units of the pixel pitch along x
+    // (1 where fx = fy): hypot(nx, ny fy / fx).
+    double px_per_pitch = 1.0;
+    int photo = 0;  // whose edge it is, as numbered by the caller
+    RadianceNoise noise;
+    std::vector<EdgePixel> pixels;
+};
+
+struct EdgeSelection {
+    double half_width_px = 7.0;  // to either side of the edge
+    // Kept between a pixel and the next edge or the end of its own: beyond it a point spread's
+    // energy does not matter. At least three times the blur's radius.
+    double clearance_px = 4.0;
+    double least_length_px = 6.0;    // of what the clearance leaves
+    double least_contrast = 0.1;     // of radiance, in the photograph
+    double least_half_width_px = 3;  // with a smaller one the levels beside the edge are not seen
+};
+
+struct TargetEdges {
+    std::vector<StraightEdge> edges;
+    // Left out: too small in the image, a clipped pixel among them, too little contrast.
+    int too_small = 0, clipped = 0, faint = 0;
+};
+
+// The edges of a target in one photograph. Only pixels whose ray meets `area` are used
+// (compared_area()). `photo` is copied into the edges. Throws NumericalError when the photograph
+// has another size than the camera or the selection's numbers are not positive and finite. About a
+// microsecond a pixel of the bands. Safe from every thread.
+TargetEdges target_edges(const LinearPhoto& photo, const Projector& projector, const Marker& marker,
+                         const Rigid& camera_from_marker, const ComparedArea& area,
+                         const EdgeSelection& selection = {}, int photo_number = 0);
+
+}  // namespace etalon

@@ -1,0 +1,71 @@
+#include "compare/expect/expected_view.h"
+
+#include "sim/scene/marker_outline.h"
+
+namespace etalon {
+namespace {
+
+// Grown to borders of squares of `step` px.
+cv::Rect on_squares(const cv::Rect& area, int step) {
+    const auto down = [&](int pixel) { return pixel / step * step; };
+    return cv::Rect(cv::Point(down(area.x), down(area.y)),
+                    cv::Point(down(area.br().x + step - 1), down(area.br().y + step - 1)));
+}
+
+}  // namespace
+
+ExpectedView::ExpectedView(const CameraModel& camera, CellGrid marker, double background,
+                           double white_level)
+    : renderer_(camera),
+      projector_(camera),
+      sensor_(camera),
+      marker_(std::move(marker)),
+      background_(background),
+      white_level_(white_level) {}
+
+RenderedPart ExpectedView::radiance_at(const Rigid& camera_from_marker) const {
+    RenderOptions options;
+    options.tolerance_gray = tolerance_gray;
+    RenderedPart part =
+        renderer_.render_part({{{marker_, camera_from_marker}}, background_}, options);
+    part.radiance = part.radiance * white_level_;
+    part.background *= white_level_;
+    return part;
+}
+
+CodeImage ExpectedView::at(const Rigid& camera_from_marker) const {
+    return sensor_.expose(radiance_at(camera_from_marker));
+}
+
+cv::Rect ExpectedView::area_of(const Rigid& camera_from_marker) const {
+    constexpr int points_a_side = 9, step_px = 16;
+    constexpr double margin_px = 25.0;
+    const CameraModel& camera = projector_.camera();
+    const cv::Rect all(0, 0, camera.width, camera.height);
+    const MarkerView view({marker_, camera_from_marker}, background_, aperture_of(camera));
+    const cv::Rect area = pixels_around(marker_outline(view, projector_, points_a_side),
+                                        Eigen::Array2d::Constant(margin_px), all);
+    return area.empty() ? all : on_squares(area, step_px) & all;
+}
+
+ExpectedExposures::ExpectedExposures(const ExpectedView& view, const Rigid& camera_from_marker)
+    : sensor_(view.sensor()), whole_(view.radiance_at(camera_from_marker)) {
+    area_.region = view.area_of(camera_from_marker);
+    area_.radiance = whole_.within(area_.region);
+    area_.background = whole_.background;
+}
+
+std::optional<DetectedCorners> ExpectedExposures::without_noise(Detector& detector) const {
+    return detector.detect(sensor_.expose(whole_));
+}
+
+std::optional<DetectedCorners> ExpectedExposures::with_noise(Detector& detector,
+                                                             const NoiseKey& noise) const {
+    auto corners = detector.detect(sensor_.expose_region(area_, noise));
+    if (corners)
+        for (Eigen::Vector2d& pixel : corners->pixels)
+            pixel += Eigen::Vector2d(area_.region.x, area_.region.y);
+    return corners;
+}
+
+}  // namespace etalon

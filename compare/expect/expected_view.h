@@ -1,0 +1,66 @@
+// What the camera under test should see, if its calibration were true: the marker rendered at a
+// pose, through the camera's sensor (transfer curve, black level, bit depth), so that a detector
+// is given the same kind of image as from the device.
+#pragma once
+
+#include <optional>
+
+#include "calib/camera/projector.h"
+#include "compare/detect/detector.h"
+#include "core/image.h"
+#include "core/rigid.h"
+#include "sim/render/renderer.h"
+#include "sim/sensor/sensor_model.h"
+
+namespace etalon {
+
+// Immutable, safe from every thread.
+class ExpectedView {
+public:
+    // Of the renders: where everything else is well, a tolerance of 0.1 gray is a third of U.
+    static constexpr double tolerance_gray = 0.02;
+
+    // `background`: radiance around the marker, whose white is 1. `white_level`: what that white
+    // is in the photographs, 1 = full scale.
+    ExpectedView(const CameraModel& camera, CellGrid marker, double background, double white_level);
+
+    // The picture in front of the sensor. Throws what Renderer::render throws.
+    RenderedPart radiance_at(const Rigid& camera_from_marker) const;
+
+    // As the sensor has it, without noise.
+    CodeImage at(const Rigid& camera_from_marker) const;
+
+    // The pixels in which a detector sees all that it looks at: the marker with a margin, in steps
+    // of 16 px, a multiple of the tiles in which detectors take their thresholds.
+    cv::Rect area_of(const Rigid& camera_from_marker) const;
+
+    const SensorModel& sensor() const { return sensor_; }
+
+private:
+    Renderer renderer_;
+    Projector projector_;
+    SensorModel sensor_;
+    CellGrid marker_;
+    double background_, white_level_;
+};
+
+// One expected view, to be exposed and detected any number of times. Safe from every thread, with a
+// detector for each.
+class ExpectedExposures {
+public:
+    // Throws what Renderer::render throws. `view` must outlive it.
+    ExpectedExposures(const ExpectedView& view, const Rigid& camera_from_marker);
+
+    // The marker in the whole image without noise.
+    std::optional<DetectedCorners> without_noise(Detector& detector) const;
+
+    // With the noise that the calibration states. Only the marker's area is exposed and searched:
+    // the rest is background, and would take most of the time.
+    std::optional<DetectedCorners> with_noise(Detector& detector, const NoiseKey& noise) const;
+
+private:
+    const SensorModel& sensor_;
+    RenderedPart whole_, area_;
+};
+
+}  // namespace etalon

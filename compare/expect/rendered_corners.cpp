@@ -1,0 +1,70 @@
+#include "compare/expect/rendered_corners.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+namespace etalon {
+namespace {
+
+// Frame numbers of the noise that no device's frames have: with the seed of a twin by chance the
+// noise of photograph and render would be the same.
+constexpr std::uint32_t first_frame = 0xE0000000u;
+
+bool states_noise(const CameraModel& camera) {
+    return camera.sensor && camera.sensor->gain_e_per_dn > 0.0;
+}
+
+// Nothing when half of them or more are missing.
+std::optional<std::vector<Eigen::Vector2d>> mean_of(
+    const std::vector<std::optional<DetectedCorners>>& seen) {
+    std::vector<Eigen::Vector2d> mean;
+    std::size_t count = 0;
+    for (const auto& corners : seen) {
+        if (!corners || !corners->is_whole())
+            continue;
+        ++count;
+        mean.resize(corners->pixels.size(), Eigen::Vector2d::Zero());
+        for (std::size_t k = 0; k < mean.size(); ++k)
+            mean[k] += corners->pixels[k];
+    }
+    if (2 * count <= seen.size())
+        return std::nullopt;
+    for (Eigen::Vector2d& corner : mean)
+        corner /= static_cast<double>(count);
+    return mean;
+}
+
+}  // namespace
+
+RenderedCorners::RenderedCorners(const StationFile& station)
+    : view_(station.camera.model, station.marker.grid, station.background, station.white_level),
+      detectors_([name = station.detector, marker = station.marker] {
+          return make_detector(name, marker, name);
+      }),
+      exposures_(states_noise(station.camera.model) ? exposures_per_frame * station.plan.frames
+                                                    : 1),
+      seed_(station.plan.seed) {
+    detectors_.local();  // whether there is one
+}
+
+double RenderedCorners::noise_ratio(const StationFile& station) {
+    return states_noise(station.camera.model) ? 1.0 / exposures_per_frame : 0.0;
+}
+
+std::optional<std::vector<Eigen::Vector2d>> RenderedCorners::at(
+    const Rigid& camera_from_marker) const {
+    const ExpectedExposures exposures(view_, camera_from_marker);
+    if (exposures_ == 1)
+        return mean_of({exposures.without_noise(*detectors_.local())});
+    std::vector<std::optional<DetectedCorners>> seen(static_cast<std::size_t>(exposures_));
+    // Isolated: a thread that waits in its detector must not begin another exposure with it.
+    tbb::parallel_for(std::size_t{0}, seen.size(), [&](std::size_t i) {
+        const auto frame = first_frame + static_cast<std::uint32_t>(i);
+        tbb::this_task_arena::isolate([&] {
+            seen[i] = exposures.with_noise(*detectors_.local(), {seed_, frame});
+        });
+    });
+    return mean_of(seen);
+}
+
+}  // namespace etalon

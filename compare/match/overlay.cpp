@@ -1,0 +1,71 @@
+#include "compare/match/overlay.h"
+
+#include <fmt/format.h>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+uchar code_value(double value) {
+    return cv::saturate_cast<uchar>(value);
+}
+
+void require_same_size(const cv::Mat& image, int type, const cv::Mat& other, int other_type) {
+    if (image.type() != type || other.type() != other_type || image.size() != other.size())
+        throw NumericalError(
+            fmt::format("images of {} x {} and {} x {} px cannot be laid over each other",
+                        image.cols, image.rows, other.cols, other.rows));
+}
+
+// From white at 0 to pure red at +1 and pure cyan at -1, a little darkened so that both print.
+cv::Vec3b residual_colour(double share) {
+    const double strength = std::min(std::abs(share), 1.0);
+    const auto toward = [&](double end) { return code_value(255.0 + (end - 255.0) * strength); };
+    return share > 0 ? cv::Vec3b(toward(30), toward(25), toward(205))
+                     : cv::Vec3b(toward(170), toward(145), toward(0));
+}
+
+}  // namespace
+
+cv::Mat red_cyan_overlay(const cv::Mat& photo_gray, const cv::Mat& render_gray, const cv::Mat& mask,
+                         double gain) {
+    require_same_size(photo_gray, CV_32FC1, render_gray, CV_32FC1);
+    require_same_size(photo_gray, CV_32FC1, mask, CV_8UC1);
+    cv::Mat overlay(photo_gray.size(), CV_8UC3);
+    for (int y = 0; y < overlay.rows; ++y) {
+        const float* photo = photo_gray.ptr<float>(y);
+        const float* render = render_gray.ptr<float>(y);
+        const uchar* inside = mask.ptr<uchar>(y);
+        cv::Vec3b* out = overlay.ptr<cv::Vec3b>(y);
+        for (int x = 0; x < overlay.cols; ++x) {
+            if (!inside[x]) {
+                out[x] = cv::Vec3b::all(code_value(120.0 + 0.45 * photo[x]));
+                continue;
+            }
+            const double mean = 0.5 * (photo[x] + render[x]);
+            const double half = 0.5 * gain * (photo[x] - render[x]);
+            const uchar cyan = code_value(mean - half);
+            out[x] = {cyan, cyan, code_value(mean + half)};
+        }
+    }
+    return overlay;
+}
+
+cv::Mat residual_map(const cv::Mat& residual_gray, const cv::Mat& mask, double full_scale_gray) {
+    require_same_size(residual_gray, CV_32FC1, mask, CV_8UC1);
+    if (!(full_scale_gray > 0))
+        throw NumericalError("the scale of a residual map must be positive");
+    cv::Mat map(residual_gray.size(), CV_8UC3, cv::Scalar::all(228));
+    for (int y = 0; y < map.rows; ++y) {
+        const float* residual = residual_gray.ptr<float>(y);
+        const uchar* inside = mask.ptr<uchar>(y);
+        cv::Vec3b* out = map.ptr<cv::Vec3b>(y);
+        for (int x = 0; x < map.cols; ++x)
+            if (inside[x])
+                out[x] = residual_colour(residual[x] / full_scale_gray);
+    }
+    return map;
+}
+
+}  // namespace etalon

@@ -1,0 +1,77 @@
+// What is left between a photograph and its rendering at the best pose, taken apart into named
+// modes: Rao's score test of groups of parameters that the fit did not have.
+//
+// A mode is how all pixels would change together: rows displaced against each other, a wrong
+// intrinsic, blur along one direction, sharpening. Next to the modes the regression has everything
+// that the fit did have (levels, tone, blur, pose): a mode counts only as far as those cannot
+// imitate it. The chi-square of a group is the smaller of two: the formal one, which takes pixels
+// as independent, and that of a sandwich covariance over blocks of 8 x 8 px, which JPEG's are
+// (White, Econometrica 48, 1980). Pixels beyond 3 deviations are held back as in the fit (Huber).
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "compare/photometric/photometric_equations.h"
+#include "compare/photometric/pixel_difference.h"
+
+namespace etalon {
+
+enum class ResidualMode {
+    rows,         // displaced by (a, b) px times the row, -1 .. 1 from the marker's top to bottom
+    calibration,  // f (both), cx, cy, k1, k2: in their units
+    blur_along,   // variance (vxx - vyy) / 2 and vxy, px^2
+    sharpening,   // parts of (image - image blurred by sharpening_sigma_px)
+    blur,         // variance, px^2: only where the camera's lens section gave the blur
+};
+inline constexpr int residual_mode_count = 5;
+inline constexpr double sharpening_sigma_px = 1.5;
+
+struct ModeFit {
+    ResidualMode mode{};
+    Eigen::VectorXd values;  // one Gauss-Newton step from the fit: exact for small ones
+    double chi_square = 0.0;
+    int freedom = 0;
+    // RMS displacement along the normals of all edges that the mode explains, noise taken out; of
+    // a blur or sharpening what a displacement that changes as many gray values would be.
+    double size_px = 0.0;
+    // More than the 3e-7 quantile of chi-square: (5 + sqrt(freedom - 1))^2 is above it.
+    bool is_significant() const;
+};
+
+// The normal equations of one photograph for all modes.
+class ResidualModes {
+public:
+    // Of the pixels where `counted` (CV_8UC1) is not 0. The pose and noise scale are those of the
+    // fit that left `difference`. The modes are derived from its prediction, by differences on the
+    // pixel grid: right to some 10 %. Throws NumericalError for sizes that differ, fewer than 128
+    // pixels and what is not finite.
+    ResidualModes(const PixelDifference& difference, const cv::Mat& counted,
+                  const PhotometricCamera& camera, const Rigid& camera_from_marker,
+                  double noise_scale);
+
+    // A mode beside what the fit had and the modes in `known`.
+    ModeFit fit(ResidualMode mode, const std::vector<ResidualMode>& known) const;
+
+    // The modes that stand out, the largest first, each found beside those before it.
+    std::vector<ModeFit> significant() const;
+
+private:
+    struct Images;
+    using Columns = std::vector<int>;
+    struct Block {
+        Eigen::MatrixXd information;
+        Eigen::VectorXd score;
+    };
+
+    Columns columns_of(ResidualMode mode) const;
+
+    bool has_lens_ = false;
+    std::vector<Block> blocks_;
+    Eigen::MatrixXd information_;
+    Eigen::VectorXd score_;
+    double squares_ = 0.0, per_px2_ = 0.0;
+    int pixels_ = 0;
+};
+
+}  // namespace etalon

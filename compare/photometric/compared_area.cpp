@@ -1,0 +1,127 @@
+#include "compare/photometric/compared_area.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+
+#include "core/errors.h"
+#include "sim/marker/topotag_pattern.h"
+
+namespace etalon {
+namespace {
+
+ComparedArea chessboard_area(const Marker& board, const ScoreMargin& margin,
+                             const std::string& place) {
+    // More than -0.5 leaves a rectangle on every board of 2 x 2 corners or more.
+    const auto allowed = [](double squares) { return squares > -0.5 && squares <= 1.0; };
+    if (!allowed(margin.x) || !allowed(margin.y))
+        throw ConfigError({place}, fmt::format("a score margin must be over -0.5 and at most 1 "
+                                               "square, got {},{}",
+                                               margin.x, margin.y));
+    const double square = board.size_mm;
+    const Eigen::Vector2d outside(margin.x * square, margin.y * square);
+    const Eigen::Vector2d last((board.columns - 1) * square, (board.rows - 1) * square);
+    return {-outside, last + outside, {square, square}, {0.0, 0.0}};
+}
+
+// The image of the rectangle is bounded by the image of its outline: the projection is one-to-one
+// where it is valid. Empty when a part of the outline cannot be seen: then all pixels are tried.
+std::optional<cv::Rect2d> outline_box(const Projector& projector, const Rigid& camera_from_marker,
+                                      const ComparedArea& area) {
+    constexpr int steps_per_side = 64;
+    const Eigen::Vector2d low = area.low_mm, size = area.high_mm - area.low_mm;
+    Eigen::Vector2d least = Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
+    Eigen::Vector2d greatest = -least;
+    for (int i = 0; i <= steps_per_side; ++i) {
+        const double s = static_cast<double>(i) / steps_per_side;
+        for (const Eigen::Vector2d& at : {Eigen::Vector2d(s, 0), Eigen::Vector2d(s, 1),
+                                          Eigen::Vector2d(0, s), Eigen::Vector2d(1, s)}) {
+            const Eigen::Vector2d point = low + size.cwiseProduct(at);
+            const auto pixel =
+                projector.project(camera_from_marker * Eigen::Vector3d(point.x(), point.y(), 0.0));
+            if (!pixel)
+                return std::nullopt;
+            least = least.cwiseMin(*pixel);
+            greatest = greatest.cwiseMax(*pixel);
+        }
+    }
+    return cv::Rect2d(least.x(), least.y(), greatest.x() - least.x(), greatest.y() - least.y());
+}
+
+// The pixels to try, with room for what the outline does between two steps.
+cv::Rect candidate_pixels(const Projector& projector, const Rigid& camera_from_marker,
+                          const ComparedArea& area) {
+    const cv::Rect image(0, 0, projector.camera().width, projector.camera().height);
+    const auto box = outline_box(projector, camera_from_marker, area);
+    if (!box)
+        return image;
+    constexpr double room = 3.0;
+    const auto clamped = [](double value, int high) {
+        return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(high)));
+    };
+    const int left = clamped(std::floor(box->x - room), image.width);
+    const int top = clamped(std::floor(box->y - room), image.height);
+    const int right = clamped(std::ceil(box->br().x + room) + 1, image.width);
+    const int bottom = clamped(std::ceil(box->br().y + room) + 1, image.height);
+    return {left, top, right - left, bottom - top};
+}
+
+PixelUse use_of(const Eigen::Vector2d& point_mm, const ComparedArea& area) {
+    const bool inside = (point_mm.array() >= area.low_mm.array()).all() &&
+                        (point_mm.array() <= area.high_mm.array()).all();
+    if (!inside)
+        return pixel_outside;
+    const Eigen::Vector2d block =
+        (point_mm - area.cell_corner_mm).cwiseQuotient(2.0 * area.cell_mm);
+    const auto parity = static_cast<long long>(std::floor(block.x())) +
+                        static_cast<long long>(std::floor(block.y()));
+    return parity % 2 == 0 ? pixel_fitted : pixel_scored;
+}
+
+}  // namespace
+
+ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
+                           const std::string& place) {
+    if (marker.kind == Marker::Kind::chessboard)
+        return chessboard_area(marker, margin, place);
+    const CellGrid& grid = marker.grid;
+    const Eigen::Vector2d size =
+        grid.cell_mm.cwiseProduct(Eigen::Vector2d(grid.columns(), grid.rows()));
+    // Boards and round TopoTags are drawn with cells far smaller than what is on them: blocks of a
+    // square, or of the tag's own cells.
+    Eigen::Vector2d cell = grid.cell_mm;
+    if (marker.columns > 0)
+        cell.setConstant(marker.size_mm / 2.0);
+    else if (marker.kind == Marker::Kind::topotag)
+        cell.setConstant(marker.size_mm / topotag_white_side(topotag_order(marker.family)));
+    return {grid.corner_mm, grid.corner_mm + size, cell, grid.corner_mm};
+}
+
+cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,
+                   const ComparedArea& area) {
+    require_perspective(projector.camera(), "comparing a photo with a rendering");
+    cv::Mat uses(projector.camera().height, projector.camera().width, CV_8UC1,
+                 cv::Scalar(pixel_outside));
+    // [r1 r2 t] takes (X, Y, 1) on the marker to the ray times its depth; the inverse takes a ray
+    // to (X, Y, 1) / depth.
+    Eigen::Matrix3d ray_from_plane = camera_from_marker.rotation.toRotationMatrix();
+    ray_from_plane.col(2) = camera_from_marker.translation;
+    const double volume = ray_from_plane.determinant();
+    if (!std::isfinite(volume) || std::abs(volume) < 1e-12 * camera_from_marker.translation.norm())
+        return uses;
+    const Eigen::Matrix3d plane_from_ray = ray_from_plane.inverse();
+
+    const cv::Rect box = candidate_pixels(projector, camera_from_marker, area);
+    for (int y = box.y; y < box.br().y; ++y)
+        for (int x = box.x; x < box.br().x; ++x) {
+            const auto ray = projector.unproject({x, y});
+            if (!ray)
+                continue;
+            const Eigen::Vector3d hit = plane_from_ray * ray->homogeneous();
+            if (hit.z() > 0)
+                uses.at<uchar>(y, x) = use_of(hit.hnormalized(), area);
+        }
+    return uses;
+}
+
+}  // namespace etalon

@@ -1,0 +1,44 @@
+// The part of a marker on which photograph and rendering are compared, and its split in two: one
+// half for fitting the photometric model, the other for scoring it.
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+
+#include "calib/camera/projector.h"
+#include "core/rigid.h"
+#include "sim/marker/marker.h"
+
+namespace etalon {
+
+// How far outside the inner corners a chessboard is compared, in squares. The outermost squares of
+// real prints are often cut: the default keeps clear of that in x (long prints are cut there).
+struct ScoreMargin {
+    double x = 0.3, y = 0.65;
+};
+
+// A rectangle of the marker's plane, made of cells.
+struct ComparedArea {
+    Eigen::Vector2d low_mm, high_mm;  // marker frame
+    Eigen::Vector2d cell_mm;          // a chessboard's square, a tag's cell
+    Eigen::Vector2d cell_corner_mm;   // where any four cells meet
+};
+
+// Of a chessboard: its inner corners and the margin around them. Of any other marker: all of its
+// grid, a tag's white border included; there the margin says nothing. Throws ConfigError (at
+// `place`) for a margin that is not finite, leaves nothing, or reaches over one square, where the
+// board ends.
+ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
+                           const std::string& place);
+
+// What a pixel's centre is used for. Blocks of 2 x 2 cells take turns, so that both halves hold
+// light and dark cells all over the marker.
+enum PixelUse : uchar { pixel_outside = 0, pixel_fitted = 1, pixel_scored = 2 };
+
+// CV_8UC1 of PixelUse, the camera's size: each pixel's ray is cut with the marker's plane. Pixels
+// without a ray are outside. A marker seen exactly edge-on has no pixels. Costs a microsecond per
+// pixel of the marker's bounding box. Safe from every thread.
+cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,
+                   const ComparedArea& area);
+
+}  // namespace etalon

@@ -1,0 +1,192 @@
+#include "compare/photometric/photo_match.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+
+#include "compare/photometric/photometric_steps.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+// Variances of the photometric parameters, all others marginalised.
+Eigen::VectorXd photometric_variances(const PhotoEquations& equations,
+                                      const PhotometricTerms& terms) {
+    const Eigen::VectorXd scale = equations.information.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd inverse =
+        (scale.asDiagonal() * equations.information * scale.asDiagonal())
+            .ldlt()
+            .solve(Eigen::MatrixXd(scale.asDiagonal()));
+    const double freedom = equations.pixels - static_cast<double>(equations.score.size());
+    return (scale.asDiagonal() * inverse).diagonal().tail(terms.count()) * equations.squares /
+           freedom;
+}
+
+void add_levels(const std::string& what, const Vector6d& values, const Eigen::VectorXd& variances,
+                std::vector<MatchParameter>& parameters) {
+    constexpr const char* shape[] = {"",         ", along x", ", along y",
+                                     ", by x^2", ", by x y",  ", by y^2"};
+    for (Eigen::Index i = 0; i < variances.size(); ++i)
+        parameters.push_back({what + shape[i], values[i], std::sqrt(variances[i]), "gray", {}});
+}
+
+// In the equations' order.
+std::vector<MatchParameter> fitted_parameters(const PhotometricModel& model,
+                                              const PhotometricTerms& terms,
+                                              const PhotoEquations& equations) {
+    const Eigen::VectorXd variances = photometric_variances(equations, terms);
+    std::vector<MatchParameter> parameters;
+    const int n = terms.level_terms;
+    add_levels("black level", model.black, variances.head(n), parameters);
+    add_levels("white level", model.white, variances.segment(n, n), parameters);
+    for (MatchParameter& parameter : parameters)
+        parameter.source = ParameterSource::this_image;
+    int at = 2 * n;
+    const auto add = [&](const std::string& what, double value, double by_parameter,
+                         const std::string& unit) {
+        parameters.push_back({what, value, by_parameter * std::sqrt(variances[at++]), unit,
+                              ParameterSource::this_image});
+    };
+    const double sigma = model.psf_sigma_px;
+    if (terms.psf)  // from that of the variance: d sigma = d variance / (2 sigma)
+        add("width of the blur", sigma, 0.5 / sigma, "px");
+    if (terms.psf_anisotropy)
+        add("variance of the blur, along x minus along y", 2.0 * model.psf_anisotropy_px2, 2.0,
+            "px^2");
+    if (terms.tone)
+        add("tone", model.tone, 1.0, "");
+    if (terms.saturation) {
+        add("saturation level", model.saturation->level_gray, 1.0, "gray");
+        add("saturation knee", model.saturation->knee_gray, 1.0, "gray");
+    }
+    return parameters;
+}
+
+std::optional<double> stated_deviation(const CameraModel& camera, const std::string& parameter) {
+    if (!camera.covariance)
+        return std::nullopt;
+    const auto& order = camera.covariance->order;
+    const auto found = std::find(order.begin(), order.end(), parameter);
+    if (found == order.end())
+        return std::nullopt;
+    const Eigen::Index i = found - order.begin();
+    return std::sqrt(camera.covariance->matrix(i, i));
+}
+
+PhotoFit fit_of(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                const PhotoState& state, const PhotometricTerms& terms,
+                const PhotoEquations& equations) {
+    PhotoFit fit{state, difference_at(photo, camera, state),
+                 fitted_parameters(state.photometry, terms, equations)};
+    fit.state.photometry.pixels = fit.difference.model.pixels = equations.pixels;
+    return fit;
+}
+
+// Levels, blur and saturation at the noise that their own residuals show.
+PhotoPlace fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                         const PhotometricTerms& terms, const PhotoState& start) {
+    constexpr int max_rounds = 3;
+    constexpr double settled = 0.05;
+    PhotometricSteps steps(photo, camera, terms, start);
+    PhotoPlace place = approached(steps, start);
+    for (int round = 0; round < max_rounds; ++round) {
+        const double scale = noise_scale_of(place, camera.knows_noise());
+        if (round > 0 && std::abs(scale / place.noise_scale - 1.0) < settled)
+            break;
+        place = steps.at(place.state, scale);
+        steps.descend(place, {.damping = 1e-3, .enough_gain = 1e-3, .slack = 0.0});
+    }
+    return place;
+}
+
+// Whether enough pixels are so bright that a camera may have clipped them.
+bool shows_saturation(const PhotoOfMarker& photo) {
+    constexpr double bright_gray = 230.0, least_share = 0.05;
+    const cv::Mat fitted = photo.use == photo.fitted;
+    const int bright = cv::countNonZero((photo.gray > bright_gray) & fitted);
+    return bright > least_share * cv::countNonZero(fitted);
+}
+
+}  // namespace
+
+const char* name(ParameterSource source) {
+    return source == ParameterSource::calibration ? "calibration" : "this image";
+}
+
+std::vector<MatchParameter> calibration_parameters(const CameraModel& camera) {
+    std::vector<MatchParameter> parameters;
+    const auto add = [&](const std::string& what, double value, const std::string& unit,
+                         std::optional<double> deviation = {}) {
+        parameters.push_back({what, value, deviation, unit, ParameterSource::calibration});
+    };
+    const auto add_intrinsic = [&](const std::string& what, double value, const char* unit) {
+        add(what, value, unit, stated_deviation(camera, what));
+    };
+    const Intrinsics& k = camera.intrinsics;
+    add_intrinsic("fx", k.fx, "px");
+    add_intrinsic("fy", k.fy, "px");
+    add_intrinsic("cx", k.cx, "px");
+    add_intrinsic("cy", k.cy, "px");
+    constexpr const char* names[] = {"k1", "k2", "p1", "p2", "k3", "k4",    "k5",
+                                     "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"};
+    const auto coefficients = camera.distortion.in_opencv_order();
+    for (std::size_t i = 0; i < coefficients.size(); ++i)
+        if (coefficients[i] != 0.0)
+            add_intrinsic(names[i], coefficients[i], "");
+    const CameraUncertainty known = camera.standard_uncertainty.value_or(CameraUncertainty{});
+    if (camera.lens) {
+        add("f-number", camera.lens->f_number, "", known.f_number);
+        add("focus distance", camera.lens->focus_distance_mm, "mm", known.focus_distance_mm);
+        if (camera.lens->psf.kind == PointSpread::Kind::gaussian)
+            add("width of the lens's blur", camera.lens->psf.sigma_px, "px", known.psf_sigma_px);
+    }
+    if (camera.sensor && camera.sensor->gain_e_per_dn > 0) {
+        add("gain", camera.sensor->gain_e_per_dn, "e/DN", known.gain_e_per_dn);
+        add("read noise", camera.sensor->read_noise_e, "e", known.read_noise_e);
+    }
+    return parameters;
+}
+
+PhotometricTerms match_terms(const PhotoOfMarker& photo, const CameraModel& camera) {
+    return {.level_terms = 6,
+            .psf = !camera.lens,
+            .psf_anisotropy = !camera.lens,
+            .saturation = shows_saturation(photo)};
+}
+
+PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                        const Rigid& camera_from_marker) {
+    PhotometricTerms terms = match_terms(photo, camera.model());
+    terms.pose = false;
+    const PhotoPlace place = fitted_levels(
+        photo, camera, terms, starting_state(photo, camera, camera_from_marker, terms));
+    return fit_of(photo, camera, place.state, terms, place.equations);
+}
+
+PhotoMatch match_photo(const CodeImage& image, const CellGrid& marker, const ComparedArea& area,
+                       const std::shared_ptr<const PhotometricCamera>& camera,
+                       const Rigid& camera_from_marker, double background) {
+    if (image.pixels.size() != cv::Size(camera->model().width, camera->model().height))
+        throw NumericalError(fmt::format("a photograph of {} x {} px, a camera of {} x {}",
+                                         image.pixels.cols, image.pixels.rows,
+                                         camera->model().width, camera->model().height));
+    const cv::Mat use = pixel_uses(camera->projector(), camera_from_marker, area);
+    if (cv::countNonZero(use) == 0)
+        throw NumericalError("no part of the marker is inside the image");
+    const PhotoOfMarker photo{gray_of(image), marker, use, pixel_fitted, background};
+
+    PhotoMatch match;
+    match.calibration = calibration_parameters(camera->model());
+    match.calibrated = fit_photometry(photo, *camera, camera_from_marker);
+    const PhotometricTerms terms = match_terms(photo, camera->model());
+    match.pose = photometric_pose(photo, camera, match.calibrated.state, terms);
+    const PhotoState refined{match.pose.camera_from_marker, match.pose.photometry};
+    match.refined =
+        fit_of(photo, *camera, refined, terms,
+               photo_equations(photo, *camera, refined, terms, {}, match.pose.noise_scale));
+    return match;
+}
+
+}  // namespace etalon

@@ -1,0 +1,72 @@
+// One photograph against its rendering, twice: at the pose that was given (from corners, or from
+// the stage), where only the photometric model is fitted, and at the photometric pose, where both
+// are. Everything is fitted on one half of the marker's cells; the other half is scored.
+//
+// The first says what user and robot see: the rendering where the calibration puts it. The second
+// says what remains when the pose is not to blame. Perspective cameras.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "compare/photometric/compared_area.h"
+#include "compare/photometric/photometric_pose.h"
+#include "compare/photometric/pixel_difference.h"
+#include "core/image.h"
+
+namespace etalon {
+
+// Where a number that a rendering needs came from.
+enum class ParameterSource { calibration, this_image };
+const char* name(ParameterSource source);  // "calibration", "this image"
+
+struct MatchParameter {
+    std::string name;  // "black level", "blur beside the lens section", ...
+    double value = 0.0;
+    // Standard deviation, the other fitted parameters marginalised; nothing where it is not known,
+    // or where the parameter stands at the end of its range.
+    std::optional<double> deviation;
+    std::string unit;  // "gray", "px", ""
+    ParameterSource source = ParameterSource::this_image;
+};
+
+// A photograph with its rendering at one pose.
+struct PhotoFit {
+    PhotoState state;
+    PixelDifference difference;
+    std::vector<MatchParameter> parameters;  // photometric ones, fitted to this image
+};
+
+struct PhotoMatch {
+    PhotoFit calibrated;                      // at the pose that was given
+    PhotoFit refined;                         // at the photometric pose
+    PhotometricPose pose;                     // of the refined fit, with its covariance
+    std::vector<MatchParameter> calibration;  // what the renderings took from the camera's file
+};
+
+// Intrinsics, distortion, lens and sensor as far as the camera has them, with the deviations that
+// its file states.
+std::vector<MatchParameter> calibration_parameters(const CameraModel& camera);
+
+// What is fitted to a photograph beside its pose: black and white surfaces of second order; where
+// the camera has no lens section a Gaussian's widths along x and y; and a saturation's level and
+// knee where it can be seen: 5 % of the fitted pixels are above 230 gray, 0.9 of full scale. 16 at
+// most.
+PhotometricTerms match_terms(const PhotoOfMarker& photo, const CameraModel& camera);
+
+// The photometric model alone, at a pose that is held. `photo.use` is that of pixel_uses(). Throws
+// NumericalError when the pixels do not determine it. Safe from every thread.
+PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                        const Rigid& camera_from_marker);
+
+// `camera_from_marker` is the pose under test; `background` the radiance beside the marker, whose
+// white is 1. Throws NumericalError when no part of the marker is inside the image, or the pixels
+// do not determine the unknowns. Under a second of CPU time for a board that fills a photograph of
+// 640x480 px. Safe from every thread.
+PhotoMatch match_photo(const CodeImage& photo, const CellGrid& marker, const ComparedArea& area,
+                       const std::shared_ptr<const PhotometricCamera>& camera,
+                       const Rigid& camera_from_marker, double background = 1.0);
+
+}  // namespace etalon

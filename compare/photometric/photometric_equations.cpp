@@ -1,0 +1,424 @@
+#include "compare/photometric/photometric_equations.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "compare/photometric/compared_area.h"
+#include "compare/photometric/pixel_difference.h"
+#include "core/errors.h"
+#include "sim/sensor/sensor_model.h"
+
+namespace etalon {
+namespace {
+
+constexpr double huber_threshold = 3.0;
+constexpr int least_pixels = 50;
+
+// The region with these pixels and what is blurred into them.
+cv::Rect rendered_region(const cv::Mat& pixels) {
+    constexpr int room = 16;  // five times max_psf_sigma_px, and one
+    cv::Rect region = cv::boundingRect(pixels);
+    region -= cv::Point(room, room);
+    region += cv::Size(2 * room, 2 * room);
+    return region & cv::Rect({0, 0}, pixels.size());
+}
+
+Scene scene_of(const PhotoOfMarker& photo, const Rigid& camera_from_marker) {
+    return {{{photo.grid, camera_from_marker}}, photo.background};
+}
+
+// The rendering behind the model's Gaussian, within a region.
+struct BlurredRendering {
+    cv::Mat radiance, by_x, by_y;
+    // By the Gaussian's variances along x and y: the discrete kernel of blurred() solves the
+    // diffusion equation with second differences exactly.
+    cv::Mat by_variance_x, by_variance_y;
+
+    BlurredRendering(const RenderedGradient& rendered, const Eigen::Vector2d& sigmas_px)
+        : radiance(behind_gaussian(rendered.radiance, sigmas_px)) {
+        if (rendered.by_x.empty()) {
+            const cv::Matx13f difference(-0.5F, 0.0F, 0.5F);
+            filter(difference, by_x);
+            filter(difference.t(), by_y);
+        } else {
+            by_x = behind_gaussian(rendered.by_x, sigmas_px);
+            by_y = behind_gaussian(rendered.by_y, sigmas_px);
+        }
+        const cv::Matx<float, 1, 5> half_second_difference(-1 / 24.0F, 16 / 24.0F, -30 / 24.0F,
+                                                           16 / 24.0F, -1 / 24.0F);
+        filter(half_second_difference, by_variance_x);
+        filter(half_second_difference.t(), by_variance_y);
+    }
+
+    void filter(cv::InputArray kernel, cv::Mat& result) const {
+        cv::filter2D(radiance, result, -1, kernel, {-1, -1}, 0, cv::BORDER_REPLICATE);
+    }
+
+    static cv::Mat behind_gaussian(const cv::Mat& image, const Eigen::Vector2d& sigmas_px) {
+        return sigmas_px.isZero() ? image : blurred(image, sigmas_px);
+    }
+};
+
+// One pixel's prediction with its derivatives by the photometric parameters and by the radiance.
+struct PixelModel {
+    double gray = 0.0;
+    double by_radiance = 0.0;
+    bool clips = false;  // its noise is clipped too, and says little of the noise elsewhere
+
+    PixelModel(const PhotometricModel& model, const PhotometricTerms& terms,
+               const Vector6d& level_terms, const LightCurve::Point& curve,
+               const Eigen::Vector2d& by_variances, Eigen::Ref<Eigen::VectorXd> derivatives) {
+        const double black = model.black.dot(level_terms), white = model.white.dot(level_terms);
+        const double s = curve.value, toned = s * (1.0 + model.tone * (1.0 - s));
+        const double level = black + (white - black) * toned;
+        const Saturation::Point point =
+            model.saturation ? model.saturation->at(level) : Saturation::Point{level, 1.0, 0, 0};
+        gray = point.gray;
+        clips = point.slope < 0.5;
+        const double contrast = point.slope * (white - black);
+        by_radiance = contrast * (1.0 + model.tone * (1.0 - 2.0 * s)) * curve.slope;
+        const int n = terms.level_terms;
+        derivatives.head(n) = point.slope * (1.0 - toned) * level_terms.head(n);
+        derivatives.segment(n, n) = point.slope * toned * level_terms.head(n);
+        int next = 2 * n;
+        if (terms.psf)
+            derivatives[next++] = by_radiance * by_variances.sum();
+        if (terms.psf_anisotropy)
+            derivatives[next++] = by_radiance * (by_variances.x() - by_variances.y());
+        if (terms.tone)
+            derivatives[next++] = contrast * s * (1.0 - s);
+        if (terms.saturation)
+            derivatives.segment<2>(next) << point.by_level, point.by_knee;
+    }
+};
+
+double huber_loss(double size) {
+    return size <= huber_threshold ? 0.5 * size * size
+                                   : huber_threshold * (size - 0.5 * huber_threshold);
+}
+
+// Rows that are added to normal equations many at a time: their columns are the last ones of the
+// equations'.
+class RowBlock {
+public:
+    RowBlock(Eigen::Index columns, PhotoEquations& equations)
+        : equations_(equations), rows_(columns, rows_at_a_time), residuals_(rows_at_a_time) {}
+
+    Eigen::Ref<Eigen::VectorXd> next() { return rows_.col(count_); }
+
+    // Takes the row that was written to next(). The information is Newton's: Huber's loss is
+    // straight beyond its threshold and has no curvature there.
+    void add(double noise, double residual) {
+        const double limited = std::clamp(residual, -huber_threshold, huber_threshold);
+        equations_.loss += huber_loss(std::abs(residual));
+        equations_.squares += limited * limited;
+        ++equations_.pixels;
+        auto row = rows_.col(count_);
+        row /= noise;
+        if (limited != residual) {
+            equations_.score.tail(row.size()) += limited * row;
+            return;
+        }
+        residuals_[count_] = residual;
+        if (++count_ == rows_at_a_time)
+            flush();
+    }
+
+    void flush() {
+        const auto rows = rows_.leftCols(count_);
+        const Eigen::Index n = rows.rows();
+        equations_.information.bottomRightCorner(n, n)
+            .template selfadjointView<Eigen::Lower>()
+            .rankUpdate(rows);
+        equations_.score.tail(n).noalias() += rows * residuals_.head(count_);
+        count_ = 0;
+    }
+
+private:
+    static constexpr int rows_at_a_time = 256;
+
+    PhotoEquations& equations_;
+    Eigen::MatrixXd rows_;  // one column per pixel
+    Eigen::VectorXd residuals_;
+    int count_ = 0;
+};
+
+// What is known of a saturation before the photograph is seen, as two more observations.
+void add_known_saturation(const Saturation& saturation, PhotoEquations& equations) {
+    constexpr Saturation known;
+    constexpr double level_deviation_gray = 10.0, knee_deviation_gray = 15.0;
+    const Eigen::Index at = equations.score.size() - 2;
+    const auto observe = [&](Eigen::Index i, double missing, double deviation) {
+        equations.information(i, i) += 1.0 / (deviation * deviation);
+        equations.score[i] += missing / (deviation * deviation);
+        equations.loss += 0.5 * missing * missing / (deviation * deviation);
+    };
+    observe(at, known.level_gray - saturation.level_gray, level_deviation_gray);
+    observe(at + 1, known.knee_gray - saturation.knee_gray, knee_deviation_gray);
+}
+
+// A pose that is held is no unknown, nor is a parameter that stands at the end of its range and
+// would leave it.
+void hold_what_is_fixed(const PhotometricModel& model, const PhotometricTerms& terms,
+                        PhotoEquations& equations) {
+    const auto fix = [&](Eigen::Index at) {
+        equations.score[at] = 0.0;
+        equations.information.row(at).setZero();
+        equations.information.col(at).setZero();
+        equations.information(at, at) = 1.0;
+    };
+    const auto hold = [&](Eigen::Index at, double value, double low, double high) {
+        const double score = equations.score[at];
+        if ((value <= low && score < 0) || (value >= high && score > 0))
+            fix(at);
+    };
+    const Eigen::Index first = equations.score.size() - terms.count();
+    if (!terms.pose)
+        for (Eigen::Index i = 0; i < 6; ++i)
+            fix(first - 6 + i);
+    Eigen::Index next = first + 2 * terms.level_terms;
+    const double variance = model.psf_sigma_px * model.psf_sigma_px;
+    if (terms.psf)
+        hold(next++, model.psf_sigma_px, 0.0, max_psf_sigma_px);
+    if (terms.psf_anisotropy)
+        hold(next++, model.psf_anisotropy_px2, -variance, variance);
+    if (terms.tone)
+        hold(next++, model.tone, -1.0, 1.0);
+    if (terms.saturation) {
+        const Saturation& saturation = *model.saturation;
+        hold(next++, saturation.level_gray, least_saturation_gray, max_saturation_gray);
+        hold(next, saturation.knee_gray, least_knee_gray, max_knee_gray);
+    }
+}
+
+double median(std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+struct Levels {
+    double black, white;
+};
+
+// The straight line through all pixels used of gray against what the camera's curve makes of the
+// radiance. (Blurred cells may be neither black nor white anywhere.)
+Levels levels_of(const cv::Mat& gray, const Radiance& radiance, const cv::Mat& used,
+                 const LightCurve& curve) {
+    constexpr double least_deviation = 0.01;  // of full scale: without contrast there is no line
+    double count = 0.0, seen_sum = 0.0, gray_sum = 0.0, squares = 0.0, products = 0.0;
+    for (int y = 0; y < gray.rows; ++y)
+        for (int x = 0; x < gray.cols; ++x) {
+            if (!used.at<uchar>(y, x))
+                continue;
+            const double seen = curve.value(radiance.at<float>(y, x));
+            const double value = gray.at<float>(y, x);
+            count += 1.0;
+            seen_sum += seen;
+            gray_sum += value;
+            squares += seen * seen;
+            products += seen * value;
+        }
+    const double variance = squares / count - std::pow(seen_sum / count, 2);
+    if (!(variance > least_deviation * least_deviation))
+        throw NumericalError("the marker's rendering has no contrast at this pose");
+    const double slope = (products / count - seen_sum / count * gray_sum / count) / variance;
+    const double black = (gray_sum - slope * seen_sum) / count;
+    return {black, black + slope};
+}
+
+}  // namespace
+
+PhotometricCamera::PhotometricCamera(const CameraModel& camera)
+    : projector_(camera), renderer_(camera), response_(SensorModel(camera).relative_response()) {
+    if (!camera.sensor || !etalon::noise_gray(*camera.sensor, 0.0))
+        return;
+    for (int gray = 0; gray <= 255; ++gray)
+        noise_.push_back(*etalon::noise_gray(*camera.sensor, gray));
+}
+
+double PhotometricCamera::noise_gray(double gray) const {
+    if (noise_.empty())
+        return 1.0;
+    const double place = std::clamp(gray, 0.0, 255.0);
+    const auto below = std::min<std::size_t>(static_cast<std::size_t>(place), 254);
+    return std::lerp(noise_[below], noise_[below + 1], place - static_cast<double>(below));
+}
+
+cv::Mat PhotometricCamera::with_response(const cv::Mat& image, const cv::Rect& region) const {
+    return response_.empty() ? image : cv::Mat(image.mul(response_(region)));
+}
+
+Radiance PhotometricCamera::at_sensor(const Scene& scene, const cv::Rect& region,
+                                      double tolerance_gray) const {
+    RenderOptions options;
+    options.region = region;
+    options.tolerance_gray = tolerance_gray;
+    return with_response(renderer_.render_part(scene, options).within(region), region);
+}
+
+RenderedGradient PhotometricCamera::gradient_at_sensor(const PlacedMarker& marker,
+                                                       double background,
+                                                       const ImageMotion& motion) const {
+    RenderedGradient rendered =
+        rendered_gradient(renderer_, marker, background, motion, fine_tolerance_gray);
+    for (cv::Mat* image : {&rendered.radiance, &rendered.by_x, &rendered.by_y})
+        *image = with_response(*image, motion.region());
+    return rendered;
+}
+
+void require_fitting(const PhotoOfMarker& photo, const PhotometricCamera& camera) {
+    const cv::Size size(camera.model().width, camera.model().height);
+    if (photo.gray.type() != CV_32FC1 || photo.use.type() != CV_8UC1 || photo.gray.size() != size ||
+        photo.use.size() != size)
+        throw NumericalError(
+            fmt::format("photograph {} x {} and mask {} x {} px do not fit the camera's {} x {}",
+                        photo.gray.cols, photo.gray.rows, photo.use.cols, photo.use.rows,
+                        size.width, size.height));
+}
+
+cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& camera) {
+    require_fitting(photo, camera);
+    const cv::Mat fitted = photo.use == photo.fitted;
+    if (cv::countNonZero(fitted) < least_pixels)
+        throw NumericalError(
+            fmt::format("fewer than {} pixels of the marker can be fitted", least_pixels));
+    return rendered_region(fitted);
+}
+
+PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                               const PhotoState& state, const PhotometricTerms& terms,
+                               const CalibrationModel& parameters, double noise_scale) {
+    const ImageMotion motion(camera.projector(), state.camera_from_marker, parameters,
+                             fitted_region(photo, camera));
+    const RenderedGradient rendered =
+        camera.gradient_at_sensor({photo.grid, state.camera_from_marker}, photo.background, motion);
+    return photo_equations(photo, camera, state, terms, rendered, motion, noise_scale);
+}
+
+PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                               const PhotoState& state, const PhotometricTerms& terms,
+                               const RenderedGradient& rendered, const ImageMotion& motion,
+                               double noise_scale) {
+    constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
+    const BlurredRendering seen(rendered, state.photometry.psf_sigmas_px());
+    const LightCurve curve = camera.curve(state.photometry);
+    const cv::Rect& region = motion.region();
+    const int geometric = motion.columns(), photometric = terms.count();
+
+    PhotoEquations equations;
+    equations.information = Eigen::MatrixXd::Zero(geometric + photometric, geometric + photometric);
+    equations.score = Eigen::VectorXd::Zero(geometric + photometric);
+    RowBlock edges(geometric + photometric, equations), flats(photometric, equations);
+    Eigen::Matrix2Xd moved(2, geometric);
+    std::vector<double> sizes;
+    for (int y = 0; y < region.height; ++y)
+        for (int x = 0; x < region.width; ++x) {
+            const cv::Point pixel = region.tl() + cv::Point(x, y);
+            if (photo.use.at<uchar>(pixel) != photo.fitted)
+                continue;
+            const Eigen::RowVector2d slope(seen.by_x.at<float>(y, x), seen.by_y.at<float>(y, x));
+            const bool is_flat = slope.lpNorm<1>() < flat;
+            if (!is_flat && !motion.at(pixel.x, pixel.y, moved))
+                continue;
+            RowBlock& block = is_flat ? flats : edges;
+            auto row = block.next();
+            const PixelModel model(
+                state.photometry, terms, level_terms(pixel.x, pixel.y, photo.use.size()),
+                curve.at(seen.radiance.at<float>(y, x)),
+                {seen.by_variance_x.at<float>(y, x), seen.by_variance_y.at<float>(y, x)},
+                row.tail(photometric));
+            if (!is_flat)
+                for (int i = 0; i < geometric; ++i)
+                    row[i] =
+                        -model.by_radiance * (slope.x() * moved(0, i) + slope.y() * moved(1, i));
+            const double noise = noise_scale * camera.noise_gray(model.gray);
+            const double residual = (photo.gray.at<float>(pixel) - model.gray) / noise;
+            if (!model.clips)
+                sizes.push_back(std::abs(residual));
+            block.add(noise, residual);
+        }
+    edges.flush();
+    flats.flush();
+    equations.information = Eigen::MatrixXd(equations.information.selfadjointView<Eigen::Lower>());
+    if (terms.saturation)
+        add_known_saturation(*state.photometry.saturation, equations);
+    hold_what_is_fixed(state.photometry, terms, equations);
+    if (equations.pixels < least_pixels || sizes.empty() || !std::isfinite(equations.loss))
+        throw NumericalError(fmt::format("{} pixels of the marker can be fitted, with a loss of {}",
+                                         equations.pixels, equations.loss));
+    equations.median_size = median(std::move(sizes));
+    return equations;
+}
+
+cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                     const PhotoState& state) {
+    require_fitting(photo, camera);
+    const cv::Rect region = rendered_region(photo.use != pixel_outside);
+    Radiance lit(photo.gray.size(), CV_32FC1, cv::Scalar(0));
+    camera.at_sensor(scene_of(photo, state.camera_from_marker), region).copyTo(lit(region));
+    return predicted_gray(state.photometry, lit, camera.curve(state.photometry));
+}
+
+double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                         const PhotoState& state) {
+    const cv::Mat counted = photo.use == photo.fitted;
+    return cv::norm(photo.gray, predicted_at(photo, camera, state), cv::NORM_L2, counted) /
+           std::sqrt(cv::countNonZero(counted));
+}
+
+PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
+                   const Eigen::VectorXd& step) {
+    PhotoState next = state;
+    next.camera_from_marker = left_perturbed(state.camera_from_marker, Vector6d(step.head<6>()));
+    const int n = terms.level_terms;
+    next.photometry.black.head(n) += step.segment(6, n);
+    next.photometry.white.head(n) += step.segment(6 + n, n);
+    int at = 6 + 2 * n;
+    PhotometricModel& model = next.photometry;
+    if (terms.psf)
+        model.psf_sigma_px =
+            std::sqrt(std::clamp(model.psf_sigma_px * model.psf_sigma_px + step[at++], 0.0,
+                                 max_psf_sigma_px * max_psf_sigma_px));
+    const double variance = model.psf_sigma_px * model.psf_sigma_px;
+    if (terms.psf_anisotropy)
+        model.psf_anisotropy_px2 += step[at++];
+    model.psf_anisotropy_px2 = std::clamp(model.psf_anisotropy_px2, -variance, variance);
+    if (terms.tone)
+        model.tone = std::clamp(model.tone + step[at++], -1.0, 1.0);
+    if (terms.saturation) {
+        model.saturation->level_gray = std::clamp(model.saturation->level_gray + step[at],
+                                                  least_saturation_gray, max_saturation_gray);
+        model.saturation->knee_gray =
+            std::clamp(model.saturation->knee_gray + step[at + 1], least_knee_gray, max_knee_gray);
+    }
+    return next;
+}
+
+PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                          const Rigid& camera_from_marker, const PhotometricTerms& terms) {
+    constexpr double typical_sigma_px = 0.75, least_gray = 0.0, full_gray = 255.0;
+    constexpr int curve_rounds = 2;  // the levels say between which light the curve is taken
+    require_fitting(photo, camera);
+    const cv::Rect region = rendered_region(photo.use == photo.fitted);
+    const Radiance radiance = camera.at_sensor(scene_of(photo, camera_from_marker), region);
+    PhotoState state{camera_from_marker, {}};
+    state.photometry.black[0] = least_gray;
+    state.photometry.white[0] = full_gray;
+    for (int round = 0; round < curve_rounds; ++round) {
+        const Levels levels =
+            levels_of(photo.gray(region), radiance, photo.use(region) == photo.fitted,
+                      camera.curve(state.photometry));
+        state.photometry.black[0] = levels.black;
+        state.photometry.white[0] = levels.white;
+    }
+    state.photometry.psf_sigma_px = terms.psf ? typical_sigma_px : 0.0;
+    if (terms.saturation)
+        state.photometry.saturation.emplace();
+    return state;
+}
+
+}  // namespace etalon

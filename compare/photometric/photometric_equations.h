@@ -1,0 +1,140 @@
+// One photograph against its rendering, linearised: normal equations for the camera's parameters,
+// the marker's pose and the photometric model together. The foundation of compare/
+// photometric_pose.h and photometric_refinement.h.
+//
+// A pixel's residual is (photograph - prediction) / (standard deviation of its noise): that of the
+// sensor where the camera's file knows it, else 1 gray, times a scale found from the residuals
+// themselves. Huber's loss beyond 3: noise counts in full, a finger on the board does not.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "compare/photometric/photometric_model.h"
+#include "compare/photometric/render_derivatives.h"
+
+namespace etalon {
+
+// A camera as photographs are compared with it. Making it takes some 20 ms of CPU time for a VGA
+// camera, and its first rendering as much where a lens section asks for filters. Safe from every
+// thread once built.
+class PhotometricCamera {
+public:
+    explicit PhotometricCamera(const CameraModel& camera);
+
+    const CameraModel& model() const { return projector_.camera(); }
+    const Projector& projector() const { return projector_; }
+    const Renderer& renderer() const { return renderer_; }
+    LightCurve curve(const PhotometricModel& photometry) const {
+        return {model().sensor, photometry};
+    }
+    bool knows_noise() const { return !noise_.empty(); }
+
+    // Standard deviation of a pixel's noise at a predicted gray; 1 where it is not known.
+    double noise_gray(double gray) const;
+
+    // What arrives at the sensor's pixels within the region, CV_32FC1 of its size.
+    Radiance at_sensor(const Scene& scene, const cv::Rect& region,
+                       double tolerance_gray = fine_tolerance_gray) const;
+
+    // And its derivatives, in the region of `motion`, which is that of this marker's pose.
+    RenderedGradient gradient_at_sensor(const PlacedMarker& marker, double background,
+                                        const ImageMotion& motion) const;
+
+    static constexpr double fine_tolerance_gray = 0.1;
+
+private:
+    cv::Mat with_response(const cv::Mat& image, const cv::Rect& region) const;
+
+    Projector projector_;
+    Renderer renderer_;
+    cv::Mat response_;           // relative, by pixel; empty: 1
+    std::vector<double> noise_;  // of gray 0, 1, ... 255
+};
+
+// Which of a photograph's own unknowns are free; the others keep their values.
+struct PhotometricTerms {
+    int level_terms = 3;  // of each of black and white: 1 constant, 3 plane, 6 quadratic surface
+    bool psf = true;      // the Gaussian's width
+    bool tone = false;
+    bool pose = true;  // the marker's; the equations have its place in either case
+    bool psf_anisotropy = false;
+    bool saturation = false;  // its level and knee
+
+    // Photometric parameters.
+    int count() const {
+        return 2 * level_terms + (psf ? 1 : 0) + (psf_anisotropy ? 1 : 0) + (tone ? 1 : 0) +
+               (saturation ? 2 : 0);
+    }
+};
+
+// A photograph and the marker in it.
+struct PhotoOfMarker {
+    cv::Mat gray;  // CV_32FC1
+    CellGrid grid;
+    cv::Mat use;              // CV_8UC1 of PixelUse, the photograph's size
+    uchar fitted;             // which of them count
+    double background = 1.0;  // radiance beside the marker
+};
+
+struct PhotoState {
+    Rigid camera_from_marker;
+    PhotometricModel photometry;
+};
+
+// A width or tone at the end of its range that would leave it has no score and an information of 1,
+// and so has a pose that is held.
+// In the order: camera parameters, pose (left perturbation), photometric parameters (black levels,
+// white levels, mean variance and anisotropy of the Gaussian in px^2, tone, saturation's level and
+// knee). A saturation that is free is also held by what is known beforehand of cameras, as if it
+// had been measured: its level 255 +- 10 gray, its knee 15 +- 15; most photographs are not bright
+// enough to show it.
+struct PhotoEquations {
+    Eigen::MatrixXd information;  // J^T J of the pixels within Huber's threshold
+    Eigen::VectorXd score;        // J^T r, r limited to the threshold
+    double loss = 0.0;            // sum of Huber's function
+    double squares = 0.0;         // sum of the squares of the limited r
+    double median_size = 0.0;     // of |r|, of the pixels that do not clip
+    int pixels = 0;
+};
+
+// `noise_scale` multiplies the noise. Throws NumericalError for sizes that differ, fewer than 50
+// pixels and what the renderer refuses.
+PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                               const PhotoState& state, const PhotometricTerms& terms,
+                               const CalibrationModel& parameters, double noise_scale);
+
+// The same from a rendering that is at hand, of the region of `motion`. Its derivatives may be
+// those of a pose nearby; where they are empty, central differences on the pixel grid stand for
+// them: right to some 10 % for blurred edges, enough to find the way.
+PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                               const PhotoState& state, const PhotometricTerms& terms,
+                               const RenderedGradient& rendered, const ImageMotion& motion,
+                               double noise_scale);
+
+// Throws NumericalError unless photograph and mask have the camera's size and their types.
+void require_fitting(const PhotoOfMarker& photo, const PhotometricCamera& camera);
+
+// The part of the image with the fitted pixels and what is blurred into them. Throws NumericalError
+// for sizes that differ and fewer than 50 pixels.
+cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& camera);
+
+// CV_32FC1, gray: what the photograph should be. Right on the marker (photo.use not 0).
+cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                     const PhotoState& state);
+
+// Photograph minus prediction in gray, RMS over the pixels that count.
+double residual_rms_gray(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                         const PhotoState& state);
+
+// The state after a step in pose and photometric parameters (the tail of the equations' order);
+// the Gaussian's widths, tone, level and knee stay in their ranges.
+PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
+                   const Eigen::VectorXd& step);
+
+// A start: constant levels from the straight line of gray against the rendering at this pose.
+// Throws NumericalError when that rendering has no contrast.
+PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                          const Rigid& camera_from_marker, const PhotometricTerms& terms);
+
+}  // namespace etalon

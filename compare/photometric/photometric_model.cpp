@@ -1,0 +1,131 @@
+#include "compare/photometric/photometric_model.h"
+
+#include <cmath>
+#include <numbers>
+#include <opencv2/imgproc.hpp>
+
+#include "sim/sensor/sensor_model.h"
+
+namespace etalon {
+namespace {
+
+// Half of the second difference of fourth order, (-1 16 -30 16 -1) / 24, at a frequency.
+double half_second_difference(double frequency) {
+    return (-15.0 + 16.0 * std::cos(frequency) - std::cos(2.0 * frequency)) / 12.0;
+}
+
+// exp(variance * half_second_difference) as a kernel: the inverse Fourier transform by the
+// trapezoidal rule, which for a periodic function is exact but for what wraps around.
+cv::Mat discrete_gaussian(double sigma_px) {
+    const int radius = static_cast<int>(std::ceil(5.0 * sigma_px)) + 4;
+    const int steps = 4 * radius;
+    cv::Mat kernel(1, 2 * radius + 1, CV_64F, cv::Scalar(0.0));
+    for (int k = 0; k < steps; ++k) {
+        const double frequency = 2.0 * std::numbers::pi * k / steps;
+        const double gain = std::exp(sigma_px * sigma_px * half_second_difference(frequency));
+        for (int n = -radius; n <= radius; ++n)
+            kernel.at<double>(n + radius) += gain * std::cos(n * frequency) / steps;
+    }
+    return kernel / cv::sum(kernel)[0];
+}
+
+}  // namespace
+
+LightCurve::LightCurve(const std::optional<Sensor>& sensor, const PhotometricModel& model) {
+    constexpr double least_contrast = 0.01;  // of full scale; below, the levels say nothing
+    if (!sensor || sensor->transfer.kind == Transfer::Kind::linear)
+        return;
+    transfer_ = sensor->transfer;
+    const double black_level = sensor->black_dn / ((1 << sensor->bits) - 1);
+    const auto light_of = [&](double gray) {
+        return decode(transfer_, (gray / 255.0 - black_level) / (1.0 - black_level));
+    };
+    const double dark = light_of(model.black[0]), light = light_of(model.white[0]);
+    if (light > dark + least_contrast) {
+        dark_ = dark;
+        light_ = light;
+    }
+    low_ = encode(transfer_, dark_);
+    range_ = encode(transfer_, light_) - low_;
+}
+
+double LightCurve::value(double radiance) const {
+    if (transfer_.kind == Transfer::Kind::linear)
+        return radiance;
+    return (encode(transfer_, std::lerp(dark_, light_, radiance)) - low_) / range_;
+}
+
+LightCurve::Point LightCurve::at(double radiance) const {
+    constexpr double step = 1e-4;
+    if (transfer_.kind == Transfer::Kind::linear)
+        return {radiance, 1.0};
+    return {value(radiance), (value(radiance + step) - value(radiance - step)) / (2.0 * step)};
+}
+
+Vector6d level_terms(double x, double y, cv::Size size) {
+    const double u = (x - 0.5 * (size.width - 1)) / size.width;
+    const double v = (y - 0.5 * (size.height - 1)) / size.height;
+    Vector6d terms;
+    terms << 1.0, u, v, u * u, u * v, v * v;
+    return terms;
+}
+
+cv::Mat gray_of(const CodeImage& image) {
+    cv::Mat gray;
+    image.pixels.convertTo(gray, CV_32F, 255.0 / image.full_scale());
+    return gray;
+}
+
+Saturation::Point Saturation::at(double gray) const {
+    constexpr double far = 8.0;  // standard deviations: beyond, nothing is left to see
+    const double z = (level_gray - gray) / knee_gray;
+    if (z > far)
+        return {gray, 1.0, 0.0, 0.0};
+    if (z < -far)
+        return {level_gray, 0.0, 1.0, 0.0};
+    const double below = 0.5 * std::erfc(-z / std::numbers::sqrt2);
+    const double density = std::exp(-0.5 * z * z) * std::numbers::inv_sqrtpi / std::numbers::sqrt2;
+    return {level_gray - knee_gray * (z * below + density), below, 1.0 - below, -density};
+}
+
+Eigen::Vector2d PhotometricModel::psf_sigmas_px() const {
+    const double mean = psf_sigma_px * psf_sigma_px;
+    return Eigen::Vector2d(mean + psf_anisotropy_px2, mean - psf_anisotropy_px2)
+        .cwiseMax(0.0)
+        .cwiseSqrt();
+}
+
+PhotometricModel::Point PhotometricModel::at(const Vector6d& level_terms, double seen) const {
+    const double dark = black.dot(level_terms), contrast = white.dot(level_terms) - dark;
+    const double gray = dark + contrast * seen * (1.0 + tone * (1.0 - seen));
+    const double slope = contrast * (1.0 + tone * (1.0 - 2.0 * seen));
+    if (!saturation)
+        return {gray, slope};
+    const Saturation::Point point = saturation->at(gray);
+    return {point.gray, point.slope * slope};
+}
+
+cv::Mat blurred(const cv::Mat& image, double sigma_px) {
+    return blurred(image, Eigen::Vector2d::Constant(sigma_px));
+}
+
+cv::Mat blurred(const cv::Mat& image, const Eigen::Vector2d& sigmas_px) {
+    cv::Mat result;
+    cv::sepFilter2D(image, result, -1, discrete_gaussian(sigmas_px.x()),
+                    discrete_gaussian(sigmas_px.y()), {-1, -1}, 0.0, cv::BORDER_REPLICATE);
+    return result;
+}
+
+cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
+                       const LightCurve& curve) {
+    cv::Mat gray = blurred(radiance, model.psf_sigmas_px());
+    for (int y = 0; y < gray.rows; ++y)
+        for (int x = 0; x < gray.cols; ++x) {
+            float& value = gray.at<float>(y, x);
+            value = static_cast<float>(
+                model.at(level_terms(x, y, gray.size()), curve.value(value)).gray);
+        }
+    return gray;
+}
+
+}  // namespace etalon

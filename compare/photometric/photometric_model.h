@@ -1,0 +1,104 @@
+// How bright a rendering's black and white are in one photograph, how much blurrier it is than the
+// rendering, and where its white clips: what a calibration does not know and every photograph has
+// anew.
+//
+//     gray = S(black + (white - black) * C(T(Gaussian * radiance)))     at each pixel
+//
+// Black and white are surfaces over the image: planes, or of second order. The Gaussian (*:
+// convolution) stands for what the camera's lens section leaves out; without a lens section it is
+// the whole lens. Its variances along x and y may differ: pixels of a mosaic and fields of a video
+// signal are interpolated differently in the two directions. T is what the camera's transfer curve
+// makes of light between this photograph's black and white (class LightCurve), not fitted. C(s) = s
+// + tone s (1 - s) stands for what is left of a curve that no calibration told. S is saturation
+// (struct Saturation). Photographs are in gray = code value / full scale * 255.
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <optional>
+
+#include "calib/camera/camera_model.h"
+#include "core/image.h"
+#include "core/rigid.h"
+
+namespace etalon {
+
+// White that clips, and the shoulder below: the expectation of min(gray + n, level) with n normal
+// of standard deviation `knee`. For a sensor that clips hard the knee is the pixels' noise; that of
+// a camera that compresses its highlights is some 20 gray.
+struct Saturation {
+    double level_gray = 255.0;  // 225 .. 265
+    double knee_gray = 15.0;    // 0.5 .. 60
+
+    struct Point {
+        double gray, slope, by_level, by_knee;  // the value, and its derivatives
+    };
+    Point at(double gray) const;
+};
+
+struct PhotometricModel {
+    // Levels in gray, by level_terms(): at the image's centre, the change over the image's width
+    // and over its height, and the second order.
+    Vector6d black = Vector6d::Zero();
+    Vector6d white = Vector6d::Zero();
+    // Square root of the Gaussian's mean variance along x and y, and half of their difference
+    // (positive: wider along x; at most the mean).
+    double psf_sigma_px = 0.0;  // 0 .. 3
+    double psf_anisotropy_px2 = 0.0;
+    double tone = 0.0;                     // -1 .. 1, where C still rises everywhere
+    std::optional<Saturation> saturation;  // nothing: S(gray) = gray
+    int pixels = 0;                        // that were fitted
+
+    Eigen::Vector2d psf_sigmas_px() const;  // along x and y
+
+    // At a pixel with these level_terms(), of what the camera's curve makes of the blurred
+    // radiance: gray, and the derivative by it.
+    struct Point {
+        double gray, by_seen;
+    };
+    Point at(const Vector6d& level_terms, double seen) const;
+};
+
+inline constexpr double max_psf_sigma_px = 3.0;
+inline constexpr double least_saturation_gray = 225.0, max_saturation_gray = 265.0;
+inline constexpr double least_knee_gray = 0.5, max_knee_gray = 60.0;
+
+// 1, x, y, x^2, x y, y^2 of a pixel with x and y from -0.5 to 0.5 over the image.
+Vector6d level_terms(double x, double y, cv::Size size);
+
+// CV_32FC1: code values / full scale * 255.
+cv::Mat gray_of(const CodeImage& image);
+
+// The half tones that a sensor's curve makes of a radiance between a photograph's black (radiance
+// 0, half tone 0) and white (1 and 1). Curves other than a pure power look different between other
+// levels, so these are taken to light first; those of the image's centre stand for all of it.
+class LightCurve {
+public:
+    LightCurve() = default;  // of a linear sensor
+    LightCurve(const std::optional<Sensor>& sensor, const PhotometricModel& model);
+
+    struct Point {
+        double value, slope;
+    };
+    Point at(double radiance) const;
+    double value(double radiance) const;
+
+private:
+    Transfer transfer_;
+    double dark_ = 0.0, light_ = 1.0;  // of full scale
+    double low_ = 0.0, range_ = 1.0;   // of the curve between them
+};
+
+// The photograph that the model expects, CV_32FC1, gray, the radiance's size.
+cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
+                       const LightCurve& curve);
+
+// Convolution with a discrete Gaussian: the solution of the diffusion equation with the second
+// difference of fourth order, (-1 16 -30 16 -1) / 12. However small sigma is, its variance is
+// sigma^2 and its fourth moment 3 sigma^4, where a sampled Gaussian below half a pixel hardly blurs
+// at all and the one that solves the equation with (1 -2 1) (Lindeberg, "Scale-space for discrete
+// signals", PAMI 1990) is peaked. Edges are replicated.
+cv::Mat blurred(const cv::Mat& image, double sigma_px);
+cv::Mat blurred(const cv::Mat& image, const Eigen::Vector2d& sigmas_px);
+
+}  // namespace etalon

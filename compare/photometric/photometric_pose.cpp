@@ -1,0 +1,152 @@
+#include "compare/photometric/photometric_pose.h"
+
+#include <Eigen/Eigenvalues>
+
+#include "compare/photometric/photometric_steps.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+// The pose's part of the inverse, rows and columns scaled to a unit diagonal first.
+Matrix6d pose_covariance(const Eigen::MatrixXd& information) {
+    constexpr double least = 1e-13;  // of the largest eigenvalue: beyond, only rounding is left
+    const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scale.asDiagonal() * information *
+                                                                scale.asDiagonal());
+    const Eigen::VectorXd& values = solver.eigenvalues();
+    if (!scale.allFinite() || solver.info() != Eigen::Success ||
+        !(values[0] > least * values[values.size() - 1]))
+        throw NumericalError("the photograph does not determine pose and photometric model");
+    const Eigen::MatrixXd inverse = scale.asDiagonal() * solver.eigenvectors() *
+                                    values.cwiseInverse().asDiagonal() *
+                                    solver.eigenvectors().transpose() * scale.asDiagonal();
+    return inverse.topLeftCorner<6, 6>();
+}
+
+// The minimum that a start leads to, found as far as it is needed.
+struct Solution {
+    PhotometricSteps steps;
+    PhotoPlace place;
+    bool converged = false;
+
+    Solution(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+             const PhotometricTerms& terms, const PhotoState& start)
+        : steps(photo, camera, terms, start), place(approached(steps, start)) {}
+
+    // Huber's loss at this noise, to a tenth of a standard deviation.
+    void find_minimum(double noise_scale) {
+        place = steps.at(place.state, noise_scale);
+        steps.descend(place, {.damping = 1e-3, .enough_gain = 0.005, .slack = 1.0});
+    }
+
+    // A step of a hundredth of a standard deviation promises half of its square. The renderer's own
+    // steps, below its tolerance, move the loss by some hundredths.
+    void settle(double noise_scale) {
+        steps.render_gradient(place.state);
+        place = steps.at(place.state, noise_scale);
+        converged = steps.descend(place, {.damping = 0.0, .enough_gain = 5e-5, .slack = 0.1});
+    }
+
+    double loss() const { return place.equations.loss; }
+    double mean_square() const {
+        return place.noise_scale * place.noise_scale * place.equations.squares /
+               place.equations.pixels;
+    }
+};
+
+// Nothing where the start cannot be rendered or leads nowhere.
+std::optional<Solution> solution_from(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                                      const PhotometricTerms& terms, const PhotoState& start) {
+    try {
+        return Solution(photo, camera, terms, start);
+    } catch (const NumericalError&) {
+        return std::nullopt;
+    }
+}
+
+// The noise was found with rough renderings and gradients: once more at the minimum itself.
+void find_minimum_and_noise(Solution& solution, bool knows_noise) {
+    constexpr double same_noise = 0.05;
+    solution.find_minimum(noise_scale_of(solution.place, knows_noise));
+    solution.settle(noise_scale_of(solution.place, knows_noise));
+    const double scale = noise_scale_of(solution.place, knows_noise);
+    if (std::abs(scale / solution.place.noise_scale - 1.0) > same_noise)
+        solution.settle(scale);
+}
+
+// At the same noise; where its loss is near the other's, down to its minimum.
+void compare_with(const Solution& best, Solution& other) {
+    constexpr double far = 1.5, doubt = 50.0;
+    other.place = other.steps.at(other.place.state, best.place.noise_scale);
+    if (other.loss() > far * best.loss() + doubt)
+        return;
+    other.find_minimum(best.place.noise_scale);
+    if (other.loss() < best.loss() + doubt)
+        other.settle(best.place.noise_scale);
+}
+
+PhotometricPose pose_of(const Solution& solution, const PhotometricTerms& terms, bool knows_noise) {
+    const PhotoEquations& equations = solution.place.equations;
+    PhotometricPose pose;
+    pose.camera_from_marker = solution.place.state.camera_from_marker;
+    pose.photometry = solution.place.state.photometry;
+    pose.photometry.pixels = equations.pixels;
+    pose.noise_scale = solution.place.noise_scale;
+    pose.reduced_squares = equations.squares / (equations.pixels - 6.0 - terms.count());
+    const double variance =
+        knows_noise ? std::max(pose.reduced_squares, 1.0) : pose.reduced_squares;
+    pose.covariance = variance * pose_covariance(equations.information);
+    pose.loss = equations.loss;
+    pose.pixels = equations.pixels;
+    pose.converged = solution.converged;
+    return pose;
+}
+
+// In standard deviations of `pose`, all six components together.
+double distance(const PhotometricPose& pose, const Rigid& other) {
+    const Vector6d difference = left_difference(pose.camera_from_marker, other);
+    return std::sqrt(difference.dot(pose.covariance.ldlt().solve(difference)));
+}
+
+}  // namespace
+
+Rigid tilt_mirrored(const Rigid& camera_from_marker, const CellGrid& grid) {
+    const Eigen::Vector3d middle_mm = grid.point_mm(0.5 * grid.columns(), 0.5 * grid.rows());
+    const Eigen::Vector3d middle = camera_from_marker * middle_mm;
+    const Eigen::Vector3d sight = middle.normalized();
+    // The marker's axes lose their components along the line of sight to the other side; the
+    // reflected normal is turned back to its side.
+    Eigen::Matrix3d axes = (Eigen::Matrix3d::Identity() - 2.0 * sight * sight.transpose()) *
+                           camera_from_marker.rotation.toRotationMatrix();
+    axes.col(2) = -axes.col(2);
+    const Eigen::Quaterniond rotation = Eigen::Quaterniond(axes).normalized();
+    return {rotation, middle - rotation * middle_mm};
+}
+
+PhotometricPose photometric_pose(const PhotoOfMarker& photo,
+                                 std::shared_ptr<const PhotometricCamera> camera,
+                                 const PhotoState& start, const PhotometricTerms& terms) {
+    Solution best(photo, *camera, terms, start);
+    PhotoState mirrored = best.place.state;
+    mirrored.camera_from_marker = tilt_mirrored(mirrored.camera_from_marker, photo.grid);
+    std::optional<Solution> other = solution_from(photo, *camera, terms, mirrored);
+    if (other && other->mean_square() < best.mean_square())
+        std::swap(best, *other);
+    find_minimum_and_noise(best, camera->knows_noise());
+    if (other) {
+        compare_with(best, *other);
+        if (other->loss() < best.loss())
+            std::swap(best, *other);
+    }
+
+    PhotometricPose pose = pose_of(best, terms, camera->knows_noise());
+    pose.renderings = best.steps.renderings() + (other ? other->steps.renderings() : 0);
+    constexpr double same_pose = 3.0;  // standard deviations
+    if (other && distance(pose, other->place.state.camera_from_marker) > same_pose)
+        pose.other = OtherPose{other->place.state.camera_from_marker, other->loss(),
+                               other->loss() - best.loss()};
+    return pose;
+}
+
+}  // namespace etalon

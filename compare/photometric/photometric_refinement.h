@@ -1,0 +1,73 @@
+// Intrinsics from all pixels of the calibration photographs instead of their corners: the
+// parameters for which the renderings are closest to the photographs, every photograph's pose and
+// photometric model found alongside.
+//
+// A corner is what a detector makes of some fifty pixels; here every edge counts over its whole
+// length, and blur and levels are modelled. But a rendering also meets what corners do not care
+// for: a curled board, JPEG, a camera that sharpens. Whether the refined camera is better is
+// therefore shown on photographs that it has not seen (k-fold cross-validation, Stone 1974):
+//   1. both cameras come from the training photographs only, one from their corners, the other
+//      refined from it on their pixels;
+//   2. the held-out photograph's pose and photometric model are fitted on half of its squares, once
+//      with each camera;
+//   3. the residuals of the other half of the squares are compared, paired by photograph. The gain
+//      must be above zero by a one-sided t test at 95 %.
+// Else the refinement is refused, with the figures. The folds share training photographs, so that
+// the test's 95 % are approximate (Bengio and Grandvalet, JMLR 5, 2004).
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/intrinsics/calibration_covariance.h"
+#include "calib/intrinsics/camera_fit.h"
+#include "compare/photometric/compared_area.h"
+#include "compare/photometric/photometric_adjustment.h"
+#include "core/image.h"
+
+namespace etalon {
+
+struct RefinedPhoto {
+    // Residuals in gray, RMS over the squares that were scored, of the held-out photograph: with
+    // the camera from corners and with the refined one.
+    double corners_rms_gray = 0.0, refined_rms_gray = 0.0;
+    Rigid camera_from_target;  // with the camera refined on all photographs
+};
+
+struct PhotometricRefinement {
+    CameraModel camera;                          // with covariance
+    std::vector<ParameterDeviation> deviations;  // formal and cluster-robust, in the model's order
+    std::vector<RefinedPhoto> photos;            // as given
+    double corners_rms_gray = 0.0, refined_rms_gray = 0.0;  // means over the photographs
+    double gain_gray = 0.0;                                 // mean difference
+    double gain_error_gray = 0.0;                           // its standard error
+    double least_gain_gray = 0.0;  // lower end of the one-sided 95 % interval
+    int folds = 0;
+    bool accepted = false;  // least_gain_gray > 0
+
+    // "held-out residual 6.43 -> 6.41 gray over 13 photos, gain 0.02 +- 0.01 (95 % at least 0.00):
+    // accepted"
+    std::string in_words() const;
+};
+
+inline constexpr int refinement_folds = 5;
+inline constexpr std::size_t least_refinement_photos = 6;
+
+// `photos` and `views` belong together; `area` is the part of the target that is compared;
+// `corners` is fit_camera()'s result for all views with this model. The covariance takes
+// photographs as independent, not pixels. Throws NumericalError for fewer than six photographs,
+// numbers that do not match, and photographs that do not determine the camera. About 5 s of CPU
+// time per photograph of 640x480 px that a board fills; on all cores, with the same result for any
+// number of them.
+PhotometricRefinement refine_photometrically(std::span<const CodeImage> photos,
+                                             std::span<const CalibrationView> views,
+                                             const CellGrid& target, const ComparedArea& area,
+                                             const CameraFit& corners,
+                                             const CalibrationModel& model);
+
+// What is fitted to each photograph beside its pose: black and white surfaces of second order, a
+// tone parameter, and a Gaussian's width where the camera has no lens section; 14 at most.
+PhotometricTerms refinement_terms(const CameraModel& camera);
+
+}  // namespace etalon

@@ -1,0 +1,116 @@
+#include "compare/photometric/photometric_steps.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <optional>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+struct Step {
+    Eigen::VectorXd delta;
+    double predicted_gain;  // half of score . delta: how much the loss should fall
+};
+
+// Scaled to a unit diagonal, so that rad, mm and gray compare.
+Step step_of(const PhotoEquations& equations, double damping) {
+    const Eigen::VectorXd scale =
+        equations.information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    Eigen::MatrixXd scaled = scale.asDiagonal() * equations.information * scale.asDiagonal();
+    scaled.diagonal() *= 1.0 + damping;
+    const Eigen::LLT<Eigen::MatrixXd> solver(scaled);
+    const Eigen::VectorXd delta =
+        scale.cwiseProduct(Eigen::VectorXd(solver.solve(scale.cwiseProduct(equations.score))));
+    const double gain = 0.5 * equations.score.dot(delta);
+    if (solver.info() != Eigen::Success || !std::isfinite(gain))
+        throw NumericalError("the photograph does not determine pose and photometric model");
+    return {delta, gain};
+}
+
+// To the last bit: then their renderings are the same.
+bool same_pose(const Rigid& a, const Rigid& b) {
+    return a.rotation.coeffs() == b.rotation.coeffs() && a.translation == b.translation;
+}
+
+}  // namespace
+
+PhotometricSteps::PhotometricSteps(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                                   const PhotometricTerms& terms, const PhotoState& near)
+    : photo_(&photo),
+      camera_(&camera),
+      terms_(terms),
+      motion_(camera.projector(), near.camera_from_marker, {}, fitted_region(photo, camera)) {}
+
+void PhotometricSteps::render(const Rigid& camera_from_marker) {
+    constexpr double rough_tolerance_gray = 0.5;
+    if (rendered_ && same_pose(*rendered_, camera_from_marker))
+        return;
+    ++renderings_;
+    gradient_.radiance = camera_->at_sensor(
+        {{{photo_->grid, camera_from_marker}}, photo_->background}, motion_.region(),
+        gradient_.by_x.empty() ? rough_tolerance_gray : PhotometricCamera::fine_tolerance_gray);
+    rendered_ = camera_from_marker;
+}
+
+PhotoPlace PhotometricSteps::at(const PhotoState& state, double noise_scale) {
+    render(state.camera_from_marker);
+    return {state,
+            photo_equations(*photo_, *camera_, state, terms_, gradient_, motion_, noise_scale),
+            noise_scale};
+}
+
+void PhotometricSteps::render_gradient(const PhotoState& state) {
+    renderings_ += 5;
+    motion_ = ImageMotion(camera_->projector(), state.camera_from_marker, {}, motion_.region());
+    gradient_ = camera_->gradient_at_sensor({photo_->grid, state.camera_from_marker},
+                                            photo_->background, motion_);
+    rendered_ = state.camera_from_marker;
+}
+
+bool PhotometricSteps::descend(PhotoPlace& place, const DescentRule& rule) {
+    constexpr int max_steps = 25;
+    constexpr double next_to_none = 1e-3;
+    double damping = rule.damping;
+    for (int i = 0; i < max_steps && damping <= rule.max_damping; ++i) {
+        const Step step = step_of(place.equations, damping);
+        if (step.predicted_gain < rule.enough_gain && damping <= rule.damping)
+            return true;
+        std::optional<PhotoPlace> next;
+        try {
+            next = at(stepped(place.state, terms_, step.delta), place.noise_scale);
+        } catch (const NumericalError&) {
+            // Where nothing can be rendered it is no better than where the loss is higher.
+        }
+        if (next && next->equations.loss < place.equations.loss + rule.slack) {
+            place = std::move(*next);
+            damping = damping > next_to_none ? 0.1 * damping : rule.damping;
+        } else {
+            damping = std::max(10.0 * damping, 10.0 * next_to_none);
+        }
+    }
+    return step_of(place.equations, 0.0).predicted_gain < rule.enough_gain;
+}
+
+double noise_scale_of(const PhotoPlace& place, bool knows_noise) {
+    constexpr double least_gray = 0.2;  // rounding to 8 bits: 1 / sqrt(12), and a little less
+    const double found = 1.4826 * place.equations.median_size * place.noise_scale;
+    if (!knows_noise)
+        return std::max(found, least_gray);
+    const double median_error = 1.17 / std::sqrt(place.equations.pixels);
+    return found < 1.0 + 3.0 * median_error ? 1.0 : found;
+}
+
+PhotoPlace approached(PhotometricSteps& steps, const PhotoState& start) {
+    constexpr double above_all = 1e4, least = 0.2;
+    const PhotoPlace first = steps.at(start, above_all);
+    const double rms = above_all * std::sqrt(first.equations.squares / first.equations.pixels);
+    PhotoPlace place = steps.at(start, std::max(rms, least));
+    const double enough = std::max(1.0, 0.02 * place.equations.loss);
+    steps.descend(place,
+                  {.damping = 1e-3, .enough_gain = enough, .slack = 0.0, .max_damping = 1.0});
+    return place;
+}
+
+}  // namespace etalon

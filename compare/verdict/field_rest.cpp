@@ -1,0 +1,147 @@
+#include "compare/verdict/field_rest.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+constexpr double coverage_factor = 2.0;
+constexpr double limit_sigmas = 3.0902;  // one-sided 99.9 %
+
+void require_usable(std::span<const FieldSample> samples, std::span<const SampleNoise> noise) {
+    if (samples.size() != noise.size())
+        throw NumericalError(fmt::format("field rest: {} samples with the noise of {}",
+                                         samples.size(), noise.size()));
+    for (const SampleNoise& each : noise)
+        if (!each.covariance.allFinite() || !(each.covariance.trace() > 0.0) ||
+            !(each.degrees_of_freedom > 0.0))
+            throw NumericalError("field rest: a sample's noise is not finite and positive");
+}
+
+Eigen::VectorXd stacked_errors(std::span<const FieldSample> samples) {
+    Eigen::VectorXd errors(3 * std::ssize(samples));
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        errors.segment<3>(static_cast<Eigen::Index>(3 * i)) = samples[i].error;
+    return errors;
+}
+
+// The residuals r = M e of a fit with the weights W: M = I - D E, of the design D and the estimator
+// E = (D^T W D)^-1 D^T W, is a projection with W M = M^T W. Its products are left to the thin D and
+// E, which have 15 columns and rows where M has 3 for each sample.
+class Residuals {
+public:
+    Residuals(const SmoothField& field, std::span<const FieldSample> samples)
+        : design_(stacked_design(field, samples)),
+          estimator_(estimator(field, samples)),
+          weights_(sample_weights(field, samples)) {}
+
+    Eigen::VectorXd of(const Eigen::VectorXd& errors) const {
+        return errors - design_ * (estimator_ * errors);
+    }
+
+    // M^T M = I - D E - (D E)^T + E^T (D^T D) E
+    Eigen::MatrixXd plain_kernel() const {
+        const Eigen::MatrixXd half = 0.5 * (design_.transpose() * design_) * estimator_;
+        const Eigen::MatrixXd taken = (design_.transpose() - half).transpose() * estimator_;
+        Eigen::MatrixXd kernel = -taken - taken.transpose();
+        kernel.diagonal().array() += 1.0;
+        return kernel;
+    }
+
+    // M^T W M = W M = W - W D E
+    Eigen::MatrixXd weighted_kernel() const {
+        const Eigen::MatrixXd weighted_design =
+            times_blocks(design_.transpose(), weights_).transpose();
+        Eigen::MatrixXd kernel = -weighted_design * estimator_;
+        for (std::size_t i = 0; i < weights_.size(); ++i) {
+            const auto k = static_cast<Eigen::Index>(3 * i);
+            kernel.block<3, 3>(k, k) += weights_[i];
+        }
+        return kernel;
+    }
+
+    // r^T W r
+    double weighted_square(const Eigen::VectorXd& residual) const {
+        return times_blocks(residual.transpose(), weights_).row(0).dot(residual);
+    }
+
+private:
+    Eigen::MatrixXd design_, estimator_;
+    std::vector<Eigen::Matrix3d> weights_;
+};
+
+// Of Q = e^T K e: what noise in e makes of it.
+struct QuadraticForm {
+    Eigen::MatrixXd kernel;      // K
+    Eigen::MatrixXd spread;      // K times the noise's covariance
+    double mean = 0.0;           // for the stated noise
+    double variance = 0.0;       // of Q for it
+    double mean_variance = 0.0;  // of the mean, as the noise is itself an estimate
+};
+
+QuadraticForm form_of(const Eigen::MatrixXd& kernel, std::span<const SampleNoise> noise) {
+    std::vector<Eigen::Matrix3d> covariances;
+    for (const SampleNoise& each : noise)
+        covariances.push_back(each.covariance);
+    QuadraticForm form{kernel, times_blocks(kernel, covariances)};
+    form.mean = form.spread.trace();
+    form.variance = 2.0 * form.spread.cwiseProduct(form.spread.transpose()).sum();
+    for (std::size_t i = 0; i < noise.size(); ++i) {
+        const double share =
+            form.spread.diagonal().segment<3>(static_cast<Eigen::Index>(3 * i)).sum();
+        form.mean_variance += 2.0 * share * share / noise[i].degrees_of_freedom;
+    }
+    return form;
+}
+
+// The rest is taken as independent from sample to sample and alike in all directions: then a rest
+// of mean square length s puts s t into |r|^2, t = trace(K) / 3. The upper end of the interval is
+// the s with s = s_0 + k sigma(s), which grows with s itself.
+void find_rest(const Eigen::VectorXd& residual, const QuadraticForm& form, FieldRest& rest) {
+    const double gain = form.kernel.trace() / 3.0;
+    const double mean_square = std::max(0.0, (residual.squaredNorm() - form.mean) / gain);
+    const double mixed = 4.0 * form.spread.cwiseProduct(form.kernel.transpose()).sum() / 3.0;
+    const double own = 2.0 * form.kernel.squaredNorm() / 9.0;
+    double upper = mean_square;
+    for (int round = 0; round < 100; ++round)
+        upper = mean_square +
+                coverage_factor / gain *
+                    std::sqrt(form.variance + form.mean_variance + upper * (mixed + upper * own));
+    rest.rms = std::sqrt(mean_square);
+    rest.rms_uncertainty = std::sqrt(upper) - rest.rms;
+}
+
+}  // namespace
+
+double chi_square_limit(double degrees_of_freedom) {
+    const double c = 2.0 / (9.0 * degrees_of_freedom);
+    return std::pow(1.0 - c + limit_sigmas * std::sqrt(c), 3);
+}
+
+FieldRest field_rest(const SmoothField& field, std::span<const FieldSample> samples,
+                     std::span<const SampleNoise> noise) {
+    require_usable(samples, noise);
+    const Residuals residuals(field, samples);
+    const Eigen::VectorXd residual = residuals.of(stacked_errors(samples));
+
+    FieldRest rest;
+    double noise_square = 0.0;
+    for (const SampleNoise& each : noise)
+        noise_square += each.covariance.trace();
+    rest.noise_rms = std::sqrt(noise_square / static_cast<double>(samples.size()));
+    find_rest(residual, form_of(residuals.plain_kernel(), noise), rest);
+
+    const QuadraticForm weighted = form_of(residuals.weighted_kernel(), noise);
+    rest.chi_square_ratio = residuals.weighted_square(residual) / weighted.mean;
+    rest.degrees_of_freedom =
+        2.0 * weighted.mean * weighted.mean / (weighted.variance + weighted.mean_variance);
+    rest.chi_square_limit = chi_square_limit(rest.degrees_of_freedom);
+    return rest;
+}
+
+}  // namespace etalon

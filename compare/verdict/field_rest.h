@@ -1,0 +1,43 @@
+// What a smooth field leaves unexplained, once the noise is taken out of it: structure finer than
+// the field's basis, which registration and field cannot show. And whether the residuals are as
+// large as the stated noise says (chi-square, pooled over the samples).
+#pragma once
+
+#include <span>
+
+#include "compare/verdict/smooth_field.h"
+
+namespace etalon {
+
+// The noise of one sample's error, from repeats and not from the residuals.
+struct SampleNoise {
+    Eigen::Matrix3d covariance;       // in the error's unit, squared
+    double degrees_of_freedom = 0.0;  // of its estimate, > 0
+};
+
+struct FieldRest {
+    // Root mean square of the rest's length per sample: what the residuals' power has beyond the
+    // noise's. 0 when there is less.
+    double rms = 0.0;
+    double rms_uncertainty = 0.0;  // U: rms + U covers the true one in 97.7 % of runs
+    double noise_rms = 0.0;        // root mean square length of a sample's stated noise
+
+    // Mean square of the residuals in units of what the stated noise leaves of itself in them, its
+    // degrees of freedom, and the 99.9 % quantile for residuals that are nothing but that noise.
+    double chi_square_ratio = 0.0;
+    double degrees_of_freedom = 0.0;
+    double chi_square_limit = 0.0;
+};
+
+// `samples` are those that the field was fitted to, `noise` one for each. The expectation of the
+// residuals' power for given noise, and its variance, follow from the fit's own weights (quadratic
+// forms of normal deviates); the limit is Wilson and Hilferty's (PNAS 17, 1931). Throws
+// NumericalError when the sizes do not agree or a covariance is not finite and positive.
+// A millisecond for 60 samples, with the square of their number.
+FieldRest field_rest(const SmoothField& field, std::span<const FieldSample> samples,
+                     std::span<const SampleNoise> noise);
+
+// The 99.9 % quantile of chi-square over its degrees of freedom.
+double chi_square_limit(double degrees_of_freedom);
+
+}  // namespace etalon

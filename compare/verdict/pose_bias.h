@@ -1,0 +1,68 @@
+// Pose biases, kept apart (docs/metrology.md):
+//
+//     B1 = detector(render) - truth              absolute, all six components
+//     B2 = detector(photo)  - X S(q) Y           relative: registration has removed the gauge
+//     B3 = detector(photo)  - detector(render)   of the camera model and the stage alone
+//     B4 = photometric pose - X S(q) Y           the same without any detector's corners
+//
+// The detector's own bias must not enter X and Y, or B3 shows it with its sign turned: so X and Y
+// are registered on corners from which the bias seen on the render at the same pose is subtracted.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "calib/registration/registration.h"
+#include "compare/detect/detector.h"
+
+namespace etalon {
+
+struct PoseError {
+    Eigen::Vector3d translation_mm;  // t_estimated - t_true, camera frame
+    Eigen::Vector3d rotation_rad;    // log(R_true^T R_estimated), marker frame
+};
+PoseError pose_error(const Rigid& estimated, const Rigid& truth);
+
+// Renders the marker at this pose as the camera under test should see it (sensor included) and
+// detects it, in exactly the way that the photographs were detected. Nothing when not detected.
+using RenderAndDetect =
+    std::function<std::optional<std::vector<Eigen::Vector2d>>(const Rigid& camera_from_marker)>;
+
+struct BiasCorrectedRegistration {
+    Registration registration;
+    std::vector<std::size_t> used;   // indices of the given poses: seen in photo and render
+    int rounds = 0;                  // of rendering all training poses
+    double last_change_px = 0.0;     // largest move of a predicted corner in the last round
+    std::vector<double> changes_px;  // the same of each round
+};
+
+// Registers on corners(photo) - [corners(render at the current X S Y) - projected truth], iterated
+// until no predicted corner moves by more than 0.002 px or `max_rounds` are done (the detector's
+// bias hardly changes over a hundredth of a pixel: two rounds are usual). Calls `render_and_detect`
+// once per pose and round. Throws what register_stage throws.
+BiasCorrectedRegistration register_bias_corrected(const Projector& projector,
+                                                  const std::vector<Eigen::Vector3d>& points_mm,
+                                                  std::span<const RegistrationPose> poses,
+                                                  const Rigid& nominal_carriage_from_marker,
+                                                  const RenderAndDetect& render_and_detect,
+                                                  int max_rounds = 3);
+
+// One pose seen by the photograph and by the render at the predicted pose.
+struct PoseBias {
+    Rigid predicted;                            // X S(q) Y
+    std::optional<PoseEstimate> photo, render;  // nothing: not detected, or no pose from corners
+    std::optional<PoseError> b1, b2, b3;
+    std::optional<PoseError> b4;  // where the photograph has a photometric pose
+};
+
+// A planar marker has two local solutions; the one nearer to `predicted` is taken in both images,
+// so that a flip is never compared with a non-flip.
+PoseBias pose_bias(const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
+                   const Rigid& predicted,
+                   const std::optional<std::vector<Eigen::Vector2d>>& photo_corners,
+                   const std::optional<std::vector<Eigen::Vector2d>>& render_corners);
+
+}  // namespace etalon

@@ -1,0 +1,505 @@
+#include "compare/verdict/qualification.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/registration/stage_motion.h"
+#include "compare/verdict/qualification_budget.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+void require_usable(const QualificationInput& input) {
+    if (!input.camera || !input.render_and_detect)
+        throw NumericalError("qualification: a camera and a way to render are needed");
+    for (const QualificationPose& pose : input.poses) {
+        if (!vector_from_rigid(pose.base_from_carriage).allFinite())
+            throw NumericalError("qualification: a stage position is not finite");
+        if (!pose.corners)
+            continue;
+        if (pose.corners->size() != input.points_mm.size())
+            throw NumericalError(fmt::format("qualification: {} corners for a marker of {} points",
+                                             pose.corners->size(), input.points_mm.size()));
+        for (const Eigen::Vector2d& corner : *pose.corners)
+            if (!corner.allFinite())
+                throw NumericalError("qualification: a corner is not finite");
+        if (pose.photometric &&
+            !(vector_from_rigid(pose.photometric->camera_from_marker).allFinite() &&
+              pose.photometric->covariance.allFinite()))
+            throw NumericalError("qualification: a photometric pose is not finite");
+    }
+}
+
+void count_detections(const QualificationInput& input, Qualification& result) {
+    for (const QualificationPose& pose : input.poses) {
+        QualifiedPose qualified;
+        qualified.hold_out = pose.hold_out;
+        qualified.detected = pose.corners.has_value();
+        DetectionCounts& counts = result.detection;
+        (pose.hold_out ? counts.hold_out : counts.training) += 1;
+        if (qualified.detected)
+            (pose.hold_out ? counts.hold_out_detected : counts.training_detected) += 1;
+        result.poses.push_back(std::move(qualified));
+    }
+    if (result.detection.rate() < 1.0)
+        result.reasons.push_back(fmt::format("the marker was detected in {:.1f} % of the poses",
+                                             100.0 * result.detection.rate()));
+}
+
+// All quantities in the documented order: those with a limit are judged, the others reported.
+void list_quantities(const Limits& limits, Qualification& result) {
+    const auto add = [&](const char* name, const char* unit, const std::optional<double>& limit) {
+        JudgedQuantity quantity;
+        quantity.name = name;
+        quantity.unit = unit;
+        quantity.limit = limit.value_or(0.0);
+        quantity.reason = limit ? "" : "the limits have none for it";
+        (limit ? result.quantities : result.reported).push_back(quantity);
+    };
+    add(quantity::position_rms, "mm", limits.b3_position_field_rms_mm);
+    add(quantity::position_max, "mm", limits.b3_position_field_max_mm);
+    add(quantity::rotation_rms, "mrad", limits.b3_rotation_field_rms_mrad);
+    add(quantity::rotation_max, "mrad", limits.b3_rotation_field_max_mrad);
+    add(quantity::rest_rms, "mm", limits.b3_position_rest_rms_mm);
+    add(quantity::length_max, "mm", limits.b3_length_error_max_mm);
+    add(quantity::photometric_rms, "mm", limits.b4_position_field_rms_mm);
+    add(quantity::photometric_max, "mm", limits.b4_position_field_max_mm);
+    result.risk = family_risk(result.quantities);
+}
+
+Qualification skipped(Qualification result, const std::string& reason) {
+    for (JudgedQuantity& quantity : result.quantities) {
+        quantity.outcome = Outcome::skipped;
+        quantity.reason = reason;
+    }
+    result.reasons.push_back(reason);
+    result.verdict = combine(result.quantities);
+    return result;
+}
+
+// --------------------------------------------------------------------------- poses and biases
+
+// What the detected poses show must be what the plan was made for: poses that were lost may leave
+// the others in a plane or on a line.
+void require_motion_of(const std::vector<RegistrationPose>& training,
+                       const std::vector<Rigid>& stage_reach) {
+    if (stage_reach.empty())
+        return;
+    std::vector<Rigid> plan;
+    for (const RegistrationPose& pose : training)
+        plan.push_back(pose.base_from_carriage);
+    require_full_motion(plan, stage_reach);
+}
+
+// Registers on the training poses with a pose estimate; false when there are too few of them.
+bool registered(const QualificationInput& input, const Projector& projector,
+                Qualification& result) {
+    std::vector<RegistrationPose> training;
+    std::vector<std::size_t> indices;
+    for (std::size_t i = 0; i < input.poses.size(); ++i) {
+        const QualificationPose& pose = input.poses[i];
+        if (pose.hold_out || !pose.corners)
+            continue;
+        const auto estimate = estimate_pose(projector, input.points_mm, *pose.corners);
+        if (!estimate)
+            continue;
+        training.push_back({pose.base_from_carriage, estimate->camera_from_marker, *pose.corners});
+        indices.push_back(i);
+    }
+    if (std::ssize(training) < min_training_poses)
+        return false;
+    require_motion_of(training, input.stage_reach);
+    result.registration =
+        register_bias_corrected(projector, input.points_mm, training,
+                                input.nominal_carriage_from_marker, input.render_and_detect);
+    for (std::size_t& used : result.registration->used) {
+        used = indices[used];
+        result.poses[used].used = true;
+    }
+    return std::ssize(result.registration->used) >= min_training_poses;
+}
+
+// Biases of all poses; only hold-out poses are rendered. Returns how many hold-out poses have B3.
+int find_biases(const QualificationInput& input, const Projector& projector,
+                Qualification& result) {
+    int usable = 0;
+    for (std::size_t i = 0; i < input.poses.size(); ++i) {
+        const QualificationPose& pose = input.poses[i];
+        const Rigid predicted =
+            result.registration->registration.camera_from_marker(pose.base_from_carriage);
+        std::optional<std::vector<Eigen::Vector2d>> rendered;
+        if (pose.hold_out)
+            rendered = input.render_and_detect(predicted);
+        QualifiedPose& qualified = result.poses[i];
+        qualified.bias = pose_bias(projector, input.points_mm, predicted, pose.corners, rendered);
+        if (pose.photometric)
+            qualified.bias.b4 = pose_error(pose.photometric->camera_from_marker, predicted);
+        if (pose.hold_out) {
+            qualified.used = qualified.bias.b3.has_value();
+            usable += qualified.used ? 1 : 0;
+        }
+    }
+    return usable;
+}
+
+// ------------------------------------------------------------------------------------ fields
+
+double deviation_along(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& axis) {
+    return std::sqrt(axis.dot(covariance * axis));
+}
+
+double deviation_across(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& axis) {
+    return std::sqrt(0.5 * std::max(0.0, covariance.trace() - axis.dot(covariance * axis)));
+}
+
+// Levels of noise along the sample's axis and across it.
+void set_levels(FieldSample& sample, const Eigen::Matrix3d& covariance) {
+    sample.sigma_along = deviation_along(covariance, sample.axis);
+    sample.sigma_across = deviation_across(covariance, sample.axis);
+}
+
+FieldSample position_sample(const PoseBias& bias, const Eigen::Vector3d& error,
+                            const Matrix6d& covariance) {
+    FieldSample sample;
+    sample.position_mm = bias.predicted.translation;
+    sample.error = error;
+    sample.axis = bias.predicted.translation.normalized();
+    set_levels(sample, covariance.bottomRightCorner<3, 3>());
+    return sample;
+}
+
+FieldSample rotation_sample(const PoseBias& bias) {
+    FieldSample sample;
+    sample.position_mm = bias.predicted.translation;
+    sample.error = bias.predicted.rotation * bias.b3->rotation_rad;
+    sample.axis = bias.predicted.rotation * Eigen::Vector3d::UnitZ();
+    set_levels(sample, bias.photo->covariance_per_px2.topLeftCorner<3, 3>());
+    return sample;
+}
+
+std::vector<FieldSample> position_samples(const Qualification& result) {
+    std::vector<FieldSample> samples;
+    for (const QualifiedPose& pose : result.poses)
+        if (pose.hold_out && pose.used)
+            samples.push_back(position_sample(pose.bias, pose.bias.b3->translation_mm,
+                                              pose.bias.photo->covariance_per_px2));
+    return samples;
+}
+
+std::vector<FieldSample> rotation_samples(const Qualification& result) {
+    std::vector<FieldSample> samples;
+    for (const QualifiedPose& pose : result.poses)
+        if (pose.hold_out && pose.used)
+            samples.push_back(rotation_sample(pose.bias));
+    return samples;
+}
+
+std::vector<FieldSample> photometric_samples(const QualificationInput& input,
+                                             const Qualification& result) {
+    std::vector<FieldSample> samples;
+    for (std::size_t i = 0; i < input.poses.size(); ++i)
+        if (const PoseBias& bias = result.poses[i].bias; input.poses[i].hold_out && bias.b4)
+            samples.push_back(position_sample(bias, bias.b4->translation_mm,
+                                              input.poses[i].photometric->covariance));
+    return samples;
+}
+
+// What the frames of each used hold-out pose say about its position, with the declared stage noise
+// on top. Nothing when a pose has no repeated frames or they show no noise.
+std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input,
+                                                       const Qualification& result) {
+    double stage_mm2 = 0.0;
+    for (const DeclaredRepeatability& each : input.repeatability)
+        stage_mm2 += std::pow(each.marker_mm.value_or(0.0), 2);
+    std::vector<SampleNoise> noise;
+    for (std::size_t i = 0; i < input.poses.size(); ++i) {
+        const QualifiedPose& pose = result.poses[i];
+        if (!pose.hold_out || !pose.used)
+            continue;
+        const auto& corners = input.poses[i].corner_noise;
+        if (!corners)
+            return std::nullopt;
+        SampleNoise one;
+        one.covariance = (1.0 + input.render_noise_ratio) * corners->variance_px2 *
+                             pose.bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
+                         stage_mm2 / 3.0 * Eigen::Matrix3d::Identity();
+        one.degrees_of_freedom = corners->degrees_of_freedom;
+        if (!(one.covariance.trace() > 0.0))
+            return std::nullopt;  // frames alike to the last bit say nothing about noise
+        noise.push_back(one);
+    }
+    return noise;
+}
+
+std::vector<Eigen::Vector3d> volume_of(const Qualification& result) {
+    std::vector<Eigen::Vector3d> volume;
+    for (const QualifiedPose& pose : result.poses)
+        volume.push_back(pose.bias.predicted.translation);
+    return volume;
+}
+
+void fit_fields(const QualificationInput& input, Qualification& result) {
+    const std::vector<Eigen::Vector3d> volume = volume_of(result);
+    const NoiseDraws draws(input.seed);
+    const std::vector<FieldSample> positions = position_samples(result);
+    result.position_field = fit_smooth_field(positions, FieldBasis::position);
+    result.position_summary = summarize(*result.position_field, volume, draws);
+    result.rotation_field = fit_smooth_field(rotation_samples(result), FieldBasis::linear);
+    result.rotation_summary = summarize(*result.rotation_field, volume, draws);
+    result.lengths = length_errors(*result.position_field, positions, draws);
+    if (const auto noise = position_noise(input, result))
+        result.position_rest = field_rest(*result.position_field, positions, *noise);
+    const std::vector<FieldSample> photometric = photometric_samples(input, result);
+    if (std::ssize(photometric) < min_hold_out_poses)
+        return;
+    PhotometricField field;
+    field.poses = static_cast<int>(photometric.size());
+    field.position_field = fit_smooth_field(photometric, FieldBasis::position);
+    field.position_summary = summarize(field.position_field, volume, draws);
+    result.photometric = field;
+}
+
+// -------------------------------------------------------------------------------- signatures
+
+SignatureChain chain_of(const QualificationInput& input, const Projector& projector,
+                        const Qualification& result) {
+    const Registration& registration = result.registration->registration;
+    SignatureChain chain{projector,
+                         input.points_mm,
+                         registration.camera_from_base,
+                         registration.carriage_from_marker,
+                         {},
+                         {}};
+    for (std::size_t i = 0; i < result.poses.size(); ++i)
+        if (result.poses[i].used) {
+            chain.base_from_carriage.push_back(input.poses[i].base_from_carriage);
+            chain.hold_out.push_back(input.poses[i].hold_out);
+        }
+    return chain;
+}
+
+// Those that are known already, where they are of as many hold-out poses.
+bool take_known_signatures(const QualificationInput& input, Qualification& result) {
+    if (!input.known_signatures || input.known_signatures->empty())
+        return false;
+    const auto used = std::count_if(result.poses.begin(), result.poses.end(),
+                                    [](const QualifiedPose& p) { return p.hold_out && p.used; });
+    if (input.known_signatures->front().after.size() != 3 * used)
+        return false;
+    result.signatures = *input.known_signatures;
+    return true;
+}
+
+void find_signatures(const QualificationInput& input, const SignatureChain& chain,
+                     Qualification& result) {
+    if (take_known_signatures(input, result))
+        return;
+    std::vector<StageError> errors;
+    std::vector<std::size_t> linear_scale;
+    for (const DeclaredStageTerm& term : input.stage_terms) {
+        if (term.error.base_from_carriage.size() != input.poses.size())
+            throw NumericalError(fmt::format("qualification: '{}' has {} transforms for {} poses",
+                                             term.error.name, term.error.base_from_carriage.size(),
+                                             input.poses.size()));
+        if (term.is_linear_scale)
+            linear_scale.push_back(errors.size());
+        errors.push_back({term.error.name, term.error.unit, term.error.size, {}});
+        for (std::size_t i = 0; i < result.poses.size(); ++i)
+            if (result.poses[i].used)
+                errors.back().base_from_carriage.push_back(term.error.base_from_carriage[i]);
+    }
+    HoldOutNoise noise;
+    for (const FieldSample& sample : position_samples(result)) {
+        noise.along_mm.push_back(result.position_field->scale_along * sample.sigma_along);
+        noise.across_mm.push_back(result.position_field->scale_across * sample.sigma_across);
+    }
+    result.signatures =
+        error_signatures(chain, errors, linear_scale, noise, input.limits.b3_position_field_rms_mm);
+}
+
+// ----------------------------------------------------------------------------------- verdict
+
+struct Measured {
+    double value = 0.0;
+    std::string missing;  // why there is no value; empty when there is one
+};
+
+Measured measured(const Qualification& result, const std::string& name) {
+    constexpr double mrad = 1e-3;
+    const auto photometric = [&](double FieldSummary::*figure) {
+        return result.photometric ? Measured{result.photometric->position_summary.*figure, ""}
+                                  : Measured{0.0, "too few hold-out poses have a photometric pose"};
+    };
+    if (name == quantity::position_rms)
+        return {result.position_summary.rms, ""};
+    if (name == quantity::position_max)
+        return {result.position_summary.max, ""};
+    if (name == quantity::rotation_rms)
+        return {result.rotation_summary.rms / mrad, ""};
+    if (name == quantity::rotation_max)
+        return {result.rotation_summary.max / mrad, ""};
+    if (name == quantity::length_max)
+        return {result.lengths->field_max_mm, ""};
+    if (name == quantity::photometric_rms)
+        return photometric(&FieldSummary::rms);
+    if (name == quantity::photometric_max)
+        return photometric(&FieldSummary::max);
+    if (!result.position_rest)
+        return {0.0, "the noise is not known: it takes two frames per pose that differ"};
+    return {result.position_rest->rms, ""};
+}
+
+// Value and U; false, with the reason, when the run has no value.
+bool measure(JudgedQuantity& quantity, const Qualification& result) {
+    const Measured found = measured(result, quantity.name);
+    if (!found.missing.empty()) {
+        quantity.reason = found.missing;
+        return false;
+    }
+    const CombinedUncertainty uncertainty = combined(result.budget, quantity.name);
+    quantity.measured = true;
+    quantity.value = found.value;
+    quantity.expanded_uncertainty = uncertainty.expanded;
+    quantity.coverage_factor = uncertainty.coverage_factor;
+    quantity.degrees_of_freedom = uncertainty.degrees_of_freedom;
+    return true;
+}
+
+// A PASS must hold whatever an unknown input may be. Nothing when it does.
+std::string unknown_in_the_way(const JudgedQuantity& quantity, const Qualification& result) {
+    auto sources = unknown_sources(result.budget, quantity.name, true);
+    const double widest = combined_at_widest(result.budget, quantity.name).expanded;
+    if (sources.empty() && decide(quantity.value, widest, quantity.limit) != Outcome::pass)
+        sources = unknown_sources(result.budget, quantity.name, false);
+    if (sources.empty())
+        return "";
+    return fmt::format("the uncertainty of '{}' is unknown", fmt::join(sources, "', '"));
+}
+
+void judge(JudgedQuantity& quantity, Qualification& result) {
+    if (!measure(quantity, result))
+        return;
+    quantity.outcome = decide(quantity.value, quantity.expanded_uncertainty, quantity.limit);
+    if (quantity.outcome == Outcome::inconclusive)
+        quantity.reason = "the limit lies within the uncertainty of the value";
+    if (quantity.outcome != Outcome::pass)
+        return;
+    quantity.reason = unknown_in_the_way(quantity, result);
+    if (!quantity.reason.empty()) {
+        quantity.outcome = Outcome::inconclusive;
+        result.budget_complete = false;
+    }
+}
+
+void judge_all(Qualification& result) {
+    result.budget_complete = true;
+    for (JudgedQuantity& quantity : result.quantities)
+        judge(quantity, result);
+    for (JudgedQuantity& quantity : result.reported)
+        measure(quantity, result);
+    result.verdict = combine(result.quantities);
+}
+
+// A PASS is accepted only from a run that is what its uncertainty takes it for.
+void require_conditions(const QualificationInput& input, Qualification& result) {
+    result.conditions = acceptance_conditions(input, result, position_samples(result));
+    for (const AcceptanceCondition& condition : result.conditions) {
+        if (condition.state != AcceptanceCondition::State::not_met)
+            continue;
+        result.reasons.push_back(condition.name + " is not as it must be: " + condition.text);
+        if (result.verdict == Outcome::pass)
+            result.verdict = Outcome::inconclusive;
+    }
+}
+
+void add_monte_carlo(const QualificationInput& input, std::span<const FieldInput> inputs,
+                     Qualification& result) {
+    const std::vector<Eigen::Vector3d> volume = volume_of(result);
+    const auto samples = position_samples(result);
+    const MonteCarloUncertainty b3 =
+        monte_carlo_uncertainty(*result.position_field, samples, volume, inputs, input.seed);
+    for (std::vector<JudgedQuantity>* list : {&result.quantities, &result.reported})
+        for (JudgedQuantity& quantity : *list) {
+            if (quantity.name == quantity::position_rms)
+                quantity.monte_carlo_uncertainty = b3.rms;
+            if (quantity.name == quantity::position_max)
+                quantity.monte_carlo_uncertainty = b3.max;
+            if (quantity.name == quantity::length_max)
+                quantity.monte_carlo_uncertainty = b3.length_max;
+        }
+}
+
+std::string why_not_pass(const JudgedQuantity& quantity) {
+    if (quantity.outcome == Outcome::skipped)
+        return fmt::format("{} is SKIPPED: {}", quantity.name, quantity.reason);
+    const std::string why = quantity.outcome == Outcome::inconclusive ? quantity.reason : "";
+    return fmt::format("{} is {:.4f} {} with U = {:.4f} {}, limit {:.4f} {}: {}{}{}", quantity.name,
+                       quantity.value, quantity.unit, quantity.expanded_uncertainty, quantity.unit,
+                       quantity.limit, quantity.unit, name(quantity.outcome),
+                       why.empty() ? "" : ", ", why);
+}
+
+void explain_verdict(Qualification& result) {
+    if (result.verdict == Outcome::pass)
+        return;
+    for (const JudgedQuantity& quantity : result.quantities)
+        if (quantity.outcome != Outcome::pass)
+            result.reasons.push_back(why_not_pass(quantity));
+    std::vector<double> observed;
+    for (const QualifiedPose& pose : result.poses)
+        if (pose.hold_out && pose.used) {
+            const Eigen::Vector3d field =
+                result.position_field->at(pose.bias.predicted.translation);
+            observed.insert(observed.end(), field.begin(), field.end());
+        }
+    result.explanation =
+        explain(Eigen::Map<const Eigen::VectorXd>(observed.data(), std::ssize(observed)),
+                result.signatures);
+    if (result.explanation)
+        result.reasons.push_back(fmt::format("the field looks like {} (|cosine| {:.3f})",
+                                             result.explanation->text, result.explanation->cosine));
+}
+
+}  // namespace
+
+double DetectionCounts::rate() const {
+    const int all = training + hold_out;
+    return all > 0 ? static_cast<double>(training_detected + hold_out_detected) / all : 0.0;
+}
+
+Qualification qualify(const QualificationInput& input) {
+    require_usable(input);
+    const Projector projector(*input.camera);
+    Qualification result;
+    list_quantities(input.limits, result);
+    count_detections(input, result);
+    const std::string too_few = fmt::format(
+        "too few poses with a detected marker: {} training (at least {}), {} hold-out (at least "
+        "{})",
+        result.detection.training_detected, min_training_poses, result.detection.hold_out_detected,
+        min_hold_out_poses);
+    if (result.detection.training_detected < min_training_poses ||
+        result.detection.hold_out_detected < min_hold_out_poses ||
+        !registered(input, projector, result))
+        return skipped(std::move(result), too_few);
+    if (find_biases(input, projector, result) < min_hold_out_poses)
+        return skipped(std::move(result),
+                       "too few hold-out poses whose render is detected as well");
+    fit_fields(input, result);
+    const SignatureChain chain = chain_of(input, projector, result);
+    find_signatures(input, chain, result);
+    QualificationBudget budget = qualification_budget(input, result, position_samples(result),
+                                                      calibration_signatures(chain));
+    result.budget = std::move(budget.rows);
+    judge_all(result);
+    require_conditions(input, result);
+    if (input.monte_carlo)
+        add_monte_carlo(input, budget.inputs, result);
+    explain_verdict(result);
+    return result;
+}
+
+}  // namespace etalon

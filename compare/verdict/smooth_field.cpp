@@ -1,0 +1,314 @@
+#include "compare/verdict/smooth_field.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "core/errors.h"
+#include "core/random.h"
+
+namespace etalon {
+namespace {
+
+constexpr double length_mm = 100.0;  // makes the basis functions comparable
+constexpr int min_samples = 10;
+constexpr double coverage_factor = 2.0;
+constexpr double coverage = 0.977;  // one-sided, of that factor
+constexpr int draw_count = 2000;
+constexpr int most_coefficients = 15;
+constexpr double huber_sigmas = 3.0;
+constexpr double least_scale = 1e-9;  // of exact data: keeps the weights finite
+
+// One scalar observation: a sample's error along one direction.
+struct Rows {
+    Eigen::MatrixXd design;  // per row in units of the sample's sigma
+    Eigen::VectorXd value;   // the same
+    Eigen::VectorXd sigma;   // to get back to the error's unit
+    std::vector<bool> is_along;
+};
+
+void require_usable(std::span<const FieldSample> samples) {
+    if (samples.size() < min_samples)
+        throw NumericalError(fmt::format("smooth field: {} samples, at least {} are needed",
+                                         samples.size(), min_samples));
+    for (const FieldSample& sample : samples) {
+        const bool finite = sample.position_mm.allFinite() && sample.error.allFinite() &&
+                            std::isfinite(sample.sigma_along) && std::isfinite(sample.sigma_across);
+        if (!finite || sample.position_mm.z() <= 0.0 || sample.sigma_along <= 0.0 ||
+            sample.sigma_across <= 0.0 || !(std::abs(sample.axis.norm() - 1.0) < 1e-6))
+            throw NumericalError(
+                "smooth field: a sample is not finite, behind the camera or "
+                "without a noise level");
+    }
+}
+
+Rows rows_of(const SmoothField& field, std::span<const FieldSample> samples) {
+    const auto columns = field.design(samples.front().position_mm).cols();
+    const auto count = static_cast<Eigen::Index>(3 * samples.size());
+    Rows rows{Eigen::MatrixXd(count, columns), Eigen::VectorXd(count), Eigen::VectorXd(count), {}};
+    Eigen::Index r = 0;
+    for (const FieldSample& sample : samples) {
+        const Eigen::MatrixXd design = field.design(sample.position_mm);
+        const Eigen::Vector3d across = sample.axis.unitOrthogonal();
+        const Eigen::Vector3d directions[] = {sample.axis, across, sample.axis.cross(across)};
+        for (int k = 0; k < 3; ++k, ++r) {
+            rows.sigma[r] = k == 0 ? sample.sigma_along : sample.sigma_across;
+            rows.design.row(r) = directions[k].transpose() * design / rows.sigma[r];
+            rows.value[r] = directions[k].dot(sample.error) / rows.sigma[r];
+            rows.is_along.push_back(k == 0);
+        }
+    }
+    return rows;
+}
+
+double scale_of(const SmoothField& field, bool along) {
+    return along ? field.scale_along : field.scale_across;
+}
+
+// Weighted least squares at the field's present scales; `weight` is per row, Huber's included.
+void solve(SmoothField& field, const Rows& rows, const Eigen::VectorXd& weight) {
+    const Eigen::VectorXd root = weight.cwiseSqrt();
+    const Eigen::MatrixXd a = root.asDiagonal() * rows.design;
+    const Eigen::VectorXd unscale = a.colwise().norm().cwiseInverse();
+    if (!unscale.allFinite())
+        throw NumericalError("smooth field: the samples do not span the volume");
+    const Eigen::MatrixXd scaled = a * unscale.asDiagonal();
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled, Eigen::ComputeThinU | Eigen::ComputeThinV);
+    const Eigen::VectorXd& values = svd.singularValues();
+    if (!(values.tail<1>()[0] > 1e-5 * values[0]))
+        throw NumericalError(fmt::format(
+            "smooth field: the samples do not span the volume (condition number {:.2g})",
+            values[0] / values.tail<1>()[0]));
+    const Eigen::MatrixXd inverse =
+        unscale.asDiagonal() * svd.matrixV() * values.cwiseInverse().asDiagonal();
+    field.coefficients = inverse * (svd.matrixU().transpose() * root.cwiseProduct(rows.value));
+    field.covariance = inverse * inverse.transpose();
+}
+
+// Variance of each of the two groups from its residuals, with the part of the degrees of freedom
+// that the fit took from it (Helmert's variance components, simplified).
+void estimate_scales(SmoothField& field, const Rows& rows, const Eigen::VectorXd& weight,
+                     const Eigen::VectorXd& residual) {
+    const Eigen::MatrixXd spread = rows.design * field.covariance;
+    const Eigen::VectorXd leverage =
+        spread.cwiseProduct(rows.design).rowwise().sum().cwiseProduct(weight);
+    for (const bool along : {true, false}) {
+        double sum = 0.0, plain = 0.0, freedom = 0.0;
+        for (Eigen::Index r = 0; r < residual.size(); ++r) {
+            if (rows.is_along[static_cast<std::size_t>(r)] != along)
+                continue;
+            const double huber = weight[r] * std::pow(scale_of(field, along), 2);
+            sum += huber * residual[r] * residual[r];
+            plain += std::pow(residual[r] * rows.sigma[r], 2);
+            freedom += 1.0 - leverage[r];
+        }
+        (along ? field.scale_along : field.scale_across) =
+            std::max(std::sqrt(sum / freedom), least_scale);
+        (along ? field.residual_along : field.residual_across) = std::sqrt(plain / freedom);
+    }
+}
+
+Eigen::VectorXd weights(SmoothField& field, const Rows& rows, const Eigen::VectorXd& residual) {
+    Eigen::VectorXd weight(residual.size());
+    field.down_weighted = 0;
+    for (Eigen::Index r = 0; r < residual.size(); ++r) {
+        const double scale = scale_of(field, rows.is_along[static_cast<std::size_t>(r)]);
+        const double length = std::abs(residual[r]) / scale;
+        weight[r] = std::min(1.0, huber_sigmas / std::max(length, 1e-300)) / (scale * scale);
+        field.down_weighted += length > huber_sigmas ? 1 : 0;
+    }
+    return weight;
+}
+
+}  // namespace
+
+Eigen::MatrixXd SmoothField::design(const Eigen::Vector3d& position_mm) const {
+    const bool full = basis == FieldBasis::position;
+    Eigen::MatrixXd b = Eigen::MatrixXd::Zero(3, full ? most_coefficients : 12);
+    const Eigen::Vector3d q = (position_mm - centre_mm) / length_mm;
+    b.leftCols<3>().setIdentity();
+    for (int k = 0; k < 3; ++k)
+        b.block<3, 3>(0, 3 + 3 * k) = q[k] * Eigen::Matrix3d::Identity();
+    if (full) {
+        const Eigen::Vector3d p = position_mm / length_mm;
+        const double rho2 = p.head<2>().squaredNorm() / (p.z() * p.z());
+        b.col(12) << p.x() * rho2, p.y() * rho2, 0.0;
+        b(2, 13) = p.z() * rho2;
+        b(2, 14) = q.z() * q.z();
+    }
+    return b;
+}
+
+Eigen::Vector3d SmoothField::at(const Eigen::Vector3d& position_mm) const {
+    return design(position_mm) * coefficients;
+}
+
+SmoothField fit_smooth_field(std::span<const FieldSample> samples, FieldBasis basis) {
+    require_usable(samples);
+    SmoothField field;
+    field.basis = basis;
+    field.samples = static_cast<int>(samples.size());
+    for (const FieldSample& sample : samples)
+        field.centre_mm += sample.position_mm / static_cast<double>(samples.size());
+    const Rows rows = rows_of(field, samples);
+    field.degrees_of_freedom = static_cast<int>(rows.design.rows() - rows.design.cols());
+    field.scale_along = field.scale_across = 1.0;
+    Eigen::VectorXd weight = Eigen::VectorXd::Ones(rows.value.size());
+    for (int round = 0; round < 8; ++round) {
+        solve(field, rows, weight);
+        const Eigen::VectorXd residual = rows.value - rows.design * field.coefficients;
+        estimate_scales(field, rows, weight, residual);
+        weight = weights(field, rows, residual);
+    }
+    solve(field, rows, weight);
+    if (!field.coefficients.allFinite() || !field.covariance.allFinite())
+        throw NumericalError("smooth field: the fit gave a value that is not finite");
+    return field;
+}
+
+Eigen::MatrixXd stacked_design(const SmoothField& field, std::span<const FieldSample> samples) {
+    Eigen::MatrixXd stacked(3 * std::ssize(samples), field.coefficients.size());
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        stacked.middleRows<3>(static_cast<Eigen::Index>(3 * i)) =
+            field.design(samples[i].position_mm);
+    return stacked;
+}
+
+std::vector<Eigen::Matrix3d> sample_weights(const SmoothField& field,
+                                            std::span<const FieldSample> samples) {
+    std::vector<Eigen::Matrix3d> weights;
+    for (const FieldSample& sample : samples) {
+        const Eigen::Matrix3d along = sample.axis * sample.axis.transpose();
+        weights.push_back(along * std::pow(field.scale_along * sample.sigma_along, -2) +
+                          (Eigen::Matrix3d::Identity() - along) *
+                              std::pow(field.scale_across * sample.sigma_across, -2));
+    }
+    return weights;
+}
+
+Eigen::MatrixXd times_blocks(const Eigen::MatrixXd& left, std::span<const Eigen::Matrix3d> blocks) {
+    if (left.cols() != 3 * std::ssize(blocks))
+        throw NumericalError(
+            fmt::format("smooth field: {} columns for {} blocks of 3", left.cols(), blocks.size()));
+    Eigen::MatrixXd product(left.rows(), left.cols());
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+        const auto k = static_cast<Eigen::Index>(3 * i);
+        product.middleCols<3>(k).noalias() = left.middleCols<3>(k) * blocks[i];
+    }
+    return product;
+}
+
+Eigen::MatrixXd estimator(const SmoothField& field, std::span<const FieldSample> samples) {
+    const Eigen::MatrixXd design = stacked_design(field, samples);
+    const Eigen::MatrixXd weighted =
+        times_blocks(design.transpose(), sample_weights(field, samples));
+    const Eigen::MatrixXd normal = weighted * design;
+    // Columns to equal length: the coefficients' sizes differ by much.
+    const Eigen::VectorXd unscale = normal.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd scaled = unscale.asDiagonal() * normal * unscale.asDiagonal();
+    return unscale.asDiagonal() * scaled.ldlt().solve(unscale.asDiagonal() * weighted);
+}
+
+Eigen::MatrixXd covariance_factor(const SmoothField& field) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(field.covariance);
+    return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+}
+
+NoiseDraws::NoiseDraws(std::uint64_t seed) : deviates(most_coefficients, draw_count) {
+    for (int i = 0; i < draw_count; ++i) {
+        RandomStream random(seed, 0, static_cast<std::uint64_t>(i));
+        for (double& value : deviates.col(i))
+            value = random.normal();
+    }
+}
+
+double noise_quantile(const SmoothField& field, const NoiseDraws& draws,
+                      const DrawFigures& figures) {
+    constexpr int batch = 50;  // keeps a batch's figures of some thousand points in the cache
+    static_assert(draw_count % batch == 0);
+    const Eigen::MatrixXd factor = covariance_factor(field);
+    Eigen::VectorXd all(draw_count);
+    for (int first = 0; first < draw_count; first += batch)
+        all.segment<batch>(first) =
+            figures(factor * draws.deviates.block(0, first, factor.cols(), batch)).transpose();
+    const auto quantile = all.begin() + static_cast<std::ptrdiff_t>(coverage * draw_count);
+    std::nth_element(all.begin(), quantile, all.end());
+    return *quantile;
+}
+
+namespace {
+
+// The field's power P = c^T M c has, for a true RMS of R, the variance 4 R^2 l + t: l is the
+// largest variance of a unit field's amplitude and t what noise alone does. The upper end of the
+// interval is the R with R^2 = rms^2 + k sqrt(4 R^2 l + t); for R well above the noise U = k
+// sqrt(l), which for equal noise on n poses is k s / sqrt(n).
+void summarize_rms(const SmoothField& field, std::span<const Eigen::Vector3d> positions,
+                   const Eigen::MatrixXd& factor, FieldSummary& summary) {
+    Eigen::MatrixXd power = Eigen::MatrixXd::Zero(factor.rows(), factor.rows());
+    for (const Eigen::Vector3d& position : positions) {
+        const Eigen::MatrixXd design = field.design(position);
+        power += design.transpose() * design / static_cast<double>(positions.size());
+    }
+    const Eigen::VectorXd noise =
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(factor.transpose() * power * factor)
+            .eigenvalues()
+            .cwiseMax(0.0);
+    const double square = field.coefficients.dot(power * field.coefficients) - noise.sum();
+    const double rms2 = std::max(0.0, square);
+    const double k2 = coverage_factor * coverage_factor;
+    const double b = rms2 + 2.0 * k2 * noise.maxCoeff();
+    const double upper2 = b + std::sqrt(b * b - rms2 * rms2 + k2 * 2.0 * noise.squaredNorm());
+    summary.rms = std::sqrt(rms2);
+    summary.rms_uncertainty = std::sqrt(upper2) - summary.rms;
+    summary.noise_rms = std::sqrt(noise.sum());
+}
+
+double largest_noise(const SmoothField& field, std::span<const Eigen::Vector3d> positions,
+                     const NoiseDraws& draws) {
+    Eigen::MatrixXd spread(3 * positions.size(), field.coefficients.size());
+    for (std::size_t i = 0; i < positions.size(); ++i)
+        spread.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = field.design(positions[i]);
+    const auto points = static_cast<Eigen::Index>(positions.size());
+    return noise_quantile(field, draws, [&](const Eigen::MatrixXd& coefficients) {
+        const Eigen::MatrixXd noise = spread * coefficients;
+        const Eigen::RowVectorXd squares =
+            noise.reshaped(3, points * coefficients.cols()).colwise().squaredNorm();
+        return Eigen::RowVectorXd(
+            squares.reshaped(points, coefficients.cols()).colwise().maxCoeff().cwiseSqrt());
+    });
+}
+
+}  // namespace
+
+FieldSummary summarize(const SmoothField& field, std::span<const Eigen::Vector3d> positions_mm,
+                       const NoiseDraws& draws) {
+    if (positions_mm.empty())
+        throw NumericalError("smooth field: no positions to evaluate it at");
+    for (const Eigen::Vector3d& position : positions_mm)
+        if (!position.allFinite() || position.z() <= 0.0)
+            throw NumericalError("smooth field: a position is not finite or behind the camera");
+    FieldSummary summary;
+    const Eigen::MatrixXd factor = covariance_factor(field);
+    summarize_rms(field, positions_mm, factor, summary);
+    for (const Eigen::Vector3d& position : hull_positions(positions_mm)) {
+        const double length = field.at(position).norm();
+        if (length >= summary.max) {
+            summary.max = length;
+            summary.max_position_mm = position;
+        }
+    }
+    summary.max_uncertainty = largest_noise(field, positions_mm, draws);
+    return summary;
+}
+
+std::vector<Eigen::Vector3d> hull_positions(std::span<const Eigen::Vector3d> positions_mm) {
+    std::vector<Eigen::Vector3d> positions(positions_mm.begin(), positions_mm.end());
+    for (std::size_t i = 0; i < positions_mm.size(); ++i)
+        for (std::size_t k = 0; k < i; ++k)
+            positions.push_back(0.5 * (positions_mm[i] + positions_mm[k]));
+    return positions;
+}
+
+}  // namespace etalon

@@ -1,0 +1,66 @@
+#include "compare/verdict/verdict.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "compare/verdict/uncertainty_budget.h"
+#include "core/errors.h"
+
+namespace etalon {
+
+const char* name(Outcome outcome) {
+    switch (outcome) {
+        case Outcome::pass:
+            return "PASS";
+        case Outcome::fail:
+            return "FAIL";
+        case Outcome::inconclusive:
+            return "INCONCLUSIVE";
+        case Outcome::not_observable:
+            return "NOT_OBSERVABLE";
+        case Outcome::skipped:
+            return "SKIPPED";
+    }
+    return "UNKNOWN";
+}
+
+Outcome decide(double value, double expanded_uncertainty, double limit) {
+    if (!std::isfinite(value) || !std::isfinite(expanded_uncertainty) || !std::isfinite(limit) ||
+        expanded_uncertainty < 0.0 || limit <= 0.0)
+        throw NumericalError(fmt::format("verdict: value {}, U {}, limit {} cannot be judged",
+                                         value, expanded_uncertainty, limit));
+    if (value + expanded_uncertainty <= limit)
+        return Outcome::pass;
+    if (value - expanded_uncertainty > limit)
+        return Outcome::fail;
+    return Outcome::inconclusive;
+}
+
+Outcome combine(std::span<const JudgedQuantity> quantities) {
+    const auto is = [](Outcome outcome) {
+        return [outcome](const JudgedQuantity& quantity) { return quantity.outcome == outcome; };
+    };
+    if (std::any_of(quantities.begin(), quantities.end(), is(Outcome::fail)))
+        return Outcome::fail;
+    if (!quantities.empty() && std::all_of(quantities.begin(), quantities.end(), is(Outcome::pass)))
+        return Outcome::pass;
+    return Outcome::inconclusive;
+}
+
+FamilyRisk family_risk(std::span<const JudgedQuantity> quantities) {
+    FamilyRisk risk;
+    risk.judged = static_cast<int>(quantities.size());
+    risk.each = risk.wrong_pass = 1.0 - coverage_probability;
+    risk.wrong_fail = std::min(1.0, risk.judged * risk.each);
+    return risk;
+}
+
+int exit_code(Outcome verdict) {
+    if (verdict == Outcome::pass)
+        return 0;
+    return verdict == Outcome::fail ? 1 : 2;
+}
+
+}  // namespace etalon

@@ -1,0 +1,58 @@
+// A camera without a device, for unit tests of whatever uses one: pictures come from a callback,
+// and every failure happens when the test says so. Takes any settings unless alter_settings makes
+// it another. For one thread.
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <string>
+
+#include "capture/frame/camera.h"
+
+namespace etalon {
+
+class FakeCamera final : public Camera {
+public:
+    using Picture = std::function<CodeImage(const CaptureSettings&)>;
+
+    // `picture` is asked for every complete frame, with the settings in force; its size becomes
+    // the frame's. The clock must outlive the camera; it is advanced to after the moment asked for.
+    FakeCamera(Picture picture, Clock& clock) : picture_(std::move(picture)), clock_(clock) {}
+
+    const CameraIdentity& identity() const override { return identity_; }
+    CaptureSettings configure(const CaptureSettings& wanted) override;
+    void arm() override;
+    Frame frame_after(Instant t, int retries, std::stop_token stop) override;
+    void disarm() noexcept override { armed = false; }
+    void reconnect(Instant deadline, std::stop_token stop) override;
+    CaptureStatistics statistics() const override { return statistics_; }
+
+    // What becomes of the next triggers, in order; afterwards all are complete.
+    std::deque<FrameStatus> script;
+    // Triggers until the camera is gone and every call throws DeviceError; negative: never.
+    int triggers_left = -1;
+    bool unplugged = false;  // now: gone until this is false again and reconnect() was called
+    void lose_once() { lost_ = true; }  // gone until reconnect()
+    // How far a device's settings differ from what was asked, before they are read back and
+    // compared.
+    std::function<void(CaptureSettings&)> alter_settings;
+
+    // What happened so far.
+    bool configured = false, armed = false;
+    int triggers = 0;
+    CaptureSettings settings;
+
+    CameraIdentity identity_{"fake:", "Etalon", "FakeCamera", "FAKE-7"};
+
+private:
+    [[noreturn]] void fail(const std::string& request, const std::string& cause) const;
+    void require_alive(const std::string& request);
+    Frame triggered(Instant t);
+
+    Picture picture_;
+    Clock& clock_;
+    bool lost_ = false;
+    CaptureStatistics statistics_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,474 @@
+#include "mocks/camera/fake_v4l2.h"
+
+#include <linux/videodev2.h>
+#include <poll.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+
+#include "capture/frame/pixel_formats.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+
+std::vector<FakeControl> uvc_controls() {
+    const std::uint32_t number = V4L2_CTRL_TYPE_INTEGER, flag = V4L2_CTRL_TYPE_BOOLEAN,
+                        menu = V4L2_CTRL_TYPE_MENU;
+    return {{V4L2_CID_BRIGHTNESS, number, "Brightness", -64, 64, 1, 0, {}, 5},
+            {V4L2_CID_CONTRAST, number, "Contrast", 0, 64, 1, 32, {}},
+            {V4L2_CID_AUTO_WHITE_BALANCE, flag, "White Balance, Automatic", 0, 1, 1, 1, {}},
+            {V4L2_CID_GAMMA, number, "Gamma", 72, 500, 1, 100, {}},
+            {V4L2_CID_GAIN, number, "Gain", 3, 100, 1, 20, {}},
+            {V4L2_CID_POWER_LINE_FREQUENCY,
+             menu,
+             "Power Line Frequency",
+             0,
+             2,
+             1,
+             1,
+             {{0, "Disabled"}, {1, "50 Hz"}, {2, "60 Hz"}}},
+            {V4L2_CID_SHARPNESS, number, "Sharpness", 0, 6, 1, 3, {}},
+            {V4L2_CID_EXPOSURE_AUTO,
+             menu,
+             "Auto Exposure",
+             0,
+             3,
+             1,
+             3,
+             {{1, "Manual Mode"}, {3, "Aperture Priority Mode"}}},
+            {V4L2_CID_EXPOSURE_ABSOLUTE, number, "Exposure Time, Absolute", 3, 2047, 1, 250, {}}};
+}
+
+std::uint32_t fourcc(const std::string& name) {
+    std::uint32_t code = 0;
+    std::memcpy(&code, name.data(), 4);
+    return code;
+}
+
+template <std::size_t size, typename Character>
+void put(Character (&field)[size], const std::string& text) {
+    static_assert(sizeof(Character) == 1);
+    std::memcpy(field, text.data(), std::min(size, text.size()));
+}
+
+}  // namespace
+
+FakeV4l2::FakeV4l2(VirtualClock& clock)
+    : controls(uvc_controls()), clock_(clock), defaults_(controls) {
+    picture = [this](Instant) { return std::vector<std::uint8_t>(image_size(), 77); };
+}
+
+void FakeV4l2::unplug() {
+    dead_files_.insert(dead_files_.end(), files_.begin(), files_.end());
+    stop();
+    plugged_ = false;
+}
+
+void FakeV4l2::plug_in(const std::string& as_node) {
+    plugged_ = true;
+    memory_.clear();
+    node = as_node;
+    controls = defaults_;
+    width = 640;
+    height = 480;
+    format = "YUYV";
+    period = unset_period_.value_or(period);
+    unset_period_.reset();
+}
+
+FakeControl& FakeV4l2::control(const std::string& name) {
+    return *std::find_if(controls.begin(), controls.end(),
+                         [&](const FakeControl& control) { return control.name == name; });
+}
+
+// ---- files -----------------------------------------------------------------------------------
+
+std::vector<std::string> FakeV4l2::nodes() {
+    return plugged_ ? std::vector<std::string>{node} : std::vector<std::string>{};
+}
+
+int FakeV4l2::open(const std::string& path) {
+    if (!plugged_ || path != node)
+        return -ENOENT;
+    if (open_error)
+        return -open_error;
+    files_.push_back(next_file_);
+    return next_file_++;
+}
+
+int FakeV4l2::close(int file) {
+    const auto found = std::find(files_.begin(), files_.end(), file);
+    if (found == files_.end())
+        return -EBADF;
+    files_.erase(found);
+    return 0;
+}
+
+void* FakeV4l2::map(int, std::size_t length, off_t offset) {
+    const std::size_t index = static_cast<std::size_t>(offset) / 4096;
+    if (refuses_to_map || index >= memory_.size() || length > memory_[index].size())
+        return nullptr;
+    ++mapped;
+    return memory_[index].data();
+}
+
+void FakeV4l2::unmap(void*, std::size_t) {
+    --mapped;
+}
+
+int FakeV4l2::poll(int file, std::chrono::milliseconds timeout) {
+    if (std::count(dead_files_.begin(), dead_files_.end(), file))
+        return POLLERR | POLLHUP;
+    const Instant until = clock_.now() + timeout;
+    deliver_until(clock_.now());
+    while (filled_.empty() && streaming_ && next_frame().done <= until) {
+        clock_.wait_until(next_frame().done, {});
+        deliver_until(clock_.now());
+    }
+    if (!filled_.empty() || !dequeue_errors.empty())
+        return POLLIN;
+    clock_.wait_until(until, {});
+    return 0;
+}
+
+int FakeV4l2::ioctl(int file, unsigned long request, void* argument) {
+    if (on_ioctl)
+        on_ioctl(request);
+    if (std::count(dead_files_.begin(), dead_files_.end(), file))
+        return -ENODEV;
+    if (!std::count(files_.begin(), files_.end(), file))
+        return -EBADF;
+    if (errors.count(request))
+        return -errors[request];
+    return -answer(request, argument);
+}
+
+// 0 or the error number.
+int FakeV4l2::answer(unsigned long request, void* argument) {
+    switch (request) {
+        case VIDIOC_QUERYCAP:
+            return query_capability(argument);
+        case VIDIOC_ENUM_FMT:
+            return enumerate_format(argument);
+        case VIDIOC_ENUM_FRAMESIZES:
+            return enumerate_size(argument);
+        case VIDIOC_G_FMT:
+            return get_format(argument);
+        case VIDIOC_S_FMT:
+            return set_format(argument);
+        case VIDIOC_G_PARM:
+            return get_rate(argument);
+        case VIDIOC_S_PARM:
+            return set_rate(argument);
+        case VIDIOC_ENUM_FRAMEINTERVALS:
+            return enumerate_rate(argument);
+        case VIDIOC_QUERY_EXT_CTRL:
+            return query_control(argument);
+        case VIDIOC_QUERYMENU:
+            return query_menu(argument);
+        case VIDIOC_G_EXT_CTRLS:
+            return access_control(argument, false);
+        case VIDIOC_S_EXT_CTRLS:
+            return access_control(argument, true);
+        case VIDIOC_REQBUFS:
+            return request_buffers(argument);
+        case VIDIOC_QUERYBUF:
+            return query_buffer(argument);
+        case VIDIOC_QBUF:
+            return queue_buffer(argument);
+        case VIDIOC_DQBUF:
+            return dequeue_buffer(argument);
+        case VIDIOC_STREAMON:
+            start();
+            return 0;
+        case VIDIOC_STREAMOFF:
+            stop();
+            return 0;
+        default:
+            return ENOTTY;
+    }
+}
+
+// ---- description -----------------------------------------------------------------------------
+
+int FakeV4l2::query_capability(void* argument) const {
+    auto& answer = *static_cast<v4l2_capability*>(argument);
+    put(answer.driver, driver);
+    put(answer.card, card);
+    put(answer.bus_info, bus);
+    const std::uint32_t capture =
+        multi_planar ? V4L2_CAP_VIDEO_CAPTURE_MPLANE : V4L2_CAP_VIDEO_CAPTURE;
+    answer.device_caps = (captures ? capture : V4L2_CAP_META_CAPTURE) |
+                         (streams ? V4L2_CAP_STREAMING : V4L2_CAP_READWRITE);
+    // The whole device captures, whatever this node does.
+    answer.capabilities = capture | V4L2_CAP_STREAMING | V4L2_CAP_DEVICE_CAPS;
+    return 0;
+}
+
+int FakeV4l2::enumerate_format(void* argument) const {
+    auto& answer = *static_cast<v4l2_fmtdesc*>(argument);
+    if (answer.index >= formats.size())
+        return EINVAL;
+    answer.pixelformat = fourcc(formats[answer.index]);
+    put(answer.description, "format " + formats[answer.index]);
+    return 0;
+}
+
+int FakeV4l2::enumerate_size(void* argument) const {
+    auto& answer = *static_cast<v4l2_frmsizeenum*>(argument);
+    if (answer.index > 1)
+        return EINVAL;
+    answer.type = V4L2_FRMSIZE_TYPE_DISCRETE;
+    answer.discrete.width = answer.index == 0 ? 640 : 17;
+    answer.discrete.height = answer.index == 0 ? 480 : 11;
+    return 0;
+}
+
+std::size_t FakeV4l2::bytes_per_line() const {
+    return line_bytes(*find_v4l2_format(format), width) + padding;
+}
+
+std::size_t FakeV4l2::image_size() const {
+    const bool compressed = format == "MJPG";
+    return compressed ? 100000 : bytes_per_line() * static_cast<std::size_t>(height);
+}
+
+int FakeV4l2::get_format(void* argument) const {
+    auto& answer = *static_cast<v4l2_format*>(argument);
+    const auto fill = [&](auto& pixels) {
+        pixels.width = static_cast<std::uint32_t>(width);
+        pixels.height = static_cast<std::uint32_t>(height);
+        pixels.pixelformat = fourcc(format);
+        pixels.field = interlaced ? V4L2_FIELD_INTERLACED : V4L2_FIELD_NONE;
+    };
+    if (multi_planar) {
+        fill(answer.fmt.pix_mp);
+        answer.fmt.pix_mp.num_planes = 1;
+        answer.fmt.pix_mp.plane_fmt[0].bytesperline = static_cast<std::uint32_t>(bytes_per_line());
+    } else {
+        fill(answer.fmt.pix);
+        answer.fmt.pix.bytesperline = static_cast<std::uint32_t>(bytes_per_line());
+        answer.fmt.pix.sizeimage = static_cast<std::uint32_t>(image_size());
+    }
+    return 0;
+}
+
+int FakeV4l2::set_format(void* argument) {
+    if (!memory_.empty())
+        return EBUSY;
+    const auto& wanted = *static_cast<const v4l2_format*>(argument);
+    const auto take = [&](const auto& pixels) {
+        width = std::min(static_cast<int>(pixels.width), width_limit);
+        height = static_cast<int>(pixels.height);
+        const std::uint32_t code = pixels.pixelformat;
+        const auto known = std::find_if(formats.begin(), formats.end(),
+                                        [=](const std::string& f) { return fourcc(f) == code; });
+        format = known == formats.end() ? formats.front() : *known;
+    };
+    if (multi_planar)
+        take(wanted.fmt.pix_mp);
+    else
+        take(wanted.fmt.pix);
+    return get_format(argument);
+}
+
+int FakeV4l2::get_rate(void* argument) const {
+    if (!says_period)
+        return ENOTTY;
+    auto& capture = static_cast<v4l2_streamparm*>(argument)->parm.capture;
+    capture.capability = sets_period ? V4L2_CAP_TIMEPERFRAME : 0;
+    capture.timeperframe = {static_cast<std::uint32_t>(period / 1us), 1000000};
+    return 0;
+}
+
+int FakeV4l2::set_rate(void* argument) {
+    const auto& wanted = static_cast<v4l2_streamparm*>(argument)->parm.capture.timeperframe;
+    const double hz = double(wanted.denominator) / wanted.numerator;
+    const int nearest =
+        *std::min_element(frame_rates.begin(), frame_rates.end(),
+                          [=](int a, int b) { return std::abs(a - hz) < std::abs(b - hz); });
+    unset_period_ = unset_period_.value_or(period);
+    period = Duration(1s) / nearest;
+    return get_rate(argument);
+}
+
+int FakeV4l2::enumerate_rate(void* argument) const {
+    auto& answer = *static_cast<v4l2_frmivalenum*>(argument);
+    if (answer.index >= frame_rates.size() || answer.pixel_format != fourcc(format) ||
+        answer.width != static_cast<std::uint32_t>(width))
+        return EINVAL;
+    answer.type = V4L2_FRMIVAL_TYPE_DISCRETE;
+    answer.discrete = {1, static_cast<std::uint32_t>(frame_rates[answer.index])};
+    return 0;
+}
+
+// ---- controls --------------------------------------------------------------------------------
+
+int FakeV4l2::query_control(void* argument) const {
+    auto& answer = *static_cast<v4l2_query_ext_ctrl*>(argument);
+    const bool next = answer.id & V4L2_CTRL_FLAG_NEXT_CTRL;
+    const std::uint32_t id = answer.id & ~std::uint32_t{V4L2_CTRL_FLAG_NEXT_CTRL};
+    const FakeControl* found = nullptr;
+    for (const FakeControl& control : controls)
+        if ((next ? control.id > id : control.id == id) && (!found || control.id < found->id))
+            found = &control;
+    if (!found)
+        return EINVAL;
+    answer = {};
+    answer.id = found->id;
+    answer.type = found->type;
+    put(answer.name, found->name);
+    answer.minimum = found->low;
+    answer.maximum = found->high;
+    answer.step = static_cast<std::uint64_t>(found->step);
+    answer.default_value = found->normal;
+    return 0;
+}
+
+int FakeV4l2::query_menu(void* argument) const {
+    auto& item = *static_cast<v4l2_querymenu*>(argument);
+    for (const FakeControl& control : controls)
+        if (control.id == item.id && control.menu.count(static_cast<int>(item.index))) {
+            const std::string name = control.menu.at(static_cast<int>(item.index));
+            std::memcpy(item.name, name.c_str(), name.size() + 1);
+            return 0;
+        }
+    return EINVAL;
+}
+
+int FakeV4l2::access_control(void* argument, bool set) {
+    v4l2_ext_control& asked = static_cast<v4l2_ext_controls*>(argument)->controls[0];
+    const std::uint32_t id = asked.id;
+    const auto found = std::find_if(controls.begin(), controls.end(),
+                                    [=](const FakeControl& control) { return control.id == id; });
+    if (found == controls.end())
+        return EINVAL;
+    const auto automatic = std::find_if(controls.begin(), controls.end(), [](const auto& control) {
+        return control.id == V4L2_CID_EXPOSURE_AUTO;
+    });
+    if (set && id == V4L2_CID_EXPOSURE_ABSOLUTE && automatic != controls.end() &&
+        automatic->value != V4L2_EXPOSURE_MANUAL)
+        return EACCES;
+    if (set && !found->stuck)
+        found->value = std::min<std::int64_t>(asked.value, found->most.value_or(found->high));
+    asked.value = static_cast<std::int32_t>(found->value);
+    return 0;
+}
+
+// ---- streaming -------------------------------------------------------------------------------
+
+int FakeV4l2::request_buffers(void* argument) {
+    auto& request = *static_cast<v4l2_requestbuffers*>(argument);
+    if (streaming_)
+        return EBUSY;
+    request.count = std::min(request.count, most_buffers);
+    memory_.assign(request.count, std::vector<std::uint8_t>(image_size()));
+    queued_.clear();
+    filled_.clear();
+    return 0;
+}
+
+int FakeV4l2::query_buffer(void* argument) const {
+    auto& buffer = *static_cast<v4l2_buffer*>(argument);
+    if (buffer.index >= memory_.size())
+        return EINVAL;
+    const auto length = static_cast<std::uint32_t>(memory_[buffer.index].size());
+    if (multi_planar) {
+        buffer.length = 1;
+        buffer.m.planes[0].length = length;
+        buffer.m.planes[0].m.mem_offset = buffer.index * 4096;
+    } else {
+        buffer.length = length;
+        buffer.m.offset = buffer.index * 4096;
+    }
+    return 0;
+}
+
+int FakeV4l2::queue_buffer(void* argument) {
+    const auto& buffer = *static_cast<const v4l2_buffer*>(argument);
+    if (buffer.index >= memory_.size() || std::count(queued_.begin(), queued_.end(), buffer.index))
+        return EINVAL;
+    deliver_until(clock_.now());
+    queued_.push_back(buffer.index);
+    return 0;
+}
+
+int FakeV4l2::dequeue_buffer(void* argument) {
+    if (!dequeue_errors.empty()) {
+        const int error = dequeue_errors.front();
+        dequeue_errors.pop_front();
+        return error;
+    }
+    deliver_until(clock_.now());
+    if (filled_.empty())
+        return EAGAIN;
+    const Filled filled = filled_.front();
+    filled_.pop_front();
+    auto& buffer = *static_cast<v4l2_buffer*>(argument);
+    buffer.index = filled.buffer;
+    buffer.sequence = filled.frame.sequence;
+    buffer.flags = filled.frame.error_flag ? V4L2_BUF_FLAG_ERROR : 0;
+    if (stamps != Stamps::unknown)
+        buffer.flags |= V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+    if (stamps == Stamps::exposure_start)
+        buffer.flags |= V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
+    const auto stamp = filled.frame.stamp.time_since_epoch() / 1us;
+    buffer.timestamp = {stamp / 1000000, stamp % 1000000};
+    const auto used = static_cast<std::uint32_t>(filled.frame.bytes_used);
+    (multi_planar ? buffer.m.planes[0].bytesused : buffer.bytesused) = used;
+    return 0;
+}
+
+void FakeV4l2::start() {
+    streaming_ = true;
+    started_ = clock_.now();
+    made_ = 0;
+}
+
+void FakeV4l2::stop() {
+    streaming_ = false;
+    queued_.clear();
+    filled_.clear();
+}
+
+Duration FakeV4l2::exposure_now() const {
+    for (const FakeControl& control : controls)
+        if (control.id == V4L2_CID_EXPOSURE_ABSOLUTE)
+            return control.value * 100us;
+    return exposure;
+}
+
+FakeV4l2Frame FakeV4l2::next_frame() const {
+    FakeV4l2Frame frame;
+    frame.sequence = made_;
+    frame.exposure_start = started_ + made_ * std::max(period, exposure_now());
+    frame.done = frame.exposure_start + exposure_now() + readout;
+    frame.stamp = stamps == Stamps::exposure_start ? frame.exposure_start : frame.done;
+    frame.bytes_used = image_size();
+    if (spoil)
+        spoil(frame);
+    return frame;
+}
+
+void FakeV4l2::deliver_until(Instant now) {
+    while (streaming_) {
+        const FakeV4l2Frame frame = next_frame();
+        if (frame.done > now)
+            return;
+        ++made_;
+        if (queued_.empty())
+            continue;
+        const unsigned buffer = queued_.front();
+        queued_.pop_front();
+        const std::vector<std::uint8_t> bytes = picture(frame.exposure_start);
+        std::copy_n(bytes.begin(), std::min(bytes.size(), memory_[buffer].size()),
+                    memory_[buffer].begin());
+        filled_.push_back({buffer, frame});
+    }
+}
+
+}  // namespace etalon

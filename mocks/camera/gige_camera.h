@@ -1,0 +1,86 @@
+// A GigE Vision camera on 127.0.0.1 that shows the pictures it is given: Aravis' fake camera, which
+// speaks the real control and stream protocols over UDP, with our pixels in place of its pattern
+// and a GenICam description of our own (mocks/camera/gige_description.h). Frames with chunks, which
+// it does not know, are sent in place of its own (mocks/camera/gige_chunks.h).
+//
+// Settings: Width, Height, OffsetX, OffsetY, PixelFormat, ExposureTime (us), Gain (dB), BlackLevel
+// and AcquisitionFrameRate can be set by the client; it runs freely, or is triggered by software or
+// on Line1. Only one can exist on a machine (GigE Vision's port is fixed: UDP 3956), and after a
+// client that died its control is free again 3 s later.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/image.h"
+
+namespace etalon {
+
+struct GigeCameraOptions {
+    int width = 512, height = 384;  // px, of the sensor
+    int bits = 8;                   // <= 8: starts with Mono8, more: with Mono16
+    std::string serial = "TWIN";    // 1..15 characters
+    double packet_loss = 0.0;       // part of the stream's packets that are dropped, 0..1
+    // By their names in PFNC. Packed ones need a number of pixels that fills whole bytes.
+    std::vector<std::string> formats = {"Mono8",    "Mono10",   "Mono12",       "Mono16",
+                                        "Mono10p",  "Mono12p",  "Mono12Packed", "Mono10Packed",
+                                        "BayerRG8", "BayerGB12"};
+    bool latches = false;  // whether the client can read the device's clock
+    // Of a frame in chunk mode, one of mocks/camera/gige_chunks.h; 0: the camera has no chunks.
+    std::uint16_t chunk_payload_type = 0;
+    bool ptp = false;  // switched off until the client switches it on
+};
+
+// What a frame's chunks say of it.
+struct GigeChunkValues {
+    double exposure_us = 0.0, gain_db = 0.0;
+    std::uint64_t timestamp_ns = 0, frame_id = 0;
+};
+
+class GigeCamera {
+public:
+    // The whole sensor's picture with the settings in force. Called for every frame on the camera's
+    // own thread, on which nothing else happens meanwhile: the client's requests wait, and give up
+    // after 3 s. Must not throw. Another size than the options' leaves the missing part black.
+    using Source = std::function<CodeImage(const CaptureSettings&)>;
+
+    // Listens at once. Throws DeviceError when the port is taken, ConfigError for unusable options.
+    GigeCamera(const GigeCameraOptions& options, Source source);
+    ~GigeCamera();  // within 0.2 s; the client notices by missing answers
+    GigeCamera(const GigeCamera&) = delete;
+    GigeCamera& operator=(const GigeCamera&) = delete;
+
+    // An edge on the input Line1. Exposes, if the client chose that.
+    void pulse_line();
+
+    // ---- faults, from any thread
+
+    // From now on the frames have another size, as after a change that the client did not ask for.
+    // At most the sensor's.
+    void change_size_unasked(int width, int height);
+    // Part of the packets that the next `frames` frames lose, in place of the options'.
+    void lose_packets(double part, int frames);
+    // The next `frames` frames are sent with their last line missing.
+    void cut_short(int frames);
+    // Neither frames nor answers from the next frame on, until thaw().
+    void freeze();
+    void thaw();
+    // The device's clock goes on from another time.
+    void jump_clock(std::chrono::nanoseconds by);
+    // From now on the chunks say what this makes of the truth, and are sent as that makes of them.
+    // Called on the camera's thread; null: nothing is changed.
+    void alter_chunk_values(std::function<void(GigeChunkValues&)> alter);
+    void alter_payload(std::function<void(std::vector<std::uint8_t>&)> alter);
+    // The state of PTP, by its name in SFNC 2, and the offset from the master.
+    void set_ptp(const std::string& status, std::chrono::nanoseconds offset);
+
+private:
+    struct Device;
+    std::unique_ptr<Device> device_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,99 @@
+#include "mocks/stage/modbus_fault.h"
+
+#include <memory>
+#include <optional>
+#include <utility>
+
+namespace etalon {
+namespace {
+
+bool writes_to(const ModbusRequest& request, int address) {
+    return !request.values.empty() && address >= request.address &&
+           address < request.address + request.count;
+}
+
+class FaultScript {
+public:
+    FaultScript(std::vector<ModbusFault> faults, SimulatedStage& stage)
+        : faults_(std::move(faults)), stage_(stage) {}
+
+    ModbusReaction react(const ModbusRequest& request) {
+        ++requests_;
+        for (std::size_t i = 0; !running_ && i < faults_.size(); ++i) {
+            if (!happens(faults_[i].at, request))
+                continue;
+            running_ = faults_[i];
+            faults_.erase(faults_.begin() + static_cast<std::ptrdiff_t>(i));
+        }
+        if (!running_)
+            return {};
+        const ModbusReaction reaction = reaction_to(*running_);
+        if (--running_->requests <= 0)
+            running_.reset();
+        return reaction;
+    }
+
+private:
+    bool happens(const FaultTrigger& at, const ModbusRequest& request) {
+        switch (at.when) {
+            case FaultTrigger::When::time_ms:
+                return stage_.uptime() >= std::chrono::milliseconds(at.value);
+            case FaultTrigger::When::move:
+                return stage_.moves_started() >= at.value;
+            case FaultTrigger::When::request:
+                return requests_ >= at.value;
+            case FaultTrigger::When::write_to:
+                return writes_to(request, at.value);
+        }
+        return false;
+    }
+
+    std::vector<ModbusFault> faults_;  // that have not happened yet
+    SimulatedStage& stage_;
+    std::optional<ModbusFault> running_;
+    int requests_ = 0;
+};
+
+}  // namespace
+
+ModbusReaction reaction_to(const ModbusFault& fault) {
+    using Kind = ModbusFault::Kind;
+    const bool replies = fault.kind == Kind::late_reply || fault.kind == Kind::slow_bytes;
+    ModbusReaction reaction{.carry_out = fault.carried_out || replies};
+    switch (fault.kind) {
+        case Kind::late_reply:
+            reaction.delay = fault.delay;
+            break;
+        case Kind::silence:
+            reaction.reply = false;
+            break;
+        case Kind::exception:
+            reaction.exception = fault.code;
+            break;
+        case Kind::garbage:
+            reaction.garbage = true;
+            break;
+        case Kind::wrong_id:
+            reaction.wrong_id = true;
+            break;
+        case Kind::half_open:
+            reaction.reply = false;
+            reaction.half_open = true;
+            break;
+        case Kind::slow_bytes:
+            reaction.between_bytes = fault.delay;
+            break;
+        case Kind::reset:
+            reaction.reply = false;
+            reaction.close = true;
+            break;
+    }
+    return reaction;
+}
+
+ModbusScript scripted_faults(std::vector<ModbusFault> faults, SimulatedStage& stage) {
+    return [script = std::make_shared<FaultScript>(std::move(faults), stage)](
+               const ModbusRequest& request) { return script->react(request); };
+}
+
+}  // namespace etalon

@@ -1,0 +1,53 @@
+// Modbus messages as bytes, from the controller's side: on TCP with transaction ids, on serial
+// lines with check sums. Written from "MODBUS Application Protocol V1.1b3", "MODBUS Messaging on
+// TCP/IP Implementation Guide V1.0b" and "MODBUS over Serial Line V1.02", without the library that
+// the client uses: the two check each other. Pure functions.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "stage/link/modbus_transport.h"
+
+namespace etalon {
+
+using Bytes = std::vector<std::uint8_t>;
+
+enum class ModbusFraming { tcp, rtu };
+
+// A request or a reply without what carries it.
+struct ModbusFrame {
+    int transaction = 0;  // TCP only
+    int unit = 0;
+    Bytes pdu;  // function code and data
+};
+
+// Takes the first complete request out of `received`; nothing when it is not complete yet. Sets
+// `out_of_step` for what can be no request: on TCP there is no way back into step, on a serial line
+// the bytes until the next pause are lost.
+std::optional<ModbusFrame> take_request(ModbusFraming framing, Bytes& received, bool& out_of_step);
+
+Bytes to_bytes(ModbusFraming framing, const ModbusFrame& frame);
+
+// The check sum at a serial frame's end, low byte first.
+std::uint16_t modbus_crc(std::span<const std::uint8_t> bytes);
+
+enum ModbusException : std::uint8_t {
+    no_exception = 0,
+    illegal_function = 1,
+    illegal_address = 2,
+    illegal_value = 3,
+    target_silent = 11  // a gateway's: the unit does not answer
+};
+
+// What a request's PDU asks, checked before anything is done. An exception when it is not in order;
+// then only the function code is set.
+ModbusException decode_request(const Bytes& pdu, ModbusRequest& request);
+
+// The PDU of an answer with the values that were read, or of an exception.
+Bytes encode_reply(const ModbusRequest& request, std::span<const std::uint16_t> values);
+Bytes encode_exception(int function, int code);
+
+}  // namespace etalon

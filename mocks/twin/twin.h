@@ -1,0 +1,36 @@
+// The twin: a stage controller on Modbus TCP or RTU and a GigE Vision camera on 127.0.0.1, whose
+// pictures show the marker where the simulated stage truly is (twin_rig.h). A station under test
+// cannot tell it from devices, except that the camera it was calibrated for may be another one.
+// Each frame has its own noise, a pure function of (seed, frames before it, pixel).
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "mocks/camera/gige_camera.h"
+#include "mocks/twin/twin_rig.h"
+
+namespace etalon {
+
+class Twin {
+public:
+    // Throws as TwinRig does, and DeviceError when the camera's port is taken.
+    explicit Twin(const TwinFile& file);
+
+    int stage_port() const { return rig_.stage_port(); }
+    std::string stage_place() const { return rig_.stage_place(); }
+
+    // The parts, for tests: to script faults, and to know the truth.
+    SimulatedStage& stage() { return rig_.stage(); }
+    const TwinPhysics& physics() const { return rig_.physics(); }
+    Radiance picture() const { return rig_.picture(); }
+
+private:
+    CodeImage expose(const CaptureSettings& settings);
+
+    TwinRig rig_;
+    std::atomic<std::uint32_t> frames_ = 0;
+    GigeCamera camera_;  // last: its thread uses all the others
+};
+
+}  // namespace etalon

@@ -1,0 +1,53 @@
+// What every twin has, whatever its camera: a stage controller on Modbus TCP or RTU, and pictures
+// of the marker where the simulated stage truly is.
+//
+//   station --Modbus--> stage --true positions--> darkroom (renders) --picture--> camera
+//
+// The stage reports "in position" only once the picture of the new position is finished, so every
+// frame that is exposed after a settled move shows it. While axes move the last picture stays on
+// show.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+
+#include "core/clock.h"
+#include "mocks/camera/darkroom.h"
+#include "mocks/stage/modbus_stage_server.h"
+#include "mocks/stage/serial_link.h"
+#include "mocks/stage/simulated_stage.h"
+#include "mocks/twin/twin_file.h"
+#include "sim/twin/twin_physics.h"
+
+namespace etalon {
+
+class TwinRig {
+public:
+    // Renders the first picture, then listens. Throws DeviceError when the port or the serial
+    // line's name is taken, ConfigError for what the parts cannot be.
+    explicit TwinRig(const TwinFile& file);
+
+    int stage_port() const { return server_.port(); }  // the bound one; 0: a serial line
+    std::string stage_place() const;                   // "127.0.0.1:1502" or the serial line's name
+    SimulatedStage& stage() { return stage_; }
+    const TwinPhysics& physics() const { return physics_; }
+    Radiance picture() const { return darkroom_.picture(); }  // safe from every thread
+
+    // What such an exposure collects, 1 at the nominal exposure time and 0 dB. Light grows in
+    // proportion to the time and with the gain.
+    double light(std::chrono::microseconds exposure, double gain_db) const;
+
+private:
+    Radiance develop(const std::vector<double>& positions) const;
+
+    SteadyClock clock_;
+    std::chrono::microseconds nominal_exposure_;
+    SimulatedStage stage_;
+    TwinPhysics physics_;
+    Darkroom darkroom_;
+    std::optional<SerialLink> line_;
+    ModbusStageServer server_;  // last: its thread uses all the others
+};
+
+}  // namespace etalon

@@ -1,0 +1,61 @@
+// The `stage` section of twin.yaml (mocks/twin/twin_file.h): the TRUE stage, how it moves, errs and
+// fails. Every key but axes and port or serial is optional. Of rotary axes `_um` and `_mm` are
+// `_deg`.
+//
+//     stage:
+//       port: 1502                       # Modbus TCP on 127.0.0.1; 0: any free one; or
+//       serial: /tmp/stage               # Modbus RTU: a link to the line is made there
+//       profile: generic                 # the controller it behaves as; built in or a file.yaml
+//       axes: [...]                      # as in station.yaml, error maps included:
+//       stage/axes/axes.h ramp_ms: 50                      # from rest to an axis' speed jerk_ms:
+//       20                      # until its acceleration is there: S-curves; 0: trapezoids
+//       homing_ms: 200                   # homing takes at least as long
+//       temperature: {change_k: 2, time_constant_s: 1800}          # after power-on
+//       servo:                           # by axis; without: it follows its plan exactly
+//         x: {bandwidth_hz: 30, damping: 0.7, window_um: 5,        # "in position" within the
+//         window
+//             drive_lag_us: 200, resonance_hz: 40, resonance_damping: 0.02}      # optional
+//       errors:                          # by axis, each optional (0): mocks/stage/stage_errors.h
+//         x: {scale_ppm: 0, repeatability_um: 0.5, backlash_um: 0, encoder_noise_um: 0.05,
+//             periodic_um: 0.8, period_mm: 2, phase_deg: 0,
+//             drift_um_per_k: 1.5, expansion_ppm_per_k: 11, lean_urad: {y: 150}}
+//       faults:                          # once each; at: {time_ms}, {move}, {request} or
+//       {register}
+//         - {fault: stuck_axis, axis: x, at: {move: 7}}
+//         - {fault: false_in_position, axis: x, at: {move: 7}}
+//         - {fault: encoder_jump, axis: x, at: {time_ms: 2500}, size_um: 20}
+//         - {fault: limit_hit, axis: x, at: {move: 7}}
+//         - {fault: alarm, axis: x, at: {move: 7}, code: 21}       # of its controller
+//         - {fault: emergency_stop, at: {register: 200}}           # with the first write to it
+//         - {fault: late_reply, at: {request: 120}, delay_ms: 400, requests: 3}  # three in a row
+//         - {fault: slow_bytes, at: {request: 120}, delay_ms: 50}
+//         - {fault: exception, at: {request: 120}, code: 4}
+//         - {fault: silence, at: {request: 120}}      # as: garbage, wrong_id, half_open, reset;
+//                                      # carried_out: false loses the request as well
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "core/strict_reader.h"
+#include "mocks/stage/modbus_fault.h"
+#include "mocks/stage/simulated_stage_options.h"
+#include "stage/axes/axes.h"
+#include "stage/profile/profile.h"
+
+namespace etalon {
+
+struct TwinStage {
+    int port = 0;                  // Modbus TCP
+    std::filesystem::path serial;  // or Modbus RTU: where the link to the line is to be
+    StageProfile profile = builtin_stage_profile("generic");
+    std::vector<Axis> axes;         // their error maps are in the options
+    SimulatedStageOptions options;  // but for the seed
+    std::vector<ModbusFault> link_faults;
+};
+
+// Throws ConfigError with file, line and key. The section is of this file.
+TwinStage read_twin_stage(const StrictFile& file, const Value& section);
+
+}  // namespace etalon

@@ -1,0 +1,28 @@
+#include <fmt/format.h>
+
+#include <opencv2/core.hpp>
+
+#include "core/version.h"
+#include "station/record/qualify_result.h"
+
+namespace etalon {
+
+// Versions that only the build knows come from station/CMakeLists.txt.
+std::vector<SoftwareVersion> software_versions() {
+    return {
+        {"etalon", version},
+        {"OpenCV", cv::getVersionString()},
+        {"Eigen",
+         fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
+        {"Ceres Solver", ETALON_CERES_VERSION},
+        {"AprilTag", ETALON_APRILTAG_VERSION},
+        {"oneTBB", ETALON_TBB_VERSION},
+        {"libmodbus", ETALON_MODBUS_VERSION},
+        {"Aravis", ETALON_ARAVIS_VERSION},
+        {"libcamera", ETALON_LIBCAMERA_VERSION},
+        {"yaml-cpp", ETALON_YAML_VERSION},
+        {"compiler", ETALON_COMPILER},
+    };
+}
+
+}  // namespace etalon

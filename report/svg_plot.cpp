@@ -1,0 +1,408 @@
+#include "report/svg_plot.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+constexpr double left = 62, right = 14, bottom = 44;  // margins, px; the upper one is the legend's
+
+const char* css_class(Ink ink) {
+    switch (ink) {
+        case Ink::blue:
+            return "blue";
+        case Ink::orange:
+            return "orange";
+        case Ink::green:
+            return "green";
+        case Ink::red:
+            return "red";
+        case Ink::purple:
+            return "purple";
+        case Ink::sky:
+            return "sky";
+        case Ink::gray:
+            return "gray";
+    }
+    return "gray";
+}
+
+// The step of 1, 2 or 5 times a power of ten that gives at most `most` ticks.
+double tick_step(double low, double high, int most) {
+    const double raw = (high - low) / most;
+    const double power = std::pow(10.0, std::floor(std::log10(raw)));
+    for (const double factor : {1.0, 2.0, 5.0})
+        if (factor * power >= raw)
+            return factor * power;
+    return 10.0 * power;
+}
+
+// Logarithms of round numbers on an axis from 10^low to 10^high: those of a linear axis for less
+// than a decade, else 1, 2 and 5 of every decade, or only the decades where there are many.
+std::vector<double> log_ticks(double low, double high, int most) {
+    std::vector<double> values;
+    if (high - low < 1.0) {
+        for (const double value : axis_ticks(std::pow(10.0, low), std::pow(10.0, high), most))
+            values.push_back(std::log10(value));
+        return values;
+    }
+    for (double decade = std::floor(low); decade <= high; decade += 1.0)
+        for (const double factor : {1.0, 2.0, 5.0}) {
+            const double tick = decade + std::log10(factor);
+            if (tick >= low && tick <= high && (factor == 1.0 || high - low < 2.5))
+                values.push_back(tick);
+        }
+    return values;
+}
+
+std::vector<double> ticks(double low, double high, int most, bool logarithmic) {
+    return logarithmic ? log_ticks(low, high, most) : axis_ticks(low, high, most);
+}
+
+std::string tick_label(double tick, bool logarithmic) {
+    return fmt::format("{:.4g}", logarithmic ? std::pow(10.0, tick) : tick);
+}
+
+// Along an axis: the values, or their logarithms.
+std::vector<double> placed(std::span<const double> values, bool logarithmic) {
+    std::vector<double> result(values.begin(), values.end());
+    if (logarithmic)
+        for (double& value : result)
+            value = std::log10(value);
+    return result;
+}
+
+std::string title(const std::string& note) {
+    return note.empty() ? "" : "<title>" + escape_html(note) + "</title>";
+}
+
+// The style sheet of reports (report/html.cpp) in its light colours, for a file without a page.
+std::string stand_alone_style() {
+    std::string style =
+        "<style>.plot{font:12px 'DejaVu Sans',Arial,sans-serif}.plot text{fill:#222}"
+        ".plot .grid{stroke:#ddd}.plot .axis{stroke:#888;fill:none}.plot .area{opacity:.2}";
+    for (const auto& [ink, colour] :
+         {std::pair(Ink::blue, "#0072b2"), std::pair(Ink::orange, "#e69f00"),
+          std::pair(Ink::green, "#009e73"), std::pair(Ink::red, "#d55e00"),
+          std::pair(Ink::purple, "#aa4f8b"), std::pair(Ink::sky, "#3f9fd8"),
+          std::pair(Ink::gray, "#8a949b")})
+        style +=
+            fmt::format(".{0} .mark,.{0} .area{{fill:{1}}}.{0} .stroke{{stroke:{1};fill:none}}",
+                        css_class(ink), colour);
+    return style + "</style><rect width='100%' height='100%' fill='#fff'/>";
+}
+
+}  // namespace
+
+std::vector<double> axis_ticks(double low, double high, int most) {
+    const double step = tick_step(low, high, most);
+    std::vector<double> values;
+    for (double tick = std::ceil(low / step) * step; tick <= high + 1e-9 * step; tick += step)
+        values.push_back(std::abs(tick) < 1e-9 * step ? 0.0 : tick);
+    return values;
+}
+
+struct SvgPlot::Extent {
+    double low = std::numeric_limits<double>::infinity();
+    double high = -std::numeric_limits<double>::infinity();
+
+    void include(double value) {
+        if (!std::isfinite(value))
+            return;
+        low = std::min(low, value);
+        high = std::max(high, value);
+    }
+    // Never empty, and a little larger than the data.
+    Extent padded() const {
+        if (!(low <= high))
+            return {0.0, 1.0};
+        const double room = high > low ? 0.05 * (high - low) : std::max(1e-9, 0.1 * std::abs(low));
+        return {low - room, high + room};
+    }
+};
+
+struct SvgPlot::Frame {
+    Extent x, y;
+    double top, width, height;  // of the inner area, px
+    bool y_down;
+
+    double px(double value) const { return left + width * (value - x.low) / (x.high - x.low); }
+    double py(double value) const {
+        const double along = (value - y.low) / (y.high - y.low);
+        return top + height * (y_down ? along : 1.0 - along);
+    }
+    void equalise_scales();
+};
+
+SvgPlot::SvgPlot(std::string x_label, std::string y_label)
+    : x_label_(std::move(x_label)), y_label_(std::move(y_label)) {}
+
+void SvgPlot::set_size(int width, int height) {
+    width_ = width;
+    height_ = height;
+}
+
+void SvgPlot::set_image_axes() {
+    image_axes_ = true;
+}
+
+void SvgPlot::set_log_axes() {
+    log_x_ = log_y_ = true;
+}
+
+void SvgPlot::set_log_y_axis() {
+    log_y_ = true;
+}
+
+void SvgPlot::set_y_range(double low, double high) {
+    y_range_ = {low, high};
+}
+
+void SvgPlot::add_points(std::span<const double> xs, std::span<const double> ys, Ink ink,
+                         const std::string& name, const std::vector<std::string>& notes) {
+    layers_.push_back(
+        {Layer::Kind::points, placed(xs, log_x_), placed(ys, log_y_), {}, {}, ink, name, notes});
+}
+
+void SvgPlot::add_line(std::span<const double> xs, std::span<const double> ys, Ink ink,
+                       const std::string& name) {
+    layers_.push_back(
+        {Layer::Kind::line, placed(xs, log_x_), placed(ys, log_y_), {}, {}, ink, name, {}});
+}
+
+void SvgPlot::add_band(std::span<const double> xs, std::span<const double> lows,
+                       std::span<const double> highs, Ink ink, const std::string& name) {
+    layers_.push_back({Layer::Kind::band,
+                       placed(xs, log_x_),
+                       placed(lows, log_y_),
+                       placed(highs, log_y_),
+                       {},
+                       ink,
+                       name,
+                       {}});
+}
+
+void SvgPlot::add_bars(const std::vector<std::string>& categories, std::span<const double> values,
+                       Ink ink) {
+    categories_ = categories;
+    std::vector<double> places(values.size());
+    for (std::size_t i = 0; i < places.size(); ++i)
+        places[i] = static_cast<double>(i);
+    layers_.push_back(
+        {Layer::Kind::bars, places, {values.begin(), values.end()}, {}, {}, ink, "", categories});
+}
+
+void SvgPlot::add_arrows(std::span<const double> xs, std::span<const double> ys,
+                         std::span<const double> dxs, std::span<const double> dys, Ink ink,
+                         const std::string& name, const std::vector<std::string>& notes) {
+    layers_.push_back({Layer::Kind::arrows,
+                       {xs.begin(), xs.end()},
+                       {ys.begin(), ys.end()},
+                       {dxs.begin(), dxs.end()},
+                       {dys.begin(), dys.end()},
+                       ink,
+                       name,
+                       notes});
+}
+
+void SvgPlot::add_level(double y, Ink ink, const std::string& label) {
+    layers_.push_back({Layer::Kind::level, {}, placed({&y, 1}, log_y_), {}, {}, ink, label, {}});
+}
+
+void SvgPlot::Layer::include_in(Extent& x, Extent& y) const {
+    for (std::size_t i = 0; i < ys.size(); ++i) {
+        y.include(ys[i]);
+        if (i < xs.size())
+            x.include(xs[i]);
+        if (kind == Kind::band)
+            y.include(us[i]);
+        if (kind == Kind::arrows) {
+            x.include(xs[i] + us[i]);
+            y.include(ys[i] + vs[i]);
+        }
+    }
+    if (kind == Kind::bars) {
+        y.include(0.0);
+        x.include(-0.6);
+        x.include(static_cast<double>(xs.size()) - 0.4);
+    }
+}
+
+// Widens the extent that has room to spare until both scales are equal.
+void SvgPlot::Frame::equalise_scales() {
+    const double scale = std::max((x.high - x.low) / width, (y.high - y.low) / height);
+    const auto widen = [scale](Extent& extent, double pixels) {
+        const double middle = 0.5 * (extent.low + extent.high);
+        extent = {middle - 0.5 * scale * pixels, middle + 0.5 * scale * pixels};
+    };
+    widen(x, width);
+    widen(y, height);
+}
+
+SvgPlot::Frame SvgPlot::frame() const {
+    Extent x, y;
+    for (const Layer& layer : layers_)
+        layer.include_in(x, y);
+    const double top = 26.0 + 16.0 * (legend_places().rows - 1);
+    Frame frame{x.padded(), y.padded(), top, width_ - left - right, height_ - top - bottom,
+                image_axes_};
+    if (y_range_)
+        frame.y = {y_range_->first, y_range_->second};
+    if (image_axes_)
+        frame.equalise_scales();
+    return frame;
+}
+
+std::string SvgPlot::axes(const Frame& f) const {
+    std::string text;
+    const double x0 = left, x1 = left + f.width, y0 = f.top, y1 = f.top + f.height;
+    for (const double tick : ticks(f.y.low, f.y.high, 6, log_y_)) {
+        const double y = f.py(tick);
+        text += fmt::format("<line class='grid' x1='{}' x2='{}' y1='{:.1f}' y2='{:.1f}'/>", x0, x1,
+                            y, y);
+        text += fmt::format("<text x='{}' y='{:.1f}' text-anchor='end'>{}</text>", x0 - 6, y + 4,
+                            tick_label(tick, log_y_));
+    }
+    if (categories_.empty()) {
+        for (const double tick : ticks(f.x.low, f.x.high, 8, log_x_)) {
+            const double x = f.px(tick);
+            text += fmt::format("<line class='grid' y1='{}' y2='{}' x1='{:.1f}' x2='{:.1f}'/>", y0,
+                                y1, x, x);
+            text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{}</text>", x,
+                                y1 + 16, tick_label(tick, log_x_));
+        }
+    }
+    for (std::size_t i = 0; i < categories_.size(); ++i)
+        text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{}</text>",
+                            f.px(static_cast<double>(i)), y1 + 16, escape_html(categories_[i]));
+    text += fmt::format("<rect class='axis' x='{}' y='{}' width='{}' height='{}'/>", x0, y0,
+                        f.width, f.height);
+    text += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle'>{}</text>", 0.5 * (x0 + x1),
+                        height_ - 8, escape_html(x_label_));
+    text += fmt::format(
+        "<text transform='translate(14 {:.1f}) rotate(-90)' text-anchor='middle'>{}</text>",
+        0.5 * (y0 + y1), escape_html(y_label_));
+    return text;
+}
+
+std::string SvgPlot::mark(const Layer& layer, std::size_t i, const Frame& f) const {
+    const double x = f.px(layer.xs[i]), y = f.py(layer.ys[i]);
+    const std::string note = title(i < layer.notes.size() ? layer.notes[i] : std::string());
+    if (layer.kind == Layer::Kind::points)
+        return fmt::format("<circle class='mark' cx='{:.1f}' cy='{:.1f}' r='3'>{}</circle>", x, y,
+                           note);
+    if (layer.kind == Layer::Kind::bars) {
+        const double zero = f.py(0.0), half = 0.36 * (f.px(1.0) - f.px(0.0));
+        return fmt::format(
+            "<rect class='mark' x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}'>{}</rect>",
+            x - half, std::min(y, zero), 2 * half, std::abs(zero - y), note);
+    }
+    return fmt::format(
+        "<g><path class='stroke' stroke-width='1.5' d='M{:.1f} {:.1f}L{:.1f} {:.1f}'/>"
+        "<circle class='mark' cx='{:.1f}' cy='{:.1f}' r='2.5'/>{}</g>",
+        x, y, f.px(layer.xs[i] + layer.us[i]), f.py(layer.ys[i] + layer.vs[i]), x, y, note);
+}
+
+std::string SvgPlot::marks(const Layer& layer, const Frame& f) const {
+    std::string text;
+    for (std::size_t i = 0; i < layer.xs.size(); ++i)
+        if (std::isfinite(layer.xs[i]) && std::isfinite(layer.ys[i]))
+            text += mark(layer, i, f);
+    return text;
+}
+
+std::string SvgPlot::path(const Layer& layer, const Frame& f) const {
+    std::string path;
+    const auto append = [&](double x, double y) {
+        if (std::isfinite(x) && std::isfinite(y))
+            path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", f.px(x), f.py(y));
+    };
+    for (std::size_t i = 0; i < layer.xs.size(); ++i)
+        append(layer.xs[i], layer.ys[i]);
+    if (layer.kind == Layer::Kind::line)
+        return "<path class='stroke' stroke-width='1.8' d='" + path + "'/>";
+    for (std::size_t i = layer.xs.size(); i-- > 0;)
+        append(layer.xs[i], layer.us[i]);
+    return "<path class='area' d='" + path + "Z'/>";
+}
+
+std::string SvgPlot::level(const Layer& layer, const Frame& f) const {
+    const double y = f.py(layer.ys[0]), end = left + f.width;
+    return fmt::format(
+        "<line class='stroke' stroke-dasharray='6 4' stroke-width='1.5' x1='{}' x2='{}' "
+        "y1='{:.1f}' y2='{:.1f}'/><text x='{}' y='{:.1f}' text-anchor='end'>{}</text>",
+        left, end, y, y, end - 4, y - 5, escape_html(layer.name));
+}
+
+std::string SvgPlot::layer(const Layer& layer, const Frame& f) const {
+    std::string shapes;
+    switch (layer.kind) {
+        case Layer::Kind::points:
+        case Layer::Kind::bars:
+        case Layer::Kind::arrows:
+            shapes = marks(layer, f);
+            break;
+        case Layer::Kind::line:
+        case Layer::Kind::band:
+            shapes = path(layer, f);
+            break;
+        case Layer::Kind::level:
+            shapes = level(layer, f);
+            break;
+    }
+    return fmt::format("<g class='{}'>{}</g>", css_class(layer.ink), shapes);
+}
+
+// From left to right, in as many rows as the names need.
+SvgPlot::LegendPlaces SvgPlot::legend_places() const {
+    LegendPlaces places;
+    double x = left;
+    for (const Layer& layer : layers_) {
+        if (layer.name.empty() || layer.kind == Layer::Kind::level)
+            continue;
+        const double entry = 30.0 + 6.6 * static_cast<double>(layer.name.size());
+        if (x > left && x + entry > width_) {
+            x = left;
+            ++places.rows;
+        }
+        places.entries.emplace_back(&layer, Eigen::Vector2d(x, 16.0 * (places.rows - 1)));
+        x += entry;
+    }
+    return places;
+}
+
+std::string SvgPlot::legend() const {
+    std::string text;
+    for (const auto& [layer, place] : legend_places().entries)
+        text += fmt::format(
+            "<g class='{}'><rect class='mark' x='{:.1f}' y='{:g}' width='10' height='10' rx='2'/>"
+            "</g><text x='{:.1f}' y='{:g}'>{}</text>",
+            css_class(layer->ink), place.x(), place.y() + 8.0, place.x() + 15.0, place.y() + 17.0,
+            escape_html(layer->name));
+    return text;
+}
+
+std::string SvgPlot::svg(bool stand_alone) const {
+    const Frame f = frame();
+    std::string text =
+        fmt::format("<svg class='plot' viewBox='0 0 {} {}' role='img' aria-label='{} against {}'>",
+                    width_, height_, escape_html(y_label_), escape_html(x_label_));
+    text += axes(f);
+    for (const Layer& each : layers_)
+        text += layer(each, f);
+    text += legend() + "</svg>";
+    return stand_alone ? stand_alone_svg(std::move(text)) : text;
+}
+
+std::string stand_alone_svg(std::string svg) {
+    svg.insert(svg.find('>') + 1, stand_alone_style());
+    return svg.insert(svg.find("<svg") + 4, " xmlns='http://www.w3.org/2000/svg'");
+}
+
+}  // namespace etalon

@@ -1,0 +1,100 @@
+// Plots for reports as SVG text: scatter, lines, bands, arrows, with ticks at 1-2-5 steps. Colours
+// come from the page's style sheet (report/html.h), so that a plot follows the page into dark
+// mode; a plot saved alone carries the same style itself. Every point shows its values when pointed
+// at.
+//
+// Not for interactive exploring: a report must open offline and print.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace etalon {
+
+// The colours of the style sheet, safe for colour-blind readers (Okabe and Ito 2008).
+enum class Ink { blue, orange, green, red, purple, sky, gray };
+
+// Round numbers within [low, high], low < high: at steps of 1, 2 or 5 times a power of ten, at most
+// `most` + 1 of them.
+std::vector<double> axis_ticks(double low, double high, int most);
+
+class SvgPlot {
+public:
+    SvgPlot(std::string x_label, std::string y_label);
+
+    // Size in CSS pixels; the picture scales with the page.
+    void set_size(int width, int height);
+    // Equal scales on both axes (maps), y growing downwards as in an image.
+    void set_image_axes();
+    // Both axes logarithmic, or y alone, for everything but bars and arrows that is added
+    // afterwards; coordinates that are not positive are left out.
+    void set_log_axes();
+    void set_log_y_axis();
+    // Fixed ends of an axis; otherwise they follow the data.
+    void set_y_range(double low, double high);
+
+    // Coordinates that are not finite are left out. `notes` (one per point, or none) are shown when
+    // the point is pointed at.
+    void add_points(std::span<const double> xs, std::span<const double> ys, Ink ink,
+                    const std::string& name, const std::vector<std::string>& notes = {});
+    void add_line(std::span<const double> xs, std::span<const double> ys, Ink ink,
+                  const std::string& name);
+    // Filled between low and high.
+    void add_band(std::span<const double> xs, std::span<const double> lows,
+                  std::span<const double> highs, Ink ink, const std::string& name);
+    // Bars from 0, one per category, drawn at x = 0, 1, 2...
+    void add_bars(const std::vector<std::string>& categories, std::span<const double> values,
+                  Ink ink);
+    // Arrows from (x, y) along (dx, dy) in plot units.
+    void add_arrows(std::span<const double> xs, std::span<const double> ys,
+                    std::span<const double> dxs, std::span<const double> dys, Ink ink,
+                    const std::string& name, const std::vector<std::string>& notes = {});
+    // A dashed line across the plot with a label, for limits.
+    void add_level(double y, Ink ink, const std::string& label);
+
+    // The <svg> element, with its own style when it is to stand alone.
+    std::string svg(bool stand_alone = false) const;
+
+private:
+    struct Extent;  // the range of the data along one axis
+    struct Layer {
+        enum class Kind { points, line, band, bars, arrows, level } kind;
+        std::vector<double> xs, ys, us, vs;  // us, vs: arrow components, or the band's upper end
+        Ink ink;
+        std::string name;
+        std::vector<std::string> notes;
+
+        void include_in(Extent& x, Extent& y) const;
+    };
+    struct Frame;  // the map from data to picture
+    struct LegendPlaces {
+        std::vector<std::pair<const Layer*, Eigen::Vector2d>> entries;  // places in px
+        int rows = 1;
+    };
+
+    LegendPlaces legend_places() const;
+    Frame frame() const;
+    std::string axes(const Frame& frame) const;
+    std::string layer(const Layer& layer, const Frame& frame) const;
+    std::string marks(const Layer& layer, const Frame& frame) const;
+    std::string mark(const Layer& layer, std::size_t i, const Frame& frame) const;
+    std::string path(const Layer& layer, const Frame& frame) const;
+    std::string level(const Layer& layer, const Frame& frame) const;
+    std::string legend() const;
+
+    std::string x_label_, y_label_;
+    int width_ = 640, height_ = 320;
+    bool image_axes_ = false, log_x_ = false, log_y_ = false;
+    std::optional<std::pair<double, double>> y_range_;
+    std::vector<std::string> categories_;
+    std::vector<Layer> layers_;
+};
+
+// An <svg class='plot'> element of a page made into a file of its own: namespace, style and paper.
+// Its colours are plain ones, as tools for papers (librsvg, Inkscape, TeX) know no CSS variables.
+std::string stand_alone_svg(std::string svg);
+
+}  // namespace etalon

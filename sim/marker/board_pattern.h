@@ -1,0 +1,63 @@
+// The cells and points of calibration boards; names and parsing are sim/marker/marker.h's part.
+//
+// Cells of a grid are all alike, and the lengths of a ChArUco board or an AprilTag grid need not
+// have a common measure. Squares, tags and circles lie exactly where they should; only edges inside
+// a tag are rounded to cells, to within a twentieth of a tag's cell at worst and exactly where
+// the lengths allow it.
+//
+// A circle is the cells whose centres are inside it: a staircase of 128 cells to a diameter (24 at
+// least, on large boards), symmetric about its centre, which is exact. The diameter of the same
+// area is right to 2e-3.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <string>
+#include <vector>
+
+#include "sim/marker/cell_grid.h"
+
+namespace etalon {
+
+// In the board's frame: x right, y down, the origin at the first point.
+struct BoardPattern {
+    CellGrid grid;                           // with a white margin
+    std::vector<Eigen::Vector3d> points_mm;  // row by row from the top left
+    double detail_mm = 0.0;                  // the smallest length that a print must show
+};
+
+// A tag on a board: the corners of its black square, from the top left clockwise.
+struct BoardTag {
+    int id;
+    std::array<Eigen::Vector2d, 4> corners_mm;
+};
+
+// columns x rows INNER corners; (columns + 1) x (rows + 1) squares, the upper left one black.
+BoardPattern chessboard_pattern(int columns, int rows, double square_mm);
+
+// columns x rows SQUARES, the upper left one black, as OpenCV draws it since 4.6; ArUco markers in
+// the white squares, numbered row by row. The points are the inner corners.
+BoardPattern charuco_pattern(const std::string& dictionary, int columns, int rows, double square_mm,
+                             double marker_mm);
+std::vector<BoardTag> charuco_tags(int columns, int rows, double square_mm, double marker_mm);
+
+// Kalibr's aprilgrid: columns x rows tags with a black border of TWO cells, numbered row by row
+// from the BOTTOM left, and a black square in every crossing of the gaps, so that each corner of a
+// tag is a crossing of two edges as on a chessboard. The points are the tags' corners as a grid of
+// 2 columns x 2 rows. Throws ConfigError for families with data outside the reported square.
+BoardPattern aprilgrid_pattern(const std::string& family, int columns, int rows, double tag_mm,
+                               double gap_mm);
+std::vector<BoardTag> aprilgrid_tags(int columns, int rows, double tag_mm, double gap_mm);
+
+// Black circles; the points are the centres. Asymmetric as in OpenCV's samples: every second row is
+// shifted by `spacing`, circles of a row are 2 spacings apart and rows one, so that neighbours are
+// sqrt(2) spacings apart.
+enum class CircleLayout { symmetric, asymmetric };
+BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double spacing_mm,
+                             double diameter_mm);
+double nearest_circle_mm(CircleLayout layout, double spacing_mm);  // between neighbours' centres
+
+// All throw ConfigError (without a place: the callers know it) for a board whose lengths would need
+// more than 16 million cells, circles more than 4 million.
+
+}  // namespace etalon

@@ -1,0 +1,326 @@
+#include "sim/marker/marker.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string_view>
+
+#include "core/errors.h"
+#include "core/image.h"
+#include "core/text.h"
+#include "sim/marker/board_pattern.h"
+#include "sim/marker/stag_pattern.h"
+#include "sim/marker/tag_pattern.h"
+#include "sim/marker/topotag_pattern.h"
+
+namespace etalon {
+namespace {
+
+constexpr double max_size_mm = 1e6;  // a kilometre: anything above is a slip of the unit
+constexpr int max_board_side = 500;  // corners, tags or circles
+
+// The name in its parts: "apriltag:36h11:5@50mm" is kind "apriltag", what "36h11:5", size "50".
+struct Spec {
+    std::string whole, place;
+    std::string kind, what, size;
+
+    [[noreturn]] void fail(const std::string& message) const {
+        throw ConfigError({place, 0, whole}, message);
+    }
+};
+
+Spec take_apart(const std::string& text, const std::string& place) {
+    Spec spec{text, place, {}, {}, {}};
+    const auto colon = text.find(':');
+    const auto at = text.rfind('@');  // a bitmap's path may hold one, too
+    if (colon == std::string::npos || at == std::string::npos || at < colon)
+        spec.fail("a marker is named KIND:WHAT@SIZEmm, for instance apriltag:36h11:5@50mm");
+    spec.kind = text.substr(0, colon);
+    spec.what = text.substr(colon + 1, at - colon - 1);
+    spec.size = text.substr(at + 1);
+    if (!spec.size.ends_with("mm"))
+        spec.fail("the size '" + spec.size + "' must end in mm");
+    spec.size.resize(spec.size.size() - 2);
+    return spec;
+}
+
+double length_mm(const Spec& spec, std::string_view text) {
+    const auto length = parse_number(text);
+    if (!length || *length <= 0.0 || *length > max_size_mm)
+        spec.fail(fmt::format("'{}' is not a length above 0 and up to {} mm", text, max_size_mm));
+    return *length;
+}
+
+// "9x6" as two numbers of whatever `parse` makes of each part.
+template <class Parse>
+auto pair_of(const Spec& spec, const std::string& text, Parse parse) {
+    const std::vector<std::string> parts = split(text, 'x');
+    if (parts.size() != 2)
+        spec.fail("'" + text + "' is not of the form AxB");
+    return std::pair{parse(parts[0]), parse(parts[1])};
+}
+
+std::string did_you_mean(const std::string& word, const std::vector<std::string>& candidates) {
+    const std::string nearest = nearest_word(word, candidates);
+    return nearest.empty() ? std::string() : "; did you mean '" + nearest + "'?";
+}
+
+void check_family(const Spec& spec, const char* title, const std::string& family,
+                  const std::vector<std::string>& families) {
+    if (std::find(families.begin(), families.end(), family) == families.end())
+        spec.fail(fmt::format("unknown {} '{}'{}", title, family, did_you_mean(family, families)));
+}
+
+int checked_id(const Spec& spec, const std::string& text, int count, const std::string& family) {
+    const auto id = parse_integer(text);
+    if (!id || *id < 0 || *id >= count)
+        spec.fail(
+            fmt::format("'{}' is not an id of {}: those are 0 to {}", text, family, count - 1));
+    return static_cast<int>(*id);
+}
+
+// Splits "36h11:5" and checks both halves against what the library has.
+void read_family_and_id(const Spec& spec, const char* title, Marker& marker,
+                        const std::vector<std::string>& families,
+                        int (*count)(const std::string&)) {
+    const std::vector<std::string> parts = split(spec.what, ':');
+    if (parts.size() != 2)
+        spec.fail(fmt::format("expected {}:FAMILY:ID@SIZEmm", spec.kind));
+    marker.family = parts[0];
+    check_family(spec, title, marker.family, families);
+    marker.id = checked_id(spec, parts[1], count(marker.family), marker.family);
+}
+
+// From the top left clockwise.
+std::vector<Eigen::Vector3d> square_corners(double half) {
+    return {{-half, -half, 0}, {half, -half, 0}, {half, half, 0}, {-half, half, 0}};
+}
+
+void lay_out_tag(const Spec& spec, const TagPattern& pattern, Marker& marker) {
+    cv::Mat turned;
+    cv::flip(pattern.cells, turned, -1);
+    if (cv::countNonZero(turned != pattern.cells) == 0)
+        spec.fail(fmt::format("id {} looks the same after half a turn: its corners have no order",
+                              marker.id));
+    marker.size_mm = length_mm(spec, spec.size);
+    const double cell = marker.size_mm / pattern.reference_cells;
+    const double half = marker.size_mm / 2.0;
+    const double corner = -half - pattern.reference_start * cell;
+    marker.grid = {pattern.cells, {corner, corner}, {cell, cell}};
+    marker.points_mm = square_corners(half);
+}
+
+Marker parse_apriltag(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::apriltag};
+    read_family_and_id(spec, "AprilTag family", marker, apriltag_families(), apriltag_count);
+    lay_out_tag(spec, apriltag_pattern(marker.family, marker.id), marker);
+    return marker;
+}
+
+Marker parse_aruco(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::aruco};
+    read_family_and_id(spec, "ArUco dictionary", marker, aruco_dictionaries(), aruco_count);
+    lay_out_tag(spec, aruco_pattern(marker.family, marker.id), marker);
+    return marker;
+}
+
+// The codewords of the family or file before the last colon, with the file's own complaints.
+std::vector<StagCode> read_stag_codes(const Spec& spec, Marker& marker) {
+    marker.family = spec.what.substr(0, spec.what.rfind(':'));
+    if (!is_stag_file(marker.family))
+        check_family(spec, "STag family", marker.family, stag_families());
+    return stag_codes(marker.family);
+}
+
+Marker parse_stag(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::stag};
+    const auto colon = spec.what.rfind(':');
+    if (colon == std::string::npos)
+        spec.fail("expected stag:FAMILY:ID@SIZEmm");
+    const std::vector<StagCode> codes = read_stag_codes(spec, marker);
+    marker.id = checked_id(spec, spec.what.substr(colon + 1), static_cast<int>(codes.size()),
+                           marker.family);
+    if (stag_separation(codes, marker.id) == 0)
+        spec.fail(
+            fmt::format("id {} looks like another one or like itself after a turn", marker.id));
+    marker.size_mm = length_mm(spec, spec.size);
+    const double half = marker.size_mm / 2.0, corner = -half - stag_border * marker.size_mm;
+    const double cell = marker.size_mm / stag_cells_a_side;
+    marker.grid = {
+        stag_cells(codes[static_cast<std::size_t>(marker.id)]), {corner, corner}, {cell, cell}};
+    marker.points_mm = square_corners(half);
+    marker.detail_mm = stag_detail * marker.size_mm;
+    return marker;
+}
+
+Marker parse_topotag(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::topotag};
+    read_family_and_id(spec, "TopoTag family", marker, topotag_families(), topotag_count);
+    marker.size_mm = length_mm(spec, spec.size);
+    const TopotagPattern pattern = topotag_pattern(marker.family, marker.id);
+    const int order = topotag_order(marker.family);
+    const double cell = marker.size_mm / topotag_white_side(order);
+    const double side = cell / pattern.pixels_per_cell;
+    const double corner = -pattern.pixels.cols * side / 2.0;
+    marker.grid = {pattern.pixels, {corner, corner}, {side, side}};
+    for (const Eigen::Vector2d& vertex : topotag_vertices(order))
+        marker.points_mm.emplace_back(vertex.x() * cell, vertex.y() * cell, 0.0);
+    if (pattern.pixels_per_cell > 1)
+        marker.detail_mm = cell / 10.0;  // what makes a dot round
+    return marker;
+}
+
+// "9x6" of a board, each at least `least`.
+void read_counts(const Spec& spec, const std::string& text, const char* what, int least,
+                 Marker& marker) {
+    std::tie(marker.columns, marker.rows) = pair_of(spec, text, [&](const std::string& part) {
+        const auto number = parse_integer(part);
+        if (!number || *number < least || *number > max_board_side)
+            spec.fail(fmt::format("'{}' is not a number of {}: {} to {}", part, what, least,
+                                  max_board_side));
+        return static_cast<int>(*number);
+    });
+}
+
+// "30mm/22mm", the last mm already gone.
+void read_two_lengths(const Spec& spec, const char* what, Marker& marker) {
+    const std::vector<std::string> parts = split(spec.size, '/');
+    if (parts.size() != 2 || !parts[0].ends_with("mm"))
+        spec.fail(fmt::format("the size must be two lengths, {}: for instance 20mm/12mm", what));
+    marker.size_mm = length_mm(spec, std::string_view(parts[0]).substr(0, parts[0].size() - 2));
+    marker.part_mm = length_mm(spec, parts[1]);
+}
+
+// "36h11:6x5": the family, and what is behind it.
+std::string read_family(const Spec& spec, const char* title, Marker& marker,
+                        const std::vector<std::string>& families) {
+    const std::vector<std::string> parts = split(spec.what, ':');
+    if (parts.size() != 2)
+        spec.fail(fmt::format("expected {}:FAMILY:COLUMNSxROWS@...", spec.kind));
+    marker.family = parts[0];
+    check_family(spec, title, marker.family, families);
+    return parts[1];
+}
+
+void require_ids(const Spec& spec, int needed, int available) {
+    if (needed > available)
+        spec.fail(fmt::format("{} tags are needed, but there are {}", needed, available));
+}
+
+// Draws the board; what cannot be drawn is a fault of the name.
+template <class Draw>
+void lay_out_board(const Spec& spec, Marker& marker, Draw draw) {
+    try {
+        BoardPattern board = draw();
+        marker.grid = board.grid;
+        marker.points_mm = std::move(board.points_mm);
+        marker.detail_mm = board.detail_mm;
+    } catch (const ConfigError& error) {
+        spec.fail(error.what());
+    }
+}
+
+Marker parse_chessboard(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::chessboard};
+    read_counts(spec, spec.what, "inner corners", 2, marker);
+    marker.size_mm = length_mm(spec, spec.size);
+    lay_out_board(spec, marker,
+                  [&] { return chessboard_pattern(marker.columns, marker.rows, marker.size_mm); });
+    return marker;
+}
+
+Marker parse_charuco(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::charuco};
+    const std::string counts = read_family(spec, "ArUco dictionary", marker, aruco_dictionaries());
+    read_counts(spec, counts, "squares", 2, marker);
+    read_two_lengths(spec, "of a square and of a marker", marker);
+    if (marker.part_mm >= marker.size_mm)
+        spec.fail("the markers must be smaller than the squares that hold them");
+    require_ids(spec, marker.columns * marker.rows / 2, aruco_count(marker.family));
+    lay_out_board(spec, marker, [&] {
+        return charuco_pattern(marker.family, marker.columns, marker.rows, marker.size_mm,
+                               marker.part_mm);
+    });
+    return marker;
+}
+
+Marker parse_aprilgrid(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::aprilgrid};
+    const std::string counts = read_family(spec, "AprilTag family", marker, apriltag_families());
+    read_counts(spec, counts, "tags", 1, marker);
+    read_two_lengths(spec, "of a tag and of the gap between tags", marker);
+    require_ids(spec, marker.columns * marker.rows, apriltag_count(marker.family));
+    lay_out_board(spec, marker, [&] {
+        return aprilgrid_pattern(marker.family, marker.columns, marker.rows, marker.size_mm,
+                                 marker.part_mm);
+    });
+    return marker;
+}
+
+Marker parse_circles(const Spec& spec, Marker::Kind kind) {
+    Marker marker{spec.whole, kind};
+    const CircleLayout layout =
+        kind == Marker::Kind::circles ? CircleLayout::symmetric : CircleLayout::asymmetric;
+    read_counts(spec, spec.what, "circles", 2, marker);
+    read_two_lengths(spec, "the spacing and the diameter", marker);
+    if (marker.part_mm >= nearest_circle_mm(layout, marker.size_mm))
+        spec.fail("the circles touch: their diameter is not below the distance of their centres");
+    lay_out_board(spec, marker, [&] {
+        return circles_pattern(layout, marker.columns, marker.rows, marker.size_mm, marker.part_mm);
+    });
+    return marker;
+}
+
+Marker parse_bitmap(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::bitmap};
+    const auto [width, height] =
+        pair_of(spec, spec.size, [&](const std::string& text) { return length_mm(spec, text); });
+    CodeImage image;
+    try {
+        image = read_image(spec.what);
+    } catch (const ConfigError& error) {
+        spec.fail(error.what());
+    }
+    marker.grid.corner_mm = {-width / 2.0, -height / 2.0};
+    marker.grid.cell_mm = {width / image.pixels.cols, height / image.pixels.rows};
+    image.pixels.convertTo(marker.grid.cells, CV_32F, 1.0 / image.full_scale());
+    return marker;
+}
+
+}  // namespace
+
+Marker parse_marker(const std::string& text, const std::string& place) {
+    const Spec spec = take_apart(text, place);
+    if (spec.kind == "apriltag")
+        return parse_apriltag(spec);
+    if (spec.kind == "aruco")
+        return parse_aruco(spec);
+    if (spec.kind == "topotag")
+        return parse_topotag(spec);
+    if (spec.kind == "chessboard")
+        return parse_chessboard(spec);
+    if (spec.kind == "charuco")
+        return parse_charuco(spec);
+    if (spec.kind == "aprilgrid")
+        return parse_aprilgrid(spec);
+    if (spec.kind == "circles")
+        return parse_circles(spec, Marker::Kind::circles);
+    if (spec.kind == "acircles")
+        return parse_circles(spec, Marker::Kind::acircles);
+    if (spec.kind == "bitmap")
+        return parse_bitmap(spec);
+    if (spec.kind == "stag")
+        return parse_stag(spec);
+    spec.fail("unknown kind of marker '" + spec.kind + "'" +
+              did_you_mean(spec.kind, {"apriltag", "aruco", "topotag", "chessboard", "charuco",
+                                       "aprilgrid", "circles", "acircles", "bitmap", "stag"}));
+}
+
+std::string marker_file(const Marker& marker) {
+    if (marker.kind == Marker::Kind::bitmap)
+        return take_apart(marker.spec, "").what;
+    const bool has_table = marker.kind == Marker::Kind::stag && is_stag_file(marker.family);
+    return has_table ? marker.family : "";
+}
+
+}  // namespace etalon

@@ -1,0 +1,54 @@
+// The truth that every other method is measured against: brute-force sampling of the whole image
+// model, with its own standard error. Slow, and shares no integration code with them.
+//
+// A sample is a point of the pixel's square, displaced by the point spread (Airy pattern to
+// infinity, Gaussian or measured; psf wave: the wave-optical pattern for the defocus of the
+// marker's plane at that point, and the lens centre alone), undistorted exactly, traced through a
+// point of the aperture and the plane of focus to the marker's plane and its cell. Six dimensions,
+// Owen-scrambled Sobol points; the mean over independent scrambles is the value, their spread its
+// standard error.
+//
+// Counted as background: rays that miss the grid; rays that meet the marker's plane behind the lens
+// or from the marker's back; sensor points without a ray (outside the distortion model's valid
+// region), as far as the point spread brings them into a valid pixel. A pixel whose centre has no
+// ray is background without error.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/image.h"
+#include "sim/render/renderer.h"
+
+namespace etalon {
+
+struct ReferenceOptions {
+    int scrambles = 16;  // at least 2
+    // A power of two; the total is scrambles times this.
+    int samples_per_scramble = 1024;
+    std::uint64_t seed = 1;
+    // For whole images: a pixel is finished early, with a quarter, a 16th ... of the samples, when
+    // it and its neighbours have this standard error. 0: every pixel gets all samples. Stopping
+    // early is not perfectly unbiased; leave it 0 for a truth.
+    double stop_at_gray = 0.0;
+};
+
+// One value per pixel, linear radiance. Parallel; the same bytes for any number of threads.
+// About 0.1 us per sample. Throws NumericalError for numbers in camera, scene or options that are
+// not finite or out of range.
+struct ReferencePixel {
+    double mean, standard_error;
+};
+std::vector<ReferencePixel> integrate_reference(const CameraModel& camera, const Scene& scene,
+                                                const std::vector<cv::Point>& pixels,
+                                                const ReferenceOptions& options = {});
+
+// The same for a rectangle of the image; both CV_32FC1 of its size.
+struct ReferenceImage {
+    Radiance mean;
+    cv::Mat standard_error;
+};
+ReferenceImage integrate_reference(const CameraModel& camera, const Scene& scene,
+                                   const cv::Rect& region, const ReferenceOptions& options = {});
+
+}  // namespace etalon

@@ -1,0 +1,448 @@
+#include "sim/render/render_sampling.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <numbers>
+
+#include "core/errors.h"
+#include "sim/tiles/tile_evaluator.h"
+
+namespace etalon {
+namespace {
+
+// How the tolerance is shared out.
+constexpr double share_of_sampling = 0.7;
+constexpr double share_of_lens = 0.1;
+constexpr double share_of_diffraction = 0.03;
+constexpr double share_of_tail = 0.15;
+constexpr double share_of_rounding = 0.02;  // the filter's weights, single precision
+
+// More samples than these a side cost more than they are worth; a tolerance that needs them is
+// refused.
+constexpr int most_points = 32, most_boxes = 48;
+// Up to these nothing else is worth a thought, if there is a spread.
+constexpr int few_points = 10;
+// Below this blur two rims lie within a sample, whatever k.
+constexpr double least_blur_for_points_px = 0.02;
+// Where the plane of focus crosses the marker: from this blur on, 2 x 2 lens averages per box are
+// better than lens points.
+constexpr double mixed_from_px = 0.14;
+
+// Samples per pixel side that blurred tiles may take instead of the frame's own.
+constexpr std::array coarse_samples{2, 3, 4, 6, 8, 10, 12, 16, 24, 32};
+// Of the sampling's share, what their interpolation may use. The frame's finer grid, to which it
+// leads, needs less than a third of it again at the same blur.
+constexpr double share_of_coarse = 0.5;
+constexpr double coarse_blur_step = 1.25;  // between the radii that are tried
+
+struct Choice {
+    int k = 0;  // 0: none is enough
+    double gray = 0.0;
+    bool is_thinned = false;  // disks: sharp tiles are sampled at 2 k
+};
+
+// Time of a pixel by k^2, in units of an evaluation: the filter, and evaluations of a sample.
+constexpr double cost_of_filter = 4.0;
+double cost(int k, int evaluations) {
+    return k * k * (cost_of_filter + evaluations);
+}
+
+// Not every k, because each has a filter and bounds that are made when first needed.
+constexpr std::array sample_counts{1, 2, 3, 4, 5, 6, 8, 9, 10, 12, 15, 18, 24, 32, 40, 48};
+
+template <class Bound>
+Choice least_k(int least, int most, double allowed_gray, const Bound& bound) {
+    for (const int k : sample_counts)
+        if (k >= least && k <= most)
+            if (const double gray = bound(k); gray <= allowed_gray)
+                return {k, gray};
+    return {};
+}
+
+bool kept(const RenderOptions& options, Omission what) {
+    return std::find(options.keep.begin(), options.keep.end(), what) != options.keep.end();
+}
+
+class Chooser {
+public:
+    Chooser(const ImageExtremes& image, const ImageFilter& filter, const SamplingBound& bound,
+            const RenderOptions& options)
+        : image_(image), filter_(filter), bound_(bound), options_(options) {
+        chosen_.plan.tolerance_gray = options.tolerance_gray;
+        chosen_.plan.min_blur_radius_px = image.undistorted_blur.smallest_px;
+        chosen_.plan.max_blur_radius_px = image.undistorted_blur.largest_px;
+        chosen_.sampling.least_blur_scale = image.bend.least_scale;
+        chosen_.sampling.largest_blur_scale = image.bend.largest_scale;
+        chosen_.plan.method = options.method;
+    }
+
+    RenderSampling choose() {
+        if (options_.method == RenderMethod::reference)
+            return chosen_;
+        leave_out_diffraction();
+        leave_out_lens();
+        choose_method();
+        choose_tail();
+        return chosen_;
+    }
+
+private:
+    double allowed(double share) const { return share * options_.tolerance_gray; }
+
+    void leave_out(Omission what, std::string why, double gray) {
+        chosen_.plan.left_out.push_back({what, std::move(why), gray});
+    }
+
+    void leave_out_diffraction() {
+        chosen_.with_spread = filter_.has_point_spread();
+        if (!chosen_.with_spread)
+            return leave_out(Omission::diffraction, "the camera states no lens", 0.0);
+        const double gray = image_.step * bound_.of_no_spread();
+        if (gray > allowed(share_of_diffraction) || kept(options_, Omission::diffraction))
+            return;
+        chosen_.with_spread = false;
+        leave_out(Omission::diffraction,
+                  fmt::format("a step of {:.3g} keeps its shape to {:.2g} gray", image_.step, gray),
+                  gray);
+    }
+
+    // A disk of radius R moves an edge's profile f by less than R^2 / 8 |f''|, and f'' of a box
+    // average is no more than the peak of the line spread; without a spread, by the corner of the
+    // box's profile, 2 R / (3 pi).
+    double gray_without_lens(double blur_px) const {
+        const double by_spread = blur_px * blur_px / 8.0 * bound_.line_spread_peak();
+        const double by_corner = 2.0 * blur_px / (3.0 * std::numbers::pi);
+        return 255.0 * image_.step *
+               (chosen_.with_spread ? std::min(by_spread, by_corner) : by_corner);
+    }
+
+    void leave_out_lens() {
+        double& sharp_up_to = chosen_.sampling.sharp_up_to_px;
+        if (kept(options_, Omission::lens))
+            return;
+        const double gray = allowed(share_of_lens);
+        sharp_up_to = gray / (255.0 * image_.step * 2.0 / (3.0 * std::numbers::pi));
+        if (chosen_.with_spread)
+            sharp_up_to =
+                std::max(sharp_up_to,
+                         std::sqrt(8.0 * gray / (255.0 * image_.step * bound_.line_spread_peak())));
+        if (image_.blur.largest_px <= sharp_up_to)
+            leave_out(Omission::lens,
+                      fmt::format("blur radius at most {:.2g} px", image_.blur.largest_px),
+                      gray_without_lens(image_.blur.largest_px));
+    }
+
+    // Bounds are of one edge. In a grid of cells smaller than a pixel a pixel sees more of them,
+    // 1 / cell times the length; of very many the errors cancel. Measured in stripes, checkerboards
+    // and random cells of 0.1 to 8 px (tests/sim/render/small_cells_test.cpp).
+    double edges() const {
+        constexpr double most = 8.0;
+        return image_.cell_px > 0.0 ? std::clamp(1.0 / image_.cell_px, 1.0, most) : 1.0;
+    }
+    double step_of_edges() const { return image_.step * edges(); }
+    // Short pieces of an edge err as one along the pixels does.
+    EdgeTangents tangents() const {
+        return edges() > 1.0 ? image_.tangents | EdgeTangents(1) : image_.tangents;
+    }
+
+    Choice of_points(int most) const {
+        const double blur = image_.blur.smallest_px;
+        if (blur < least_blur_for_points_px)
+            return {};
+        return least_k(fewest_points(), most, allowed(share_of_sampling),
+                       [&](int k) { return step_of_edges() * gray_of_points(k, blur); });
+    }
+    // The border of the valid region is sharp however blurred the marker is: points beside it are
+    // means of their parts, and what the interpolant makes of such a step falls with k only.
+    // Measured beside folds: 1.4 gray of a step of 33 with 1 point a side, 0.03 with 4.
+    int fewest_points() const {
+        constexpr int at_border = 8;
+        return image_.bend.curvature < UndistortionMap::Bend::most ? 1 : at_border;
+    }
+    // Blur disks much smaller than a sample's part cancel along an edge only, not at its end.
+    double gray_of_points(int k, double blur_px) const {
+        constexpr double least_radius = 0.6;  // of samples
+        if (k * blur_px < least_radius)
+            return std::numeric_limits<double>::infinity();
+        // Where the undistortion bends, a sample stands for a part whose mean lies the sagitta off,
+        // on an edge that blur makes as flat as 2 / (pi R). At the border of the valid region the
+        // curvature is a guess, 1: twice that.
+        const double safety = image_.bend.curvature < UndistortionMap::Bend::most ? 1.0 : 2.0;
+        const double slope = std::min(1.0, 2.0 / (std::numbers::pi * blur_px));
+        return bound_.of_points(k, blur_px, tangents()) + safety * slope * gray_of_bend(k);
+    }
+    // Of a sharp edge across parts of 1 / k px.
+    double gray_of_bend(int k) const { return 255.0 * image_.bend.curvature / (24.0 * k * k); }
+    Choice of_boxes() const {
+        return least_k(fewest_boxes(), most_boxes, allowed(share_of_sampling),
+                       [&](int k) { return step_of_edges() * gray_of_boxes(k); });
+    }
+    bool needs_lens() const { return image_.blur.largest_px > chosen_.sampling.sharp_up_to_px; }
+
+    // Direct samples or, of a coarser grid, thinned ones. A tile's disks have the shape of its
+    // centre: they need an undistortion that hardly bends, and no border of the valid region.
+    Choice of_disks() const {
+        const SharpenedSpread* sharpened = chosen_.with_spread ? filter_.sharpened() : nullptr;
+        constexpr double largest_curvature = 0.004;
+        if (sharpened == nullptr || (needs_lens() && disks_of_lens() == 0) ||
+            !image_.bend.is_polynomial || image_.bend.curvature > largest_curvature)
+            return {};
+        const auto gray = [&](int k, bool is_thinned) {
+            return step_of_edges() * bound_.of_disks(k, *sharpened,
+                                                     disk_blur(image_.blur.smallest_px), tangents(),
+                                                     is_thinned);
+        };
+        if (const int k = options_.samples_per_side; k > 0)
+            return {k, gray(k, false)};
+        const double enough = allowed(share_of_sampling);
+        Choice thinned = least_k(1, most_boxes / 2, enough, [&](int k) { return gray(k, true); });
+        thinned.is_thinned = true;
+        const Choice direct = least_k(1, thinned.k == 0 ? most_points : 2 * thinned.k, enough,
+                                      [&](int k) { return gray(k, false); });
+        const bool thin =
+            thinned.k > 0 && (direct.k == 0 || cost_of_disks(thinned) < cost_of_disks(direct));
+        return thin ? thinned : direct;
+    }
+    // From this blur radius on; none where the lens is left out.
+    DiskBlur disk_blur(double least_px) const {
+        const double sharp = chosen_.sampling.sharp_up_to_px;
+        return {least_px <= sharp ? 0.0 : least_px, needs_lens() ? image_.blur.largest_px : 0.0,
+                one_disk_up_to_px()};
+    }
+    double one_disk_up_to_px() const {
+        return filter_.sharpened()->blur_of_one_disk_px(allowed(share_of_lens) / image_.step);
+    }
+    double cost_of_disks(const Choice& disks) const {
+        const int count = needs_lens() ? disks_of_lens() : 1;
+        return cost(disks.k, disks.is_thinned ? 4 * count : count);
+    }
+    // Concentric disks that stand for a sample's disk and the lens.
+    int disks_of_lens() const {
+        const double gray = allowed(share_of_lens) / image_.step;
+        if (image_.blur.largest_px <= one_disk_up_to_px())
+            return 1;
+        return filter_.sharpened()->disks_for_any_blur(gray);
+    }
+    // A box counts as a parallelogram: where the undistortion bends, an edge across it is shifted
+    // by the mean of the sagitta, curvature / (24 k^2).
+    double gray_of_boxes(int k) const {
+        return gray_of_bend(k) + (chosen_.with_spread ? bound_.of_boxes(k, tangents()) : 0.0);
+    }
+
+    // A sharp edge exactly along the pixels under a pattern of some hundredths of a pixel is beyond
+    // every k: up to 0.25 gray, which the plan then says. Others are far below that bound.
+    Choice nearly_enough() const {
+        constexpr double let_pass = 3.0;
+        Choice best;
+        for (const int k : {1, 2, 4, 9, 16, 24, 36, most_boxes}) {
+            if (k < fewest_boxes())
+                continue;
+            const double gray = step_of_edges() * gray_of_boxes(k);
+            if (gray <= let_pass * edges() * options_.tolerance_gray &&
+                (best.k == 0 || gray < 0.8 * best.gray))
+                best = {k, gray};
+        }
+        return best;
+    }
+
+    // The mean of 2 x 2 lens averages is a box average only if the boxes are smaller than the blur.
+    int fewest_boxes() const { return is_mixed() ? 18 : 1; }
+
+    bool is_mixed() const {
+        return options_.method == RenderMethod::automatic && image_.blur.largest_px > mixed_from_px;
+    }
+
+    // Evaluations per pixel where an edge is.
+    double cost_of_boxes(const Choice& boxes) const {
+        const double blur = image_.blur.largest_px;
+        const int points =
+            is_mixed() ? 4 : lens_rule(blur, chosen_.sampling.sharp_up_to_px).points();
+        return static_cast<double>(boxes.k) * boxes.k * points;
+    }
+
+    void choose_method() {
+        const bool automatic = options_.method == RenderMethod::automatic;
+        Choice points, boxes;
+        if (automatic ? needs_lens() : options_.method == RenderMethod::exact_lens)
+            points = of_points(automatic ? few_points : most_points);
+        if (options_.method != RenderMethod::exact_lens &&
+            (points.k == 0 || !chosen_.with_spread)) {
+            const Choice disks = automatic || !needs_lens() ? of_disks() : Choice{};
+            if (automatic)
+                points = of_points(disks.k == 0 ? most_points : points_worth(disks));
+            if (points.k == 0 && disks.k > 0)
+                return take_disks(disks);
+            boxes = of_boxes();
+            if (automatic && boxes.k == 0 && points.k == 0)
+                boxes = nearly_enough();
+        }
+        bool by_points = options_.method == RenderMethod::exact_lens;
+        if (automatic)
+            by_points =
+                points.k > 0 && (boxes.k == 0 || points.k * points.k < cost_of_boxes(boxes));
+        if (options_.samples_per_side > 0)
+            (by_points ? points : boxes) = forced(by_points);
+        const bool lens_points_suffice = automatic || image_.blur.largest_px <= 0.5;
+        if ((by_points ? points : boxes).k == 0 ||
+            (!by_points && !lens_points_suffice && options_.samples_per_side == 0))
+            refuse(by_points);
+        by_points ? take_points(points) : take_boxes(boxes);
+    }
+
+    // The largest k of points that costs no more than these disks.
+    int points_worth(const Choice& disks) const {
+        return static_cast<int>(std::sqrt(cost_of_disks(disks) / cost(1, 1)));
+    }
+
+    Choice forced(bool by_points) const {
+        const int k = options_.samples_per_side;
+        const double blur = std::max(image_.blur.smallest_px, least_blur_for_points_px);
+        return {k, step_of_edges() *
+                       (by_points ? bound_.of_points(k, blur, tangents()) : gray_of_boxes(k))};
+    }
+
+    [[noreturn]] void refuse(bool by_points) const {
+        throw NumericalError(fmt::format(
+            "{} cannot meet a tolerance of {:.3g} gray for a blur radius from {:.3g} px on with {} "
+            "samples a pixel side",
+            by_points ? "exact lens averages (E)" : "exact areas (C)", options_.tolerance_gray,
+            image_.blur.smallest_px, by_points ? most_points : most_boxes));
+    }
+
+    void take(const Choice& choice, RenderMethod method, SampleKind kind) {
+        chosen_.plan.method = method;
+        chosen_.plan.points_per_pixel_side = chosen_.sampling.k = choice.k;
+        chosen_.plan.sampling_gray = choice.gray;
+        chosen_.sampling.kind = kind;
+    }
+    void take_points(const Choice& points) {
+        take(points, RenderMethod::exact_lens, SampleKind::point);
+        add_coarser(points_of_tile(points.k));
+    }
+    void take_boxes(const Choice& boxes) {
+        take(boxes, RenderMethod::exact_area, SampleKind::box);
+        if (is_mixed())
+            chosen_.sampling.exact_lens_from_px = mixed_from_px;
+        if (options_.method == RenderMethod::automatic)
+            add_coarser(points_of_tile(2 * boxes.k));
+    }
+
+    static int points_of_tile(int k) {
+        const int side = UndistortionMap::tile_px * k;
+        return side * side;
+    }
+
+    // Grids of fewer points than the frame's own, each from the least blur on (in steps) at which
+    // it is enough, down to the least blur of the frame.
+    void add_coarser(int points_of_frame) {
+        if (options_.samples_per_side > 0 || image_.blur.largest_px < least_blur_for_points_px)
+            return;
+        double blur = largest_blur_tried();
+        for (const int k : coarse_samples) {
+            const int side = TileInterpolation::side(k);
+            if (3 * side * side > 2 * points_of_frame)
+                return;
+            if (const double from = least_blur_of(k, blur); std::isfinite(from))
+                chosen_.sampling.coarser.push_back({from, k});
+        }
+    }
+
+    double largest_blur_tried() const {
+        double blur = least_blur_for_points_px;
+        while (blur * coarse_blur_step <= image_.blur.largest_px)
+            blur *= coarse_blur_step;
+        return blur;
+    }
+
+    // The least blur, from this one down, at which tiles may be sampled at k; infinite: none.
+    // Then `blur` is the next to be tried.
+    double least_blur_of(int k, double& blur) const {
+        const double gray = share_of_coarse * allowed(share_of_sampling);
+        const double least =
+            std::max(image_.blur.smallest_px / coarse_blur_step, least_blur_for_points_px);
+        double from = std::numeric_limits<double>::infinity();
+        for (; blur >= least && step_of_edges() * gray_of_tiles(k, blur) <= gray;
+             blur /= coarse_blur_step)
+            from = blur;
+        return from;
+    }
+
+    double gray_of_tiles(int k, double blur_px) const {
+        return chosen_.sampling.kind == SampleKind::disk
+                   ? bound_.of_disks(k, *filter_.sharpened(), disk_blur(blur_px), tangents())
+                   : gray_of_points(k, blur_px);
+    }
+
+    void take_disks(const Choice& disks) {
+        take(disks, RenderMethod::exact_area, SampleKind::disk);
+        Sampling& sampling = chosen_.sampling;
+        sampling.disk_radius_px = filter_.sharpened()->disk_radius_px();
+        sampling.one_disk_up_to_px = one_disk_up_to_px();
+        sampling.disks = needs_lens() ? disks_of_lens() : 1;
+        add_coarser(points_of_tile(disks.k));
+        if (disks.is_thinned) {
+            double blur = largest_blur_tried();
+            sampling.direct_from_px = least_blur_of(disks.k, blur);
+        }
+    }
+
+    void choose_tail() {
+        if (!chosen_.with_spread || !filter_.has_tail())
+            return;
+        const double gray = allowed(share_of_tail) / image_.markers;
+        RenderPlan& plan = chosen_.plan;
+        chosen_.finest_ring = filter_.first_ring();
+        if (kept(options_, Omission::tail)) {
+            plan.tail_reach_px = std::numeric_limits<double>::infinity();
+            return;
+        }
+        plan.tail_reach_px = filter_.tail_reach_px(image_.contrast, image_.area_px, gray);
+        leave_out(Omission::tail,
+                  fmt::format("beyond {:.0f} px, a marker of {:.0f} px^2 at contrast {:.2g}",
+                              plan.tail_reach_px, image_.area_px, image_.contrast),
+                  gray);
+        if (options_.samples_per_side == 0 && plan.tail_reach_px > 0.0)
+            leave_out_fine_rings();
+    }
+
+    // Beside a corner two edges add up, among small cells several of them: in stripes and
+    // checkerboards of 1 to 8 px three times one edge's change.
+    double gray_of_rings(int finest) const {
+        constexpr double large_cell_px = 12.0;
+        const double edges = image_.cell_px < large_cell_px ? 3.0 : 1.5;
+        return edges * image_.step * filter_.gray_of_coarser_ring(finest, image_.blur.smallest_px);
+    }
+
+    // Blurred images do not need the finest grids: for what nothing else has used of the tolerance.
+    void leave_out_fine_rings() {
+        const RenderPlan& plan = chosen_.plan;
+        double left = allowed(1.0 - share_of_rounding) - plan.sampling_gray;
+        for (const LeftOut& omitted : plan.left_out)
+            left -= omitted.gray;
+        const int first = filter_.first_ring();
+        while (chosen_.finest_ring < first + 2 && gray_of_rings(chosen_.finest_ring + 1) <= left)
+            ++chosen_.finest_ring;
+        if (chosen_.finest_ring > first)
+            leave_out(Omission::tail,
+                      fmt::format("its detail below {} px", 1 << chosen_.finest_ring),
+                      gray_of_rings(chosen_.finest_ring));
+    }
+
+    const ImageExtremes& image_;
+    const ImageFilter& filter_;
+    const SamplingBound& bound_;
+    const RenderOptions& options_;
+    RenderSampling chosen_;
+};
+
+}  // namespace
+
+RenderSampling choose_sampling(const ImageExtremes& image, const ImageFilter& filter,
+                               const SamplingBound& bound, const RenderOptions& options) {
+    return Chooser(image, filter, bound, options).choose();
+}
+
+}  // namespace etalon

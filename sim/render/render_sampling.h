@@ -1,0 +1,39 @@
+// The choice of method and sampling for a marker's image, from bounds on its blur and on what the
+// point spread leaves of an edge.
+#pragma once
+
+#include "sim/render/renderer.h"
+#include "sim/render/sampling_bound.h"
+#include "sim/scene/marker_view.h"
+#include "sim/tiles/image_filter.h"
+#include "sim/tiles/sampling.h"
+#include "sim/tiles/undistortion_map.h"
+
+namespace etalon {
+
+struct RenderSampling {
+    RenderPlan plan;
+    Sampling sampling;
+    bool with_spread = true;  // false: pixels are box averages
+    int finest_ring = 0;      // of the tail: its grid's shift
+};
+
+// What of a marker's image the choice depends on.
+struct ImageExtremes {
+    BlurRange undistorted_blur;  // for the record
+    BlurRange blur;              // as the sensor sees it
+    double step;                 // largest difference of two neighbouring cells
+    double contrast;             // largest difference of a cell from the background
+    double area_px;              // of the marker's image, at least
+    double cell_px;              // a cell's side where it is shortest, about
+    EdgeTangents tangents;
+    UndistortionMap::Bend bend;
+    int markers = 1;  // in the scene: their omitted tails add up
+};
+
+// Throws NumericalError when the method that the options force cannot meet their tolerance.
+// For the method `reference`, which samples by itself, the plan only records the scene's blur.
+RenderSampling choose_sampling(const ImageExtremes& image, const ImageFilter& filter,
+                               const SamplingBound& bound, const RenderOptions& options);
+
+}  // namespace etalon

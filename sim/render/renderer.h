@@ -1,0 +1,103 @@
+// Renders a planar marker as a given camera would see it, in linear radiance: full distortion,
+// thin-lens defocus, diffraction, pixel integration. The sensor is in sim/sensor/sensor_model.h.
+//
+// Two closed-form methods and the brute-force reference (sim/render/reference_integrator.h):
+//   exact_lens  (E): the aperture average at a point of the sensor is exact; k x k points a pixel,
+//                    then one filter, pixel box convolved with the diffraction pattern.
+//   exact_area  (C): the pixel's area in each cell is exact, at a few lens points; for (nearly)
+//                    sharp images.
+// Method and errors: docs/rendering.md.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "core/image.h"
+#include "sim/scene/scene.h"
+#include "sim/tiles/render_plan.h"
+
+namespace etalon {
+
+struct RenderOptions {
+    RenderMethod method = RenderMethod::automatic;
+    // Largest error aimed at, in gray = 1/255 of linear full scale.
+    double tolerance_gray = 0.1;
+    // Forces k of the closed-form methods, 1..48; 0: chosen from bounds.
+    int samples_per_side = 0;
+    // Part of the image to render; empty: all of it. The rest of the result is background.
+    cv::Rect region;
+    // What must not be left out even where the scene does not need it: to check the bounds.
+    std::vector<Omission> keep;
+    // Of RenderMethod::reference: at most this many samples a pixel, a power of two of at least 8;
+    // a pixel stops early when its standard error is below tolerance_gray. Statistical error of a
+    // whole image and time: docs/rendering.md.
+    int reference_samples = 1024;
+};
+
+struct RenderedImage {
+    Radiance radiance;  // CV_32FC1, the camera's size
+    // CV_8UC1: 255 where the pixel's ray exists, 0 outside the distortion model's valid region
+    // (there the radiance is the background's). Shared by all images of a renderer: not to be
+    // written to.
+    cv::Mat valid;
+    RenderPlan plan;
+};
+
+// A rendering without what sees nothing but the background: all that there is to a small marker in
+// a large image.
+struct RenderedPart {
+    cv::Rect region;          // within the image; empty when all of it is background
+    Radiance radiance;        // CV_32FC1, the region's size
+    double background = 0.0;  // the radiance of all other pixels
+    RenderPlan plan;
+
+    // CV_32FC1 of the size of `other`, a rectangle of the image: part and background.
+    Radiance within(const cv::Rect& other) const;
+};
+
+// One per camera: holds its undistortion map and filters, and what it learns of sampling errors.
+// Safe from every thread once built.
+class Renderer {
+public:
+    explicit Renderer(const CameraModel& camera);
+    ~Renderer();
+    Renderer(Renderer&&) noexcept;
+    Renderer& operator=(Renderer&&) noexcept;
+
+    // About a ms for a marker of 50 px in a VGA image (docs/performance.md); parallel, and the same
+    // bytes for any number of threads. The first render of a kind also makes its filter (some ms).
+    // Throws NumericalError when a marker's plane passes through the lens or part of a marker that
+    // would be seen is behind it, when markers may hide each other (sim/scene/scene.h), when an
+    // input is not finite, or the tolerance cannot be met.
+    RenderedImage render(const Scene& scene, const RenderOptions& options = {}) const;
+
+    // The same pixels, of the part that is not background only. Of a small marker in a VGA image
+    // an eighth less time, and less memory to go through afterwards.
+    RenderedPart render_part(const Scene& scene, const RenderOptions& options = {}) const;
+
+    const CameraModel& camera() const;
+
+private:
+    struct Cache;
+    class MarkerRender;
+
+    // Gives the pixels to be drawn into, for the rectangle of those that see a marker.
+    using Canvas = std::function<cv::Mat(const cv::Rect&)>;
+    struct Drawn {
+        cv::Rect region;
+        cv::Mat pixels;
+        RenderPlan plan;
+    };
+
+    RenderPlan draw(const Scene& scene, const RenderOptions& options, const Canvas& canvas) const;
+    Drawn draw_markers(const Scene& scene, const RenderOptions& options, const cv::Rect& region,
+                       const Canvas& canvas) const;
+    Drawn draw_wave(const Scene& scene, const RenderOptions& options, const cv::Rect& region,
+                    const Canvas& canvas) const;
+
+    std::unique_ptr<const Cache> cache_;
+};
+
+}  // namespace etalon

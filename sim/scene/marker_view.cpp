@@ -1,0 +1,302 @@
+#include "sim/scene/marker_view.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+
+#include "calib/camera/distortion.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+// Bounds are widened by this part of their size, far more than rounding can amount to.
+constexpr double rounding_margin = 1e-9;
+
+void check_cells(const cv::Mat& cells) {
+    if (cells.empty() || cells.type() != CV_32FC1)
+        throw NumericalError("the marker's cells must be a non-empty CV_32FC1 matrix");
+    if (!cv::checkRange(cells))
+        throw NumericalError("a cell's radiance is not finite");
+}
+
+void check_marker(const PlacedMarker& marker) {
+    check_cells(marker.grid.cells);
+    const Rigid& pose = marker.camera_from_marker;
+    const Eigen::Vector2d &corner = marker.grid.corner_mm, &cell = marker.grid.cell_mm;
+    if (!pose.translation.allFinite() || !(std::abs(pose.rotation.norm() - 1.0) < 1e-6))
+        throw NumericalError(fmt::format(
+            "not a pose: quaternion of norm {}, translation {}, {}, {} mm", pose.rotation.norm(),
+            pose.translation.x(), pose.translation.y(), pose.translation.z()));
+    if (!corner.allFinite() || !cell.allFinite() || !(cell.minCoeff() > 0.0))
+        throw NumericalError(fmt::format("not a grid: cells of {} x {} mm from ({}, {}) mm",
+                                         cell.x(), cell.y(), corner.x(), corner.y()));
+}
+
+Eigen::Matrix3d camera_from_grid(const PlacedMarker& marker) {
+    const Eigen::Matrix3d rotation = marker.camera_from_marker.rotation.toRotationMatrix();
+    Eigen::Matrix3d m;
+    m.col(0) = marker.grid.cell_mm.x() * rotation.col(0);
+    m.col(1) = marker.grid.cell_mm.y() * rotation.col(1);
+    m.col(2) = marker.camera_from_marker * marker.grid.point_mm(0, 0);
+    return m;
+}
+
+// Perspective divides by Z; telecentric rays keep their X and Y.
+Eigen::Matrix3d sensor_from_grid(Projection projection, const Eigen::Matrix3d& camera_from_grid) {
+    Eigen::Matrix3d m = camera_from_grid;
+    if (projection == Projection::telecentric)
+        m.row(2) << 0, 0, 1;
+    return m;
+}
+
+// The box and everything closer to it than `reach`, rounding included.
+Box with_margin(const Box& box, double reach) {
+    const Eigen::Vector2d scale = box.low.cwiseAbs().cwiseMax(box.high.cwiseAbs());
+    const Eigen::Vector2d margin =
+        Eigen::Vector2d::Constant(reach * (1.0 + rounding_margin) + 1e-15) +
+        rounding_margin * (box.half() + 1e-4 * scale);
+    return {box.low - margin, box.high + margin};
+}
+
+bool are_apart(const Box& a, const Box& b) {
+    return (a.high.array() < b.low.array()).any() || (a.low.array() > b.high.array()).any();
+}
+
+// How far before the marker's plane the lens is, mm; telecentric: the cosine between the plane's
+// normal and the chief rays. Positive in front of the marker.
+double frontness(Projection projection, const Eigen::Matrix3d& camera_from_grid) {
+    const Eigen::Vector3d normal =
+        camera_from_grid.col(0).cross(camera_from_grid.col(1)).normalized();
+    return projection == Projection::telecentric ? normal.z() : normal.dot(camera_from_grid.col(2));
+}
+
+}  // namespace
+
+// The tilted sensor plane is r3 . p = r33 v with r3 the third row of the tilt's rotation. A sensor
+// point in the direction (x, 1) lies at the depth v r33 / (r3 . (x, 1)), and 1/z_f = 1/f - 1/depth.
+Aperture aperture_of(const CameraModel& camera) {
+    Aperture aperture{.projection = camera.projection};
+    if (!camera.lens)
+        return aperture;
+    const bool has_blur = camera.lens->psf.kind != PointSpread::Kind::measured;
+    if (camera.projection == Projection::telecentric) {
+        const TelecentricLens lens = telecentric_lens(camera);
+        aperture.radius_mm = has_blur ? lens.cone_tangent : 0.0;
+        aperture.focus_on_axis = lens.focus_distance_mm;
+        return aperture;
+    }
+    const ThinLens lens = thin_lens(camera);
+    aperture.radius_mm = has_blur ? lens.aperture_diameter_mm / 2.0 : 0.0;
+    aperture.focus_on_axis = lens.inverse_focus_per_mm;
+    const Eigen::Vector3d r3 =
+        tilt_matrix(camera.distortion.tau_x, camera.distortion.tau_y).row(2).transpose();
+    aperture.focus_slope = -r3.head<2>() / (r3.z() * lens.image_distance_mm);
+    return aperture;
+}
+
+void check_scene(const Scene& scene) {
+    for (const PlacedMarker& marker : scene.markers)
+        check_marker(marker);
+    if (!std::isfinite(scene.background))
+        throw NumericalError(fmt::format("background radiance {}", scene.background));
+}
+
+MarkerView::MarkerView(const PlacedMarker& marker, double background, const Aperture& aperture)
+    : aperture_(aperture), background_(background) {
+    columns_ = marker.grid.columns();
+    rows_ = marker.grid.rows();
+    camera_from_grid_ = etalon::camera_from_grid(marker);
+    for (const auto& [u, v] : {std::pair{0, 0}, {columns_, 0}, {0, rows_}, {columns_, rows_}}) {
+        const double z = (camera_from_grid_ * Eigen::Vector3d(u, v, 1)).z();
+        if (!(z > 0.0))
+            throw NumericalError(fmt::format(
+                "a corner of the marker lies at depth {:.6g} mm: not in front of the lens", z));
+    }
+    const double distance = frontness(aperture.projection, camera_from_grid_);
+    if (!(distance > 0.0))
+        throw NumericalError(fmt::format(
+            "the camera sees the marker's back or its edge ({:.6g} before its plane)", distance));
+    sensor_from_grid_ = etalon::sensor_from_grid(aperture.projection, camera_from_grid_);
+    h_ = sensor_from_grid_.inverse();
+    if (aperture.projection == Projection::telecentric) {
+        h_.row(2) << 0, 0, 1;  // without rounding: no horizon
+        e_ = (camera_from_grid_.row(2) * h_).transpose();
+    } else {
+        e_ = h_.row(2).transpose();
+    }
+    const double cut = turn().norm() * aperture_.radius_mm;
+    if (!h_.allFinite() || !e_.allFinite() || !(cut < 1.0))
+        throw NumericalError(fmt::format(
+            "the marker's plane cuts the aperture or the cone of rays (|a| d/2 = {:.6g})", cut));
+    lens_reach_ = aperture_.radius_mm / (1.0 - cut);
+    outline_.low = outline_.high = sensor_point_of(0, 0);
+    for (const auto& [u, v] : {std::pair{columns_, 0}, {0, rows_}, {columns_, rows_}}) {
+        outline_.low = outline_.low.cwiseMin(sensor_point_of(u, v));
+        outline_.high = outline_.high.cwiseMax(sensor_point_of(u, v));
+    }
+    blurred_outline_ = blurred_outline();
+    cells_.assign(static_cast<std::size_t>((columns_ + 2) * (rows_ + 2)), background_);
+    for (int j = 0; j < rows_; ++j)
+        for (int i = 0; i < columns_; ++i)
+            cells_[static_cast<std::size_t>((j + 1) * (columns_ + 2) + i + 1)] =
+                marker.grid.cells.at<float>(j, i);
+}
+
+// The other way round: the ray from the sensor point p of a marker's point through l meets the
+// sensor at x = p - l c(p) / (1 - g . l) with the focus' slope g. Where the marker's plane almost
+// cuts the lens, this is all that bounds what sees it: seen_through_lens() is then everything.
+Box MarkerView::blurred_outline() const {
+    double farthest = 0.0;
+    for (const auto& [u, v] : {std::pair{0, 0}, {columns_, 0}, {0, rows_}, {columns_, rows_}})
+        farthest = std::max(farthest, std::abs(defocus(sensor_point_of(u, v))));
+    const double cut = aperture_.radius_mm * aperture_.focus_slope.norm();
+    const double reach = cut < 1.0 ? aperture_.radius_mm * farthest / (1.0 - cut)
+                                   : std::numeric_limits<double>::infinity();
+    return with_margin(outline_, reach);
+}
+
+double MarkerView::contrast() const {
+    double largest = 0.0;
+    for (const double radiance : cells_)
+        largest = std::max(largest, std::abs(radiance - background_));
+    return largest;
+}
+
+double MarkerView::largest_defocus(const Box& box) const {
+    return std::abs(defocus(box.centre())) + defocus_slope().cwiseAbs().dot(box.half());
+}
+
+double MarkerView::smallest_defocus(const Box& box) const {
+    return std::max(0.0,
+                    std::abs(defocus(box.centre())) - defocus_slope().cwiseAbs().dot(box.half()));
+}
+
+Eigen::Vector2d MarkerView::line_gradient(int axis, int index, const Eigen::Vector2d& l) const {
+    // offset (1 - a.l) + c m.l with offset and c affine in x, m the line's own gradient.
+    const Eigen::Vector3d h = h_.row(axis) - index * h_.row(2);
+    const Eigen::Vector2d m = h.head<2>();
+    return m * (1.0 - turn().dot(l)) + defocus_slope() * m.dot(l);
+}
+
+// |l c / (1 - a.l)| <= radius |c| / (1 - radius |a|) for every l on the lens.
+Box MarkerView::seen_through_lens(const Box& box) const {
+    return with_margin(box, lens_reach_ * largest_defocus(box));
+}
+
+// The marker's sensor points fill a convex outline, which the lines u = 0, u = columns, v = 0 and
+// v = rows bound on the near side of the plane's horizon: W > 0 for all of them. Two convex shapes
+// are apart if and only if one of their sides parts them. Needs no division and holds across the
+// horizon. `centre`, `to_right`, `down`: (U, V, W) at the box's centre and half a box from there.
+bool MarkerView::misses_marker(const Box& box, const Eigen::Vector3d& centre,
+                               const Eigen::Vector3d& to_right, const Eigen::Vector3d& down) const {
+    if (are_apart(box, outline_))
+        return true;
+    const auto all_negative = [](double at_centre, double by_x, double by_y) {
+        return at_centre + std::abs(by_x) + std::abs(by_y) < 0.0;
+    };
+    const auto beyond = [&](Eigen::Index axis, double size) {
+        return all_negative(centre[axis], to_right[axis], down[axis]) ||
+               all_negative(size * centre[2] - centre[axis], size * to_right[2] - to_right[axis],
+                            size * down[2] - down[axis]);
+    };
+    return beyond(0, columns_) || beyond(1, rows_);
+}
+
+// u and v are quotients of linear functions: over a box they are largest and smallest at its
+// corners, as long as the denominator W keeps its sign.
+//
+// Where it does not, all lines decide: a ray with W < 0 counts as beyond the line u = i when i is
+// at least its quotient u. What the lines between all cells make of it is the cell at its quotients
+// (u, v), which is none of the marker's: their sensor points have W > 0. So this ray, which runs
+// away from the plane, has the background's radiance, as it must. That also holds where a window
+// (aperture or box) leaves out the lines before one that all of it is beyond, or after one that
+// nothing of it is beyond: for such a ray the other lines of that direction then end in the frame.
+std::optional<CellRange> MarkerView::footprint(const Box& sensor_box) const {
+    if (are_apart(sensor_box, blurred_outline_))
+        return std::nullopt;
+    const Box box = seen_through_lens(sensor_box);
+    const Eigen::Vector2d half = box.half();
+    const Eigen::Vector3d centre = h_ * box.centre().homogeneous();
+    const Eigen::Vector3d to_right = half.x() * h_.col(0), down = half.y() * h_.col(1);
+    if (misses_marker(box, centre, to_right, down))
+        return std::nullopt;
+    Eigen::Array2d least = Eigen::Array2d::Constant(std::numeric_limits<double>::infinity());
+    Eigen::Array2d most = -least;
+    for (int corner = 0; corner < 4; ++corner) {
+        const double x = corner % 2 == 0 ? -1.0 : 1.0, y = corner / 2 == 0 ? -1.0 : 1.0;
+        const Eigen::Vector3d uvw = centre + x * to_right + y * down;
+        if (!(uvw.z() > 0.0))
+            return CellRange{-1, columns_, -1, rows_};
+        const Eigen::Array2d place = uvw.head<2>().array() * (1.0 / uvw.z());
+        least = least.min(place);
+        most = most.max(place);
+    }
+    const auto clamped = [](double value, int size) {
+        return static_cast<int>(std::clamp(std::floor(value), -1.0, static_cast<double>(size)));
+    };
+    return narrowed({clamped(least.x(), columns_), clamped(most.x(), columns_),
+                     clamped(least.y(), rows_), clamped(most.y(), rows_)},
+                    sensor_box);
+}
+
+CellRange MarkerView::narrowed(const CellRange& range, const Box& box) const {
+    CellRange result = range;
+    if (range.is_single())
+        return result;
+    const LensBox seen{h_ * box.centre().homogeneous(), with_margin(box, 0.0).half(),
+                       lens_reach_ * largest_defocus(box)};
+    leave_out_lines(0, seen, result.first_column, result.last_column);
+    leave_out_lines(1, seen, result.first_row, result.last_row);
+    return result;
+}
+
+// Between the corners of a square around the lens a line may still pass beside the lens, which is
+// round. With m the line's gradient, D + w . l is at least |D| (1 - rho |a|) - rho |c| |m| from
+// zero for every l, and |D| on the box at least what it is at the centre less the half sides' parts
+// along m.
+void MarkerView::leave_out_lines(int axis, const LensBox& seen, int& first, int& last) const {
+    // Positive: every ray passes beyond the line; negative: none does; 0: some may.
+    const auto side = [&](int index) {
+        const double mx = h_(axis, 0) - index * h_(2, 0), my = h_(axis, 1) - index * h_(2, 1);
+        const double offset = seen.centre[axis] - index * seen.centre[2];
+        const double closest =
+            std::abs(offset) - std::abs(mx) * seen.half.x() - std::abs(my) * seen.half.y();
+        const bool is_clear =
+            closest > 0.0 && closest * closest > seen.reach * seen.reach * (mx * mx + my * my);
+        return is_clear ? offset : 0.0;
+    };
+    while (first < last && side(first + 1) > 0.0)
+        ++first;
+    while (first < last && side(last) < 0.0)
+        --last;
+}
+
+std::optional<double> MarkerView::uniform_radiance(const CellRange& range) const {
+    const double first = cell(range.first_column, range.first_row);
+    for (int j = range.first_row; j <= range.last_row; ++j)
+        for (int i = range.first_column; i <= range.last_column; ++i)
+            if (cell(i, j) != first)
+                return std::nullopt;
+    return first;
+}
+
+BlurRange blur_over_marker(const MarkerView& view, const Intrinsics& intrinsics) {
+    double least = std::numeric_limits<double>::infinity(), most = -least;
+    const double columns = view.columns(), rows = view.rows();
+    for (const auto& [u, v] : {std::pair{0.0, 0.0}, {columns, 0.0}, {0.0, rows}, {columns, rows}}) {
+        const double c = view.defocus(view.sensor_point_of(u, v));
+        least = std::min(least, c);
+        most = std::max(most, c);
+    }
+    const double rho = view.aperture().radius_mm;
+    const double smallest =
+        least <= 0.0 && most >= 0.0 ? 0.0 : std::min(std::abs(least), std::abs(most));
+    return {
+        rho * smallest * std::min(intrinsics.fx, intrinsics.fy),
+        rho * std::max(std::abs(least), std::abs(most)) * std::max(intrinsics.fx, intrinsics.fy)};
+}
+
+}  // namespace etalon

@@ -1,0 +1,173 @@
+// A marker as one camera's lens meets it: the map from sensor points and lens points to grid cells,
+// and rigorous bounds of what a patch of the sensor can see. Shared by both closed-form methods.
+//
+// Notation (docs/rendering.md). A sensor point x is where the chief ray passes: undistorted
+// normalised coordinates, (X/Z, Y/Z), or (X, Y) in mm for a telecentric camera. The homography from
+// the grid (u, v, 1) to x has the inverse rows h0, h1, h2, and e . (x, 1) over the plane is
+//     perspective   inverse depth, 1/mm   (e = h2)
+//     telecentric   depth, mm             (h2 = (0, 0, 1))
+// c = e . (x, 1) - focus, with the focus in the same terms (1/z_f, or z_f), is the defocus. The ray
+// through the lens point l meets the plane where the chief ray x + l c / (1 - a . l) does, with
+// a = (ex, ey); l is in mm, telecentric the tangents of the ray's angles.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <optional>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "sim/scene/scene.h"
+
+namespace etalon {
+
+// What of the lens matters to the geometry. The focus is affine in the undistorted sensor point: a
+// tilted sensor (tau_x, tau_y) tilts the plane of sharp focus (Scheimpflug).
+struct Aperture {
+    Projection projection = Projection::perspective;
+    double radius_mm = 0.0;      // 0: pinhole; telecentric: of the cone of rays 1 mm from its tip
+    double focus_on_axis = 0.0;  // 1/z_f, 1/mm; telecentric: z_f, mm
+    Eigen::Vector2d focus_slope = Eigen::Vector2d::Zero();  // d focus / dx
+
+    double focus(const Eigen::Vector2d& x) const { return focus_on_axis + focus_slope.dot(x); }
+};
+
+// A pinhole for a camera without a lens section, and for one whose measured point spread holds all
+// its blur. Throws NumericalError as thin_lens() and telecentric_lens() do.
+Aperture aperture_of(const CameraModel& camera);
+
+// Throws NumericalError, naming the value, when a number in the scene is not finite, a cell has no
+// size, a rotation is not a unit quaternion, or a grid is empty or not CV_32FC1.
+void check_scene(const Scene& scene);
+
+// Axis-parallel box of undistorted sensor points.
+struct Box {
+    Eigen::Vector2d low, high;
+
+    Eigen::Vector2d centre() const { return 0.5 * (low + high); }
+    Eigen::Vector2d half() const { return 0.5 * (high - low); }
+};
+
+// Cells by column and row, both ends included; -1 and the grid's size stand for all background on
+// that side.
+struct CellRange {
+    int first_column, last_column, first_row, last_row;
+
+    bool is_single() const { return first_column == last_column && first_row == last_row; }
+};
+
+// A grid line on the lens: the ray through l sees beyond the line where offset + slope . l >= 0.
+struct LensLine {
+    double offset;
+    Eigen::Vector2d slope;  // 1/mm
+};
+
+// h0, h1, h2 . (x, 1) of a sensor point (u = uvw[0] / uvw[2] on the chief ray), and its c.
+struct SensorPoint {
+    Eigen::Vector3d uvw;
+    double defocus;
+};
+
+class MarkerView {
+public:
+    // Throws NumericalError when a corner of the marker is not in front of the lens, the camera
+    // sees the marker's back, or its plane cuts the aperture (|a| d/2 >= 1: some ray of a sensor
+    // point runs along the plane or meets its back).
+    MarkerView(const PlacedMarker& marker, double background, const Aperture& aperture);
+
+    int columns() const { return columns_; }
+    int rows() const { return rows_; }
+    double background() const { return background_; }
+    // Largest difference of a cell from the background.
+    double contrast() const;
+    const Aperture& aperture() const { return aperture_; }
+    const Eigen::Matrix3d& camera_from_grid() const { return camera_from_grid_; }
+
+    // Rows h0, h1, h2, and e.
+    const Eigen::Matrix3d& h() const { return h_; }
+    const Eigen::Vector3d& depth_row() const { return e_; }
+    // a: what turns a ray's step on the plane by its lens point; in units of 1/l.
+    Eigen::Vector2d turn() const { return e_.head<2>(); }
+    // d c / d x.
+    Eigen::Vector2d defocus_slope() const { return turn() - aperture_.focus_slope; }
+
+    // The sensor point whose chief ray meets the grid at (u, v).
+    Eigen::Vector2d sensor_point_of(double u, double v) const {
+        return (sensor_from_grid_ * Eigen::Vector3d(u, v, 1.0)).hnormalized();
+    }
+
+    // Radiance of a cell; the background for the indices -1 and columns() or rows().
+    double cell(int column, int row) const {
+        return cells_[static_cast<std::size_t>((row + 1) * (columns_ + 2) + column + 1)];
+    }
+
+    // c at a sensor point; 1/mm, telecentric mm.
+    double defocus(const Eigen::Vector2d& x) const {
+        return e_.x() * x.x() + e_.y() * x.y() + e_.z() - aperture_.focus(x);
+    }
+
+    // The largest |c| of a box, and the smallest (0 where it changes sign).
+    double largest_defocus(const Box& box) const;
+    double smallest_defocus(const Box& box) const;
+
+    SensorPoint sensor_point(const Eigen::Vector2d& x) const {
+        return {h_.leftCols<2>() * x + h_.col(2), defocus(x)};
+    }
+
+    // The line u = index (axis 0) or v = index (axis 1) on the lens, for a sensor point.
+    LensLine lens_line(int axis, int index, const SensorPoint& point) const {
+        const double offset = point.uvw[axis] - index * point.uvw.z();
+        const double mx = h_(axis, 0) - index * h_(2, 0), my = h_(axis, 1) - index * h_(2, 1);
+        return {offset,
+                {point.defocus * mx - offset * e_.x(), point.defocus * my - offset * e_.y()}};
+    }
+
+    // d/dx of the line's offset + slope . l for a fixed lens point l: the line is affine in x.
+    Eigen::Vector2d line_gradient(int axis, int index, const Eigen::Vector2d& l) const;
+
+    // Cells such that the lines between them tell what any ray from the box through the lens meets;
+    // nothing when all of them meet the background. Every cell and the frame of background where
+    // the plane's horizon may come between: rays beyond it are then told from the marker too.
+    std::optional<CellRange> footprint(const Box& box) const;
+
+    // Such a range for a box within one for which this range holds: lines that the box does not see
+    // left out from both ends.
+    CellRange narrowed(const CellRange& range, const Box& box) const;
+
+    // The radiance that all cells of the range share, if they do.
+    std::optional<double> uniform_radiance(const CellRange& range) const;
+
+private:
+    // A box of sensor points: (U, V, W) at its centre, its half sides, and how far the lens sees
+    // from a pinhole's point.
+    struct LensBox {
+        Eigen::Vector3d centre;
+        Eigen::Vector2d half;
+        double reach;
+    };
+
+    void leave_out_lines(int axis, const LensBox& seen, int& first, int& last) const;
+    Box seen_through_lens(const Box& box) const;
+    Box blurred_outline() const;
+    bool misses_marker(const Box& box, const Eigen::Vector3d& centre,
+                       const Eigen::Vector3d& to_right, const Eigen::Vector3d& down) const;
+
+    Aperture aperture_;
+    double background_;
+    int columns_, rows_;
+    std::vector<double> cells_;  // with a frame of background
+    Eigen::Matrix3d camera_from_grid_, sensor_from_grid_, h_;
+    Eigen::Vector3d e_;
+    double lens_reach_;  // farthest that the lens sees from a pinhole's point, by the defocus there
+    Box outline_;        // around the marker's sensor points
+    Box blurred_outline_;  // around those that see the marker through some point of the lens
+};
+
+// Smallest and largest blur radius over the marker, px (of x and y the smaller and the larger);
+// smallest is 0 when the plane of sharp focus crosses the marker.
+struct BlurRange {
+    double smallest_px, largest_px;
+};
+BlurRange blur_over_marker(const MarkerView& view, const Intrinsics& intrinsics);
+
+}  // namespace etalon

@@ -1,0 +1,180 @@
+#include "sim/scene/pose_volume.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "core/errors.h"
+#include "core/roll_pitch_yaw.h"
+#include "sim/scene/marker_in_view.h"
+
+namespace etalon {
+namespace {
+
+constexpr double largest_angle = 2.0 * std::numbers::pi;
+constexpr std::uint64_t most_points_per_pose = 1000;
+constexpr std::uint64_t least_seen = 10;  // poses before which no rate is judged: 1 in 400 passes
+
+ConfigError refusal(const char* key, const std::string& why) {
+    return ConfigError({"", 0, key}, why);
+}
+
+void check_interval(const char* axis, const Interval& interval) {
+    const auto& [low, high] = interval;
+    if (!std::isfinite(high - low))
+        throw refusal(axis, fmt::format("from {} to {} is no finite interval", low, high));
+    if (low > high)
+        throw refusal(axis, fmt::format("from {} to {}: the first is the larger", low, high));
+}
+
+void check_angle(const char* axis, const Interval& interval) {
+    check_interval(axis, interval);
+    if (interval.low < -largest_angle || interval.high > largest_angle)
+        throw refusal(axis, fmt::format("from {} to {} rad is more than a full turn: degrees?",
+                                        interval.low, interval.high));
+}
+
+const PoseVolume& checked(const PoseVolume& volume) {
+    if (volume.x_mm)
+        check_interval("x_mm", *volume.x_mm);
+    if (volume.y_mm)
+        check_interval("y_mm", *volume.y_mm);
+    check_interval("z_mm", volume.z_mm);
+    if (!(volume.z_mm.low > 0.0))
+        throw refusal(
+            "z_mm", fmt::format("a depth of {} mm is not in front of the camera", volume.z_mm.low));
+    check_angle("roll", volume.roll);
+    check_angle("pitch", volume.pitch);
+    check_angle("yaw", volume.yaw);
+    if (!(volume.margin_px >= 0.0) || !std::isfinite(volume.margin_px))
+        throw refusal("margin_px", fmt::format("{} is no margin in px", volume.margin_px));
+    return volume;
+}
+
+std::array<bool, 6> moving_axes(const PoseVolume& v) {
+    const auto moves = [](const std::optional<Interval>& axis) {
+        return !axis || !axis->is_fixed();
+    };
+    return {moves(v.x_mm), moves(v.y_mm),  moves(v.z_mm),
+            moves(v.roll), moves(v.pitch), moves(v.yaw)};
+}
+
+// A study of one repeated pose is one of a dimension that nothing uses.
+int dimensions_of(const std::array<bool, 6>& moves, int extra) {
+    if (extra < 0)
+        throw NumericalError(fmt::format("{} extra dimensions", extra));
+    return std::max(1, static_cast<int>(std::count(moves.begin(), moves.end(), true)) + extra);
+}
+
+bool contains(const CellGrid& outer, const CellGrid& inner) {
+    const auto low = [](const CellGrid& g) { return g.point_mm(0.0, 0.0); };
+    const auto high = [](const CellGrid& g) { return g.point_mm(g.columns(), g.rows()); };
+    return low(outer).cwiseMin(low(inner)) == low(outer) &&
+           high(outer).cwiseMax(high(inner)) == high(outer);
+}
+
+std::vector<CellGrid> outermost(std::span<const CellGrid> grids) {
+    std::vector<CellGrid> result;
+    for (const CellGrid& grid : grids) {
+        const auto holds = [&](const CellGrid& other) { return contains(other, grid); };
+        if (std::any_of(result.begin(), result.end(), holds))
+            continue;
+        std::erase_if(result, [&](const CellGrid& other) { return contains(grid, other); });
+        result.push_back(grid);
+    }
+    if (result.empty())
+        throw NumericalError("poses of no marker");
+    return result;
+}
+
+// The point moved along x (axis 0) or y (axis 1) until its image has that column or row: Newton's
+// method, its steps halved where they leave what the camera model holds for. Nothing where that
+// does not converge: the camera sees no such point.
+std::optional<Eigen::Vector3d> moved_to_pixel(const Projector& projector, Eigen::Vector3d p_camera,
+                                              Eigen::Index axis, double pixel) {
+    constexpr int most_steps = 40;
+    constexpr double tolerance_px = 1e-9;
+    double step = 0.0;
+    for (int i = 0; i < most_steps; ++i) {
+        const Eigen::Vector3d moved = p_camera + step * Eigen::Vector3d::Unit(axis);
+        const auto image = projector.project_with_jacobian(moved);
+        if (!image) {
+            step *= 0.5;
+            continue;
+        }
+        p_camera = moved;
+        const double error = image->pixel[axis] - pixel, slope = image->jacobian(axis, axis);
+        if (std::abs(error) < tolerance_px)
+            return p_camera;
+        if (!(slope > 0.0))
+            return std::nullopt;
+        step = -error / slope;
+    }
+    return std::nullopt;
+}
+
+}  // namespace
+
+PoseSampler::PoseSampler(const CameraModel& camera, std::span<const CellGrid> grids,
+                         const PoseVolume& volume, SequenceKind kind, std::uint64_t seed,
+                         int extra_dimensions)
+    : projector_(camera),
+      volume_(checked(volume)),
+      grids_(outermost(grids)),
+      moves_(moving_axes(volume)),
+      extra_dimensions_(extra_dimensions),
+      sequence_(kind, dimensions_of(moves_, extra_dimensions), seed) {}
+
+PoseSampler::Sample PoseSampler::next() {
+    while (points_ < most_points_per_pose * std::max(seen_, least_seen)) {
+        if (auto found = sample(points_++)) {
+            ++seen_;
+            return std::move(*found);
+        }
+    }
+    throw NumericalError(fmt::format(
+        "the camera sees the whole marker at {} of the first {} poses of the volume: 1 in 1000 or "
+        "less",
+        seen_, points_));
+}
+
+std::optional<PoseSampler::Sample> PoseSampler::sample(std::uint64_t index) const {
+    const std::vector<double> point = sequence_.point(index);
+    auto coordinate = point.begin();
+    std::array<double, 6> u{};
+    for (std::size_t axis = 0; axis < u.size(); ++axis)
+        if (moves_[axis])
+            u[axis] = *coordinate++;
+    const auto p_camera = position(u);
+    if (!p_camera)
+        return std::nullopt;
+    const Rigid pose{rotation_from_roll_pitch_yaw(
+                         {volume_.roll.at(u[3]), volume_.pitch.at(u[4]), volume_.yaw.at(u[5])}),
+                     *p_camera};
+    for (const CellGrid& grid : grids_)
+        if (!is_in_view(projector_, grid, pose, volume_.margin_px))
+            return std::nullopt;
+    return Sample{index, pose, {coordinate, coordinate + extra_dimensions_}};
+}
+
+std::optional<Eigen::Vector3d> PoseSampler::position(const std::array<double, 6>& u) const {
+    const CameraModel& camera = projector_.camera();
+    const auto &x_mm = volume_.x_mm, &y_mm = volume_.y_mm;
+    const double z = volume_.z_mm.at(u[2]);
+    const Eigen::Vector2d pixel(u[0] * camera.width - 0.5, u[1] * camera.height - 0.5);
+    if (x_mm && y_mm)
+        return Eigen::Vector3d(x_mm->at(u[0]), y_mm->at(u[1]), z);
+    if (x_mm)
+        return moved_to_pixel(projector_, {x_mm->at(u[0]), 0.0, z}, 1, pixel.y());
+    if (y_mm)
+        return moved_to_pixel(projector_, {0.0, y_mm->at(u[1]), z}, 0, pixel.x());
+    const auto ray = projector_.unproject(pixel);
+    if (!ray)
+        return std::nullopt;
+    const double scale = camera.projection == Projection::telecentric ? 1.0 : z;
+    return Eigen::Vector3d(scale * ray->x(), scale * ray->y(), z);
+}
+
+}  // namespace etalon

@@ -1,0 +1,90 @@
+// The six-dimensional volume of a marker study, and its poses: points of a low-discrepancy sequence
+// (sim/scene/pose_sampling.h) of which those are left out at which the camera would not see the
+// whole marker.
+//
+// A rejected point leaves a hole that no later one fills, so what is seen is covered evenly, but
+// its strata are not exact; where all of the volume is seen, they are.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "calib/camera/projector.h"
+#include "core/rigid.h"
+#include "sim/marker/cell_grid.h"
+#include "sim/scene/pose_sampling.h"
+
+namespace etalon {
+
+// Both ends included; equal ends: a fixed value.
+struct Interval {
+    double low = 0.0, high = 0.0;
+
+    bool is_fixed() const { return low == high; }
+    // Uniform for u uniform in [0, 1); a fixed value exactly.
+    double at(double u) const { return std::min(low + u * (high - low), high); }
+};
+
+// Position of the marker's origin in the camera frame, mm, and R = Rz(yaw) Ry(pitch) Rx(roll), rad
+// (core/roll_pitch_yaw.h). Every axis is uniform in its interval. x or y that is not given ranges
+// over all that the camera sees at that depth, uniformly in the image: without both, the origin's
+// pixel is uniform in the image area; with x alone, x is uniform in mm and the origin's image row
+// uniform in the image, wherever the distortion puts it along the row; with y alone its column.
+struct PoseVolume {
+    std::optional<Interval> x_mm = {}, y_mm = {};
+    Interval z_mm;
+    Interval roll, pitch, yaw;
+    double margin_px =
+        0.0;  // of the marker's outline to the image's border (sim/scene/marker_in_view.h)
+};
+
+// Not safe from several threads, but the same arguments give the same poses everywhere, and more of
+// them begin with the fewer. Keeps no poses: memory does not grow.
+class PoseSampler {
+public:
+    struct Sample {
+        std::uint64_t index;  // of the point in the sequence; gaps are points left out
+        Rigid camera_from_marker;
+        std::vector<double> extra;  // in [0, 1), one per extra dimension
+    };
+
+    // Poses at which every one of the grids is in view, so that the same serve several markers.
+    //
+    // The sequence's dimensions are the axes that move, in the order x, y, z, roll, pitch, yaw,
+    // then `extra_dimensions` for what is sampled together with the pose (disturbances); at most
+    // 16. Fixed axes take none: all sequences are most even in their first dimensions, and those go
+    // to axes that use them. Hence fixing an axis changes the others' values too.
+    //
+    // Throws ConfigError with the axis as key (z_mm, roll, ...) for an interval that is not finite
+    // or has its ends swapped, a depth that is not positive and an angle beyond +-2 pi (degrees
+    // given by mistake), with margin_px for one that is negative or not finite; NumericalError
+    // without a grid, for too many dimensions or fewer than no extra ones, and as Projector does.
+    PoseSampler(const CameraModel& camera, std::span<const CellGrid> grids,
+                const PoseVolume& volume, SequenceKind kind, std::uint64_t seed,
+                int extra_dimensions = 0);
+
+    // Throws NumericalError when one point in a thousand or less fits (of ten thousand). Costs a
+    // point of the sequence and about 1 us for every point tried, and 1 us for each grid (2 us with
+    // distortion); a grid within another one costs nothing.
+    Sample next();
+
+private:
+    std::optional<Sample> sample(std::uint64_t index) const;
+    std::optional<Eigen::Vector3d> position(const std::array<double, 6>& u) const;
+
+    Projector projector_;
+    PoseVolume volume_;
+    std::vector<CellGrid> grids_;  // none within another
+    std::array<bool, 6> moves_;    // by axis
+    std::ptrdiff_t extra_dimensions_;
+    PointSequence sequence_;
+    std::uint64_t points_ = 0, seen_ = 0;
+};
+
+}  // namespace etalon

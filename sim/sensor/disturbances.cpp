@@ -1,0 +1,250 @@
+#include "sim/sensor/disturbances.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <opencv2/imgcodecs.hpp>
+#include <vector>
+
+#include "core/errors.h"
+#include "core/random.h"
+#include "sim/sensor/line_blur.h"
+#include "sim/sensor/sensor_simd.h"
+#include "sim/tiles/square_area.h"
+
+namespace etalon {
+namespace {
+
+constexpr double mid_gray = 0.5;
+
+// Upper half of a stream's index: what the numbers are for. The sensor's noise has 0 there.
+constexpr std::uint64_t for_directions = std::uint64_t{1} << 32;
+constexpr std::uint64_t for_noise = std::uint64_t{2} << 32;
+
+[[noreturn]] void refuse(const DisturbanceAxis& axis, double value) {
+    throw NumericalError(fmt::format("disturbance {}: {} is not within {}..{}", axis.name, value,
+                                     axis.least, axis.most));
+}
+
+bool is_undisturbed(const Disturbances& disturbances) {
+    return std::all_of(disturbance_axes.begin(), disturbance_axes.end(), [&](const auto& axis) {
+        return axis.value == &Disturbances::jpeg_quality ||
+               disturbances.*axis.value == axis.neutral();
+    });
+}
+
+void check_size(const Radiance& radiance, const CameraModel& camera) {
+    if (radiance.type() != CV_32FC1 || radiance.size() != cv::Size(camera.width, camera.height))
+        throw NumericalError(
+            fmt::format("the camera of {} x {} px has float images of that size, "
+                        "not {} x {}",
+                        camera.width, camera.height, radiance.cols, radiance.rows));
+}
+
+void check_finite(const Radiance& radiance) {
+    for (int y = 0; y < radiance.rows; ++y)
+        if (!all_finite(radiance.ptr<float>(y), radiance.cols))
+            throw NumericalError(
+                fmt::format("a radiance in row {} of the disturbed image is not finite", y));
+}
+
+void fade(double contrast, Radiance& radiance) {
+    for (int y = 0; y < radiance.rows; ++y)
+        for (float *p = radiance.ptr<float>(y), *end = p + radiance.cols; p != end; ++p)
+            *p = static_cast<float>(mid_gray + contrast * (*p - mid_gray));
+}
+
+// `fall` points to the dark corner. The extent is the image's, from outer corner to outer corner
+// of the pixels, along it.
+void light(double exposure, double uneven, const Eigen::Vector2d& fall, Radiance& radiance) {
+    const double extent = std::abs(fall.x()) * radiance.cols + std::abs(fall.y()) * radiance.rows;
+    const Eigen::Vector2d centre(0.5 * (radiance.cols - 1), 0.5 * (radiance.rows - 1));
+    for (int y = 0; y < radiance.rows; ++y) {
+        float* row = radiance.ptr<float>(y);
+        for (int x = 0; x < radiance.cols; ++x) {
+            const double along = fall.x() * (x - centre.x()) + fall.y() * (y - centre.y());
+            row[x] =
+                static_cast<float>(row[x] * exposure * (1.0 - uneven * (0.5 + along / extent)));
+        }
+    }
+}
+
+// The card hides where edge . (x, y, 1) >= 0, for undistorted sensor points (x, y): its edge in
+// the grid's coordinates (u, v, 1), taken to the sensor by the view's homography.
+Eigen::Vector3d card_edge(const PlacedMarker& marker, const MarkerView& view, double share,
+                          const Eigen::Vector2d& from) {
+    const Eigen::Vector2d cells(view.columns(), view.rows());
+    // In a square of side 1 about the marker's centre shares of the area are the same.
+    const Eigen::Vector2d gradient = from.cwiseProduct(marker.grid.cell_mm.cwiseProduct(cells));
+    const double offset = offset_of_area(gradient, share);
+    const Eigen::Vector2d by_cell = gradient.cwiseQuotient(cells);
+    const Eigen::Vector3d edge(by_cell.x(), by_cell.y(), offset - 0.5 * gradient.sum());
+    return view.h().transpose() * edge;
+}
+
+void cover(double share, float& radiance) {
+    radiance = static_cast<float>(radiance + share * (mid_gray - radiance));
+}
+
+// Draws the card group by group of tiles, pixel by pixel only along its edge.
+class CardDrawing {
+public:
+    CardDrawing(const UndistortionMap& map, const Eigen::Vector3d& edge, Radiance& radiance)
+        : map_(map), edge_(edge), image_({0, 0}, radiance.size()), radiance_(radiance) {}
+
+    void draw() {
+        const int top = map_.levels() - 1;
+        draw_groups(top, map_.groups(top));
+    }
+
+private:
+    void draw_groups(int level, const cv::Rect& groups) {
+        for (int j = groups.y; j < groups.br().y; ++j)
+            for (int i = groups.x; i < groups.br().x; ++i)
+                draw_group(level, i, j);
+    }
+
+    void draw_group(int level, int i, int j) {
+        const auto validity = map_.validity(level, i, j);
+        if (validity == UndistortionMap::Validity::none)
+            return;
+        const Box& box = map_.bounds(level, i, j);
+        const double middle = edge_.head<2>().dot(box.centre()) + edge_.z();
+        const double reach = edge_.head<2>().cwiseAbs().dot(box.half());
+        if (middle + reach <= 0.0)
+            return;
+        if (middle - reach >= 0.0 && validity == UndistortionMap::Validity::all)
+            radiance_(pixels_of(level, i, j)).setTo(mid_gray);
+        else if (level > 0)
+            draw_groups(level - 1, children_of(level, i, j));
+        else
+            draw_tile(i, j);
+    }
+
+    cv::Rect pixels_of(int level, int i, int j) const {
+        int side = UndistortionMap::tile_px;
+        for (int n = 0; n < level; ++n)
+            side *= UndistortionMap::group_side;
+        return cv::Rect(i * side, j * side, side, side) & image_;
+    }
+
+    cv::Rect children_of(int level, int i, int j) const {
+        constexpr int side = UndistortionMap::group_side;
+        return cv::Rect(i * side, j * side, side, side) & map_.groups(level - 1);
+    }
+
+    // The edge is taken as straight within a pixel: what distortion bends it there, an eighth of
+    // its curvature (1/px), is left out.
+    void draw_tile(int i, int j) {
+        constexpr int n = UndistortionMap::tile_px;
+        map_.sample(i, j, n, points_);
+        for (int k = 0; k < n * n; ++k) {
+            const cv::Point pixel(n * i + k % n, n * j + k / n);
+            const auto& point = points_[static_cast<std::size_t>(k)];
+            if (!point || !image_.contains(pixel))
+                continue;
+            const Eigen::Vector2d gradient = point->jacobian.transpose() * edge_.head<2>();
+            const double offset = edge_.head<2>().dot(point->x) + edge_.z();
+            cover(square_cut(gradient, offset).area, radiance_.at<float>(pixel));
+        }
+    }
+
+    const UndistortionMap& map_;
+    Eigen::Vector3d edge_;
+    cv::Rect image_;
+    Radiance& radiance_;
+    std::vector<std::optional<MappedPoint>> points_;
+};
+
+}  // namespace
+
+void check_disturbances(const Disturbances& disturbances) {
+    for (const DisturbanceAxis& axis : disturbance_axes)
+        if (const double value = disturbances.*axis.value; !axis.is_valid(value))
+            refuse(axis, value);
+}
+
+DisturbanceDirections disturbance_directions(const NoiseKey& key) {
+    RandomStream random(key.seed, key.frame, for_directions);
+    const auto direction = [&]() -> Eigen::Vector2d {
+        const double angle = 2.0 * std::numbers::pi * random.uniform();
+        return {std::cos(angle), std::sin(angle)};
+    };
+    DisturbanceDirections directions;
+    directions.fall = direction();
+    directions.card = direction();
+    directions.motion = direction();
+    return directions;
+}
+
+Disturber::Disturber(const CameraModel& camera, const SensorModel& sensor)
+    : map_(Projector(camera), 0),
+      aperture_(aperture_of(camera)),
+      response_(sensor.relative_response()),
+      range_dn_(sensor.range_dn()) {}
+
+void Disturber::hide(const PlacedMarker& marker, double share, const Eigen::Vector2d& from,
+                     Radiance& radiance) const {
+    const MarkerView view(marker, 0.0, aperture_);
+    CardDrawing(map_, card_edge(marker, view, share, from), radiance).draw();
+}
+
+// The sensor multiplies by its response, which must not reach this noise. One stream a row: four
+// normal numbers a block of the generator, where one stream a pixel would use one.
+void Disturber::add_noise(double noise_dn, const NoiseKey& key, Radiance& radiance) const {
+    const double deviation = noise_dn / range_dn_;
+    for (int y = 0; y < radiance.rows; ++y) {
+        RandomStream random(key.seed, key.frame, for_noise + static_cast<std::uint64_t>(y));
+        float* row = radiance.ptr<float>(y);
+        const float* response = response_.empty() ? nullptr : response_.ptr<float>(y);
+        for (int x = 0; x < radiance.cols; ++x) {
+            const double noise = deviation * random.normal();
+            row[x] = static_cast<float>(row[x] + (response ? noise / response[x] : noise));
+        }
+    }
+}
+
+Radiance Disturber::disturbed(const Radiance& radiance, const PlacedMarker& marker,
+                              const Disturbances& disturbances, const NoiseKey& key) const {
+    check_disturbances(disturbances);
+    check_size(radiance, map_.projector().camera());
+    if (is_undisturbed(disturbances))
+        return radiance;
+    const Disturbances& d = disturbances;
+    const DisturbanceDirections directions = disturbance_directions(key);
+    Radiance result = radiance.clone();
+    if (d.contrast != 1.0)
+        fade(d.contrast, result);
+    if (d.motion_px > 0.0)
+        result = line_blurred(result, d.motion_px * directions.motion);
+    if (d.occlusion > 0.0)
+        hide(marker, d.occlusion, directions.card, result);
+    if (d.exposure != 1.0 || d.uneven > 0.0)
+        light(d.exposure, d.uneven, directions.fall, result);
+    if (d.noise_dn > 0.0)
+        add_noise(d.noise_dn, key, result);
+    check_finite(result);
+    return result;
+}
+
+CodeImage compressed(const CodeImage& image, double quality) {
+    constexpr const DisturbanceAxis& axis = disturbance_axes.back();
+    static_assert(axis.value == &Disturbances::jpeg_quality);
+    if (!axis.is_valid(quality))
+        refuse(axis, quality);
+    if (quality == axis.neutral())
+        return image;
+    if (image.bits != 8 || image.pixels.type() != CV_8UC1 || image.pixels.empty())
+        throw NumericalError(fmt::format("JPEG holds 8 bits, not an image of {} and {} x {} px",
+                                         image.bits, image.pixels.cols, image.pixels.rows));
+    std::vector<unsigned char> file;
+    const int whole = static_cast<int>(std::floor(quality + 0.5));
+    if (!cv::imencode(".jpg", image.pixels, file, {cv::IMWRITE_JPEG_QUALITY, whole}))
+        throw NumericalError(fmt::format("an image of {} x {} px cannot be written as JPEG",
+                                         image.pixels.cols, image.pixels.rows));
+    return {cv::imdecode(file, cv::IMREAD_GRAYSCALE), image.bits};
+}
+
+}  // namespace etalon

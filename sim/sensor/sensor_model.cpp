@@ -1,0 +1,367 @@
+#include "sim/sensor/sensor_model.h"
+
+#include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+
+#include "calib/camera/projector.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+// ITU-R BT.709-6, item 1.2.
+constexpr double rec709_slope = 4.5, rec709_break = 0.018;
+constexpr double rec709_scale = 1.099, rec709_offset = 0.099, rec709_exponent = 0.45;
+
+double encode_rec709(double radiance) {
+    if (radiance < rec709_break)
+        return rec709_slope * radiance;
+    return rec709_scale * std::pow(std::min(radiance, 1.0), rec709_exponent) - rec709_offset;
+}
+
+double decode_rec709(double code) {
+    if (code < rec709_slope * rec709_break)
+        return code / rec709_slope;
+    const double power = (std::min(code, 1.0) + rec709_offset) / rec709_scale;
+    return std::max(rec709_break, std::pow(power, 1.0 / rec709_exponent));
+}
+
+// Finer codes are computed pixel by pixel: the steps of 16 bits would take 0.1 s.
+constexpr int most_bits_of_steps = 12;
+
+constexpr int most_at_once = 256;  // pixels: 2 KiB of signals
+
+// Full scale is 1. Limited so that a signal stays finite at any gain and 0 has no photon noise.
+SensorNoise noise_of(const Sensor& sensor, double range_dn) {
+    constexpr double most = 1e200;
+    const double electrons = sensor.gain_e_per_dn * range_dn;
+    const double read = sensor.read_noise_e / electrons;
+    return {std::min(1.0 / electrons, most), std::min(read * read, most)};
+}
+
+using Point = std::pair<double, double>;
+
+// Straight lines through the points (x, y), x ascending: extended below the first, constant above
+// the last.
+template <class X, class Y>
+double interpolate(const std::vector<Point>& table, X x_of, Y y_of, double x) {
+    if (x >= x_of(table.back()))
+        return y_of(table.back());
+    const auto after = std::upper_bound(table.begin() + 1, table.end(), x,
+                                        [&](double a, const Point& b) { return a < x_of(b); });
+    const Point &a = *(after - 1), &b = *after;
+    return y_of(a) + (x - x_of(a)) * (y_of(b) - y_of(a)) / (x_of(b) - x_of(a));
+}
+
+constexpr auto radiance_of = [](const Point& point) { return point.first; };
+constexpr auto value_of = [](const Point& point) { return point.second; };
+
+[[noreturn]] void refuse(const char* key, const std::string& message) {
+    throw ConfigError({"camera", 0, std::string("sensor.") + key}, message);
+}
+
+void check_table(const std::vector<Point>& table) {
+    if (table.size() < 2)
+        refuse("transfer", "a table needs two points at least");
+    for (std::size_t i = 0; i < table.size(); ++i) {
+        const auto [radiance, code] = table[i];
+        if (!(radiance >= 0.0 && radiance <= 1.0 && code >= 0.0 && code <= 1.0))
+            refuse("transfer", fmt::format("table row {} is not within 0..1", i + 1));
+        if (i > 0 && !(radiance > table[i - 1].first && code > table[i - 1].second))
+            refuse("transfer", fmt::format("table row {} does not rise strictly", i + 1));
+    }
+    if (table.front().first != 0.0 || table.back().first != 1.0)
+        refuse("transfer", "a table must reach from radiance 0 to radiance 1");
+}
+
+// Comparisons are written so that NaN fails them.
+void check(const Sensor& sensor) {
+    if (sensor.bits < 1 || sensor.bits > 16)
+        refuse("bits", fmt::format("{} is not within 1..16", sensor.bits));
+    const double full_scale = (1 << sensor.bits) - 1;
+    if (!(sensor.black_dn >= 0.0 && sensor.black_dn < full_scale))
+        refuse("black", fmt::format("{} is not in [0, {})", sensor.black_dn, full_scale));
+    if (!(sensor.gain_e_per_dn >= 0.0 && std::isfinite(sensor.gain_e_per_dn)))
+        refuse("gain_e_per_dn", fmt::format("{} is not a gain", sensor.gain_e_per_dn));
+    if (!(sensor.read_noise_e >= 0.0 && std::isfinite(sensor.read_noise_e)))
+        refuse("read_noise_e", fmt::format("{} is not a noise", sensor.read_noise_e));
+    if (sensor.read_noise_e > 0.0 && sensor.gain_e_per_dn == 0.0)
+        refuse("read_noise_e", "needs gain_e_per_dn: electrons cannot be converted without it");
+    if (sensor.transfer.kind == Transfer::Kind::table)
+        check_table(sensor.transfer.table);
+    for (const double response : sensor.channel_response)
+        if (!(response > 0.0 && std::isfinite(response)))
+            refuse("channel_response", fmt::format("{} is not a response", response));
+}
+
+void check_illumination(const CameraModel& camera) {
+    const Illumination& illumination = camera.sensor->illumination;
+    if (illumination.kind == Illumination::Kind::cos4 &&
+        camera.projection == Projection::telecentric)
+        refuse("illumination", "cos4: a telecentric camera has no field angle");
+    if (illumination.kind != Illumination::Kind::polynomial)
+        return;
+    const double least = least_polynomial_illumination(camera);
+    if (!(least > 0.0))
+        refuse("illumination", fmt::format("the polynomial falls to {} within the image", least));
+}
+
+template <class Body>
+void for_each_row(int rows, Body body) {
+    tbb::parallel_for(tbb::blocked_range<int>(0, rows), [&](const tbb::blocked_range<int>& range) {
+        for (int y = range.begin(); y < range.end(); ++y)
+            body(y);
+    });
+}
+
+// The direction (x, y, 1) makes the angle with the axis whose cosine is 1 / sqrt(1 + x^2 + y^2).
+cv::Mat cos4_map(const CameraModel& camera) {
+    const Projector projector(camera);
+    cv::Mat map(camera.height, camera.width, CV_32FC1, cv::Scalar::all(1.0));
+    for_each_row(map.rows, [&](int y) {
+        for (int x = 0; x < map.cols; ++x) {
+            const auto direction = projector.unproject(Eigen::Vector2d(x, y));
+            if (direction)
+                map.at<float>(y, x) =
+                    static_cast<float>(1.0 / std::pow(1.0 + direction->squaredNorm(), 2));
+        }
+    });
+    return map;
+}
+
+cv::Mat polynomial_map(const CameraModel& camera) {
+    cv::Mat map(camera.height, camera.width, CV_32FC1);
+    for_each_row(map.rows, [&](int y) {
+        for (int x = 0; x < map.cols; ++x)
+            map.at<float>(y, x) = static_cast<float>(
+                polynomial_illumination(camera.sensor->illumination.polynomial,
+                                        illumination_radius_squared(camera, {x, y})));
+    });
+    return map;
+}
+
+cv::Mat illumination_map(const CameraModel& camera) {
+    switch (camera.sensor->illumination.kind) {
+        case Illumination::Kind::cos4:
+            return cos4_map(camera);
+        case Illumination::Kind::polynomial:
+            return polynomial_map(camera);
+        case Illumination::Kind::uniform:
+            break;
+    }
+    return {};
+}
+
+// Multiplies the channels' response into the map; an empty one stands for 1.
+void apply_mosaic(const Sensor& sensor, cv::Size size, cv::Mat& map) {
+    const auto& response = sensor.channel_response;
+    if (sensor.mosaic == Mosaic::none || response == std::array{1.0, 1.0, 1.0})
+        return;
+    if (map.empty())
+        map = cv::Mat(size, CV_32FC1, cv::Scalar(1.0));
+    for (int y = 0; y < map.rows; ++y)
+        for (int x = 0; x < map.cols; ++x)
+            map.at<float>(y, x) *= static_cast<float>(
+                response[static_cast<std::size_t>(channel_of_pixel(sensor.mosaic, x, y))]);
+}
+
+void check_size(const Radiance& radiance, cv::Size size) {
+    if (radiance.type() != CV_32FC1 || radiance.size() != size)
+        throw NumericalError(
+            fmt::format("the sensor of {} x {} px needs a float image of that "
+                        "size, not {} x {}",
+                        size.width, size.height, radiance.cols, radiance.rows));
+}
+
+// Names the first such pixel, whichever thread has found one.
+void refuse_not_finite(const Radiance& radiance) {
+    for (int y = 0; y < radiance.rows; ++y)
+        for (int x = 0; x < radiance.cols; ++x)
+            if (const float value = radiance.at<float>(y, x); !std::isfinite(value))
+                throw NumericalError(
+                    fmt::format("the radiance at pixel ({}, {}) is {}", x, y, value));
+}
+
+}  // namespace
+
+double encode(const Transfer& transfer, double radiance) {
+    switch (transfer.kind) {
+        case Transfer::Kind::rec709:
+            return encode_rec709(radiance);
+        case Transfer::Kind::table:
+            return interpolate(transfer.table, radiance_of, value_of, radiance);
+        case Transfer::Kind::linear:
+            break;
+    }
+    return std::min(radiance, 1.0);
+}
+
+double decode(const Transfer& transfer, double code) {
+    switch (transfer.kind) {
+        case Transfer::Kind::rec709:
+            return decode_rec709(code);
+        case Transfer::Kind::table:
+            return interpolate(transfer.table, value_of, radiance_of, code);
+        case Transfer::Kind::linear:
+            break;
+    }
+    return std::min(code, 1.0);
+}
+
+Channel channel_of_pixel(Mosaic mosaic, int x, int y) {
+    const bool green_first = mosaic == Mosaic::grbg || mosaic == Mosaic::gbrg;
+    if (mosaic == Mosaic::none || ((x + y) % 2 != 0) != green_first)
+        return Channel::green;
+    const bool red_row_first = mosaic == Mosaic::rggb || mosaic == Mosaic::grbg;
+    return (y % 2 == 0) == red_row_first ? Channel::red : Channel::blue;
+}
+
+SensorModel::SensorModel(const CameraModel& camera)
+    : sensor_(camera.sensor.value_or(Sensor{})), size_(camera.width, camera.height) {
+    check(sensor_);
+    full_scale_ = (1 << sensor_.bits) - 1;
+    range_ = full_scale_ - sensor_.black_dn;
+    if (sensor_.transfer.kind != Transfer::Kind::linear && sensor_.bits <= most_bits_of_steps)
+        steps_.emplace(sensor_.bits, [&](double radiance) { return code_of(radiance); });
+    if (!camera.sensor)
+        return;
+    check_illumination(camera);
+    response_ = illumination_map(camera);
+    apply_mosaic(sensor_, size_, response_);
+}
+
+double SensorModel::code_of(double radiance) const {
+    const double code = sensor_.black_dn + range_ * encode(sensor_.transfer, radiance);
+    return std::clamp(std::floor(code + 0.5), 0.0, full_scale_);
+}
+
+template <class Code>
+void SensorModel::put_codes(const double* signals, int count, Code* codes) const {
+    if (sensor_.transfer.kind == Transfer::Kind::linear)
+        return linear_codes({range_, sensor_.black_dn + 0.5}, signals, count, codes);
+    for (int x = 0; x < count; ++x)
+        codes[x] = static_cast<Code>(steps_ ? steps_->code_at(signals[x]) : code_of(signals[x]));
+}
+
+template <class Code>
+bool SensorModel::expose_row(const float* radiance, const cv::Point& first, int count,
+                             const NoiseKey* noise, Code* codes) const {
+    const float* response = response_.empty() ? nullptr : response_.ptr<float>(first.y) + first.x;
+    if (!noise && sensor_.transfer.kind == Transfer::Kind::linear)
+        return linear_codes({range_, sensor_.black_dn + 0.5}, radiance, response, count, codes);
+    if (!all_finite(radiance, count))
+        return false;
+    const std::int64_t pixel = std::int64_t{first.y} * size_.width + first.x;
+    double signals[most_at_once];
+    for (int x = 0; x < count; x += most_at_once) {
+        const int n = std::min(most_at_once, count - x);
+        for (int i = 0; i < n; ++i)
+            signals[i] = response ? double(radiance[x + i]) * response[x + i] : radiance[x + i];
+        if (noise)
+            add_noise(noise_of(sensor_, range_), *noise, static_cast<std::uint64_t>(pixel + x), n,
+                      signals);
+        put_codes(signals, n, codes + x);
+    }
+    return true;
+}
+
+void SensorModel::check_part(const RenderedPart& part) const {
+    if ((part.region & cv::Rect({0, 0}, size_)) != part.region ||
+        part.radiance.size() != part.region.size())
+        throw NumericalError(fmt::format("a part of {} x {} px at ({}, {}) is not in the sensor",
+                                         part.region.width, part.region.height, part.region.x,
+                                         part.region.y));
+}
+
+// Nothing where the sensor has none.
+const NoiseKey* SensorModel::used(const std::optional<NoiseKey>& noise) const {
+    return noise && sensor_.gain_e_per_dn > 0.0 ? &*noise : nullptr;
+}
+
+CodeImage SensorModel::without_codes(cv::Size size) const {
+    return {cv::Mat(size, sensor_.bits > 8 ? CV_16UC1 : CV_8UC1), sensor_.bits};
+}
+
+// The codes of `radiance`, whose first pixel is `first`, into a matrix of the same size.
+void SensorModel::expose_pixels(const Radiance& radiance, const cv::Point& first,
+                                const NoiseKey* noise, cv::Mat codes) const {
+    std::atomic<bool> finite = true;
+    for_each_row(radiance.rows, [&](int y) {
+        const float* row = radiance.ptr<float>(y);
+        const cv::Point start(first.x, first.y + y);
+        const auto exposed = [&](auto* to) {
+            return expose_row(row, start, radiance.cols, noise, to);
+        };
+        if (!(sensor_.bits > 8 ? exposed(codes.ptr<std::uint16_t>(y))
+                               : exposed(codes.ptr<std::uint8_t>(y))))
+            finite = false;
+    });
+    if (!finite)
+        refuse_not_finite(radiance);
+}
+
+CodeImage SensorModel::expose(const Radiance& radiance, std::optional<NoiseKey> noise) const {
+    check_size(radiance, size_);
+    CodeImage image = without_codes(size_);
+    expose_pixels(radiance, {0, 0}, used(noise), image.pixels);
+    return image;
+}
+
+CodeImage SensorModel::expose(const RenderedPart& part, std::optional<NoiseKey> noise) const {
+    check_part(part);
+    if (!response_.empty() || used(noise))
+        return expose(part.within(cv::Rect({0, 0}, size_)), noise);
+    if (!std::isfinite(part.background))
+        throw NumericalError(fmt::format("the background's radiance is {}", part.background));
+    const double code = code_of(static_cast<float>(part.background));
+    CodeImage image = without_codes(size_);
+    if (sensor_.bits > 8)
+        std::fill_n(image.pixels.ptr<std::uint16_t>(), image.pixels.total(),
+                    static_cast<std::uint16_t>(code));
+    else
+        std::fill_n(image.pixels.ptr<std::uint8_t>(), image.pixels.total(),
+                    static_cast<std::uint8_t>(code));
+    expose_pixels(part.radiance, part.region.tl(), nullptr, image.pixels(part.region));
+    return image;
+}
+
+CodeImage SensorModel::expose_region(const RenderedPart& part,
+                                     std::optional<NoiseKey> noise) const {
+    check_part(part);
+    CodeImage image = without_codes(part.region.size());
+    expose_pixels(part.radiance, part.region.tl(), used(noise), image.pixels);
+    return image;
+}
+
+Radiance SensorModel::linear_radiance(const CodeImage& image) const {
+    const int depth = sensor_.bits > 8 ? CV_16UC1 : CV_8UC1;
+    if (image.bits != sensor_.bits || image.pixels.type() != depth)
+        throw NumericalError(
+            fmt::format("an image of {} bits for a sensor of {}", image.bits, sensor_.bits));
+    // Every code value once, then a look-up.
+    std::vector<float> radiance_of_code(static_cast<std::size_t>(full_scale_) + 1);
+    for (std::size_t code = 0; code < radiance_of_code.size(); ++code)
+        radiance_of_code[code] = static_cast<float>(
+            decode(sensor_.transfer, (double(code) - sensor_.black_dn) / range_));
+    Radiance radiance(image.pixels.size(), CV_32FC1);
+    for (int y = 0; y < radiance.rows; ++y) {
+        for (int x = 0; x < radiance.cols; ++x) {
+            const unsigned code = sensor_.bits > 8 ? image.pixels.at<std::uint16_t>(y, x)
+                                                   : image.pixels.at<std::uint8_t>(y, x);
+            if (code >= radiance_of_code.size())
+                throw NumericalError(
+                    fmt::format("pixel ({}, {}) is {}, above the full scale of {} "
+                                "bits",
+                                x, y, code, sensor_.bits));
+            radiance.at<float>(y, x) = radiance_of_code[code];
+        }
+    }
+    return radiance;
+}
+
+}  // namespace etalon

@@ -1,0 +1,142 @@
+#include "sim/spread/sharpened_spread.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace etalon {
+namespace {
+
+constexpr double two_pi = 2.0 * std::numbers::pi;
+constexpr double disk_phase_at_cutoff = 2.6;
+constexpr double followed_cutoffs = 1.25;
+constexpr double least_scale_px = 0.04;
+constexpr double steps_per_scale = 40.0;
+
+// Of a Gaussian the part beyond is below 1e-6.
+double cutoff(const PointSpreadFunction& spread) {
+    return spread.is_airy() ? 1.0 / spread.scale_px() : 0.836 / spread.scale_px();
+}
+
+double disk_transfer(double radius_px, double f) {
+    const double q = two_pi * radius_px * f;
+    return q < 1e-6 ? 1.0 : 2.0 * j1(q) / q;
+}
+
+// Cubic, in a table from -1 on; 0 behind its end.
+double interpolated(const std::vector<double>& table, double place) {
+    const auto n = static_cast<std::size_t>(place);
+    if (n + 3 >= table.size())
+        return 0.0;
+    const double t = place - static_cast<double>(n);
+    const double* v = &table[n];
+    return -v[0] * t * (t - 1) * (t - 2) / 6 + v[1] * (t + 1) * (t - 1) * (t - 2) / 2 -
+           v[2] * (t + 1) * t * (t - 2) / 2 + v[3] * (t + 1) * t * (t - 1) / 6;
+}
+
+}  // namespace
+
+std::optional<SharpenedSpread> SharpenedSpread::of(const PointSpreadFunction& spread,
+                                                   const std::function<double(double)>& window,
+                                                   double reach_px) {
+    if (!spread.has_cutoff() || spread.scale_px() < least_scale_px)
+        return std::nullopt;
+    SharpenedSpread result;
+    result.disk_radius_px_ = disk_phase_at_cutoff / (two_pi * cutoff(spread));
+    result.reach_px_ = reach_px + 4.0 * result.disk_radius_px_;
+    result.table_step_px_ = spread.scale_px() / steps_per_scale;
+
+    const double step = result.table_step_px_;
+    std::vector<double> rings;  // the core's energy in rings of one step, the middle of one at 0.5
+    for (double r = 0.5 * step; r < reach_px; r += step)
+        rings.push_back(two_pi * r * step * spread.density(r) * window(r));
+    // Sixteen frequencies for each cycle that the last of them makes within the reach.
+    const double end = followed_cutoffs * cutoff(spread);
+    const int count = 2 * std::max(200, static_cast<int>(8.0 * end * result.reach_px_));
+    for (int i = 0; i < count; ++i) {
+        // Gauss' two places in each of count / 2 parts: the middles would leave a constant.
+        const double place = i / 2 + 0.5 + (i % 2 == 0 ? -0.5 : 0.5) / std::sqrt(3.0);
+        const double f = 2.0 * end * place / count;
+        double transfer = 0.0;
+        for (std::size_t n = 0; n < rings.size(); ++n)
+            transfer += rings[n] * j0(two_pi * f * (static_cast<double>(n) + 0.5) * step);
+        const double left = transfer / disk_transfer(result.disk_radius_px_, f);
+        result.waves_.push_back({f, left * end / count});
+    }
+    const int steps = static_cast<int>(result.reach_px_ / step) + 4;
+    for (int n = -1; n < steps; ++n) {
+        double density = 0.0,
+               line = 0.0;  // the transfer along one axis is a section of the plane's
+        for (const Wave& wave : result.waves_) {
+            const double phase = two_pi * wave.cycles_per_px * n * step;
+            density += two_pi * wave.amplitude * wave.cycles_per_px * j0(phase);
+            line += 2.0 * wave.amplitude * std::cos(phase);
+        }
+        result.densities_.push_back(density);
+        result.lines_.push_back(line);
+    }
+    // J(a) J(b) - J(root of a^2 + b^2) is at most a^2 b^2 / 192, J(q) = 2 J1(q) / q.
+    const double r0 = result.disk_radius_px_;
+    result.one_disk_gray_ =
+        result.edge_change([&](double f) { return std::pow(two_pi * f, 4) * r0 * r0 / 192.0; });
+    for (int disks = 2; disks <= most_disks; ++disks) {
+        double& most = result.most_gray_[static_cast<std::size_t>(disks)];
+        for (const double ratio : {1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0})
+            most = std::max(most, result.gray_of_disks(disks, ratio * r0));
+    }
+    return result;
+}
+
+// By how much the image of an edge changes at most, anywhere, when what the disk averages has its
+// transfer changed by so much: the sum of the magnitudes.
+double SharpenedSpread::edge_change(const std::function<double(double)>& transfer) const {
+    double sum = 0.0;
+    for (const Wave& wave : waves_) {
+        const double f = wave.cycles_per_px, phase = std::numbers::pi * f;
+        sum += std::abs(wave.amplitude * std::sin(phase) / phase * transfer(f) / phase);
+    }
+    return 255.0 * sum;
+}
+
+double SharpenedSpread::gray_of_disks(int count, double blur_px) const {
+    const auto disks = concentric_disks(count);
+    return edge_change([&](double f) {
+        double left = disk_transfer(disk_radius_px_, f) * disk_transfer(blur_px, f);
+        for (const ConcentricDisk& disk : disks)
+            left -= disk.weight *
+                    disk_transfer(std::sqrt(blur_px * blur_px + disk_radius_px_ * disk_radius_px_ +
+                                            2.0 * disk.cosine * blur_px * disk_radius_px_),
+                                  f);
+        return left;
+    });
+}
+
+double SharpenedSpread::blur_of_one_disk_px(double gray) const {
+    return std::sqrt(gray / one_disk_gray_);
+}
+
+int SharpenedSpread::disks_for_any_blur(double gray) const {
+    for (int count = 2; count <= most_disks; ++count)
+        if (most_gray_[static_cast<std::size_t>(count)] <= gray)
+            return count;
+    return 0;
+}
+
+// Chebyshev's polynomials of the second kind belong to the weight.
+std::vector<ConcentricDisk> concentric_disks(int count) {
+    std::vector<ConcentricDisk> disks;
+    for (int i = 1; i <= count; ++i) {
+        const double angle = i * std::numbers::pi / (count + 1), sine = std::sin(angle);
+        disks.push_back({std::cos(angle), 2.0 / (count + 1) * sine * sine});
+    }
+    return disks;
+}
+
+double SharpenedSpread::density(double r) const {
+    return interpolated(densities_, r / table_step_px_);
+}
+
+double SharpenedSpread::line(double x) const {
+    return interpolated(lines_, std::abs(x) / table_step_px_);
+}
+
+}  // namespace etalon

@@ -1,0 +1,100 @@
+// From samples of the aperture average to pixels: convolution with (pixel box * point spread),
+// split by radius into a core, filtered at k samples per pixel, and rings of the diffraction tail,
+// each twice as wide as the one before and filtered on a grid twice as coarse.
+//
+// Weights by product integration: the samples are interpolated by the 6-point Lagrange kernel and
+// the interpolant is integrated against the kernel. Each level's weights sum to the energy that its
+// ring of radii holds.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include "calib/camera/camera_model.h"
+#include "sim/spread/diffraction.h"
+#include "sim/spread/sharpened_spread.h"
+#include "sim/tiles/core_filter.h"
+#include "sim/tiles/sampling.h"
+
+namespace etalon {
+
+// Smooth ring of radii: 0 up to rise_from, 1 from rise_to to fall_from, 0 from fall_to.
+struct RadialWindow {
+    double rise_from = -1, rise_to = -1, fall_from, fall_to;
+
+    double operator()(double r) const;
+};
+
+// Safe from every thread.
+class ImageFilter {
+public:
+    // No lens section: pixels are box averages, no tail.
+    explicit ImageFilter(const CameraModel& camera);
+
+    bool has_point_spread() const { return psf_.has_value(); }
+    const PointSpreadFunction* point_spread() const { return psf_ ? &*psf_ : nullptr; }
+    bool has_tail() const { return psf_ && psf_->is_airy(); }
+
+    // What sharp images can be sampled for; nullptr where there is none. Made when first asked for.
+    const SharpenedSpread* sharpened() const;
+
+    // On samples at k per pixel; disk samples need sharpened().
+    const FilterKernel& core(int k, SampleKind kind) const;
+
+    // The tail's rings: each works on averages over 2^shift px squares, from the shift first_ring()
+    // on, at radii from 1.65 to 6.6 squares and more.
+    int first_ring() const { return first_shift_; }
+    // The ring of a grid (k = 1); the result is the pixel average's at the squares' centres. With
+    // `and_finer` the grid takes the part of all finer ones too: for images too blurred to need
+    // these.
+    const FilterKernel& ring(int shift, bool and_finer) const;
+    // Core and the rings on grids finer than `shift` hold the whole pattern up to this radius, px
+    // along x.
+    double radius_held(int shift) const {
+        return std::ldexp(1.5 * split_px_, shift - first_shift_);
+    }
+    // What it changes at most, beside an edge of contrast 1 with this blur radius, that a grid up
+    // to two steps coarser than the first ring's takes its part: gray.
+    double gray_of_coarser_ring(int shift, double blur_px) const;
+
+    // How far around a pixel the core and a ring on pixel averages look, px.
+    int reach_px() const;
+
+    // The tail beyond this radius (px along x) changes no pixel by more than `allowed_gray`,
+    // whatever is where: all of it is the difference `contrast` over `area_px` pixels at most.
+    // From the smaller of two bounds, the energy beyond r and the area times the largest density
+    // beyond r. 0 when the core's part is enough. Airy only.
+    double tail_reach_px(double contrast, double area_px, double allowed_gray) const;
+
+private:
+    // A kernel that is made when first asked for.
+    class Slot {
+    public:
+        template <class Make>
+        const FilterKernel& get(const Make& make);
+
+    private:
+        std::once_flag made_;
+        std::optional<FilterKernel> kernel_;
+    };
+
+    Slot& slot(std::map<std::pair<int, int>, Slot>& slots, std::pair<int, int> key) const;
+    FilterKernel make_core(int k, SampleKind kind) const;
+    FilterKernel make_ring(int shift, bool and_finer) const;
+
+    std::optional<PointSpreadFunction> psf_;
+    double pitch_y_ = 1.0;   // a pixel's height in units of its width
+    double split_px_ = 1.0;  // s: the core ends between 1.5 s and 3 s
+    int first_shift_ = 0;
+    RadialWindow core_{-1, -1, 0, 0};
+    mutable std::once_flag sharpening_;
+    mutable std::optional<SharpenedSpread> sharpened_;
+    mutable std::mutex mutex_;
+    mutable std::map<std::pair<int, int>, Slot> cores_,
+        rings_;  // by k and kind, by shift and whether alone
+};
+
+}  // namespace etalon

@@ -1,0 +1,57 @@
+#include "sim/tiles/render_plan.h"
+
+#include <fmt/format.h>
+
+namespace etalon {
+namespace {
+
+const char* name_of(RenderMethod method) {
+    switch (method) {
+        case RenderMethod::exact_lens:
+            return "exact lens averages";
+        case RenderMethod::exact_area:
+            return "exact areas";
+        case RenderMethod::reference:
+            return "reference integrator";
+        case RenderMethod::wave:
+            return "wave-optical point spread";
+        case RenderMethod::automatic:
+            break;
+    }
+    return "automatic";
+}
+
+}  // namespace
+
+const char* name_of(Omission omission) {
+    switch (omission) {
+        case Omission::lens:
+            return "lens";
+        case Omission::diffraction:
+            return "diffraction";
+        case Omission::tail:
+            return "tail";
+        case Omission::distortion:
+            return "distortion";
+        case Omission::uniform_tiles:
+            break;
+    }
+    return "uniform tiles";
+}
+
+std::string RenderPlan::describe() const {
+    std::string text = name_of(method);
+    if (method == RenderMethod::exact_lens || method == RenderMethod::exact_area)
+        text += fmt::format(", {} x {} samples/px (within {:.2g} gray)", points_per_pixel_side,
+                            points_per_pixel_side, sampling_gray);
+    text +=
+        fmt::format(", blur radius {:.3g} to {:.3g} px", min_blur_radius_px, max_blur_radius_px);
+    if (tail_reach_px > 0.0)
+        text += fmt::format(", diffraction to {:.0f} px", tail_reach_px);
+    for (const LeftOut& left : left_out)
+        if (left.what != Omission::uniform_tiles && left.what != Omission::tail)
+            text += fmt::format(", no {}", name_of(left.what));
+    return text;
+}
+
+}  // namespace etalon

@@ -1,0 +1,42 @@
+// The tail of the diffraction pattern: what a marker adds to pixels from some to thousands of
+// pixels away, a few grays beside an edge and tenths of a gray far from it. Rings of radii, each
+// twice as wide as the one before, are filtered on averages over squares twice as large; the sums
+// are interpolated (6-point Lagrange) from each grid to the next finer one, down to the pixels.
+#pragma once
+
+#include <functional>
+#include <optional>
+
+#include "sim/tiles/image_filter.h"
+#include "sim/tiles/tail_sources.h"
+
+namespace etalon {
+
+// One per camera. Safe from every thread.
+class TailPyramid {
+public:
+    // Both must outlive it.
+    TailPyramid(const ImageFilter& filter, const Projector& projector);
+
+    // The pixels within `limit` outside of which the marker is not: of the image and beyond.
+    // `outline`: marker_outline() with 31 points a side.
+    cv::Rect sources(const TileSamples& samples, const MarkerView& marker,
+                     const std::vector<Eigen::Vector2d>& outline, const cv::Rect& limit) const;
+
+    // Adds to the region's `pixels` (CV_32FC1, its size) the tail of everything within `reach_px`
+    // (infinity included) of a pixel; `seen_at` is what sources() gave for the region with that
+    // much room around it. With a `background`, writes tail and background instead,
+    // whatever was there. The samples must cover the region and ImageFilter::reach_px() around it,
+    // best in multiples of 8 px. `finest`: the shift of the first ring's grid. Calls `done` for
+    // each band of the region (for_each_band()), from its thread, as soon as nothing else will be
+    // written there. Parallel, and the same bytes for any number of threads.
+    void add(const TileSamples& samples, const MarkerView& marker, const cv::Rect& seen_at,
+             double reach_px, int finest, const cv::Rect& region, std::optional<float> background,
+             cv::Mat& pixels, const std::function<void(const cv::Rect&)>& done) const;
+
+private:
+    const ImageFilter& filter_;
+    SquareCorners corners_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,345 @@
+#include "sim/tiles/tile_evaluator.h"
+
+namespace etalon {
+namespace {
+
+constexpr int tile_px = UndistortionMap::tile_px;
+
+// Of the parallelogram that a sample's box becomes.
+Box parallelogram_box(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides) {
+    const Eigen::Vector2d half = 0.5 * sides.cwiseAbs().rowwise().sum();
+    return {x - half, x + half};
+}
+
+// Of the points of a tile and a margin around it, at most `reach` from its centre in s and t.
+Box box_around(const TilePolynomial& place, double reach) {
+    Eigen::Vector2d half = Eigen::Vector2d::Zero();
+    for (int j = 0; j < 4; ++j)
+        for (int i = 0; i < 4; ++i)
+            half += std::pow(reach, i + j) *
+                    Eigen::Vector2d(std::abs(place.x(j, i)), std::abs(place.y(j, i)));
+    return {place.centre - half, place.centre + half};
+}
+
+constexpr LensRule finest_rule{4, 24};
+
+// A disk reaches beyond its tile by less than this times its radius, whatever the tile's shape.
+constexpr double disk_reach = 1.25;
+
+}  // namespace
+
+// Wide enough that the quadrature's error stays below some hundredths of a gray
+// (tests/sim/render/renderer_test.cpp).
+LensRule lens_rule(double blur_radius_px, double sharp_up_to_px) {
+    if (blur_radius_px <= sharp_up_to_px)
+        return {1, 0};
+    if (blur_radius_px < 0.04)
+        return {2, 6};
+    return blur_radius_px < 0.2 ? LensRule{3, 12} : finest_rule;
+}
+
+TilePositionsOf::TilePositionsOf(const Sampling& sampling) : samples(tile_px * sampling.k) {
+    if (std::isfinite(sampling.exact_lens_from_px))
+        quarters.emplace(2 * tile_px * sampling.k);
+    const auto grid = [&](int k) {
+        return Grid{k, {tile_px * k, TileInterpolation::margin}, {k, sampling.k, sampling.kind}};
+    };
+    for (const CoarseSampling& coarse : sampling.coarser)
+        coarser.push_back(grid(coarse.k));
+    if (sampling.direct_from_px > 0.0)
+        finer.emplace(grid(2 * sampling.k));
+}
+
+TileEvaluator::TileEvaluator(const MarkerView& view, const UndistortionMap& map,
+                             const Sampling& sampling, const TilePositionsOf& positions)
+    : view_(view),
+      map_(map),
+      sampling_(sampling),
+      positions_(positions),
+      fx_(map.projector().camera().intrinsics.fx),
+      smaller_focal_px_(sampling.least_blur_scale *
+                        std::min(fx_, map.projector().camera().intrinsics.fy)),
+      larger_focal_px_(sampling.largest_blur_scale *
+                       std::max(fx_, map.projector().camera().intrinsics.fy)),
+      lens_average_(view) {}
+
+TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& range,
+                                float* values) {
+    if (!range)
+        return sample_one_by_one(i, j, values);
+    const TilePolynomial place = map_.polynomial(i, j);
+    for (std::size_t n = 0; n < positions_.coarser.size(); ++n) {
+        const Grid& grid = positions_.coarser[n];
+        if (least_blur_px(box_of(grid, place)) >= sampling_.coarser[n].from_blur_px)
+            return sample_grid(grid, place, values);
+    }
+    const Box& box = map_.bounds(i, j);
+    if (positions_.finer && least_blur_px(box) < sampling_.direct_from_px)
+        return sample_grid(*positions_.finer, place, values);
+    if (sampling_.kind == SampleKind::disk)
+        return sample_disks(place, box, *range, positions_.samples, values);
+    set_tile_geometry(view_, place, *range, fx_, geometry_);
+    if (sampling_.kind == SampleKind::point)
+        return sample_points(values);
+    if (least_blur_px(box) >= sampling_.exact_lens_from_px)
+        return sample_blurred_boxes(values);
+    return sample_boxes(largest_blur_px(box), values);
+}
+
+double TileEvaluator::least_blur_px(const Box& box) const {
+    return view_.aperture().radius_mm * smaller_focal_px_ * view_.smallest_defocus(box);
+}
+
+double TileEvaluator::largest_blur_px(const Box& box) const {
+    return view_.aperture().radius_mm * larger_focal_px_ * view_.largest_defocus(box);
+}
+
+// Of a tile with the grid's margin, and of the disks around its samples.
+Box TileEvaluator::box_of(const Grid& grid, const TilePolynomial& place) const {
+    return box_around(place, 0.5 + TileInterpolation::margin / double(tile_px * grid.k) +
+                                 disk_reach * sampling_.disk_radius_px / tile_px);
+}
+
+TileUse TileEvaluator::sample_grid(const Grid& grid, const TilePolynomial& place, float* values) {
+    const Box box = box_of(grid, place);
+    const CellRange range = view_.footprint(box).value_or(CellRange{-1, -1, -1, -1});
+    const auto side = static_cast<std::size_t>(grid.positions.n());
+    lens_averages_.resize(side * side);
+    TileUse use{RenderMethod::exact_lens, grid.k, 1, 1};
+    if (sampling_.kind == SampleKind::disk) {
+        use = sample_disks(place, box, range, grid.positions, lens_averages_.data());
+        use.points_per_pixel_side = grid.k;
+    } else {
+        set_tile_geometry(view_, place, range, fx_, geometry_);
+        exact_lens_samples(geometry_, grid.positions, lens_averages_.data());
+    }
+    grid.interpolation.interpolate(lens_averages_.data(), scratch_, values);
+    return use;
+}
+
+TileUse TileEvaluator::sample_points(float* values) {
+    exact_lens_samples(geometry_, positions_.samples, values);
+    return {RenderMethod::exact_lens, sampling_.k, 1, 1};
+}
+
+// Averages over the disk and the aperture, at once: concentric disks for both.
+TileUse TileEvaluator::sample_disks(const TilePolynomial& place, const Box& box,
+                                    const CellRange& range, const TilePositions& positions,
+                                    float* values) {
+    const Intrinsics& intrinsics = map_.projector().camera().intrinsics;
+    const double blur = largest_blur_px(box);
+    const int count = blur <= sampling_.one_disk_up_to_px ? 1 : sampling_.disks;
+    set_disk_geometry(view_, place, range, blur > sampling_.sharp_up_to_px,
+                      sampling_.disk_radius_px, intrinsics.fx / intrinsics.fy, geometry_);
+    if (count == 1) {
+        exact_lens_samples(geometry_, positions, values);
+        return {RenderMethod::exact_area, sampling_.k, 1, 1};
+    }
+    if (std::ssize(disks_) != count)
+        disks_ = concentric_disks(count);
+    const auto n = static_cast<std::size_t>(positions.n());
+    of_disk_.resize(n * n);
+    std::fill_n(values, n * n, 0.0f);
+    for (const ConcentricDisk& disk : disks_) {
+        geometry_.disk_cosine = static_cast<float>(disk.cosine);
+        exact_lens_samples(geometry_, positions, of_disk_.data());
+        const auto weight = static_cast<float>(disk.weight);
+        for (std::size_t p = 0; p < n * n; ++p)
+            values[p] += weight * of_disk_[p];
+    }
+    return {RenderMethod::exact_area, sampling_.k, count, 1};
+}
+
+TileUse TileEvaluator::sample_blurred_boxes(float* values) {
+    const auto n = static_cast<std::size_t>(tile_px * sampling_.k);
+    lens_averages_.resize(4 * n * n);
+    exact_lens_samples(geometry_, *positions_.quarters, lens_averages_.data());
+    for (std::size_t y = 0; y < n; ++y) {
+        const float* upper = &lens_averages_[4 * n * y];
+        const float* lower = upper + 2 * n;
+        for (std::size_t x = 0; x < n; ++x)
+            values[n * y + x] =
+                0.25f * ((upper[2 * x] + upper[2 * x + 1]) + (lower[2 * x] + lower[2 * x + 1]));
+    }
+    return {RenderMethod::exact_lens, 2 * sampling_.k, 1, 1};
+}
+
+TileUse TileEvaluator::sample_boxes(double blur_radius_px, float* values) {
+    const LensRule rule = lens_rule(blur_radius_px, sampling_.sharp_up_to_px);
+    if (lens_points_of_ != rule.points()) {
+        lens_points_.clear();
+        for (const LensPoint& p : lens_points(1.0, rule.rings, rule.spokes))
+            lens_points_.push_back({static_cast<float>(p.l_mm.x()), static_cast<float>(p.l_mm.y()),
+                                    static_cast<float>(p.weight)});
+        lens_points_of_ = rule.points();
+    }
+    exact_area_samples(geometry_, positions_.samples, lens_points_, values);
+    return {RenderMethod::exact_area, sampling_.k, rule.points(), 1};
+}
+
+namespace {
+
+// Whether one of a sample's neighbours has a ray and the sample has not, or the other way round:
+// the border of the valid region passes through it, and only a part of it sees anything. `rays` has
+// a ring of samples around the n x n of the tile: the border may run between two tiles.
+bool is_at_border(const std::vector<bool>& rays, int n, int column, int row) {
+    const auto has_ray = [&](int x, int y) {
+        return rays[static_cast<std::size_t>((y + 1) * (n + 2) + x + 1)];
+    };
+    for (int y = row - 1; y <= row + 1; ++y)
+        for (int x = column - 1; x <= column + 1; ++x)
+            if (has_ray(x, y) != has_ray(column, row))
+                return true;
+    return false;
+}
+
+// Points of the unit square whose error of an area falls with their number (Niederreiter, "Random
+// Number Generation and Quasi-Monte Carlo Methods", 1992, section 5.1).
+struct FibonacciLattice {
+    int points, generator;  // two Fibonacci numbers in a row
+
+    Eigen::Vector2d point(int q) const {
+        return Eigen::Vector2d(q + 0.5, q * generator % points + 0.5) / points;
+    }
+};
+
+FibonacciLattice lattice_of_at_least(int points) {
+    FibonacciLattice lattice{34, 21};
+    while (lattice.points < points)
+        lattice = {lattice.points + lattice.generator, lattice.points};
+    return lattice;
+}
+
+}  // namespace
+
+// The points of a grid with its margin, row by row; false if one of them has no ray.
+bool TileEvaluator::find_points(const Grid& grid, int i, int j) {
+    points_.clear();
+    const Eigen::Vector2d corner = UndistortionMap::tile_corner_px(i, j);
+    for (int row = 0; row < grid.positions.n(); ++row)
+        for (int column = 0; column < grid.positions.n(); ++column) {
+            const Eigen::Vector2d place(column + 0.5, row + 0.5);
+            points_.push_back(
+                map_.exact(corner + (place - Eigen::Vector2d::Constant(TileInterpolation::margin)) /
+                                        double(grid.k)));
+            if (!points_.back())
+                return false;
+        }
+    return true;
+}
+
+// Of a tile that is blurred enough for a coarser grid, all of whose points have rays: one where the
+// undistortion bends too much for the polynomial. Of the frame's own grid it could be hundreds of
+// times as many points, each with a Newton iteration.
+std::optional<TileUse> TileEvaluator::sample_grid_one_by_one(int i, int j, float* values) {
+    if (sampling_.kind == SampleKind::disk)
+        return std::nullopt;
+    for (std::size_t n = 0; n < positions_.coarser.size(); ++n) {
+        const Grid& grid = positions_.coarser[n];
+        const double from_px = sampling_.coarser[n].from_blur_px;
+        if (least_blur_px(map_.bounds(i, j)) < from_px)
+            continue;
+        if (!find_points(grid, i, j))
+            return std::nullopt;
+        Box box{points_.front()->x, points_.front()->x};
+        for (const auto& point : points_)
+            box = {box.low.cwiseMin(point->x), box.high.cwiseMax(point->x)};
+        if (least_blur_px(box) < from_px)
+            continue;
+        lens_averages_.clear();
+        for (const auto& point : points_)
+            lens_averages_.push_back(
+                static_cast<float>(lens_average_at(point->x) - view_.background()));
+        grid.interpolation.interpolate(lens_averages_.data(), scratch_, values);
+        return TileUse{RenderMethod::exact_lens, grid.k, 1, 1};
+    }
+    return std::nullopt;
+}
+
+// Which of the tile's points have a ray, and of the ring of points around them; row by row.
+std::vector<bool> TileEvaluator::rays_around(int i, int j) const {
+    const int n = tile_px * sampling_.k;
+    std::vector<bool> rays;
+    for (int row = -1; row <= n; ++row)
+        for (int column = -1; column <= n; ++column) {
+            const bool is_inside = row >= 0 && row < n && column >= 0 && column < n;
+            const Eigen::Vector2d within(column + 0.5, row + 0.5);
+            rays.push_back(
+                is_inside ? points_[static_cast<std::size_t>(row * n + column)].has_value()
+                          : map_.exact(UndistortionMap::tile_corner_px(i, j) + within / sampling_.k)
+                                .has_value());
+        }
+    return rays;
+}
+
+// Where some of a tile's points have no ray: those are background.
+TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
+    if (const auto use = sample_grid_one_by_one(i, j, values))
+        return *use;
+    const int n = tile_px * sampling_.k;
+    map_.sample(i, j, n, points_);
+    const std::vector<bool> rays = rays_around(i, j);
+    for (int p = 0; p < n * n; ++p) {
+        const auto& point = points_[static_cast<std::size_t>(p)];
+        double radiance = view_.background();
+        if (is_at_border(rays, n, p % n, p / n))
+            radiance = mean_of_parts(i, j, p % n, p / n);
+        else if (point)
+            radiance = radiance_at(*point, 1.0 / sampling_.k);
+        values[p] = static_cast<float>(radiance - view_.background());
+    }
+    if (sampling_.kind == SampleKind::point)
+        return {RenderMethod::exact_lens, sampling_.k, 1, 1};
+    return {RenderMethod::exact_area, sampling_.k, std::max(coverage_of_, 1), 1};
+}
+
+// The border cuts parts, whichever way it runs: on a Fibonacci lattice no two parts share a row or
+// a column, so that even a border along the pixels' rows is found to a thousandth of a pixel.
+double TileEvaluator::mean_of_parts(int i, int j, int column, int row) {
+    const FibonacciLattice lattice = lattice_of_at_least(1000 / sampling_.k);
+    const double sample_px = 1.0 / sampling_.k;
+    const double part_px = sample_px / std::sqrt(lattice.points);
+    double sum = 0.0;
+    for (int q = 0; q < lattice.points; ++q) {
+        const auto point =
+            map_.exact(UndistortionMap::tile_corner_px(i, j) +
+                       sample_px * (Eigen::Vector2d(column, row) + lattice.point(q)));
+        sum += point ? radiance_at(*point, part_px) : view_.background();
+    }
+    return sum / lattice.points;
+}
+
+double TileEvaluator::lens_average_at(const Eigen::Vector2d& x) {
+    const auto range = view_.footprint({x, x});
+    return range ? lens_average_.at(x, *range) : view_.background();
+}
+
+// Of a point, or of a box of this side around it (a disk: a square with its second moment): of
+// blurred ones the mean of 2 x 2 lens averages.
+double TileEvaluator::radiance_at(const MappedPoint& point, double side_px) {
+    if (sampling_.kind == SampleKind::point)
+        return lens_average_at(point.x);
+    if (sampling_.kind == SampleKind::box &&
+        least_blur_px({point.x, point.x}) >= sampling_.exact_lens_from_px) {
+        double sum = 0.0;
+        for (const double s : {-0.25, 0.25})
+            for (const double t : {-0.25, 0.25})
+                sum +=
+                    lens_average_at(point.x + point.jacobian * (side_px * Eigen::Vector2d(s, t)));
+        return 0.25 * sum;
+    }
+    if (sampling_.kind == SampleKind::disk)
+        side_px = std::sqrt(3.0) * sampling_.disk_radius_px;
+    const Eigen::Matrix2d sides = point.jacobian * side_px;
+    const auto range = view_.footprint(parallelogram_box(point.x, sides));
+    if (!range)
+        return view_.background();
+    const LensRule rule = lens_rule(largest_blur_px({point.x, point.x}), sampling_.sharp_up_to_px);
+    if (!coverage_ || coverage_of_ != rule.points()) {
+        coverage_.emplace(view_, lens_points(view_.aperture().radius_mm, rule.rings, rule.spokes));
+        coverage_of_ = rule.points();
+    }
+    return coverage_->over(point.x, sides, *range);
+}
+
+}  // namespace etalon

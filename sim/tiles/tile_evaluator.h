@@ -1,0 +1,91 @@
+// The samples of one tile that is not uniform: the tile kernels where the whole tile has rays,
+// point by point in double precision at the border of the valid region.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "sim/spread/sharpened_spread.h"
+#include "sim/tiles/cell_coverage.h"
+#include "sim/tiles/lens_average.h"
+#include "sim/tiles/render_plan.h"
+#include "sim/tiles/sampling.h"
+#include "sim/tiles/tile_geometry.h"
+#include "sim/tiles/tile_interpolation.h"
+
+namespace etalon {
+
+// The rings and spokes of lens points (sim/tiles/cell_coverage.h) that exact areas need at this
+// blur.
+struct LensRule {
+    int rings, spokes;  // 1, 0: the lens centre alone
+    int points() const { return spokes == 0 ? 1 : rings * spokes; }
+};
+LensRule lens_rule(double blur_radius_px, double sharp_up_to_px);
+
+// What does not change from tile to tile of an image.
+struct TilePositionsOf {
+    // For tiles that are sampled on another grid than the frame's.
+    struct Grid {
+        int k;
+        TilePositions positions;  // with the interpolation's margin
+        TileInterpolation interpolation;
+    };
+
+    explicit TilePositionsOf(const Sampling& sampling);
+    TilePositions samples;
+    std::optional<TilePositions> quarters;  // 2 x 2 per sample, where boxes take lens averages
+    std::vector<Grid> coarser;              // as in Sampling
+    std::optional<Grid> finer;              // of twice as many samples a side
+};
+
+// Scratch memory of one thread. View, map and positions must outlive it.
+class TileEvaluator {
+public:
+    TileEvaluator(const MarkerView& view, const UndistortionMap& map, const Sampling& sampling,
+                  const TilePositionsOf& positions);
+
+    // `values`: (4 k)^2 differences from the background, row by row. `range`: what the tile's rays
+    // can meet; nothing for a tile at the border of the valid region. Says how it was done (with
+    // `tiles` 1).
+    TileUse evaluate(int i, int j, const std::optional<CellRange>& range, float* values);
+
+private:
+    using Grid = TilePositionsOf::Grid;
+
+    Box box_of(const Grid& grid, const TilePolynomial& place) const;
+    TileUse sample_grid(const Grid& grid, const TilePolynomial& place, float* values);
+    TileUse sample_points(float* values);
+    TileUse sample_disks(const TilePolynomial& place, const Box& box, const CellRange& range,
+                         const TilePositions& positions, float* values);
+    TileUse sample_blurred_boxes(float* values);
+    TileUse sample_boxes(double blur_radius_px, float* values);
+    bool find_points(const Grid& grid, int i, int j);
+    std::optional<TileUse> sample_grid_one_by_one(int i, int j, float* values);
+    std::vector<bool> rays_around(int i, int j) const;
+    TileUse sample_one_by_one(int i, int j, float* values);
+    double least_blur_px(const Box& box) const;
+    double largest_blur_px(const Box& box) const;
+    double mean_of_parts(int i, int j, int column, int row);
+    double lens_average_at(const Eigen::Vector2d& x);
+    double radiance_at(const MappedPoint& point, double side_px);
+
+    const MarkerView& view_;
+    const UndistortionMap& map_;
+    const Sampling& sampling_;
+    const TilePositionsOf& positions_;
+    double fx_, smaller_focal_px_, larger_focal_px_;  // the latter two with the blur's scales
+    TileGeometry geometry_;
+    std::vector<float> lens_averages_, of_disk_, scratch_;
+    std::vector<ConcentricDisk> disks_;
+    std::vector<UnitLensPoint> lens_points_;
+    int lens_points_of_ = -1;  // the rule that they are of, by its number of points
+    // For tiles at the border.
+    LensAverage lens_average_;
+    std::optional<CellCoverage> coverage_;  // made when first needed
+    int coverage_of_ = 0;                   // its number of lens points
+    std::vector<std::optional<MappedPoint>> points_;
+};
+
+}  // namespace etalon

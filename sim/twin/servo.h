@@ -1,0 +1,52 @@
+// What a motor and the structure behind it make of a planned motion: the loop lags and overshoots,
+// and the carriage rings on its spring after the motor stands.
+//
+//     drive       w' = (r - w) / lag                                     r: the planned motion
+//     motor       e'' = ws^2 (w - e) - 2 zs ws e'                        e: what the encoder sees
+//     carriage    c'' = wr^2 (e - c) + 2 zr wr (e' - c')                 c: where the carriage is
+//
+// The carriage does not pull the motor back: its loop is stiff. Linear, so exact for every step
+// (sim/twin/linear_dynamics.h). Positions mm or rad, times seconds.
+#pragma once
+
+#include "sim/twin/linear_dynamics.h"
+#include "sim/twin/motion_profile.h"
+
+namespace etalon {
+
+// Frequencies are natural frequencies, damping ratios relative to critical damping. All finite and
+// > 0, except that a lag of 0 and a resonance of 0 Hz leave that part out.
+struct ServoParameters {
+    double drive_lag = 0.0;      // s
+    double bandwidth_hz = 50.0;  // of the motor's loop
+    double damping = 0.7;
+    double resonance_hz = 0.0;  // of the carriage on its guide
+    double resonance_damping = 0.02;
+};
+
+class Servo {
+public:
+    using State = SmallVector;
+
+    // Throws NumericalError naming a parameter out of its range.
+    explicit Servo(const ServoParameters& parameters);
+
+    State at_rest(double position) const;
+
+    // The motor stands from now on, as if jammed, while the carriage swings on behind it. The
+    // motion that follows should rest there.
+    State with_motor_stopped(State state) const;
+
+    // The state at `to` seconds of the motion, given that at `from`; 0 <= from <= to. One matrix
+    // exponential per piece in between.
+    State advance(const State& state, const Motion& motion, double from, double to) const;
+
+    double motor(const State& state) const;
+    double carriage(const State& state) const;
+
+private:
+    LinearDynamics dynamics_;
+    Eigen::Index motor_, carriage_;  // their places in the state
+};
+
+}  // namespace etalon

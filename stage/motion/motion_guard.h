@@ -1,0 +1,78 @@
+// Where the axes may go and by which way: soft limits, boxes of axis positions that no axis may
+// enter together, slow zones around them, and approaching positions from one side.
+//
+// The axes of one motion do not keep step: on its way it may pass anywhere in the box that its
+// start and its end span. So a motion is free when that whole box is clear of every forbidden one.
+// When the straight motion of all axes is not, it is split into motions of some axes after others,
+// and where that is not enough one axis first draws back past the edge of a forbidden box.
+//
+// Pure functions, no device; some 10 us a motion, with 8 axes and many boxes some milliseconds.
+#pragma once
+
+#include <limits>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/clock.h"
+#include "stage/axes/axes.h"
+
+namespace etalon {
+
+struct AxisInterval {
+    double low = -std::numeric_limits<double>::infinity();
+    double high = std::numeric_limits<double>::infinity();
+};
+
+// Positions that are forbidden when every axis is inside its side at the same time. A rotary axis
+// is inside again after every full turn.
+struct ForbiddenBox {
+    std::string name;
+    std::vector<AxisInterval> sides;  // one per axis, mm or rad; unbounded: wherever it is
+};
+
+struct MotionRules {
+    std::vector<ForbiddenBox> forbidden;
+    // Motions that come nearer to a forbidden box than this, one per axis, mm or rad, are made at
+    // this share of the axes' speeds. Empty: nothing is slow.
+    std::vector<double> slow_margin;
+    double slow_share = 1.0;
+};
+
+// Of the `stage` section of station.yaml, mm and degrees, both optional; axes that are not named
+// matter not (forbidden) or have the margin 0 (slow_near):
+//     forbidden: [{name: lens, x: [-20, 20], z: [100, 160]}]
+//     slow_near: {margin: {x: 5, z: 10}, speed_share: 0.2}
+// Throws ConfigError.
+MotionRules read_motion_rules(const Value& stage, std::span<const Axis> axes);
+
+// One motion of some axes together, from rest to rest.
+struct MotionSegment {
+    std::vector<double> from, to;   // one per axis, mm or rad
+    double speed_share = 1.0;       // of each axis' speed
+    Duration time{};                // at these speeds, without ramps and settling
+    std::vector<std::string> near;  // forbidden boxes that make it slow
+};
+
+// Targets keep this distance from forbidden boxes, and ways half of it: an axis at rest may read a
+// little off its target and must still be allowed to go on.
+constexpr double clearance_mm = 0.1;
+constexpr double clearance_deg = 0.1;
+
+// Throws ConfigError at `place`, saying what is in the way, unless the target is inside the soft
+// limits and clear of every forbidden box.
+void require_allowed(std::span<const Axis> axes, const MotionRules& rules,
+                     std::span<const double> target, const SourcePlace& place);
+
+// Whether the target, and the way on which it would be approached, is clear of every forbidden box.
+// The limits are not looked at.
+bool is_clear(std::span<const Axis> axes, const MotionRules& rules, std::span<const double> target);
+
+// The motions that take the axes from where they are to the target, the quickest that is free, at
+// the end approaching from each axis' declared side. One segment at least. Throws ConfigError at
+// `place` when the target is not allowed, the axes are inside a forbidden box, or no way is found.
+std::vector<MotionSegment> plan_motion(std::span<const Axis> axes, const MotionRules& rules,
+                                       std::span<const double> from, std::span<const double> target,
+                                       const SourcePlace& place);
+
+}  // namespace etalon

@@ -1,0 +1,91 @@
+// One Modbus unit of a stage and the axes that it drives: a profile's registers as status, inputs
+// and targets. Knows how to write safely; when to write what is stage/motion/modbus_stage.h's part.
+// One thread.
+#pragma once
+
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "stage/link/modbus_link.h"
+#include "stage/motion/stage.h"
+#include "stage/profile/profile.h"
+
+namespace etalon {
+
+inline constexpr int alarm_without_code = -1;
+
+class StageUnit {
+public:
+    // Throws ConfigError when the axes do not fit the profile: their number, or travel and speed in
+    // the counts of its registers. The link and the profile must outlive this. Sends nothing.
+    StageUnit(ModbusLink& link, const StageProfile& profile, int unit, std::vector<Axis> axes);
+
+    const std::vector<Axis>& axes() const { return axes_; }
+    std::string device() const { return link_.device(unit_); }
+
+    // Reads the poll blocks. Throws DeviceError.
+    std::vector<AxisStatus> poll(int attempts = 3);
+
+    // Reads what the inputs are set to, so that writing one leaves the others of its register.
+    void read_inputs();
+
+    // As last read or written; false when that is not known, and for codes.
+    bool is_on(Input input) const;
+
+    // One input on or off; an edge that is on already goes off first. A missing reply is followed
+    // by reading back, and only if that shows that nothing was written, by writing again. Throws
+    // UncertainWrite where reading back tells nothing: the same input must not be given again then
+    // if it means motion. Other inputs are repeated.
+    void set(Input input, bool on);
+    void pulse(Input input);
+
+    // Writes the target blocks, at this share of each axis' speed, and reads back what can be.
+    // Throws UncertainWrite for a block that starts the motion.
+    void write_target(std::span<const double> target, double speed_share);
+
+    // One write and no question: for stopping. Edges of the same register go off. Only a register
+    // that was never read is read before; where that fails the motors are taken to be on, since an
+    // axis whose motor goes off may drop.
+    void set_at_once(Input input, bool on);
+
+    void feed_watchdog();
+
+    // What the speed register makes of it: rounded down, but at least 1. mm/s or rad/s.
+    double commanded_speed(const Axis& axis, double speed_share) const;
+
+private:
+    using Place = std::pair<RegisterSpace, int>;
+    struct Word {
+        std::uint16_t value = 0;  // as last written or read
+        bool certain = false;
+        bool known = false;  // was read or written once
+        bool reads_back = true;
+    };
+
+    AxisStatus decode(const std::vector<std::vector<std::uint16_t>>& blocks,
+                      std::size_t axis) const;
+    std::uint16_t polled(const std::vector<std::vector<std::uint16_t>>& blocks, RegisterSpace space,
+                         int address, std::size_t axis) const;
+    double polled_number(const std::vector<std::vector<std::uint16_t>>& blocks,
+                         const PolledNumber& number, std::size_t axis) const;
+    bool polled_signal(const std::vector<std::vector<std::uint16_t>>& blocks, Signal signal,
+                       std::size_t axis, bool unavailable) const;
+
+    void get_to_know(Place place, Word& word);
+    void write_level(Input input, bool on);
+    void write_code(Input input);
+    void write_block(const TargetBlock& block, std::span<const double> target, double speed_share);
+    void write_verified(Place place, std::span<const std::uint16_t> values, bool reads_back,
+                        bool repeatable);
+    std::vector<std::uint16_t> read(Place place, int count);
+
+    ModbusLink& link_;
+    const StageProfile& profile_;
+    int unit_;
+    std::vector<Axis> axes_;
+    std::map<Place, Word> words_;  // of the inputs that are bits
+};
+
+}  // namespace etalon

@@ -1,0 +1,83 @@
+#include "stage/profile/profile_layers.h"
+
+namespace etalon {
+namespace {
+
+bool is_removal(const Value& value) {
+    return !value.is_mapping() && !value.is_list() && !value.is_scalar();
+}
+
+// A hidden value has no effect, but is no unknown one either.
+void pass_over(const Value& value) {
+    if (value.is_mapping()) {
+        for (const std::string& key : value.keys())
+            pass_over(value.at(key));
+    } else if (value.is_list()) {
+        for (const Value& item : value.items())
+            pass_over(item);
+    }
+}
+
+}  // namespace
+
+std::optional<Value> Layers::find(const std::string& key) const {
+    std::optional<Value> found;
+    bool removed = false;
+    for (const Value& mapping : mappings_) {
+        const auto value = mapping.find(key);
+        if (!value)
+            continue;
+        if (found || removed)
+            pass_over(*value);
+        else if (is_removal(*value))
+            removed = true;
+        else
+            found = value;
+    }
+    return found;
+}
+
+Value Layers::at(const std::string& key) const {
+    if (auto value = find(key))
+        return *value;
+    return mappings_.front().at(key);  // throws, or is the removal, which has no use
+}
+
+std::optional<Layers> Layers::find_section(const std::string& key) const {
+    std::vector<Value> sections;
+    bool removed = false;
+    for (const Value& mapping : mappings_) {
+        const auto value = mapping.find(key);
+        if (!value)
+            continue;
+        removed = removed || is_removal(*value);
+        if (removed)
+            pass_over(*value);
+        else if (value->is_mapping())
+            sections.push_back(*value);
+        else
+            value->fail("must be a mapping (key: value)");
+    }
+    if (sections.empty())
+        return std::nullopt;
+    return Layers(std::move(sections));
+}
+
+Layers Layers::section(const std::string& key) const {
+    if (auto found = find_section(key))
+        return *found;
+    at(key).fail("must be a mapping (key: value)");
+}
+
+std::set<std::string> Layers::keys() const {
+    std::set<std::string> all;
+    for (const Value& mapping : mappings_) {
+        for (const std::string& key : mapping.keys()) {
+            if (find(key))
+                all.insert(key);
+        }
+    }
+    return all;
+}
+
+}  // namespace etalon

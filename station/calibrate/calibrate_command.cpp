@@ -1,0 +1,214 @@
+// `etalon calibrate`: intrinsics from photographs of a target, with what the
+// calibration can and cannot predict.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <set>
+
+#include "calib/files/camera_file.h"
+#include "calib/files/opencv_file.h"
+#include "calib/intrinsics/calibrate.h"
+#include "calib/intrinsics/calibration_outliers.h"
+#include "compare/detect/calibration_target.h"
+#include "compare/photometric/compared_area.h"
+#include "core/errors.h"
+#include "core/image.h"
+#include "core/text.h"
+#include "station/calibrate/calibration_report.h"
+#include "station/shell/commands.h"
+
+namespace etalon {
+namespace {
+
+CodeImage read_photo_of_size(const std::filesystem::path& photo, const std::string& first,
+                             cv::Size& size) {
+    CodeImage image = read_image(photo);
+    if (size.empty())
+        size = image.pixels.size();
+    if (image.pixels.size() != size)
+        throw ConfigError(
+            {photo.string()},
+            fmt::format("has {}x{} pixels, but {} has {}x{}: one camera's photos have "
+                        "one size",
+                        image.pixels.cols, image.pixels.rows, first, size.width, size.height));
+    return image;
+}
+
+// The short form of a chessboard, or any target.
+std::string target_spec(const CalibrateArguments& arguments) {
+    if (!arguments.target.empty())
+        return arguments.target;
+    if (arguments.board.empty())
+        throw ConfigError({"--target", 0, ""}, "or --board with --square-mm is required");
+    return fmt::format("chessboard:{}@{}mm", arguments.board, exact(arguments.square_mm));
+}
+
+struct Observations {
+    cv::Size image_size;
+    std::vector<std::string> photos;  // one per view
+    std::vector<CalibrationView> views;
+    std::vector<std::string> without_target;
+};
+
+Observations observe_all(const CalibrationTarget& target, const std::string& spec,
+                         const std::vector<std::filesystem::path>& photos) {
+    Observations observations;
+    std::set<std::filesystem::path> seen;
+    for (const auto& photo : photos) {
+        if (!seen.insert(photo.lexically_normal()).second)
+            throw ConfigError({photo.string()}, "is given twice");
+        const CodeImage image =
+            read_photo_of_size(photo, photos.front().string(), observations.image_size);
+        std::optional<CalibrationView> view = observe(target, image);
+        if (!view) {
+            observations.without_target.push_back(photo.string());
+            fmt::print(stderr, "{}: no {} found: not used\n", photo.string(), spec);
+            continue;
+        }
+        observations.photos.push_back(photo.string());
+        observations.views.push_back(std::move(*view));
+    }
+    if (observations.views.size() < 3)
+        throw ConfigError({"PHOTOS"}, fmt::format("the target {} was found in {} of {} photos; "
+                                                  "three are needed",
+                                                  spec, observations.views.size(), photos.size()));
+    return observations;
+}
+
+// Says which photo a view was: errors of the calibration count views from 0.
+CameraCalibration calibrate_photos(const Observations& observations,
+                                   const std::optional<std::string>& model) {
+    try {
+        return calibrate_camera(observations.views, observations.image_size, {.model = model});
+    } catch (const NumericalError& error) {
+        const std::string what = error.what();
+        if (what.find("view ") == std::string::npos)
+            throw;
+        std::string views;
+        for (std::size_t i = 0; i < observations.photos.size(); ++i)
+            views +=
+                fmt::format("{}{} {}", i > 0 ? ", " : "", i, short_name(observations.photos[i]));
+        throw NumericalError(what + "; the views are " + views);
+    }
+}
+
+// What is seen of a circle is not its centre: by how much not, a first camera tells.
+void correct_circles(const CalibrationTarget& target, Observations& observations,
+                     const std::optional<std::string>& model) {
+    const CameraCalibration first =
+        calibrate_camera(observations.views, observations.image_size,
+                         {.model = model, .leave_one_out = false, .resamples = 0});
+    for (std::size_t i = 0; i < observations.views.size(); ++i)
+        if (const auto& pose = first.views[i].camera_from_target)
+            observations.views[i] =
+                with_circle_centres(target, observations.views[i], first.camera, *pose);
+}
+
+CalibrationRun calibrated(const CalibrateArguments& arguments) {
+    const std::string spec = target_spec(arguments);
+    const CalibrationTarget target =
+        parse_calibration_target(spec, arguments.target.empty() ? "--board" : "--target");
+    std::optional<std::string> model;
+    if (arguments.model != "auto")
+        model = calibration_model(arguments.model).name;
+    Observations observations = observe_all(target, spec, arguments.photos);
+    if (has_circles(target))
+        correct_circles(target, observations, model);
+    CameraCalibration calibration = calibrate_photos(observations, model);
+    return {spec,
+            arguments.out,
+            std::move(observations.photos),
+            std::move(observations.views),
+            std::move(observations.without_target),
+            model,
+            std::move(calibration)};
+}
+
+// The views and corners that were used, with the photographs they are from.
+PhotometricRefinement photometric_refinement(const CalibrationRun& run) {
+    const CameraCalibration& calibration = run.calibration;
+    std::vector<CodeImage> photos;
+    std::vector<CalibrationView> views;
+    CameraStart start{calibration.camera, {}};
+    for (std::size_t i = 0; i < run.views.size(); ++i) {
+        if (!calibration.views[i].used())
+            continue;
+        photos.push_back(read_image(run.photos[i]));
+        views.push_back(without_points(run.views[i], calibration.views[i].left_out));
+        start.camera_from_target.push_back(*calibration.views[i].camera_from_target);
+    }
+    const CalibrationTarget target = parse_calibration_target(run.target, "--target");
+    const CameraFit corners =
+        fit_camera(views, {calibration.camera.width, calibration.camera.height}, calibration.model,
+                   {.start = start});
+    return refine_photometrically(photos, views, target.board.grid,
+                                  compared_area(target.board, {}, "--target"), corners,
+                                  calibration.model);
+}
+
+void write_report(const CalibrationRun& run, const std::filesystem::path& folder) {
+    std::error_code failure;
+    std::filesystem::create_directories(folder, failure);
+    if (failure)
+        throw ConfigError({folder.string()}, "cannot be made: " + failure.message());
+    write_text(folder / "calibration.json", calibration_json(run) + "\n");
+    write_corners_csv(folder / "corners.csv", run);
+    write_text(folder / "report.html", calibration_html(run));
+}
+
+// Lines of at most 80 columns, broken at spaces.
+std::string wrapped(const std::string& text) {
+    constexpr std::size_t columns = 80;
+    std::string lines, line;
+    for (const std::string& word : split(text, ' ')) {
+        if (!line.empty() && line.size() + 1 + word.size() > columns) {
+            lines += line + "\n";
+            line.clear();
+        }
+        line += (line.empty() ? "" : " ") + word;
+    }
+    return lines + line + "\n";
+}
+
+// What a person reads; programs read stdout.
+void print_findings(const CalibrationRun& run) {
+    fmt::print(stderr, "{}", calibration_tables(run));
+    for (const std::string& remark : calibration_remarks(run))
+        fmt::print(stderr, "\n{}", wrapped(remark));
+}
+
+void print_words(const CalibrationRun& run, const std::filesystem::path& report) {
+    const CameraCalibration& calibration = run.calibration;
+    fmt::print("RMS {:.3f} px\n", calibration.rms_px);
+    if (calibration.leave_one_out_rms_px)
+        fmt::print("leave-one-out {:.3f} px over {} photos\n", *calibration.leave_one_out_rms_px,
+                   photos_used(calibration));
+    fmt::print("model {}\n", calibration.model.name);
+    if (run.refinement)
+        fmt::print("photometric refinement {}\n", run.refinement->in_words());
+    if (!report.empty())
+        fmt::print("report {}\n", (report / "report.html").string());
+}
+
+}  // namespace
+
+int run_calibrate(const CalibrateArguments& arguments) {
+    if (arguments.photos.empty())
+        throw ConfigError({"PHOTOS"}, "no photograph given");
+    CalibrationRun run = calibrated(arguments);
+    if (arguments.refine == "photometric")
+        run.refinement = photometric_refinement(run);
+    print_findings(run);
+    write_camera(arguments.out, run.camera());
+    if (!arguments.opencv_out.empty())
+        write_opencv_camera(arguments.opencv_out, run.camera());
+    if (!arguments.report.empty())
+        write_report(run, arguments.report);
+    if (arguments.json)
+        std::puts(calibration_json(run).c_str());
+    else
+        print_words(run, arguments.report);
+    return 0;
+}
+
+}  // namespace etalon

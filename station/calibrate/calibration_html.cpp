@@ -1,0 +1,233 @@
+// The report of a calibration: what a reader must decide on first, evidence below it.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "core/text.h"
+#include "report/html.h"
+#include "station/calibrate/calibration_plots.h"
+#include "station/calibrate/calibration_report.h"
+#include "station/record/qualify_result.h"
+
+namespace etalon {
+namespace {
+
+using Rows = std::vector<std::vector<std::string>>;
+
+std::string fixed(double value, int digits) {
+    return fmt::format("{:.{}f}", value, digits);
+}
+
+std::string fixed(const std::optional<double>& value, int digits) {
+    return value ? fixed(*value, digits) : "–";
+}
+
+void add_summary(HtmlPage& page, const CalibrationRun& run) {
+    const CameraCalibration& calibration = run.calibration;
+    const bool predicted = calibration.leave_one_out_rms_px.has_value();
+    const double error = predicted ? *calibration.leave_one_out_rms_px : calibration.rms_px;
+    const std::size_t used = photos_used(calibration);
+    page.add_verdict(
+        fmt::format("{:.3f} px", error),
+        predicted ? fmt::format("is how far the calibration is off, RMS over {} photos, on a photo "
+                                "that it has not seen; {:.3f} px on those that it was fitted to.",
+                                used, calibration.rms_px)
+                  : fmt::format("RMS of the fit over {} photos, too few to leave any out.", used));
+    const auto& models = calibration.advice.advised;
+    const ProjectionUncertainty& uncertainty = calibration.uncertainty;
+    page.add_facts(
+        {{"Model", calibration.model.name +
+                       (models && calibration.advice.models[*models].model == calibration.model.name
+                            ? " (advised)"
+                            : " (asked for)")},
+         {"Target", run.target},
+         {"Photos used",
+          fmt::format("{} of {}", used, run.photos.size() + run.without_target.size())},
+         {"Corners used",
+          fmt::format("{} of {}", calibration.points() - calibration.points_left_out(),
+                      calibration.points())},
+         {"Projection uncertain by at most, among the corners",
+          fmt::format("{:.2f} px", uncertainty.worst_among_points(&PixelUncertainty::rotated))},
+         {"Projection uncertain by at most, in the whole image",
+          fmt::format("{:.2f} px", uncertainty.worst(&PixelUncertainty::rotated))},
+         {"Image among corners", fmt::format("{:.0f} %", 100.0 * uncertainty.share_among_points())},
+         {"Two halves differ by",
+          calibration.halves ? fmt::format("{:.3f} px", calibration.halves->rms_px) : "–"}});
+}
+
+void add_remarks(HtmlPage& page, const CalibrationRun& run) {
+    page.add_heading("Before you trust it");
+    const std::vector<std::string> remarks = calibration_remarks(run);
+    if (remarks.empty())
+        page.add_paragraph("Nothing in these photos speaks against the calibration.");
+    std::string list;
+    for (const std::string& remark : remarks)
+        list += "<li>" + escape_html(remark) + "</li>";
+    if (!list.empty())
+        page.add_html("<ul>" + list + "</ul>\n");
+}
+
+void add_parameters(HtmlPage& page, const CameraCalibration& calibration) {
+    page.add_heading("The camera, with three standard deviations side by side");
+    const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
+    Rows rows;
+    for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
+        const ParameterDeviation& each = calibration.deviations[i];
+        rows.push_back({each.name,
+                        with_uncertainty(values[static_cast<Eigen::Index>(i)], each.largest()),
+                        fmt::format("{:#.2g}", each.largest()), fmt::format("{:#.2g}", each.formal),
+                        fmt::format("{:#.2g}", each.cluster_robust),
+                        each.bootstrap ? fmt::format("{:#.2g}", *each.bootstrap) : "–",
+                        fixed(each.ratio(), 2)});
+    }
+    page.add_table(
+        {"parameter", "value", "used", "formal", "cluster-robust", "bootstrap", "used / formal"},
+        rows);
+    page.add_paragraph(fmt::format(
+        "fx, fy, cx, cy in px, pixel centres at integers; distortion as OpenCV's. Formal: from the "
+        "residuals' variance and the Jacobian, as if every corner erred on its own. "
+        "Cluster-robust: from what each photo's residuals together do to the parameters, "
+        "corrected for few photos. Bootstrap: scatter of {} calibrations of photos drawn with "
+        "replacement. The largest is what camera.yml states, with the formal correlations. "
+        "Condition number of the scaled problem: {:.2g}.",
+        bootstrap_resamples, calibration.condition_number));
+    page.add_figures({deviation_figure(calibration), model_figure(calibration)});
+}
+
+std::string judged(const CalibrationRun& run, const ModelScore& score) {
+    const CameraCalibration& calibration = run.calibration;
+    std::vector<std::string> words;
+    if (&score == advised_score(calibration))
+        words.push_back("advised");
+    if (&score == &chosen_score(calibration))
+        words.push_back("taken");
+    if (score.overfits)
+        words.push_back("overfits");
+    if (score.failed_view)
+        words.push_back("cannot predict " + short_name(run.photos[*score.failed_view]));
+    else if (!score.failure.empty())
+        words.push_back(score.failure);
+    return fmt::format("{}", fmt::join(words, ", "));
+}
+
+// The difference of mean squares as a difference of RMS values, near the best one's.
+std::string difference(const ModelScore& score, const ModelScore& best) {
+    if (!score.leave_one_out_rms_px)
+        return "–";
+    if (&score == &best)
+        return "0 (best)";
+    const double twice = *score.leave_one_out_rms_px + *best.leave_one_out_rms_px;
+    return fmt::format("{:.4f} ± {:.4f}", score.above_best / twice, score.above_best_error / twice);
+}
+
+void add_models(HtmlPage& page, const CalibrationRun& run) {
+    const ModelAdvice& advice = run.calibration.advice;
+    page.add_heading("Which model these photos support");
+    Rows rows;
+    for (const ModelScore& score : advice.models)
+        rows.push_back({score.model, std::to_string(score.parameters),
+                        score.fit ? fixed(score.rms_px, 4) : "–",
+                        fixed(score.leave_one_out_rms_px, 4),
+                        advice.best ? difference(score, advice.models[*advice.best]) : "–",
+                        score.fit ? fmt::format("{:.1e}", score.fit->condition_number) : "–",
+                        judged(run, score)});
+    page.add_table({"model", "parameters", "fit / px", "left out / px", "above the best / px",
+                    "condition", "judged"},
+                   rows);
+    page.add_paragraph(
+        "Left out: every photo in turn is taken away, the camera calibrated from the others, and "
+        "of "
+        "the photo only its pose fitted. Advised is the simplest model within one standard error "
+        "of the best, paired by photo. A richer one that predicts worse overfits.");
+}
+
+void add_residuals(HtmlPage& page, const CalibrationRun& run) {
+    page.add_heading("Residuals and where the corners are");
+    page.add_figures(
+        {residual_figure(run), radial_figure(run), photo_figure(run), coverage_figure(run)});
+}
+
+void add_uncertainty(HtmlPage& page, const CameraCalibration& calibration) {
+    page.add_heading("What the uncertainty means in pixels");
+    page.add_paragraph(
+        "Errors of single parameters cancel; what counts is where a ray lands. Left with the "
+        "camera "
+        "held; right after the rotation that takes back most of it over the image, which is what a "
+        "measurement is left with that finds the camera's orientation itself.");
+    page.add_figures(uncertainty_figures(calibration));
+}
+
+void add_halves(HtmlPage& page, const CameraCalibration& calibration) {
+    if (!calibration.halves)
+        return;
+    const CrossValidation& halves = *calibration.halves;
+    page.add_heading("Two halves against each other");
+    page.add_paragraph(fmt::format(
+        "Calibrated from every second photo ({} and {}), the two cameras project {:.3f} px apart "
+        "(RMS over the part of the image that corners reach; worst {:.3f} px). Their formal "
+        "covariances lead to expect {:.3f} px, "
+        "the cluster-robust ones {:.3f} px.",
+        halves.views[0], halves.views[1], halves.rms_px, halves.worst_px, halves.expected_formal_px,
+        halves.expected_robust_px));
+    page.add_figures({halves_figure(calibration)});
+}
+
+// Angle between the board's normal and the optical axis.
+double tilt_deg(const Rigid& camera_from_target) {
+    const double cosine = std::abs((camera_from_target.rotation * Eigen::Vector3d::UnitZ()).z());
+    return std::acos(std::min(1.0, cosine)) * 180.0 / std::numbers::pi;
+}
+
+void add_photos(HtmlPage& page, const CalibrationRun& run) {
+    page.add_heading("Photos");
+    Rows rows;
+    for (std::size_t i = 0; i < run.photos.size(); ++i) {
+        const CalibratedView& view = run.calibration.views[i];
+        const auto left_out = std::count(view.left_out.begin(), view.left_out.end(), true);
+        const auto& pose = view.camera_from_target;
+        rows.push_back({short_name(run.photos[i]), std::to_string(view.left_out.size()),
+                        std::to_string(left_out), pose ? fixed(view.rms_px, 3) : "–",
+                        fixed(view.left_out_rms_px, 3),
+                        pose ? fixed(pose->translation.norm(), 0) : "–",
+                        pose ? fixed(tilt_deg(*pose), 1) : "–",
+                        view.used() ? "used" : "left out: does not fit the others"});
+    }
+    for (const std::string& photo : run.without_target)
+        rows.push_back({short_name(photo), "0", "–", "–", "–", "–", "–", "target not found"});
+    page.add_table({"photo", "corners", "left out", "fit / px", "predicted / px", "distance / mm",
+                    "tilt / deg", "state"},
+                   rows);
+}
+
+void add_software(HtmlPage& page) {
+    Rows rows;
+    for (const SoftwareVersion& each : software_versions())
+        rows.push_back({each.name, each.version});
+    page.begin_details("Software");
+    page.add_table({"software", "version"}, rows);
+    page.end_details();
+}
+
+}  // namespace
+
+std::string calibration_html(const CalibrationRun& run) {
+    const CameraModel& camera = run.calibration.camera;
+    HtmlPage page("Calibration of " + run.camera_file.filename().string(),
+                  fmt::format("{} x {} px, {} photos of {}", camera.width, camera.height,
+                              run.photos.size(), run.target));
+    add_summary(page, run);
+    add_remarks(page, run);
+    add_parameters(page, run.calibration);
+    add_models(page, run);
+    add_residuals(page, run);
+    add_uncertainty(page, run.calibration);
+    add_halves(page, run.calibration);
+    add_photos(page, run);
+    add_software(page);
+    return page.finish();
+}
+
+}  // namespace etalon

@@ -1,0 +1,371 @@
+#include "station/calibrate/calibration_report.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/text.h"
+#include "report/csv.h"
+#include "station/record/qualify_result.h"
+
+namespace etalon {
+namespace {
+
+using nlohmann::ordered_json;
+
+std::size_t count_left_out(const CalibratedView& view) {
+    return static_cast<std::size_t>(std::count(view.left_out.begin(), view.left_out.end(), true));
+}
+
+// ---- remarks --------------------------------------------------------------------------------
+
+void remark_on_outliers(const CalibrationRun& run, std::vector<std::string>& remarks) {
+    const CameraCalibration& calibration = run.calibration;
+    if (calibration.points_left_out() == 0)
+        return;
+    std::vector<std::string> parts;
+    for (std::size_t i = 0; i < calibration.views.size(); ++i) {
+        const CalibratedView& view = calibration.views[i];
+        if (!view.camera_from_target)
+            parts.push_back(short_name(run.photos[i]) + " as a whole (no pose explains it)");
+        else if (!view.used())
+            parts.push_back(
+                fmt::format("{} as a whole ({:.2f} px)", short_name(run.photos[i]), view.rms_px));
+        else if (count_left_out(view) > 0)
+            parts.push_back(
+                fmt::format("{} of {}", count_left_out(view), short_name(run.photos[i])));
+    }
+    remarks.push_back(
+        fmt::format("Left out because they do not fit the others: {} of {} corners: "
+                    "{}.",
+                    calibration.points_left_out(), calibration.points(), fmt::join(parts, ", ")));
+}
+
+std::string words_of_overfit(const CalibrationRun& run, const ModelScore& score) {
+    if (score.failed_view)
+        return fmt::format(
+            "{} overfits: {:.3f} px in the fit, but calibrated without {} it cannot "
+            "predict that photo at all",
+            score.model, score.rms_px, short_name(run.photos[*score.failed_view]));
+    return fmt::format("{} overfits: {:.3f} px in the fit, {:.3f} px on photos left out",
+                       score.model, score.rms_px, *score.leave_one_out_rms_px);
+}
+
+void remark_on_model(const CalibrationRun& run, std::vector<std::string>& remarks) {
+    const CameraCalibration& calibration = run.calibration;
+    const ModelScore* advised = advised_score(calibration);
+    if (!advised) {
+        remarks.push_back(
+            "No leave-one-out error, and so no advice which model to take: both "
+            "need four photos with the target.");
+        return;
+    }
+    const ModelScore& chosen = chosen_score(calibration);
+    for (const ModelScore& score : calibration.advice.models)
+        if (score.overfits && score.fit)
+            remarks.push_back(fmt::format("{} ({}: {:.3f} px).", words_of_overfit(run, score),
+                                          advised->model, *advised->leave_one_out_rms_px));
+    if (chosen.model != advised->model)
+        remarks.push_back(fmt::format("Model {} was asked for; these photos support {}.",
+                                      chosen.model, advised->model));
+    if (chosen.leave_one_out_rms_px && *chosen.leave_one_out_rms_px > 1.5 * chosen.rms_px)
+        remarks.push_back(
+            "The model follows these photos rather than the lens (leave-one-out error far above "
+            "the fit): take more photos, tilted and up to the image's corners.");
+}
+
+void remark_on_deviations(const CalibrationRun& run, std::vector<std::string>& remarks) {
+    const CameraCalibration& calibration = run.calibration;
+    std::vector<std::string> suspicious;
+    for (const ParameterDeviation& each : calibration.deviations)
+        if (each.ratio() > suspicious_deviation_ratio)
+            suspicious.push_back(fmt::format("{} {:.1f}", each.name, each.ratio()));
+    if (!suspicious.empty())
+        remarks.push_back(fmt::format(
+            "Corners of one photo are not independent: over photos, standard deviations are more "
+            "than {:g} times the formal ones ({}). The largest are used.",
+            suspicious_deviation_ratio, fmt::join(suspicious, ", ")));
+    if (!calibration.covariances.bootstrap)
+        remarks.push_back(fmt::format(
+            "No bootstrap: it needs {} photos, and nearly every resample of them must determine "
+            "the camera.",
+            least_bootstrap_views));
+}
+
+void remark_on_image(const CalibrationRun& run, std::vector<std::string>& remarks) {
+    constexpr double little = 0.8;
+    const ProjectionUncertainty& uncertainty = run.calibration.uncertainty;
+    if (uncertainty.share_among_points() < little)
+        remarks.push_back(fmt::format(
+            "Corners reach over {:.0f} % of the image. Among them a ray's image is certain to "
+            "{:.2f} px at worst, beyond them, where the model extrapolates, to {:.2f} px.",
+            100.0 * uncertainty.share_among_points(),
+            uncertainty.worst_among_points(&PixelUncertainty::rotated),
+            uncertainty.worst(&PixelUncertainty::rotated)));
+    const auto& halves = run.calibration.halves;
+    if (!halves)
+        remarks.push_back(
+            fmt::format("No cross-validation: it needs {} photos, every second of "
+                        "which must determine the camera.",
+                        least_cross_validation_views));
+    else if (halves->rms_px >
+             2.0 * std::max(halves->expected_formal_px, halves->expected_robust_px))
+        remarks.push_back(fmt::format(
+            "Two halves of the photos differ by {:.3f} px where their covariances lead to expect "
+            "{:.3f} px: something changed between the photos, or they err alike.",
+            halves->rms_px, std::max(halves->expected_formal_px, halves->expected_robust_px)));
+}
+
+// ---- tables for the terminal ----------------------------------------------------------------
+
+std::string photo_table(const CalibrationRun& run) {
+    std::string text = "photo                       corners  left out    fit/px  predicted/px\n";
+    for (std::size_t i = 0; i < run.photos.size(); ++i) {
+        const CalibratedView& view = run.calibration.views[i];
+        text += fmt::format(
+            "{:<26} {:>8} {:>9} {:>9} {:>13}\n", short_name(run.photos[i]), view.left_out.size(),
+            count_left_out(view), view.used() ? fmt::format("{:.3f}", view.rms_px) : "-",
+            view.left_out_rms_px ? fmt::format("{:.3f}", *view.left_out_rms_px) : "-");
+    }
+    return text;
+}
+
+std::string model_table(const CameraCalibration& calibration) {
+    std::string text = "\nmodel       parameters    fit/px  left out/px\n";
+    for (const ModelScore& score : calibration.advice.models) {
+        const bool advised = &score == advised_score(calibration);
+        const bool chosen = &score == &chosen_score(calibration);
+        text += fmt::format(
+            "{:<11} {:>10} {:>9} {:>12}  {}{}{}\n", score.model, score.parameters,
+            score.fit ? fmt::format("{:.4f}", score.rms_px) : "-",
+            score.leave_one_out_rms_px ? fmt::format("{:.4f}", *score.leave_one_out_rms_px) : "-",
+            advised ? "advised " : "", chosen ? "taken " : "", score.overfits ? "overfits" : "");
+    }
+    return text;
+}
+
+std::string deviation_table(const CameraCalibration& calibration) {
+    const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
+    std::string text =
+        "\nparameter         value     used   formal  cluster bootstrap  used/formal\n";
+    for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
+        const ParameterDeviation& each = calibration.deviations[i];
+        text += fmt::format("{:<9} {:>13} {:>8.3g} {:>8.3g} {:>8.3g} {:>9} {:>12.2f}\n", each.name,
+                            with_uncertainty(values[static_cast<Eigen::Index>(i)], each.largest()),
+                            each.largest(), each.formal, each.cluster_robust,
+                            each.bootstrap ? fmt::format("{:.3g}", *each.bootstrap) : "-",
+                            each.ratio());
+    }
+    return text;
+}
+
+// ---- JSON -----------------------------------------------------------------------------------
+
+ordered_json parameters_json(const CameraCalibration& calibration) {
+    const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
+    ordered_json json;
+    for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
+        const ParameterDeviation& each = calibration.deviations[i];
+        ordered_json& entry = json[each.name];
+        entry["value"] = values[static_cast<Eigen::Index>(i)];
+        entry["standard_deviation"] = {{"used", each.largest()},
+                                       {"formal", each.formal},
+                                       {"cluster_robust", each.cluster_robust}};
+        if (each.bootstrap)
+            entry["standard_deviation"]["bootstrap"] = *each.bootstrap;
+    }
+    return json;
+}
+
+ordered_json models_json(const CalibrationRun& run) {
+    ordered_json json = ordered_json::array();
+    for (const ModelScore& score : run.calibration.advice.models) {
+        ordered_json entry = {{"model", score.model}, {"parameters", score.parameters}};
+        if (score.fit) {
+            entry["rms_px"] = score.rms_px;
+            entry["condition_number"] = score.fit->condition_number;
+        }
+        if (score.leave_one_out_rms_px) {
+            entry["leave_one_out_rms_px"] = *score.leave_one_out_rms_px;
+            entry["above_best_px2"] = score.above_best;
+            entry["above_best_standard_error_px2"] = score.above_best_error;
+        }
+        if (!score.failure.empty())
+            entry["failure"] = score.failure;
+        if (score.failed_view)
+            entry["photo_not_predicted"] = run.photos[*score.failed_view];
+        entry["overfits"] = score.overfits;
+        json.push_back(entry);
+    }
+    return json;
+}
+
+ordered_json uncertainty_json(const ProjectionUncertainty& uncertainty) {
+    const auto figures = [&](double PixelUncertainty::*value) -> ordered_json {
+        return {{"mean_px", uncertainty.mean(value)},
+                {"worst_px", uncertainty.worst(value)},
+                {"worst_among_corners_px", uncertainty.worst_among_points(value)}};
+    };
+    return {{"camera_held", figures(&PixelUncertainty::held)},
+            {"after_best_rotation", figures(&PixelUncertainty::rotated)},
+            {"image_among_corners", uncertainty.share_among_points()}};
+}
+
+ordered_json halves_json(const CrossValidation& halves) {
+    return {{"photos", halves.views},
+            {"difference_rms_px", halves.rms_px},
+            {"difference_worst_px", halves.worst_px},
+            {"expected_formal_px", halves.expected_formal_px},
+            {"expected_cluster_robust_px", halves.expected_robust_px}};
+}
+
+ordered_json photos_json(const CalibrationRun& run) {
+    ordered_json json = ordered_json::array();
+    for (std::size_t i = 0; i < run.photos.size(); ++i) {
+        const CalibratedView& view = run.calibration.views[i];
+        ordered_json entry = {{"photo", run.photos[i]},
+                              {"used", view.used()},
+                              {"corners", view.left_out.size()},
+                              {"corners_left_out", count_left_out(view)}};
+        if (view.camera_from_target) {
+            const Vector6d pose = vector_from_rigid(*view.camera_from_target);
+            entry["rms_px"] = view.rms_px;
+            entry["camera_from_target"] = std::vector<double>(pose.begin(), pose.end());
+        }
+        if (view.left_out_rms_px)
+            entry["left_out_rms_px"] = *view.left_out_rms_px;
+        json.push_back(entry);
+    }
+    return json;
+}
+
+// In the order of the used photos.
+ordered_json refinement_json(const PhotometricRefinement& refinement) {
+    ordered_json json = {{"accepted", refinement.accepted},
+                         {"corners_rms_gray", refinement.corners_rms_gray},
+                         {"refined_rms_gray", refinement.refined_rms_gray},
+                         {"gain_gray", refinement.gain_gray},
+                         {"gain_standard_error_gray", refinement.gain_error_gray},
+                         {"least_gain_gray", refinement.least_gain_gray},
+                         {"folds", refinement.folds}};
+    const CameraParameters values = all_parameters(refinement.camera);
+    for (const ParameterDeviation& deviation : refinement.deviations)
+        json["parameters"][deviation.name] = {
+            {"value", values[parameter_index(deviation.name)]},
+            {"standard_deviation",
+             {{"formal", deviation.formal}, {"cluster_robust", deviation.cluster_robust}}}};
+    json["photos"] = ordered_json::array();
+    for (const RefinedPhoto& photo : refinement.photos)
+        json["photos"].push_back({{"corners_rms_gray", photo.corners_rms_gray},
+                                  {"refined_rms_gray", photo.refined_rms_gray}});
+    return json;
+}
+
+ordered_json software_json() {
+    ordered_json json;
+    for (const SoftwareVersion& each : software_versions())
+        json[each.name] = each.version;
+    return json;
+}
+
+}  // namespace
+
+std::string short_name(const std::string& photo) {
+    return std::filesystem::path(photo).filename().string();
+}
+
+std::string with_uncertainty(double value, double deviation) {
+    if (!(deviation > 0.0))
+        return exact(value);
+    const int decimals = 1 - static_cast<int>(std::floor(std::log10(deviation)));
+    return fmt::format("{:.{}f}", value, std::clamp(decimals, 0, 12));
+}
+
+const ModelScore& chosen_score(const CameraCalibration& calibration) {
+    const auto& models = calibration.advice.models;
+    return *std::find_if(models.begin(), models.end(), [&](const ModelScore& score) {
+        return score.model == calibration.model.name;
+    });
+}
+
+const ModelScore* advised_score(const CameraCalibration& calibration) {
+    const ModelAdvice& advice = calibration.advice;
+    return advice.advised ? &advice.models[*advice.advised] : nullptr;
+}
+
+std::size_t photos_used(const CameraCalibration& calibration) {
+    return static_cast<std::size_t>(
+        std::count_if(calibration.views.begin(), calibration.views.end(),
+                      [](const CalibratedView& view) { return view.used(); }));
+}
+
+std::vector<std::string> calibration_remarks(const CalibrationRun& run) {
+    std::vector<std::string> remarks;
+    remark_on_outliers(run, remarks);
+    remark_on_model(run, remarks);
+    remark_on_deviations(run, remarks);
+    remark_on_image(run, remarks);
+    if (run.refinement)
+        remarks.push_back("Photometric refinement: " + run.refinement->in_words() + ".");
+    return remarks;
+}
+
+std::string calibration_tables(const CalibrationRun& run) {
+    return photo_table(run) + model_table(run.calibration) + deviation_table(run.calibration);
+}
+
+std::string calibration_json(const CalibrationRun& run) {
+    const CameraCalibration& calibration = run.calibration;
+    ordered_json json = {
+        {"etalon", "calibration/1"},
+        {"target", run.target},
+        {"image", {{"width", calibration.camera.width}, {"height", calibration.camera.height}}},
+        {"model", calibration.model.name}};
+    if (const ModelScore* advised = advised_score(calibration))
+        json["advised_model"] = advised->model;
+    json["rms_px"] = calibration.rms_px;
+    if (calibration.leave_one_out_rms_px)
+        json["leave_one_out_rms_px"] = *calibration.leave_one_out_rms_px;
+    json["condition_number"] = calibration.condition_number;
+    json["corners"] = calibration.points();
+    json["corners_left_out"] = calibration.points_left_out();
+    json["photos_left_out"] = calibration.views.size() - photos_used(calibration);
+    json["parameters"] = parameters_json(calibration);
+    json["models"] = models_json(run);
+    json["projection_uncertainty"] = uncertainty_json(calibration.uncertainty);
+    if (calibration.halves)
+        json["halves"] = halves_json(*calibration.halves);
+    if (run.refinement)
+        json["photometric_refinement"] = refinement_json(*run.refinement);
+    json["photos"] = photos_json(run);
+    json["photos_without_target"] = run.without_target;
+    json["remarks"] = calibration_remarks(run);
+    json["software"] = software_json();
+    return json.dump(2, ' ', false, ordered_json::error_handler_t::replace);
+}
+
+void write_corners_csv(const std::filesystem::path& path, const CalibrationRun& run) {
+    std::string text = "photo,id,x_mm,y_mm,x_px,y_px,residual_x_px,residual_y_px,left_out\n";
+    for (std::size_t v = 0; v < run.views.size(); ++v) {
+        const CalibrationView& view = run.views[v];
+        for (std::size_t i = 0; i < view.pixels.size(); ++i) {
+            const CalibratedView& calibrated = run.calibration.views[v];
+            const std::string residual =
+                calibrated.camera_from_target
+                    ? fmt::format("{},{}", exact(calibrated.residuals_px[i].x()),
+                                  exact(calibrated.residuals_px[i].y()))
+                    : ",";  // no pose, no residuals
+            text += fmt::format("{},{},{},{},{},{},{},{}\n", csv_text(run.photos[v]),
+                                view.ids.empty() ? static_cast<int>(i) : view.ids[i],
+                                exact(view.points_mm[i].x()), exact(view.points_mm[i].y()),
+                                exact(view.pixels[i].x()), exact(view.pixels[i].y()), residual,
+                                calibrated.left_out[i] ? 1 : 0);
+        }
+    }
+    write_text(path, text);
+}
+
+}  // namespace etalon

@@ -1,0 +1,54 @@
+// What `etalon calibrate` found, in every form it is told: remarks and tables for the terminal,
+// calibration.json, corners.csv and report.html. The plots: station/calibrate/calibration_plots.h.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/intrinsics/calibrate.h"
+#include "compare/photometric/photometric_refinement.h"
+
+namespace etalon {
+
+struct CalibrationRun {
+    std::string target;  // its full name
+    std::filesystem::path camera_file;
+    std::vector<std::string> photos;  // one per view
+    std::vector<CalibrationView> views;
+    std::vector<std::string> without_target;
+    std::optional<std::string> asked_model;  // nothing: the advised one was taken
+    CameraCalibration calibration;
+    std::optional<PhotometricRefinement> refinement = std::nullopt;
+
+    // The refined one where the refinement was accepted.
+    const CameraModel& camera() const {
+        return refinement && refinement->accepted ? refinement->camera : calibration.camera;
+    }
+};
+
+// "left01.jpg" of "photos/left01.jpg".
+std::string short_name(const std::string& photo);
+
+// A value with two digits of its standard deviation: "532.83" for 0.62.
+std::string with_uncertainty(double value, double deviation);
+
+// The row of the chosen model, and of the advised one where views were left out.
+const ModelScore& chosen_score(const CameraCalibration& calibration);
+const ModelScore* advised_score(const CameraCalibration& calibration);
+
+std::size_t photos_used(const CameraCalibration& calibration);
+
+// What a reader should know before trusting the result, a sentence each; empty: nothing.
+std::vector<std::string> calibration_remarks(const CalibrationRun& run);
+
+// Photos, models and standard deviations as tables, no line longer than 80 columns but for long
+// file names.
+std::string calibration_tables(const CalibrationRun& run);
+
+std::string calibration_json(const CalibrationRun& run);
+void write_corners_csv(const std::filesystem::path& path, const CalibrationRun& run);
+std::string calibration_html(const CalibrationRun& run);
+
+}  // namespace etalon

@@ -1,0 +1,192 @@
+// `etalon camera`: looks at, converts and checks a calibration, of ours or of another tool.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "calib/camera/parameter_names.h"
+#include "calib/files/camera_file.h"
+#include "calib/files/camera_formats.h"
+#include "calib/intrinsics/camera_check.h"
+#include "core/errors.h"
+#include "core/strict_reader.h"
+#include "station/shell/commands.h"
+
+namespace etalon {
+namespace {
+
+constexpr int failed = 1;
+
+CameraModel selected_camera(const CameraFileArguments& arguments) {
+    if (arguments.select.empty())
+        return read_camera(arguments.file);
+    if (is_etalon_file(arguments.file))
+        throw ConfigError({"--select"}, "is for files with several cameras, Kalibr's and COLMAP's");
+    return read_foreign_camera(arguments.file, arguments.select);
+}
+
+const char* format_of(const CameraFileArguments& arguments) {
+    return is_etalon_file(arguments.file) ? "etalon" : name_of(tool_of(arguments.file));
+}
+
+nlohmann::json camera_json(const CameraModel& camera, const char* format) {
+    const Intrinsics& i = camera.intrinsics;
+    nlohmann::json distortion = nlohmann::json::object();
+    const auto coefficients = camera.distortion.in_opencv_order();
+    for (std::size_t k = 0; k < coefficients.size(); ++k)
+        distortion[distortion_names[k]] = coefficients[k];
+    return {{"format", format},
+            {"serial", camera.serial},
+            {"width", camera.width},
+            {"height", camera.height},
+            {"projection",
+             camera.projection == Projection::perspective ? "perspective" : "telecentric"},
+            {"intrinsics", {{"fx", i.fx}, {"fy", i.fy}, {"cx", i.cx}, {"cy", i.cy}}},
+            {"distortion", distortion},
+            {"covariance", camera.covariance.has_value()},
+            {"lens", camera.lens.has_value()},
+            {"sensor", camera.sensor.has_value()}};
+}
+
+std::string standard_deviation(const CameraModel& camera, const char* name) {
+    if (!camera.covariance)
+        return "";
+    const auto& order = camera.covariance->order;
+    const auto at = std::find(order.begin(), order.end(), name);
+    if (at == order.end())
+        return "";
+    const Eigen::Index k = at - order.begin();
+    return fmt::format("  +- {:.3g}", std::sqrt(camera.covariance->matrix(k, k)));
+}
+
+// What was measured of lens and sensor, and how well it is known.
+void print_uncertainties(const CameraModel& camera) {
+    if (!camera.standard_uncertainty)
+        return;
+    const auto line = [](const char* name, double value, const std::optional<double>& u) {
+        if (u)
+            fmt::print("{:<11} {}  +- {:.3g}\n", name, value, *u);
+    };
+    const CameraUncertainty& u = *camera.standard_uncertainty;
+    if (camera.lens) {
+        line("f_number", camera.lens->f_number, u.f_number);
+        line("focus mm", camera.lens->focus_distance_mm, u.focus_distance_mm);
+        line("psf sigma", camera.lens->psf.sigma_px, u.psf_sigma_px);
+    }
+    if (camera.sensor) {
+        line("black", camera.sensor->black_dn, u.black_dn);
+        line("gain e/DN", camera.sensor->gain_e_per_dn, u.gain_e_per_dn);
+        line("read e", camera.sensor->read_noise_e, u.read_noise_e);
+    }
+}
+
+void print_camera(const CameraModel& camera, const char* format) {
+    const Intrinsics& i = camera.intrinsics;
+    fmt::print("format      {}\nimage       {} x {} px{}\n", format, camera.width, camera.height,
+               camera.projection == Projection::telecentric ? ", telecentric" : "");
+    if (!camera.serial.empty())
+        fmt::print("serial      {}\n", camera.serial);
+    const std::array values{i.fx, i.fy, i.cx, i.cy};
+    for (std::size_t k = 0; k < values.size(); ++k)
+        fmt::print("{:<11} {}{}\n", intrinsic_names[k], values[k],
+                   standard_deviation(camera, intrinsic_names[k]));
+    const auto coefficients = camera.distortion.in_opencv_order();
+    for (std::size_t k = 0; k < coefficients.size(); ++k)
+        if (coefficients[k] != 0.0)
+            fmt::print("{:<11} {}{}\n", distortion_names[k], coefficients[k],
+                       standard_deviation(camera, distortion_names[k]));
+    fmt::print("lens        {}\nsensor      {}\n", camera.lens ? "known" : "not known",
+               camera.sensor ? "known" : "not known");
+    print_uncertainties(camera);
+}
+
+const char* word_of(CameraFinding::Weight weight) {
+    return weight == CameraFinding::Weight::fault     ? "FAULT"
+           : weight == CameraFinding::Weight::warning ? "warning"
+                                                      : "note";
+}
+
+// Infinity and NaN become null.
+nlohmann::json check_json(const CameraCheck& check) {
+    nlohmann::json findings = nlohmann::json::array();
+    for (const CameraFinding& finding : check.findings)
+        findings.push_back({{"weight", word_of(finding.weight)},
+                            {"about", finding.about},
+                            {"message", finding.message}});
+    return {{"field_of_view_deg",
+             {{"horizontal", check.horizontal_deg},
+              {"vertical", check.vertical_deg},
+              {"diagonal", check.diagonal_deg}}},
+            {"image_without_ray", check.image_without_ray},
+            {"margin", check.margin},
+            {"findings", findings}};
+}
+
+std::string degrees(double angle) {
+    return std::isnan(angle) ? "no ray" : fmt::format("{:.2f}", angle);
+}
+
+void print_check(const CameraCheck& check) {
+    fmt::print("field of view  {} x {} degrees, diagonal {}\n", degrees(check.horizontal_deg),
+               degrees(check.vertical_deg), degrees(check.diagonal_deg));
+    fmt::print("valid region   {}\n", std::isinf(check.margin)
+                                          ? "without an end"
+                                          : fmt::format("to {:.3f} times the radius of the image's "
+                                                        "edge",
+                                                        check.margin));
+    for (const CameraFinding& finding : check.findings)
+        fmt::print("{:<8} {}: {}\n", word_of(finding.weight), finding.about, finding.message);
+}
+
+CalibrationTool tool_named(const std::string& name) {
+    for (const CalibrationTool tool : calibration_tools())
+        if (name == name_of(tool))
+            return tool;
+    throw ConfigError({"--to"},
+                      "must be etalon, opencv, ros, kalibr, mrcal, matlab, boofcv or "
+                      "colmap, not '" +
+                          name + "'");
+}
+
+}  // namespace
+
+int run_camera_show(const CameraFileArguments& arguments) {
+    const CameraModel camera = selected_camera(arguments);
+    if (arguments.json)
+        fmt::print("{}\n", camera_json(camera, format_of(arguments)).dump(2));
+    else
+        print_camera(camera, format_of(arguments));
+    return 0;
+}
+
+int run_camera_convert(const CameraFileArguments& arguments) {
+    const CameraModel camera = selected_camera(arguments);
+    std::vector<std::string> lost;
+    if (arguments.to == "etalon") {
+        write_camera(arguments.out, camera);
+    } else {
+        const CalibrationTool tool = tool_named(arguments.to);
+        write_foreign_camera(arguments.out, tool, camera);
+        lost = lost_in_foreign_file(tool, camera);
+    }
+    if (!lost.empty())
+        fmt::print(stderr, "etalon: left out, having no place there: {}\n", fmt::join(lost, ", "));
+    if (arguments.json)
+        fmt::print("{}\n",
+                   nlohmann::json{{"file", arguments.out.string()}, {"left_out", lost}}.dump(2));
+    else
+        fmt::print("camera {}\n", arguments.out.string());
+    return 0;
+}
+
+int run_camera_check(const CameraFileArguments& arguments) {
+    const CameraCheck check = check_camera(selected_camera(arguments));
+    if (arguments.json)
+        fmt::print("{}\n", check_json(check).dump(2));
+    else
+        print_check(check);
+    return check.has_fault() ? failed : 0;
+}
+
+}  // namespace etalon

@@ -1,0 +1,268 @@
+// `etalon characterise`: what a camera's lens and sensor do, measured from photographs and written
+// into its camera file. The measuring is in compare/characterise/characterisation.cpp.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "calib/files/camera_file.h"
+#include "compare/characterise/characterisation.h"
+#include "compare/detect/photo_pose.h"
+#include "core/errors.h"
+#include "core/text.h"
+#include "station/calibrate/characterise_report.h"
+#include "station/shell/commands.h"
+
+namespace etalon {
+namespace {
+
+using nlohmann::ordered_json;
+using Paths = std::vector<std::filesystem::path>;
+
+constexpr int inconclusive = 2;
+
+// Reads each photograph once; one that is named twice would count its noise as agreement.
+class PhotoReader {
+public:
+    PhotoReader(const CharacteriseArguments& arguments, const CameraModel& camera)
+        : arguments_(arguments), camera_(camera) {}
+
+    NamedPhoto read(const std::filesystem::path& path) {
+        if (!seen_.insert(path.lexically_normal()).second)
+            throw ConfigError({path.string()}, "is given twice");
+        return {path.string(), read_photo(path, camera_, arguments_.camera)};
+    }
+    std::vector<NamedPhoto> read_all(const Paths& paths) {
+        std::vector<NamedPhoto> photos;
+        for (const auto& path : paths)
+            photos.push_back(read(path));
+        return photos;
+    }
+    std::vector<CodeImage> images(const Paths& paths) {
+        std::vector<CodeImage> images;
+        for (const auto& path : paths)
+            images.push_back(read_for_noise(path).image);
+        return images;
+    }
+    NamedPhoto read_for_noise(const std::filesystem::path& path) {
+        NamedPhoto photo = read(path);
+        if (lossy_file_.empty() && is_jpeg(path))
+            lossy_file_ = photo.name;
+        return photo;
+    }
+    const std::string& lossy_file() const { return lossy_file_; }
+
+private:
+    const CharacteriseArguments& arguments_;
+    const CameraModel& camera_;
+    std::set<std::filesystem::path> seen_;
+    std::string lossy_file_;
+};
+
+// CSV `file,exposure_us`; files are seen from the CSV's folder.
+std::vector<ExposedPhoto> read_exposures(const std::filesystem::path& path, PhotoReader& reader) {
+    std::vector<ExposedPhoto> photos;
+    const std::vector<std::string> lines = split(read_text(path), '\n');
+    if (trimmed(lines.front()) != "file,exposure_us")
+        throw ConfigError({path.string(), 1}, "must begin with the header file,exposure_us");
+    for (std::size_t i = 1; i < lines.size(); ++i) {
+        if (trimmed(lines[i]).empty())
+            continue;
+        const SourcePlace place{path.string(), static_cast<int>(i) + 1};
+        const auto cells = split(lines[i], ',');
+        const auto time = cells.size() == 2 ? parse_number(trimmed(cells[1])) : std::nullopt;
+        if (!time || !(*time > 0.0))
+            throw ConfigError(place, "must be a file and an exposure time above 0 us");
+        const NamedPhoto photo =
+            reader.read_for_noise(path.parent_path() / std::string(trimmed(cells[0])));
+        photos.push_back({photo.image, *time, photo.name});
+    }
+    return photos;
+}
+
+CharacteriseInput read_input(const CharacteriseArguments& arguments) {
+    Paths all = arguments.photos;
+    for (const Paths* more : {&arguments.repeats, &arguments.flats, &arguments.darks})
+        all.insert(all.end(), more->begin(), more->end());
+    if (all.empty() && arguments.exposures.empty())
+        throw ConfigError({"PHOTOS"}, "no photograph given");
+    CharacteriseInput input{.camera = read_camera_for(arguments.camera, all),
+                            .target = parse_calibration_target(arguments.target, "--target"),
+                            .photos = {},
+                            .flats = {},
+                            .repeats = {},
+                            .darks = {},
+                            .exposures = {},
+                            .lossy_file = {}};
+    PhotoReader reader(arguments, input.camera);
+    input.photos = reader.read_all(arguments.photos);
+    input.flats = reader.read_all(arguments.flats);
+    input.repeats = reader.images(arguments.repeats);
+    input.darks = reader.images(arguments.darks);
+    if (!arguments.exposures.empty())
+        input.exposures = read_exposures(arguments.exposures, reader);
+    input.lossy_file = reader.lossy_file();
+    return input;
+}
+
+const char* word(Transfer::Kind kind) {
+    constexpr std::array words{"linear", "rec709", "table"};
+    return words[static_cast<std::size_t>(kind)];
+}
+
+const char* word(Illumination::Kind kind) {
+    constexpr std::array words{"uniform", "cos4", "polynomial"};
+    return words[static_cast<std::size_t>(kind)];
+}
+
+// One line each, `WORDS VALUE +- U UNIT`: U = 2u, two digits of it.
+void print_words(const Characterisation& result) {
+    for (const MeasuredValue& value : result.values)
+        fmt::print("{}\n", with_uncertainty(value));
+    if (result.transfer)
+        fmt::print("transfer {}\n", word(result.transfer->transfer.kind));
+    if (result.illumination)
+        fmt::print("illumination {}\n", word(result.illumination->illumination.kind));
+    for (const NotMeasured& missing : result.not_measured)
+        fmt::print("{}: {}: {}\n", missing.was_refused ? "refused" : "not measured",
+                   missing.quantity, missing.reason);
+}
+
+ordered_json values_json(const Characterisation& result) {
+    ordered_json json = ordered_json::object();
+    for (const MeasuredValue& value : result.values)
+        json[value.key] = {{"value", value.value},
+                           {"standard_uncertainty", value.standard_uncertainty},
+                           {"expanded_uncertainty", 2.0 * value.standard_uncertainty},
+                           {"coverage_factor", 2},
+                           {"unit", value.unit},
+                           {"from", value.how},
+                           {"written", value.is_written}};
+    return json;
+}
+
+ordered_json transfer_json(const TransferEstimate& estimate) {
+    ordered_json candidates = ordered_json::array();
+    for (const TransferCandidate& candidate : estimate.candidates)
+        candidates.push_back({{"kind", word(candidate.kind)},
+                              {"chi_square", candidate.chi_square},
+                              {"degrees_of_freedom", candidate.degrees_of_freedom},
+                              {"bic", candidate.information_criterion}});
+    ordered_json json = {{"kind", word(estimate.transfer.kind)},
+                         {"candidates", candidates},
+                         {"lowest_code", estimate.lowest_code},
+                         {"highest_code", estimate.highest_code},
+                         {"saturation_code", estimate.saturation_code}};
+    if (estimate.light_drift)
+        json["light_drift"] = *estimate.light_drift;
+    return json;
+}
+
+ordered_json photon_transfer_json(const PhotonTransfer& photon) {
+    ordered_json levels = ordered_json::array();
+    for (const NoiseLevel& level : photon.levels)
+        levels.push_back({{"signal_dn", level.signal_dn},
+                          {"variance_dn2", level.variance_dn2},
+                          {"standard_uncertainty_dn2", level.standard_uncertainty_dn2},
+                          {"used", level.is_used}});
+    return {{"reduced_chi_square", photon.reduced_chi_square},
+            {"degrees_of_freedom", photon.degrees_of_freedom},
+            {"covariance_gain_read_noise", photon.covariance(0, 1)},
+            {"brightness_drift", photon.brightness_drift},
+            {"shift_px", photon.shift_px},
+            {"noise_correlation", photon.noise_correlation},
+            {"saturation_code", photon.saturation_code},
+            {"levels", levels}};
+}
+
+ordered_json illumination_json(const Characterisation& result) {
+    const IlluminationEstimate& estimate = *result.illumination;
+    ordered_json covariance = ordered_json::array();
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j <= i; ++j)
+            covariance.push_back(estimate.covariance(i, j));
+    return {{"kind", word(estimate.illumination.kind)},
+            {"from", result.illumination_from},
+            {"polynomial", estimate.coefficients},
+            {"standard_uncertainty", estimate.standard_uncertainty},
+            {"covariance_lower", covariance},
+            {"reduced_chi_square", estimate.reduced_chi_square},
+            {"farthest_radius", estimate.farthest_radius}};
+}
+
+ordered_json modulation_json(const Characterisation& result) {
+    ordered_json json = ordered_json::array();
+    for (const EdgeModulation& at : result.modulation) {
+        ordered_json rows = ordered_json::array();
+        for (const ModulationRow& row : at.edge.modulation)
+            rows.push_back({row.cycles_per_px, row.modulation, row.standard_uncertainty});
+        json.push_back({{"photo", at.photo},
+                        {"centre_px", {at.centre_px.x(), at.centre_px.y()}},
+                        {"angle_deg", at.edge.angle_deg},
+                        {"mtf50_cycles_per_px", at.edge.mtf50_cycles_per_px},
+                        {"at_nyquist", at.edge.at_nyquist},
+                        {"rows", rows}});
+    }
+    return json;
+}
+
+ordered_json zones_json(const PointSpreadEstimate& spread) {
+    ordered_json json = ordered_json::array();
+    for (const auto& zone : spread.zones)
+        json.push_back(zone ? ordered_json{{"sigma_px", zone->sigma_px},
+                                           {"standard_uncertainty", zone->standard_uncertainty_px},
+                                           {"edges", zone->edges}}
+                            : ordered_json(nullptr));
+    return json;
+}
+
+ordered_json not_measured_json(const Characterisation& result) {
+    ordered_json json = ordered_json::array();
+    for (const NotMeasured& missing : result.not_measured)
+        json.push_back({{"quantity", missing.quantity},
+                        {"reason", missing.reason},
+                        {"refused", missing.was_refused}});
+    return json;
+}
+
+void print_json(const CharacteriseArguments& arguments, const Characterisation& result) {
+    ordered_json json = {
+        {"etalon", "characterisation/1"}, {"camera", arguments.out.string()},
+        {"target", arguments.target},     {"photos_with_target", result.photos_with_target},
+        {"values", values_json(result)},  {"not_measured", not_measured_json(result)},
+        {"remarks", result.remarks}};
+    if (result.transfer)
+        json["transfer"] = transfer_json(*result.transfer);
+    if (result.photon_transfer)
+        json["photon_transfer"] = photon_transfer_json(*result.photon_transfer);
+    if (result.illumination)
+        json["illumination"] = illumination_json(result);
+    if (result.point_spread)
+        json["psf_zones"] = zones_json(*result.point_spread);
+    json["modulation"] = modulation_json(result);
+    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
+}
+
+}  // namespace
+
+int run_characterise(const CharacteriseArguments& arguments) {
+    const CharacteriseInput input = read_input(arguments);
+    const Characterisation result = characterise(input);
+    for (const std::string& remark : result.remarks)
+        fmt::print(stderr, "{}\n", remark);
+    write_camera(arguments.out, result.camera);
+    if (!arguments.report.empty())
+        write_characterise_report(arguments.report, input, result);
+    if (arguments.json) {
+        print_json(arguments, result);
+    } else {
+        print_words(result);
+        fmt::print("camera {}\n", arguments.out.string());
+        if (!arguments.report.empty())
+            fmt::print("report {}\n", (arguments.report / "report.html").string());
+    }
+    return result.was_anything_refused() ? inconclusive : 0;
+}
+
+}  // namespace etalon

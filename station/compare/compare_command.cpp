@@ -1,0 +1,256 @@
+// `etalon compare`: every photograph against its rendering from the calibration alone.
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "core/errors.h"
+#include "core/text.h"
+#include "report/svg_plot.h"
+#include "station/compare/comparison_pictures.h"
+#include "station/compare/comparison_report.h"
+#include "station/compare/edge_plots.h"
+#include "station/compare/photo_comparer.h"
+#include "station/shell/commands.h"
+
+namespace etalon {
+namespace {
+
+Marker marker_of(const CompareArguments& arguments) {
+    const bool board = !arguments.board.empty();
+    if (board == !arguments.marker.empty())
+        throw ConfigError({"--board"}, "give either a board with --square-mm or a marker");
+    if (!board)
+        return parse_marker(arguments.marker, "--marker");
+    if (!(arguments.square_mm > 0) || !std::isfinite(arguments.square_mm))
+        throw ConfigError({"--square-mm"}, "a board needs the side of its squares, above 0 mm");
+    return parse_marker(
+        fmt::format("chessboard:{}@{}mm", arguments.board, exact(arguments.square_mm)), "--board");
+}
+
+ScoreMargin margin_of(const CompareArguments& arguments, const Marker& marker) {
+    if (arguments.score_margin.empty())
+        return {};
+    if (marker.kind != Marker::Kind::chessboard)
+        throw ConfigError({"--score-margin"}, "is for chessboards; a marker is scored as a whole");
+    const auto squares = parse_numbers(arguments.score_margin, 2, "--score-margin");
+    return {squares[0], squares[1]};
+}
+
+void require_usable_folder(const std::filesystem::path& folder) {
+    std::error_code ignored;
+    if (folder.empty())
+        throw ConfigError({"--out"}, "no folder given");
+    if (std::filesystem::exists(folder, ignored) && !std::filesystem::is_directory(folder, ignored))
+        throw ConfigError({"--out"}, folder.string() + " is there already and is no folder");
+}
+
+// A given pose must show the marker: a wrong sign is an input error, found before anything starts.
+std::vector<Rigid> given_poses(const CompareArguments& arguments, const ComparedArea& area) {
+    const std::vector<Rigid> poses = read_poses_for(arguments.poses, arguments.photos);
+    for (std::size_t i = 0; i < poses.size(); ++i)
+        for (const double x : {area.low_mm.x(), area.high_mm.x()})
+            for (const double y : {area.low_mm.y(), area.high_mm.y()})
+                if (!((poses[i] * Eigen::Vector3d(x, y, 0)).z() > 0))
+                    throw ConfigError(
+                        {arguments.poses.string()},
+                        fmt::format("pose {}: the marker is behind the camera", i + 1));
+    return poses;
+}
+
+// Everything that is checked before the first file is written.
+struct Job {
+    Marker marker;
+    ComparedArea area;
+    CameraModel camera;
+    std::vector<Rigid> poses;            // one per photograph, or none
+    std::unique_ptr<Detector> detector;  // when there are no poses
+    std::optional<ComparisonSummary> baseline;
+};
+
+ComparisonSummary checked_baseline(const CompareArguments& arguments, const Job& job) {
+    std::error_code ignored;
+    if (std::filesystem::equivalent(arguments.baseline, arguments.out, ignored))
+        throw ConfigError({"--baseline"}, "is the folder of --out, which is written anew");
+    ComparisonSummary earlier = read_comparison(arguments.baseline);
+    require_same_camera(
+        earlier, {job.camera.serial, job.camera.width, job.camera.height, job.marker.spec, {}});
+    return earlier;
+}
+
+Job checked_job(const CompareArguments& arguments) {
+    if (arguments.photos.empty())
+        throw ConfigError({"PHOTOS"}, "no photograph given");
+    Job job;
+    job.marker = marker_of(arguments);
+    job.area = compared_area(job.marker, margin_of(arguments, job.marker), "--score-margin");
+    if (arguments.poses.empty())
+        job.detector = make_detector(arguments.detector, job.marker, "--detector");
+    else
+        job.poses = given_poses(arguments, job.area);
+    require_usable_folder(arguments.out);
+    job.camera = read_camera_for(arguments.camera, arguments.photos);
+    if (!arguments.baseline.empty())
+        job.baseline = checked_baseline(arguments, job);
+    return job;
+}
+
+// First pass: every photograph is read and its pose found, so that an input error in the last one
+// shows before anything is written.
+std::vector<ComparedPhoto> find_poses(const CompareArguments& arguments, const Job& job,
+                                      const Projector& projector) {
+    std::vector<ComparedPhoto> photos;
+    for (std::size_t i = 0; i < arguments.photos.size(); ++i) {
+        const auto& path = arguments.photos[i];
+        const CodeImage image = read_photo(path, job.camera, arguments.camera);
+        ComparedPhoto photo;
+        photo.photo = path;
+        photo.is_jpeg = is_jpeg(path);
+        if (!job.detector) {
+            photo.under_test = job.poses[i];
+        } else {
+            const PhotoPose found = find_marker(path, image, *job.detector, projector, job.marker);
+            photo.failure = found.failure;
+            if (!found.corners) {
+                photo.findings = examine_missing_marker(image, *job.detector);
+                photo.pictures = pictures_of_photo(image, path);
+            }
+            photo.estimate = found.estimate;
+            if (found.estimate)
+                photo.under_test = found.estimate->camera_from_marker;
+        }
+        photos.push_back(photo);
+    }
+    return photos;
+}
+
+void create_folder(const std::filesystem::path& folder) {
+    std::error_code error;
+    std::filesystem::create_directories(folder, error);
+    if (error)
+        throw ConfigError({"--out"}, folder.string() + " cannot be made: " + error.message());
+}
+
+[[noreturn]] void fail_without_photos(const Comparison& comparison) {
+    const ComparedPhoto& first = comparison.photos.front();
+    throw NumericalError(fmt::format("none of {} photographs could be compared ({}: {})",
+                                     comparison.photos.size(), first.photo.string(),
+                                     first.reason()));
+}
+
+// What is said of each photograph while the command works.
+void print_progress(const ComparedPhoto& photo) {
+    const std::string file = photo.photo.string();
+    if (!photo.has_figures()) {
+        fmt::print(stderr, "{}: {}\n", file, photo.reason());
+        return;
+    }
+    std::string line = fmt::format("{:.1f} gray", photo.calibrated->scored.rms_gray);
+    if (photo.refined)
+        line += fmt::format(", {:.1f} at the refined pose", photo.refined->scored.rms_gray);
+    for (const Finding& finding : photo.findings)
+        line += ", " + finding.name;
+    fmt::print(stderr, "{}: {}\n", file, line);
+}
+
+// Second pass over the photographs that have a pose. A run whose last hope fails writes no report.
+void compare_all(const CompareArguments& arguments, const Job& job, Comparison& comparison) {
+    if (!comparison.has_poses())
+        fail_without_photos(comparison);
+    const PhotoComparer comparer(job.marker, job.area, job.camera,
+                                 depth_range(comparison.photos, job.area));
+    create_folder(arguments.out);
+    comparison.profiles = comparer.empty_profiles();
+    for (std::size_t i = 0; i < comparison.photos.size(); ++i) {
+        ComparedPhoto& photo = comparison.photos[i];
+        if (photo.failure.empty())
+            comparison.profiles.add(
+                comparer.compare(read_photo(photo.photo, job.camera, arguments.camera),
+                                 arguments.out, i + 1, photo));
+        if (photo.has_figures())
+            comparison.render_plan = comparer.rendering(photo.under_test);
+        print_progress(photo);
+    }
+    if (comparison.compared() == 0)
+        fail_without_photos(comparison);
+}
+
+// One file for each photograph: its edges and their shifts at the refined pose.
+void write_edge_maps(const std::filesystem::path& folder, const Comparison& comparison) {
+    const double magnification = arrow_magnification(comparison);
+    for (const ComparedPhoto& photo : comparison.photos)
+        if (photo.refined)
+            write_text(folder / photo.pictures.edges_file,
+                       stand_alone_svg(
+                           edge_map_svg(photo.refined->edges, photo.pictures.part, magnification)) +
+                           "\n");
+}
+
+void write_files(const std::filesystem::path& folder, const Comparison& comparison) {
+    const std::vector<ComparisonPlot> plots = comparison_plots(comparison);
+    for (const ComparisonPlot& plot : plots)
+        write_text(folder / plot.file, stand_alone_svg(plot.svg) + "\n");
+    write_edge_maps(folder, comparison);
+    write_text(folder / "comparison.csv", comparison_csv(comparison));
+    write_text(folder / "photometry.csv", photometry_csv(comparison));
+    write_text(folder / "edges.csv", edges_csv(comparison));
+    write_text(folder / "profiles.csv", profiles_csv(comparison));
+    if (comparison.camera.lens)
+        write_text(folder / "defocus.csv", defocus_csv(comparison));
+    if (comparison.baseline)
+        write_text(folder / "baseline.csv", baseline_csv(*comparison.baseline));
+    write_text(folder / "comparison.json", comparison_json(comparison) + "\n");
+    write_text(folder / "report.html", comparison_html(comparison, plots));
+}
+
+// Beside the figure that others parse: what it is made of.
+void print_more(const Comparison& comparison) {
+    fmt::print("matched {} of {} photos\n", comparison.matched(), comparison.photos.size());
+    if (const auto refined = comparison.refined_mean_rms_gray())
+        fmt::print("residual at the refined poses {:.1f} gray\n", *refined);
+    const auto before = comparison.edges(&ComparedPhoto::calibrated, true);
+    const auto after = comparison.edges(&ComparedPhoto::refined, true);
+    if (!before.empty() && !after.empty())
+        fmt::print("edge shift {:.3f} px, {:.3f} px at the refined poses\n",
+                   edge_summary(before).shift.rms_px, edge_summary(after).shift.rms_px);
+}
+
+void print_result(const CompareArguments& arguments, const Comparison& comparison) {
+    const std::size_t compared = comparison.compared();
+    if (compared < comparison.photos.size())
+        fmt::print(stderr, "{} of {} photographs could not be compared\n",
+                   comparison.photos.size() - compared, comparison.photos.size());
+    if (arguments.json) {
+        std::puts(comparison_json(comparison).c_str());
+        return;
+    }
+    fmt::print("mean residual {:.1f} gray over {} photos\n", comparison.mean_rms_gray(), compared);
+    fmt::print("report {}\n", (arguments.out / "report.html").string());
+    print_more(comparison);
+    if (comparison.baseline)
+        fmt::print("{}", baseline_text(*comparison.baseline));
+}
+
+}  // namespace
+
+int run_compare(const CompareArguments& arguments) {
+    const Job job = checked_job(arguments);
+    const Projector projector(job.camera);
+    Comparison comparison;
+    comparison.camera_file = arguments.camera;
+    comparison.camera = job.camera;
+    comparison.marker = job.marker.spec;
+    comparison.detector = job.detector ? job.detector->name() : "";
+    comparison.poses = arguments.poses.string();
+    comparison.is_chessboard = job.marker.kind == Marker::Kind::chessboard;
+    comparison.margin = margin_of(arguments, job.marker);
+    comparison.photos = find_poses(arguments, job, projector);
+    compare_all(arguments, job, comparison);
+    if (job.baseline)
+        comparison.baseline =
+            compare_with_baseline(*job.baseline, summary_of(comparison), arguments.baseline);
+    write_files(arguments.out, comparison);
+    print_result(arguments, comparison);
+    return 0;
+}
+
+}  // namespace etalon

@@ -1,0 +1,196 @@
+#include "station/compare/comparison.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+namespace etalon {
+namespace {
+
+// Mean over the compared photographs of whatever `value` takes from each.
+template <class Function>
+double mean_over(const Comparison& comparison, Function value) {
+    double sum = 0.0;
+    for (const ComparedPhoto& photo : comparison.photos)
+        if (photo.has_figures())
+            sum += value(photo);
+    return sum / static_cast<double>(std::max<std::size_t>(comparison.compared(), 1));
+}
+
+}  // namespace
+
+const char* ComparedPhoto::outcome() const {
+    if (!has_figures())
+        return "refused";
+    return is_matched(findings) ? "matched" : "not matched";
+}
+
+std::string ComparedPhoto::reason() const {
+    std::string text = failure;
+    for (const Finding& finding : findings)
+        text += (text.empty() ? "" : " ") + finding.sentence;
+    return text;
+}
+
+ResidualProfile::ResidualProfile(double low_end, double high_end, int steps)
+    : low(low_end),
+      high(high_end),
+      squares(static_cast<std::size_t>(steps), 0.0),
+      pixels(static_cast<std::size_t>(steps), 0.0) {}
+
+void ResidualProfile::add(double place, double residual) {
+    const double steps = static_cast<double>(squares.size());
+    const double share = high > low ? (place - low) / (high - low) : 0.0;
+    const auto step = static_cast<std::size_t>(std::clamp(share * steps, 0.0, steps - 1.0));
+    squares[step] += residual * residual;
+    pixels[step] += 1.0;
+}
+
+void ResidualProfile::add(const ResidualProfile& other) {
+    for (std::size_t i = 0; i < squares.size() && i < other.squares.size(); ++i) {
+        squares[i] += other.squares[i];
+        pixels[i] += other.pixels[i];
+    }
+}
+
+double ResidualProfile::middle(std::size_t step) const {
+    return low +
+           (static_cast<double>(step) + 0.5) / static_cast<double>(squares.size()) * (high - low);
+}
+
+std::optional<double> ResidualProfile::rms(std::size_t step) const {
+    constexpr double least_pixels = 100;
+    if (pixels[step] < least_pixels)
+        return std::nullopt;
+    return std::sqrt(squares[step] / pixels[step]);
+}
+
+void ResidualProfiles::add(const ResidualProfiles& other) {
+    radius.add(other.radius);
+    refined_radius.add(other.refined_radius);
+    depth.add(other.depth);
+    refined_depth.add(other.refined_depth);
+}
+
+bool Comparison::has_poses() const {
+    return std::any_of(photos.begin(), photos.end(),
+                       [](const ComparedPhoto& photo) { return photo.failure.empty(); });
+}
+
+std::size_t Comparison::compared() const {
+    return static_cast<std::size_t>(
+        std::count_if(photos.begin(), photos.end(),
+                      [](const ComparedPhoto& photo) { return photo.has_figures(); }));
+}
+
+std::size_t Comparison::matched() const {
+    return static_cast<std::size_t>(
+        std::count_if(photos.begin(), photos.end(), [](const ComparedPhoto& photo) {
+            return photo.has_figures() && is_matched(photo.findings);
+        }));
+}
+
+double Comparison::mean_rms_gray() const {
+    return mean_over(*this, [](const auto& photo) { return photo.calibrated->scored.rms_gray; });
+}
+
+std::optional<double> Comparison::refined_mean_rms_gray() const {
+    for (const ComparedPhoto& photo : photos)
+        if (photo.has_figures() && !photo.refined)
+            return std::nullopt;
+    return mean_over(*this, [](const auto& photo) { return photo.refined->scored.rms_gray; });
+}
+
+std::vector<EdgeShift> Comparison::edges(std::optional<ComparedFit> ComparedPhoto::*fit,
+                                         bool only_scored) const {
+    std::vector<EdgeShift> all;
+    for (const ComparedPhoto& photo : photos) {
+        if (!photo.has_figures() || !(photo.*fit))
+            continue;
+        const std::vector<EdgeShift>& edges = (photo.*fit)->edges;
+        std::copy_if(edges.begin(), edges.end(), std::back_inserter(all),
+                     [only_scored](const EdgeShift& edge) {
+                         return !only_scored || edge.use == pixel_scored;
+                     });
+    }
+    return all;
+}
+
+std::vector<std::string> blind_spots(const Comparison& comparison) {
+    std::vector<std::string> spots;
+    const CameraModel& camera = comparison.camera;
+    if (!comparison.detector.empty())
+        spots.push_back(
+            "The size of the marker: one printed 1 % larger, 1 % farther away, gives the same "
+            "photographs. Only a stage or a ruler tells them apart.");
+    if (!comparison.detector.empty())
+        spots.push_back(
+            "Errors of the calibration that a pose can imitate: each pose was found in its own "
+            "photograph with the same calibration. A run with a stage (etalon qualify) sees them.");
+    if (!camera.sensor || camera.sensor->gain_e_per_dn == 0.0)
+        spots.push_back(
+            "Noise: the camera's file states none. Significance is against the residuals' own "
+            "scatter in each photograph. The command etalon characterise measures the noise.");
+    if (!camera.lens)
+        spots.push_back(
+            "The lens's blur: the camera's file has no lens section. A Gaussian's widths are "
+            "fitted to "
+            "each photograph, so that a wrong focus shows as a width and not as a residual.");
+    if (std::any_of(comparison.photos.begin(), comparison.photos.end(),
+                    [](const ComparedPhoto& photo) { return photo.is_jpeg; }))
+        spots.push_back(
+            "What JPEG did to the photographs: it is part of the residual, and its blocks make "
+            "neighbouring pixels depend on each other. Stated uncertainties take them as "
+            "independent.");
+    spots.push_back(
+        "Exposure and smooth shading: black and white levels are fitted to each photograph, as "
+        "surfaces of second order.");
+    if (camera.serial.empty())
+        spots.push_back("Which camera this was: its file has no serial number.");
+    return spots;
+}
+
+std::string source_of_poses(const Comparison& comparison) {
+    if (comparison.detector.empty())
+        return "given in " + std::filesystem::path(comparison.poses).filename().string();
+    return "estimated from corners (" + comparison.detector + ")";
+}
+
+std::string scored_region(const Comparison& comparison) {
+    if (!comparison.is_chessboard)
+        return "the whole marker with its white border";
+    return fmt::format("the inner corners and {} squares around them in x, {} in y",
+                       comparison.margin.x, comparison.margin.y);
+}
+
+ComparisonSummary summary_of(const Comparison& comparison) {
+    ComparisonSummary summary{comparison.camera.serial,
+                              comparison.camera.width,
+                              comparison.camera.height,
+                              comparison.marker,
+                              {}};
+    for (const ComparedPhoto& photo : comparison.photos) {
+        PhotoSummary entry;
+        entry.name = photo.photo.filename().string();
+        entry.outcome = photo.outcome();
+        if (photo.calibrated) {
+            entry.camera_from_marker = photo.calibrated->camera_from_marker;
+            entry.residual_gray = photo.calibrated->scored.rms_gray;
+            entry.psf_sigma_px = photo.calibrated->model.psf_sigma_px;
+            if (photo.calibrated->edge_summary.edges > 0)
+                entry.edge_shift_px = photo.calibrated->edge_summary.shift.rms_px;
+        }
+        if (photo.refined) {
+            entry.refined_from_marker = photo.refined->camera_from_marker;
+            entry.refined_residual_gray = photo.refined->scored.rms_gray;
+            if (photo.refined->edge_summary.edges > 0)
+                entry.refined_edge_shift_px = photo.refined->edge_summary.shift.rms_px;
+        }
+        summary.photos.push_back(entry);
+    }
+    return summary;
+}
+
+}  // namespace etalon

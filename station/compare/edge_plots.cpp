@@ -1,0 +1,249 @@
+#include "station/compare/edge_plots.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "report/svg_plot.h"
+
+namespace etalon {
+namespace {
+
+constexpr int bins = 8;
+
+// A line with a head at its end, in the drawing's coordinates.
+std::string arrow(const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
+    const Eigen::Vector2d way = to - from;
+    const double length = way.norm();
+    std::string path =
+        fmt::format("M{:.1f} {:.1f}L{:.1f} {:.1f}", from.x(), from.y(), to.x(), to.y());
+    if (length > 2.0) {
+        const Eigen::Vector2d along = way / length * std::min(4.0, 0.5 * length);
+        const Eigen::Vector2d across(-0.5 * along.y(), 0.5 * along.x());
+        const Eigen::Vector2d left = to - along + across, right = to - along - across;
+        path += fmt::format("M{:.1f} {:.1f}L{:.1f} {:.1f}L{:.1f} {:.1f}", left.x(), left.y(),
+                            to.x(), to.y(), right.x(), right.y());
+    }
+    return path;
+}
+
+std::string note(const EdgeShift& edge) {
+    return fmt::format("<title>({:.0f}, {:.0f}): {:+.3f} px, σ {:.3f} px</title>",
+                       edge.middle_px.x(), edge.middle_px.y(), edge.shift_px,
+                       edge.shift_deviation_px);
+}
+
+std::string edge_svg(const EdgeShift& edge, const Eigen::Vector2d& origin, double magnification) {
+    const Eigen::Vector2d middle = edge.middle_px - origin;
+    const Eigen::Vector2d half =
+        0.5 * edge.length_px * Eigen::Vector2d(-edge.normal.y(), edge.normal.x());
+    const Eigen::Vector2d from = middle - half, to = middle + half;
+    std::string text =
+        fmt::format("<path class='axis' stroke-width='1' d='M{:.1f} {:.1f}L{:.1f} {:.1f}'/>",
+                    from.x(), from.y(), to.x(), to.y());
+    if (edge.is_beyond_range)
+        return text + fmt::format(
+                          "<g class='red'><circle class='stroke' stroke-width='1.5' "
+                          "cx='{:.1f}' cy='{:.1f}' r='4'/></g>",
+                          middle.x(), middle.y());
+    const bool is_significant = std::abs(edge.shift_px) > 3.0 * edge.shift_deviation_px;
+    return text +
+           fmt::format("<g class='{}'><path class='stroke' stroke-width='1.6' d='{}'/>{}</g>",
+                       is_significant ? "red" : "blue",
+                       arrow(middle, middle + magnification * edge.shift_px * edge.normal),
+                       note(edge));
+}
+
+// A bar of a round number of pixels at its drawn length.
+std::string scale_bar(double magnification, const cv::Rect& part) {
+    const double length_px = 20.0 / magnification;
+    const double x = 8.0, y = part.height - 8.0;
+    return fmt::format(
+        "<g class='red'><path class='stroke' stroke-width='2' d='M{:.1f} {:.1f}h20'/></g>"
+        "<text x='{:.1f}' y='{:.1f}'>{:.2g} px</text>",
+        x, y, x + 25.0, y + 4.0, length_px);
+}
+
+// 1, 2 or 5 times a power of ten that draws this RMS about `drawn` long.
+double round_magnification(double rms, double drawn) {
+    if (!(rms > 0.0))
+        return 100.0;
+    const double wanted = std::min(1e4, drawn / rms);
+    const double power = std::pow(10.0, std::floor(std::log10(wanted)));
+    return wanted >= 5.0 * power ? 5.0 * power : wanted >= 2.0 * power ? 2.0 * power : power;
+}
+
+double field_magnification(const std::vector<ShiftVector>& field, double drawn) {
+    double squares = 0.0;
+    for (const ShiftVector& vector : field)
+        squares += vector.shift_px.squaredNorm();
+    const double count = static_cast<double>(std::max<std::size_t>(field.size(), 1));
+    return round_magnification(std::sqrt(squares / count), drawn);
+}
+
+ComparisonPlot field_plot(const std::vector<ShiftVector>& field, const CameraModel& camera,
+                          double magnification, const std::string& file, const std::string& where) {
+    std::vector<double> xs, ys, dxs, dys;
+    std::vector<std::string> notes;
+    for (const ShiftVector& vector : field) {
+        xs.push_back(vector.position_px.x());
+        ys.push_back(vector.position_px.y());
+        dxs.push_back(magnification * vector.shift_px.x());
+        dys.push_back(magnification * vector.shift_px.y());
+        notes.push_back(
+            fmt::format("({:.0f}, {:.0f}): {:+.3f}, {:+.3f} px (σ {:.3f}, {:.3f}), {} "
+                        "edges",
+                        xs.back(), ys.back(), vector.shift_px.x(), vector.shift_px.y(),
+                        std::sqrt(vector.covariance_px2(0, 0)),
+                        std::sqrt(vector.covariance_px2(1, 1)), vector.edges));
+    }
+    const std::vector<double> corner_xs{-0.5, camera.width - 0.5},
+        corner_ys{-0.5, camera.height - 0.5};
+    SvgPlot plot("x / px", "y / px");
+    plot.set_size(640, 480);
+    plot.set_image_axes();
+    plot.add_line(corner_xs, std::vector<double>{-0.5, -0.5}, Ink::gray, "");
+    plot.add_line(corner_xs, std::vector<double>(2, camera.height - 0.5), Ink::gray, "");
+    plot.add_line(std::vector<double>{-0.5, -0.5}, corner_ys, Ink::gray, "");
+    plot.add_line(std::vector<double>(2, camera.width - 0.5), corner_ys, Ink::gray, "");
+    plot.add_arrows(xs, ys, dxs, dys, Ink::blue,
+                    fmt::format("photograph minus rendering × {:.0f}", magnification), notes);
+    return {file, plot.svg(),
+            fmt::format("Where edges lie in the photographs against the renderings, {}, mean over "
+                        "all photographs, drawn {:.0f} times as large. A pattern that all "
+                        "photographs share is the camera's.",
+                        where, magnification)};
+}
+
+struct BinnedFigure {
+    std::vector<double> places, values, lows, highs;
+    std::vector<std::string> notes;
+
+    void add(const EdgeBin& bin, double value, double deviation, const char* unit) {
+        places.push_back(0.5 * (bin.low + bin.high));
+        values.push_back(value);
+        lows.push_back(std::max(0.0, value - deviation));  // of a root mean square
+        highs.push_back(value + deviation);
+        notes.push_back(fmt::format("{:.3f} {}, σ {:.3f}, {} edges", value, unit, deviation,
+                                    bin.summary.edges));
+    }
+    double highest() const {
+        return highs.empty() ? 0.0 : *std::max_element(highs.begin(), highs.end());
+    }
+    void draw(SvgPlot& plot, Ink ink, const std::string& name) const {
+        plot.add_band(places, lows, highs, ink, "");
+        plot.add_line(places, values, ink, "");
+        plot.add_points(places, values, ink, name, notes);
+    }
+};
+
+BinnedFigure shifts_of(const std::vector<EdgeBin>& binned) {
+    BinnedFigure figure;
+    for (const EdgeBin& bin : binned)
+        if (bin.summary.edges >= 4)
+            figure.add(bin, bin.summary.shift.rms_px, bin.summary.shift.rms_deviation_px, "px");
+    return figure;
+}
+
+ComparisonPlot shift_plot(const std::vector<EdgeBin>& before, const std::vector<EdgeBin>& after,
+                          const char* label, const std::string& file, const std::string& caption) {
+    SvgPlot plot(label, "edge shift RMS / px");
+    const BinnedFigure under_test = shifts_of(before), refined = shifts_of(after);
+    under_test.draw(plot, Ink::blue, "pose under test");
+    refined.draw(plot, Ink::orange, "refined pose");
+    plot.set_y_range(0.0, 1.05 * std::max({under_test.highest(), refined.highest(), 1e-3}));
+    return {file, plot.svg(), caption};
+}
+
+// Each bin of depths that some edges of one photograph lie in.
+struct Widths {
+    std::vector<double> depths, photographed, rendered;
+    std::vector<std::string> notes;
+
+    explicit Widths(const ComparedPhoto& photo) {
+        for (const DepthBin& bin : photo.defocus->bins) {
+            if (bin.edges < 2)
+                continue;
+            depths.push_back(bin.depth_mm);
+            photographed.push_back(bin.measured_px2);
+            rendered.push_back(bin.rendered_px2);
+            notes.push_back(fmt::format("{}: {:.1f} mm, {:.3f} px² (σ {:.3f}) against {:.3f}",
+                                        photo.photo.filename().string(), bin.depth_mm,
+                                        bin.measured_px2, bin.measured_deviation_px2,
+                                        bin.rendered_px2));
+        }
+    }
+};
+
+// One line and its points for each photograph; the legend once.
+ComparisonPlot width_plot(const Comparison& comparison) {
+    SvgPlot plot("depth / mm", "width of edges, variance / px²");
+    bool is_named = false;
+    for (const ComparedPhoto& photo : comparison.photos) {
+        if (!photo.defocus)
+            continue;
+        const Widths widths(photo);
+        plot.add_line(widths.depths, widths.rendered, Ink::gray, is_named ? "" : "rendering");
+        plot.add_points(widths.depths, widths.photographed, Ink::blue, is_named ? "" : "photograph",
+                        widths.notes);
+        is_named = true;
+    }
+    return {"edge-width-by-depth.svg", plot.svg(),
+            "Width of edges by depth, at the refined poses: what the lens section promises, and "
+            "what the photographs have. Widths that part on one side only have another focus "
+            "distance; that part on both, another f-number or another sharpness."};
+}
+
+}  // namespace
+
+double arrow_magnification(const Comparison& comparison) {
+    constexpr double drawn_px = 12.0;
+    double squares = 0.0, count = 0.0;
+    for (const EdgeShift& edge : comparison.edges(&ComparedPhoto::calibrated, false))
+        if (!edge.is_beyond_range) {
+            squares += edge.shift_px * edge.shift_px;
+            count += 1.0;
+        }
+    return round_magnification(count > 0.0 ? std::sqrt(squares / count) : 0.0, drawn_px);
+}
+
+std::string edge_map_svg(std::span<const EdgeShift> edges, const cv::Rect& part,
+                         double magnification) {
+    std::string text =
+        fmt::format("<svg class='plot' viewBox='0 0 {} {}' role='img' aria-label='edge shifts'>",
+                    part.width, part.height);
+    for (const EdgeShift& edge : edges)
+        text += edge_svg(edge, Eigen::Vector2d(part.x, part.y), magnification);
+    return text + scale_bar(magnification, part) + "</svg>";
+}
+
+std::vector<ComparisonPlot> edge_plots(const Comparison& comparison) {
+    const std::vector<EdgeShift> before = comparison.edges(&ComparedPhoto::calibrated, false);
+    const std::vector<EdgeShift> after = comparison.edges(&ComparedPhoto::refined, false);
+    if (before.empty() || after.empty())
+        return {};
+    const CameraModel& camera = comparison.camera;
+    const cv::Size image(camera.width, camera.height);
+    const double spacing = std::max(camera.width, camera.height) / 12.0;
+    const std::vector<ShiftVector> field = shift_field(before, image, spacing);
+    const double magnification = field_magnification(field, 0.4 * spacing);
+    std::vector<ComparisonPlot> plots;
+    plots.push_back(field_plot(field, camera, magnification, "edge-shift-field.svg",
+                               "at the poses under test"));
+    plots.push_back(field_plot(shift_field(after, image, spacing), camera, magnification,
+                               "edge-shift-field-refined.svg", "at the refined poses"));
+    plots.push_back(shift_plot(edges_by_radius(before, image, bins),
+                               edges_by_radius(after, image, bins),
+                               "distance from the image's centre / px", "edge-shift-by-radius.svg",
+                               "Edge shift by distance from the image's centre, noise taken out; "
+                               "bands: one standard deviation."));
+    plots.push_back(shift_plot(edges_by_depth(before, bins), edges_by_depth(after, bins),
+                               "depth / mm", "edge-shift-by-depth.svg",
+                               "Edge shift by depth, noise taken out."));
+    if (camera.lens)
+        plots.push_back(width_plot(comparison));
+    return plots;
+}
+
+}  // namespace etalon

@@ -1,0 +1,132 @@
+#include "station/devices/capture_run.h"
+
+#include <fmt/format.h>
+
+#include "capture/camera_recovery.h"
+#include "capture/frame/frame_average.h"
+#include "core/errors.h"
+#include "core/text.h"
+#include "station/record/run_json.h"
+#include "station/record/run_record.h"
+
+namespace etalon {
+namespace {
+
+// The record, or nothing where none is wanted.
+class CaptureRecord {
+public:
+    CaptureRecord(const std::filesystem::path& folder, Instant start) : start_(start) {
+        if (!folder.empty())
+            record_.emplace(folder, std::initializer_list<const char*>{"frames"});
+    }
+
+    void log(Instant now, const std::string& event, const std::string& detail) {
+        if (record_)
+            record_->log_state(std::chrono::duration<double>(now - start_).count(), event, detail);
+    }
+
+    void add(int number, const Frame& frame) {
+        if (!record_)
+            return;
+        FrameRecord entry = frame_record(frame, start_);
+        if (frame.status == FrameStatus::complete) {
+            entry.file = fmt::format("frames/{:06}.png", number);
+            record_->images().write(record_->folder() / entry.file, frame.image);
+        }
+        record_->log_frame(number, entry);
+    }
+
+    // What cannot be written any more is the reason, unless there is one. capture.json comes last,
+    // so that it says so: it is small and often still finds its place on a full disk.
+    void finish(CaptureResult& result, const FrameAverager& averager) {
+        if (!record_)
+            return;
+        attempt(result, [&] { record_->images().flush(); });
+        attempt(result, [&] { write_mean(averager); });
+        attempt(result,
+                [&] { write_text(record_->folder() / "capture.json", capture_json(result)); });
+    }
+
+private:
+    void write_mean(const FrameAverager& averager) const {
+        if (averager.frames() < 2)
+            return;
+        const FrameAverage average = averager.average();
+        Radiance mean;
+        average.mean.convertTo(mean, CV_32F, 1.0 / ((1 << average.bits) - 1));
+        write_radiance(record_->folder() / "mean.tiff", mean);
+    }
+
+    static void attempt(CaptureResult& result, const std::function<void()>& step) {
+        try {
+            step();
+        } catch (const ConfigError& error) {
+            if (result.reason.empty())
+                result.reason = error.what();
+        }
+    }
+
+    Instant start_;
+    std::optional<RunRecord> record_;
+};
+
+void take_all(Camera& camera, const CaptureRequest& request, Clock& clock,
+              const std::stop_token& stop, CaptureRecord& record, FrameAverager& averager,
+              const std::function<void(const Frame&)>& seen) {
+    Instant after = clock.now();
+    for (int number = 0; request.frames == 0 || number < request.frames; ++number) {
+        const Frame frame =
+            frame_after_reconnecting(camera, after, request.retries, clock, stop,
+                                     [&](const std::string& event, const std::string& detail) {
+                                         record.log(clock.now(), event, detail);
+                                     });
+        record.add(number, frame);
+        if (frame.status == FrameStatus::complete) {
+            averager.add(frame);
+            after = frame.exposure_start;
+        }
+        seen(frame);
+    }
+}
+
+void sum_up(CaptureResult& result, const FrameAverager& averager) {
+    result.complete = averager.frames();
+    if (averager.frames() < 2)
+        return;
+    const FrameAverage average = averager.average();
+    result.mean = cv::mean(average.mean)[0];
+    result.noise = average.noise();
+}
+
+}  // namespace
+
+CaptureResult capture_frames(Camera& camera, const CaptureRequest& request, Clock& clock,
+                             const std::stop_token& stop,
+                             const std::function<void(const Frame&)>& seen) {
+    CaptureResult result;
+    result.asked = request.frames;
+    result.started_utc = utc_now();
+    result.camera = camera.identity();
+    result.settings = camera.configure(request.settings);
+    const Instant start = clock.now();
+    CaptureRecord record(request.out, start);
+    camera.arm();
+    FrameAverager averager;
+    try {
+        take_all(camera, request, clock, stop, record, averager, seen);
+    } catch (const Interrupted&) {
+        if (request.frames != 0)
+            result.reason = "interrupted";
+    } catch (const Error& error) {
+        result.reason = error.what();
+    }
+    camera.disarm();
+    sum_up(result, averager);
+    result.statistics = camera.statistics();
+    result.remarks = camera.remarks();
+    result.duration_s = std::chrono::duration<double>(clock.now() - start).count();
+    record.finish(result, averager);
+    return result;
+}
+
+}  // namespace etalon

@@ -1,0 +1,173 @@
+#include "station/devices/devices_table.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+constexpr std::size_t columns = 79;
+constexpr std::size_t widest_column = 30;  // a longer name pushes the rest of its line
+constexpr const char* of_camera = "      ";
+constexpr const char* of_feature = "          ";
+
+std::string ended(std::string line) {
+    line.erase(line.find_last_not_of(' ') + 1);
+    return line + "\n";
+}
+
+// `line` and the words after it, continued on further lines from column `indent` on.
+std::string wrapped(std::string line, const std::vector<std::string>& words,
+                    const std::string& separator, std::size_t indent) {
+    std::string text;
+    bool begins = true;
+    for (const std::string& word : words) {
+        const std::string before = begins ? "" : separator;
+        if (line.size() + before.size() + word.size() > columns && line.size() > indent) {
+            text += ended(line + before);
+            line = std::string(indent, ' ') + word;
+        } else {
+            line += before + word;
+        }
+        begins = false;
+    }
+    return text + ended(line);
+}
+
+std::string sentence(const std::string& beginning, const std::string& text) {
+    return wrapped(beginning, split(text, ' '), " ", beginning.size());
+}
+
+// ---- rows of a camera's formats or controls
+
+struct Row {
+    std::string name, value;
+    std::vector<std::string> words;
+};
+
+std::size_t column_width(const std::vector<Row>& rows, std::string Row::*column) {
+    std::size_t width = 0;
+    for (const Row& row : rows)
+        width = std::max(width, (row.*column).size());
+    return std::min(width, widest_column);
+}
+
+std::string text_of(const std::vector<Row>& rows) {
+    const std::size_t names = column_width(rows, &Row::name);
+    const std::size_t values = column_width(rows, &Row::value);
+    const std::size_t indent = std::string(of_feature).size() + names + values + 4;
+    std::string text;
+    for (const Row& row : rows) {
+        const std::string line =
+            fmt::format("{}{:<{}}  {:<{}}  ", of_feature, row.name, names, row.value, values);
+        text += wrapped(line, row.words, ", ", indent);
+    }
+    return text;
+}
+
+// ---- formats
+
+std::string sizes_text(const FrameSizes& sizes) {
+    const auto text = [](cv::Size size) { return fmt::format("{}x{}", size.width, size.height); };
+    if (sizes.smallest == sizes.largest)
+        return text(sizes.largest);
+    return text(sizes.smallest) + " to " + text(sizes.largest);
+}
+
+std::string formats_text(const std::vector<CameraFormat>& formats) {
+    std::vector<Row> rows;
+    std::vector<std::string> useless;
+    for (const CameraFormat& format : formats) {
+        if (format.bits == 0) {
+            useless.push_back(format.name);
+            continue;
+        }
+        Row row{format.name, fmt::format("{} bits", format.bits), {}};
+        for (const FrameSizes& sizes : format.sizes)
+            row.words.push_back(sizes_text(sizes));
+        rows.push_back(row);
+    }
+    const std::string heading = std::string(of_feature) + "cannot be unpacked: ";
+    return text_of(rows) + (useless.empty() ? "" : wrapped(heading, useless, ", ", heading.size()));
+}
+
+// ---- controls
+
+// Whole numbers in full: 10000000, not 1e+07.
+std::string number(double value) {
+    const bool whole = value == std::trunc(value) && std::abs(value) < 1e15;
+    return whole ? fmt::format("{:.0f}", value) : fmt::format("{:g}", value);
+}
+
+std::string range_text(const CameraControl& control) {
+    std::string text;
+    if (control.low && control.high)
+        text = number(*control.low) + " to " + number(*control.high);
+    if (control.step && *control.step != 1.0)
+        text += (text.empty() ? "steps " : ", steps ") + number(*control.step);
+    return text;
+}
+
+std::string controls_text(const std::vector<CameraControl>& controls) {
+    std::vector<Row> rows;
+    for (const CameraControl& control : controls) {
+        Row row{control.name, control.value, control.choices};
+        if (!control.unit.empty())
+            row.value += " " + control.unit;
+        if (row.words.empty())
+            row.words.push_back(range_text(control));
+        if (control.read_only)
+            row.words.emplace_back("read only");
+        std::erase(row.words, "");
+        rows.push_back(row);
+    }
+    return text_of(rows);
+}
+
+// ---- cameras and backends
+
+std::string camera_text(const ListedCamera& camera) {
+    const CameraIdentity& identity = camera.identity;
+    const std::string name = fmt::format("{} {}, serial {}", identity.vendor, identity.model,
+                                         identity.serial.empty() ? "unknown" : identity.serial);
+    std::string text =
+        wrapped(of_camera + identity.uri + "  ", {std::string(trimmed(name))}, ", ", 8);
+    if (!camera.fault.empty())
+        text += sentence("        ", camera.fault);
+    if (!camera.abilities.formats.empty())
+        text += "        formats\n" + formats_text(camera.abilities.formats);
+    if (!camera.abilities.controls.empty())
+        text += "        controls\n" + controls_text(camera.abilities.controls);
+    return text;
+}
+
+std::string backend_text(const ListedBackend& listed) {
+    const CameraBackend& backend = listed.backend;
+    std::string text =
+        sentence(fmt::format("  {:<11}{:<5}", backend.name, backend.built_in ? "yes" : "no"),
+                 backend.detail);
+    for (const ListedCamera& camera : listed.cameras)
+        text += camera_text(camera);
+    if (backend.built_in && backend.name != "files" && listed.cameras.empty())
+        text += std::string(of_camera) + "no camera answers\n";
+    return text;
+}
+
+}  // namespace
+
+std::string devices_table(const std::vector<ListedBackend>& backends,
+                          const std::vector<std::string>& stage_profiles) {
+    std::string text = "cameras\n";
+    for (const ListedBackend& listed : backends)
+        text += backend_text(listed);
+    text += "stages\n";
+    for (const std::string& profile : stage_profiles)
+        text += fmt::format("  {:<11}{:<5}Modbus TCP\n", profile, "yes");
+    return text;
+}
+
+}  // namespace etalon

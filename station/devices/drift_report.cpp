@@ -1,0 +1,308 @@
+#include "station/devices/drift_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "core/text.h"
+#include "report/html.h"
+#include "report/svg_plot.h"
+
+namespace etalon {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Growth and turn, which are px at one radius, as what they are.
+double scale_ppm(const Movement& movement, double radius_px) {
+    return 1e6 * movement[2] / radius_px;
+}
+double rotation_urad(const Movement& movement, double radius_px) {
+    return 1e6 * movement[3] / radius_px;
+}
+
+Json optional_number(const std::optional<double>& value) {
+    return value ? Json(*value) : Json();
+}
+
+double radius_of(const DriftMonitor& monitor) {
+    for (auto frame = monitor.frames().rbegin(); frame != monitor.frames().rend(); ++frame)
+        if (frame->seen)
+            return frame->radius_px;
+    return 1.0;
+}
+
+Json rate_json(const DriftRate& rate) {
+    return {{"from_min", rate.from.count()},
+            {"to_min", rate.to.count()},
+            {"px_per_min", {rate.per_min[0], rate.per_min[1], rate.per_min[2], rate.per_min[3]}},
+            {"standard_uncertainty",
+             {rate.standard_uncertainty[0], rate.standard_uncertainty[1],
+              rate.standard_uncertainty[2], rate.standard_uncertainty[3]}},
+            {"worst_px_per_min", rate.worst_px_per_min},
+            {"worst_pixel", {rate.worst_pixel.x(), rate.worst_pixel.y()}},
+            {"worst_standard_uncertainty_px_per_min", rate.standard_uncertainty_px_per_min},
+            {"coverage_factor", rate.coverage_factor},
+            {"worst_expanded_uncertainty_px_per_min", rate.expanded_uncertainty_px_per_min},
+            {"bound_px_per_min", rate.bound_px_per_min},
+            {"shape_px_per_min", rate.shape_px_per_min},
+            {"block_correlation", rate.block_correlation}};
+}
+
+Json jump_json(const DriftJump& jump) {
+    return {{"time_min", jump.time.count()},
+            {"size_px", jump.size_px},
+            {"shift_px", {jump.movement[0], jump.movement[1]}},
+            {"scale_ppm", scale_ppm(jump.movement, jump.radius_px)},
+            {"rotation_urad", rotation_urad(jump.movement, jump.radius_px)}};
+}
+
+template <class List, class Function>
+Json json_list(const List& list, Function to_json) {
+    Json result = Json::array();
+    for (const auto& each : list)
+        result.push_back(to_json(each));
+    return result;
+}
+
+long frames_without_target(const DriftMonitor& monitor) {
+    return std::count_if(monitor.frames().begin(), monitor.frames().end(),
+                         [](const DriftFrame& frame) { return !frame.seen; });
+}
+
+// ---- the page
+
+std::string in_words(const DriftRate& rate) {
+    return fmt::format("{:.4f} px/min, U = {:.4f} px/min (k = {:.2f})", rate.worst_px_per_min,
+                       rate.expanded_uncertainty_px_per_min, rate.coverage_factor);
+}
+
+// Why the last rate was not called stable.
+std::string obstacle(const DriftResult& result) {
+    const DriftMonitor& monitor = result.monitor;
+    const double limit = monitor.plan().limit_px_per_min;
+    if (monitor.rates().empty())
+        return "too few frames showed the target for a rate";
+    const DriftRate& rate = monitor.rates().back();
+    if (rate.worst_px_per_min >= limit)
+        return fmt::format("it drifts: {}", in_words(rate));
+    if (rate.bound_px_per_min >= limit)
+        return fmt::format(
+            "too uncertain: {}; more frames, or a target that fills more of the "
+            "image, would tell",
+            in_words(rate));
+    if (rate.shape_px_per_min >= limit)
+        return fmt::format("the target's points drift against each other by {:.3f} px/min",
+                           rate.shape_px_per_min);
+    return "something jumped just before the end";
+}
+
+using Facts = std::vector<std::pair<std::string, std::string>>;
+
+Facts facts_of_the_watch(const DriftResult& result, const std::string& target) {
+    const DriftMonitor& monitor = result.monitor;
+    const auto px = [](const std::optional<double>& value) {
+        return value ? fmt::format("{:.4f} px", *value) : "unknown";
+    };
+    return {
+        {"limit", fmt::format("{} px/min anywhere in the image", monitor.plan().limit_px_per_min)},
+        {"camera", result.camera.uri + " " + result.camera.serial},
+        {"target", target},
+        {"began", result.started_utc},
+        {"watched",
+         fmt::format("{:.1f} min, {} frames", result.duration.count(), monitor.frames().size())},
+        {"frames without target", std::to_string(frames_without_target(monitor))},
+        {"noise of a point", px(monitor.point_noise_px())},
+        {"shake of the target", px(monitor.shake_px())},
+        {"jumps", std::to_string(monitor.jumps().size())}};
+}
+
+Facts facts_of_the_rate(const DriftMonitor& monitor) {
+    if (monitor.rates().empty())
+        return {};
+    const DriftRate& rate = monitor.rates().back();
+    const double per_radius = 1e6 / radius_of(monitor);
+    const auto with_u = [&](int i, double factor, const char* unit) {
+        return fmt::format("{:.3g} ± {:.2g} {}/min", factor * rate.per_min[i],
+                           2.0 * factor * rate.standard_uncertainty[i], unit);
+    };
+    return {{"shift x (U: k = 2)", with_u(0, 1.0, "px")},
+            {"shift y", with_u(1, 1.0, "px")},
+            {"scale", with_u(2, per_radius, "ppm")},
+            {"rotation", with_u(3, per_radius, "µrad")},
+            {"between its points", fmt::format("{:.3g} px/min", rate.shape_px_per_min)}};
+}
+
+void add_summary(HtmlPage& page, const DriftResult& result, const std::string& target) {
+    std::string sentence = result.reason.empty() ? "" : result.reason + "; ";
+    sentence += result.stable
+                    ? drift_sentence(result) + ": " + in_words(result.monitor.rates().back())
+                    : obstacle(result);
+    page.add_verdict(result.stable ? "STABLE" : "NOT STABLE", sentence);
+    Facts facts = facts_of_the_watch(result, target);
+    const Facts of_rate = facts_of_the_rate(result.monitor);
+    facts.insert(facts.end(), of_rate.begin(), of_rate.end());
+    page.add_facts(facts);
+}
+
+std::string movement_plot(const DriftMonitor& monitor) {
+    constexpr const char* names[] = {"shift x", "shift y", "growth", "turn"};
+    constexpr Ink inks[] = {Ink::blue, Ink::orange, Ink::green, Ink::red};
+    SvgPlot plot("minutes", "movement, px");
+    // A point per block's worth of frames is enough for the eye, and keeps the page small.
+    const std::size_t step = std::max<std::size_t>(1, monitor.frames().size() / 600);
+    for (int i = 0; i < 4; ++i) {
+        std::vector<double> times, values;
+        for (std::size_t n = 0; n < monitor.frames().size(); n += step)
+            if (const DriftFrame& frame = monitor.frames()[n]; frame.seen) {
+                times.push_back(frame.time.count());
+                values.push_back(frame.movement[i]);
+            }
+        plot.add_points(times, values, inks[i], names[i]);
+    }
+    return plot.svg();
+}
+
+std::string rate_plot(const DriftMonitor& monitor) {
+    std::vector<double> times, worst, low, high;
+    for (const DriftRate& rate : monitor.rates()) {
+        times.push_back(rate.to.count());
+        worst.push_back(rate.worst_px_per_min);
+        low.push_back(std::max(0.0, rate.worst_px_per_min - rate.expanded_uncertainty_px_per_min));
+        high.push_back(rate.bound_px_per_min);
+    }
+    SvgPlot plot("minutes", "worst drift over the image, px/min");
+    plot.add_band(times, low, high, Ink::blue, "with U");
+    plot.add_line(times, worst, Ink::blue, "drift");
+    plot.add_level(monitor.plan().limit_px_per_min, Ink::red, "limit");
+    return plot.svg();
+}
+
+void add_jumps(HtmlPage& page, const DriftMonitor& monitor) {
+    if (monitor.jumps().empty())
+        return;
+    std::vector<std::vector<std::string>> rows;
+    for (const DriftJump& jump : monitor.jumps())
+        rows.push_back(
+            {fmt::format("{:.2f}", jump.time.count()), fmt::format("{:.3f}", jump.size_px),
+             fmt::format("{:.3f}", jump.movement[0]), fmt::format("{:.3f}", jump.movement[1]),
+             fmt::format("{:.0f}", scale_ppm(jump.movement, jump.radius_px)),
+             fmt::format("{:.0f}", rotation_urad(jump.movement, jump.radius_px))});
+    page.add_heading("Jumps");
+    page.add_paragraph(
+        "The image moved from one frame to the next: the target, the camera or what they stand on "
+        "was touched, or a part of the lens slipped. No drift is taken over a jump: it is judged "
+        "anew from there.");
+    page.add_table({"minute", "size px", "shift x px", "shift y px", "scale ppm", "rotation µrad"},
+                   rows);
+}
+
+void add_limits_of_the_method(HtmlPage& page) {
+    page.add_heading("What this cannot tell");
+    page.add_paragraph(
+        "Whether the camera moved or the target: a static target shows the drift of one against "
+        "the other. Both must stand on one rigid base, and lamps must not warm the target.");
+    page.add_paragraph(
+        "What a growth is: a change of focal length, or of distance. One of 100 ppm is 50 µm at "
+        "500 mm.");
+    page.add_paragraph(
+        "Fluctuations that are slower than the minutes which a rate is taken over count as drift, "
+        "or hide it; and what happens later, when the room or the load of the camera changes.");
+}
+
+}  // namespace
+
+std::string drift_csv(const DriftResult& result) {
+    std::string text =
+        "time_min,seen,part,shift_x_px,shift_y_px,scale_ppm,rotation_urad,misfit_px\n";
+    for (const DriftFrame& frame : result.monitor.frames()) {
+        text += fmt::format("{},{},{}", exact(frame.time.count()), frame.seen ? 1 : 0, frame.part);
+        if (frame.seen)
+            for (const double value :
+                 {frame.movement[0], frame.movement[1], scale_ppm(frame.movement, frame.radius_px),
+                  rotation_urad(frame.movement, frame.radius_px), frame.misfit_px})
+                text += "," + exact(value);
+        else
+            text += ",,,,,";
+        text += "\n";
+    }
+    return text;
+}
+
+std::string drift_json(const DriftResult& result, const std::string& target) {
+    const DriftMonitor& monitor = result.monitor;
+    Json json = {{"etalon", "drift/1"},
+                 {"stable", result.stable},
+                 {"reason", result.reason},
+                 {"limit_px_per_min", monitor.plan().limit_px_per_min},
+                 {"target", target},
+                 {"camera",
+                  {{"uri", result.camera.uri},
+                   {"vendor", result.camera.vendor},
+                   {"model", result.camera.model},
+                   {"serial", result.camera.serial},
+                   {"width", result.settings.width},
+                   {"height", result.settings.height},
+                   {"exposure_us", result.settings.exposure.count()},
+                   {"remarks", result.remarks}}},
+                 {"started_utc", result.started_utc},
+                 {"duration_min", result.duration.count()},
+                 {"frames", monitor.frames().size()},
+                 {"frames_without_target", frames_without_target(monitor)},
+                 {"block_min", monitor.plan().block.count()},
+                 {"judgements", monitor.plan().judgements},
+                 {"radius_px", radius_of(monitor)},
+                 {"point_noise_px", optional_number(monitor.point_noise_px())},
+                 {"shake_px", optional_number(monitor.shake_px())},
+                 {"jumps", json_list(monitor.jumps(), jump_json)},
+                 {"rates", json_list(monitor.rates(), rate_json)}};
+    return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string drift_html(const DriftResult& result, const std::string& target) {
+    HtmlPage page("Drift of a camera", result.camera.uri + ", " + target);
+    add_summary(page, result, target);
+    page.add_heading("Movement and rate");
+    std::vector<HtmlPage::Figure> figures = {
+        {movement_plot(result.monitor),
+         "Movement of the target's image since the first frame, and after a jump since the first "
+         "frame behind it. Growth and turn as what they move a point by that is as far from the "
+         "target's middle as its points are on average."}};
+    if (!result.monitor.rates().empty())
+        figures.push_back({rate_plot(result.monitor),
+                           "Drift at that corner of the image where it is largest, and what it is "
+                           "below: of the last 5, 10 or 20 minutes, whichever says most."});
+    page.add_figures(figures);
+    add_jumps(page, result.monitor);
+    add_limits_of_the_method(page);
+    return page.finish();
+}
+
+std::string drift_sentence(const DriftResult& result) {
+    const DriftMonitor& monitor = result.monitor;
+    if (monitor.rates().empty())
+        return fmt::format("drift not measured in {:.1f} min", result.duration.count());
+    return fmt::format("drift {:.3f} px/min {} {:.1f} min", monitor.rates().back().worst_px_per_min,
+                       result.stable ? "stable after" : "not stable in", result.duration.count());
+}
+
+std::string drift_line(const DriftMonitor& monitor) {
+    if (monitor.frames().empty())
+        return "no frame yet";
+    const DriftFrame& frame = monitor.frames().back();
+    std::string line = fmt::format("{:6.1f} min  ", frame.time.count());
+    if (!frame.seen)
+        return line + "target not seen";
+    if (monitor.rates().empty())
+        line += "drift: not yet";
+    else
+        line += fmt::format("drift {:.3f} U {:.3f} px/min", monitor.rates().back().worst_px_per_min,
+                            monitor.rates().back().expanded_uncertainty_px_per_min);
+    line += fmt::format("  noise {:.3f} px", monitor.point_noise_px().value_or(0.0));
+    if (!monitor.jumps().empty())
+        line += fmt::format("  jumps {}", monitor.jumps().size());
+    return line;
+}
+
+}  // namespace etalon

@@ -1,0 +1,91 @@
+// `etalon expect`: the pose errors to be expected of a camera, a marker and a detector.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <mutex>
+#include <numbers>
+
+#include "calib/files/camera_file.h"
+#include "core/errors.h"
+#include "core/progress.h"
+#include "core/text.h"
+#include "station/foresee/expectation_report.h"
+#include "station/shell/commands.h"
+
+namespace etalon {
+namespace {
+
+constexpr double rad_per_deg = std::numbers::pi / 180.0;
+
+// "NEAR:FAR", mm.
+SeenVolume parse_volume(const std::string& text, double max_tilt_deg) {
+    const std::vector<std::string> parts = split(text, ':');
+    const auto near = parts.size() == 2 ? parse_number(parts[0]) : std::nullopt;
+    const auto far = parts.size() == 2 ? parse_number(parts[1]) : std::nullopt;
+    if (!near || !far || !(*near > 0.0) || *far < *near)
+        throw ConfigError({"--volume"}, "must be two depths in mm, NEAR:FAR, not '" + text + "'");
+    return {*near, *far, max_tilt_deg * rad_per_deg};
+}
+
+ExpectationRequest request_of(const ExpectArguments& arguments) {
+    ExpectationRequest request{.camera = read_camera(arguments.camera),
+                               .marker = parse_marker(arguments.marker, "--marker"),
+                               .detector = arguments.detector,
+                               .volume = parse_volume(arguments.volume, arguments.max_tilt_deg),
+                               .poses = arguments.poses,
+                               .frames = arguments.frames,
+                               .seed = arguments.seed,
+                               .background = arguments.background,
+                               .white_level = arguments.white_level};
+    if (request.camera.projection == Projection::telecentric)
+        throw ConfigError({"--camera"}, "is telecentric: poses need a perspective camera");
+    return request;
+}
+
+void print_text(const Expectation& expectation) {
+    fmt::print(
+        "detected at {} of {} poses, in {:.1f} % of frames; other planar solution {:.1f} %\n",
+        expectation.detected(), expectation.poses.size(), 100.0 * expectation.detection_rate(),
+        100.0 * expectation.flip_rate());
+    if (!expectation.no_noise.empty())
+        fmt::print("no noise: {}\n", expectation.no_noise);
+    if (!expectation.bias_maps)
+        throw NumericalError(fmt::format("the marker is detected at {} poses, {} are needed",
+                                         expectation.detected(), ExpectationMap::min_poses));
+    fmt::print("{:<24}{:<5}{:>8} {:>19} {:>8} {:>8}\n", "", "", "bias", "95 %", "RMS", "noise");
+    const auto rows = summary_rows(expectation);
+    for (const auto& row : rows)
+        fmt::print("{:<24}{:<5}{:>8} {:>19} {:>8} {:>8}\n", row[0], row[1], row[2], row[3], row[4],
+                   row[8]);
+    fmt::print("largest of the smooth maps (depth, from the principal point, tilt):\n");
+    for (const auto& row : rows)
+        fmt::print("{:<24}{:<5}{:>8}  at {}\n", row[0], row[1], row[6], row[7]);
+}
+
+}  // namespace
+
+int run_expect(const ExpectArguments& arguments) {
+    const ExpectationRequest request = request_of(arguments);
+    SteadyClock clock;
+    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    progress.begin("rendering", request.poses,
+                   request.poses * (request.frames + 2) * std::chrono::milliseconds(10));
+    std::mutex mutex;
+    const Expectation expectation = expect_errors(request, [&] {
+        const std::lock_guard lock(mutex);
+        progress.step();
+    });
+    progress.end();
+    if (!arguments.out.empty())
+        write_expectation(request, expectation, arguments.out);
+    if (arguments.json)
+        fmt::print("{}", expectation_json(request, expectation));
+    else
+        print_text(expectation);
+    if (!arguments.out.empty() && !arguments.json)
+        fmt::print("report {}\n", (arguments.out / "report.html").string());
+    return 0;
+}
+
+}  // namespace etalon

@@ -1,0 +1,303 @@
+#include "station/foresee/expectation_report.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "core/errors.h"
+#include "core/pose_numbers.h"
+#include "core/text.h"
+#include "report/svg_plot.h"
+
+namespace etalon {
+namespace {
+
+using nlohmann::ordered_json;
+using Variable = ExpectationMap::Variable;
+
+constexpr double deg_per_rad = 180.0 / std::numbers::pi;
+
+double rms(const std::vector<double>& values) {
+    double sum = 0.0;
+    for (const double value : values)
+        sum += value * value / static_cast<double>(values.size());
+    return std::sqrt(sum);
+}
+
+std::string place_text(const MarkerPlace& place) {
+    return fmt::format("{:.0f} mm, {:.0f} px, {:.0f} deg", place.depth_mm, place.radius_px,
+                       place.tilt_rad * deg_per_rad);
+}
+
+std::vector<std::size_t> detected_poses(const Expectation& expectation) {
+    std::vector<std::size_t> indices;
+    for (std::size_t i = 0; i < expectation.poses.size(); ++i)
+        if (expectation.poses[i].bias)
+            indices.push_back(i);
+    return indices;
+}
+
+const MarkerPlace& worst_place(const Expectation& expectation, std::size_t component) {
+    const std::size_t worst = (*expectation.bias_maps)[component].worst();
+    return expectation.poses[detected_poses(expectation)[worst]].place;
+}
+
+// ---- Plots
+
+struct Abscissa {
+    Variable variable;
+    const char* label;
+    double (*of)(const MarkerPlace&);  // in the plot's unit
+    double unit;                       // of the map per unit of the plot
+};
+const std::array<Abscissa, 3> abscissae = {{
+    {Variable::depth, "depth, mm", [](const MarkerPlace& p) { return p.depth_mm; }, 1.0},
+    {Variable::radius, "distance from the principal point, px",
+     [](const MarkerPlace& p) { return p.radius_px; }, 1.0},
+    {Variable::tilt, "tilt, deg", [](const MarkerPlace& p) { return p.tilt_rad * deg_per_rad; },
+     1.0 / deg_per_rad},
+}};
+
+// The map's average over the other two variables, as a line with its 95 % band.
+void add_average(SvgPlot& plot, const ExpectationMap& map, const Abscissa& along,
+                 const std::vector<double>& xs, double (*shown)(double), Ink ink) {
+    constexpr int steps = 30;
+    const auto [low, high] = std::minmax_element(xs.begin(), xs.end());
+    std::vector<double> at, value, lower, upper;
+    for (int i = 0; i <= steps; ++i) {
+        at.push_back(*low + (*high - *low) * i / steps);
+        const MapValue average = map.average_at(along.variable, at.back() * along.unit);
+        value.push_back(shown(average.value));
+        lower.push_back(shown(average.low));
+        upper.push_back(shown(average.high));
+    }
+    plot.add_band(at, lower, upper, ink, "95 %");
+    plot.add_line(at, value, ink, "average");
+}
+
+double itself(double value) {
+    return value;
+}
+double exponential(double value) {
+    return std::exp(value);
+}
+
+std::string bias_plot(const Expectation& expectation, std::size_t component,
+                      const Abscissa& along) {
+    const ErrorComponent& named = error_components[component];
+    SvgPlot plot(along.label, fmt::format("B1 {}, {}", named.name, named.unit));
+    std::vector<double> xs;
+    for (const std::size_t i : detected_poses(expectation))
+        xs.push_back(along.of(expectation.poses[i].place));
+    plot.add_points(xs, expectation.biases(static_cast<int>(component)), Ink::gray, "pose");
+    add_average(plot, (*expectation.bias_maps)[component], along, xs, itself, Ink::blue);
+    return plot.svg();
+}
+
+std::string noise_plot(const Expectation& expectation, std::size_t component,
+                       const Abscissa& along) {
+    const ErrorComponent& named = error_components[component];
+    SvgPlot plot(along.label, fmt::format("noise {}, {}", named.name, named.unit));
+    std::vector<double> xs;
+    for (const ExpectedPose& pose : expectation.poses)
+        if (pose.noise)
+            xs.push_back(along.of(pose.place));
+    plot.add_points(xs, expectation.noises(static_cast<int>(component)), Ink::gray, "pose");
+    add_average(plot, (*expectation.noise_maps)[component], along, xs, exponential, Ink::orange);
+    return plot.svg();
+}
+
+void add_bias_plots_of(HtmlPage& page, const Expectation& expectation, std::size_t component) {
+    std::vector<HtmlPage::Figure> figures;
+    for (const Abscissa& along : abscissae)
+        figures.push_back({bias_plot(expectation, component, along),
+                           fmt::format("Bias {}: each pose, and the smooth map averaged over the "
+                                       "other two variables",
+                                       error_components[component].name)});
+    page.add_figures(figures);
+}
+
+void add_plots(HtmlPage& page, const Expectation& expectation) {
+    for (const std::size_t component : {std::size_t{0}, std::size_t{1}, std::size_t{4}})
+        add_bias_plots_of(page, expectation, component);
+    if (!expectation.noise_maps)
+        return;
+    std::vector<HtmlPage::Figure> figures;
+    for (const std::size_t component : {std::size_t{0}, std::size_t{4}})
+        for (const Abscissa& along : abscissae)
+            figures.push_back({noise_plot(expectation, component, along),
+                               fmt::format("Noise {}: standard deviation of a single frame",
+                                           error_components[component].name)});
+    page.add_figures(figures);
+}
+
+// ---- JSON
+
+ordered_json value_json(const MapValue& value) {
+    return {{"value", value.value}, {"low_95", value.low}, {"high_95", value.high}};
+}
+
+ordered_json place_json(const MarkerPlace& place) {
+    return {{"depth_mm", place.depth_mm},
+            {"radius_px", place.radius_px},
+            {"tilt_deg", place.tilt_rad * deg_per_rad}};
+}
+
+ordered_json component_json(const Expectation& expectation, std::size_t k) {
+    const std::vector<double> biases = expectation.biases(static_cast<int>(k));
+    const std::vector<double> noises = expectation.noises(static_cast<int>(k));
+    ordered_json json = {{"name", error_components[k].name}, {"unit", error_components[k].unit}};
+    if (!biases.empty())
+        json["bias_rms"] = rms(biases);
+    if (expectation.bias_maps) {
+        const ExpectationMap& map = (*expectation.bias_maps)[k];
+        const MarkerPlace& worst = worst_place(expectation, k);
+        json["bias_mean"] = value_json(map.mean());
+        json["bias_scatter_about_map"] = map.scatter();
+        json["worst"] = place_json(worst);
+        json["worst"]["bias"] = value_json(map.at(worst));
+    }
+    json["noise_rms"] = noises.empty() ? ordered_json() : ordered_json(rms(noises));
+    return json;
+}
+
+ordered_json pose_json(const ExpectedPose& pose) {
+    ordered_json json = {{"camera_from_marker", pose_numbers(pose.camera_from_marker)},
+                         {"place", place_json(pose.place)},
+                         {"bias", pose.bias ? ordered_json(*pose.bias) : ordered_json()},
+                         {"noise", pose.noise ? ordered_json(*pose.noise) : ordered_json()},
+                         {"detections", pose.detections},
+                         {"flips", pose.flips}};
+    return json;
+}
+
+void add_six(std::string& line, const std::optional<SixErrors>& six) {
+    for (std::size_t k = 0; k < 6; ++k)
+        line += "," + (six ? exact((*six)[k]) : std::string());
+}
+
+}  // namespace
+
+std::vector<std::string> summary_header() {
+    return {"component", "unit", "mean", "95 %", "RMS", "scatter", "worst", "at", "noise"};
+}
+
+std::vector<std::vector<std::string>> summary_rows(const Expectation& expectation) {
+    std::vector<std::vector<std::string>> rows;
+    for (std::size_t k = 0; k < 6; ++k) {
+        const std::vector<double> noises = expectation.noises(static_cast<int>(k));
+        std::vector<std::string> row = {error_components[k].name, error_components[k].unit};
+        if (expectation.bias_maps) {
+            const ExpectationMap& map = (*expectation.bias_maps)[k];
+            const MapValue mean = map.mean();
+            const MarkerPlace& worst = worst_place(expectation, k);
+            row.push_back(fmt::format("{:.4f}", mean.value));
+            row.push_back(fmt::format("{:.4f} .. {:.4f}", mean.low, mean.high));
+            row.push_back(fmt::format("{:.4f}", rms(expectation.biases(static_cast<int>(k)))));
+            row.push_back(fmt::format("{:.4f}", map.scatter()));
+            row.push_back(fmt::format("{:.4f}", map.at(worst).value));
+            row.push_back(place_text(worst));
+        } else {
+            row.resize(8);
+        }
+        row.push_back(noises.empty() ? "unknown" : fmt::format("{:.4f}", rms(noises)));
+        rows.push_back(row);
+    }
+    return rows;
+}
+
+void add_expectation(HtmlPage& page, const Expectation& expectation) {
+    page.add_paragraph(fmt::format(
+        "Marker detected at {} of {} poses without noise, and in {:.1f} % of all frames; the other "
+        "planar solution fitted better in {:.1f} % of the frames with noise.{}",
+        expectation.detected(), expectation.poses.size(), 100.0 * expectation.detection_rate(),
+        100.0 * expectation.flip_rate(),
+        expectation.no_noise.empty() ? "" : " No noise: " + expectation.no_noise + "."));
+    if (!expectation.bias_maps) {
+        page.add_paragraph(fmt::format("Too few detected poses for a map: {} are needed.",
+                                       ExpectationMap::min_poses));
+        return;
+    }
+    page.add_table(summary_header(), summary_rows(expectation));
+    add_plots(page, expectation);
+}
+
+void add_short_expectation(HtmlPage& page, const Expectation& expectation) {
+    if (!expectation.bias_maps)
+        return;
+    page.add_table(summary_header(), summary_rows(expectation));
+    add_bias_plots_of(page, expectation, 0);
+}
+
+std::string expectation_json(const ExpectationRequest& request, const Expectation& expectation) {
+    ordered_json json = {{"etalon", "expectation/1"},
+                         {"marker", request.marker.spec},
+                         {"detector", request.detector},
+                         {"volume",
+                          {{"nearest_mm", request.volume.nearest_mm},
+                           {"farthest_mm", request.volume.farthest_mm},
+                           {"max_tilt_deg", request.volume.max_tilt * deg_per_rad}}},
+                         {"background", request.background},
+                         {"white_level", request.white_level},
+                         {"seed", request.seed},
+                         {"poses", expectation.poses.size()},
+                         {"frames_per_pose", expectation.frames},
+                         {"no_noise", expectation.no_noise},
+                         {"detected", expectation.detected()},
+                         {"detection_rate", expectation.detection_rate()},
+                         {"flip_rate", expectation.flip_rate()}};
+    for (std::size_t k = 0; k < 6; ++k)
+        json["components"].push_back(component_json(expectation, k));
+    json["pose_list"] = ordered_json::array();
+    for (const ExpectedPose& pose : expectation.poses)
+        json["pose_list"].push_back(pose_json(pose));
+    return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
+
+std::string expectation_csv(const Expectation& expectation) {
+    std::string text = "rx,ry,rz,tx,ty,tz,depth_mm,radius_px,tilt_deg,detections,flips";
+    for (const char* group : {"bias_", "noise_"})
+        for (const char* column :
+             {"sight_mm", "outwards_mm", "around_mm", "turn_mrad", "tilt_mrad", "across_mrad"})
+            text += std::string(",") + group + column;
+    text += "\n";
+    for (const ExpectedPose& pose : expectation.poses) {
+        std::string line;
+        for (const double number : pose_numbers(pose.camera_from_marker))
+            line += exact(number) + ",";
+        line +=
+            fmt::format("{},{},{},{},{}", exact(pose.place.depth_mm), exact(pose.place.radius_px),
+                        exact(pose.place.tilt_rad * deg_per_rad), pose.detections, pose.flips);
+        add_six(line, pose.bias);
+        add_six(line, pose.noise);
+        text += line + "\n";
+    }
+    return text;
+}
+
+void write_expectation(const ExpectationRequest& request, const Expectation& expectation,
+                       const std::filesystem::path& folder) {
+    std::error_code error;
+    std::filesystem::create_directories(folder, error);
+    if (error)
+        throw ConfigError({"--out"},
+                          fmt::format("{} cannot be made: {}", folder.string(), error.message()));
+    HtmlPage page("Expected pose errors", request.marker.spec);
+    page.add_facts(
+        {{"marker", request.marker.spec},
+         {"detector", request.detector},
+         {"image", fmt::format("{} x {} px", request.camera.width, request.camera.height)},
+         {"depth",
+          fmt::format("{:g} to {:g} mm", request.volume.nearest_mm, request.volume.farthest_mm)},
+         {"tilt", fmt::format("up to {:.0f} deg", request.volume.max_tilt * deg_per_rad)},
+         {"poses", std::to_string(expectation.poses.size())},
+         {"frames with noise, each", std::to_string(expectation.frames)}});
+    add_expectation(page, expectation);
+    write_text(folder / "report.html", page.finish());
+    write_text(folder / "expectation.json", expectation_json(request, expectation));
+    write_text(folder / "poses.csv", expectation_csv(expectation));
+}
+
+}  // namespace etalon

@@ -1,0 +1,246 @@
+// `etalon oc`: how often this station's plan gives which verdict.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
+
+#include <cctype>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "core/clock.h"
+#include "core/errors.h"
+#include "core/progress.h"
+#include "core/text.h"
+#include "report/svg_plot.h"
+#include "station/foresee/operating_characteristic.h"
+#include "station/foresee/studied_plan.h"
+#include "station/shell/commands.h"
+
+namespace etalon {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int noisy_frames = 24;
+
+// ------------------------------------------------------------------------------------- for people
+
+// "99.9 >99.6": the share in percent and the end of its interval that matters.
+std::string at_least(int count, int runs) {
+    const Share share = run_share(count, runs);
+    return fmt::format("{:5.1f} >{:4.1f}", 100.0 * share.value, 100.0 * share.low);
+}
+
+std::string at_most(int count, int runs) {
+    const Share share = run_share(count, runs);
+    return fmt::format("{:5.2f} <{:4.2f}", 100.0 * share.value, 100.0 * share.high);
+}
+
+// At most 80 columns: 29 + 11 + 3 x 13.
+void print_row(const ErrorCharacteristic& error, std::size_t quantity) {
+    if (!error.observable) {
+        fmt::print("{:<28} NOT_OBSERVABLE: {}\n", error.name, error.reason);
+        return;
+    }
+    const CharacteristicPoint* points[] = {point_at(error, quantity, 0.5),
+                                           point_at(error, quantity, 1.0),
+                                           point_at(error, quantity, 2.0)};
+    if (!points[0] || !points[1] || !points[2]) {
+        fmt::print("{:<28} no size of it was found that reaches the limit\n", error.name);
+        return;
+    }
+    const auto counts = [&](int k) { return points[k]->quantities[quantity].counts; };
+    fmt::print("{:<28} {:>10} {:>12} {:>12} {:>12}\n", error.name,
+               size_text(*error.limit_size[quantity], error.unit),
+               at_least(counts(0).pass, counts(0).runs()),
+               at_most(counts(1).pass, counts(1).runs()),
+               at_least(counts(2).fail, counts(2).runs()));
+}
+
+// U over the limit without any error, and its largest over the errors at 1x.
+std::pair<double, double> relative_uncertainty(const OperatingCharacteristic& result,
+                                               std::size_t quantity) {
+    const double limit = result.quantities[quantity].limit;
+    double largest = 0.0;
+    for (const ErrorCharacteristic& error : result.errors)
+        if (const CharacteristicPoint* point = point_at(error, quantity, 1.0))
+            largest = std::max(largest, point->quantities[quantity].mean_uncertainty / limit);
+    return {result.without_error.quantities[quantity].mean_uncertainty / limit, largest};
+}
+
+void print_quantity(const OperatingCharacteristic& result, std::size_t k) {
+    const CharacteristicQuantity& quantity = result.quantities[k];
+    const auto [without, at_limit] = relative_uncertainty(result, k);
+    fmt::print("\n{}: limit {:.4g} {}, U / limit {:.3f}, at 1x {:.3f} at most\n", quantity.name,
+               quantity.limit, quantity.unit, without, at_limit);
+    fmt::print("{:<28} {:>10} {:>12} {:>12} {:>12}\n", "error", "1x", "PASS at 0.5x", "PASS at 1x",
+               "FAIL at 2x");
+    for (const ErrorCharacteristic& error : result.errors)
+        print_row(error, k);
+}
+
+void print_alike(const OperatingCharacteristic& result) {
+    for (const ErrorCharacteristic& error : result.errors)
+        if (!error.alike.empty())
+            fmt::print("{} stands also for: {}\n", error.name, fmt::join(error.alike, ", "));
+}
+
+void print_text(const StudiedPlan& studied, const OperatingCharacteristic& result) {
+    fmt::print("operating characteristic of {}: {} poses, {} runs a point\n{}", studied.station.id,
+               studied.plan.poses.size(), result.runs, detector_text(studied.simulator->study()));
+    const OutcomeCounts& verdict = result.without_error.verdict;
+    const Share pass = run_share(verdict.pass, verdict.runs());
+    fmt::print("without any error the verdict is PASS in {:.2f} % of runs ({:.2f} to {:.2f})\n",
+               100.0 * pass.value, 100.0 * pass.low, 100.0 * pass.high);
+    for (std::size_t k = 0; k < result.quantities.size(); ++k)
+        print_quantity(result, k);
+    fmt::print("\nshares in %, with the end of the 95 % interval that counts\n");
+    print_alike(result);
+}
+
+// -------------------------------------------------------------------------------------- JSON, SVG
+
+Json json_of(const OutcomeCounts& counts) {
+    const auto share = [&](int count) {
+        const Share s = run_share(count, counts.runs());
+        return Json{{"runs", count}, {"share", s.value}, {"low", s.low}, {"high", s.high}};
+    };
+    return {{"PASS", share(counts.pass)},
+            {"FAIL", share(counts.fail)},
+            {"INCONCLUSIVE", share(counts.other)}};
+}
+
+Json json_of(const CharacteristicPoint& point, const OperatingCharacteristic& result) {
+    Json quantities = Json::object();
+    for (std::size_t k = 0; k < point.quantities.size(); ++k) {
+        const QuantityOutcomes& one = point.quantities[k];
+        Json entry = json_of(one.counts);
+        entry["mean_value"] = one.mean_value;
+        entry["mean_uncertainty"] = one.mean_uncertainty;
+        quantities[result.quantities[k].name] = entry;
+    }
+    return {{"size", point.size},
+            {"verdict", json_of(point.verdict)},
+            {"refused", point.refused},
+            {"quantities", quantities}};
+}
+
+Json json_of(const ErrorCharacteristic& error, const OperatingCharacteristic& result) {
+    Json entry = {{"name", error.name}, {"unit", error.unit}, {"alike", error.alike}};
+    entry["outcome"] = error.observable ? "OBSERVABLE" : "NOT_OBSERVABLE";
+    if (!error.observable)
+        entry["reason"] = error.reason;
+    Json sizes = Json::object(), points = Json::array();
+    for (std::size_t k = 0; k < error.limit_size.size(); ++k)
+        sizes[result.quantities[k].name] =
+            error.limit_size[k] ? Json(*error.limit_size[k]) : Json(nullptr);
+    for (const CharacteristicPoint& point : error.points)
+        points.push_back(json_of(point, result));
+    entry["limit_size"] = sizes;
+    entry["points"] = points;
+    return entry;
+}
+
+Json json_of(const StudiedPlan& studied, const OperatingCharacteristic& result) {
+    const DetectorStudy& study = studied.simulator->study();
+    Json quantities = Json::array(), errors = Json::array();
+    for (std::size_t k = 0; k < result.quantities.size(); ++k) {
+        const auto [without, at_limit] = relative_uncertainty(result, k);
+        quantities.push_back({{"name", result.quantities[k].name},
+                              {"unit", result.quantities[k].unit},
+                              {"limit", result.quantities[k].limit},
+                              {"uncertainty_over_limit", without},
+                              {"uncertainty_over_limit_at_1x", at_limit}});
+    }
+    for (const ErrorCharacteristic& error : result.errors)
+        errors.push_back(json_of(error, result));
+    return {{"etalon", "operating-characteristic/1"},
+            {"station", studied.station.id},
+            {"poses", studied.plan.poses.size()},
+            {"runs", result.runs},
+            {"seed", result.seed},
+            {"detector",
+             {{"noise_px", study.noise_px},
+              {"bias_px", study.bias_px},
+              {"noise_bias_px", study.noise_bias_px},
+              {"noisy_frames", study.frames}}},
+            {"quantities", quantities},
+            {"without_error", json_of(result.without_error, result)},
+            {"errors", errors}};
+}
+
+// Shares of PASS and FAIL of one quantity over the size of the error, in its 1x.
+std::string curve(const OperatingCharacteristic& result, const ErrorCharacteristic& error,
+                  std::size_t quantity) {
+    std::vector<double> sizes = {0.0}, pass, fail, low, high;
+    std::vector<OutcomeCounts> counts = {result.without_error.quantities[quantity].counts};
+    for (const CharacteristicPoint& point : error.points) {
+        sizes.push_back(point.size / *error.limit_size[quantity]);
+        counts.push_back(point.quantities[quantity].counts);
+    }
+    for (const OutcomeCounts& one : counts) {
+        const Share share = run_share(one.pass, one.runs());
+        pass.push_back(share.value);
+        low.push_back(share.low);
+        high.push_back(share.high);
+        fail.push_back(run_share(one.fail, one.runs()).value);
+    }
+    SvgPlot plot(
+        fmt::format("{} over {}", error.name, size_text(*error.limit_size[quantity], error.unit)),
+        "share of runs");
+    plot.set_y_range(0.0, 1.0);
+    plot.add_band(sizes, low, high, Ink::green, "95 % interval");
+    plot.add_line(sizes, pass, Ink::green, "PASS");
+    plot.add_line(sizes, fail, Ink::red, "FAIL");
+    return plot.svg(true);
+}
+
+std::string file_name(std::string name) {
+    for (char& c : name)
+        if (!std::isalnum(static_cast<unsigned char>(c)))
+            c = '-';
+    return name;
+}
+
+void write_files(const std::filesystem::path& folder, const Json& json,
+                 const OperatingCharacteristic& result) {
+    std::error_code failed;
+    std::filesystem::create_directories(folder, failed);
+    if (failed)
+        throw ConfigError({folder.string()}, "cannot be made: " + failed.message());
+    write_text(folder / "operating-characteristic.json", json.dump(1) + "\n");
+    for (const ErrorCharacteristic& error : result.errors)
+        for (std::size_t k = 0; k < error.limit_size.size(); ++k)
+            if (error.limit_size[k])
+                write_text(folder / fmt::format("{}-{}.svg", file_name(error.name),
+                                                file_name(result.quantities[k].name)),
+                           curve(result, error, k));
+}
+
+}  // namespace
+
+int run_oc(const OcArguments& arguments) {
+    const StudiedPlan studied = study_plan(arguments.station, noisy_frames);
+    SteadyClock clock;
+    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    CharacteristicRequest request;
+    request.runs = arguments.runs;
+    request.errors = arguments.errors;
+    request.progress = [&](int done, int all) {
+        if (done == 1)
+            progress.begin("simulating", all, all * arguments.runs * std::chrono::milliseconds(10));
+        progress.step();
+    };
+    const OperatingCharacteristic result = operating_characteristic(*studied.simulator, request);
+    progress.end();
+    const Json json = json_of(studied, result);
+    if (!arguments.out.empty())
+        write_files(arguments.out, json, result);
+    if (arguments.json)
+        fmt::print("{}\n", json.dump(1));
+    else
+        print_text(studied, result);
+    return 0;
+}
+
+}  // namespace etalon

@@ -1,0 +1,91 @@
+// What a PASS of a station's plan means: how often a run comes out as PASS, FAIL or neither when
+// the camera (or marker, or stage) is wrong by a known size.
+//
+// Monte Carlo of whole runs at corner level (station/foresee/simulated_run.h), each analysed by the
+// same function as a real one (compare/verdict/qualification.h). Sizes are multiples of "1x": the
+// size at which the field that registration leaves, without any noise, just reaches the limit of a
+// judged quantity. 1x is found by running the analysis on exact corners, not from the first-order
+// signatures.
+//
+// Errors whose signatures nobody can tell apart leave the same field: one of each group is studied
+// and names the others. An error that cannot be seen has no 1x and no curve.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/share.h"
+#include "station/foresee/simulated_run.h"
+
+namespace etalon {
+
+// A share of runs with its two-sided 95 % interval. 0 <= count <= runs, runs > 0.
+Share run_share(int count, int runs);
+
+struct OutcomeCounts {
+    int pass = 0, fail = 0, other = 0;
+    int runs() const { return pass + fail + other; }
+};
+
+// One judged quantity at one size of an error.
+struct QuantityOutcomes {
+    OutcomeCounts counts;
+    double mean_value = 0.0, mean_uncertainty = 0.0;  // over the runs; in the quantity's unit
+};
+
+struct CharacteristicPoint {
+    double size = 0.0;  // of the error, in its unit
+    std::vector<QuantityOutcomes>
+        quantities;         // in the order of OperatingCharacteristic::quantities
+    OutcomeCounts verdict;  // of the run
+    int refused = 0;        // runs that ended in a NumericalError: "other" everywhere, never a PASS
+};
+
+struct ErrorCharacteristic {
+    std::string name, unit;
+    std::vector<std::string> alike;  // cannot be told apart from it
+    bool observable = true;
+    std::string reason;  // why it is not
+    // 1x per quantity; nothing where no size was found that reaches the limit.
+    std::vector<std::optional<double>> limit_size;
+    // Ascending sizes: 0.5x, 1x and 2x of each quantity. Of an error that cannot be seen none.
+    std::vector<CharacteristicPoint> points;
+};
+
+struct CharacteristicQuantity {
+    std::string name, unit;
+    double limit = 0.0;
+};
+
+struct OperatingCharacteristic {
+    std::vector<CharacteristicQuantity> quantities;  // judged by a run of this station
+    CharacteristicPoint without_error;
+    std::vector<ErrorCharacteristic> errors;
+    int runs = 0;  // per point
+    std::uint64_t seed = 0;
+};
+
+inline constexpr double characteristic_multiples[] = {0.5, 1.0, 2.0};
+
+struct CharacteristicRequest {
+    int runs = 2000;  // per point
+    std::uint64_t seed = 1;
+    std::vector<std::string> errors;  // only these; empty: all
+    // Called with the points done and all of them; may be empty.
+    std::function<void(int done, int all)> progress = {};
+};
+
+// Parallel over the runs; the same counts for any number of threads. Some 20 ms of CPU a run.
+// Throws ConfigError for an error that has no such name, NumericalError when not even the exact run
+// without any error can be analysed, or none of its quantities is judged.
+OperatingCharacteristic operating_characteristic(const RunSimulator& simulator,
+                                                 const CharacteristicRequest& request);
+
+// The point of an error at this multiple of a quantity's 1x; nothing without a 1x.
+const CharacteristicPoint* point_at(const ErrorCharacteristic& error, std::size_t quantity,
+                                    double multiple);
+
+}  // namespace etalon

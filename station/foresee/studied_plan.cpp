@@ -1,0 +1,57 @@
+#include "station/foresee/studied_plan.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+
+#include "core/clock.h"
+#include "core/progress.h"
+
+namespace etalon {
+
+StudiedPlan study_plan(const std::filesystem::path& path, int noisy_frames) {
+    StudiedPlan studied;
+    studied.station = read_station(path);
+    const StationFile& station = studied.station;
+    studied.plan = plan_of(station);
+    const std::vector<Rigid> poses = expected_poses(station, studied.plan);
+    SteadyClock clock;
+    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    progress.begin("rendering", static_cast<int>(poses.size()),
+                   poses.size() * noisy_frames * std::chrono::milliseconds(12));
+    std::mutex mutex;
+    DetectorStudy study = study_detector(station, poses, noisy_frames, station.plan.seed, [&] {
+        const std::lock_guard lock(mutex);
+        progress.step();
+    });
+    progress.end();
+    studied.simulator =
+        std::make_unique<const RunSimulator>(station, studied.plan, std::move(study));
+    return studied;
+}
+
+std::string detector_text(const DetectorStudy& study) {
+    const auto seen = std::count_if(study.poses.begin(), study.poses.end(),
+                                    [](const auto& pose) { return pose.has_value(); });
+    return fmt::format(
+        "the marker is detected in {} of {} poses ({} noisy renders of each)\n"
+        "corner noise {:.4f} px a frame; the detector's bias {:.4f} px, of which noise moves {:.4f}"
+        " px\n",
+        seen, study.poses.size(), study.frames, study.noise_px, study.bias_px, study.noise_bias_px);
+}
+
+std::string size_text(double size, const std::string& unit) {
+    if (!std::isfinite(size))
+        return "-";
+    if (unit == "1")
+        return std::abs(size) < 1e-3 ? fmt::format("{:.3g} ppm", 1e6 * size)
+                                     : fmt::format("{:.3g} %", 100.0 * size);
+    if (unit == "rad")
+        return fmt::format("{:.3g} mrad", 1e3 * size);
+    return unit.empty() ? fmt::format("{:.3g}", size) : fmt::format("{:.3g} {}", size, unit);
+}
+
+}  // namespace etalon

@@ -1,0 +1,42 @@
+// A control chart for a handful of runs whose mean and spread nobody knows beforehand: has a
+// quantity drifted away from where it was?
+//
+// Every value is compared with those before it (a Q chart: Quesenberry, SPC Q charts for start-up
+// processes and short or long runs, J. Quality Technology 23 (1991) 213-224):
+//
+//     t_i = (x_i - mean of x_1..x_(i-1)) / (s_(i-1) sqrt(i / (i - 1))),   Q_i =
+//     Phi^-1(F_(i-2)(t_i))
+//
+// F is Student's distribution of i - 2 degrees of freedom. As long as the values are independent
+// and normal with any one mean and deviation, Q_3, Q_4, ... are independent and standard normal:
+// the false-alarm rate is known from the third run on, without a baseline that must be long enough.
+// Their exponentially weighted moving average is what is judged:
+//
+//     z_i = 0.25 Q_i + 0.75 z_(i-1),   alarm where |z_i| > 2.90 sqrt(0.25 / 1.75) = 1.096
+//
+// which is one false alarm in 373 runs on average (Crowder, J. Quality Technology 21 (1989)
+// 155-162; tests/station/history/control_chart_test.cpp counts them). What it does not see: a drift
+// that was there from the first run on in equal steps is partly taken for spread. A stop in between
+// does not matter: runs count, not days.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace etalon {
+
+inline constexpr double drift_weight = 0.25;
+inline constexpr double drift_limit = 1.0961;          // 2.90 sqrt(0.25 / (2 - 0.25))
+inline constexpr double runs_per_false_alarm = 373.0;  // of one chart
+
+struct ChartPoint {
+    std::optional<double> q;     // nothing for the first two, and while all before are equal
+    std::optional<double> ewma;  // nothing before the first q
+    bool alarm = false;
+};
+
+// In the order of the values. Throws NumericalError for a value that is not finite.
+std::vector<ChartPoint> drift_chart(std::span<const double> values);
+
+}  // namespace etalon

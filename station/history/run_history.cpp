@@ -1,0 +1,158 @@
+#include "station/history/run_history.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "core/errors.h"
+#include "core/json_entry.h"
+#include "core/text.h"
+#include "station/record/run_record.h"
+
+namespace etalon {
+namespace {
+
+using Path = std::filesystem::path;
+
+std::optional<double> number_or_null(const JsonEntry& entry) {
+    if (entry.is_null())
+        return std::nullopt;
+    return entry.number();
+}
+
+std::vector<HistoricQuantity> read_quantities(const JsonEntry& run) {
+    std::vector<HistoricQuantity> quantities;
+    if (!run.has("measurements"))
+        return quantities;  // it ended before
+    for (const JsonEntry& item : run.at("measurements").items()) {
+        const HistoricQuantity quantity{
+            item.at("name").text(),           item.at("unit").text(),
+            number_or_null(item.at("value")), number_or_null(item.at("expanded_uncertainty")),
+            number_or_null(item.at("limit")), item.at("outcome").text()};
+        quantities.push_back(quantity);
+    }
+    return quantities;
+}
+
+std::string calibration_of(const JsonEntry& run) {
+    for (const JsonEntry& input : run.at("inputs").items())
+        if (input.at("role").text() == "calibration")
+            return input.at("sha256").text();
+    run.at("inputs").fail("has no calibration");
+}
+
+HistoricRun read_run(const Path& folder) {
+    const Path path = folder / "run.json";
+    const JsonEntry json(read_text(path), {path.string(), 0, ""});
+    if (json.at("etalon").text() != "run/1")
+        json.at("etalon").fail("must be 'run/1'");
+    HistoricRun run;
+    run.folder = folder;
+    run.started_utc = json.at("started_utc").text();
+    if (!utc_seconds(run.started_utc))
+        json.at("started_utc").fail("must be a time as 2026-03-07T14:05:09Z");
+    run.outcome = json.at("outcome").text();
+    run.camera = json.at("camera").at("serial").text();
+    if (run.camera.empty())
+        run.camera = json.at("camera").at("uri").text();
+    run.station = json.at("station").text();
+    run.marker = json.at("marker").text();
+    run.limits = json.at("limits").text();
+    run.calibration_sha256 = calibration_of(json);
+    run.quantities = read_quantities(json);
+    return run;
+}
+
+bool is_record(const Path& folder) {
+    std::error_code ignored;
+    return std::filesystem::is_regular_file(folder / "run.json", ignored);
+}
+
+std::vector<Path> records_in(const Path& folder) {
+    if (is_record(folder))
+        return {folder};
+    std::vector<Path> records;
+    std::error_code error;
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error))
+        if (is_record(entry.path()))
+            records.push_back(entry.path());
+    if (error || records.empty())
+        throw ConfigError({folder.string()}, "holds no record of a run (run.json)");
+    return records;
+}
+
+void refuse_the_same_run_twice(const std::vector<HistoricRun>& runs) {
+    for (std::size_t i = 1; i < runs.size(); ++i)
+        if (runs[i].started_utc == runs[i - 1].started_utc && runs[i].camera == runs[i - 1].camera)
+            throw ConfigError({runs[i].folder.string()},
+                              fmt::format("is the same run as {}", runs[i - 1].folder.string()));
+}
+
+QuantityHistory& history_of(std::vector<QuantityHistory>& all, const HistoricRun& run,
+                            const HistoricQuantity& quantity) {
+    const auto found = std::find_if(all.begin(), all.end(), [&](const QuantityHistory& history) {
+        return history.camera == run.camera && history.station == run.station &&
+               history.marker == run.marker && history.quantity == quantity.name;
+    });
+    if (found != all.end())
+        return *found;
+    all.push_back({run.camera, run.station, run.marker, quantity.name, quantity.unit, {}});
+    return all.back();
+}
+
+// Each stretch of runs with one calibration by itself.
+void chart(QuantityHistory& history) {
+    for (auto begin = history.runs.begin(); begin != history.runs.end();) {
+        const auto end = std::find_if(begin, history.runs.end(), [&](const ChartedRun& run) {
+            return run.baseline != begin->baseline;
+        });
+        std::vector<double> values;
+        for (auto run = begin; run != end; ++run)
+            values.push_back(*run->quantity.value);
+        for (const ChartPoint& point : drift_chart(values))
+            (begin++)->chart = point;
+    }
+}
+
+}  // namespace
+
+std::vector<HistoricRun> read_history(std::span<const Path> folders) {
+    std::vector<HistoricRun> runs;
+    for (const Path& folder : folders)
+        for (const Path& record : records_in(folder))
+            runs.push_back(read_run(record));
+    // ISO 8601 in one time zone: the order of the texts is that of the times.
+    std::sort(runs.begin(), runs.end(), [](const HistoricRun& a, const HistoricRun& b) {
+        return std::tie(a.started_utc, a.camera, a.folder) <
+               std::tie(b.started_utc, b.camera, b.folder);
+    });
+    refuse_the_same_run_twice(runs);
+    return runs;
+}
+
+std::vector<QuantityHistory> chart_history(std::span<const HistoricRun> runs) {
+    std::vector<QuantityHistory> histories;
+    for (std::size_t i = 0; i < runs.size(); ++i)
+        for (const HistoricQuantity& quantity : runs[i].quantities) {
+            if (!quantity.value)
+                continue;
+            std::vector<ChartedRun>& charted = history_of(histories, runs[i], quantity).runs;
+            ChartedRun run{i, quantity, 1, {}};
+            if (!charted.empty()) {
+                const HistoricRun& before = runs[charted.back().run];
+                const bool same = before.calibration_sha256 == runs[i].calibration_sha256;
+                run.baseline = charted.back().baseline + (same ? 0 : 1);
+            }
+            charted.push_back(run);
+        }
+    std::stable_sort(histories.begin(), histories.end(),
+                     [](const QuantityHistory& a, const QuantityHistory& b) {
+                         return std::tie(a.camera, a.station, a.marker) <
+                                std::tie(b.camera, b.station, b.marker);
+                     });
+    for (QuantityHistory& history : histories)
+        chart(history);
+    return histories;
+}
+
+}  // namespace etalon

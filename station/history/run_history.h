@@ -1,0 +1,64 @@
+// What became of a camera over time, from the run.json files of its runs. Only what this needs of
+// them is read, so that runs of other versions can be charted together.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "station/history/control_chart.h"
+
+namespace etalon {
+
+struct HistoricQuantity {
+    std::string name, unit;
+    std::optional<double> value, expanded_uncertainty;  // nothing: not measured
+    std::optional<double> limit;
+    std::string outcome;
+};
+
+struct HistoricRun {
+    std::filesystem::path folder;
+    std::string started_utc, outcome;
+    std::string camera;  // serial number; the address of a camera without one
+    std::string station, marker, limits;
+    std::string calibration_sha256;
+    std::vector<HistoricQuantity> quantities;
+};
+
+// The runs of these folders, in the order of their start. A folder is a record, or holds records.
+// Throws ConfigError for a folder without a record, a run.json that is none, and a run that is
+// there twice.
+std::vector<HistoricRun> read_history(std::span<const std::filesystem::path> folders);
+
+struct ChartedRun {
+    std::size_t run = 0;  // index into the history
+    HistoricQuantity quantity;
+    int baseline = 1;  // counts the calibrations
+    ChartPoint chart;
+};
+
+// One quantity of one camera, measured with one station and marker. A new calibration begins a new
+// baseline: no run is compared with those before.
+struct QuantityHistory {
+    std::string camera, station, marker, quantity, unit;
+    std::vector<ChartedRun> runs;  // those that measured it
+
+    bool drifts() const { return !runs.empty() && runs.back().chart.alarm; }  // as of the last run
+};
+
+std::vector<QuantityHistory> chart_history(std::span<const HistoricRun> runs);
+
+// For people, at most 80 columns; as JSON, `etalon: history/1`; as a folder with report.html, a
+// chart-N.svg of each quantity and history.json.
+std::string history_text(std::span<const HistoricRun> runs,
+                         std::span<const QuantityHistory> charts);
+std::string history_json(std::span<const HistoricRun> runs,
+                         std::span<const QuantityHistory> charts);
+void write_history_report(std::span<const HistoricRun> runs,
+                          std::span<const QuantityHistory> charts,
+                          const std::filesystem::path& folder);
+
+}  // namespace etalon

@@ -1,0 +1,123 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdio>
+
+#include "core/errors.h"
+#include "core/file_lock.h"
+#include "station/qualify/runner.h"
+#include "station/record/run_json.h"
+#include "station/record/run_record.h"
+#include "station/setup/station_inputs.h"
+#include "station/shell/commands.h"
+#include "station/shell/signals.h"
+
+namespace etalon {
+namespace {
+
+void announce(const StationFile& station, Progress& progress) {
+    const Plan plan = plan_of(station);
+    progress.note(fmt::format("{}: {} poses, about {} and the analysis", station.id,
+                              plan.poses.size(), duration_text(plan.expected_duration)));
+}
+
+void announce(const RecordedRun& recorded, Progress& progress) {
+    const QualifyResult& result = recorded.result;
+    progress.note(fmt::format("{}: begun {}, {} of {} poses are there", result.station.id,
+                              result.started_utc, result.poses.size(), result.plan.poses.size()));
+    for (const std::string& dropped : recorded.dropped)
+        progress.note("dropped: " + dropped);
+}
+
+int print_result(const QualifyResult& result, bool json) {
+    const bool has_verdict = result.reason.empty();
+    if (!has_verdict)
+        fmt::print(stderr, "etalon: {}\netalon: the record of this run is in {}\n", result.reason,
+                   result.folder.string());
+    if (json)
+        fmt::print("{}", run_json(result));
+    else if (has_verdict)
+        fmt::print("verdict {}\nreport {}\n", name(result.outcome),
+                   (result.folder / "report.html").string());
+    return exit_code(result.outcome);
+}
+
+DeviceOpeners openers(const StationFile& station, Clock& clock) {
+    return {[&] { return open_camera(station.camera.uri, station.camera.link, clock); },
+            [&] {
+                return open_stage(station.stage.link, station.stage.profile, station.stage.axes,
+                                  clock);
+            }};
+}
+
+// A GigE Vision camera belongs to a program that was killed until its heartbeat is missed, 3 s, and
+// then takes a moment to end that program's stream: who opens it in between gets no frames. So it
+// is left alone for 4 s.
+std::unique_ptr<Camera> open_when_free(const std::function<std::unique_ptr<Camera>()>& open,
+                                       Clock& clock, const std::stop_token& stop) {
+    constexpr int attempts = 3;
+    for (int i = 1; i < attempts; ++i) {
+        try {
+            return open();
+        } catch (const DeviceError&) {
+            if (!clock.wait_for(std::chrono::seconds(4), stop))
+                throw Interrupted();
+        }
+    }
+    return open();
+}
+
+QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& progress,
+                     const std::stop_token& stop) {
+    const FileLock lock(arguments.resume / log_file);
+    const RecordedRun recorded = read_record(arguments.resume, progress, stop);
+    announce(recorded, progress);
+    if (!arguments.station.empty())
+        require_same_inputs(recorded.result.station.inputs, read_station(arguments.station).inputs);
+    DeviceOpeners open = openers(recorded.result.station, clock);
+    open.camera = [&, open_now = open.camera] { return open_when_free(open_now, clock, stop); };
+    return resume_qualification(recorded, open, clock, progress, stop);
+}
+
+QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& progress,
+                    const std::stop_token& stop) {
+    const StationFile station = read_station(arguments.station);
+    announce(station, progress);
+    return run_qualification(station, arguments.out, openers(station, clock), clock, progress,
+                             stop);
+}
+
+// What the command line cannot say by itself: a new run needs a station and a folder.
+void require_either(const QualifyArguments& arguments) {
+    if (!arguments.resume.empty())
+        return;
+    if (arguments.station.empty())
+        throw ConfigError({"STATION"}, "is required, unless a run is resumed with --resume DIR");
+    if (arguments.out.empty())
+        throw ConfigError({"--out"}, "is required, unless a run is resumed with --resume DIR");
+}
+
+}  // namespace
+
+int run_qualify(const QualifyArguments& arguments) {
+    require_either(arguments);
+    std::stop_source stop;
+    const StopOnSignals signals(stop);
+    SteadyClock clock;
+    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    const auto run = arguments.resume.empty() ? begin : resume;
+    return print_result(run(arguments, clock, progress, stop.get_token()), arguments.json);
+}
+
+int run_report(const ReportArguments& arguments) {
+    std::stop_source stop;
+    const StopOnSignals signals(stop);
+    const SteadyClock clock;
+    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    const FileLock lock(arguments.record / log_file);
+    const RecordedRun recorded = read_record(arguments.record, progress, stop.get_token());
+    announce(recorded, progress);
+    return print_result(analyse_record(recorded, progress, stop.get_token()), arguments.json);
+}
+
+}  // namespace etalon

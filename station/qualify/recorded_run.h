@@ -1,0 +1,45 @@
+// A run read back from its record: from the log, the frames and the copies of its inputs. Nothing
+// else is looked at, as all else follows from these.
+//
+// A record is hostile until checked: every file by its SHA-256, every line of the log by its keys,
+// types and ranges, each pose against the plan. What a killed program leaves behind is no error: a
+// last line without its end and frames without their pose are dropped, and it is said.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "core/progress.h"
+#include "station/record/qualify_result.h"
+
+namespace etalon {
+
+struct RecordedRun {
+    // As measured: without analysis and attachments, `software` this build's. The outcome is that
+    // of the log; ERROR with its reason when the program was killed.
+    QualifyResult result;
+    double end_s = 0.0;                // latest time in the log
+    std::uintmax_t whole_bytes = 0;    // of the log, without an unfinished last line
+    std::vector<std::string> dropped;  // what was left out, one sentence each
+
+    bool is_measured() const { return result.poses.size() == result.plan.poses.size(); }
+};
+
+// What a crash leaves behind as the reason of an ERROR.
+inline constexpr const char* unfinished_run = "the run did not come to its end";
+
+// The corners in the poses are detected anew, by this build. Throws ConfigError with file, line and
+// key for a record that cannot be what a run wrote; Interrupted when a stop was requested. Reads
+// every frame twice.
+RecordedRun read_record(const std::filesystem::path& folder, Progress& progress,
+                        const std::stop_token& stop);
+
+// Analyses a whole record again and replaces its results (station/record/run_record.h): the same
+// bytes on the same build. Of a run that did not visit all of its plan only the report is written
+// again. Throws as analyse_run() but for NumericalError, which becomes the outcome as in a run.
+QualifyResult analyse_record(RecordedRun recorded, Progress& progress, const std::stop_token& stop);
+
+}  // namespace etalon

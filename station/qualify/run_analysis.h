@@ -1,0 +1,26 @@
+// The analysis of a run, from what was measured: the same for a run that has just ended and for one
+// whose record is read again years later (station/qualify/recorded_run.h). Touches no device and no
+// clock: what it gives follows from `result` and the record's frames alone, to the bit on the same
+// build.
+#pragma once
+
+#include <stop_token>
+
+#include "core/progress.h"
+#include "station/record/qualify_result.h"
+
+namespace etalon {
+
+// Sets result.analysis from the poses' corners and positions, then compares each hold-out
+// photograph with its render: sets their residuals and render files, writes the renders into the
+// record's folder, and adds a remark for each that could not be compared.
+//
+// Throws what qualify() throws, Interrupted when a stop was requested, and ConfigError when a
+// photograph of the record cannot be read or a render not be written. Its cost is that of the
+// renders.
+void analyse_run(QualifyResult& result, Progress& progress, const std::stop_token& stop);
+
+// How a run with this verdict ended.
+RunOutcome outcome_of(Outcome verdict);
+
+}  // namespace etalon

@@ -1,0 +1,424 @@
+#include "station/qualify/runner.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <functional>
+
+#include "capture/camera_recovery.h"
+#include "core/errors.h"
+#include "core/file_lock.h"
+#include "core/version.h"
+#include "stage/motion/guarded_stage.h"
+#include "station/qualify/run_analysis.h"
+#include "station/qualify/visited_pose.h"
+#include "station/record/run_events.h"
+#include "station/record/run_record.h"
+#include "station/setup/station_inputs.h"
+
+namespace etalon {
+namespace {
+
+// What all steps of a run share.
+struct Run {
+    QualifyResult& result;
+    RunRecord& record;
+    Clock& clock;
+    Progress& progress;
+    std::stop_token stop;
+    Instant start;  // of the run: where it was resumed, so long ago as its record says
+
+    double seconds_until(Instant instant) const {
+        return std::chrono::duration<double>(instant - start).count();
+    }
+    double now_s() const { return seconds_until(clock.now()); }
+    void log(const std::string& state, const std::string& detail = "") const {
+        record.log_state(now_s(), state, detail);
+    }
+    void remark(const std::string& text) const {
+        if (std::find(result.remarks.begin(), result.remarks.end(), text) != result.remarks.end())
+            return;
+        result.remarks.push_back(text);
+        log("remark", text);
+    }
+    void throw_if_stopped() const {
+        if (stop.stop_requested())
+            throw Interrupted();
+    }
+};
+
+void require_same_camera(const StationFile& station, const CameraIdentity& identity) {
+    const std::string& calibrated = station.camera.model.serial;
+    if (!calibrated.empty() && !identity.serial.empty() && calibrated != identity.serial)
+        throw ConfigError(
+            {station.inputs.empty() ? "" : station.inputs.at(1).path.string(), 0, "serial"},
+            fmt::format("the calibration is of camera {}, but {} is camera {}", calibrated,
+                        identity.uri, identity.serial));
+}
+
+// A frame that arrived whole must also be what the calibration is about.
+void require_calibrated_format(const Frame& frame, const StationCamera& camera) {
+    const cv::Size size = frame.image.pixels.size();
+    const int bits = camera.settings.bits;
+    if (size != cv::Size(camera.model.width, camera.model.height) || frame.image.bits != bits)
+        throw DeviceError(
+            "camera " + camera.uri, "take a frame",
+            fmt::format("got {}x{} pixels of {} bits, the calibration has {}x{} of {}", size.width,
+                        size.height, frame.image.bits, camera.model.width, camera.model.height,
+                        bits));
+}
+
+// Nothing at all within the time-out, retries included, is a camera that is gone. A broken frame is
+// only a broken frame: the pose goes on with its others.
+Frame take_frame(const Run& run, Camera& camera, Instant after) {
+    const StationCamera& wanted = run.result.station.camera;
+    Frame frame = frame_after_reconnecting(
+        camera, after, wanted.retries, run.clock, run.stop,
+        [&run](const std::string& event, const std::string& detail) { run.log(event, detail); });
+    if (frame.status == FrameStatus::timed_out)
+        throw DeviceError("camera " + wanted.uri, "take a frame",
+                          "nothing came in time, retries included: " + frame.status_detail);
+    if (frame.status == FrameStatus::complete)
+        require_calibrated_format(frame, wanted);
+    return frame;
+}
+
+// Calls `after_each` after every frame.
+std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, PoseRecord& pose,
+                               const std::function<void()>& after_each) {
+    std::vector<Frame> frames;
+    Instant after = settled;
+    for (int i = 0; i < run.result.station.plan.frames; ++i) {
+        frames.push_back(take_frame(run, camera, after));
+        FrameRecord record = frame_record(frames.back(), run.start);
+        if (frames.back().status == FrameStatus::complete) {
+            record.file = frame_file(pose.index, i);
+            run.record.images().write(run.record.folder() / record.file, frames.back().image);
+            after = frames.back().exposure_start;
+        }
+        pose.frames.push_back(record);
+        after_each();
+    }
+    if (std::none_of(frames.begin(), frames.end(),
+                     [](const Frame& f) { return f.status == FrameStatus::complete; }))
+        throw DeviceError(
+            "camera " + run.result.station.camera.uri,
+            fmt::format("take the frames of pose {}", pose.index),
+            fmt::format("none is complete; the last one: {}", name(frames.back().status)));
+    return frames;
+}
+
+std::vector<int> approach(const std::vector<Axis>& axes, const std::vector<double>& from,
+                          const std::vector<double>& to) {
+    std::vector<int> sides;
+    for (std::size_t i = 0; i < to.size(); ++i) {
+        const int straight = (to[i] > from[i]) - (to[i] < from[i]);
+        sides.push_back(axes[i].approach != 0 ? axes[i].approach : straight);
+    }
+    return sides;
+}
+
+// An alarm or an emergency stop while the axes rest ends the run within this time.
+constexpr std::chrono::milliseconds rest_poll_period{20};
+
+void rest(const Run& run, Stage& stage, Duration time) {
+    const Instant end = run.clock.now() + time;
+    while (run.clock.now() < end) {
+        stage.position();
+        run.clock.wait_for(std::min<Duration>(rest_poll_period, end - run.clock.now()), run.stop);
+        run.throw_if_stopped();
+    }
+}
+
+PoseRecord visit(const Run& run, int index, const std::vector<double>& from, Camera& camera,
+                 Stage& stage, Detector& detector) {
+    run.throw_if_stopped();
+    PoseRecord pose;
+    pose.index = index;
+    pose.planned = run.result.plan.poses.at(static_cast<std::size_t>(index));
+    pose.approach = approach(run.result.station.stage.axes, from, pose.planned.target);
+    pose.move_start_s = run.now_s();
+    stage.move(pose.planned.target, run.stop);
+    rest(run, stage, run.result.station.plan.settle);
+    run.throw_if_stopped();
+    const Instant settled = run.clock.now();
+    pose.settled_s = run.seconds_until(settled);
+    pose.readings = {stage.position()};
+    const std::vector<Frame> frames =
+        take_frames(run, camera, settled, pose, [&] { pose.readings.push_back(stage.position()); });
+    average_readings(pose, run.result.station.stage.axes);
+    for (std::size_t i = 0; i < frames.size(); ++i)
+        if (frames[i].status == FrameStatus::complete)
+            detect_frame(detector, frames[i].image, pose.frames[i]);
+    average_corners(pose);
+    pose.counters = camera.statistics();
+    pose.done_s = run.now_s();
+    return pose;
+}
+
+void keep(const Run& run, PoseRecord pose) {
+    QualifyResult& result = run.result;
+    run.record.log_pose(pose);
+    result.sessions.back().counters = pose.counters;
+    ++result.sessions.back().poses;
+    result.statistics = total_counters(result.sessions);
+    result.duration_s = pose.done_s;
+    result.poses.push_back(std::move(pose));
+    run.record.write(result);
+}
+
+// All poses of a run must be taken alike.
+void configure(const Run& run, Camera& camera) {
+    const CaptureSettings settings = camera.configure(run.result.station.camera.settings);
+    const std::string now = settings_event(0.0, settings);
+    const std::string before = settings_event(0.0, run.result.settings);
+    if (!run.result.poses.empty() && now != before)
+        throw DeviceError("camera " + run.result.station.camera.uri,
+                          "take up the settings of the run",
+                          fmt::format("they are {} now, and were {}", now, before));
+    run.result.settings = settings;
+    run.record.log(settings_event(run.now_s(), settings));
+}
+
+void prepare(const Run& run, Camera& camera, Stage& stage) {
+    configure(run, camera);
+    camera.arm();
+    stage.enable(run.stop);
+    run.log("stage enabled");
+    stage.home(run.stop);
+    run.log("stage homed");
+}
+
+// The poses of the plan that have not been visited, in its order.
+std::vector<int> missing_poses(const QualifyResult& result) {
+    std::vector<bool> visited(result.plan.poses.size());
+    for (const PoseRecord& pose : result.poses)
+        visited[static_cast<std::size_t>(pose.index)] = true;
+    std::vector<int> missing;
+    for (std::size_t i = 0; i < visited.size(); ++i)
+        if (!visited[i])
+            missing.push_back(static_cast<int>(i));
+    return missing;
+}
+
+void visit_missing(const Run& run, Camera& camera, Stage& stage) {
+    const QualifyResult& result = run.result;
+    const auto detector =
+        make_detector(result.station.detector, result.station.marker, result.station.detector);
+    const std::vector<int> missing = missing_poses(result);
+    std::vector<double> from;
+    for (const AxisStatus& axis : stage.status())
+        from.push_back(axis.position);
+    run.progress.begin("measuring", static_cast<int>(missing.size()),
+                       result.plan.expected_duration * missing.size() / result.plan.poses.size());
+    for (const int index : missing) {
+        PoseRecord pose = visit(run, index, from, camera, stage, *detector);
+        from = pose.read_back;
+        keep(run, std::move(pose));
+        run.progress.step();
+    }
+    run.progress.end();
+}
+
+// Nothing moves any more when this is asked: a move that fails or is interrupted has stopped its
+// axes itself. Asking first keeps the end of a run short when nobody answers: every attempt to stop
+// then takes 2 s, and closing the stage makes one in any case.
+bool answers(Stage& stage) {
+    try {
+        stage.status();  // not position(), which an alarm keeps from answering
+        return true;
+    } catch (const DeviceError&) {
+        return false;
+    }
+}
+
+void stop_axes(const Run& run, Stage& stage) {
+    const bool confirmed = answers(stage) && stage.stop();
+    run.log("axes stopped", confirmed ? "confirmed" : "NOT confirmed by the controller");
+    if (!confirmed)
+        run.remark("the stage did not confirm that its axes stand still");
+}
+
+void release_camera(const Run& run, Camera& camera) {
+    camera.disarm();
+    RunSession& session = run.result.sessions.back();
+    session.counters = camera.statistics();
+    run.result.statistics = total_counters(run.result.sessions);
+    run.record.log(released_event(run.now_s(), session.counters));
+    for (const std::string& remark : camera.remarks())
+        run.remark(remark);
+}
+
+// Takes the devices: they are gone when it returns or throws. The axes are stopped first.
+void measure(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Stage> stage) {
+    try {
+        prepare(run, *camera, *stage);
+        visit_missing(run, *camera, *stage);
+        stop_axes(run, *stage);
+    } catch (const std::exception&) {
+        stop_axes(run, *stage);
+        run.log("stage trace", stage->trace());
+        stage.reset();
+        release_camera(run, *camera);
+        throw;
+    }
+    stage.reset();
+    release_camera(run, *camera);
+}
+
+void log_analysis(const Run& run) {
+    const std::vector<PoseRecord>& poses = run.result.poses;
+    const auto hold_out = std::count_if(
+        poses.begin(), poses.end(), [](const PoseRecord& pose) { return pose.planned.hold_out; });
+    run.log("analysis", fmt::format("{} poses, {} of them hold-out", poses.size(), hold_out));
+}
+
+// What ends a run early becomes its outcome: the record must be finished whatever happened. Without
+// devices everything has been measured before.
+void carry_out(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Stage> stage) {
+    QualifyResult& result = run.result;
+    try {
+        if (camera)
+            measure(run, std::move(camera), std::move(stage));
+        log_analysis(run);
+        analyse_run(result, run.progress, run.stop);
+        result.outcome = outcome_of(result.analysis->verdict);
+        result.reason.clear();
+    } catch (const Interrupted& error) {
+        result.outcome = RunOutcome::aborted;
+        result.reason = error.what();
+    } catch (const std::exception& error) {
+        result.outcome = RunOutcome::error;
+        result.reason = error.what();
+    }
+    run.progress.end();
+}
+
+// A run whose record cannot be completed is an error, but what fits is kept: a disk that is too
+// full for one file may still take a smaller one. The log's last line is the end of the run.
+void close_record(const Run& run) {
+    QualifyResult& result = run.result;
+    const RunOutcome measured = result.outcome;
+    const auto attempt = [&result](const std::function<void()>& step) {
+        try {
+            step();
+        } catch (const ConfigError& error) {
+            result.outcome = RunOutcome::error;
+            if (result.reason.empty())
+                result.reason = error.what();
+        }
+    };
+    result.duration_s = run.now_s();
+    attempt([&] { run.record.log_state(result.duration_s, name(result.outcome), result.reason); });
+    attempt([&] { run.record.write(result); });
+    attempt([&] { write_results(result); });
+    if (result.outcome != measured)
+        attempt([&] { run.record.write(result); });
+}
+
+void begin_session(const Run& run, const std::string& started_utc) {
+    RunSession session;
+    session.started_utc = started_utc;
+    session.start_s = run.now_s();
+    session.version = version;
+    run.result.sessions.push_back(session);
+    run.result.outcome = RunOutcome::error;
+    run.result.reason = unfinished_run;  // what a crash leaves behind
+    run.record.log(session_event(session, run.result.camera));
+    run.record.write(run.result);
+}
+
+std::unique_ptr<Stage> guarded(const StationFile& station, const DeviceOpeners& open) {
+    return std::make_unique<GuardedStage>(open.stage(), station.stage.rules);
+}
+
+// ---- resuming
+
+void require_unfinished(const RecordedRun& recorded) {
+    const RunOutcome outcome = recorded.result.outcome;
+    if (outcome != RunOutcome::error && outcome != RunOutcome::aborted)
+        throw ConfigError({recorded.result.folder.string()},
+                          fmt::format("came to its end with {}; `etalon report` analyses it again",
+                                      name(outcome)));
+}
+
+void require_same_plan(const QualifyResult& result) {
+    const Plan plan = plan_of(result.station);
+    const auto same = [](const PlannedPose& a, const PlannedPose& b) {
+        return a.target == b.target && a.hold_out == b.hold_out;
+    };
+    if (!std::equal(plan.poses.begin(), plan.poses.end(), result.plan.poses.begin(),
+                    result.plan.poses.end(), same))
+        throw ConfigError({result.folder.string()},
+                          "this build of etalon plans other poses than the one that began the run");
+}
+
+void require_recorded_camera(const QualifyResult& result, const CameraIdentity& camera) {
+    if (camera.serial != result.camera.serial)
+        throw ConfigError({result.folder.string()},
+                          fmt::format("the run was begun with camera {}, but {} is camera {}",
+                                      result.camera.serial, camera.uri, camera.serial));
+}
+
+// How long ago the run began: by the wall clock, as the steady one does not outlive a program, but
+// never before what its log says.
+Instant resumed_start(const RecordedRun& recorded, const std::string& now_utc, Instant now) {
+    const double passed_s =
+        utc_seconds(now_utc).value_or(0.0) - utc_seconds(recorded.result.started_utc).value_or(0.0);
+    const std::chrono::duration<double> passed(std::max(passed_s, recorded.end_s));
+    return now - std::chrono::duration_cast<Duration>(passed);
+}
+
+}  // namespace
+
+QualifyResult run_qualification(const StationFile& station, const std::filesystem::path& folder,
+                                const DeviceOpeners& open, Clock& clock, Progress& progress,
+                                std::stop_token stop) {
+    QualifyResult result;
+    result.station = station;
+    result.plan = plan_of(station);
+    result.folder = folder;
+    result.software = software_versions();
+    require_new_folder(folder);
+    std::unique_ptr<Camera> camera = open.camera();
+    std::unique_ptr<Stage> stage = guarded(station, open);
+    result.camera = camera->identity();
+    require_same_camera(station, result.camera);
+
+    RunRecord record(folder);
+    const FileLock lock(folder / log_file);
+    copy_inputs(result.station.inputs, folder);
+    result.started_utc = utc_now();
+    record.log(run_event(result));
+    const Run run{result, record, clock, progress, stop, clock.now()};
+    begin_session(run, result.started_utc);
+    carry_out(run, std::move(camera), std::move(stage));
+    close_record(run);
+    return result;
+}
+
+QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& open, Clock& clock,
+                                   Progress& progress, std::stop_token stop) {
+    require_unfinished(recorded);
+    require_same_plan(recorded.result);
+    QualifyResult result = recorded.result;
+    std::unique_ptr<Camera> camera;
+    std::unique_ptr<Stage> stage;
+    if (!recorded.is_measured()) {
+        camera = open.camera();
+        require_recorded_camera(result, camera->identity());
+        stage = guarded(result.station, open);
+    }
+    RunRecord record(result.folder, recorded.whole_bytes);
+    const std::string now_utc = utc_now();
+    const Run run{result,   record, clock,
+                  progress, stop,   resumed_start(recorded, now_utc, clock.now())};
+    begin_session(run, now_utc);
+    for (const std::string& dropped : recorded.dropped)
+        run.log("dropped", dropped);
+    carry_out(run, std::move(camera), std::move(stage));
+    close_record(run);
+    return result;
+}
+
+}  // namespace etalon

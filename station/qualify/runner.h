@@ -1,0 +1,45 @@
+// A qualification run from the plan to the written record: move, settle, photograph, detect; then
+// the analysis (compare/verdict/qualification.h) and the report.
+//
+// Whatever happens after the first motion, the axes are stopped and what was measured is on disk.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <stop_token>
+
+#include "core/progress.h"
+#include "station/qualify/recorded_run.h"
+#include "station/record/qualify_result.h"
+
+namespace etalon {
+
+// How the run gets its devices; tests give it mocks.
+struct DeviceOpeners {
+    std::function<std::unique_ptr<Camera>()> camera;
+    std::function<std::unique_ptr<Stage>()> stage;
+};
+
+// Runs on the calling thread, which owns both devices throughout. The result says how the run
+// ended: ERROR with the reason when a device, the disk or a computation failed, ABORTED when `stop`
+// was requested.
+//
+// Throws only before anything has moved or was written: ConfigError for a plan outside the soft
+// limits, an unusable folder, or a device whose serial number is not the calibration's; what the
+// openers throw.
+QualifyResult run_qualification(const StationFile& station, const std::filesystem::path& folder,
+                                const DeviceOpeners& open, Clock& clock, Progress& progress,
+                                std::stop_token stop);
+
+// Goes on with a run that a crash, a fault or Ctrl-C ended: visits the poses of its plan that were
+// not, then analyses all of them. The devices are opened only when poses are missing, and homed
+// anew. The record gets a further session.
+//
+// Throws before anything has moved or was written: ConfigError for a run that came to its end, a
+// plan that this build makes otherwise, another camera than the record's, and what the openers
+// throw. Settings of the camera that differ from the record's end the run as an ERROR.
+QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& open, Clock& clock,
+                                   Progress& progress, std::stop_token stop);
+
+}  // namespace etalon

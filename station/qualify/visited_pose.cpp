@@ -1,0 +1,53 @@
+#include "station/qualify/visited_pose.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace etalon {
+
+std::string frame_file(int pose, int frame) {
+    return fmt::format("frames/{:04}_{}.png", pose, frame);
+}
+
+void average_readings(PoseRecord& pose, std::span<const Axis> axes) {
+    const auto n = static_cast<double>(pose.readings.size());
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        double sum = 0.0, squares = 0.0;
+        for (const auto& reading : pose.readings)
+            sum += reading.at(i);
+        for (const auto& reading : pose.readings)
+            squares += std::pow(reading[i] - sum / n, 2);
+        const double deviation = std::sqrt(squares / (n - 1.0));
+        pose.read_back.push_back(sum / n);
+        pose.read_back_deviation.push_back(deviation);
+        const double single = std::max(deviation, axes[i].read_noise.value_or(0.0));
+        pose.read_back_uncertainty.push_back(single / std::sqrt(n));
+    }
+    pose.stage = stage_pose(axes, pose.read_back, pose.read_back_uncertainty);
+}
+
+void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame) {
+    const auto detected = detector.detect(image);
+    if (!detected)
+        frame.detection = detector.failure();
+    else if (!detected->is_whole())
+        frame.detection = "marker seen in part only";
+    else
+        frame.corners = detected->pixels;
+}
+
+void average_corners(PoseRecord& pose) {
+    for (const FrameRecord& frame : pose.frames) {
+        if (frame.corners.empty())
+            continue;
+        ++pose.detections;
+        pose.corners.resize(frame.corners.size(), Eigen::Vector2d::Zero());
+        for (std::size_t i = 0; i < frame.corners.size(); ++i)
+            pose.corners[i] += frame.corners[i];
+    }
+    for (Eigen::Vector2d& corner : pose.corners)
+        corner /= pose.detections;
+}
+
+}  // namespace etalon

@@ -1,0 +1,49 @@
+#include "station/record/record_json.h"
+
+namespace etalon {
+
+std::string text_of(const RecordJson& json, int indent) {
+    return json.dump(indent, ' ', false, RecordJson::error_handler_t::replace);
+}
+
+RecordJson settings_json(const CaptureSettings& settings) {
+    return {
+        {"width", settings.width},
+        {"height", settings.height},
+        {"bits", settings.bits},
+        {"format", settings.format},
+        {"exposure_us", settings.exposure.count()},
+        {"gain_db", settings.gain_db},
+        {"black_level", settings.black_level ? RecordJson(*settings.black_level) : RecordJson()},
+        {"trigger", settings.trigger},
+        {"controls", settings.controls}};
+}
+
+RecordJson device_json(const CameraIdentity& camera) {
+    return {{"uri", camera.uri},
+            {"vendor", camera.vendor},
+            {"model", camera.model},
+            {"serial", camera.serial}};
+}
+
+RecordJson inputs_json(std::span<const InputFile> inputs) {
+    RecordJson list = RecordJson::array();
+    for (const InputFile& input : inputs)
+        list.push_back({{"role", input.role},
+                        {"path", input.path.string()},
+                        {"copy", input.copy},
+                        {"sha256", input.sha256}});
+    return list;
+}
+
+void add_counters(RecordJson& camera, const CaptureStatistics& counts) {
+    camera["frames_delivered"] = counts.delivered;
+    camera["frames_rejected"] = counts.rejected;
+    camera["frames_skipped"] = counts.skipped;
+    camera["missing_packets"] = counts.missing_packets;
+    camera["resent_packets"] = counts.resent_packets;
+    camera["underruns"] = counts.underruns;
+    camera["reconnects"] = counts.reconnects;
+}
+
+}  // namespace etalon

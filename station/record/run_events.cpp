@@ -1,0 +1,102 @@
+#include "station/record/run_events.h"
+
+#include "core/pose_numbers.h"
+#include "station/record/record_json.h"
+
+namespace etalon {
+namespace {
+
+RecordJson corners_json(const std::vector<Eigen::Vector2d>& pixels) {
+    RecordJson list = RecordJson::array();
+    for (const auto& pixel : pixels)
+        list.push_back(numbers_json(pixel));
+    return list;
+}
+
+RecordJson planned_json(const Plan& plan) {
+    RecordJson poses = RecordJson::array();
+    for (const PlannedPose& pose : plan.poses)
+        poses.push_back({{"target", pose.target}, {"hold_out", pose.hold_out}});
+    return {{"expected_duration_s", std::chrono::duration<double>(plan.expected_duration).count()},
+            {"poses", poses}};
+}
+
+std::string line_of(const RecordJson& json) {
+    return text_of(json, -1);
+}
+
+}  // namespace
+
+std::string state_event(double time_s, const std::string& state, const std::string& detail) {
+    return line_of({{"t", time_s}, {"event", state}, {"detail", detail}});
+}
+
+std::string run_event(const QualifyResult& result) {
+    return line_of({{"t", 0.0},
+                    {"event", "run"},
+                    {"etalon", run_log_kind},
+                    {"inputs", inputs_json(result.station.inputs)},
+                    {"plan", planned_json(result.plan)}});
+}
+
+std::string session_event(const RunSession& session, const CameraIdentity& camera) {
+    return line_of({{"t", session.start_s},
+                    {"event", "session"},
+                    {"started_utc", session.started_utc},
+                    {"version", session.version},
+                    {"camera", device_json(camera)}});
+}
+
+std::string settings_event(double time_s, const CaptureSettings& settings) {
+    return line_of(
+        {{"t", time_s}, {"event", "camera configured"}, {"settings", settings_json(settings)}});
+}
+
+std::string frame_event(int pose_index, const FrameRecord& frame) {
+    return line_of({{"t", frame.exposure_start_s},
+                    {"event", "frame"},
+                    {"pose", pose_index},
+                    {"file", frame.file},
+                    {"sha256", frame.sha256},
+                    {"status", name(frame.status)},
+                    {"status_detail", frame.status_detail},
+                    {"device_id", frame.device_id},
+                    {"exposure_start_uncertainty_s", frame.exposure_start_uncertainty_s},
+                    {"time_source", name(frame.time_source)},
+                    {"device_time_ns", frame.device_time_ns},
+                    {"settings", settings_json(frame.settings)},
+                    {"detection", frame.detection},
+                    {"corners", corners_json(frame.corners)}});
+}
+
+std::string pose_event(const PoseRecord& record) {
+    const Vector6d uncertainty = record.stage.covariance.diagonal().cwiseSqrt();
+    RecordJson counters;
+    add_counters(counters, record.counters);
+    return line_of({{"t", record.done_s},
+                    {"event", "pose"},
+                    {"pose", record.index},
+                    {"hold_out", record.planned.hold_out},
+                    {"commanded", record.planned.target},
+                    {"readings", record.readings},
+                    {"read_back", record.read_back},
+                    {"read_back_deviation", record.read_back_deviation},
+                    {"base_from_carriage", pose_numbers(record.stage.base_from_carriage)},
+                    {"base_from_carriage_uncertainty", numbers_json(uncertainty)},
+                    {"approach", record.approach},
+                    {"move_start_s", record.move_start_s},
+                    {"settled_s", record.settled_s},
+                    {"detections", record.detections},
+                    {"corners", corners_json(record.corners)},
+                    {"camera", counters}});
+}
+
+std::string released_event(double time_s, const CaptureStatistics& counts) {
+    RecordJson line = {{"t", time_s}, {"event", "camera released"}};
+    RecordJson counters;
+    add_counters(counters, counts);
+    line["camera"] = counters;
+    return line_of(line);
+}
+
+}  // namespace etalon

@@ -1,0 +1,28 @@
+// The texts of a record: run.json, poses.csv and convergence.csv. The log is
+// station/record/run_events.h.
+//
+// Numbers are written so that they read back as the same double. What is unknown, infinite or not
+// measured is null in JSON and empty in CSV. Bytes that are not UTF-8 are replaced.
+#pragma once
+
+#include <string>
+
+#include "station/devices/capture_run.h"
+#include "station/record/qualify_result.h"
+
+namespace etalon {
+
+// `etalon: run/1`, indented, keys in a fixed order. Also what --json prints.
+std::string run_json(const QualifyResult& result);
+
+// `etalon: capture/1`, the same of `etalon capture`.
+std::string capture_json(const CaptureResult& result);
+
+// One row per visited pose. Linear axes in mm, rotary axes in deg; poses as rotation vector (rad)
+// and translation (mm); biases in mm (camera frame) and mrad (marker frame).
+std::string poses_csv(const QualifyResult& result);
+
+// One row per round of the bias-corrected registration: how far it moved a predicted corner.
+std::string convergence_csv(const QualifyResult& result);
+
+}  // namespace etalon

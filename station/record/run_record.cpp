@@ -1,0 +1,159 @@
+#include "station/record/run_record.h"
+
+#include <fmt/chrono.h>
+
+#include <cerrno>
+#include <ctime>
+#include <system_error>
+
+#include "core/errors.h"
+#include "core/sha256.h"
+#include "core/text.h"
+#include "station/qualify/junit.h"
+#include "station/qualify/qualify_report.h"
+#include "station/record/run_events.h"
+#include "station/record/run_json.h"
+
+namespace etalon {
+namespace {
+
+std::filesystem::path made(const std::filesystem::path& folder,
+                           std::initializer_list<const char*> parts) {
+    require_new_folder(folder);
+    make_record_folders(folder, parts);
+    return folder;
+}
+
+// The log, without what follows the whole lines.
+std::filesystem::path cut(const std::filesystem::path& log, std::uintmax_t whole_bytes) {
+    std::error_code error;
+    std::filesystem::resize_file(log, whole_bytes, error);
+    if (error)
+        throw ConfigError({log.string()}, "cannot be written: " + error.message());
+    return log;
+}
+
+// A file that could not be written has no hash: the run says so elsewhere.
+void attach(QualifyResult& result, const std::string& path) {
+    std::error_code ignored;
+    if (std::filesystem::is_regular_file(result.folder / path, ignored))
+        result.attachments.push_back({path, sha256_of_file(result.folder / path)});
+}
+
+void attach_all(QualifyResult& result) {
+    result.attachments.clear();
+    for (const char* file : {log_file, "poses.csv", "convergence.csv", "junit.xml", "report.html"})
+        attach(result, file);
+    for (const InputFile& input : result.station.inputs)
+        result.attachments.push_back({input.copy, input.sha256});
+    for (const PoseRecord& pose : result.poses) {
+        for (const FrameRecord& frame : pose.frames)
+            if (!frame.file.empty())
+                result.attachments.push_back({frame.file, frame.sha256});
+        if (!pose.render_file.empty())
+            attach(result, pose.render_file);
+    }
+}
+
+}  // namespace
+
+void require_new_folder(const std::filesystem::path& folder) {
+    std::error_code error;
+    if (!std::filesystem::exists(folder, error))
+        return;
+    if (!std::filesystem::is_directory(folder, error))
+        throw ConfigError({"--out"}, fmt::format("{} is not a folder", folder.string()));
+    if (!std::filesystem::is_empty(folder, error) || error)
+        throw ConfigError({"--out"}, fmt::format("{} is not empty", folder.string()));
+}
+
+void make_record_folders(const std::filesystem::path& folder,
+                         std::initializer_list<const char*> parts) {
+    std::error_code error;
+    for (const char* part : parts)
+        if (std::filesystem::create_directories(folder / part, error); error)
+            throw ConfigError({"--out"}, fmt::format("{} cannot be made: {}",
+                                                     (folder / part).string(), error.message()));
+}
+
+void write_results(QualifyResult& result) {
+    write_text(result.folder / "poses.csv", poses_csv(result));
+    write_text(result.folder / "convergence.csv", convergence_csv(result));
+    write_text(result.folder / "junit.xml", junit_xml(result));
+    write_qualify_report(result, result.folder / "report.html");
+    attach_all(result);
+    write_text(result.folder / "run.json", run_json(result));
+}
+
+std::string utc_now() {
+    return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+}
+
+std::optional<double> utc_seconds(const std::string& utc) {
+    std::tm time{};
+    const char* end = strptime(utc.c_str(), "%Y-%m-%dT%H:%M:%SZ", &time);
+    if (!end || *end != '\0')
+        return std::nullopt;
+    return static_cast<double>(timegm(&time));
+}
+
+FrameRecord frame_record(const Frame& frame, Instant start) {
+    FrameRecord record;
+    record.status = frame.status;
+    record.status_detail = frame.status_detail;
+    record.device_id = frame.id;
+    record.exposure_start_s = std::chrono::duration<double>(frame.exposure_start - start).count();
+    record.exposure_start_uncertainty_s =
+        std::chrono::duration<double>(frame.exposure_start_uncertainty).count();
+    record.time_source = frame.time_source;
+    record.device_time_ns = frame.device_time_ns;
+    record.settings = frame.settings;
+    return record;
+}
+
+RunRecord::RunRecord(const std::filesystem::path& folder, std::initializer_list<const char*> parts)
+    : folder_(made(folder, parts)), events_(folder / log_file, std::ios::binary | std::ios::app) {
+    if (!events_)
+        throw ConfigError({"--out"}, fmt::format("{} cannot be written", folder.string()));
+}
+
+RunRecord::RunRecord(const std::filesystem::path& folder, std::uintmax_t whole_bytes)
+    : folder_(folder),
+      events_(cut(folder / log_file, whole_bytes), std::ios::binary | std::ios::app) {
+    if (!events_)
+        throw ConfigError({(folder / log_file).string()}, "cannot be written");
+    make_record_folders(folder, {"frames", "renders"});
+}
+
+void RunRecord::append(const std::string& line) {
+    errno = 0;
+    events_ << line << '\n' << std::flush;
+    if (!events_)
+        throw ConfigError({(folder_ / log_file).string()},
+                          "cannot be written: " + std::generic_category().message(errno));
+}
+
+void RunRecord::log_state(double time_s, const std::string& state, const std::string& detail) {
+    append(state_event(time_s, state, detail));
+}
+
+void RunRecord::log_frame(int pose, const FrameRecord& frame) {
+    append(frame_event(pose, frame));
+}
+
+void RunRecord::log_pose(PoseRecord& pose) {
+    images_.flush();
+    for (FrameRecord& frame : pose.frames) {
+        if (!frame.file.empty())
+            frame.sha256 = sha256_of_file(folder_ / frame.file);
+        append(frame_event(pose.index, frame));
+    }
+    append(pose_event(pose));
+}
+
+void RunRecord::write(const QualifyResult& result) {
+    write_text(folder_ / "run.json", run_json(result));
+    write_text(folder_ / "poses.csv", poses_csv(result));
+}
+
+}  // namespace etalon

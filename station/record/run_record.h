@@ -1,0 +1,91 @@
+// The record of a run: a folder that tells, years later, what was measured, with what, and how.
+//
+//     inputs/        copies of the files that the station was read from
+//     events.jsonl   the log: one JSON object per line, appended and flushed as things happen
+//                    (station/record/run_events.h)
+//     frames/        raw frames, 8 or 16 bit PNG: NNNN_F.png, pose NNNN from 0, frame F from 0
+//
+// and what follows from these (station/qualify/recorded_run.h):
+//
+//     run.json         what was asked and what came out; `etalon: run/1`
+//     poses.csv        one row per visited pose
+//     convergence.csv  one row per round of the registration
+//     junit.xml        one test case per judged quantity, for CI
+//     renders/         hold-out poses as the calibration says they should look: NNNN.png
+//     report.html      (station/qualify/qualify_report.h)
+//
+// A crash at any moment loses at most the pose in flight: run.json is there from the start with the
+// outcome ERROR and is replaced at the end; a pose is logged when its frames are written. (Against
+// a crash of the machine itself nothing is promised: files are not synced to the disk.)
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string>
+
+#include "core/image_writer.h"
+#include "station/record/qualify_result.h"
+
+namespace etalon {
+
+// The log, in a record's folder. Whoever writes to the record holds a FileLock on it.
+inline constexpr const char* log_file = "events.jsonl";
+
+// Throws ConfigError unless a record could go there: nothing is there, or an empty folder.
+void require_new_folder(const std::filesystem::path& folder);
+
+// Now, "2026-03-07T14:05:09Z".
+std::string utc_now();
+
+// Such a time in seconds since 1970; nothing for what is none.
+std::optional<double> utc_seconds(const std::string& utc);
+
+// A frame as it goes into the log; times count from `start`.
+FrameRecord frame_record(const Frame& frame, Instant start);
+
+// Makes these parts of a folder, with its parents, unless they are there. Throws ConfigError when
+// one cannot be made.
+void make_record_folders(const std::filesystem::path& folder,
+                         std::initializer_list<const char*> parts);
+
+// Replaces everything that follows from the measurements: poses.csv, convergence.csv, junit.xml,
+// report.html, and run.json with the hashes of all other files, which it sets in the result. Throws
+// ConfigError when one cannot be written.
+void write_results(QualifyResult& result);
+
+class RunRecord {
+public:
+    // Makes the folder with its parents and these parts. Throws ConfigError as above, or when one
+    // cannot be made.
+    explicit RunRecord(const std::filesystem::path& folder,
+                       std::initializer_list<const char*> parts = {"frames", "renders"});
+
+    // Goes on with a record: cuts its log after `whole_bytes` and appends. Throws ConfigError when
+    // it cannot be written.
+    RunRecord(const std::filesystem::path& folder, std::uintmax_t whole_bytes);
+
+    const std::filesystem::path& folder() const { return folder_; }
+    ImageWriter& images() { return images_; }
+
+    // One line of the log; seconds since the run began. Flushed before it returns.
+    void log_state(double time_s, const std::string& state, const std::string& detail);
+    void log_frame(int pose, const FrameRecord& frame);
+    // The pose with its frames, when these are written; sets the hashes of their files.
+    void log_pose(PoseRecord& pose);
+    // A line of station/record/run_events.h.
+    void log(const std::string& line) { append(line); }
+
+    // Replace run.json and poses.csv by what is known now.
+    void write(const QualifyResult& result);
+
+private:
+    void append(const std::string& line);
+
+    std::filesystem::path folder_;
+    std::ofstream events_;
+    ImageWriter images_;
+};
+
+}  // namespace etalon

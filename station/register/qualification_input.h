@@ -1,0 +1,19 @@
+// What a station declares, in the words of the analysis: shared by the run itself, by whoever
+// analyses its record again and by studies that simulate it.
+#pragma once
+
+#include <vector>
+
+#include "compare/verdict/qualification.h"
+#include "station/setup/stage_terms.h"
+#include "station/setup/station_file.h"
+
+namespace etalon {
+
+// Everything but what was measured: `poses` is empty and `render_and_detect` is unset. `visits` are
+// the poses' axis positions, one per pose that will be added, in their order. The result points to
+// the station's camera: the station must outlive it.
+QualificationInput declared_input(const StationFile& station,
+                                  const std::vector<StageVisit>& visits);
+
+}  // namespace etalon

@@ -1,0 +1,193 @@
+// `etalon register`: where a stage stands before the camera and how the marker sits on it, with
+// what the motions cannot tell.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "core/errors.h"
+#include "core/pose_numbers.h"
+#include "core/sha256.h"
+#include "core/text.h"
+#include "station/register/stage_registration.h"
+#include "station/shell/commands.h"
+
+namespace etalon {
+namespace {
+
+using nlohmann::ordered_json;
+
+void print_transform(const char* name, const Rigid& transform, const Vector6d& deviations) {
+    fmt::print("{:<21}{}\n", name, pose_columns(transform));
+    fmt::print("{:<21}", "  +-");
+    const Vector6d& d = deviations;
+    fmt::print("{:9.1e} {:9.1e} {:9.1e} {:9.4f} {:9.4f} {:9.4f}\n", d[0], d[1], d[2], d[3], d[4],
+               d[5]);
+}
+
+void print_freedoms(const StageRegistration& result) {
+    const Registration& registration = result.registration;
+    for (const GaugeFreedom& freedom : registration.freedoms)
+        fmt::print("free: {};\n  held nearest to the nominal mounting\n", freedom.name);
+    for (const WeakDirection& weak : registration.weak)
+        fmt::print("badly determined: {},\n  +- {:.3g} {}\n", weak.name,
+                   result.scale * weak.deviation, weak.is_shift() ? "mm" : "rad");
+}
+
+void print_residuals(const StageRegistration& result, std::size_t points) {
+    const Registration& registration = result.registration;
+    if (result.rounds > 0)
+        fmt::print("residual {:.4f} px RMS; {} of {} corners held for outliers\n",
+                   registration.residual_rms_px, registration.down_weighted_points,
+                   points * static_cast<std::size_t>(result.used));
+    else
+        fmt::print(
+            "residual {:.2f} stated standard deviations RMS; {} of {} poses held for outliers\n",
+            std::sqrt(registration.reduced_squares), registration.down_weighted_points,
+            result.used);
+    const RegisteredPhoto* worst = nullptr;
+    for (const RegisteredPhoto& photo : result.photos)
+        if (photo.failure.empty() && (!worst || photo.residual.translation_mm.norm() >
+                                                    worst->residual.translation_mm.norm()))
+            worst = &photo;
+    if (worst)
+        fmt::print(
+            "largest difference of a pose {:.3f} mm{}, {}\n", worst->residual.translation_mm.norm(),
+            result.rounds > 0 ? " with the detector's bias" : "", worst->photo.filename().string());
+}
+
+void print_text(const StationFile& station, const StageRegistration& result) {
+    const Registration& registration = result.registration;
+    fmt::print("{} of {} photographs, detector {}\n", result.used, result.photos.size(),
+               result.detector);
+    fmt::print("motion: {}\n", registration.motion);
+    fmt::print("rank {} of 12, condition number {:.3g}\n", registration.rank,
+               registration.condition_number);
+    fmt::print("{:<21}{:>9} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "", "rx rad", "ry", "rz", "tx mm",
+               "ty", "tz");
+    print_transform("camera_from_base", registration.camera_from_base, result.deviations.head<6>());
+    print_transform("carriage_from_marker", registration.carriage_from_marker,
+                    result.deviations.tail<6>());
+    fmt::print("{:<21}{}\n", "  nominal", pose_columns(station.carriage_from_marker_nominal));
+    print_freedoms(result);
+    print_residuals(result, station.marker.points_mm.size());
+}
+
+template <class Vector>
+std::vector<double> numbers(const Vector& vector) {
+    return {vector.begin(), vector.end()};
+}
+
+ordered_json freedoms_json(const Registration& registration) {
+    ordered_json list = ordered_json::array();
+    for (const GaugeFreedom& freedom : registration.freedoms)
+        list.push_back({{"name", freedom.name}, {"direction", numbers(freedom.direction)}});
+    return list;
+}
+
+ordered_json weak_json(const StageRegistration& result) {
+    ordered_json list = ordered_json::array();
+    for (const WeakDirection& weak : result.registration.weak)
+        list.push_back({{"name", weak.name},
+                        {"direction", numbers(weak.direction)},
+                        {"deviation", result.scale * weak.deviation},
+                        {"unit", weak.is_shift() ? "mm" : "rad"},
+                        {"worth_photographs", weak.worth_poses}});
+    return list;
+}
+
+ordered_json photos_json(const StageRegistration& result) {
+    ordered_json list = ordered_json::array();
+    for (const RegisteredPhoto& photo : result.photos) {
+        ordered_json row = {{"photo", photo.photo.string()}};
+        if (photo.failure.empty()) {
+            row["difference_mm"] = numbers(photo.residual.translation_mm);
+            row["difference_rad"] = numbers(photo.residual.rotation_rad);
+        } else {
+            row["failure"] = photo.failure;
+        }
+        list.push_back(row);
+    }
+    return list;
+}
+
+void print_json(const StationFile& station, const StageRegistration& result) {
+    const Registration& registration = result.registration;
+    std::vector<std::vector<double>> covariance;
+    for (int k = 0; k < 12; ++k)
+        covariance.push_back(numbers(result.scale * result.scale * registration.covariance.row(k)));
+    const ordered_json json = {
+        {"etalon", "registration/1"},
+        {"station", station.id},
+        {"marker", station.marker.spec},
+        {"detector", result.detector},
+        {"photos_used", result.used},
+        {"motion", registration.motion},
+        {"camera_from_base", pose_numbers(registration.camera_from_base)},
+        {"carriage_from_marker", pose_numbers(registration.carriage_from_marker)},
+        {"carriage_from_marker_nominal", pose_numbers(station.carriage_from_marker_nominal)},
+        {"deviations", numbers(result.deviations)},
+        {"covariance", covariance},
+        {"rank", registration.rank},
+        {"condition_number", registration.condition_number},
+        {"freedoms", freedoms_json(registration)},
+        {"badly_determined", weak_json(result)},
+        {"residual_rms_px",
+         result.rounds > 0 ? ordered_json(registration.residual_rms_px) : ordered_json()},
+        {"reduced_squares", registration.reduced_squares},
+        {"down_weighted", registration.down_weighted_points},
+        {"bias_correction_rounds", result.rounds},
+        {"photos", photos_json(result)}};
+    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
+}
+
+// Empty where it is missing or no text.
+std::string text_at(const ordered_json& object, const char* key) {
+    const auto found = object.find(key);
+    return found != object.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
+// The record's own copy of the station file, or else the original, which must be what the run was
+// made with.
+std::filesystem::path station_of_record(const std::filesystem::path& record) {
+    const std::filesystem::path file = record / "run.json";
+    const auto run = ordered_json::parse(read_text(file), nullptr, false);
+    if (run.is_object() && run.contains("inputs") && run["inputs"].is_array())
+        for (const auto& input : run["inputs"]) {
+            if (!input.is_object() || text_at(input, "role") != "station")
+                continue;
+            const std::string copy = text_at(input, "copy");
+            const std::filesystem::path path =
+                copy.empty() ? std::filesystem::path(text_at(input, "path")) : record / copy;
+            if (sha256_of_file(path) != text_at(input, "sha256"))
+                throw ConfigError({path.string()}, "is not the station file of this run any more");
+            return path;
+        }
+    throw ConfigError({file.string()}, "names no station file: give --station");
+}
+
+}  // namespace
+
+int run_register(const RegisterArguments& arguments) {
+    if (arguments.record.empty() == arguments.positions.empty())
+        throw ConfigError({"--positions"}, "give either a record's folder or --positions");
+    if (arguments.record.empty() && arguments.station.empty())
+        throw ConfigError({"--station"}, "is needed with --positions");
+    const StationFile station = read_station(
+        arguments.station.empty() ? station_of_record(arguments.record) : arguments.station);
+    const std::vector<StagePhoto> photos =
+        arguments.record.empty() ? read_stage_photos(arguments.positions, station.stage.axes)
+                                 : read_record_photos(arguments.record, station.stage.axes);
+    const StageRegistration result = register_photos(
+        station, photos, arguments.detector.empty() ? station.detector : arguments.detector);
+    for (const RegisteredPhoto& photo : result.photos)
+        if (!photo.failure.empty())
+            fmt::print(stderr, "{}: {}\n", photo.photo.string(), photo.failure);
+    if (arguments.json)
+        print_json(station, result);
+    else
+        print_text(station, result);
+    return 0;
+}
+
+}  // namespace etalon

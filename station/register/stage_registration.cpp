@@ -1,0 +1,254 @@
+#include "station/register/stage_registration.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "calib/registration/stage_motion.h"
+#include "compare/detect/detector.h"
+#include "compare/detect/photo_pose.h"
+#include "compare/expect/rendered_corners.h"
+#include "compare/photometric/photometric_detector.h"
+#include "core/errors.h"
+#include "core/text.h"
+#include "stage/axes/kinematics.h"
+
+namespace etalon {
+namespace {
+
+constexpr double rad_per_deg = std::numbers::pi / 180.0;
+constexpr double detector_error_px = 0.5;  // of a photometric pose's start
+
+std::string column_name(const Axis& axis) {
+    return axis.name + (axis.kind == Axis::Kind::rotary ? "_deg" : "_mm");
+}
+
+std::vector<std::string> cells_of(const std::string& line) {
+    std::vector<std::string> cells;
+    for (const std::string& cell : split(line, ','))
+        cells.emplace_back(trimmed(cell));
+    return cells;
+}
+
+std::size_t column_of(const std::string& name, const std::vector<std::string>& header,
+                      const SourcePlace& place) {
+    const auto found = std::find(header.begin(), header.end(), name);
+    if (found == header.end())
+        throw ConfigError(place, fmt::format("the header lacks the column '{}'", name));
+    return static_cast<std::size_t>(found - header.begin());
+}
+
+// Where the photograph's and each axis' numbers are.
+struct Columns {
+    std::size_t photo;
+    std::vector<std::size_t> axes;
+    std::size_t count;
+};
+
+// Columns are named `prefix` and the axis.
+Columns read_header(const std::string& line, const std::string& photo, const std::string& prefix,
+                    const std::vector<Axis>& axes, const SourcePlace& place) {
+    const std::vector<std::string> header = cells_of(line);
+    Columns columns{column_of(photo, header, place), {}, header.size()};
+    for (const Axis& axis : axes)
+        columns.axes.push_back(column_of(prefix + column_name(axis), header, place));
+    return columns;
+}
+
+// `photo` is the cell as it stands.
+StagePhoto read_row(const std::string& line, const Columns& columns, const std::vector<Axis>& axes,
+                    const SourcePlace& place) {
+    const std::vector<std::string> cells = cells_of(line);
+    if (cells.size() != columns.count)
+        throw ConfigError(place, fmt::format("{} cells, expected {}", cells.size(), columns.count));
+    StagePhoto row{cells[columns.photo], {}};
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        const auto value = parse_number(cells[columns.axes[i]]);
+        if (!value)
+            throw ConfigError(place, "not a number: '" + cells[columns.axes[i]] + "'");
+        row.positions.push_back(*value * (axes[i].kind == Axis::Kind::rotary ? rad_per_deg : 1.0));
+    }
+    return row;
+}
+
+std::vector<StagePhoto> read_rows(const std::vector<std::string>& lines, const Columns& columns,
+                                  const std::vector<Axis>& axes, const std::string& file) {
+    std::vector<StagePhoto> rows;
+    for (std::size_t i = 1; i < lines.size(); ++i)
+        if (!trimmed(lines[i]).empty())
+            rows.push_back(read_row(lines[i], columns, axes, {file, static_cast<int>(i) + 1}));
+    if (rows.empty())
+        throw ConfigError({file, 1}, "no photograph is listed");
+    return rows;
+}
+
+// Of pose `number`; empty when none is whole.
+std::filesystem::path first_frame(const std::filesystem::path& record, const std::string& number) {
+    constexpr int most_frames = 1000;
+    for (int frame = 0; frame < most_frames; ++frame) {
+        const auto path = record / "frames" / fmt::format("{:0>4}_{}.png", number, frame);
+        std::error_code ignored;
+        if (std::filesystem::is_regular_file(path, ignored))
+            return path;
+    }
+    return {};
+}
+
+// One photograph with what was found in it.
+struct Sighting {
+    std::size_t index;  // in the photographs given
+    Rigid base_from_carriage;
+    PhotoPose found;
+    CodeImage image;
+};
+
+std::vector<Sighting> sightings(const StationFile& station, const std::vector<StagePhoto>& photos,
+                                Detector& detector, const Projector& projector,
+                                std::vector<RegisteredPhoto>& results) {
+    std::vector<Sighting> seen;
+    const std::filesystem::path calibration =
+        station.inputs.size() > 1 ? station.inputs[1].path : std::filesystem::path();
+    for (std::size_t i = 0; i < photos.size(); ++i) {
+        const CodeImage image = read_photo(photos[i].photo, station.camera.model, calibration);
+        PhotoPose found = find_marker(photos[i].photo, image, detector, projector, station.marker);
+        if (found.estimate && !found.corners->is_whole()) {
+            found.failure = "marker seen in part only";
+            found.estimate.reset();
+        }
+        results.push_back({photos[i].photo, found.estimate ? "" : found.failure, {}});
+        if (found.estimate)
+            seen.push_back(
+                {i, base_from_carriage(station.stage.axes, photos[i].positions), found, image});
+    }
+    return seen;
+}
+
+void require_full_motion(const std::vector<Sighting>& seen, const std::vector<Axis>& axes) {
+    std::vector<Rigid> plan;
+    for (const Sighting& one : seen)
+        plan.push_back(one.base_from_carriage);
+    if (plan.empty())
+        throw NumericalError("registration: the marker is seen in no photograph");
+    require_full_motion(plan, stage_reach(axes));
+}
+
+void register_corners(const StationFile& station, std::vector<Sighting>& seen,
+                      const Projector& projector, StageRegistration& result) {
+    std::vector<RegistrationPose> poses;
+    for (const Sighting& one : seen)
+        poses.push_back({one.base_from_carriage, one.found.estimate->camera_from_marker,
+                         one.found.corners->pixels});
+    const RenderedCorners rendered(station);
+    const BiasCorrectedRegistration corrected = register_bias_corrected(
+        projector, station.marker.points_mm, poses, station.carriage_from_marker_nominal,
+        [&](const Rigid& camera_from_marker) { return rendered.at(camera_from_marker); });
+    result.registration = corrected.registration;
+    result.rounds = corrected.rounds;
+    result.used = static_cast<int>(corrected.used.size());
+    result.scale = std::sqrt(corrected.registration.reduced_squares);
+}
+
+// Replaces the estimates by photometric poses; a pose that is refused takes no part.
+void register_photometric(const StationFile& station, std::vector<Sighting>& seen,
+                          StageRegistration& result) {
+    const PhotometricDetector photometric(station.camera.model, station.marker,
+                                          station.marker.spec);
+    std::vector<MeasuredPose> poses;
+    std::vector<Sighting> kept;
+    for (Sighting& one : seen) {
+        try {
+            const PhotometricPose pose = photometric.find(
+                one.image, one.found.estimate->camera_from_marker, detector_error_px);
+            one.found.estimate->camera_from_marker = pose.camera_from_marker;
+            poses.push_back({one.base_from_carriage, pose.camera_from_marker, pose.covariance});
+            kept.push_back(one);
+        } catch (const NumericalError& refusal) {
+            result.photos[one.index].failure = refusal.what();
+        }
+    }
+    seen = kept;
+    require_full_motion(seen, station.stage.axes);
+    result.registration = register_stage_on_poses(poses, station.carriage_from_marker_nominal);
+    result.used = static_cast<int>(poses.size());
+    result.scale = std::sqrt(std::max(1.0, result.registration.reduced_squares));
+}
+
+}  // namespace
+
+std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
+                                          const std::vector<Axis>& axes) {
+    const std::vector<std::string> lines = split(read_text(csv), '\n');
+    const Columns columns = read_header(lines.front(), "photo", "", axes, {csv.string(), 1});
+    if (columns.count != axes.size() + 1)
+        throw ConfigError(
+            {csv.string(), 1},
+            fmt::format("must have `photo` and one column for each of {} axes", axes.size()));
+    std::vector<StagePhoto> photos = read_rows(lines, columns, axes, csv.string());
+    for (StagePhoto& photo : photos) {
+        require_within_limits(axes, photo.positions, {csv.string()});
+        photo.photo = csv.parent_path() / photo.photo;
+    }
+    return photos;
+}
+
+std::vector<StagePhoto> read_record_photos(const std::filesystem::path& record,
+                                           const std::vector<Axis>& axes) {
+    const std::filesystem::path csv = record / "poses.csv";
+    const std::vector<std::string> lines = split(read_text(csv), '\n');
+    const Columns columns =
+        read_header(lines.front(), "pose", "read_back_", axes, {csv.string(), 1});
+    std::vector<StagePhoto> photos;
+    for (StagePhoto& row : read_rows(lines, columns, axes, csv.string())) {
+        row.photo = first_frame(record, row.photo.string());
+        if (!row.photo.empty())
+            photos.push_back(row);
+    }
+    return photos;
+}
+
+std::vector<Rigid> stage_reach(const std::vector<Axis>& axes,
+                               std::span<const PlanRequest::Interval> intervals) {
+    std::vector<double> middle;
+    for (const PlanRequest::Interval& interval : intervals)
+        middle.push_back(0.5 * (interval.low + interval.high));
+    std::vector<Rigid> reach = {base_from_carriage(axes, middle)};
+    for (std::size_t i = 0; i < intervals.size(); ++i)
+        for (const double share : {0.1, 0.35, 0.6, 0.85}) {  // no two half a turn apart
+            std::vector<double> there = middle;
+            there[i] = intervals[i].low + share * (intervals[i].high - intervals[i].low);
+            reach.push_back(base_from_carriage(axes, there));
+        }
+    return reach;
+}
+
+std::vector<Rigid> stage_reach(const std::vector<Axis>& axes) {
+    std::vector<PlanRequest::Interval> travel;
+    for (const Axis& axis : axes)
+        travel.push_back({axis.low, axis.high});
+    return stage_reach(axes, travel);
+}
+
+StageRegistration register_photos(const StationFile& station, const std::vector<StagePhoto>& photos,
+                                  const std::string& detector) {
+    const bool photometric = detector == "photometric";
+    const auto corners =
+        make_detector(photometric ? "auto" : detector, station.marker, "--detector");
+    const Projector projector(station.camera.model);
+    StageRegistration result;
+    result.detector = photometric ? detector : corners->name();
+    std::vector<Sighting> seen = sightings(station, photos, *corners, projector, result.photos);
+    require_full_motion(seen, station.stage.axes);
+    if (photometric)
+        register_photometric(station, seen, result);
+    else
+        register_corners(station, seen, projector, result);
+    result.deviations = result.scale * result.registration.covariance.diagonal().cwiseSqrt();
+    for (const Sighting& one : seen)
+        result.photos[one.index].residual =
+            pose_error(one.found.estimate->camera_from_marker,
+                       result.registration.camera_from_marker(one.base_from_carriage));
+    return result;
+}
+
+}  // namespace etalon

@@ -1,0 +1,130 @@
+#include "station/render/render_plan_text.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr std::size_t columns = 80;
+constexpr std::size_t indent = 16;  // of everything but a row's name
+
+const char* short_name(RenderMethod method) {
+    switch (method) {
+        case RenderMethod::exact_lens:
+            return "E";
+        case RenderMethod::exact_area:
+            return "C";
+        case RenderMethod::reference:
+            return "reference";
+        case RenderMethod::wave:
+            return "wave";
+        case RenderMethod::automatic:
+            break;
+    }
+    return "auto";
+}
+
+// A row of the table: its name, and text broken into as many lines as it needs.
+std::string row(const std::string& name, const std::string& text) {
+    std::string lines, line = fmt::format("  {:<{}}", name, indent - 3);
+    for (const std::string& word : split(text, ' ')) {
+        if (line.size() > indent && line.size() + 1 + word.size() > columns) {
+            lines += line + "\n";
+            line = std::string(indent - 1, ' ');
+        }
+        line += " " + word;
+    }
+    return lines + line + "\n";
+}
+
+// Of several markers: the tiles that were sampled alike together, of each omission the one that
+// counts most.
+std::vector<TileUse> added_up(const std::vector<TileUse>& used) {
+    std::vector<TileUse> sums;
+    for (const TileUse& use : used) {
+        const auto alike = std::find_if(sums.begin(), sums.end(), [&](const TileUse& sum) {
+            return sum.method == use.method && sum.lens_points == use.lens_points &&
+                   sum.points_per_pixel_side == use.points_per_pixel_side;
+        });
+        if (alike == sums.end())
+            sums.push_back(use);
+        else
+            alike->tiles += use.tiles;
+    }
+    return sums;
+}
+
+std::vector<LeftOut> largest_of_each(const std::vector<LeftOut>& left_out) {
+    std::vector<LeftOut> largest;
+    for (const LeftOut& left : left_out) {
+        const auto same = std::find_if(largest.begin(), largest.end(), [&](const LeftOut& other) {
+            return other.what == left.what;
+        });
+        if (same == largest.end())
+            largest.push_back(left);
+        else if (same->gray < left.gray)
+            *same = left;
+    }
+    return largest;
+}
+
+std::string words(const TileUse& use) {
+    const std::string lens = use.method == RenderMethod::exact_area
+                                 ? fmt::format(", lens points {}", use.lens_points)
+                                 : "";
+    return fmt::format("{:>8} by {}, k = {}{}", use.tiles, short_name(use.method),
+                       use.points_per_pixel_side, lens);
+}
+
+}  // namespace
+
+std::string plan_table(const RenderPlan& plan) {
+    std::string text = fmt::format("plan, for at most {:.3g} gray\n", plan.tolerance_gray);
+    text += row("blur radius", fmt::format("{:.3g} to {:.3g} px", plan.min_blur_radius_px,
+                                           plan.max_blur_radius_px));
+    text += row("samples", fmt::format("{0} x {0} a pixel: {1:.2g} gray",
+                                       plan.points_per_pixel_side, plan.sampling_gray));
+    text +=
+        row("diffraction",
+            plan.tail_reach_px > 0.0 ? fmt::format("to {:.0f} px", plan.tail_reach_px) : "no tail");
+    std::string name = "tiles";
+    for (const TileUse& use : added_up(plan.used))
+        text += row(std::exchange(name, ""), words(use));
+    text += row(name, fmt::format("{:>8} uniform: one number each", plan.uniform_tiles));
+    name = "left out";
+    for (const LeftOut& left : largest_of_each(plan.left_out))
+        if (left.what != Omission::uniform_tiles)  // told above
+            text +=
+                row(std::exchange(name, ""),
+                    fmt::format("{}: {} ({:.2g} gray)", name_of(left.what), left.why, left.gray));
+    return text;
+}
+
+std::string plan_json(const RenderPlan& plan) {
+    ordered_json used = ordered_json::array(), left_out = ordered_json::array();
+    for (const TileUse& use : added_up(plan.used))
+        used.push_back({{"method", short_name(use.method)},
+                        {"k", use.points_per_pixel_side},
+                        {"lens_points", use.lens_points},
+                        {"tiles", use.tiles}});
+    for (const LeftOut& left : largest_of_each(plan.left_out))
+        left_out.push_back({{"what", name_of(left.what)}, {"why", left.why}, {"gray", left.gray}});
+    const ordered_json json{{"summary", plan.describe()},
+                            {"tolerance_gray", plan.tolerance_gray},
+                            {"sampling_gray", plan.sampling_gray},
+                            {"blur_radius_px", {plan.min_blur_radius_px, plan.max_blur_radius_px}},
+                            {"tail_reach_px", plan.tail_reach_px},
+                            {"tiles", used},
+                            {"uniform_tiles", plan.uniform_tiles},
+                            {"left_out", left_out},
+                            {"instructions", plan.instructions}};
+    return json.dump();
+}
+
+}  // namespace etalon

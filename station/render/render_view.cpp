@@ -1,0 +1,233 @@
+#include "station/render/render_view.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "calib/files/camera_file.h"
+#include "core/errors.h"
+#include "core/text.h"
+#include "sim/render/reference_integrator.h"
+#include "sim/render/scene_render.h"
+
+namespace etalon {
+namespace {
+
+RenderMethod method_of(const std::string& word) {
+    if (word == "auto")
+        return RenderMethod::automatic;
+    if (word == "E")
+        return RenderMethod::exact_lens;
+    if (word == "C")
+        return RenderMethod::exact_area;
+    if (word == "reference")
+        return RenderMethod::reference;
+    throw ConfigError({"--method"}, "'" + word + "' is not one of auto, E, C, reference");
+}
+
+double positive_number(double value, const char* option, const char* what) {
+    if (!(value > 0.0 && std::isfinite(value)))
+        throw ConfigError({option}, fmt::format("{} is not {}", value, what));
+    return value;
+}
+
+std::optional<Motion> motion_of(const RenderArguments& arguments) {
+    if (arguments.velocity.empty() != (arguments.shutter_ms == 0.0))
+        throw ConfigError({"--velocity"}, "motion blur needs both --velocity and --shutter");
+    if (arguments.velocity.empty())
+        return std::nullopt;
+    const std::vector<double> numbers = parse_numbers(arguments.velocity, 6, "--velocity");
+    return Motion{Vector6d(numbers.data()), arguments.shutter_ms / 1000.0};
+}
+
+RenderOptions options_of(const RenderArguments& arguments) {
+    RenderOptions options;
+    options.method = method_of(arguments.method);
+    options.tolerance_gray =
+        positive_number(arguments.tolerance_gray, "--tolerance", "a tolerance");
+    return options;
+}
+
+std::vector<Marker> read_markers(const std::vector<std::string>& names) {
+    std::vector<Marker> markers;
+    for (const std::string& name : names)
+        markers.push_back(parse_marker(name, "--marker"));
+    return markers;
+}
+
+// What makes a marker one that could not be seen at all; empty if nothing does.
+std::string why_unseen(const PlacedMarker& marker, Projection projection) {
+    const CellGrid& grid = marker.grid;
+    int behind = 0;
+    for (const int u : {0, grid.columns()}) {
+        for (const int v : {0, grid.rows()})
+            behind += (marker.camera_from_marker * grid.point_mm(u, v)).z() <= 0.0;
+    }
+    if (behind == 4)
+        return "is behind the camera (z points forward)";
+    if (behind > 0)
+        return "reaches behind the camera";
+    // The marker's z points into the marker, away from whoever sees its front.
+    const Eigen::Vector3d inward = marker.camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
+    const bool front = projection == Projection::telecentric
+                           ? inward.z() > 0.0
+                           : inward.dot(marker.camera_from_marker.translation) > 0.0;
+    return front ? "" : "is seen from its back or its edge";
+}
+
+// Such a marker is a slip in the pose: better said than rendered.
+void check_seen(const Scene& scene, Projection projection) {
+    for (std::size_t i = 0; i < scene.markers.size(); ++i) {
+        const std::string why = why_unseen(scene.markers[i], projection);
+        if (!why.empty())
+            throw NumericalError(scene.markers.size() == 1
+                                     ? "the marker " + why
+                                     : fmt::format("marker {} {}", i + 1, why));
+    }
+}
+
+// 8-bit files hold codes of sensors of up to 8 bits, 16-bit files those of the others.
+CodeImage with_bits_of(const CodeImage& file, const SensorModel& sensor) {
+    const CodeImage image{file.pixels, sensor.bits()};
+    if ((file.bits == 8) != (sensor.bits() <= 8))
+        throw ConfigError({"--background"},
+                          fmt::format("a {}-bit file does not hold codes of a sensor of {} bits",
+                                      file.bits, sensor.bits()));
+    double largest = 0.0;
+    cv::minMaxLoc(image.pixels, nullptr, &largest);
+    if (largest > image.full_scale())
+        throw ConfigError({"--background"}, fmt::format("code {} is above the sensor's full scale "
+                                                        "{}",
+                                                        largest, image.full_scale()));
+    return image;
+}
+
+CodeImage read_background_file(const std::string& path) {
+    try {
+        return read_image(path);
+    } catch (const ConfigError& error) {
+        throw ConfigError(
+            {"--background"},
+            fmt::format("'{}' is no radiance from 0 to 1, and as a file: {}", path, error.what()));
+    }
+}
+
+}  // namespace
+
+std::string View::describe() const {
+    if (plan)
+        return plan->describe();
+    return fmt::format("reference, standard error of a pixel up to {:.3g} gray",
+                       standard_error_gray);
+}
+
+ViewRenderer::ViewRenderer(const RenderArguments& arguments)
+    : options_(options_of(arguments)),
+      exposure_(positive_number(arguments.exposure, "--exposure", "a factor above 0")),
+      motion_(motion_of(arguments)),
+      noise_seed_(arguments.noise_seed) {
+    camera_ = read_camera(arguments.camera);
+    check_noise(arguments);
+    markers_ = read_markers(arguments.markers);
+    read_background(arguments.background);
+    if (motion_ && (!background_image_.empty() || options_.method == RenderMethod::reference))
+        throw ConfigError({"--velocity"}, "not with a background image or the reference method");
+    if (!arguments.linear)
+        sensor_.emplace(camera_);
+    if (options_.method != RenderMethod::reference)
+        renderer_.emplace(camera_);
+}
+
+void ViewRenderer::check_noise(const RenderArguments& arguments) const {
+    if (!noise_seed_)
+        return;
+    if (arguments.linear)
+        throw ConfigError({"--noise-seed"}, "noise belongs to code values: not with --linear");
+    if (!camera_.sensor || camera_.sensor->gain_e_per_dn == 0.0)
+        throw ConfigError({"--noise-seed"},
+                          arguments.camera.string() + " states no noise (sensor.gain_e_per_dn)");
+}
+
+void ViewRenderer::read_background(const std::string& text) {
+    if (const auto number = parse_number(text)) {
+        if (!(*number >= 0.0 && *number <= 1.0))
+            throw ConfigError({"--background"}, text + " is not a radiance from 0 to 1");
+        background_ = *number;
+        return;
+    }
+    const CodeImage file = read_background_file(text);
+    const cv::Size size = file.pixels.size();
+    if (size != cv::Size(camera_.width, camera_.height))
+        throw ConfigError({"--background"},
+                          fmt::format("{} has {} x {} px, the camera {} x {}", text, size.width,
+                                      size.height, camera_.width, camera_.height));
+    const SensorModel sensor(camera_);
+    background_image_ = background_from(with_bits_of(file, sensor), sensor);
+}
+
+Scene ViewRenderer::scene(const std::vector<Rigid>& camera_from_marker) const {
+    Scene scene{{}, background_};
+    for (std::size_t i = 0; i < markers_.size(); ++i)
+        scene.markers.push_back({markers_[i].grid, camera_from_marker.at(i)});
+    check_seen(scene, camera_.projection);
+    if (renderer_)
+        check_no_occlusion(scene, camera_);
+    return scene;
+}
+
+View ViewRenderer::render(const Scene& scene) const {
+    View view = renderer_ ? render_closed_form(scene) : integrate(scene);
+    if (exposure_ != 1.0)
+        view.radiance *= exposure_;
+    return view;
+}
+
+RenderedImage ViewRenderer::image_of(const Scene& scene) const {
+    if (motion_)
+        return render_moving(*renderer_, scene, *motion_, options_).image;
+    return background_image_.empty() ? renderer_->render(scene, options_)
+                                     : render_over(*renderer_, scene, background_image_, options_);
+}
+
+View ViewRenderer::render_closed_form(const Scene& scene) const {
+    const RenderedImage image = image_of(scene);
+    return {image.radiance, image.plan,
+            static_cast<int>(image.valid.total()) - cv::countNonZero(image.valid), 0.0};
+}
+
+// Every pixel until its standard error is below the tolerance or its samples (a quarter of a
+// million, some 30 ms) are used up; the largest standard error is reported.
+View ViewRenderer::integrate(const Scene& scene) const {
+    ReferenceOptions options;
+    options.samples_per_scramble = 1 << 14;
+    options.stop_at_gray = options_.tolerance_gray;
+    const cv::Rect all(0, 0, camera_.width, camera_.height);
+    const auto integral = [&](const Scene& seen, View& view) {
+        const ReferenceImage image = integrate_reference(camera_, seen, all, options);
+        double largest = 0.0;
+        cv::minMaxLoc(image.standard_error, nullptr, &largest);
+        view.standard_error_gray = std::hypot(view.standard_error_gray, largest * 255.0);
+        return image.mean;
+    };
+    View view;
+    if (background_image_.empty()) {
+        view.radiance = integral(scene, view);
+    } else {
+        const Radiance markers = integral(on_black(scene), view);
+        const Radiance coverage = integral(white_on_black(scene), view);
+        view.radiance = placed_over(markers, coverage, background_image_);
+    }
+    return view;
+}
+
+void ViewRenderer::write(const std::filesystem::path& path, const View& view,
+                         std::uint32_t index) const {
+    if (!sensor_)
+        return write_radiance(path, view.radiance);
+    std::optional<NoiseKey> noise;
+    if (noise_seed_)
+        noise = NoiseKey{*noise_seed_, index};
+    write_image(path, sensor_->expose(view.radiance, noise));
+}
+
+}  // namespace etalon

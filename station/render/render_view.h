@@ -1,0 +1,69 @@
+// One view as `etalon render` was asked for it: what a single image and an image set share.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sim/marker/marker.h"
+#include "sim/render/motion_blur.h"
+#include "sim/render/renderer.h"
+#include "sim/sensor/sensor_model.h"
+#include "station/shell/commands.h"
+
+namespace etalon {
+
+// An image and how it was made.
+struct View {
+    Radiance radiance;               // before the sensor, exposure included
+    std::optional<RenderPlan> plan;  // none of the reference integrator
+    int pixels_without_ray = 0;      // not told by the reference integrator
+    double standard_error_gray = 0;  // of the reference integrator: the largest
+
+    std::string describe() const;  // one line for people
+};
+
+// One per command. render() and write() are safe from every thread.
+class ViewRenderer {
+public:
+    // Reads the camera, the markers and the background. Throws ConfigError with the option's name
+    // (or the file's) for whatever cannot be used.
+    explicit ViewRenderer(const RenderArguments& arguments);
+
+    const CameraModel& camera() const { return camera_; }
+    const std::vector<Marker>& markers() const { return markers_; }
+
+    // The markers at these transforms, in the order of the command line. Throws NumericalError, in
+    // words for people, where they cannot be rendered so: behind the camera, seen from the back, or
+    // one before another (which the reference integrator can).
+    Scene scene(const std::vector<Rigid>& camera_from_marker) const;
+
+    // Throws NumericalError as Renderer::render() does.
+    View render(const Scene& scene) const;
+
+    // The image as a file: .png or .tiff of code values, or .tiff of radiance. The noise is a pure
+    // function of the seed and `index`. Throws ConfigError when it cannot be written.
+    void write(const std::filesystem::path& path, const View& view, std::uint32_t index) const;
+
+private:
+    void read_background(const std::string& text);
+    void check_noise(const RenderArguments& arguments) const;
+    View integrate(const Scene& scene) const;
+    RenderedImage image_of(const Scene& scene) const;
+    View render_closed_form(const Scene& scene) const;
+
+    CameraModel camera_;
+    std::vector<Marker> markers_;
+    double background_ = 0.0;    // unless there is a
+    Radiance background_image_;  // of the camera's size
+    RenderOptions options_;
+    double exposure_;
+    std::optional<Motion> motion_;
+    std::optional<std::uint64_t> noise_seed_;
+    std::optional<SensorModel> sensor_;  // none where radiance is written
+    std::optional<Renderer> renderer_;   // none for the reference integrator
+};
+
+}  // namespace etalon

@@ -1,0 +1,221 @@
+#include "station/setup/plan.h"
+
+#include <fmt/format.h>
+
+#include "core/errors.h"
+#include "sim/scene/marker_in_view.h"
+#include "sim/scene/pose_sampling.h"
+#include "stage/axes/kinematics.h"
+
+namespace etalon {
+namespace {
+
+// From trigger to image in hand, beyond the exposure: a guess that only the estimate uses.
+constexpr std::chrono::milliseconds frame_overhead{30};
+
+// A volume of which less than this part is free is a mistake rather than a wish.
+constexpr long max_points_per_pose = 100;
+
+// Axes whose interval is a point take no dimension of the sequence.
+int dimensions_of(const PlanRequest& request) {
+    return static_cast<int>(
+        std::count_if(request.volume.begin(), request.volume.end(),
+                      [](const PlanRequest::Interval& i) { return i.low < i.high; }));
+}
+
+std::vector<double> target_of(const PlanRequest& request, const std::vector<double>& unit_point) {
+    std::vector<double> target;
+    auto coordinate = unit_point.begin();
+    for (const auto& [low, high] : request.volume)
+        target.push_back(low < high ? low + *coordinate++ * (high - low) : low);
+    return target;
+}
+
+std::vector<PlannedPose> sampled_poses(const PlanRequest& request, std::span<const Axis> axes,
+                                       const MotionRules& rules, const TargetFilter& is_useful) {
+    const long hold_out = std::lround(request.hold_out * request.poses);
+    const long training = request.poses - hold_out;
+    if (hold_out < 1 || training < 1)
+        throw ConfigError(request.place,
+                          fmt::format("{} poses with hold_out {} leave {} for "
+                                      "training and {} for hold-out",
+                                      request.poses, request.hold_out, training, hold_out));
+    if (dimensions_of(request) == 0)
+        throw ConfigError(request.place, "no axis moves");
+    const HaltonSequence sequence(dimensions_of(request), request.seed);
+    std::vector<PlannedPose> poses;
+    const long last = max_points_per_pose * request.poses;
+    for (long i = 0; i < last && poses.size() < static_cast<std::size_t>(request.poses); ++i) {
+        const auto target = target_of(request, sequence.point(static_cast<std::uint64_t>(i)));
+        if (is_clear(axes, rules, target) && (!is_useful || is_useful(target)))
+            poses.push_back({target, static_cast<long>(poses.size()) >= training});
+    }
+    if (poses.size() < static_cast<std::size_t>(request.poses))
+        throw ConfigError(request.place, fmt::format("hardly any of it is clear of forbidden boxes "
+                                                     "and seen by the camera: {} of {} points",
+                                                     poses.size(), last));
+    return poses;
+}
+
+// Where homing is expected to end.
+std::vector<double> home_position(std::span<const Axis> axes) {
+    std::vector<double> home;
+    for (const Axis& axis : axes)
+        home.push_back(std::clamp(0.0, axis.low, axis.high));
+    return home;
+}
+
+SourcePlace place_of(const PlanRequest& request, std::size_t pose) {
+    SourcePlace place = request.place;
+    place.key += fmt::format(" (pose {})", pose + 1);
+    return place;
+}
+
+void require_all_within_limits(const PlanRequest& request, std::span<const Axis> axes,
+                               const std::vector<PlannedPose>& poses) {
+    for (std::size_t i = 0; i < poses.size(); ++i)
+        require_within_limits(axes, poses[i].target, place_of(request, i));
+}
+
+double seconds(Duration duration) {
+    return std::chrono::duration<double>(duration).count();
+}
+
+// Travel times between all poses; row n is the way from where homing is expected to end.
+class TravelTable {
+public:
+    TravelTable(std::span<const Axis> axes, const std::vector<PlannedPose>& poses)
+        : count_(poses.size()), seconds_((count_ + 1) * count_) {
+        const std::vector<double> home = home_position(axes);
+        for (std::size_t from = 0; from <= count_; ++from)
+            for (std::size_t to = 0; to < count_; ++to)
+                seconds_[from * count_ + to] = seconds(travel_time(
+                    axes, from == count_ ? home : poses[from].target, poses[to].target));
+    }
+    double operator()(std::size_t from, std::size_t to) const {
+        return seconds_[from * count_ + to];
+    }
+    std::size_t home() const { return count_; }
+    std::size_t count() const { return count_; }
+
+private:
+    std::size_t count_;
+    std::vector<double> seconds_;
+};
+
+std::vector<std::size_t> nearest_neighbour_path(const TravelTable& travel) {
+    std::vector<std::size_t> rest(travel.count()), path;
+    for (std::size_t i = 0; i < rest.size(); ++i)
+        rest[i] = i;
+    for (std::size_t at = travel.home(); !rest.empty(); at = path.back()) {
+        const auto nearest = std::min_element(
+            rest.begin(), rest.end(),
+            [&](std::size_t a, std::size_t b) { return travel(at, a) < travel(at, b); });
+        path.push_back(*nearest);
+        rest.erase(nearest);
+    }
+    return path;
+}
+
+// One sweep of 2-opt (Croes 1958): a stretch is walked backwards where that saves time. True if
+// anything changed.
+bool shorten(std::vector<std::size_t>& path, const TravelTable& travel) {
+    bool changed = false;
+    for (std::size_t i = 0; i + 1 < path.size(); ++i) {
+        const std::size_t before = i == 0 ? travel.home() : path[i - 1];
+        for (std::size_t j = i + 1; j < path.size(); ++j) {
+            const bool is_end = j + 1 == path.size();
+            const double now =
+                travel(before, path[i]) + (is_end ? 0.0 : travel(path[j], path[j + 1]));
+            const double then =
+                travel(before, path[j]) + (is_end ? 0.0 : travel(path[i], path[j + 1]));
+            if (then < now - 1e-9) {
+                std::reverse(path.begin() + static_cast<std::ptrdiff_t>(i),
+                             path.begin() + static_cast<std::ptrdiff_t>(j) + 1);
+                changed = true;
+            }
+        }
+    }
+    return changed;
+}
+
+std::vector<std::size_t> short_path(const TravelTable& travel) {
+    constexpr int max_sweeps = 30;  // a handful is enough in practice
+    std::vector<std::size_t> path = nearest_neighbour_path(travel);
+    for (int sweep = 0; sweep < max_sweeps && shorten(path, travel); ++sweep) {
+    }
+    return path;
+}
+
+// Of the hold-out poses, evenly along the path, in reverse.
+void add_repeats(const PlanRequest& request, std::vector<PlannedPose>& path) {
+    std::vector<PlannedPose> judging;
+    std::ranges::copy_if(path, std::back_inserter(judging), &PlannedPose::hold_out);
+    const std::size_t count = static_cast<std::size_t>(request.repeats);
+    if (count > judging.size())
+        throw ConfigError(request.place,
+                          fmt::format("{} repeats of {} hold-out poses", count, judging.size()));
+    for (std::size_t i = count; i-- > 0;)
+        path.push_back(judging[(2 * i + 1) * judging.size() / (2 * count)]);
+}
+
+}  // namespace
+
+Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
+                     std::span<const double> to) {
+    double longest_s = 0.0;
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        longest_s = std::max(longest_s, std::abs(to[i] - from[i]) / axes[i].speed);
+    return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(longest_s));
+}
+
+Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
+               std::chrono::microseconds exposure, const MotionRules& rules,
+               const TargetFilter& is_useful) {
+    if (request.volume.size() != axes.size())
+        throw ConfigError(request.place, fmt::format("{} intervals for {} axes",
+                                                     request.volume.size(), axes.size()));
+    const std::vector<PlannedPose> poses = sampled_poses(request, axes, rules, is_useful);
+    require_all_within_limits(request, axes, poses);
+    Plan plan;
+    for (const std::size_t next : short_path(TravelTable(axes, poses)))
+        plan.poses.push_back(poses[next]);
+    add_repeats(request, plan.poses);
+    std::vector<double> at = home_position(axes);
+    const Duration per_pose = request.settle + request.frames * (exposure + frame_overhead);
+    for (std::size_t i = 0; i < plan.poses.size(); ++i) {
+        const auto& target = plan.poses[i].target;
+        plan.legs.push_back(plan_motion(axes, rules, at, target, place_of(request, i)));
+        for (const MotionSegment& segment : plan.legs.back())
+            plan.expected_duration += segment.time;
+        plan.expected_duration += per_pose;
+        at = target;
+    }
+    return plan;
+}
+
+std::optional<std::size_t> visited_before(const Plan& plan, std::size_t pose) {
+    for (std::size_t i = 0; i < pose; ++i)
+        if (plan.poses[i].target == plan.poses.at(pose).target)
+            return i;
+    return std::nullopt;
+}
+
+Rigid expected_pose(const StationFile& station, const std::vector<double>& target) {
+    return station.camera_from_base_nominal.value() *
+           base_from_carriage(station.stage.axes, target) * station.carriage_from_marker_nominal;
+}
+
+Plan plan_of(const StationFile& station) {
+    constexpr double margin = 0.02;  // of the width: the mounting is not quite as drawn
+    TargetFilter is_seen;
+    if (station.camera_from_base_nominal)
+        is_seen = [&, projector = Projector(station.camera.model)](const auto& target) {
+            return is_in_view(projector, station.marker.grid, expected_pose(station, target),
+                              margin * station.camera.model.width);
+        };
+    return make_plan(station.plan, station.stage.axes, station.camera.settings.exposure,
+                     station.stage.rules, is_seen);
+}
+
+}  // namespace etalon

@@ -1,0 +1,65 @@
+// Where the stage goes: poses spread over the volume, split into training and hold-out before
+// anything is measured, in an order that keeps the travel short.
+//
+// Training and hold-out are two consecutive blocks of one digit-scrambled Halton sequence
+// (sim/scene/pose_sampling.h): each block by itself fills the volume evenly, so both are
+// stratified. (Taking every second point of one block instead would leave all hold-out poses in one
+// half of the first axis, because base 2 alternates between the halves.) The path then visits both
+// kinds mixed, and comes to the positions of each axis from both sides. At its end some hold-out
+// poses are visited again, last first: most axes then come from the other side than before.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/clock.h"
+#include "stage/axes/axes.h"
+#include "stage/motion/motion_guard.h"
+#include "station/setup/station_file.h"
+
+namespace etalon {
+
+struct PlannedPose {
+    std::vector<double> target;  // per axis, mm or rad
+    bool hold_out = false;
+};
+
+struct Plan {
+    std::vector<PlannedPose> poses;  // in the order of the run
+    // How the stage gets to each pose from the one before, to the first from where homing is
+    // expected to end (0, or the limit nearest to it). A run plans anew from what it reads.
+    std::vector<std::vector<MotionSegment>> legs;
+    // Travel at the axes' speeds, settling and exposing; without homing and analysis.
+    Duration expected_duration{};
+};
+
+// Whether a target is of use; empty: every one is.
+using TargetFilter = std::function<bool(const std::vector<double>& target)>;
+
+// Deterministic in the request. Points of the sequence in or too near to a forbidden box are left
+// out, and those that `is_useful` refuses. Throws ConfigError at request.place, naming the axis and
+// the pose, when a pose lies outside a soft limit or no way leads to it, when hardly any of the
+// volume is left, when a split of the poses leaves either side empty, and for more repeats than
+// hold-out poses.
+Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
+               std::chrono::microseconds exposure, const MotionRules& rules = {},
+               const TargetFilter& is_useful = {});
+
+// The station's plan. Where it states its camera_mount, targets at which the marker would not be
+// wholly in the image by 2 % of its width are left out.
+Plan plan_of(const StationFile& station);
+
+// camera_from_marker at a target as drawn; the station must state its camera_mount.
+Rigid expected_pose(const StationFile& station, const std::vector<double>& target);
+
+// The earlier pose with the same target.
+std::optional<std::size_t> visited_before(const Plan& plan, std::size_t pose);
+
+// Time to go from one position to another with all axes moving together at their speeds.
+Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
+                     std::span<const double> to);
+
+}  // namespace etalon

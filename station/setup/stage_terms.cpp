@@ -1,0 +1,179 @@
+#include "station/setup/stage_terms.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+
+#include "core/errors.h"
+#include "stage/axes/kinematics.h"
+
+namespace etalon {
+namespace {
+
+constexpr double relative_size = 1e-4;  // small enough for first order, far above rounding
+constexpr double lean_rad = 1e-4;
+constexpr double shift_mm = 1e-2;
+
+// The stage at each visit with one of its axes changed as it is then.
+using Change = std::function<void(Axis&, const StageVisit&)>;
+std::vector<Rigid> transforms(std::span<const Axis> axes, const std::vector<StageVisit>& visits,
+                              std::size_t changed, const Change& change) {
+    std::vector<Rigid> all;
+    for (const StageVisit& visit : visits) {
+        std::vector<Axis> wrong(axes.begin(), axes.end());
+        change(wrong[changed], visit);
+        all.push_back(base_from_carriage(wrong, visit.position));
+    }
+    return all;
+}
+
+DeclaredStageTerm scale_term(std::span<const Axis> axes, std::size_t axis,
+                             const std::vector<StageVisit>& visits) {
+    DeclaredStageTerm term;
+    term.error = {"stage scale " + axes[axis].name, "1", relative_size,
+                  transforms(axes, visits, axis, [axis](Axis& wrong, const StageVisit& visit) {
+                      wrong.zero -= relative_size * (visit.position.at(axis) - wrong.zero);
+                  })};
+    term.is_linear_scale = axes[axis].kind == Axis::Kind::linear;
+    term.in_budget = true;
+    term.standard_uncertainty = axes[axis].scale_uncertainty;
+    return term;
+}
+
+// The second axis leans towards the first one.
+DeclaredStageTerm squareness_term(std::span<const Axis> axes, std::size_t first, std::size_t second,
+                                  const std::vector<StageVisit>& visits) {
+    const Eigen::Vector3d towards = axes[first].direction;
+    DeclaredStageTerm term;
+    term.error = {"stage squareness " + axes[first].name + axes[second].name, "rad", lean_rad,
+                  transforms(axes, visits, second, [&](Axis& wrong, const StageVisit&) {
+                      wrong.direction = (wrong.direction + lean_rad * towards).normalized();
+                  })};
+    return term;
+}
+
+std::array<Eigen::Vector3d, 2> ways_across(const Axis& axis) {
+    const Eigen::Vector3d first = axis.direction.unitOrthogonal();
+    return {first, axis.direction.cross(first)};
+}
+
+// `change` makes the axis wrong by `size` in one of the two ways across its direction.
+void add_both_ways(std::vector<DeclaredStageTerm>& terms, std::span<const Axis> axes,
+                   std::size_t axis, const std::vector<StageVisit>& visits, const StageError& kind,
+                   double uncertainty,
+                   const std::function<void(Axis&, const Eigen::Vector3d&)>& change) {
+    const std::array<const char*, 2> names = {", 1st way", ", 2nd way"};
+    const auto ways = ways_across(axes[axis]);
+    for (std::size_t i = 0; i < 2; ++i) {
+        DeclaredStageTerm term;
+        term.error = kind;
+        term.error.name += " " + axes[axis].name + names[i];
+        term.error.base_from_carriage = transforms(
+            axes, visits, axis, [&](Axis& wrong, const StageVisit&) { change(wrong, ways[i]); });
+        term.in_budget = true;
+        term.standard_uncertainty = uncertainty;
+        terms.push_back(term);
+    }
+}
+
+void add_direction_terms(std::vector<DeclaredStageTerm>& terms, std::span<const Axis> axes,
+                         std::size_t axis, const std::vector<StageVisit>& visits) {
+    if (axes[axis].direction_uncertainty)
+        add_both_ways(terms, axes, axis, visits, {"stage direction", "rad", lean_rad, {}},
+                      *axes[axis].direction_uncertainty,
+                      [](Axis& wrong, const Eigen::Vector3d& across) {
+                          wrong.direction = (wrong.direction + lean_rad * across).normalized();
+                      });
+    if (axes[axis].point_uncertainty)
+        add_both_ways(terms, axes, axis, visits, {"stage point", "mm", shift_mm, {}},
+                      *axes[axis].point_uncertainty,
+                      [](Axis& wrong, const Eigen::Vector3d& across) {
+                          wrong.point_mm += shift_mm * across;
+                      });
+}
+
+std::vector<double> middle(const std::vector<StageVisit>& visits) {
+    std::vector<double> low = visits.front().position, high = low;
+    for (const StageVisit& visit : visits)
+        for (std::size_t i = 0; i < low.size(); ++i) {
+            low[i] = std::min(low[i], visit.position[i]);
+            high[i] = std::max(high[i], visit.position[i]);
+        }
+    for (std::size_t i = 0; i < low.size(); ++i)
+        low[i] = (low[i] + high[i]) / 2.0;
+    return low;
+}
+
+// How far the marker's centre moves when one axis is `size` further than it reads.
+double marker_shift(std::span<const Axis> axes, const std::vector<double>& q, std::size_t axis,
+                    double size, const Rigid& carriage_from_marker) {
+    std::vector<Axis> further(axes.begin(), axes.end());
+    further[axis].zero -= size;
+    const Eigen::Vector3d& centre = carriage_from_marker.translation;
+    return (base_from_carriage(further, q) * centre - base_from_carriage(axes, q) * centre).norm();
+}
+
+// Root mean square over the visits.
+double reading_uncertainty(const std::vector<StageVisit>& visits, std::size_t axis) {
+    double sum = 0.0;
+    for (const StageVisit& visit : visits)
+        sum += std::pow(visit.uncertainty.at(axis), 2);
+    return std::sqrt(sum / static_cast<double>(visits.size()));
+}
+
+}  // namespace
+
+std::vector<DeclaredStageTerm> declared_stage_terms(std::span<const Axis> axes,
+                                                    const std::vector<StageVisit>& visits) {
+    std::vector<DeclaredStageTerm> terms;
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        terms.push_back(scale_term(axes, i, visits));
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        for (std::size_t j = i + 1; j < axes.size(); ++j)
+            if (axes[i].kind == Axis::Kind::linear && axes[j].kind == Axis::Kind::linear)
+                terms.push_back(squareness_term(axes, i, j, visits));
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        add_direction_terms(terms, axes, i, visits);
+    return terms;
+}
+
+std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> axes,
+                                                          const std::vector<StageVisit>& visits,
+                                                          const Rigid& carriage_from_marker) {
+    std::vector<DeclaredRepeatability> terms;
+    if (visits.empty())
+        return terms;
+    const std::vector<double> q = middle(visits);
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+        DeclaredRepeatability term{axes[i].name, std::nullopt};
+        if (const auto approach = approach_deviation(axes[i])) {
+            const double size = std::hypot(*approach, reading_uncertainty(visits, i));
+            term.marker_mm = marker_shift(axes, q, i, size, carriage_from_marker);
+        }
+        terms.push_back(term);
+    }
+    return terms;
+}
+
+std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,
+                                                  const std::vector<StageVisit>& visits,
+                                                  const Rigid& carriage_from_marker) {
+    std::vector<DeclaredErrorMap> maps;
+    for (std::size_t i = 0; i < axes.size() && !visits.empty(); ++i) {
+        if (!axes[i].errors)
+            continue;
+        DeclaredErrorMap map{axes[i].name};
+        for (const StageVisit& visit : visits) {
+            const double size = axes[i].errors->at(visit.position[i]).value().uncertainty;
+            const double shift = marker_shift(axes, visit.position, i, size, carriage_from_marker);
+            map.marker_rms_mm += shift * shift / static_cast<double>(visits.size());
+            map.marker_max_mm = std::max(map.marker_max_mm, shift);
+        }
+        map.marker_rms_mm = std::sqrt(map.marker_rms_mm);
+        maps.push_back(map);
+    }
+    return maps;
+}
+
+}  // namespace etalon

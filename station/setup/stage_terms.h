@@ -1,0 +1,37 @@
+// What the station declares about its stage, in the words of the analysis: each axis' scale,
+// direction, point, repeatability and error map, and the squareness of each pair of linear axes.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "compare/verdict/qualification.h"
+#include "stage/axes/axes.h"
+
+namespace etalon {
+
+// The axes at one pose, as read back: mm or rad, with the standard uncertainty of the reading.
+struct StageVisit {
+    std::vector<double> position, uncertainty;
+};
+
+// Per axis its scale about its zero, relative ("stage scale x", declared or unknown); per pair of
+// linear axes their squareness ("stage squareness xy", rad: a signature only); and per axis whose
+// direction or point has a declared uncertainty, two terms each for the two ways in which it can be
+// off ("stage direction x, 1st way", rad; "stage point rz, 2nd way", mm).
+std::vector<DeclaredStageTerm> declared_stage_terms(std::span<const Axis> axes,
+                                                    const std::vector<StageVisit>& visits);
+
+// Per axis, how far its repeatability, its backlash and its reading leave the marker's centre
+// apart, with the marker mounted as designed and every axis in the middle of what was visited.
+std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> axes,
+                                                          const std::vector<StageVisit>& visits,
+                                                          const Rigid& carriage_from_marker);
+
+// Per axis with an error map, how far the map's uncertainty leaves the marker's centre apart, RMS
+// over the visits and at most.
+std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,
+                                                  const std::vector<StageVisit>& visits,
+                                                  const Rigid& carriage_from_marker);
+
+}  // namespace etalon

@@ -1,0 +1,124 @@
+// station.yaml (`etalon: station/1`): everything that a qualification run is told. Strictly read;
+// relative paths are relative to the file.
+//
+//     etalon: station/1
+//     id: demo                                  # names the station in records
+//     camera: {uri: "genicam:127.0.0.1", calibration: camera.yml, exposure_us: 2000, gain_db: 0,
+//              packet_size: 1400, frame_timeout_ms: 1000, retries: 5}
+//     stage: {link: {host: 127.0.0.1, port: 1502, unit: 1, response_timeout_ms: 300},
+//             profile: generic, axes: [...]}    # axes: stage/axes/axes.h; a serial line instead of
+//             host and port: {device: /dev/ttyUSB0, baud: 38400, parity: none, data_bits: 8,
+//             stop_bits: 1, unit: 1, response_timeout_ms: 300, quiet_ms: 250}    #
+//             stage/link/stage_link.h
+//     (in stage, optional: forbidden boxes and slow zones, stage/motion/motion_guard.h)
+//     marker: "apriltag:36h11:5@50mm"
+//     marker_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 0]}     carriage_from_marker
+//     camera_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 480]}   camera_from_base
+//     marker_size_uncertainty_ppm: 100          # standard uncertainty
+//     marker_flatness_um: 10                    # the same, of its edge out of its plane
+//     temperature: {uncertainty_k: 0.5, marker_expansion_ppm_per_k: 9,
+//                   stage_expansion_ppm_per_k: 11}
+//     background: 0.6                           # radiance around the marker; its white is 1
+//     white_level: 0.8                          # the marker's white in the photographs
+//     plan: {volume: {x: [-20, 20], rz: [-5, 5]}, poses: 60, hold_out: 0.4, frames: 3, seed: 7,
+//            settle_ms: 50}                     # mm, and degrees for rotary axes
+//     detector: auto
+//     limits: limits.yaml
+//
+// Optional, with these values when left out: exposure_us and gain_db (the device's own, not
+// touched), packet_size 1400, frame_timeout_ms 1000, retries 5, of the link all but the address
+// (the values above), profile generic, marker_mount identity, camera_mount unknown,
+// marker_size_uncertainty_ppm, marker_flatness_um
+// and temperature unknown, background 1, white_level 1, detector auto. All else is
+// required.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "capture/frame/camera.h"
+#include "compare/verdict/limits_file.h"
+#include "compare/verdict/qualification.h"
+#include "core/rigid.h"
+#include "sim/marker/marker.h"
+#include "stage/axes/axes.h"
+#include "stage/motion/motion_guard.h"
+#include "stage/motion/stage.h"
+
+namespace etalon {
+
+// A file that the run was made from, by content.
+struct InputFile {
+    std::string role;  // "station", "calibration", "limits", ...
+    std::filesystem::path path;
+    std::string sha256;
+    std::string copy;  // in a record: "inputs/camera.yml", seen from its folder
+};
+
+struct StationCamera {
+    std::string uri;
+    CameraModel model;         // the calibration under test
+    CaptureSettings settings;  // width, height and bits are the calibration's
+    CameraLink link;
+    int retries = 5;  // of a bad frame
+};
+
+struct StationStage {
+    StageLink link;
+    std::string profile;  // built in, or a path
+    std::vector<Axis> axes;
+    MotionRules rules;  // of these axes
+};
+
+struct PlanRequest {
+    struct Interval {
+        double low = 0.0, high = 0.0;
+    };
+    std::vector<Interval> volume;  // one per axis, in the axes' order, mm or rad
+    int poses = 0;                 // training and hold-out together
+    double hold_out = 0.0;         // share of them, 0 < hold_out < 1
+    int repeats = 0;               // hold-out poses that are visited a second time at the end
+    int frames = 1;                // per pose
+    std::uint64_t seed = 0;
+    std::chrono::milliseconds settle{0};  // after the stage reports the move done
+    SourcePlace place;                    // of `plan.volume`, for errors
+};
+
+struct StationFile {
+    std::string id;
+    StationCamera camera;
+    StationStage stage;
+    Marker marker;
+    // carriage_from_marker as drawn: the prior for directions that no motion of this stage shows.
+    Rigid carriage_from_marker_nominal;
+    // camera_from_base as drawn; nothing: unknown. For what is foretold before anything moves
+    // (which poses the camera sees, what the plan will tell); a run measures it.
+    std::optional<Rigid> camera_from_base_nominal;
+    // Relative standard uncertainty of the printed marker's size; nothing: unknown.
+    std::optional<double> marker_size_uncertainty;
+    // Standard uncertainty of how far its edge stands out of its plane; nothing: unknown.
+    std::optional<double> marker_flatness_mm;
+    std::optional<DeclaredTemperature> temperature;  // nothing: unknown
+    double background = 1.0;                         // radiance around the marker, whose white is 1
+    double white_level = 1.0;  // of the marker's white in the photographs; 1 = full scale
+    PlanRequest plan;
+    std::string detector;
+    Limits limits;
+    std::vector<InputFile> inputs;  // station, calibration, limits, and what these name
+};
+
+// Reads the file and the calibration that it names; checks that the detector can see the marker,
+// that the calibration has what the run needs, and that the volume fits the axes' soft limits.
+// Touches no device. Throws ConfigError with file, line and key.
+StationFile read_station(const std::filesystem::path& path);
+
+// The stage's section alone, whatever the rest of the file is: stopping the axes must not depend on
+// a calibration. Unknown keys are not looked for.
+StationStage read_station_stage(const std::filesystem::path& path);
+
+}  // namespace etalon

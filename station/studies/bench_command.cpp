@@ -1,0 +1,120 @@
+// `etalon bench`: error against run time, for every method and setting.
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "bench/bench_report.h"
+#include "bench/bench_timing.h"
+#include "core/errors.h"
+#include "core/text.h"
+#include "sim/scene/bench_poses.h"
+#include "station/shell/commands.h"
+
+namespace etalon {
+namespace {
+
+constexpr int quick_poses = 5;
+constexpr int quick_throughput = 40;
+constexpr std::uint64_t throughput_seed = 21;
+
+// All scenes, or those asked for by name; an unknown one is refused before anything is measured.
+std::vector<BenchmarkScene> chosen_scenes(const std::vector<std::string>& names) {
+    if (names.empty())
+        return benchmark_scenes();
+    std::vector<BenchmarkScene> scenes;
+    for (const std::string& name : names)
+        scenes.push_back(benchmark_scene(name));
+    return scenes;
+}
+
+BenchPlan plan_of(const BenchArguments& arguments) {
+    BenchPlan plan = arguments.quick ? quick_plan() : full_plan();
+    if (const int samples = arguments.reference_samples; samples > 0) {
+        if (samples < 64 || samples > 1 << 24 || (samples & (samples - 1)) != 0)
+            throw ConfigError({"--reference-samples"},
+                              fmt::format("{} is not a power of two from 64 to 2^24", samples));
+        plan.reference_samples = samples;
+        plan.cloud_reference_samples = std::max(64, samples / 4);
+    }
+    return plan;
+}
+
+void say(const std::string& words) {
+    fmt::print(stderr, "{}\n", words);
+    std::fflush(stderr);
+}
+
+// The throughput first: its peak of memory is then its own.
+BenchResult measure(const BenchArguments& arguments, const std::vector<BenchmarkScene>& scenes) {
+    const BenchPlan plan = plan_of(arguments);
+    const BenchmarkScene webcam = benchmark_scene("webcam-500");
+    const int frames = arguments.throughput.value_or(arguments.quick ? quick_throughput : 10000);
+    const int poses = arguments.poses.value_or(arguments.quick ? quick_poses : 200);
+    BenchResult result;
+    if (frames > 0) {
+        const CellGrid& grid = webcam.scene.markers.front().grid;
+        say(fmt::format("throughput: {} frames", frames));
+        result.throughput =
+            measure_throughput(webcam, study_poses(webcam.camera, grid, frames, throughput_seed));
+        say("throughput from near focus to far");
+        result.wide_throughput =
+            measure_throughput(webcam, spread_poses(webcam.camera, grid, frames, throughput_seed));
+    }
+    for (const BenchmarkScene& scene : scenes) {
+        say(scene.name);
+        result.scenes.push_back(measure_scene(scene, plan));
+    }
+    if (poses > 0)
+        result.cloud = measure_cloud(webcam, poses, plan, [&](int done) {
+            if (done % 50 == 0 || done == poses)
+                say(fmt::format("cloud: {} of {} poses", done, poses));
+        });
+    return result;
+}
+
+void write_files(const std::filesystem::path& folder, const BenchResult& result) {
+    write_text(folder / "bench.csv", bench_csv(result));
+    write_text(folder / "table.md", bench_markdown(result));
+    write_text(folder / "bench.svg", bench_plot(result.scenes));
+    write_text(folder / "bench.json", bench_json(result) + "\n");
+}
+
+void make_folder(const std::filesystem::path& folder) {
+    std::error_code failure;
+    std::filesystem::create_directories(folder, failure);
+    if (failure)
+        throw ConfigError({"--out"}, fmt::format("{}: {}", folder.string(), failure.message()));
+}
+
+// Returns whether all were reached.
+bool print_checks(const std::vector<BenchCheck>& checks, std::FILE* stream) {
+    bool all = true;
+    fmt::print(stream, "\npromised figures:\n");
+    for (const BenchCheck& check : checks) {
+        fmt::print(stream, "  {:<4} {}: {}\n", check.reached ? "ok" : "FAIL", check.what,
+                   check.figure);
+        all = all && check.reached;
+    }
+    return all;
+}
+
+}  // namespace
+
+int run_bench(const BenchArguments& arguments) {
+    const std::vector<BenchmarkScene> scenes = chosen_scenes(arguments.scenes);
+    plan_of(arguments);
+    if (!arguments.out.empty())
+        make_folder(arguments.out);
+    keep_freed_memory();
+    const BenchResult result = measure(arguments, scenes);
+    if (!arguments.out.empty())
+        write_files(arguments.out, result);
+    if (arguments.json)
+        std::puts(bench_json(result).c_str());
+    else
+        std::fputs(bench_text(result).c_str(), stdout);
+    const bool reached = print_checks(bench_checks(result), arguments.json ? stderr : stdout);
+    return arguments.check && !reached ? 1 : 0;
+}
+
+}  // namespace etalon

@@ -1,0 +1,76 @@
+// `etalon stability`: every stiff and extreme case of rendering and projection, as a table.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "bench/stability/stability_case.h"
+#include "core/errors.h"
+#include "station/shell/commands.h"
+
+namespace etalon {
+namespace {
+
+struct Row {
+    StabilityCase one;
+    StabilityOutcome outcome;
+    double seconds;
+};
+
+Row run(const StabilityCase& one) {
+    const auto start = std::chrono::steady_clock::now();
+    const StabilityOutcome outcome = outcome_of(one, render_once);
+    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+    return {one, outcome, taken.count()};
+}
+
+// At most 80 columns: 33 + 23 + 9 + 9 + 6.
+void print_row(const Row& row) {
+    const auto& [one, outcome, seconds] = row;
+    const bool has_figure = outcome.bound > 0.0 || outcome.figure > 0.0;
+    const std::string figure = has_figure ? fmt::format("{:.2e}", outcome.figure) : "-";
+    const std::string bound = has_figure ? fmt::format("{:.2e}", outcome.bound) : "-";
+    fmt::print("{:<32} {:<22} {:>8} {:>8}  {}\n", one.name, one.expectation, figure, bound,
+               outcome.passed ? "ok" : "FAIL");
+    if (!outcome.passed)
+        fmt::print("    {}\n", outcome.words);
+    std::fflush(stdout);
+}
+
+nlohmann::ordered_json json_of(const Row& row) {
+    return {{"case", row.one.name},         {"expectation", row.one.expectation},
+            {"outcome", row.outcome.words}, {"figure", row.outcome.figure},
+            {"bound", row.outcome.bound},   {"ok", row.outcome.passed},
+            {"seconds", row.seconds}};
+}
+
+void print_json(const std::vector<Row>& rows, std::size_t failed) {
+    nlohmann::ordered_json cases = nlohmann::ordered_json::array();
+    for (const Row& row : rows)
+        cases.push_back(json_of(row));
+    const nlohmann::ordered_json result = {
+        {"cases", cases}, {"count", rows.size()}, {"failed", failed}};
+    std::puts(result.dump(1).c_str());
+}
+
+}  // namespace
+
+int run_stability(const StabilityArguments& arguments) {
+    std::vector<Row> rows;
+    std::size_t failed = 0;
+    if (!arguments.json)
+        fmt::print("{:<32} {:<22} {:>8} {:>8}\n", "case", "expectation", "figure", "bound");
+    for (const StabilityCase& one : stability_cases()) {
+        rows.push_back(run(one));
+        failed += !rows.back().outcome.passed;
+        if (!arguments.json)
+            print_row(rows.back());
+    }
+    if (arguments.json)
+        print_json(rows, failed);
+    else
+        fmt::print("{} cases, {} failed\n", rows.size(), failed);
+    return failed == 0 ? 0 : 1;
+}
+
+}  // namespace etalon

@@ -1,0 +1,115 @@
+// `etalon study`: detectors compared on rendered poses; and `etalon study merge`.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "bench/bench_timing.h"
+#include "core/clock.h"
+#include "core/errors.h"
+#include "core/text.h"
+#include "station/shell/commands.h"
+#include "station/shell/signals.h"
+#include "study/study_report.h"
+#include "study/study_run.h"
+
+namespace etalon {
+namespace {
+
+using nlohmann::ordered_json;
+
+std::string rate(double part, double whole) {
+    return fmt::format("{:.1f} %", whole > 0.0 ? 100.0 * part / whole : 0.0);
+}
+
+double sum(const std::vector<double>& values) {
+    double total = 0.0;
+    for (const double value : values)
+        total += value;
+    return total;
+}
+
+// CPU time by purpose. Not part of the results: another run takes other times.
+std::string times_text(const StudyRun& run, const StudyFile& study) {
+    const double rest = run.cpu_ms - run.times.render - run.times.sensor -
+                        sum(run.times.detectors) - run.times.estimate;
+    std::string text = fmt::format(
+        "\n{} poses in {:.1f} s: {:.2f} ms of CPU time a pose, peak memory {:.0f} MiB\n"
+        "  rendering {}, sensor {}, corners to poses {}, all else {}\n",
+        run.poses, 1e-3 * run.wall_ms, run.cpu_ms / static_cast<double>(run.poses),
+        peak_memory_mib(), rate(run.times.render, run.cpu_ms), rate(run.times.sensor, run.cpu_ms),
+        rate(run.times.estimate, run.cpu_ms), rate(rest, run.cpu_ms));
+    for (std::size_t i = 0; i < study.detectors.size(); ++i)
+        text += fmt::format("  {:<22.21} {:>8}  {:.2f} ms a pose\n", study.detectors[i].name,
+                            rate(run.times.detectors[i], run.cpu_ms),
+                            run.times.detectors[i] / static_cast<double>(run.poses));
+    return text;
+}
+
+void write_times(const StudyRun& run, const StudyFile& study, const std::filesystem::path& folder) {
+    ordered_json detectors = ordered_json::object();
+    for (std::size_t i = 0; i < study.detectors.size(); ++i)
+        detectors[study.detectors[i].name] = run.times.detectors[i];
+    const ordered_json json{{"etalon", "study-times/1"},
+                            {"poses", run.poses},
+                            {"wall_ms", run.wall_ms},
+                            {"cpu_ms", run.cpu_ms},
+                            {"render_ms", run.times.render},
+                            {"sensor_ms", run.times.sensor},
+                            {"estimate_ms", run.times.estimate},
+                            {"detectors_ms", detectors}};
+    write_text(folder / "times.json",
+               json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n");
+}
+
+// The report, and what stdout gets of it.
+void finish(const std::filesystem::path& folder, bool json) {
+    const StudyResults results = read_results(folder);
+    const StudySummary summary = summarise(results);
+    write_study_report(results, summary, folder);
+    fmt::print("{}", json ? summary_json(results, summary) : summary_text(results, summary));
+}
+
+std::vector<std::string> ablations_of(const std::string& text) {
+    return text.empty() ? std::vector<std::string>{} : split(text, ',');
+}
+
+}  // namespace
+
+int run_study_command(const StudyArguments& arguments) {
+    std::stop_source stop;
+    const StopOnSignals signals(stop);
+    const StudyFile study = read_study(arguments.study);
+    const StudyShard shard = arguments.shard.empty() ? StudyShard{} : parse_shard(arguments.shard);
+    const StudyOptics optics(study, study_variants(study, ablations_of(arguments.ablate)));
+    StudyRecord record(arguments.out, describe(study, arguments.study, optics.variants(), shard));
+    SteadyClock clock;
+    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    const StudyRun run = run_study(optics, shard, record, stop.get_token(), progress);
+    if (!run.complete) {
+        fmt::print(stderr, "{} of {} poses are done; the same command goes on\n",
+                   record.poses_done(), shard.poses(static_cast<std::size_t>(study.poses.count)));
+        throw Interrupted();
+    }
+    if (run.poses > 0)
+        write_times(run, study, arguments.out);
+    if (shard.is_all())
+        finish(arguments.out, arguments.json);
+    if (!arguments.json && run.poses > 0)
+        fmt::print("{}", times_text(run, study));
+    if (!arguments.json)
+        fmt::print("{} {}\n", shard.is_all() ? "report" : "shard",
+                   (arguments.out / (shard.is_all() ? "report.html" : "results.csv")).string());
+    return 0;
+}
+
+int run_study_merge(const StudyMergeArguments& arguments) {
+    merge_shards(arguments.shards, arguments.out);
+    finish(arguments.out, arguments.json);
+    if (!arguments.json)
+        fmt::print("report {}\n", (arguments.out / "report.html").string());
+    return 0;
+}
+
+}  // namespace etalon

@@ -1,0 +1,169 @@
+#include "study/study_description.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "calib/camera/camera_hash.h"
+#include "core/errors.h"
+#include "core/sha256.h"
+#include "core/text.h"
+#include "core/version.h"
+
+namespace etalon {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr const char* kind = "study-record/1";
+constexpr const char* file_name = "study.json";
+
+ordered_json json_of(const StudyDescription& description) {
+    ordered_json detectors = ordered_json::array(), axes = ordered_json::array();
+    for (const auto& one : description.detectors)
+        detectors.push_back(
+            {{"name", one.name}, {"detector", one.detector}, {"marker", one.marker}});
+    for (const StudyAxis& axis : description.axes)
+        axes.push_back({{"name", axis.name}, {"unit", axis.unit}});
+    return {{"etalon", kind},
+            {"id", description.id},
+            {"camera", description.camera},
+            {"poses", description.poses},
+            {"volume", description.volume},
+            {"detectors", detectors},
+            {"variants", description.variants},
+            {"axes", axes},
+            {"made_from", ordered_json::parse(description.made_from)},
+            {"shard", {description.shard.index, description.shard.count}}};
+}
+
+StudyDescription description_of(const ordered_json& json) {
+    StudyDescription description;
+    description.id = json.at("id");
+    description.camera = json.at("camera");
+    description.poses = json.at("poses");
+    description.volume = json.at("volume");
+    for (const auto& one : json.at("detectors"))
+        description.detectors.push_back({one.at("name"), one.at("detector"), one.at("marker")});
+    description.variants = json.at("variants").get<std::vector<std::string>>();
+    for (const auto& axis : json.at("axes"))
+        description.axes.push_back({axis.at("name"), axis.at("unit")});
+    description.made_from = json.at("made_from").dump();
+    description.shard = {json.at("shard").at(0), json.at("shard").at(1)};
+    const StudyShard& shard = description.shard;
+    if (shard.index < 1 || shard.index > shard.count || description.rows_per_pose() == 0)
+        throw ConfigError({file_name}, "describes no study");
+    return description;
+}
+
+// The first entry of the two that differs, its path inside; empty if none does.
+std::string first_difference(const ordered_json& there, const ordered_json& asked) {
+    for (const auto& [key, value] : asked.items())
+        if (!there.contains(key))
+            return key;
+        else if (there[key] != value && value.is_object() && there[key].is_object())
+            return key + "." + first_difference(there[key], value);
+        else if (there[key] != value)
+            return key;
+    return there.size() == asked.size() ? "" : "number of entries";
+}
+
+std::string camera_words(const CameraModel& camera) {
+    std::string words =
+        fmt::format("{} x {} px, fx {:.6g} px", camera.width, camera.height, camera.intrinsics.fx);
+    if (camera.lens)
+        words += fmt::format(", f/{:.3g} focused at {:.6g} mm", camera.lens->f_number,
+                             camera.lens->focus_distance_mm);
+    if (camera.sensor)
+        words += camera.sensor->transfer.kind == Transfer::Kind::linear   ? ", linear"
+                 : camera.sensor->transfer.kind == Transfer::Kind::rec709 ? ", Rec. 709"
+                                                                          : ", measured curve";
+    if (camera.sensor)
+        words += camera.sensor->gain_e_per_dn > 0.0 ? ", with noise" : ", without noise";
+    return words;
+}
+
+std::string range_words(const std::string& name, const std::optional<Interval>& range,
+                        double unit = 1.0) {
+    if (!range)
+        return name + " all that is seen";
+    if (range->is_fixed())
+        return fmt::format("{} {:.6g}", name, range->low * unit);
+    return fmt::format("{} {:.6g} to {:.6g}", name, range->low * unit, range->high * unit);
+}
+
+std::string volume_words(const StudyPoses& poses) {
+    if (!poses.file.empty())
+        return "listed in a file";
+    constexpr double deg = 180.0 / std::numbers::pi;
+    const PoseVolume& v = poses.volume;
+    const char* sequence = poses.sequence == SequenceKind::sobol          ? "Sobol"
+                           : poses.sequence == SequenceKind::halton_faure ? "Halton (Faure)"
+                                                                          : "Halton";
+    return fmt::format("{}, {}, {} mm; {}, {}, {} deg; {} points, seed {}",
+                       range_words("x", v.x_mm), range_words("y", v.y_mm), range_words("z", v.z_mm),
+                       range_words("roll", v.roll, deg), range_words("pitch", v.pitch, deg),
+                       range_words("yaw", v.yaw, deg), sequence, poses.seed);
+}
+
+}  // namespace
+
+StudyShard parse_shard(const std::string& text) {
+    const std::vector<std::string> parts = split(text, '/');
+    const auto index = parts.size() == 2 ? parse_integer(parts[0]) : std::nullopt;
+    const auto count = parts.size() == 2 ? parse_integer(parts[1]) : std::nullopt;
+    if (!index || !count || *index < 1 || *index > *count || *count > 1'000'000)
+        throw ConfigError({"--shard"}, "must be I/N with 1 <= I <= N, not '" + text + "'");
+    return {static_cast<std::size_t>(*index), static_cast<std::size_t>(*count)};
+}
+
+StudyDescription describe(const StudyFile& study, const std::filesystem::path& file,
+                          const std::vector<StudyVariant>& variants, const StudyShard& shard) {
+    StudyDescription description{.id = study.id,
+                                 .camera = camera_words(study.camera),
+                                 .poses = static_cast<std::size_t>(study.poses.count),
+                                 .volume = volume_words(study.poses),
+                                 .shard = shard};
+    for (const StudiedDetector& one : study.detectors)
+        description.detectors.push_back({one.name, one.detector, one.marker.spec});
+    for (const StudyVariant& variant : variants)
+        description.variants.push_back(variant.name);
+    for (const StudiedDisturbance& one : study.disturbances)
+        description.axes.push_back({one.axis->name, one.axis->unit});
+    if (!study.focus_mm.empty())
+        description.axes.push_back({"focus-mm", "mm"});
+    ordered_json made_from{{"version", version},
+                           {"study_sha256", sha256(read_text(file))},
+                           {"camera_sha256", camera_sha256(study.camera_file, study.camera)}};
+    if (!study.poses.file.empty())
+        made_from["poses_sha256"] = sha256_of_file(study.poses.file);
+    for (const StudiedDetector& one : study.detectors)
+        if (const std::string name = marker_file(one.marker); !name.empty())
+            made_from["marker_files_sha256"][name] = sha256_of_file(name);
+    description.made_from = made_from.dump();
+    return description;
+}
+
+StudyDescription read_description(const std::filesystem::path& folder) {
+    const std::filesystem::path path = folder / file_name;
+    const ordered_json json =
+        ordered_json::parse(read_text(path), nullptr, /*allow_exceptions=*/false);
+    if (!json.is_object() || json.value("etalon", ordered_json()) != kind)
+        throw ConfigError({path.string()}, std::string("is not of ") + kind);
+    try {
+        return description_of(json);
+    } catch (const ordered_json::exception& error) {
+        throw ConfigError({path.string()}, error.what());
+    }
+}
+
+std::string description_text(const StudyDescription& description) {
+    return json_of(description).dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
+
+std::string first_difference(const StudyDescription& one, const StudyDescription& other) {
+    return first_difference(json_of(one), json_of(other));
+}
+
+}  // namespace etalon

@@ -1,0 +1,210 @@
+#include "study/study_file.h"
+
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <numbers>
+
+#include "calib/files/camera_file.h"
+#include "core/strict_reader.h"
+#include "core/text.h"
+#include "sim/scene/pose_file.h"
+
+namespace etalon {
+namespace {
+
+constexpr double rad_per_deg = std::numbers::pi / 180.0;
+constexpr int most_poses = 10'000'000;
+
+// [low, high], or one number that is both.
+Interval read_interval(const Value& value, Range range = any_number, double unit = 1.0) {
+    if (value.is_scalar()) {
+        const double fixed = value.number(range) * unit;
+        return {fixed, fixed};
+    }
+    const auto ends = value.numbers(2, range);
+    if (ends[0] > ends[1])
+        value.fail(fmt::format("must be [low, high], not [{}, {}]", ends[0], ends[1]));
+    return {ends[0] * unit, ends[1] * unit};
+}
+
+Interval read_angle(const Value& poses, const char* key) {
+    const auto value = poses.find(key);
+    return value ? read_interval(*value, {-360.0, 360.0}, rad_per_deg) : Interval{0.0, 0.0};
+}
+
+PoseVolume read_volume(const Value& poses) {
+    PoseVolume volume;
+    if (const auto x = poses.find("x_mm"))
+        volume.x_mm = read_interval(*x);
+    if (const auto y = poses.find("y_mm"))
+        volume.y_mm = read_interval(*y);
+    volume.z_mm = read_interval(poses.at("z_mm"), positive);
+    volume.roll = read_angle(poses, "roll_deg");
+    volume.pitch = read_angle(poses, "pitch_deg");
+    volume.yaw = read_angle(poses, "yaw_deg");
+    if (const auto margin = poses.find("margin_px"))
+        volume.margin_px = margin->number(non_negative);
+    return volume;
+}
+
+SequenceKind read_sequence(const Value& poses) {
+    const auto value = poses.find("sequence");
+    const std::string name = value ? value->one_of({"halton", "halton-faure", "sobol"}) : "halton";
+    return name == "sobol"          ? SequenceKind::sobol
+           : name == "halton-faure" ? SequenceKind::halton_faure
+                                    : SequenceKind::halton;
+}
+
+StudyPoses read_study_poses(const StrictFile& file, const Value& section) {
+    StudyPoses poses;
+    if (const auto seed = section.find("seed"))
+        poses.seed = static_cast<std::uint64_t>(seed->integer(0, std::numeric_limits<int>::max()));
+    if (const auto listed = section.find("file")) {
+        poses.file = file.resolve(listed->text());
+        poses.listed = read_poses(poses.file);
+        poses.count = static_cast<int>(poses.listed.size());
+        return poses;
+    }
+    poses.count = section.at("count").integer(1, most_poses);
+    poses.volume = read_volume(section);
+    poses.sequence = read_sequence(section);
+    return poses;
+}
+
+// ArUco's refinements are detectors of their own in compare/detect/detector.h.
+std::string aruco_finder(const Value& entry) {
+    const auto refinement = entry.find("refinement");
+    const std::string name =
+        refinement ? refinement->one_of({"none", "subpixel", "contour", "apriltag"}) : "subpixel";
+    return name == "subpixel" ? "aruco" : "aruco-" + name;
+}
+
+void read_finder(const Value& entry, StudiedDetector& studied) {
+    studied.finder = studied.detector == "aruco"         ? aruco_finder(entry)
+                     : studied.detector == "photometric" ? "auto"
+                                                         : studied.detector;
+    if (const auto window = entry.find("half_window_px"))
+        studied.options.subpixel_half_window_px = window->integer(1, 30);
+    if (const auto decimate = entry.find("decimate"))
+        studied.options.quad_decimate = decimate->number({1.0, 8.0});
+    if (const auto refine = entry.find("refine_edges"))
+        studied.options.refine_edges = refine->flag();
+    try {
+        make_detector(studied.finder, studied.marker, "", studied.options);
+    } catch (const ConfigError& error) {
+        entry.fail(error.what());
+    }
+}
+
+void read_command(const Value& entry, StudiedDetector& studied) {
+    for (const Value& word : entry.at("command").items())
+        studied.command.push_back(word.text());
+    if (studied.command.empty())
+        entry.at("command").fail("must name a program");
+    const auto time_out = entry.find("time_out_ms");
+    studied.time_out = std::chrono::milliseconds(time_out ? time_out->integer(1, 3'600'000) : 5000);
+}
+
+Marker read_marker(const Value& value) {
+    try {
+        return parse_marker(value.text(), "");
+    } catch (const ConfigError& error) {
+        value.fail(error.what());
+    }
+}
+
+StudiedDetector read_detector(const Value& entry) {
+    StudiedDetector studied{.marker = read_marker(entry.at("marker"))};
+    studied.detector = entry.at("detector").text();
+    if (std::ranges::count(studied_detector_names(), studied.detector) == 0)
+        entry.at("detector")
+            .fail(fmt::format("there is no detector '{}': {}", studied.detector,
+                              fmt::join(studied_detector_names(), ", ")));
+    const auto name = entry.find("name");
+    studied.name = name ? name->text() : studied.detector;
+    if (studied.name.empty() || studied.name.find_first_of("/\n\r") != std::string::npos)
+        entry.fail("a name must not be empty, nor hold a slash or a line break: files have it");
+    if (studied.detector == "external")
+        read_command(entry, studied);
+    else
+        read_finder(entry, studied);
+    return studied;
+}
+
+std::vector<StudiedDetector> read_detectors(const Value& list) {
+    std::vector<StudiedDetector> detectors;
+    for (const Value& entry : list.items()) {
+        detectors.push_back(read_detector(entry));
+        const std::string& name = detectors.back().name;
+        if (std::ranges::count(detectors, name, &StudiedDetector::name) > 1)
+            entry.fail(fmt::format("there are two detectors named '{}': give one a name", name));
+    }
+    if (detectors.empty())
+        list.fail("a study needs a detector");
+    return detectors;
+}
+
+const DisturbanceAxis* disturbance_axis(const std::string& name) {
+    const auto* axis = std::ranges::find(disturbance_axes, name,
+                                         [](const auto& a) { return std::string(a.name); });
+    return axis == disturbance_axes.end() ? nullptr : axis;
+}
+
+void read_disturbances(const Value& section, StudyFile& study) {
+    for (const std::string& name : section.keys()) {
+        const Value value = section.at(name);
+        if (name == "focus-mm") {
+            study.focus_mm = value.numbers(0, positive);
+            if (study.focus_mm.empty() || !study.camera.lens)
+                value.fail(study.camera.lens ? "must name a distance"
+                                             : "the camera states no lens that could be focused");
+            continue;
+        }
+        const DisturbanceAxis* axis = disturbance_axis(name);
+        if (!axis)
+            value.fail("there is no such disturbance");
+        study.disturbances.push_back({axis, read_interval(value)});
+        const Interval& values = study.disturbances.back().values;
+        if (!axis->is_valid(values.low) || !axis->is_valid(values.high))
+            value.fail(fmt::format("must lie within {} to {}", axis->least, axis->most));
+    }
+}
+
+double read_radiance(const Value& root, const char* key) {
+    const auto value = root.find(key);
+    return value ? value->number({0.0, 1.0}) : 1.0;
+}
+
+}  // namespace
+
+const std::vector<std::string>& studied_detector_names() {
+    static const std::vector<std::string> names = {"aruco", "apriltag", "charuco",     "chessboard",
+                                                   "stag",  "topotag",  "photometric", "external"};
+    return names;
+}
+
+StudyFile read_study(const std::filesystem::path& path) {
+    const StrictFile file(path, "study/1");
+    const Value root = file.root();
+    StudyFile study;
+    study.id = root.at("id").text();
+    study.camera_file = file.resolve(root.at("camera").text());
+    study.camera = read_camera(study.camera_file);
+    if (study.camera.projection == Projection::telecentric)
+        root.at("camera").fail("is telecentric: poses need a perspective camera");
+    study.background = read_radiance(root, "background");
+    study.white_level = read_radiance(root, "white_level");
+    study.poses = read_study_poses(file, root.at("poses"));
+    study.detectors = read_detectors(root.at("detectors"));
+    if (const auto disturbances = root.find("disturbances"))
+        read_disturbances(*disturbances, study);
+    if (const auto switched = root.find("switched"))
+        for (const Value& name : switched->items())
+            study.switched.toggle(parse_study_switch(name.text(), name.place()));
+    file.finish();
+    imaging_camera(study.camera, study.switched, root.place());
+    return study;
+}
+
+}  // namespace etalon

@@ -1,0 +1,315 @@
+#include "study/study_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "core/errors.h"
+#include "core/text.h"
+#include "core/version.h"
+#include "report/html.h"
+#include "study/pair_matrix.h"
+#include "study/study_plots.h"
+
+namespace etalon {
+namespace {
+
+using Rows = std::vector<std::vector<std::string>>;
+
+constexpr std::size_t z = 2, angle = 7;  // places in error_measures
+
+// "0.0213 (0.0190 to 0.0240)"; a narrow table breaks it before the bracket only.
+std::string with_interval(const Estimate& estimate) {
+    const std::string value = figure_text(estimate.value);
+    if (!estimate.interval)
+        return value;
+    return fmt::format("{} ({}\u00a0to\u00a0{})", value, figure_text(estimate.interval->low),
+                       figure_text(estimate.interval->high));
+}
+
+std::string with_interval(const std::optional<Estimate>& estimate) {
+    return estimate ? with_interval(*estimate) : "-";
+}
+
+std::string with_interval(const std::optional<Share>& share) {
+    return share ? fmt::format("{:.2f} ({:.2f}\u00a0to\u00a0{:.2f})", 100.0 * share->value,
+                               100.0 * share->low, 100.0 * share->high)
+                 : "-";
+}
+
+// The most frequent ones by name, the rest in one line.
+void add_failures(HtmlPage& page, const StudyResults& results) {
+    constexpr std::size_t most_reasons = 4;
+    Rows rows;
+    for (std::size_t i = 0; i < results.failures.size(); ++i) {
+        std::vector<std::pair<std::string, std::size_t>> reasons(results.failures[i].begin(),
+                                                                 results.failures[i].end());
+        std::ranges::stable_sort(
+            reasons, [](const auto& one, const auto& two) { return one.second > two.second; });
+        std::size_t others = 0;
+        for (std::size_t k = most_reasons; k < reasons.size(); ++k)
+            others += reasons[k].second;
+        reasons.resize(std::min(reasons.size(), most_reasons));
+        if (others > 0)
+            reasons.emplace_back("others, see results.csv", others);
+        for (const auto& [reason, poses] : reasons)
+            rows.push_back(
+                {&reason == &reasons.front().first ? results.description.detectors[i].name : "",
+                 fmt::format("{}", poses), reason});
+    }
+    if (rows.empty())
+        return;
+    page.add_paragraph("Poses that were not detected:");
+    page.add_table({"detector", "poses", "why"}, rows);
+}
+
+void add_detection(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
+    page.add_heading("Detection");
+    Rows rows;
+    for (std::size_t i = 0; i < results.description.detectors.size(); ++i) {
+        const DetectorSummary& one = summary.detectors[0][i];
+        rows.push_back({results.description.detectors[i].name, with_interval(one.own.detected),
+                        with_interval(one.own.flips),
+                        one.median_corner_px() ? figure_text(one.median_corner_px()->value) : "-",
+                        results.description.detectors[i].marker});
+    }
+    page.add_table({"detector", "detected, %", "flips, %", "median corner error, px", "marker"},
+                   rows);
+    page.add_paragraph(
+        "In brackets the 95 % interval. A flip is the wrong one of a planar marker's two poses. "
+        "The corner error is the RMS distance of a pose's corners from the projected truth; what "
+        "reports a pose without corners has none.");
+    add_failures(page, results);
+}
+
+void add_sizes(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
+    page.add_heading("Corner errors by the marker's size in the image");
+    page.add_paragraph(
+        "The size is the root of the area that the marker's points span: a tag's corners, a "
+        "board's inner corners, a TopoTag's vertices, which span less than its square. Errors are "
+        "those of the poses that the detector detects itself: where it detects few, they are the "
+        "easier ones.");
+    Rows rows;
+    for (std::size_t i = 0; i < results.description.detectors.size(); ++i) {
+        std::string name = results.description.detectors[i].name;
+        for (const SizeClass& size : summary.detectors[0][i].sizes) {
+            if (size.poses == 0)
+                continue;
+            rows.push_back({name, size_words(size), with_interval(size.median_corner_px),
+                            size.corner_quantile_px ? figure_text(*size.corner_quantile_px) : "-",
+                            with_interval(size.detected), fmt::format("{}", size.poses)});
+            name.clear();
+        }
+    }
+    page.add_table({"detector", "size, px", "median corner error, px", "95 % are below, px",
+                    "detected, %", "poses"},
+                   rows);
+    page.add_paragraph(fmt::format(
+        "No 95 % quantile is given of fewer than {} poses. \"From 60\" and \"all\" hold the poses "
+        "of the classes above them once more.",
+        least_quantile_values));
+}
+
+void add_errors(HtmlPage& page, const StudyDescription& description,
+                const std::vector<DetectorSummary>& detectors,
+                const PoseStatistics DetectorSummary::*set) {
+    Rows rows;
+    for (std::size_t i = 0; i < detectors.size(); ++i) {
+        const PoseStatistics& statistics = detectors[i].*set;
+        for (std::size_t k = 0; statistics.all && k < error_measure_count; ++k) {
+            const ErrorStatistics& s = (*statistics.all)[k];
+            rows.push_back({k == 0 ? description.detectors[i].name : "",
+                            fmt::format("{}, {}", error_measures[k].name, error_measures[k].unit),
+                            with_interval(s.mean), with_interval(s.standard_deviation),
+                            with_interval(s.mean_absolute), with_interval(s.median_absolute)});
+        }
+    }
+    page.add_table(
+        {"detector", "error", "mean", "standard deviation", "mean |error|", "median |error|"},
+        rows);
+}
+
+// The published comparison's layout: a column for each component.
+void add_short_errors(HtmlPage& page, const StudyDescription& description,
+                      const std::vector<DetectorSummary>& detectors) {
+    Rows rows;
+    for (std::size_t i = 0; i < detectors.size(); ++i)
+        for (std::vector<std::string> row : error_table(detectors[i].common)) {
+            const bool is_first = rows.empty() || row.front() == "mean";
+            row.insert(row.begin(), is_first ? description.detectors[i].name : "");
+            rows.push_back(row);
+        }
+    page.add_table(
+        {"detector", "errors", "X, mm", "Y, mm", "Z, mm", "roll, deg", "pitch, deg", "yaw, deg"},
+        rows);
+}
+
+void add_accuracy(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
+    page.add_heading("Accuracy");
+    page.add_paragraph(fmt::format(
+        "On the {} poses that every detector detects, so that no detector is favoured for leaving "
+        "the difficult ones out. Errors are estimated minus true pose.",
+        summary.common[0]));
+    add_short_errors(page, results.description, summary.detectors[0]);
+    page.begin_details("With 95 % intervals");
+    add_errors(page, results.description, summary.detectors[0], &DetectorSummary::common);
+    page.end_details();
+    page.begin_details("Each detector on all poses that it detects itself");
+    add_errors(page, results.description, summary.detectors[0], &DetectorSummary::own);
+    page.end_details();
+}
+
+void add_variants(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
+    const StudyDescription& description = results.description;
+    if (description.variants.size() < 2)
+        return;
+    page.add_heading("Where the errors come from");
+    page.add_paragraph(
+        "The same study with one thing switched: an error that changes with it is made of it. Each "
+        "line is over the poses that all detectors detect in that variant.");
+    Rows rows;
+    for (std::size_t i = 0; i < description.detectors.size(); ++i)
+        for (std::size_t v = 0; v < description.variants.size(); ++v) {
+            const DetectorSummary& one = summary.detectors[v][i];
+            std::vector<std::string> row{
+                v == 0 ? description.detectors[i].name : "", description.variants[v],
+                one.own.detected ? fmt::format("{:.2f} %", 100.0 * one.own.detected->value) : "-"};
+            const auto add = [&](std::size_t measure, Estimate ErrorStatistics::*value) {
+                row.push_back(
+                    one.common.all ? figure_text(((*one.common.all)[measure].*value).value) : "-");
+            };
+            for (std::size_t k = 0; k <= z; ++k)
+                add(k, &ErrorStatistics::mean);
+            add(z, &ErrorStatistics::median_absolute);
+            add(angle, &ErrorStatistics::median_absolute);
+            rows.push_back(row);
+        }
+    page.add_table({"detector", "switched", "detected", "mean X, mm", "mean Y, mm", "mean Z, mm",
+                    "median |Z|, mm", "median angle, deg"},
+                   rows);
+}
+
+void add_pairs(HtmlPage& page, const std::vector<PairMatrix>& matrices) {
+    page.add_heading("Errors against the degrees of freedom");
+    page.add_paragraph(
+        "Each of the six errors against each of the six components of the true pose: how many "
+        "poses lie where, their mean and the mean ± one standard deviation. A detector's panels "
+        "show all poses that it detects itself, those that it misses are in none.");
+    add_pair_matrices(page, matrices);
+}
+
+// The detected poses of a mask; bins of an axis do not depend on which are detected.
+DetectorErrors only(const DetectorErrors& errors, const std::vector<bool>& mask) {
+    DetectorErrors kept = errors;
+    for (std::size_t i = 0; i < kept.size(); ++i)
+        if (!mask[i])
+            kept[i].reset();
+    return kept;
+}
+
+// One value of the axis per pose and detector.
+using AxisValues = std::vector<const std::vector<double>*>;
+
+std::vector<HtmlPage::Figure> error_figures(const std::string& label,
+                                            const std::vector<BinnedDetector>& binned) {
+    return {{median_error_plot(label, z, binned).svg(), "Median |Z error|, with 95 % intervals"},
+            {median_error_plot(label, angle, binned).svg(),
+             "Median angle between the poses, with 95 % intervals"}};
+}
+
+void add_axis(HtmlPage& page, const StudyResults& results, const std::string& label,
+              const AxisValues& values, const std::vector<bool>& common) {
+    std::vector<BinnedDetector> own, shared;
+    for (std::size_t i = 0; i < results.description.detectors.size(); ++i) {
+        const std::string& name = results.description.detectors[i].name;
+        const DetectorErrors& errors = results.errors[0][i];
+        own.push_back({name, binned_statistics(errors, *values[i])});
+        shared.push_back({name, binned_statistics(only(errors, common), *values[i])});
+    }
+    std::vector<HtmlPage::Figure> figures = error_figures(label, own);
+    figures.insert(figures.begin(),
+                   {detection_rate_plot(label, own).svg(), "Detected, with 95 % intervals"});
+    page.add_figures(figures);
+    page.begin_details(fmt::format("The errors on the {} poses that every detector detects",
+                                   std::ranges::count(common, true)));
+    page.add_figures(error_figures(label, shared));
+    page.end_details();
+}
+
+void add_axes(HtmlPage& page, const StudyResults& results) {
+    const StudyDescription& description = results.description;
+    const std::vector<bool> common = commonly_detected(results.errors[0]);
+    page.add_heading("Against the marker's size in the image");
+    page.add_paragraph(
+        "Errors here and below are those of the poses that each detector detects itself; folded "
+        "away beneath are those of the poses that all detect.");
+    AxisValues values;
+    for (const std::vector<double>& sizes : results.sizes_px)
+        values.push_back(&sizes);
+    add_axis(page, results, "root of the marker's area in the image / px", values, common);
+    for (std::size_t k = 0; k < description.axes.size(); ++k) {
+        const StudyAxis& axis = description.axes[k];
+        page.add_heading("Against " + axis.name);
+        add_axis(page, results, axis.unit.empty() ? axis.name : axis.name + " / " + axis.unit,
+                 AxisValues(description.detectors.size(), &results.axes[k]), common);
+    }
+}
+
+std::vector<PairMatrix> matrices_of(const StudyResults& results) {
+    std::vector<PairMatrix> matrices;
+    for (std::size_t i = 0; i < results.description.detectors.size(); ++i)
+        matrices.push_back(pair_matrix(results.description.detectors[i].name, results.truth,
+                                       results.errors[0][i]));
+    return matrices;
+}
+
+std::string html_of(const StudyResults& results, const StudySummary& summary,
+                    const std::vector<PairMatrix>& matrices) {
+    const StudyDescription& description = results.description;
+    HtmlPage page("Study " + description.id, "detectors compared on rendered images");
+    page.add_facts({{"poses", fmt::format("{}", description.poses)},
+                    {"detectors", fmt::format("{}", description.detectors.size())},
+                    {"poses that all detect", fmt::format("{}", summary.common[0])},
+                    {"etalon", version}});
+    page.add_paragraph("Camera: " + description.camera + ".");
+    page.add_paragraph("Poses: " + description.volume + ".");
+    if (results.refused > 0)
+        page.add_paragraph(fmt::format(
+            "{} poses could not be rendered (results.csv says why); they count as not detected.",
+            results.refused));
+    add_detection(page, results, summary);
+    add_accuracy(page, results, summary);
+    add_sizes(page, results, summary);
+    add_variants(page, results, summary);
+    add_pairs(page, matrices);
+    add_axes(page, results);
+    return page.finish();
+}
+
+// A name as part of a file's name.
+std::string file_word(const std::string& name) {
+    std::string word = name;
+    for (char& c : word)
+        if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-' && c != '.')
+            c = '_';
+    return word;
+}
+
+}  // namespace
+
+std::string study_html(const StudyResults& results, const StudySummary& summary) {
+    return html_of(results, summary, matrices_of(results));
+}
+
+void write_study_report(const StudyResults& results, const StudySummary& summary,
+                        const std::filesystem::path& folder) {
+    const std::vector<PairMatrix> matrices = matrices_of(results);
+    for (const PairMatrix& matrix : matrices)
+        write_text(folder / ("pairs-" + file_word(matrix.detector) + ".svg"),
+                   pair_matrix_svg(matrix));
+    write_text(folder / "summary.csv", summary_csv(results.description, summary));
+    write_text(folder / "summary.json", summary_json(results, summary));
+    write_text(folder / "report.html", html_of(results, summary, matrices));
+}
+
+}  // namespace etalon

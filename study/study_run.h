@@ -1,0 +1,24 @@
+// Carries a study out: every pose that its record does not hold yet, in parallel, written in order.
+#pragma once
+
+#include <stop_token>
+
+#include "core/progress.h"
+#include "study/study_record.h"
+
+namespace etalon {
+
+struct StudyRun {
+    std::size_t poses = 0;  // evaluated now
+    bool complete = false;  // false: stopped before the last pose
+    StudyTimes times;
+    double cpu_ms = 0.0, wall_ms = 0.0;  // of the whole run
+};
+
+// A stop request lets the poses in work be finished. Results depend neither on threads nor on
+// order; as many images are in memory as there are threads. Throws what StudyWorker and
+// StudyRecord::add throw, and NumericalError for a volume into which the markers hardly fit.
+StudyRun run_study(const StudyOptics& optics, const StudyShard& shard, StudyRecord& record,
+                   std::stop_token stop, Progress& progress);
+
+}  // namespace etalon

@@ -1,0 +1,55 @@
+// What a study's results say: statistics of every detector in every variant, over its own poses and
+// over those that all detectors of the variant detect; and the same as tables, CSV and JSON.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "study/study_results.h"
+#include "study/study_sizes.h"
+
+namespace etalon {
+
+struct DetectorSummary {
+    PoseStatistics own, common;
+    std::vector<SizeClass> sizes;  // over its own poses
+
+    // Over all sizes.
+    const std::optional<Estimate>& median_corner_px() const {
+        return sizes.back().median_corner_px;
+    }
+};
+
+struct StudySummary {
+    std::vector<std::size_t> common;  // by variant: poses that every detector detects
+    std::vector<std::vector<DetectorSummary>> detectors;  // by variant, by detector
+};
+
+// 25 ms and 1 us a line of the results.
+StudySummary summarise(const StudyResults& results);
+
+// For a terminal, at most 80 columns: detection, errors on the common poses, and the variants.
+std::string summary_text(const StudyResults& results, const StudySummary& summary);
+
+// A line per variant, detector, set of poses and measure. Columns, empty where there is nothing:
+//
+//     variant,detector,set       set: "own", "common", or "size", a class of the own poses by size
+//     poses,detected             of the set
+//     measure,unit               of "size": "corner", the RMS corner error of a pose
+//     mean, std, mean_absolute, median_absolute      each with _low and _high, the 95 % interval
+//     size_from_px,size_to_px    of "size": the class (study/study_sizes.h)
+//     quantile95_absolute        of "size": the error that 95 % of its poses do not exceed
+std::string summary_csv(const StudyDescription& description, const StudySummary& summary);
+
+// Everything with its intervals.
+std::string summary_json(const StudyResults& results, const StudySummary& summary);
+
+// Mean, standard deviation, mean and median |error|: a line each, with a cell for each of the six
+// components ("-" where there is none) behind the statistic's name. Empty if nothing was detected.
+std::vector<std::vector<std::string>> error_table(const PoseStatistics& statistics);
+
+// "-0.0213", "12.90": four figures; for cells of tables.
+std::string figure_text(double value);
+
+}  // namespace etalon

@@ -1,0 +1,139 @@
+// `etalon stability` would notice a renderer that is wrong: the cases are given wrong ones.
+#include "bench/stability/stability_case.h"
+
+#include <gmock/gmock.h>
+
+#include <opencv2/imgproc.hpp>
+#include <set>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+StabilityCase case_named(const std::string& name) {
+    for (const StabilityCase& one : stability_cases())
+        if (one.name == name)
+            return one;
+    throw std::invalid_argument("no case is named " + name);
+}
+
+// The image half a gray too bright, its marker a tenth of a pixel too far to the right.
+RenderedImage too_bright(const CameraModel& camera, const Scene& scene,
+                         const RenderOptions& options) {
+    RenderedImage image = render_once(camera, scene, options);
+    image.radiance += 0.5 / 255.0;
+    return image;
+}
+RenderedImage shifted(const CameraModel& camera, const Scene& scene, const RenderOptions& options) {
+    Scene moved = scene;
+    for (PlacedMarker& marker : moved.markers)
+        marker.camera_from_marker.translation.x() +=
+            0.1 * marker.camera_from_marker.translation.z() / camera.intrinsics.fx;
+    return render_once(camera, moved, options);
+}
+RenderedImage too_bright_on_the_left(const CameraModel& camera, const Scene& scene,
+                                     const RenderOptions& options) {
+    RenderedImage image = render_once(camera, scene, options);
+    image.radiance.colRange(0, camera.width / 2) += 0.5 / 255.0;
+    return image;
+}
+// An image whatever the numbers are.
+RenderedImage credulous(const CameraModel& camera, const Scene& scene, const RenderOptions&) {
+    RenderedImage image;
+    image.radiance = cv::Mat(camera.height, camera.width, CV_32FC1, cv::Scalar(scene.background));
+    return image;
+}
+
+TEST(Stability, ARightRenderPasses) {
+    const StabilityOutcome outcome =
+        outcome_of(case_named("marker outside the image"), render_once);
+    EXPECT_TRUE(outcome.passed) << outcome.words;
+    EXPECT_TRUE(outcome_of(case_named("behind the lens"), render_once).passed);
+}
+
+TEST(Stability, CatchesAWrongRender) {
+    EXPECT_FALSE(outcome_of(case_named("marker outside the image"), too_bright).passed);
+    EXPECT_FALSE(outcome_of(case_named("moved by whole pixels"), too_bright_on_the_left).passed);
+    EXPECT_FALSE(outcome_of(case_named("tiny marker, 3 px"), credulous).passed);
+}
+
+TEST(Stability, CatchesABrokenSymmetry) {
+    EXPECT_TRUE(outcome_of(case_named("mirrored"), credulous).passed);
+    EXPECT_FALSE(outcome_of(case_named("mirrored"), shifted).passed);
+}
+
+TEST(Stability, CatchesAnImageWhereARefusalIsDue) {
+    for (const char* name : {"behind the lens", "nan: pose", "infinity: camera and lens"}) {
+        const StabilityOutcome outcome = outcome_of(case_named(name), credulous);
+        EXPECT_FALSE(outcome.passed) << name;
+    }
+    EXPECT_THAT(outcome_of(case_named("nan: pose"), credulous).words,
+                testing::HasSubstr("accepted: qx = nan"));
+}
+
+TEST(Stability, CountsAnExceptionAsAFailure) {
+    const auto throwing = [](const CameraModel&, const Scene&,
+                             const RenderOptions&) -> RenderedImage {
+        throw NumericalError("not today");
+    };
+    const StabilityOutcome outcome = outcome_of(case_named("tiny marker, 3 px"), throwing);
+    EXPECT_FALSE(outcome.passed);
+    EXPECT_EQ(outcome.words, "not today");
+}
+
+TEST(Stability, NumbersWithoutAMeaningAreRefused) {
+    for (const StabilityCase& one : input_cases()) {
+        const StabilityOutcome outcome = outcome_of(one, render_once);
+        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
+    }
+}
+
+TEST(Stability, ProjectionComesBack) {
+    for (const StabilityCase& one : projection_cases()) {
+        const StabilityOutcome outcome = outcome_of(one, render_once);
+        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
+    }
+}
+
+TEST(Stability, StiffServosFollowTheirClosedForm) {
+    for (const StabilityCase& one : servo_cases()) {
+        const StabilityOutcome outcome = outcome_of(one, credulous);
+        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
+        EXPECT_GT(outcome.figure, 0.0) << one.name;
+    }
+}
+
+TEST(Stability, CalibrationsAgreeWithLongDouble) {
+    for (const StabilityCase& one : calibration_cases()) {
+        const StabilityOutcome outcome = outcome_of(one, credulous);
+        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
+        EXPECT_GT(outcome.figure, 0.0) << one.name;
+    }
+}
+
+TEST(Stability, RegistrationsNameWhatAStageCannotTell) {
+    for (const StabilityCase& one : registration_cases()) {
+        const StabilityOutcome outcome = outcome_of(one, credulous);
+        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
+        EXPECT_FALSE(outcome.words.empty() && outcome.bound > 0.0) << one.name;
+    }
+}
+
+TEST(Stability, NamesAreDistinctFitTheTableAndCoverWhatIsPromised) {
+    std::set<std::string> names;
+    std::string all;
+    for (const StabilityCase& one : stability_cases()) {
+        EXPECT_TRUE(names.insert(one.name).second) << one.name;
+        EXPECT_LE(one.name.size(), 32u) << one.name;
+        EXPECT_LE(one.expectation.size(), 22u) << one.expectation;
+        all += one.name + "\n";
+    }
+    for (const char* word :
+         {"tilt", "focus", "behind", "fold", "pole", "nan", "infinity", "barrel", "tiny",
+          "background", "megapixel", "stiff", "calibrating", "registering"})
+        EXPECT_THAT(all, testing::HasSubstr(word));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,513 @@
+// Files of other tools, laid out as their documentation says (docs/files.md names it), with numbers
+// of which no two are alike.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <opencv2/core.hpp>
+
+#include "calib/camera/projector.h"
+#include "calib/files/boofcv_file.h"
+#include "calib/files/camera_file.h"
+#include "calib/files/camera_formats.h"
+#include "calib/files/colmap_file.h"
+#include "calib/files/kalibr_file.h"
+#include "calib/files/matlab_file.h"
+#include "calib/files/mrcal_file.h"
+#include "calib/files/opencv_file.h"
+#include "calib/files/ros_file.h"
+#include "core/errors.h"
+#include "tests/calib/cameras.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+using testing::HasSubstr;
+
+std::filesystem::path written(const std::string& text) {
+    static const TemporaryFolder folder;
+    const auto path = folder / "case";
+    std::ofstream(path, std::ios::binary) << text;
+    return path;
+}
+
+CameraModel read(const std::string& text, const std::string& select = "") {
+    return read_foreign_camera(written(text), select);
+}
+
+// The message from the file's name on, or "no error".
+std::string error_of(const std::string& text, const std::string& select = "") {
+    try {
+        read(text, select);
+    } catch (const ConfigError& error) {
+        const std::string what = error.what();
+        return what.substr(what.find("case:") == std::string::npos ? 0 : what.find("case:"));
+    }
+    return "no error";
+}
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+    return text.replace(text.find(from), from.size(), to);
+}
+
+const std::string kalibr =
+    "cam0:\n"
+    "  cam_overlaps: []\n"
+    "  camera_model: pinhole\n"
+    "  distortion_coeffs: [-0.27, 0.067, 0.00087, 0.00011]\n"
+    "  distortion_model: radtan\n"
+    "  intrinsics: [461.5, 460.25, 362.75, 246.125]\n"
+    "  resolution: [752, 480]\n"
+    "  rostopic: /cam0/image_raw\n";
+const std::string second_kalibr = replaced(replaced(kalibr, "cam0:", "cam1:"), "461.5", "463.5");
+
+const std::string mrcal =
+    "# generated on 2024-01-02 with   mrcal-calibrate-cameras --lensmodel ...\n"
+    "{\n"
+    "    'lensmodel':  'LENSMODEL_OPENCV8',\n"
+    "\n"
+    "    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....\n"
+    "    'intrinsics': [ 1766.5, 1765.25, 1944.75, 1064.125, 2.16, -1.18, -9.3e-05, 0.00077, "
+    "-0.23, 2.44, -0.66, -0.62,],\n"
+    "\n"
+    "    # extrinsics are rt_fromref\n"
+    "    'extrinsics': [ 0.1, -0.2, 0.3, 4, -5, 6,],\n"
+    "\n"
+    "    'imagersize': [ 3840, 2160,],\n"
+    "\n"
+    "    # it's data that isn't for people\n"
+    "    'optimization_inputs': b'P)h>@6aWAK2mk;8Apkaw#]{}[:, *&!%0000000000',\n"
+    "\n"
+    "}\n";
+
+const std::string matlab =
+    "{\"RadialDistortion\":[-0.33,0.092,0.011],\"TangentialDistortion\":[0.0012,-0.0034],"
+    "\"ImageSize\":[712,1072],\"WorldPoints\":[[0,0],[0,29]],\"WorldUnits\":\"millimeters\","
+    "\"EstimateSkew\":false,\"NumRadialDistortionCoefficients\":3,"
+    "\"EstimateTangentialDistortion\":true,\"RotationVectors\":[],\"ReprojectionErrors\":null,"
+    "\"IntrinsicMatrix\":[[715.25,0,0],[0,711.5,0],[565.75,355.375,1]]}";
+
+const std::string boofcv =
+    "# Pinhole camera model with radial and tangential distortion\n"
+    "# (fx,fy) = focal length, (cx,cy) = principle point, (width,height) = image shape\n"
+    "# radial = radial distortion, (t1,t2) = tangential distortion\n"
+    "\n"
+    "pinhole:\n"
+    "  skew: 0.0\n"
+    "  fx: 530.75\n"
+    "  width: 640\n"
+    "  fy: 529.5\n"
+    "  cx: 323.25\n"
+    "  cy: 234.625\n"
+    "  height: 480\n"
+    "model: pinhole_radial_tangential\n"
+    "version: 0\n"
+    "radial_tangential:\n"
+    "  t1: 0.0013\n"
+    "  radial:\n"
+    "  - -0.24\n"
+    "  - 0.125\n"
+    "  t2: -0.0021\n";
+
+const std::string colmap =
+    "# Camera list with one line of data per camera:\n"
+    "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+    "# Number of cameras: 1\n"
+    "3 FULL_OPENCV 3072 2304 2559.75 2558.5 1536.25 1152.75 -0.2 0.1 0.001 -0.002 0.03 0.4 -0.05 "
+    "0.06\n";
+
+void expect_size(const CameraModel& camera, int width, int height) {
+    EXPECT_EQ(camera.width, width);
+    EXPECT_EQ(camera.height, height);
+}
+
+using All = std::array<double, 14>;
+
+TEST(KalibrFile, ReadsRadtanAndNone) {
+    const CameraModel camera = read(kalibr);
+    expect_size(camera, 752, 480);
+    EXPECT_EQ(camera.intrinsics.fy, 460.25);
+    EXPECT_EQ(camera.intrinsics.cx, 362.75);
+    EXPECT_EQ(camera.distortion.in_opencv_order(), (All{-0.27, 0.067, 0.00087, 0.00011}));
+    const std::string none = replaced(kalibr, "distortion_model: radtan", "distortion_model: none");
+    EXPECT_TRUE(
+        read(replaced(none, "[-0.27, 0.067, 0.00087, 0.00011]", "[]")).distortion.is_zero());
+}
+
+TEST(KalibrFile, OneOfSeveralCamerasMustBeNamed) {
+    EXPECT_THAT(error_of(kalibr + second_kalibr), HasSubstr("has 2 cameras (cam0, cam1)"));
+    EXPECT_EQ(read(kalibr + second_kalibr, "cam1").intrinsics.fx, 463.5);
+    EXPECT_THAT(error_of(kalibr, "cam7"), HasSubstr("cam7: missing"));
+}
+
+TEST(KalibrFile, NamesFileLineAndKeyOfWhatItRefuses) {
+    const auto with = [](const std::string& from, const std::string& to) {
+        return error_of(replaced(kalibr, from, to));
+    };
+    EXPECT_THAT(with("radtan", "equidistant"),
+                HasSubstr("case:5: cam0.distortion_model: must be radtan or none, not 'equidist"));
+    EXPECT_THAT(with("pinhole", "omni"),
+                HasSubstr("case:3: cam0.camera_model: must be pinhole, not 'omni'"));
+    EXPECT_THAT(with("radtan", "fov"), HasSubstr("must be radtan or none, not 'fov'"));
+    EXPECT_THAT(with("461.5", "-461.5"), HasSubstr("case:6: cam0.intrinsics: fx and fy must be"));
+    EXPECT_THAT(with("461.5", ".nan"), HasSubstr("case:6: cam0.intrinsics: must be a finite"));
+    EXPECT_THAT(with("461.5, ", ""), HasSubstr("cam0.intrinsics: must have 4 numbers, not 3"));
+    EXPECT_THAT(with("0.067, ", ""), HasSubstr("case:4: cam0.distortion_coeffs: must have 4"));
+    EXPECT_THAT(with("752", "752.5"), HasSubstr("case:7: cam0.resolution: must be a whole"));
+    EXPECT_THAT(with("rostopic", "resolution"), HasSubstr("case:8: cam0.resolution: doubled"));
+}
+
+// Each with the intrinsics and coefficients that Kalibr gives it (its wiki, "yaml formats").
+TEST(KalibrFile, RefusesEveryOtherModelOfKalibrByName) {
+    struct Model {
+        const char *camera, *intrinsics, *distortion, *coefficients, *refusal;
+    };
+    for (const Model& model :
+         {Model{"omni", "[0.8, 833.0, 830.3, 373.8, 253.7]", "radtan", "[-0.3, 0.1, 0.0, 0.0]",
+                "camera_model: must be pinhole, not 'omni'"},
+          Model{"ds", "[-0.2, 0.6, 190.0, 190.1, 254.9, 256.8]", "none", "[]",
+                "camera_model: must be pinhole, not 'ds'"},
+          Model{"eucm", "[0.6, 1.1, 190.0, 190.1, 254.9, 256.8]", "none", "[]",
+                "camera_model: must be pinhole, not 'eucm'"},
+          Model{"pinhole", "[190.9, 190.9, 254.9, 256.8]", "equidistant",
+                "[0.003, 0.0007, -0.002, 0.0002]",
+                "distortion_model: must be radtan or none, not 'equidistant'"},
+          Model{"pinhole", "[190.9, 190.9, 254.9, 256.8]", "fov", "[0.92]",
+                "distortion_model: must be radtan or none, not 'fov'"}})
+        EXPECT_THAT(error_of(std::string("cam0:\n  cam_overlaps: []\n  camera_model: ") +
+                             model.camera + "\n  distortion_coeffs: " + model.coefficients +
+                             "\n  distortion_model: " + model.distortion +
+                             "\n  intrinsics: " + model.intrinsics +
+                             "\n  resolution: [512, 512]\n  rostopic: /cam0/image_raw\n"),
+                    HasSubstr(model.refusal));
+}
+
+TEST(MrcalFile, ReadsTheOpenCvModels) {
+    const CameraModel camera = read(mrcal);
+    expect_size(camera, 3840, 2160);
+    EXPECT_EQ(camera.intrinsics.fx, 1766.5);
+    EXPECT_EQ(camera.intrinsics.cy, 1064.125);
+    EXPECT_EQ(camera.distortion.in_opencv_order(),
+              (All{2.16, -1.18, -9.3e-05, 0.00077, -0.23, 2.44, -0.66, -0.62}));
+    const std::string old = replaced(mrcal, "'lensmodel'", "'lens_model'");
+    EXPECT_EQ(read(old).distortion.k6, -0.62);
+}
+
+TEST(MrcalFile, NamesFileLineAndKeyOfWhatItRefuses) {
+    const auto with = [](const std::string& from, const std::string& to) {
+        return error_of(replaced(mrcal, from, to));
+    };
+    EXPECT_THAT(with("LENSMODEL_OPENCV8", "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30"),
+                HasSubstr("case:3: lensmodel: must be LENSMODEL_PINHOLE or LENSMODEL_OPENCV4, "
+                          "_OPENCV5, _OPENCV8 or _OPENCV12, not 'LENSMODEL_SPLINED"));
+    EXPECT_THAT(with("OPENCV8", "OPENCV5"), HasSubstr("intrinsics: must have 9 numbers, not 12"));
+    EXPECT_THAT(with("1766.5", "None"), HasSubstr("case:6: intrinsics: must be a finite number"));
+    EXPECT_THAT(with("3840", "0"), HasSubstr("case:11: imagersize: must be a whole number"));
+}
+
+TEST(MatlabFile, ReadsEveryWayToSayTheMatrix) {
+    const auto with_matrix = [](const std::string& text) {
+        return replaced(matlab, "\"IntrinsicMatrix\":[[715.25,0,0],[0,711.5,0],[565.75,355.375,1]]",
+                        text);
+    };
+    for (const std::string& text :
+         {matlab, with_matrix("\"K\":[[715.25,0,565.75],[0,711.5,355.375],[0,0,1]]"),
+          with_matrix("\"FocalLength\":[715.25,711.5],\"PrincipalPoint\":[565.75,355.375],"
+                      "\"Skew\":0")}) {
+        const CameraModel camera = read(text);
+        expect_size(camera, 1072, 712);
+        EXPECT_EQ(camera.intrinsics.fx, 715.25);
+        EXPECT_EQ(camera.intrinsics.fy, 711.5);
+        EXPECT_EQ(camera.intrinsics.cx, 564.75);
+        EXPECT_EQ(camera.intrinsics.cy, 354.375);
+        EXPECT_EQ(camera.distortion.in_opencv_order(), (All{-0.33, 0.092, 0.0012, -0.0034, 0.011}));
+    }
+    EXPECT_EQ(read(replaced(matlab, "[712,1072]", "[]")).width, 0);
+}
+
+TEST(MatlabFile, NamesFileLineAndKeyOfWhatItRefuses) {
+    const auto with = [](const std::string& from, const std::string& to) {
+        return error_of(replaced(matlab, from, to));
+    };
+    EXPECT_THAT(with("[0,711.5,0]", "[0.5,711.5,0]"),
+                HasSubstr("case:1: IntrinsicMatrix: has a skew of 0.5"));
+    EXPECT_THAT(with("\"WorldPoints\"", "\"Skew\":0.25,\"WorldPoints\""),
+                HasSubstr("case:1: Skew: must be 0, not 0.25"));
+    EXPECT_THAT(with("\"WorldPoints\"", "\"MappingCoefficients\":[1,2,3,4],\"WorldPoints\""),
+                HasSubstr("MappingCoefficients: belongs to fisheyeParameters"));
+    EXPECT_THAT(with("-0.33,0.092,0.011", "-0.33"),
+                HasSubstr("RadialDistortion: must have 2 or 3 coefficients, not 1"));
+    EXPECT_THAT(with("715.25", "null"), HasSubstr("IntrinsicMatrix: must be a finite number"));
+    EXPECT_THAT(with("\"WorldPoints\"",
+                     "\"K\":[[715.25,0,565.75],[0,711.5,355.5],[0,0,1]],\"WorldPoints\""),
+                HasSubstr("IntrinsicMatrix: contradicts K"));
+    EXPECT_THAT(error_of("{\"RadialDistortion\":[1,2]}"), HasSubstr("has none of K"));
+}
+
+TEST(BoofCvFile, ReadsBrown) {
+    const CameraModel camera = read(boofcv);
+    expect_size(camera, 640, 480);
+    EXPECT_EQ(camera.intrinsics.fx, 530.75);
+    EXPECT_EQ(camera.intrinsics.cx, 322.75);
+    EXPECT_EQ(camera.intrinsics.cy, 234.125);
+    EXPECT_EQ(camera.distortion.in_opencv_order(), (All{-0.24, 0.125, 0.0013, -0.0021}));
+    const std::string without = boofcv.substr(0, boofcv.find("radial_tangential:\n"));
+    EXPECT_TRUE(read(replaced(without, "model: pinhole_radial_tangential", "model: pinhole"))
+                    .distortion.is_zero());
+}
+
+TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
+    const auto with = [](const std::string& from, const std::string& to) {
+        return error_of(replaced(boofcv, from, to));
+    };
+    EXPECT_THAT(
+        with("model: pinhole_radial_tangential", "model: kannala_brandt"),
+        HasSubstr("case:13: model: must be pinhole or pinhole_radial_tangential, not 'kan"));
+    EXPECT_THAT(with("skew: 0.0", "skew: 1.5"), HasSubstr("case:6: pinhole.skew: must be 0"));
+    EXPECT_THAT(with("fx: 530.75", "fx: wide"), HasSubstr("case:7: pinhole.fx: must be a finite"));
+    EXPECT_THAT(with("  - 0.125\n", "  - 0.125\n  - 1\n  - 2\n"),
+                HasSubstr("radial_tangential.radial: must have at most 3 coefficients, not 4"));
+    EXPECT_THAT(with("  height: 480\n", ""), HasSubstr("pinhole.height: missing"));
+}
+
+TEST(ColmapFile, ReadsEveryModelThatWeHave) {
+    const CameraModel camera = read(colmap);
+    expect_size(camera, 3072, 2304);
+    EXPECT_EQ(camera.intrinsics.fy, 2558.5);
+    EXPECT_EQ(camera.intrinsics.cx, 1535.75);
+    EXPECT_EQ(camera.intrinsics.cy, 1152.25);
+    EXPECT_EQ(camera.distortion.in_opencv_order(),
+              (All{-0.2, 0.1, 0.001, -0.002, 0.03, 0.4, -0.05, 0.06}));
+    const CameraModel radial = read("# list\n1 RADIAL 640 480 500.5 320.5 241.5 0.25 -0.125\n");
+    EXPECT_EQ(radial.intrinsics.fx, 500.5);
+    EXPECT_EQ(radial.intrinsics.fy, 500.5);
+    EXPECT_EQ(radial.intrinsics.cy, 241.0);
+    EXPECT_EQ(radial.distortion.in_opencv_order(), (All{0.25, -0.125}));
+    EXPECT_EQ(read("1 PINHOLE 640 480 500.5 502 320.5 241.5\n").intrinsics.fy, 502);
+    EXPECT_EQ(read("1 SIMPLE_RADIAL 640 480 500.5 320.5 241.5 0.25\n").distortion.k1, 0.25);
+}
+
+TEST(ColmapFile, OneOfSeveralCamerasMustBeNamed) {
+    const std::string two = colmap + "7 SIMPLE_PINHOLE 640 480 500 320 240\n";
+    EXPECT_THAT(error_of(two), HasSubstr("has 2 cameras"));
+    EXPECT_EQ(read(two, "7").intrinsics.fx, 500);
+    EXPECT_THAT(error_of(two, "8"), HasSubstr("has no camera 8"));
+    EXPECT_THAT(error_of(two + "7 PINHOLE 640 480 1 2 3 4\n", "7"), HasSubstr("case:6: camera 7"));
+}
+
+TEST(ColmapFile, NamesFileLineAndFieldOfWhatItRefuses) {
+    EXPECT_THAT(error_of(replaced(colmap, "FULL_OPENCV", "OPENCV_FISHEYE")),
+                HasSubstr("case:4: MODEL: must be SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, "
+                          "OPENCV or FULL_OPENCV, not 'OPENCV_FISHEYE'"));
+    EXPECT_THAT(error_of(replaced(colmap, " 0.06", "")),
+                HasSubstr("case:4: PARAMS: FULL_OPENCV has 12 parameters, not 11"));
+    EXPECT_THAT(error_of(replaced(colmap, "2559.75", "nan")),
+                HasSubstr("case:4: PARAMS: must be a finite number, not 'nan'"));
+    EXPECT_THAT(error_of(replaced(colmap, "3072", "-5")), HasSubstr("case:4: must be a whole"));
+    EXPECT_THAT(error_of("1 PINHOLE\n"), HasSubstr("PARAMS: PINHOLE has 4 parameters, not 0"));
+}
+
+// A camera of which every tool's model holds all coefficients up to the given one.
+CameraModel camera_with_coefficients(std::size_t count) {
+    CameraModel camera = test::all_fourteen();
+    auto all = camera.distortion.in_opencv_order();
+    std::fill(all.begin() + static_cast<std::ptrdiff_t>(count), all.end(), 0.0);
+    camera.distortion = Distortion::from_opencv_order(all);
+    camera.intrinsics = {2000.0 / 3, 1999.0 / 3, 255.0 + 1.0 / 3, 700.0 / 3};
+    return camera;
+}
+
+struct Held {
+    CalibrationTool tool;
+    std::size_t coefficients;
+};
+constexpr std::array held{Held{CalibrationTool::opencv, 14}, Held{CalibrationTool::ros, 8},
+                          Held{CalibrationTool::kalibr, 4},  Held{CalibrationTool::mrcal, 12},
+                          Held{CalibrationTool::matlab, 5},  Held{CalibrationTool::boofcv, 5},
+                          Held{CalibrationTool::colmap, 8}};
+
+TEST(ForeignFiles, WriteWhatReadsBack) {
+    for (const auto& [tool, most] : held)
+        for (const std::size_t count : {0u, 4u, 5u, 8u, 12u, 14u}) {
+            if (count > most)
+                continue;
+            const CameraModel camera = camera_with_coefficients(count);
+            const auto path = written("");
+            write_foreign_camera(path, tool, camera);
+            EXPECT_EQ(tool_of(path), tool) << name_of(tool);
+            const CameraModel back = read_camera(path);
+            expect_size(back, camera.width, camera.height);
+            EXPECT_EQ(back.intrinsics.fx, camera.intrinsics.fx);
+            EXPECT_EQ(back.intrinsics.fy, camera.intrinsics.fy);
+            const double rounding = first_pixel_centre(tool) == 0.0 ? 0.0 : 1e-13;
+            EXPECT_NEAR(back.intrinsics.cx, camera.intrinsics.cx, rounding) << name_of(tool);
+            EXPECT_NEAR(back.intrinsics.cy, camera.intrinsics.cy, rounding) << name_of(tool);
+            EXPECT_EQ(back.distortion.in_opencv_order(), camera.distortion.in_opencv_order())
+                << name_of(tool) << " " << count;
+        }
+}
+
+TEST(OpenCvFile, WritesXmlAndJsonByTheEnding) {
+    const CameraModel camera = test::all_fourteen();
+    for (const auto& [name, beginning] :
+         {std::pair{"c.xml", "<?xml"}, std::pair{"c.json", "{"}, std::pair{"c.yml", "%YAML"}}) {
+        const auto path = written("").replace_filename(name);
+        write_opencv_camera(path, camera);
+        std::ifstream file(path);
+        std::string first;
+        file >> first;
+        EXPECT_THAT(first, testing::StartsWith(beginning));
+        EXPECT_EQ(tool_of(path), CalibrationTool::opencv);
+        const CameraModel back = read_camera(path);
+        EXPECT_EQ(back.distortion.in_opencv_order(), camera.distortion.in_opencv_order()) << name;
+        EXPECT_EQ(back.intrinsics.cy, camera.intrinsics.cy);
+        expect_size(back, camera.width, camera.height);
+    }
+}
+
+TEST(OpenCvFile, ReadsStandardDeviations) {
+    const std::string text =
+        "{\"cameraMatrix\": [[538.0, 0, 342.5], [0, 541.0, 233.5], [0, 0, 1]],\n"
+        "\"cameraMatrix_std_dev\": [0.5, 0.25, 1.5, 0],\n"
+        "\"image_width\": 640, \"image_height\": 480,\n"
+        "\"dist_coeffs\": [-0.25, 0.125, 0.5, -0.0625, 7.0],\n"
+        "\"dist_coeffs_std_dev\": [0.125, 3, 0, 0, 0.75]}\n";
+    const CameraModel camera = read(text);
+    ASSERT_TRUE(camera.covariance);
+    EXPECT_THAT(camera.covariance->order, testing::ElementsAre("fx", "fy", "cx", "k1", "k2", "k3"));
+    EXPECT_EQ(camera.covariance->matrix(2, 2), 2.25);
+    EXPECT_EQ(camera.covariance->matrix(5, 5), 0.5625);
+    EXPECT_EQ(camera.covariance->matrix(0, 1), 0.0);
+    EXPECT_THAT(error_of(replaced(text, "1.5, 0]", "-1.5, 0]")),
+                HasSubstr("case:2: cameraMatrix_std_dev: has a standard deviation"));
+    for (const char* extreme : {"1e200, 0]", "1e-200, 0]"})
+        EXPECT_THAT(error_of(replaced(text, "1.5, 0]", extreme)),
+                    HasSubstr("cameraMatrix_std_dev: has a standard deviation"));
+    EXPECT_THAT(error_of(replaced(text, "1.5, 0]", "1.5, 0, 9]")), HasSubstr("at most 4"));
+}
+
+// Laid out as the example in OpenCV's tutorial on the interactive calibration.
+TEST(OpenCvFile, ReadsWhatTheInteractiveCalibrationWrites) {
+    const std::string text =
+        "<?xml version=\"1.0\"?>\n<opencv_storage>\n"
+        "<calibrationDate>\"Sat 07 Mar 2026 02:05:09 PM UTC\"</calibrationDate>\n"
+        "<framesCount>21</framesCount>\n"
+        "<cameraResolution>\n  1280 720</cameraResolution>\n"
+        "<cameraMatrix type_id=\"opencv-matrix\">\n  <rows>3</rows>\n  <cols>3</cols>\n"
+        "  <dt>d</dt>\n  <data>\n    1252.5 0. 666.75 0. 1251.25 363.5 0. 0. 1.</data>"
+        "</cameraMatrix>\n"
+        "<cameraMatrix_std_dev type_id=\"opencv-matrix\">\n  <rows>4</rows>\n  <cols>1</cols>\n"
+        "  <dt>d</dt>\n  <data>\n    0. 12.5 2.75 2.5</data></cameraMatrix_std_dev>\n"
+        "<dist_coeffs type_id=\"opencv-matrix\">\n  <rows>1</rows>\n  <cols>5</cols>\n"
+        "  <dt>d</dt>\n  <data>\n    0.125 -0.75 0. 0. 1.5</data></dist_coeffs>\n"
+        "<dist_coeffs_std_dev type_id=\"opencv-matrix\">\n  <rows>5</rows>\n  <cols>1</cols>\n"
+        "  <dt>d</dt>\n  <data>\n    0.015625 0.09375 0. 0. 0.1875</data></dist_coeffs_std_dev>\n"
+        "<avg_reprojection_error>0.42</avg_reprojection_error>\n</opencv_storage>\n";
+    const CameraModel camera = read(text);
+    expect_size(camera, 1280, 720);
+    EXPECT_EQ(camera.intrinsics.fy, 1251.25);
+    EXPECT_EQ(camera.distortion.k3, 1.5);
+    ASSERT_TRUE(camera.covariance);
+    EXPECT_THAT(camera.covariance->order, testing::ElementsAre("fy", "cx", "cy", "k1", "k2", "k3"));
+    EXPECT_EQ(camera.covariance->matrix(5, 5), 0.1875 * 0.1875);
+    EXPECT_THAT(error_of(replaced(text, "1280 720", "1280")), HasSubstr("cameraResolution"));
+    EXPECT_THAT(error_of(replaced(text, "1280 720", "1280 -720")), HasSubstr("cameraResolution"));
+    EXPECT_THAT(
+        error_of(replaced(text, "<framesCount>21</framesCount>",
+                          "<image_width>1280</image_width><image_height>720</image_height>")),
+        HasSubstr("is given as 'image_width' too"));
+}
+
+TEST(OpenCvFile, WritesStandardDeviationsThatReadBack) {
+    CameraModel camera = camera_with_coefficients(5);
+    // Of k6 too, which is 0: the list of coefficients must reach so far.
+    camera.covariance = ParameterCovariance{{"cy", "fx", "k6", "p1"}, Eigen::MatrixXd::Zero(4, 4)};
+    camera.covariance->matrix.diagonal() << 0.25, 9.0, 0.0625, 7.0;
+    camera.covariance->matrix(0, 1) = camera.covariance->matrix(1, 0) = 0.5;
+    for (const char* name : {"c.xml", "c.json", "c.yml"}) {
+        const auto path = written("").replace_filename(name);
+        write_opencv_camera(path, camera);
+        const CameraModel back = read_camera(path);
+        EXPECT_EQ(back.distortion.in_opencv_order(), camera.distortion.in_opencv_order());
+        ASSERT_TRUE(back.covariance) << name;
+        EXPECT_THAT(back.covariance->order, testing::ElementsAre("fx", "cy", "p1", "k6"));
+        EXPECT_EQ(back.covariance->matrix(0, 0), 9.0);
+        EXPECT_EQ(back.covariance->matrix(1, 1), 0.25);
+        EXPECT_NEAR(back.covariance->matrix(2, 2), 7.0, 1e-14);  // sqrt(7) squared
+        EXPECT_EQ(back.covariance->matrix(3, 3), 0.0625);
+        EXPECT_EQ(back.covariance->matrix(0, 1), 0.0);  // what the file has no place for
+    }
+}
+
+TEST(ForeignFiles, RefuseACoefficientThatTheyCannotHold) {
+    for (const auto& [tool, most] : held) {
+        if (most == 14)
+            continue;
+        CameraModel camera = camera_with_coefficients(most);
+        camera.distortion.tau_y = 0.125;
+        try {
+            write_foreign_camera(written(""), tool, camera);
+            ADD_FAILURE() << name_of(tool);
+        } catch (const ConfigError& error) {
+            EXPECT_THAT(error.what(), HasSubstr("has no place for tau_y = 0.125"));
+        }
+    }
+}
+
+// The tool's own pixels, by its documentation: OpenCV's call the centre of the first pixel 0,
+// COLMAP's (and BoofCV's) 0.5, MATLAB's 1. A point is projected by hand in the tool's pixels, then
+// by us in ours; the difference must be exactly where that tool sees our pixel (0, 0).
+TEST(ForeignFiles, PointsProjectOntoTheSamePixelOfTheSensor) {
+    struct Case {
+        const std::string& text;
+        double fx, fy, cx, cy;  // as the file says
+        double first_pixel;
+    };
+    const std::string plain_mrcal =
+        "{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [500.5, 502.25, 320.5, 241.75],\n"
+        "'extrinsics': [0,0,0,0,0,0], 'imagersize': [640, 480]}\n";
+    const std::string plain_kalibr =
+        replaced(kalibr, "[-0.27, 0.067, 0.00087, 0.00011]", "[0, 0, 0, 0]");
+    const std::string plain_matlab =
+        replaced(replaced(matlab, "-0.33,0.092,0.011", "0,0"), "0.0012,-0.0034", "0,0");
+    const std::string plain_boofcv = replaced(boofcv.substr(0, boofcv.find("radial_tangential:\n")),
+                                              "model: pinhole_radial_tangential", "model: pinhole");
+    const std::string plain_colmap = "1 PINHOLE 640 480 500.5 502.25 320.5 241.75\n";
+    const Eigen::Vector3d point(0.21, -0.13, 1.4);
+    for (const Case& c : {Case{plain_mrcal, 500.5, 502.25, 320.5, 241.75, 0.0},
+                          Case{plain_kalibr, 461.5, 460.25, 362.75, 246.125, 0.0},
+                          Case{plain_matlab, 715.25, 711.5, 565.75, 355.375, 1.0},
+                          Case{plain_boofcv, 530.75, 529.5, 323.25, 234.625, 0.5},
+                          Case{plain_colmap, 500.5, 502.25, 320.5, 241.75, 0.5}}) {
+        const auto ours = Projector(read(c.text)).project(point);
+        ASSERT_TRUE(ours);
+        EXPECT_NEAR(c.fx * 0.15 + c.cx - (*ours)(0), c.first_pixel, 1e-12) << c.text;
+        EXPECT_NEAR(c.fy * -0.13 / 1.4 + c.cy - (*ours)(1), c.first_pixel, 1e-12) << c.text;
+    }
+}
+
+TEST(ForeignFiles, SayWhatTheyDoNotHold) {
+    CameraModel camera = test::webcam();
+    const auto lost = [&](CalibrationTool tool) { return lost_in_foreign_file(tool, camera); };
+    EXPECT_TRUE(lost(CalibrationTool::ros).empty());
+    camera.serial = "U3V-7";
+    camera.sensor = Sensor{.pixel_pitch_um = 5};
+    EXPECT_THAT(lost(CalibrationTool::ros), testing::ElementsAre("serial", "sensor"));
+    camera.covariance = ParameterCovariance{{"fx", "k1"}, Eigen::Matrix2d::Identity()};
+    EXPECT_THAT(lost(CalibrationTool::ros), testing::ElementsAre("serial", "covariance", "sensor"));
+    EXPECT_THAT(lost(CalibrationTool::opencv), testing::ElementsAre("serial", "sensor"));
+    camera.covariance->matrix(0, 1) = camera.covariance->matrix(1, 0) = 0.5;
+    EXPECT_THAT(lost(CalibrationTool::opencv),
+                testing::ElementsAre("serial", "correlations of the covariance", "sensor"));
+    camera.projection = Projection::telecentric;
+    EXPECT_THROW(write_foreign_camera(written(""), CalibrationTool::colmap, camera), ConfigError);
+}
+
+TEST(ForeignFiles, ASelectionNeedsSeveralCameras) {
+    EXPECT_THAT(error_of(mrcal, "cam1"), HasSubstr("there is nothing to select"));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,147 @@
+// The 26 chessboard photographs of OpenCV's documentation package, copied flat into
+// ETALON_PHOTO_DIR.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "calib/files/camera_file.h"
+#include "calib/intrinsics/calibrate.h"
+#include "compare/detect/chessboard_corners.h"
+#include "sim/marker/marker.h"
+#include "tests/paths.h"
+
+namespace etalon {
+namespace {
+
+std::vector<std::filesystem::path> photos(const std::string& side) {
+    std::vector<std::filesystem::path> paths;
+    for (const int number : {1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 13, 14})
+        paths.push_back(std::filesystem::path(ETALON_PHOTO_DIR) /
+                        fmt::format("{}{:02}.jpg", side, number));
+    return paths;
+}
+
+bool have(const std::vector<std::filesystem::path>& paths) {
+    return std::all_of(paths.begin(), paths.end(),
+                       [](const auto& path) { return std::filesystem::exists(path); });
+}
+
+std::vector<CalibrationView> views_of(const std::string& side) {
+    const Marker board = parse_marker("chessboard:9x6@25mm", "test");
+    std::vector<CalibrationView> views;
+    for (const auto& photo : photos(side)) {
+        const auto corners = find_chessboard_corners(read_image(photo), 9, 6);
+        if (!corners) {
+            ADD_FAILURE() << "no board in " << photo;
+            continue;
+        }
+        EXPECT_EQ(corners->refinement_half_window_px, 5);
+        views.push_back({board.points_mm, corners->pixels});
+    }
+    return views;
+}
+
+// Once for all tests, as the command does it: model advised, everything measured.
+const CameraCalibration& calibration(const std::string& side) {
+    static std::map<std::string, CameraCalibration> known;
+    if (!known.contains(side))
+        known[side] = calibrate_camera(views_of(side), {640, 480});
+    return known[side];
+}
+
+const ModelScore& score(const CameraCalibration& calibration, const std::string& model) {
+    return *std::find_if(calibration.advice.models.begin(), calibration.advice.models.end(),
+                         [&](const ModelScore& each) { return each.model == model; });
+}
+
+TEST(CalibrationPhotos, LeftFitsAndPredictsToATwentiethOfASquare) {
+    if (!have(photos("left")))
+        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+    const CameraCalibration& found = calibration("left");
+    EXPECT_EQ(found.points_left_out(), 0u);
+    EXPECT_LE(found.rms_px, 0.200);
+    EXPECT_LE(*found.leave_one_out_rms_px, 0.203);
+    EXPECT_GE(*found.leave_one_out_rms_px, found.rms_px);
+    // The package's own calibration, from the same photos with a wider refinement window.
+    const auto theirs =
+        read_camera(std::filesystem::path(ETALON_PHOTO_DIR) / "left_intrinsics.yml");
+    EXPECT_NEAR(found.camera.intrinsics.fx, theirs.intrinsics.fx, 5.0);
+    EXPECT_NEAR(found.camera.intrinsics.cx, theirs.intrinsics.cx, 3.0);
+    EXPECT_NEAR(found.camera.intrinsics.cy, theirs.intrinsics.cy, 3.0);
+}
+
+TEST(CalibrationPhotos, RightFitsAndPredictsToATwentiethOfASquare) {
+    if (!have(photos("right")))
+        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+    const CameraCalibration& found = calibration("right");
+    EXPECT_EQ(found.points_left_out(), 0u);
+    EXPECT_LE(found.rms_px, 0.212);
+    EXPECT_LE(*found.leave_one_out_rms_px, 0.216);
+}
+
+// The standard model is the simplest that predicts; without left06.jpg the prism model folds over
+// in it, and the rational one misses it by far: they followed the photos.
+TEST(CalibrationPhotos, RationalAndPrismModelsAreFoundToOverfit) {
+    if (!have(photos("left")))
+        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+    const CameraCalibration& found = calibration("left");
+    EXPECT_EQ(found.model.name, "standard");
+    EXPECT_FALSE(found.overfits());
+    for (const char* model : {"rational", "prism"}) {
+        EXPECT_TRUE(score(found, model).overfits) << model;
+        EXPECT_LT(score(found, model).rms_px, 0.1945) << model;
+        EXPECT_LT(score(found, model).rms_px, found.rms_px) << model;
+    }
+    for (const char* model : {"pinhole", "radial", "standard"})
+        EXPECT_FALSE(score(found, model).overfits) << model;
+    const auto asked =
+        calibrate_camera(views_of("left"), {640, 480}, {.model = "prism", .resamples = 0});
+    EXPECT_EQ(asked.model.name, "prism");
+    EXPECT_TRUE(asked.overfits());
+}
+
+// The photographed corners are not independent within a photo: formal deviations are too small, and
+// two ways of looking at whole photos agree on by how much, as far as 13 photos tell (20 % each;
+// the bootstrap is also moved by k3, which single photos decide).
+TEST(CalibrationPhotos, DeviationsOverViewsExceedTheFormalOnes) {
+    if (!have(photos("left")))
+        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+    for (const char* side : {"left", "right"})
+        for (const ParameterDeviation& deviation : calibration(side).deviations) {
+            EXPECT_GT(deviation.cluster_robust, deviation.formal) << deviation.name;
+            EXPECT_LT(deviation.cluster_robust, 5 * deviation.formal) << deviation.name;
+            ASSERT_TRUE(deviation.bootstrap);
+            EXPECT_GT(*deviation.bootstrap, deviation.formal) << deviation.name;
+            EXPECT_LT(*deviation.bootstrap, 5 * deviation.formal) << deviation.name;
+            EXPECT_GT(*deviation.bootstrap / deviation.cluster_robust, 0.6) << deviation.name;
+            EXPECT_LT(*deviation.bootstrap / deviation.cluster_robust, 2.0) << deviation.name;
+        }
+}
+
+// Two halves that share no photo, where corners were.
+TEST(CalibrationPhotos, HalvesAgreeAsTheirCovariancesSay) {
+    if (!have(photos("left")))
+        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+    for (const char* side : {"left", "right"}) {
+        const CrossValidation& halves = calibration(side).halves.value();
+        EXPECT_LT(halves.rms_px, 1.0) << side;
+        EXPECT_LT(halves.rms_px, 2.0 * halves.expected_robust_px) << side;
+    }
+}
+
+TEST(CalibrationPhotos, ThePackagesOwnCalibrationIsRead) {
+    const auto path = std::filesystem::path(ETALON_PHOTO_DIR) / "left_intrinsics.yml";
+    if (!std::filesystem::exists(path))
+        GTEST_SKIP() << "no " << path;
+    const CameraModel camera = read_camera(path);
+    EXPECT_EQ(camera.width, 640);
+    EXPECT_EQ(camera.height, 480);
+    EXPECT_EQ(camera.intrinsics.fx, 5.3591573396163199e+02);
+    EXPECT_EQ(camera.intrinsics.cy, 2.3557082909788173e+02);
+    EXPECT_EQ(camera.distortion.p1, 1.7831947042852964e-03);
+    EXPECT_EQ(camera.distortion.k3, 2.3839153080878486e-01);
+}
+
+}  // namespace
+}  // namespace etalon

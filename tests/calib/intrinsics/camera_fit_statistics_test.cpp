@@ -1,0 +1,228 @@
+// Whether the covariances that a fit states are what independent noise does to it: 2000
+// calibrations of the same eight views, each with noise of its own.
+//
+// 47 statements are tested, of which the wrong ones shall be less than one in a hundred test
+// programs: each at 0.01 / 47, 3.7 standard errors two-sided. Seeds are the run's number.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdio>
+
+#include "calib/intrinsics/camera_fit.h"
+#include "core/student_t.h"
+#include "tests/calib/synthetic_views.h"
+
+namespace etalon {
+namespace {
+
+constexpr int runs = 2000, views = 8, points = 54, parameters = 9;
+constexpr int freedom = 2 * views * points - parameters - 6 * views;
+constexpr double noise_px = 0.1, limit = 3.7;
+const cv::Size image_size(640, 480);
+
+// Of nine rays through the image, corners included.
+std::vector<Eigen::Vector2d> rays(const CameraModel& camera) {
+    const Projector projector(camera);
+    std::vector<Eigen::Vector2d> all;
+    for (const double y : {20.0, 240.0, 460.0})
+        for (const double x : {30.0, 320.0, 610.0})
+            all.push_back(projector.unproject({x, y}).value());
+    return all;
+}
+
+struct Calibrated {
+    Eigen::VectorXd error, u;              // of the parameters
+    Eigen::VectorXd pixel_error, pixel_u;  // of where the rays land, x and y in turn
+    double distance = 0.0;                 // Mahalanobis, squared, over the number of parameters
+};
+
+// Boards over all of the image, near enough to fill half of it.
+Rigid near_pose(int view) {
+    const double turn = 2.4 * view;
+    const Eigen::Quaterniond rotation = rotation_from_vector(
+        {0.55 * std::cos(turn), 0.5 * std::sin(turn), 0.15 * std::sin(5 * turn)});
+    const Eigen::Vector3d place(45.0 * (view % 3 - 1), 30.0 * (view / 3 - 1),
+                                310.0 + 40.0 * std::sin(4 * turn));
+    return {rotation, place - rotation * Eigen::Vector3d(100, 62.5, 0)};
+}
+
+class Experiment {
+public:
+    Experiment() : rays_(rays(truth_)) {
+        for (int v = 0; v < views; ++v) {
+            poses_.push_back(near_pose(v));
+            exact_.push_back(test::synthetic_view(truth_, poses_.back(), 0.0, 0));
+        }
+    }
+
+    std::vector<CalibrationView> noisy(int run) const {
+        RandomStream random(run, 20);
+        std::vector<CalibrationView> noisy = exact_;
+        for (CalibrationView& view : noisy)
+            for (Eigen::Vector2d& pixel : view.pixels)
+                pixel += noise_px * Eigen::Vector2d(random.normal(), random.normal());
+        return noisy;
+    }
+
+    // Started at the truth, which is faster and ends at the same minimum (the test below).
+    Calibrated calibrate(int run) const {
+        const auto observed = noisy(run);
+        const CameraFit fit =
+            fit_camera(observed, image_size, model_, {.start = CameraStart{truth_, poses_}});
+        EXPECT_TRUE(fit.converged) << run;
+        const Eigen::MatrixXd covariance =
+            fit.variance *
+            inverse_information(
+                view_equations(observed, fit.camera, fit.camera_from_target, model_), model_);
+        Calibrated result;
+        result.error = parameters_of(fit.camera, model_) - parameters_of(truth_, model_);
+        result.u = covariance.diagonal().cwiseSqrt();
+        result.distance = result.error.dot(covariance.ldlt().solve(result.error)) / parameters;
+        project_rays(fit.camera, covariance, result);
+        return result;
+    }
+
+    const CalibrationModel& model() const { return model_; }
+
+private:
+    void project_rays(const CameraModel& camera, const Eigen::MatrixXd& covariance,
+                      Calibrated& run) const {
+        const Eigen::Index count = static_cast<Eigen::Index>(2 * rays_.size());
+        run.pixel_error.resize(count);
+        run.pixel_u.resize(count);
+        for (std::size_t i = 0; i < rays_.size(); ++i) {
+            const Eigen::Matrix2Xd jacobian = parameter_jacobian(camera, rays_[i], model_);
+            const Eigen::Matrix2d of_pixel = jacobian * covariance * jacobian.transpose();
+            const auto at = static_cast<Eigen::Index>(2 * i);
+            run.pixel_error.segment<2>(at) = pixel(camera, rays_[i]) - pixel(truth_, rays_[i]);
+            run.pixel_u.segment<2>(at) = of_pixel.diagonal().cwiseSqrt();
+        }
+    }
+
+    static Eigen::Vector2d pixel(const CameraModel& camera, const Eigen::Vector2d& ray) {
+        const Eigen::Vector2d d = distort(camera.distortion, ray).point;
+        const Intrinsics& i = camera.intrinsics;
+        return {i.fx * d.x() + i.cx, i.fy * d.y() + i.cy};
+    }
+
+    const CameraModel truth_ = test::calibration_truth();
+    const CalibrationModel& model_ = calibration_model("standard");
+    std::vector<Eigen::Vector2d> rays_;
+    std::vector<Rigid> poses_;
+    std::vector<CalibrationView> exact_;
+};
+
+// P(F <= f) of Fisher's distribution by Simpson's rule on the beta density.
+double f_probability(double f, double m, double n) {
+    constexpr int steps = 400;
+    const double end = m * f / (m * f + n), a = 0.5 * m, b = 0.5 * n;
+    const double scale = std::lgamma(a + b) - std::lgamma(a) - std::lgamma(b);
+    double sum = 0.0;
+    for (int i = 1; i <= steps; ++i) {
+        const double x = end * i / steps;
+        const double weight = i == steps ? 1.0 : i % 2 == 1 ? 4.0 : 2.0;
+        sum += weight * std::exp(scale + (a - 1) * std::log(x) + (b - 1) * std::log1p(-x));
+    }
+    return sum * end / (3.0 * steps);
+}
+
+struct Column {
+    double coverage, mean_error_in_u, scatter_over_u;
+};
+
+Column summary(const std::vector<double>& errors, const std::vector<double>& us) {
+    const double quantile = student_t_quantile(0.025, freedom);
+    double inside = 0.0, mean = 0.0, squares = 0.0, stated = 0.0;
+    for (std::size_t i = 0; i < errors.size(); ++i) {
+        inside += std::abs(errors[i]) <= quantile * us[i];
+        mean += errors[i] / us[i] / runs;
+        squares += errors[i] * errors[i] / runs;
+        stated += us[i] * us[i] / runs;
+    }
+    return {inside / runs, mean, std::sqrt(squares / stated)};
+}
+
+void expect_stated(const std::string& name, const Column& column, bool every_figure) {
+    std::printf("%-14s coverage %.4f  mean %+.3f u  scatter / u %.3f\n", name.c_str(),
+                column.coverage, column.mean_error_in_u, column.scatter_over_u);
+    EXPECT_NEAR(column.coverage, 0.95, limit * std::sqrt(0.95 * 0.05 / runs)) << name;
+    if (!every_figure)
+        return;
+    EXPECT_NEAR(column.mean_error_in_u, 0.0, limit / std::sqrt(runs)) << name;
+    EXPECT_NEAR(column.scatter_over_u, 1.0, limit / std::sqrt(2.0 * runs)) << name;
+}
+
+// Mahalanobis distances in twenty classes of equal probability under Fisher's distribution.
+// Pearson's statistic has 19 degrees of freedom; its quantile at 1 - 0.01/47 is 49 (Wilson and
+// Hilferty).
+void expect_fisher(const std::vector<Calibrated>& all) {
+    constexpr int classes = 20;
+    std::vector<double> counts(classes);
+    double mean = 0.0, pearson = 0.0;
+    for (const Calibrated& run : all) {
+        const double p = f_probability(run.distance, parameters, freedom);
+        ++counts[std::clamp(static_cast<int>(classes * p), 0, classes - 1)];
+        mean += run.distance / runs;
+    }
+    const double expected = static_cast<double>(runs) / classes;
+    for (const double count : counts)
+        pearson += (count - expected) * (count - expected) / expected;
+    const double n = freedom, m = parameters;
+    const double deviation =
+        std::sqrt(2.0 * n * n * (m + n - 2) / (m * (n - 2) * (n - 2) * (n - 4)) / runs);
+    std::printf("Mahalanobis    mean %.4f, expected %.4f +- %.4f; chi-square %.1f of 19 degrees\n",
+                mean, n / (n - 2), deviation, pearson);
+    EXPECT_NEAR(mean, n / (n - 2), limit * deviation);
+    EXPECT_LT(pearson, 49.0);
+}
+
+template <typename Get>
+Column column_of(const std::vector<Calibrated>& all, Get get) {
+    std::vector<double> errors, us;
+    for (const Calibrated& run : all) {
+        const auto [error, u] = get(run);
+        errors.push_back(error);
+        us.push_back(u);
+    }
+    return summary(errors, us);
+}
+
+TEST(CameraFitStatistics, StatedCovariancesAreWhatNoiseDoes) {
+    const Experiment experiment;
+    std::vector<Calibrated> all;
+    const auto start = std::chrono::steady_clock::now();
+    for (int run = 0; run < runs; ++run)
+        all.push_back(experiment.calibrate(run));
+    const std::chrono::duration<double, std::milli> taken =
+        std::chrono::steady_clock::now() - start;
+    std::printf("%d calibrations of %d views x %d points, %.2f ms each\n", runs, views, points,
+                taken.count() / runs);
+    for (int i = 0; i < parameters; ++i)
+        expect_stated(
+            experiment.model().parameters[i],
+            column_of(all, [i](const Calibrated& r) { return std::pair(r.error[i], r.u[i]); }),
+            true);
+    for (int i = 0; i < 18; ++i)
+        expect_stated("ray " + std::to_string(i / 2) + (i % 2 ? " y" : " x"),
+                      column_of(all,
+                                [i](const Calibrated& r) {
+                                    return std::pair(r.pixel_error[i], r.pixel_u[i]);
+                                }),
+                      false);
+    expect_fisher(all);
+}
+
+// Found from the views alone: the same to a millionth of u.
+TEST(CameraFitStatistics, TheStartDoesNotMatter) {
+    const Experiment experiment;
+    for (int run = 0; run < 20; ++run) {
+        const CameraFit fit = fit_camera(experiment.noisy(run), image_size, experiment.model());
+        const Calibrated warm = experiment.calibrate(run);
+        const Eigen::VectorXd cold = parameters_of(fit.camera, experiment.model()) -
+                                     parameters_of(test::calibration_truth(), experiment.model());
+        EXPECT_LT((cold - warm.error).cwiseQuotient(warm.u).cwiseAbs().maxCoeff(), 1e-6) << run;
+    }
+}
+
+}  // namespace
+}  // namespace etalon

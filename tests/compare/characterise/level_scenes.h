@@ -1,0 +1,53 @@
+// Photographs from the sensor model for the tests of what characterises a sensor: a camera with
+// noise, and radiance pictures with many levels.
+#pragma once
+
+#include <cmath>
+#include <vector>
+
+#include "core/random.h"
+#include "sim/sensor/sensor_model.h"
+
+namespace etalon::test {
+
+// 8 bit, a black level between two codes, 12 e/DN, 14 e of read noise (1.2 DN).
+inline CameraModel noisy_camera() {
+    CameraModel camera;
+    camera.width = 320;
+    camera.height = 240;
+    camera.intrinsics = {400.0, 403.0, 165.0, 112.0};
+    camera.sensor = Sensor{.pixel_pitch_um = 6.0,
+                           .bits = 8,
+                           .black_dn = 9.3,
+                           .gain_e_per_dn = 12.0,
+                           .read_noise_e = 14.0};
+    return camera;
+}
+
+// Light and dark squares of 40 px under light that rises to the right: an eighth to all of `top`.
+inline Radiance squares(const CameraModel& camera, double top) {
+    Radiance radiance(camera.height, camera.width, CV_32FC1);
+    for (int y = 0; y < radiance.rows; ++y)
+        for (int x = 0; x < radiance.cols; ++x) {
+            const double tone = (x / 40 + y / 40) % 2 == 0 ? 0.25 : 1.0;
+            radiance.at<float>(y, x) =
+                static_cast<float>(top * tone * (0.5 + 0.5 * x / radiance.cols));
+        }
+    return radiance;
+}
+
+inline Radiance even(const CameraModel& camera, double level) {
+    return Radiance(camera.height, camera.width, CV_32FC1, cv::Scalar(level));
+}
+
+inline std::vector<CodeImage> exposed(const CameraModel& camera, const Radiance& radiance,
+                                      int count, std::uint64_t seed, std::uint32_t first = 0) {
+    const SensorModel sensor(camera);
+    std::vector<CodeImage> images;
+    for (int i = 0; i < count; ++i)
+        images.push_back(
+            sensor.expose(radiance, NoiseKey{seed, first + static_cast<std::uint32_t>(i)}));
+    return images;
+}
+
+}  // namespace etalon::test

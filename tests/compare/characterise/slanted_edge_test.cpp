@@ -1,0 +1,140 @@
+#include "compare/characterise/slanted_edge.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/core.hpp>
+
+#include "core/errors.h"
+#include "core/random.h"
+#include "edge_scenes.h"
+
+namespace etalon {
+namespace {
+
+// A pixel behind a Gaussian, across an edge: the Gaussian edge averaged over 16 x 16 points of the
+// pixel (error below 1e-3 of the step for sigma of 0.5 px).
+double pixel_value(double x, double y, double degrees, double sigma) {
+    const double angle = degrees * std::numbers::pi / 180.0;
+    double sum = 0.0;
+    for (int i = 0; i < 16; ++i)
+        for (int k = 0; k < 16; ++k) {
+            const double u = x + (i + 0.5) / 16.0 - 0.5, v = y + (k + 0.5) / 16.0 - 0.5;
+            const double d = u * std::cos(angle) + v * std::sin(angle);
+            sum += 0.5 * std::erfc(-d / sigma / std::numbers::sqrt2);
+        }
+    return sum / 256.0;
+}
+
+constexpr int width = 40, height = 64;
+
+LinearPhoto edge_photo(double degrees, double noise = 0.0) {
+    LinearPhoto photo;
+    photo.radiance.create(height, width, CV_32FC1);
+    photo.clipped = cv::Mat::zeros(height, width, CV_8UC1);
+    RandomStream random(5, 1);
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            photo.radiance.at<float>(y, x) =
+                static_cast<float>(0.1 + 0.7 * pixel_value(x - 19.3, y - 31.6, degrees, 0.5) +
+                                   noise * random.normal());
+    return photo;
+}
+
+SlantedEdge measure(const LinearPhoto& photo) {
+    return slanted_edge(photo, {0, 0, photo.radiance.cols, photo.radiance.rows});
+}
+
+TEST(SlantedEdge, FindsAngleLevelsAndModulation) {
+    const SlantedEdge edge = measure(edge_photo(5.0));
+    EXPECT_NEAR(edge.angle_deg, 5.0, 0.02);
+    EXPECT_NEAR(edge.dark, 0.1, 1e-4);
+    EXPECT_NEAR(edge.light, 0.8, 1e-4);
+    EXPECT_DOUBLE_EQ(edge.modulation.front().modulation, 1.0);
+    const double angle = 5.0 * std::numbers::pi / 180.0;
+    for (const ModulationRow& row : edge.modulation) {
+        const double f = row.cycles_per_px;
+        EXPECT_NEAR(row.modulation,
+                    std::abs(test::sinc(f * std::cos(angle)) * test::sinc(f * std::sin(angle))) *
+                        test::gaussian_transfer(0.5, f),
+                    0.004)
+            << f;
+    }
+}
+
+// Mirrored, upside down, turned by a quarter, bright and dark exchanged: the same edge.
+TEST(SlantedEdge, DoesNotDependOnWhichWayTheEdgeRuns) {
+    const LinearPhoto photo = edge_photo(7.0);
+    const SlantedEdge first = measure(photo);
+    const auto expect_same = [&](const cv::Mat& radiance) {
+        LinearPhoto other;
+        other.radiance = radiance.clone();
+        other.clipped = cv::Mat::zeros(radiance.size(), CV_8UC1);
+        const SlantedEdge edge = measure(other);
+        EXPECT_NEAR(edge.angle_deg, first.angle_deg, 1e-3);
+        EXPECT_NEAR(edge.at_nyquist, first.at_nyquist, 0.003);
+        EXPECT_NEAR(edge.mtf50_cycles_per_px, first.mtf50_cycles_per_px, 0.003);
+    };
+    cv::Mat turned;
+    for (const int code : {-1, 0, 1}) {
+        cv::flip(photo.radiance, turned, code);
+        expect_same(turned);
+    }
+    expect_same(photo.radiance.t());
+    expect_same(0.9 - photo.radiance);
+}
+
+TEST(SlantedEdge, RefusesRegionsThatHoldNoSlantedEdge) {
+    LinearPhoto photo = edge_photo(5.0);
+    EXPECT_THROW(slanted_edge(photo, {0, 0, 15, 64}), NumericalError);
+    EXPECT_THROW(slanted_edge(photo, {8, 0, 40, 64}), NumericalError);   // outside
+    EXPECT_THROW(slanted_edge(photo, {16, 0, 20, 64}), NumericalError);  // too near to a side
+    EXPECT_THROW(measure(edge_photo(0.0)), NumericalError);
+    LinearPhoto flat = photo;
+    flat.radiance = cv::Mat(height, width, CV_32FC1, cv::Scalar(0.4));
+    EXPECT_THROW(measure(flat), NumericalError);
+    photo.clipped.at<uchar>(3, 3) = 255;
+    EXPECT_THROW(measure(photo), NumericalError);
+}
+
+// Noise alone has no edge: refused rather than measured.
+TEST(SlantedEdge, RefusesAnEdgeBelowItsNoise) {
+    EXPECT_THROW(measure(edge_photo(5.0, 0.5)), NumericalError);
+}
+
+// How far the band reaches on the side where it reaches less.
+double nearer_reach(const StraightEdge& edge) {
+    double reach[2] = {};
+    for (const EdgePixel& pixel : edge.pixels) {
+        double& side = reach[pixel.distance_px > 0.0];
+        side = std::max(side, std::abs(pixel.distance_px));
+    }
+    return std::min(reach[0], reach[1]);
+}
+
+// Of a board's long edges, the distances from the projector; sigma 0.55 px behind the pixel box.
+// The renderer is right to 0.1 gray of 190, a bin of few pixels passes on a part of that.
+TEST(SlantedEdge, TakesTheEdgesOfATarget) {
+    test::EdgeScene scene{test::edge_camera(220, 170), test::gray_board("chessboard:3x3@40mm"),
+                          test::pose_of(0.0, 0.0, 0.09, -40.0, -38.0, 500.0)};
+    test::set_gaussian(scene.camera, 0.55);
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    int measured = 0;
+    for (const StraightEdge& edge : scene.edges(photo, {.half_width_px = 12.0}).edges) {
+        if (edge.length_px < 40.0 || nearer_reach(edge) < 9.0)
+            continue;
+        const SlantedEdge found = slanted_edge(edge);
+        EXPECT_NEAR(found.angle_deg, 0.09 * 180.0 / std::numbers::pi, 0.7);
+        for (const ModulationRow& row : found.modulation) {
+            const double f = row.cycles_per_px;
+            if (f <= 0.5) {
+                EXPECT_NEAR(row.modulation, test::sinc(f) * test::gaussian_transfer(0.55, f), 0.02);
+            }
+        }
+        ++measured;
+    }
+    EXPECT_GE(measured, 4);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,193 @@
+// What every detector promises (compare/detect/detector.h), on exact renderings of its marker. What
+// only one of them does is in the tests of their own.
+#include <gtest/gtest.h>
+
+#include "compare/detect/detector.h"
+#include "core/errors.h"
+#include "rendered_targets.h"
+
+namespace etalon {
+namespace {
+
+using test::RenderedTag;
+using test::sharp_camera;
+
+struct Contract {
+    const char* detector;
+    const char* marker;
+    const char* other;        // of the same kind, with another id or layout
+    double largest_error_px;  // of a point: its bias and scatter, some twice of it here
+    const char* seen_twice;   // what is said then; empty for a marker without id
+};
+
+void PrintTo(const Contract& contract, std::ostream* out) {
+    *out << contract.detector;
+}
+
+// Boards' ids are those of their tags: seen twice, none of them counts.
+const Contract contracts[] = {
+    {"apriltag", "apriltag:36h11:5@50mm", "apriltag:36h11:6@50mm", 0.2, "marker 5 is seen 2 times"},
+    {"aruco", "aruco:4X4_50:7@50mm", "aruco:4X4_50:8@50mm", 0.5, "marker 7 is seen 2 times"},
+    {"stag", "stag:HD21:5@50mm", "stag:HD21:6@50mm", 0.05, "marker 5 is seen 2 times"},
+    {"topotag", "topotag:4x4:9283@50mm", "topotag:4x4:9282@50mm", 0.05,
+     "marker 9283 is seen 2 times"},
+    {"charuco", "charuco:4X4_50:5x4@12mm/9mm", "charuco:5X5_50:5x4@12mm/9mm", 0.02,
+     "marker not found"},
+    {"chessboard", "chessboard:7x4@8mm", "chessboard:5x4@8mm", 0.02, ""},
+};
+
+Marker marker_of(const char* spec) {
+    return parse_marker(spec, "test");
+}
+
+// The marker's middle at (x, y, z), in mm, some 120 px wide or more.
+RenderedTag photo_of(const Marker& marker, const Eigen::Vector3d& middle) {
+    return test::render_tag(Renderer(sharp_camera()), marker,
+                            test::board_pose(marker, {0.1, -0.2, 0.3}, middle));
+}
+
+double largest_error_px(const std::vector<Eigen::Vector2d>& found,
+                        const std::vector<Eigen::Vector2d>& truth) {
+    double largest = 0.0;
+    for (std::size_t i = 0; i < truth.size(); ++i)
+        largest = std::max(largest, (found.at(i) - truth[i]).norm());
+    return largest;
+}
+
+class EveryDetector : public testing::TestWithParam<Contract> {
+protected:
+    const Contract& contract() const { return GetParam(); }
+    const Marker marker_ = marker_of(GetParam().marker);
+    const std::unique_ptr<Detector> detector_ = make_detector(GetParam().detector, marker_, "test");
+};
+
+TEST_P(EveryDetector, FindsItsMarkerAndItsPose) {
+    EXPECT_EQ(detector_->name(), contract().detector);
+    EXPECT_EQ(make_detector("auto", marker_, "test")->name(), contract().detector);
+    const RenderedTag photo = photo_of(marker_, {10, -7, 290});
+    const auto found = detector_->detect(photo.image);
+    ASSERT_TRUE(found) << detector_->failure();
+    EXPECT_EQ(found->id, marker_.id);
+    EXPECT_TRUE(found->is_whole());
+    ASSERT_EQ(found->pixels.size(), photo.corners.size());
+    const double error = largest_error_px(found->pixels, photo.corners);
+    EXPECT_LT(error, contract().largest_error_px);
+    std::printf("%s: largest error %.4f px\n", contract().detector, error);
+
+    const Projector projector(sharp_camera());
+    const auto estimate = estimate_pose(projector, seen_points_mm(marker_, *found), found->pixels);
+    ASSERT_TRUE(estimate);
+    std::vector<Eigen::Vector2d> projected;
+    for (const Eigen::Vector3d& point : marker_.points_mm)
+        projected.push_back(projector.project(estimate->camera_from_marker * point).value());
+    EXPECT_LT(largest_error_px(projected, photo.corners), contract().largest_error_px);
+}
+
+TEST_P(EveryDetector, CountsOnlyTheMarkersOwnId) {
+    const RenderedTag photo = photo_of(marker_of(contract().other), {10, -7, 290});
+    EXPECT_FALSE(detector_->detect(photo.image));
+    EXPECT_EQ(detector_->failure(), "marker not found");
+}
+
+TEST_P(EveryDetector, TakesNeitherOfTwoWithTheSameIdAndSaysSo) {
+    if (*contract().seen_twice == '\0')
+        GTEST_SKIP() << "a " << contract().detector << " has no id";
+    const RenderedTag left = photo_of(marker_, {-70, 5, 300}),
+                      right = photo_of(marker_, {70, -5, 300});
+    // The white around each yields to the other.
+    const CodeImage both{cv::min(left.image.pixels, right.image.pixels), 8};
+    EXPECT_TRUE(detector_->detect(left.image));
+    EXPECT_TRUE(detector_->detect(right.image));
+    EXPECT_FALSE(detector_->detect(both));
+    EXPECT_EQ(detector_->failure(), contract().seen_twice);
+}
+
+TEST_P(EveryDetector, GivesTheSameForTheSameImageWhateverItSawBefore) {
+    const RenderedTag photo = photo_of(marker_, {10, -7, 290}),
+                      other = photo_of(marker_, {-20, 3, 250});
+    const auto first = detector_->detect(photo.image);
+    const auto between = detector_->detect(other.image);
+    const auto again = detector_->detect(photo.image);
+    const auto fresh = make_detector("auto", marker_, "test")->detect(photo.image);
+    ASSERT_TRUE(first && between && again && fresh);
+    EXPECT_NE(first->pixels, between->pixels);
+    EXPECT_EQ(first->pixels, again->pixels);
+    EXPECT_EQ(first->pixels, fresh->pixels);
+}
+
+TEST_P(EveryDetector, FindsNothingInImagesWithoutContentOrSize) {
+    EXPECT_FALSE(detector_->detect({cv::Mat(), 8}));
+    for (const cv::Size size : {cv::Size(1, 1), cv::Size(7, 300), cv::Size(9, 9), cv::Size(16, 16),
+                                cv::Size(17, 40), cv::Size(640, 3), cv::Size(320, 240)})
+        for (const int level : {0, 128, 255}) {
+            EXPECT_FALSE(detector_->detect({cv::Mat(size, CV_8UC1, cv::Scalar(level)), 8}));
+            EXPECT_EQ(detector_->failure(), "marker not found");
+        }
+}
+
+TEST_P(EveryDetector, FindsNothingInNoise) {
+    for (std::uint64_t i = 0; i < 4; ++i) {
+        cv::Mat noise(70, 90, CV_8UC1);
+        cv::RNG(i + 1).fill(noise, cv::RNG::UNIFORM, 0, 256);
+        EXPECT_FALSE(detector_->detect({noise, 8}));
+    }
+}
+
+TEST_P(EveryDetector, RefusesMarkersThatItCannotSee) {
+    for (const Contract& other : contracts) {
+        if (other.detector == std::string(contract().detector))
+            continue;
+        EXPECT_THROW(make_detector(contract().detector, marker_of(other.marker), "--detector"),
+                     ConfigError)
+            << other.marker;
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(InProcess, EveryDetector, testing::ValuesIn(contracts),
+                         [](const auto& one) { return std::string(one.param.detector); });
+
+// Right of x, nothing is seen.
+CodeImage covered_from(const CodeImage& image, int x) {
+    CodeImage covered{image.pixels.clone(), image.bits};
+    covered.pixels.colRange(x, covered.pixels.cols).setTo(cv::Scalar(120));
+    return covered;
+}
+
+TEST(CharucoDetector, FindsTheCornersThatAreSeenAndThePoseByThem) {
+    const Marker board = marker_of("charuco:4X4_50:9x6@12mm/9mm");
+    const RenderedTag photo = photo_of(board, {10, -7, 290});
+    const auto detector = make_detector("auto", board, "test");
+    const auto found = detector->detect(covered_from(photo.image, 350));
+    ASSERT_TRUE(found);
+    EXPECT_FALSE(found->is_whole());
+    EXPECT_GT(found->points.size(), 12u);
+    EXPECT_LT(found->points.size(), 40u);
+    ASSERT_EQ(found->pixels.size(), found->points.size());
+    EXPECT_TRUE(std::is_sorted(found->points.begin(), found->points.end()));
+    for (std::size_t i = 0; i < found->points.size(); ++i) {
+        const auto point = static_cast<std::size_t>(found->points[i]);
+        EXPECT_LT((found->pixels[i] - photo.corners.at(point)).norm(), 0.1) << point;
+    }
+    const auto estimate =
+        estimate_pose(Projector(sharp_camera()), seen_points_mm(board, *found), found->pixels);
+    ASSERT_TRUE(estimate);
+    EXPECT_LT((estimate->camera_from_marker * test::middle_of(board) - Eigen::Vector3d(10, -7, 290))
+                  .norm(),
+              0.2);
+}
+
+TEST(CharucoDetector, NeedsSixCornersOfABoardThatHasThem) {
+    const Marker board = marker_of("charuco:4X4_50:9x6@12mm/9mm");
+    const RenderedTag photo = photo_of(board, {10, -7, 290});
+    const auto detector = make_detector("auto", board, "test");
+    const auto leftmost = std::min_element(photo.corners.begin(), photo.corners.end(),
+                                           [](auto& a, auto& b) { return a.x() < b.x(); });
+    EXPECT_FALSE(detector->detect(covered_from(photo.image, static_cast<int>(leftmost->x()) + 15)));
+    EXPECT_EQ(detector->failure(), "marker not found");
+    EXPECT_THROW(make_detector("charuco", marker_of("charuco:4X4_50:3x3@12mm/9mm"), "test"),
+                 ConfigError);
+    EXPECT_NO_THROW(make_detector("charuco", marker_of("charuco:4X4_50:3x4@12mm/9mm"), "test"));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,288 @@
+// Edge profiles, edges of a target and what is fitted to them, without noise.
+#include "compare/edges/edge_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+#include "compare/characterise/defocus_estimate.h"
+#include "compare/characterise/point_spread_estimate.h"
+#include "compare/edges/edge_response.h"
+#include "core/errors.h"
+#include "edge_scenes.h"
+
+namespace etalon {
+namespace {
+
+using test::edge_camera;
+using test::EdgeScene;
+using test::small_board;
+
+// Integral of the normal distribution function: what a box's end sees of a Gaussian edge.
+double gaussian_ramp(double x, double sigma) {
+    const double u = x / sigma;
+    return x * 0.5 * std::erfc(-u / std::numbers::sqrt2) +
+           sigma * std::exp(-0.5 * u * u) / std::sqrt(2.0 * std::numbers::pi);
+}
+
+// An edge behind a Gaussian and a square pixel, by its definition: the pixel's other width is
+// integrated by the midpoint rule, whose error with 400 steps is below 1e-6.
+double gaussian_edge(double distance, const Eigen::Vector2d& normal, double sigma) {
+    constexpr int steps = 400;
+    const double a = std::abs(normal.x()), b = std::abs(normal.y());
+    double sum = 0.0;
+    for (int i = 0; i < steps; ++i) {
+        const double d = distance + b * ((i + 0.5) / steps - 0.5);
+        sum += (gaussian_ramp(d + 0.5 * a, sigma) - gaussian_ramp(d - 0.5 * a, sigma)) / a;
+    }
+    return sum / steps;
+}
+
+TEST(EdgeResponse, IsThatOfAPixelBehindAGaussian) {
+    const EdgeResponse response(6.0);
+    for (const double degrees : {0.0, 7.0, 33.0, 45.0})
+        for (const double sigma : {0.25, 0.6, 1.4}) {
+            const double angle = degrees * std::numbers::pi / 180.0;
+            const Eigen::Vector2d normal(std::cos(angle), std::sin(angle));
+            Eigen::ArrayXd transfer = pixel_transfer(response.frequencies(), normal);
+            for (Eigen::Index i = 0; i < transfer.size(); ++i)
+                transfer[i] *= test::gaussian_transfer(sigma, response.frequencies()[i]);
+            const Eigen::ArrayXd odd = response.odd_table(transfer);
+            const Eigen::ArrayXd even = response.even_table(transfer);
+            for (double d = -5.3; d < 5.5; d += 0.37)
+                EXPECT_NEAR(edge_value(odd, even, d).response, gaussian_edge(d, normal, sigma),
+                            2e-5)
+                    << degrees << " " << sigma << " " << d;
+        }
+}
+
+TEST(EdgeResponse, RefusesAReachThatIsNone) {
+    for (const double reach : {0.0, -1.0, 101.0, std::numeric_limits<double>::quiet_NaN()})
+        EXPECT_THROW(EdgeResponse{reach}, NumericalError);
+}
+
+// A disk's transfer against its definition, the mean of cos(2 pi f x) over the disk.
+TEST(EdgeResponse, DiskTransferIsTheMeanOverTheDisk) {
+    for (const double radius : {1e-4, 0.3, 1.7, 5.0})
+        for (const double f : {0.02, 0.4, 1.9}) {
+            double sum = 0.0;
+            constexpr int steps = 4000;
+            for (int i = 0; i < steps; ++i) {  // chords, x = radius sin t
+                const double t = std::numbers::pi * ((i + 0.5) / steps - 0.5);
+                const double c = std::cos(t);
+                sum += c * c * std::cos(2.0 * std::numbers::pi * f * radius * std::sin(t));
+            }
+            EXPECT_NEAR(disk_transfer(f, radius).value, 2.0 * sum / steps, 1e-6);
+            const double h = 1e-4 * radius * radius + 1e-12;
+            const double slope =
+                (disk_transfer(f, std::sqrt(radius * radius + h)).value -
+                 disk_transfer(f, std::sqrt(radius * radius - h * (radius > 1e-3))).value) /
+                (radius > 1e-3 ? 2.0 * h : h);
+            EXPECT_NEAR(disk_transfer(f, radius).by_radius_squared, slope,
+                        1e-3 * std::abs(slope) + (radius > 1e-3 ? 1e-5 : 1.0));
+        }
+}
+
+// A sharp pinhole sees a vertical grid line at cx + fx x: the distances are the pixels' own.
+TEST(TargetEdges, DistancesAreThoseFromTheProjectedLines) {
+    EdgeScene scene{edge_camera(190, 150), test::gray_board("chessboard:5x4@15mm"),
+                    test::pose_of(0.0, 0.0, 0.0, -30.0, -22.0, 500.0)};
+    scene.camera.distortion = {};
+    test::set_gaussian(scene.camera, 0.5);
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    const TargetEdges found = scene.edges(photo);
+    // Between 5 x 4 inner corners: 5 lines of 3 edges and 4 lines of 4.
+    int vertical = 0, horizontal = 0;
+    for (const StraightEdge& edge : found.edges) {
+        if (edge.length_px < 15.0)  // pieces towards the margin are shorter
+            continue;
+        const bool is_vertical = std::abs(edge.normal.x()) > 0.5;
+        ++(is_vertical ? vertical : horizontal);
+        EXPECT_NEAR(edge.px_per_unit, is_vertical ? 900.0 : 905.0, 1e-6);
+        EXPECT_NEAR(edge.px_per_pitch, is_vertical ? 1.0 : 905.0 / 900.0, 1e-9);
+        EXPECT_NEAR(edge.depth_term, 1.0 / 500.0, 1e-12);
+        EXPECT_NEAR(edge.depth_term_variance, 0.0, 1e-15);
+        for (const EdgePixel& pixel : edge.pixels) {
+            const double level = pixel.distance_px > 2.5    ? 0.81
+                                 : pixel.distance_px < -2.5 ? 0.06
+                                                            : -1.0;
+            if (level > 0.0) {
+                EXPECT_NEAR(pixel.radiance, level, 2e-3);
+            }
+        }
+    }
+    EXPECT_GE(vertical, 15);
+    EXPECT_GE(horizontal, 16);
+    EXPECT_EQ(found.clipped, 0);
+}
+
+TEST(TargetEdges, LeavesOutWhatIsClippedFaintOrTooSmall) {
+    const EdgeScene scene = small_board(0.5);
+    CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    const TargetEdges all = scene.edges(photo);
+    ASSERT_GT(all.edges.size(), 20u);
+    EXPECT_EQ(scene.edges(photo, {.least_contrast = 0.9}).edges.size(), 0u);
+    EXPECT_EQ(scene.edges(photo, {.clearance_px = 14.0}).edges.size(), 0u);
+    photo.pixels.at<std::uint16_t>(cv::Point(static_cast<int>(all.edges[0].centre_px.x()),
+                                             static_cast<int>(all.edges[0].centre_px.y()))) = 4095;
+    const TargetEdges fewer = scene.edges(photo);
+    EXPECT_GE(fewer.clipped, 1);
+    EXPECT_EQ(fewer.edges.size() + static_cast<std::size_t>(fewer.clipped), all.edges.size());
+}
+
+TEST(TargetEdges, RefusesWhatIsNotAPhotographOfTheCamera) {
+    const EdgeScene scene = small_board(0.5);
+    const CodeImage small{cv::Mat(10, 10, CV_16UC1, cv::Scalar(100)), 12};
+    EXPECT_THROW(scene.edges(small), NumericalError);
+    const CodeImage photo{cv::Mat(150, 190, CV_16UC1, cv::Scalar(100)), 12};
+    EXPECT_THROW(scene.edges(photo, {.half_width_px = std::numeric_limits<double>::quiet_NaN()}),
+                 NumericalError);
+    EXPECT_TRUE(scene.edges(photo).edges.empty());
+}
+
+// The renderer's error is 0.1 gray of 190 at most; sigma moves by no more than a few 1e-3 px.
+TEST(PointSpreadEstimate, FindsTheRenderedWidth) {
+    for (const double sigma : {0.2, 0.55, 1.1}) {
+        const EdgeScene scene = small_board(sigma);
+        const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+        const auto estimate = estimate_point_spread(scene.edges(photo).edges, scene.camera);
+        EXPECT_NEAR(estimate.gaussian.sigma_px, sigma, 0.005);
+        EXPECT_FALSE(estimate.sharpening.is_detected);
+        for (const double f : {0.1, 0.25, 0.5})
+            EXPECT_NEAR(estimate.measured->modulation(f).first, test::gaussian_transfer(sigma, f),
+                        0.01);
+    }
+}
+
+// Pose and print never say where an edge is to a hundredth of a pixel.
+TEST(PointSpreadEstimate, DoesNotMindAPoseThatIsOffByPartsOfAPixel) {
+    EdgeScene scene = small_board(0.55);
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    scene.pose.translation += Eigen::Vector3d(0.2, -0.15, 0.0);  // 0.36 and 0.27 px
+    const auto estimate = estimate_point_spread(scene.edges(photo).edges, scene.camera);
+    EXPECT_NEAR(estimate.gaussian.sigma_px, 0.55, 0.005);
+}
+
+// Unsharp masking with 60 % of a 3 x 3 neighbourhood. One pixel from the edge the profile is about
+// 0.97, its mean over three pixels (0.5 + 0.97 + 1) / 3: an overshoot of 0.06, the mean of half a
+// pixel some of that.
+TEST(PointSpreadEstimate, DetectsSharpeningInTheCamera) {
+    const EdgeScene scene = small_board(0.5);
+    const SensorModel sensor(scene.camera);
+    Radiance radiance = scene.rendered();
+    EXPECT_FALSE(estimate_point_spread(scene.edges(sensor.expose(radiance, NoiseKey{3, 1})).edges,
+                                       scene.camera)
+                     .sharpening.is_detected);
+    cv::Mat mean;
+    cv::blur(radiance, mean, {3, 3});
+    const Radiance sharpened = radiance + 0.6 * (radiance - mean);
+    const Sharpening sharpening =
+        estimate_point_spread(scene.edges(sensor.expose(sharpened, NoiseKey{3, 2})).edges,
+                              scene.camera)
+            .sharpening;
+    EXPECT_TRUE(sharpening.is_detected);
+    EXPECT_GT(sharpening.overshoot, 0.02);
+    EXPECT_GT(sharpening.undershoot, 0.02);
+}
+
+// A disk of light is no Gaussian, and the measured pattern holds it; its transfer is 2 J1(q)/q.
+TEST(PointSpreadEstimate, MeasuresAPatternThatIsNoGaussian) {
+    EdgeScene scene = small_board(0.2);
+    scene.camera.lens->psf.kind = PointSpread::Kind::measured;
+    scene.camera.lens->psf.profile = {{0.0, 1.0}, {1.6, 1.0}, {1.8, 0.0}, {2.0, 0.0}};
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered(), NoiseKey{3, 1});
+    const auto edges = scene.edges(photo).edges;
+    const auto estimate = estimate_point_spread(edges, scene.camera);
+    EXPECT_FALSE(estimate.gaussian_suffices);
+    ASSERT_TRUE(estimate.measured.has_value());
+    EXPECT_LT(estimate.measured->residual_rms, estimate.gaussian.residual_rms);
+    // The sloping rim between 1.6 and 1.8 px: nearly a disk of 1.703 px with the same r^2.
+    for (const double f : {0.1, 0.2}) {
+        const auto [value, u] = estimate.measured->modulation(f);
+        EXPECT_NEAR(value, disk_transfer(f, 1.703).value, 3.0 * u + 0.005);
+    }
+}
+
+// A flat board 23 mm before the plane of focus: disks of 1.3 px. Known, they are left out of sigma;
+// unknown, they are in it (a disk has the variance R^2/4).
+TEST(PointSpreadEstimate, LeavesOutTheDefocusThatTheCameraKnows) {
+    EdgeScene scene = test::defocused_board();
+    scene.pose = test::pose_of(0.0, 0.0, 0.12, -26.0, -22.0, 280.0);
+    CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    const auto edges = scene.edges(photo).edges;
+    EXPECT_NEAR(estimate_point_spread(edges, scene.camera).gaussian.sigma_px, 0.5, 0.01);
+    CameraModel unknown = scene.camera;
+    unknown.lens.reset();
+    const double blur = blur_radius_px(scene.camera, 280.0);
+    EXPECT_NEAR(estimate_point_spread(edges, unknown).gaussian.sigma_px,
+                std::sqrt(0.25 + 0.25 * blur * blur), 0.06);
+}
+
+TEST(PointSpreadEstimate, RefusesTooFewEdges) {
+    const EdgeScene scene = small_board(0.5);
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    const auto edges = scene.edges(photo).edges;
+    EXPECT_THROW(estimate_point_spread(std::span(edges).first(3), scene.camera), NumericalError);
+}
+
+TEST(DefocusEstimate, FindsFocusAndFNumber) {
+    const EdgeScene scene = test::defocused_board();
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    const auto estimate = estimate_defocus(scene.edges(photo).edges, scene.camera);
+    ASSERT_TRUE(estimate.is_determined) << estimate.undetermined;
+    EXPECT_NEAR(estimate.focus_distance_mm, 303.0, 0.5);
+    EXPECT_NEAR(estimate.f_number, 1.4, 0.02);
+    EXPECT_NEAR(estimate.sigma_px, 0.5, 0.01);
+}
+
+// f/0.6: disks of up to 4 px reach the next edge. With those left out the result is right.
+TEST(DefocusEstimate, LeavesOutEdgesWhoseBlurReachesTheNext) {
+    EdgeScene scene = test::defocused_board();
+    scene.camera.lens->f_number = 0.6;
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    const auto estimate = estimate_defocus(scene.edges(photo).edges, scene.camera);
+    ASSERT_TRUE(estimate.is_determined) << estimate.undetermined;
+    EXPECT_GT(estimate.too_blurred, 0);
+    EXPECT_LT(estimate.largest_blur_px, 4.0);
+    EXPECT_NEAR(estimate.focus_distance_mm, 303.0, 0.5);
+    EXPECT_NEAR(estimate.f_number, 0.6, 0.01);
+}
+
+// The same board wholly nearer than focus: nothing is guessed.
+TEST(DefocusEstimate, SaysWhatOneSideOfFocusLeavesOpen) {
+    EdgeScene scene = test::defocused_board();
+    scene.camera.lens->focus_distance_mm = 360.0;
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    const auto estimate = estimate_defocus(scene.edges(photo).edges, scene.camera);
+    EXPECT_FALSE(estimate.is_determined);
+    EXPECT_NE(estimate.undetermined.find("focus distance"), std::string::npos);
+    EXPECT_EQ(estimate.focus_distance_mm, 0.0);
+    EXPECT_EQ(estimate.f_number, 0.0);
+}
+
+// No tilt, no change of blur.
+TEST(DefocusEstimate, SaysThatAFlatTargetTellsNothing) {
+    EdgeScene scene = small_board(0.5);
+    scene.pose = test::pose_of(0.0, 0.0, 0.09, -30.0, -22.0, 500.0);
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered(), NoiseKey{3, 1});
+    const auto estimate = estimate_defocus(scene.edges(photo).edges, scene.camera);
+    EXPECT_FALSE(estimate.is_determined);
+    EXPECT_FALSE(estimate.undetermined.empty());
+}
+
+TEST(DefocusEstimate, RefusesCamerasThatItCannotBeOf) {
+    const EdgeScene scene = small_board(0.5);
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    const auto edges = scene.edges(photo).edges;
+    CameraModel telecentric = scene.camera;
+    telecentric.projection = Projection::telecentric;
+    EXPECT_THROW(estimate_defocus(edges, telecentric), NumericalError);
+    CameraModel bare = scene.camera;
+    bare.sensor.reset();
+    EXPECT_THROW(estimate_defocus(edges, bare), NumericalError);
+    EXPECT_THROW(estimate_defocus(std::span(edges).first(11), scene.camera), NumericalError);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,103 @@
+// Chessboards and slanted edges for the tests of what is measured along edges.
+#pragma once
+
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "compare/edges/edge_spread.h"
+#include "sim/render/reference_integrator.h"
+#include "sim/render/renderer.h"
+#include "sim/sensor/sensor_model.h"
+
+namespace etalon::test {
+
+// 12 bit, black level 64, a few thousand electrons: signal to noise of 50 in the white.
+inline CameraModel edge_camera(int width, int height) {
+    CameraModel camera;
+    camera.width = width;
+    camera.height = height;
+    camera.intrinsics = {900.0, 905.0, 0.5 * width - 1.7, 0.5 * height + 1.1};
+    camera.distortion.k1 = -0.2;
+    camera.sensor.emplace();
+    camera.sensor->pixel_pitch_um = 5.0;
+    camera.sensor->bits = 12;
+    camera.sensor->black_dn = 64.0;
+    camera.sensor->gain_e_per_dn = 0.8;
+    camera.sensor->read_noise_e = 7.0;
+    camera.lens.emplace();
+    camera.lens->f_number = 8.0;
+    camera.lens->focus_distance_mm = 500.0;
+    camera.lens->wavelength_nm = 550.0;
+    return camera;
+}
+
+inline void set_gaussian(CameraModel& camera, double sigma_px) {
+    camera.lens->psf.kind = PointSpread::Kind::gaussian;
+    camera.lens->psf.sigma_px = sigma_px;
+}
+
+// A board whose print is neither black nor white: nothing is clipped.
+inline Marker gray_board(const std::string& spec) {
+    Marker board = parse_marker(spec, "test");
+    for (float& cell : cv::Mat_<float>(board.grid.cells))
+        cell = 0.06f + 0.75f * cell;
+    return board;
+}
+
+inline Rigid pose_of(double rx, double ry, double rz, double x, double y, double z) {
+    return rigid_from_vector((Vector6d() << rx, ry, rz, x, y, z).finished());
+}
+
+struct EdgeScene {
+    CameraModel camera;
+    Marker board;
+    Rigid pose;
+
+    Scene scene() const { return {{{board.grid, pose}}, 0.3}; }
+    // By the closed-form renderer.
+    Radiance rendered() const { return Renderer(camera).render(scene(), {}).radiance; }
+    // By brute force; flat pixels, which any number of samples gives exactly, are stopped early.
+    Radiance reference(int samples) const {
+        ReferenceOptions options;
+        options.samples_per_scramble = samples;
+        options.stop_at_gray = 0.01;
+        return integrate_reference(camera, scene(), {0, 0, camera.width, camera.height}, options)
+            .mean;
+    }
+    TargetEdges edges(const CodeImage& photo, const EdgeSelection& selection = {}) const {
+        return target_edges(linear_photo(photo, camera), Projector(camera), board, pose,
+                            compared_area(board, {}, "test"), selection);
+    }
+};
+
+// About 20 squares of 27 px, turned and tilted.
+inline EdgeScene small_board(double sigma_px) {
+    EdgeScene scene{edge_camera(190, 150), gray_board("chessboard:5x4@15mm"),
+                    pose_of(0.15, -0.2, 0.09, -30.0, -22.0, 500.0)};
+    set_gaussian(scene.camera, sigma_px);
+    return scene;
+}
+
+// A tilted board through the plane of focus: blur disks of up to 1.8 px on both sides.
+inline EdgeScene defocused_board() {
+    EdgeScene scene{edge_camera(260, 170), gray_board("chessboard:8x5@10mm"),
+                    pose_of(0.25, -0.8, 0.12, -26.0, -22.0, 273.0)};
+    scene.camera.sensor->pixel_pitch_um = 17.0;
+    scene.camera.lens->f_number = 1.4;
+    scene.camera.lens->focus_distance_mm = 303.0;
+    set_gaussian(scene.camera, 0.5);
+    return scene;
+}
+
+inline double sinc(double x) {
+    const double q = std::numbers::pi * x;
+    return q == 0.0 ? 1.0 : std::sin(q) / q;
+}
+
+inline double gaussian_transfer(double sigma_px, double cycles_per_px) {
+    const double q = std::numbers::pi * sigma_px * cycles_per_px;
+    return std::exp(-2.0 * q * q);
+}
+
+}  // namespace etalon::test

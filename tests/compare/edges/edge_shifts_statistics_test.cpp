@@ -1,0 +1,279 @@
+// Edges of photographs by the reference integrator, with shot, read and quantisation noise, that
+// differ from the prediction by known amounts: each must come out within its stated deviation, and
+// not in place of another.
+#include "compare/edges/edge_shifts.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <ctime>
+
+#include "compare/edges/edge_summary.h"
+#include "core/errors.h"
+#include "edge_scenes.h"
+
+namespace etalon {
+namespace {
+
+// By how much photograph and prediction differ. Levels in gray.
+struct Difference {
+    const char* name;
+    Eigen::Vector2d moved_px = Eigen::Vector2d::Zero();  // about: at the board's depth of 500 mm
+    double variance_px2 = 0.0;                           // of the Gaussian, in px along x
+    double black = 0.0, white = 0.0;
+};
+
+constexpr double sigma_px = 0.5;
+
+// Twice the noise of the other tests of edges: the integrator's error is small beside it.
+test::EdgeScene noisy_board() {
+    test::EdgeScene scene = test::small_board(sigma_px);
+    scene.camera.sensor->gain_e_per_dn = 0.2;
+    scene.camera.sensor->read_noise_e = 3.5;
+    return scene;
+}
+
+struct Prediction {
+    test::EdgeScene scene = noisy_board();
+    PhotometricCamera camera{scene.camera};
+    cv::Mat use =
+        pixel_uses(camera.projector(), scene.pose, compared_area(scene.board, {}, "test"));
+
+    Eigen::Vector3d translation(const Difference& difference) const {
+        const Intrinsics& k = scene.camera.intrinsics;
+        return {difference.moved_px.x() * 500.0 / k.fx, difference.moved_px.y() * 500.0 / k.fy, 0};
+    }
+
+    // What the board at the displaced pose looks like behind the wider blur.
+    Radiance radiance(const Difference& difference, int samples) const {
+        test::EdgeScene other = scene;
+        other.pose.translation += translation(difference);
+        test::set_gaussian(other.camera, std::sqrt(sigma_px * sigma_px + difference.variance_px2));
+        return other.reference(samples);
+    }
+
+    PhotoState state(const Difference& difference) const {
+        const double black_gray = scene.camera.sensor->black_dn / 4095.0 * 255.0;
+        PhotoState state{scene.pose, {}};
+        state.photometry.black[0] = black_gray - difference.black;
+        state.photometry.white[0] = 255.0 - difference.white;
+        return state;
+    }
+
+    EdgeShifts shifts(const cv::Mat& gray, const Difference& difference) const {
+        const PhotoOfMarker photo{gray, scene.board.grid, use, pixel_fitted, 0.3};
+        return edge_shifts(photo, camera, state(difference));
+    }
+
+    cv::Mat photo(const Radiance& radiance, int seed) const {
+        const NoiseKey key{23, static_cast<std::uint32_t>(seed)};
+        return gray_of(SensorModel(scene.camera).expose(radiance, key));
+    }
+    cv::Mat without_noise(const Radiance& radiance) const {
+        return predicted_gray(state({}).photometry, radiance, {});
+    }
+
+    // How far the edge's middle moved along its normal.
+    double true_shift(const EdgeShift& edge, const Difference& difference) const {
+        Eigen::Vector3d point = camera.projector().unproject(edge.middle_px).value().homogeneous();
+        point *= edge.depth_mm;
+        return (camera.projector().project(point + translation(difference)).value() -
+                edge.middle_px)
+            .dot(edge.normal);
+    }
+    // The Gaussian is round on the sensor: wider in px along y by fy / fx.
+    double true_variance(const EdgeShift& edge, const Difference& difference) const {
+        const double ratio = scene.camera.intrinsics.fy / scene.camera.intrinsics.fx;
+        return difference.variance_px2 *
+               Eigen::Vector2d(edge.normal.x(), edge.normal.y() * ratio).squaredNorm();
+    }
+};
+
+struct Pulls {
+    double sum = 0.0, squares = 0.0, error = 0.0;
+    int count = 0;
+    void add(double difference, double deviation) {
+        sum += difference / deviation;
+        squares += difference * difference / deviation / deviation;
+        error += difference;
+        ++count;
+    }
+};
+
+// 49 edges, 24 draws. The integrator's error is common to all draws: 0.0022 px, a fifth of an
+// edge's deviation. Means within 3.5 sqrt(1/1176 + 0.04/49) = 0.14, and 0.05 for what the second
+// order in blur leaves. Deviations are multiplied by max(1, sqrt(chi^2)), which is 1.02 on average
+// for the 180 pixels of an edge: mean squares 0.95 + 0.04 +- 3.5 sqrt(2/1176).
+void expect_fair(const char* name, const char* what, const Pulls& pulls) {
+    const double mean = pulls.sum / pulls.count, square = pulls.squares / pulls.count;
+    std::printf("%-10s %-6s mean error %8.4f, pulls: mean %6.3f, mean square %5.3f, n %d\n", name,
+                what, pulls.error / pulls.count, mean, square, pulls.count);
+    EXPECT_LT(std::abs(mean), 0.19) << name << ", " << what;
+    EXPECT_GT(square, 0.84) << name << ", " << what;
+    EXPECT_LT(square, 1.14) << name << ", " << what;
+}
+
+class KnownDifferences : public ::testing::TestWithParam<Difference> {};
+
+TEST_P(KnownDifferences, ComeOutWithinTheirDeviationsAndNotInPlaceOfEachOther) {
+    constexpr int draws = 24;
+    const Prediction predicted;
+    const Difference& known = GetParam();
+    const Radiance radiance = predicted.radiance(known, 128);
+    Pulls shift, blur, black, white;
+    for (int seed = 0; seed < draws; ++seed) {
+        const EdgeShifts found = predicted.shifts(predicted.photo(radiance, seed), known);
+        EXPECT_TRUE(found.noise_is_known);
+        ASSERT_EQ(found.edges.size(), 49u);  // 16 + 15 between inner corners, and 18 beside them
+        for (const EdgeShift& edge : found.edges) {
+            ASSERT_FALSE(edge.is_beyond_range);
+            shift.add(edge.shift_px - predicted.true_shift(edge, known), edge.shift_deviation_px);
+            blur.add(edge.blur_variance_px2 - predicted.true_variance(edge, known),
+                     edge.blur_deviation_px2);
+            black.add(edge.black_gray - known.black, edge.black_deviation_gray);
+            white.add(edge.white_gray - known.white, edge.white_deviation_gray);
+        }
+    }
+    expect_fair(known.name, "shift", shift);
+    expect_fair(known.name, "blur", blur);
+    expect_fair(known.name, "black", black);
+    expect_fair(known.name, "white", white);
+}
+
+INSTANTIATE_TEST_SUITE_P(Edges, KnownDifferences,
+                         ::testing::Values(Difference{"none"}, Difference{"moved", {0.17, -0.11}},
+                                           Difference{"blurred", {0, 0}, 0.07},
+                                           Difference{"levels", {0, 0}, 0.0, 1.5, -3.5},
+                                           Difference{"all", {-0.23, 0.31}, 0.05, -2.0, 3.0}),
+                         [](const auto& known) { return std::string(known.param.name); });
+
+// RMS over the edges of a figure's error.
+template <typename Error>
+double rms(const EdgeShifts& found, const Error& error) {
+    double squares = 0.0;
+    for (const EdgeShift& edge : found.edges)
+        squares += error(edge) * error(edge);
+    return std::sqrt(squares / static_cast<double>(found.edges.size()));
+}
+
+// Without noise. Half a pixel along both axes is up to 0.5 px along the normals. The integrator's
+// own error is 0.0031 px of an edge at these samples (two of its seeds against each other); the
+// method adds less (against renderings of displaced boards: 0.0004 px at most).
+TEST(EdgeShifts, OfHalfAPixelAreRight) {
+    const Prediction predicted;
+    const Difference known{"", {-0.36, -0.5}};
+    const auto found =
+        predicted.shifts(predicted.without_noise(predicted.radiance(known, 64)), known);
+    const double largest =
+        std::abs(std::max_element(found.edges.begin(), found.edges.end(),
+                                  [](const EdgeShift& a, const EdgeShift& b) {
+                                      return std::abs(a.shift_px) < std::abs(b.shift_px);
+                                  })
+                     ->shift_px);
+    const double shift = rms(found, [&](const EdgeShift& edge) {
+        return edge.shift_px - predicted.true_shift(edge, known);
+    });
+    const double blur = rms(found, [](const EdgeShift& edge) { return edge.blur_variance_px2; });
+    std::printf("shifts to %.3f px: wrong by %.4f px, as blur by %.4f px^2\n", largest, shift,
+                blur);
+    EXPECT_GT(largest, 0.45);
+    EXPECT_LT(shift, 0.0045);
+    EXPECT_LT(blur, 0.012);
+}
+
+// A blur of a third of the rendered edge's variance (0.33 px^2 with the pixel), either way.
+TEST(EdgeShifts, BlurIsRightToATwentieth) {
+    const Prediction predicted;
+    for (const double variance : {-0.1, 0.1}) {
+        const Difference known{"", {0, 0}, variance};
+        const auto found =
+            predicted.shifts(predicted.without_noise(predicted.radiance(known, 64)), known);
+        double mean = 0.0;
+        for (const EdgeShift& edge : found.edges)
+            mean += edge.blur_variance_px2 / predicted.true_variance(edge, known) / 49.0;
+        const double shift = rms(found, [](const EdgeShift& edge) { return edge.shift_px; });
+        std::printf("blur of %.2f px^2: %.4f of it, as shift by %.4f px\n", variance, mean, shift);
+        EXPECT_NEAR(mean, 1.0, 0.05);
+        EXPECT_LT(shift, 0.0045);
+    }
+}
+
+TEST(EdgeShifts, BeyondTheirRangeAreSaidToBe) {
+    const Prediction predicted;
+    const Difference known{"", {1.3, 0.2}};
+    const auto found =
+        predicted.shifts(predicted.without_noise(predicted.radiance(known, 32)), known);
+    int beyond = 0;
+    for (const EdgeShift& edge : found.edges) {
+        if (std::abs(predicted.true_shift(edge, known)) > 1.0) {
+            EXPECT_TRUE(edge.is_beyond_range) << edge.shift_px;
+        }
+        beyond += edge.is_beyond_range;
+    }
+    EXPECT_GE(beyond, 20);
+    EXPECT_EQ(edge_summary(found.edges).beyond_range, beyond);
+}
+
+// Each part times the residual, summed, is that part's share: they add up to the residual's sum of
+// squares, and the part that is the cause has all of it but what the integrator's error adds (at
+// these samples 0.8 gray a pixel on the edges).
+TEST(EdgeShifts, PartsAddUpAndNameTheirCause) {
+    const Prediction predicted;
+    const auto square = [](double part) { return part * std::abs(part); };
+    for (const Difference& known : {Difference{"", {0.3, 0.4}}, Difference{"", {0, 0}, 0.1},
+                                    Difference{"", {0, 0}, 0, 4, 7}}) {
+        const cv::Mat gray = predicted.without_noise(predicted.radiance(known, 64));
+        const EdgeParts parts = edge_summary(predicted.shifts(gray, known).edges).parts;
+        const double whole = square(parts.residual_gray);
+        std::printf("parts: shift %.2f, blur %.2f, photometric %.2f, rest %.2f of %.2f gray\n",
+                    parts.shift_gray, parts.blur_gray, parts.photometric_gray, parts.rest_gray,
+                    parts.residual_gray);
+        EXPECT_NEAR(square(parts.shift_gray) + square(parts.blur_gray) +
+                        square(parts.photometric_gray) + square(parts.rest_gray),
+                    whole, 1e-9 * whole);
+        const double cause = known.moved_px.norm() > 0 ? parts.shift_gray
+                             : known.variance_px2 > 0  ? parts.blur_gray
+                                                       : parts.photometric_gray;
+        EXPECT_NEAR(square(cause), whole, 0.02 * whole + 0.6);
+        EXPECT_GT(whole, 4.0);
+    }
+}
+
+// A board of 9 x 6 corners in a VGA photograph; CPU time of all threads.
+TEST(EdgeShifts, OfABoardTakeLessThanAThirdOfASecond) {
+    test::EdgeScene scene{test::edge_camera(640, 480), test::gray_board("chessboard:9x6@25mm"),
+                          test::pose_of(0.1, -0.2, 0.05, -100.0, -60.0, 480.0)};
+    scene.camera.lens.reset();
+    const PhotometricCamera camera(scene.camera);
+    const cv::Mat use =
+        pixel_uses(camera.projector(), scene.pose, compared_area(scene.board, {}, "test"));
+    PhotoState state{scene.pose, {}};
+    state.photometry.white[0] = 255.0;
+    state.photometry.psf_sigma_px = 0.7;
+    const cv::Mat gray = predicted_gray(state.photometry, scene.rendered(), {});
+    const PhotoOfMarker photo{gray, scene.board.grid, use, pixel_fitted, 0.3};
+    const auto start = std::clock();
+    const EdgeShifts found = edge_shifts(photo, camera, state);
+    const double seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+    std::printf("%zu edges: %.3f s CPU\n", found.edges.size(), seconds);
+    EXPECT_EQ(found.edges.size(), 123u);
+    EXPECT_LT(seconds, 1.0);  // 0.3 s, with room for a sanitizer
+}
+
+TEST(EdgeShifts, RefuseWhatIsNoPhotograph) {
+    const Prediction predicted;
+    cv::Mat gray(predicted.use.size(), CV_32FC1, cv::Scalar(100));
+    EXPECT_THROW(predicted.shifts(gray.rowRange(0, 20), {}), NumericalError);
+    gray.at<float>(3, 4) = std::numeric_limits<float>::quiet_NaN();
+    EXPECT_THROW(predicted.shifts(gray, {}), NumericalError);
+    gray.setTo(100);
+    // Nothing but gray: the four unknowns are determined by the prediction, and no edge is there.
+    for (const EdgeShift& edge : predicted.shifts(gray, {}).edges) {
+        EXPECT_TRUE(std::isfinite(edge.shift_px) && std::isfinite(edge.shift_deviation_px));
+        EXPECT_TRUE(std::isfinite(edge.step_gray) && std::isfinite(edge.shares.total()));
+    }
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,84 @@
+#include "compare/verdict/limits_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/errors.h"
+#include "core/text.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr const char* good =
+    "etalon: limits/1\n"
+    "id: demo-7\n"
+    "b3_position_field_rms_mm: {limit: 0.07, unit: mm}\n"
+    "b3_position_field_max_mm: {limit: 0.25, unit: mm}\n";
+
+std::filesystem::path file_with(const std::string& text) {
+    static const TemporaryFolder folder;
+    const std::filesystem::path path = folder / "limits.yaml";
+    write_text(path, text);
+    return path;
+}
+
+std::string refusal(const std::string& text) {
+    try {
+        read_limits(file_with(text));
+    } catch (const ConfigError& error) {
+        return error.what();
+    }
+    return "accepted";
+}
+
+TEST(LimitsFile, ReadsWhatIsRequired) {
+    const Limits limits = read_limits(file_with(good));
+    EXPECT_EQ(limits.id, "demo-7");
+    EXPECT_EQ(limits.b3_position_field_rms_mm, 0.07);
+    EXPECT_EQ(limits.b3_position_field_max_mm, 0.25);
+    EXPECT_FALSE(limits.b3_rotation_field_rms_mrad);
+    EXPECT_FALSE(limits.b3_rotation_field_max_mrad);
+}
+
+TEST(LimitsFile, ReadsTheRotationLimitsWhenTheyAreThere) {
+    const Limits limits = read_limits(
+        file_with(std::string(good) + "b3_rotation_field_rms_mrad: {limit: 1.5, unit: mrad}\n"
+                                      "b3_rotation_field_max_mrad: {limit: 4, unit: mrad}\n"));
+    EXPECT_EQ(limits.b3_rotation_field_rms_mrad, 1.5);
+    EXPECT_EQ(limits.b3_rotation_field_max_mrad, 4.0);
+}
+
+TEST(LimitsFile, ReadsTheOtherLimitsWhenTheyAreThere) {
+    const Limits none = read_limits(file_with(good));
+    EXPECT_FALSE(none.b3_position_rest_rms_mm || none.b3_length_error_max_mm ||
+                 none.b4_position_field_rms_mm || none.b4_position_field_max_mm);
+    const Limits limits = read_limits(
+        file_with(std::string(good) + "b3_position_rest_rms_mm: {limit: 0.05, unit: mm}\n"
+                                      "b3_length_error_max_mm: {limit: 0.3, unit: mm}\n"
+                                      "b4_position_field_rms_mm: {limit: 0.04, unit: mm}\n"
+                                      "b4_position_field_max_mm: {limit: 0.11, unit: mm}\n"));
+    EXPECT_EQ(limits.b3_position_rest_rms_mm, 0.05);
+    EXPECT_EQ(limits.b3_length_error_max_mm, 0.3);
+    EXPECT_EQ(limits.b4_position_field_rms_mm, 0.04);
+    EXPECT_EQ(limits.b4_position_field_max_mm, 0.11);
+}
+
+TEST(LimitsFile, SaysWhereAndWhatIsWrong) {
+    const std::string head = "etalon: limits/1\nid: a\n";
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0.07, unit: mm}\n"),
+                HasSubstr("b3_position_field_max_mm"));
+    EXPECT_THAT(refusal(std::string(good) + "b3_positoin: {limit: 1, unit: mm}\n"),
+                AllOf(HasSubstr(":5:"), HasSubstr("b3_positoin")));
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0.07, unit: um}\n"),
+                AllOf(HasSubstr(":3:"), HasSubstr("unit")));
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0, unit: mm}\n"),
+                AllOf(HasSubstr(":3:"), HasSubstr("limit")));
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: .nan, unit: mm}\n"),
+                HasSubstr(":3:"));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,181 @@
+#include "compare/verdict/qualification.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "core/errors.h"
+#include "tests/compare/verdict/simulated_run.h"
+
+namespace etalon {
+namespace {
+
+using testing::Contains;
+using testing::HasSubstr;
+
+Qualification qualified(const SimulatedRun& run, std::uint64_t seed = 1) {
+    return qualify(input_of(run, seed));
+}
+
+TEST(Qualification, PassesAPerfectCamera) {
+    const Qualification result = qualified(demo_run());
+    EXPECT_EQ(result.verdict, Outcome::pass);
+    EXPECT_TRUE(result.budget_complete);
+    EXPECT_EQ(result.detection.rate(), 1.0);
+    EXPECT_FALSE(result.explanation);
+    ASSERT_EQ(result.quantities.size(), 2u);
+    EXPECT_EQ(result.quantities[0].name, "b3_position_field_rms_mm");
+    EXPECT_THAT(result.reasons, testing::IsEmpty());
+}
+
+TEST(Qualification, FailsAWrongFocalLengthAndNamesTheGroup) {
+    SimulatedRun run = demo_run();
+    run.true_camera.intrinsics.fx *= 1.005;
+    run.true_camera.intrinsics.fy *= 1.005;
+    const Qualification result = qualified(run);
+    EXPECT_EQ(result.verdict, Outcome::fail);
+    ASSERT_TRUE(result.explanation);
+    EXPECT_THAT(result.explanation->group, Contains("focal length"));
+    EXPECT_THAT(result.explanation->group, Contains("stage scale z"));
+}
+
+TEST(Qualification, FailsAWrongDistortionAndNamesIt) {
+    SimulatedRun run = demo_run();
+    run.true_camera.distortion.k1 *= 1.1;
+    const Qualification result = qualified(run);
+    EXPECT_EQ(result.verdict, Outcome::fail);
+    ASSERT_TRUE(result.explanation);
+    EXPECT_THAT(result.explanation->group, Contains("k1"));
+}
+
+TEST(Qualification, NeverPassesAStageWhoseScaleIsWrong) {
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        for (const double error : {2e-3, -2e-3}) {
+            SimulatedRun run = demo_run();
+            run.true_scale[axis] += error;
+            EXPECT_NE(qualified(run).verdict, Outcome::pass) << axis << " " << error;
+        }
+}
+
+// A detector that is wrong in the same way in photo and render says nothing about the camera.
+TEST(Qualification, PassesATrueCameraSeenThroughADetectorThatIsWrongOnPurpose) {
+    SimulatedRun run = demo_run();
+    run.detector = [](const Corners& corners) {
+        Corners moved = corners;
+        for (Eigen::Vector2d& corner : moved)
+            corner += Eigen::Vector2d(0.5, 0.5);
+        return moved;
+    };
+    const Qualification shifted = qualified(run);
+    run.detector = [](const Corners& corners) {
+        const Eigen::Vector2d centre = (corners[0] + corners[1] + corners[2] + corners[3]) / 4.0;
+        Corners moved = corners;
+        for (Eigen::Vector2d& corner : moved)
+            corner += 0.3 * (centre - corner).normalized();
+        return moved;
+    };
+    const Qualification shrunk = qualified(run);
+    for (const Qualification* result : {&shifted, &shrunk}) {
+        EXPECT_EQ(result->verdict, Outcome::pass);
+        for (const JudgedQuantity& quantity : result->quantities)
+            EXPECT_LT(quantity.value, quantity.expanded_uncertainty) << quantity.name;
+    }
+    double b1_z = 0.0;  // reported, and large
+    for (const QualifiedPose& pose : shrunk.poses)
+        if (pose.bias.b1)
+            b1_z = std::max(b1_z, pose.bias.b1->translation_mm.z());
+    EXPECT_GT(b1_z, 1.0);
+}
+
+TEST(Qualification, DoesNotPassWithATermOfTheBudgetUnknown) {
+    const SimulatedRun run = demo_run();
+    for (int term = 0; term < 3; ++term) {
+        QualificationInput input = input_of(run, 1);
+        if (term == 0)
+            input.marker_size_uncertainty.reset();
+        else if (term == 1)
+            input.stage_terms[2].standard_uncertainty.reset();
+        else
+            input.repeatability[1].marker_mm.reset();
+        const Qualification result = qualify(input);
+        EXPECT_EQ(result.verdict, Outcome::inconclusive);
+        EXPECT_FALSE(result.budget_complete);
+        EXPECT_THAT(result.reasons, Contains(HasSubstr("unknown")));
+        EXPECT_EQ(std::count_if(result.budget.begin(), result.budget.end(),
+                                [](const BudgetRow& row) {
+                                    return row.counted && !row.standard_uncertainty;
+                                }),
+                  1);
+    }
+}
+
+// Standard uncertainties of 0.03 mm RMS and 0.07 mm at most count twice (k = 2) at least.
+TEST(Qualification, CountsAnErrorMapInFull) {
+    const SimulatedRun run = demo_run();
+    QualificationInput input = input_of(run, 1);
+    const Qualification without = qualify(input);
+    input.error_maps = {{"z", 0.03, 0.07}};
+    const Qualification with = qualify(input);
+    const auto row = std::ranges::find(with.budget, "stage error map z", &BudgetRow::source);
+    ASSERT_NE(row, with.budget.end());
+    EXPECT_DOUBLE_EQ(row->contribution(quantity::position_rms), 0.03);
+    EXPECT_DOUBLE_EQ(row->contribution(quantity::position_max), 0.07);
+    EXPECT_EQ(with.budget.size(), without.budget.size() + 1);
+    EXPECT_GT(with.quantities[0].expanded_uncertainty, 2 * 0.03);
+    EXPECT_GT(with.quantities[1].expanded_uncertainty, 2 * 0.07);
+    EXPECT_LT(without.quantities[1].expanded_uncertainty, with.quantities[1].expanded_uncertainty);
+}
+
+TEST(Qualification, SkipsItsQuantitiesWhenTooFewPosesWereDetected) {
+    const SimulatedRun run = demo_run();
+    QualificationInput input = input_of(run, 1);
+    for (std::size_t i = 36; i < input.poses.size(); ++i)
+        input.poses[i].corners.reset();
+    const Qualification result = qualify(input);
+    EXPECT_EQ(result.verdict, Outcome::inconclusive);
+    EXPECT_EQ(result.detection.hold_out_detected, 6);
+    for (const JudgedQuantity& quantity : result.quantities) {
+        EXPECT_EQ(quantity.outcome, Outcome::skipped);
+        EXPECT_THAT(quantity.reason, HasSubstr("6 hold-out"));
+    }
+}
+
+TEST(Qualification, GoesOnWithoutTheFewPosesThatWereNotDetected) {
+    const SimulatedRun run = demo_run();
+    QualificationInput input = input_of(run, 1);
+    for (const std::size_t i : {2, 19, 44, 61})
+        input.poses[i].corners.reset();
+    const Qualification result = qualify(input);
+    EXPECT_EQ(result.verdict, Outcome::pass);
+    EXPECT_NEAR(result.detection.rate(), 66.0 / 70.0, 1e-12);
+    EXPECT_FALSE(result.poses[44].used);
+    EXPECT_FALSE(result.poses[44].bias.b3);
+}
+
+TEST(Qualification, JudgesRotationsWhenTheLimitsAskForThem) {
+    SimulatedRun run = demo_run();
+    run.limits.b3_rotation_field_rms_mrad = 2.0;
+    run.limits.b3_rotation_field_max_mrad = 6.0;
+    const Qualification result = qualified(run);
+    ASSERT_EQ(result.quantities.size(), 4u);
+    EXPECT_EQ(result.quantities[2].outcome, Outcome::pass);
+    EXPECT_EQ(result.quantities[3].unit, "mrad");
+    EXPECT_EQ(result.quantities[3].outcome, Outcome::pass);
+}
+
+TEST(Qualification, RefusesInputThatIsNotFinite) {
+    const SimulatedRun run = demo_run();
+    QualificationInput input = input_of(run, 1);
+    input.poses[3].corners->at(1).x() = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_THROW(qualify(input), NumericalError);
+    input = input_of(run, 1);
+    input.poses[3].corners->pop_back();
+    EXPECT_THROW(qualify(input), NumericalError);
+    input = input_of(run, 1);
+    input.poses[50].base_from_carriage.translation.y() = std::numeric_limits<double>::infinity();
+    EXPECT_THROW(qualify(input), NumericalError);
+}
+
+}  // namespace
+}  // namespace etalon

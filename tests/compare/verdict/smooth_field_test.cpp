@@ -1,0 +1,84 @@
+#include "compare/verdict/smooth_field.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "core/errors.h"
+#include "tests/compare/verdict/field_samples.h"
+
+namespace etalon {
+namespace {
+
+using namespace field_samples;
+
+TEST(SmoothField, ReproducesAFieldOfItsOwnTermsEverywhere) {
+    const SmoothField field = fit_smooth_field(samples(40, 1.0, 0.0, 1), FieldBasis::position);
+    for (std::size_t i = 100; i < 120; ++i)
+        EXPECT_LT((field.at(position(i)) - truth(position(i))).norm(), 1e-9);
+    EXPECT_EQ(field.degrees_of_freedom, 3 * 40 - 15);
+}
+
+TEST(SmoothField, SummarisesAFieldAsItsTrueRmsAndMaximum) {
+    const SmoothField field = fit_smooth_field(samples(40, 1.0, 0.0, 1), FieldBasis::position);
+    double sum = 0.0, largest = 0.0;
+    for (std::size_t i = 0; i < 60; ++i)
+        sum += truth(position(i)).squaredNorm() / 60;
+    for (const Eigen::Vector3d& p : hull_positions(positions(60)))
+        largest = std::max(largest, truth(p).norm());
+    const FieldSummary summary = summarize(field, positions(60), NoiseDraws(1));
+    EXPECT_NEAR(summary.rms, std::sqrt(sum), 1e-8);
+    EXPECT_NEAR(summary.max, largest, 1e-8);
+    EXPECT_LT(summary.rms_uncertainty + summary.max_uncertainty, 1e-6);
+}
+
+TEST(SmoothField, TakesThePowerOfNoiseOutOfTheRmsAndNeverGoesBelowZero) {
+    for (const double size : {1.0, 0.0}) {
+        const SmoothField field =
+            fit_smooth_field(samples(40, size, 0.05, 3), FieldBasis::position);
+        double power = 0.0;
+        for (const Eigen::Vector3d& p : positions(40))
+            power += field.at(p).squaredNorm() / 40;
+        const FieldSummary summary = summarize(field, positions(40), NoiseDraws(1));
+        EXPECT_GT(summary.noise_rms, 0.0);
+        EXPECT_NEAR(summary.rms * summary.rms,
+                    std::max(0.0, power - summary.noise_rms * summary.noise_rms), 1e-12);
+    }
+}
+
+TEST(SmoothField, IsHardlyMovedByOneWildSample) {
+    std::vector<FieldSample> all = samples(40, 1.0, 0.01, 5);
+    all[17].error += Eigen::Vector3d(3.0, -2.0, 8.0);
+    const SmoothField field = fit_smooth_field(all, FieldBasis::position);
+    EXPECT_GE(field.down_weighted, 1);
+    double sum = 0.0;
+    for (const Eigen::Vector3d& p : positions(40))
+        sum += (field.at(p) - truth(p)).squaredNorm() / 40;
+    EXPECT_LT(std::sqrt(sum), 0.1);  // plain least squares: 8 mm sqrt(15 / 120) / sqrt(40) and more
+}
+
+TEST(SmoothField, RefusesSamplesThatCannotCarryIt) {
+    EXPECT_THROW(fit_smooth_field(samples(9, 1.0, 0.01, 1), FieldBasis::linear), NumericalError);
+    std::vector<FieldSample> flat = samples(40, 1.0, 0.01, 1);
+    for (FieldSample& sample : flat)
+        sample.position_mm.z() = 500.0;
+    EXPECT_THROW(fit_smooth_field(flat, FieldBasis::linear), NumericalError);
+    std::vector<FieldSample> bad = samples(40, 1.0, 0.01, 1);
+    bad[3].error.y() = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_THROW(fit_smooth_field(bad, FieldBasis::position), NumericalError);
+    bad = samples(40, 1.0, 0.01, 1);
+    bad[3].sigma_along = 0.0;
+    EXPECT_THROW(fit_smooth_field(bad, FieldBasis::position), NumericalError);
+}
+
+TEST(HullPositions, AreTheGivenOnesAndTheMidpointsOfAllPairs) {
+    const std::vector<Eigen::Vector3d> corners = {{0, 0, 1}, {4, 0, 1}, {0, 6, 3}};
+    const std::vector<Eigen::Vector3d> all = hull_positions(corners);
+    ASSERT_EQ(all.size(), 6u);
+    EXPECT_EQ(all[3], Eigen::Vector3d(2, 0, 1));
+    EXPECT_EQ(all[5], Eigen::Vector3d(2, 3, 2));
+}
+
+}  // namespace
+}  // namespace etalon

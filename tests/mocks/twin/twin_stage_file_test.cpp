@@ -1,0 +1,230 @@
+#include "mocks/twin/twin_stage_file.h"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "core/errors.h"
+#include "core/text.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+constexpr double deg = std::numbers::pi / 180.0;
+
+const std::string axes = R"(etalon: twin/1
+port: 1507
+axes:
+  - {name: x, kind: linear, direction: [1, 0, 0], travel: [-30, 30], speed: 400}
+  - {name: y, kind: linear, direction: [0, 1, 0], travel: [-30, 30], speed: 400}
+  - {name: rz, kind: rotary, direction: [0, 0, 1], point_mm: [0, 0, 0],
+     travel_deg: [-20, 20], speed_deg: 200}
+)";
+
+TwinStage read(const std::string& rest) {
+    const StrictFile file = StrictFile::from_text(axes + rest, "twin.yaml", "twin/1");
+    TwinStage stage = read_twin_stage(file, file.root());
+    file.finish();
+    return stage;
+}
+
+TEST(TwinStageFile, WithoutMoreItIsAStageWithoutErrors) {
+    const TwinStage stage = read("");
+    EXPECT_EQ(stage.port, 1507);
+    EXPECT_EQ(stage.profile.name, "generic");
+    ASSERT_EQ(stage.axes.size(), 3U);
+    EXPECT_EQ(stage.options.ramp, std::chrono::milliseconds(50));
+    EXPECT_EQ(stage.options.jerk.count(), 0);
+    EXPECT_FALSE(stage.options.servos[1]);
+    EXPECT_EQ(stage.options.errors[2].scale, 0.0);
+    EXPECT_TRUE(stage.options.faults.empty() && stage.link_faults.empty());
+}
+
+TEST(TwinStageFile, ErrorsAreReadWithTheirUnitsConverted) {
+    const TwinStage stage = read(R"(ramp_ms: 70
+jerk_ms: 20
+homing_ms: 900
+temperature: {change_k: -2.5, time_constant_s: 1800}
+errors:
+  x: {scale_ppm: -30, repeatability_um: 3, backlash_um: 50, encoder_noise_um: 0.7,
+      periodic_um: 0.8, period_mm: 2.5, phase_deg: 90, drift_um_per_k: -1.5,
+      expansion_ppm_per_k: 11, lean_urad: {y: -150}}
+  rz: {repeatability_deg: 0.01, periodic_deg: 0.02, period_deg: 5, encoder_noise_deg: 0.03,
+       drift_deg_per_k: 0.04}
+)");
+    EXPECT_EQ(stage.options.ramp, std::chrono::milliseconds(70));
+    EXPECT_EQ(stage.options.jerk, std::chrono::milliseconds(20));
+    EXPECT_EQ(stage.options.homing, std::chrono::milliseconds(900));
+    EXPECT_EQ(stage.options.temperature.change, -2.5);
+    EXPECT_EQ(stage.options.temperature.time_constant, 1800.0);
+    const AxisErrors& x = stage.options.errors[0];
+    EXPECT_NEAR(x.scale, -30e-6, 1e-18);
+    EXPECT_NEAR(x.repeatability, 0.003, 1e-15);
+    EXPECT_NEAR(x.backlash, 0.05, 1e-15);
+    EXPECT_NEAR(x.encoder_noise, 0.0007, 1e-15);
+    EXPECT_NEAR(x.periodic, 0.0008, 1e-15);
+    EXPECT_NEAR(x.period, 2.5, 1e-15);
+    EXPECT_NEAR(x.phase, 90 * deg, 1e-15);
+    EXPECT_NEAR(x.drift, -0.0015, 1e-15);
+    EXPECT_NEAR(x.expansion, 11e-6, 1e-18);
+    ASSERT_EQ(x.lean.size(), 3U);
+    EXPECT_NEAR(x.lean[1], -150e-6, 1e-18);
+    EXPECT_TRUE(stage.options.errors[1].lean.empty());
+    const AxisErrors& rz = stage.options.errors[2];
+    EXPECT_NEAR(rz.repeatability, 0.01 * deg, 1e-15);
+    EXPECT_NEAR(rz.periodic, 0.02 * deg, 1e-15);
+    EXPECT_NEAR(rz.period, 5 * deg, 1e-15);
+    EXPECT_NEAR(rz.encoder_noise, 0.03 * deg, 1e-15);
+    EXPECT_NEAR(rz.drift, 0.04 * deg, 1e-15);
+}
+
+TEST(TwinStageFile, AnErrorMapIsTrueAndNotAppliedTwice) {
+    std::string text = axes;
+    text.replace(text.find("speed: 400}"), 11,
+                 "speed: 400, error_map: [[-30, 1, 0.1], [30, 7, 0.1]]}");
+    const StrictFile file = StrictFile::from_text(text, "twin.yaml", "twin/1");
+    const TwinStage stage = read_twin_stage(file, file.root());
+    ASSERT_TRUE(stage.options.errors[0].map);
+    EXPECT_NEAR(error_at(stage.options.errors[0], 15.0, 0.0), 0.0055, 1e-12);
+    EXPECT_FALSE(stage.axes[0].errors || stage.options.errors[1].map);
+}
+
+// Both paths are relative to the file.
+TEST(TwinStageFile, MayBeASerialLineAndOfAProfileOfItsOwn) {
+    const TemporaryFolder folder;
+    write_text(folder / "mine.yaml", "etalon: stage-profile/1\nname: mine\nextends: generic\n");
+    std::string text = axes + "profile: mine.yaml\n";
+    text.replace(text.find("port: 1507"), 10, "serial: line/stage");
+    write_text(folder / "twin.yaml", text);
+    const StrictFile file(folder / "twin.yaml", "twin/1");
+    const TwinStage stage = read_twin_stage(file, file.root());
+    EXPECT_EQ(stage.serial, folder / "line/stage");
+    EXPECT_EQ(stage.profile.name, "mine");
+    EXPECT_TRUE(stage.profile.watchdog);
+}
+
+TEST(TwinStageFile, ServosAreReadByAxis) {
+    const TwinStage stage = read(R"(servo:
+  y: {bandwidth_hz: 30, damping: 0.6, window_um: 5}
+  rz: {bandwidth_hz: 20, damping: 0.7, window_deg: 0.01, drive_lag_us: 300, resonance_hz: 41,
+       resonance_damping: 0.03}
+)");
+    EXPECT_FALSE(stage.options.servos[0]);
+    const AxisServo& y = stage.options.servos[1].value();
+    EXPECT_EQ(y.parameters.bandwidth_hz, 30.0);
+    EXPECT_EQ(y.parameters.damping, 0.6);
+    EXPECT_EQ(y.parameters.resonance_hz, 0.0);
+    EXPECT_NEAR(y.window, 0.005, 1e-15);
+    const AxisServo& rz = stage.options.servos[2].value();
+    EXPECT_NEAR(rz.parameters.drive_lag, 300e-6, 1e-15);
+    EXPECT_EQ(rz.parameters.resonance_hz, 41.0);
+    EXPECT_EQ(rz.parameters.resonance_damping, 0.03);
+    EXPECT_NEAR(rz.window, 0.01 * deg, 1e-15);
+}
+
+TEST(TwinStageFile, EveryFaultHasItsName) {
+    const TwinStage stage = read(R"(faults:
+  - {fault: stuck_axis, axis: y, at: {move: 7}}
+  - {fault: false_in_position, axis: x, at: {time_ms: 2500}}
+  - {fault: encoder_jump, axis: x, at: {request: 120}, size_um: -20}
+  - {fault: encoder_jump, axis: rz, at: {register: 200}, size_deg: 0.5}
+  - {fault: limit_hit, axis: rz, at: {move: 8}}
+  - {fault: alarm, axis: x, at: {move: 9}, code: 21}
+  - {fault: emergency_stop, at: {move: 11}}
+  - {fault: late_reply, at: {request: 13}, delay_ms: 400, requests: 3}
+  - {fault: silence, at: {move: 3}}
+  - {fault: exception, at: {register: 100}, code: 4}
+  - {fault: garbage, at: {time_ms: 700}, carried_out: false}
+  - {fault: wrong_id, at: {request: 17}}
+  - {fault: half_open, at: {request: 19}}
+  - {fault: slow_bytes, at: {request: 23}, delay_ms: 50}
+  - {fault: reset, at: {request: 29}}
+)");
+    using When = FaultTrigger::When;
+    const auto& faults = stage.options.faults;
+    ASSERT_EQ(faults.size(), 7U);
+    EXPECT_EQ(faults[0].kind, StageFault::Kind::stuck_axis);
+    EXPECT_EQ(faults[0].axis, 1U);
+    EXPECT_EQ(faults[0].at.when, When::move);
+    EXPECT_EQ(faults[0].at.value, 7);
+    EXPECT_EQ(faults[1].kind, StageFault::Kind::false_in_position);
+    EXPECT_EQ(faults[1].at.when, When::time_ms);
+    EXPECT_EQ(faults[1].at.value, 2500);
+    EXPECT_EQ(faults[2].kind, StageFault::Kind::encoder_jump);
+    EXPECT_EQ(faults[2].at.when, When::request);
+    EXPECT_NEAR(faults[2].size, -0.02, 1e-15);
+    EXPECT_EQ(faults[3].at.when, When::write_to);
+    EXPECT_EQ(faults[3].at.value, 200);
+    EXPECT_NEAR(faults[3].size, 0.5 * deg, 1e-15);
+    EXPECT_EQ(faults[4].kind, StageFault::Kind::limit_hit);
+    EXPECT_EQ(faults[5].kind, StageFault::Kind::alarm);
+    EXPECT_EQ(faults[5].code, 21);
+    EXPECT_EQ(faults[6].kind, StageFault::Kind::emergency_stop);
+
+    using Kind = ModbusFault::Kind;
+    ASSERT_EQ(stage.link_faults.size(), 8U);
+    const Kind kinds[] = {Kind::late_reply, Kind::silence,   Kind::exception,  Kind::garbage,
+                          Kind::wrong_id,   Kind::half_open, Kind::slow_bytes, Kind::reset};
+    for (std::size_t i = 0; i < 8; ++i)
+        EXPECT_EQ(stage.link_faults[i].kind, kinds[i]) << i;
+    EXPECT_EQ(stage.link_faults[0].delay, std::chrono::milliseconds(400));
+    EXPECT_EQ(stage.link_faults[0].requests, 3);
+    EXPECT_EQ(stage.link_faults[1].requests, 1);
+    EXPECT_EQ(stage.link_faults[2].code, 4);
+    EXPECT_TRUE(stage.link_faults[1].carried_out);
+    EXPECT_FALSE(stage.link_faults[3].carried_out);
+    EXPECT_EQ(stage.link_faults[6].delay, std::chrono::milliseconds(50));
+    EXPECT_EQ(stage.link_faults[7].at.value, 29);
+}
+
+// Each case: what stands in the file, and what the error must name.
+TEST(TwinStageFile, NamesTheKeyOfEveryMistake) {
+    const std::pair<std::string, std::string> cases[] = {
+        {"profile: nobody", "profile"},
+        {"serial: line", "serial"},  // beside a port
+        {"ramp_ms: 0", "ramp_ms"},
+        {"jerk_ms: -1", "jerk_ms"},
+        {"temperature: {change_k: 2}", "temperature.time_constant_s"},
+        {"temperature: {change_k: 2, time_constant_s: 0}", "temperature.time_constant_s"},
+        {"errors: {z: {scale_ppm: 1}}", "errors.z"},
+        {"errors: {x: {backlash_um: -1}}", "errors.x.backlash_um"},
+        {"errors: {x: {backlash_deg: 1}}", "errors.x.backlash_deg"},
+        {"errors: {x: {periodic_um: 1}}", "errors.x.period_mm"},
+        {"errors: {x: {period_mm: 1}}", "errors.x.period_mm"},
+        {"errors: {x: {lean_urad: {x: 1}}}", "errors.x.lean_urad.x"},
+        {"errors: {x: {lean_urad: {rz: 1}}}", "errors.x.lean_urad.rz"},
+        {"errors: {x: {lean_urad: {z: 1}}}", "errors.x.lean_urad.z"},
+        {"servo: {x: {bandwidth_hz: 30, damping: 0.7}}", "servo.x.window_um"},
+        {"servo: {x: {bandwidth_hz: 30, damping: 0, window_um: 5}}", "servo.x.damping"},
+        {"servo: {x: {bandwidth_hz: 30, damping: 1, window_um: 5, resonance_hz: 9}}",
+         "servo.x.resonance_damping"},
+        {"servo: {z: {bandwidth_hz: 30, damping: 0.7, window_um: 5}}", "servo.z"},
+        {"faults: [{fault: stuck, axis: x, at: {move: 7}}]", "faults[0].fault"},
+        {"faults: [{fault: stuck_axis, axis: z, at: {move: 7}}]", "faults[0].axis"},
+        {"faults: [{fault: stuck_axis, at: {move: 7}}]", "faults[0].axis"},
+        {"faults: [{fault: stuck_axis, axis: x}]", "faults[0].at"},
+        {"faults: [{fault: stuck_axis, axis: x, at: {move: 0}}]", "faults[0].at.move"},
+        {"faults: [{fault: stuck_axis, axis: x, at: {}}]", "faults[0].at"},
+        {"faults: [{fault: stuck_axis, axis: x, at: {move: 7, request: 5}}]",
+         "faults[0].at.request"},
+        {"faults: [{fault: reset, axis: x, at: {move: 7}}]", "faults[0].axis"},
+        {"faults: [{fault: reset, at: {register: 65536}}]", "faults[0].at.register"},
+        {"faults: [{fault: encoder_jump, axis: x, at: {move: 7}, size_deg: 5}]",
+         "faults[0].size_um"},
+        {"faults: [{fault: late_reply, at: {move: 7}}]", "faults[0].delay_ms"},
+        {"faults: [{fault: exception, at: {move: 7}, code: 4, carried_out: true}]",
+         "faults[0].carried_out"},
+        {"faults: [{fault: exception, at: {move: 7}, code: 256}]", "faults[0].code"}};
+    for (const auto& [rest, key] : cases) {
+        try {
+            read(rest + "\n");
+            ADD_FAILURE() << rest << " was accepted";
+        } catch (const ConfigError& error) {
+            EXPECT_NE(std::string(error.what()).find(key), std::string::npos) << error.what();
+        }
+    }
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,94 @@
+#include "report/svg_plot.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <regex>
+
+namespace etalon {
+namespace {
+
+// All values of one attribute, in order.
+std::vector<double> attribute(const std::string& svg, const std::string& element,
+                              const std::string& name) {
+    std::vector<double> values;
+    const std::regex pattern("<" + element + "[^>]* " + name + "='([-0-9.]+)'");
+    for (std::sregex_iterator it(svg.begin(), svg.end(), pattern), end; it != end; ++it)
+        values.push_back(std::stod((*it)[1]));
+    return values;
+}
+
+TEST(SvgPlot, KeepsOrderAndProportionOfThePoints) {
+    SvgPlot plot("x / mm", "y / mm");
+    const std::vector<double> xs{0, 7, 14}, ys{5, 0, 10};
+    plot.add_points(xs, ys, Ink::blue, "points");
+    const std::vector<double> cx = attribute(plot.svg(), "circle", "cx");
+    const std::vector<double> cy = attribute(plot.svg(), "circle", "cy");
+    ASSERT_EQ(cx.size(), 3u);
+    EXPECT_NEAR(cx[1] - cx[0], cx[2] - cx[1], 0.11);  // one decimal in the picture
+    EXPECT_NEAR(cy[1] - cy[0], cy[0] - cy[2], 0.11);  // larger y is higher up
+    EXPECT_GT(cy[1], cy[0]);
+}
+
+TEST(SvgPlot, ImageAxesHaveOneScaleAndYDown) {
+    SvgPlot plot("x / px", "y / px");
+    plot.set_image_axes();
+    const std::vector<double> xs{0, 100, 0}, ys{0, 0, 30};
+    plot.add_points(xs, ys, Ink::blue, "points");
+    const std::vector<double> cx = attribute(plot.svg(), "circle", "cx");
+    const std::vector<double> cy = attribute(plot.svg(), "circle", "cy");
+    EXPECT_NEAR((cx[1] - cx[0]) * 0.3, cy[2] - cy[0], 0.2);
+}
+
+TEST(SvgPlot, LeavesOutWhatIsNotFinite) {
+    SvgPlot plot("x", "y");
+    const std::vector<double> xs{1, std::numeric_limits<double>::quiet_NaN(), 3},
+        ys{2, 5, std::numeric_limits<double>::infinity()};
+    plot.add_points(xs, ys, Ink::blue, "points");
+    plot.add_line(xs, ys, Ink::red, "line");
+    const std::string svg = plot.svg();
+    EXPECT_EQ(attribute(svg, "circle", "cx").size(), 1u);
+    EXPECT_EQ(svg.find("nan"), std::string::npos);
+    EXPECT_EQ(svg.find("inf"), std::string::npos);
+}
+
+// 1, 10 and 100 at equal distances, named as they are.
+TEST(SvgPlot, PlacesALogarithmicAxisByRatios) {
+    SvgPlot plot("x", "y");
+    plot.set_log_y_axis();
+    const std::vector<double> xs{1, 2, 3}, ys{1, 10, 100};
+    plot.add_points(xs, ys, Ink::blue, "points");
+    const std::string svg = plot.svg();
+    const std::vector<double> cx = attribute(svg, "circle", "cx");
+    const std::vector<double> cy = attribute(svg, "circle", "cy");
+    EXPECT_NEAR(cy[0] - cy[1], cy[1] - cy[2], 0.11);
+    EXPECT_NEAR(cx[1] - cx[0], cx[2] - cx[1], 0.11);
+    EXPECT_NE(svg.find(">20</text>"), std::string::npos);
+}
+
+TEST(SvgPlot, BreaksALegendThatIsTooLong) {
+    SvgPlot plot("x", "y");
+    plot.set_size(300, 200);
+    const std::vector<double> xs{1, 2}, ys{3, 4};
+    for (const char* name : {"the first of them", "the second of them", "the third"})
+        plot.add_line(xs, ys, Ink::blue, name);
+    const std::vector<double> x = attribute(plot.svg(), "rect class='mark'", "x");
+    ASSERT_EQ(x.size(), 3u);
+    EXPECT_EQ(x[0], x[1]);  // one below the other
+    for (const double each : x)
+        EXPECT_LT(each, 300.0 - 15.0);
+}
+
+TEST(SvgPlot, DrawsAnEmptyPlotWithoutData) {
+    EXPECT_NE(SvgPlot("x", "y").svg().find("<svg"), std::string::npos);
+}
+
+TEST(SvgPlot, ShowsTheNoteOfEachPoint) {
+    SvgPlot plot("x", "y");
+    const std::vector<double> xs{1, 2}, ys{3, 4};
+    plot.add_points(xs, ys, Ink::blue, "points", {"pose 7 <b>", "pose 5"});
+    EXPECT_NE(plot.svg().find("<title>pose 7 &lt;b&gt;</title>"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,152 @@
+#include "sim/render/motion_blur.h"
+
+#include <gtest/gtest.h>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+constexpr double gray = 1.0 / 255.0;
+
+CameraModel pinhole() {
+    CameraModel camera;
+    camera.width = 64;
+    camera.height = 24;
+    camera.intrinsics = {400.0, 400.0, 31.0, 11.0};
+    return camera;
+}
+
+// Black left of x = edge_mm, white right of it.
+Scene half_plane(double edge_mm, double z_mm) {
+    Scene scene{{PlacedMarker{}}};
+    scene.markers[0].grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
+    scene.markers[0].grid.cell_mm = {2000.0, 4000.0};
+    scene.markers[0].grid.corner_mm = {edge_mm - 2000.0, -2000.0};
+    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, z_mm};
+    return scene;
+}
+
+// 4 x 3 cells in an image of 64 x 24 px.
+Scene small_marker() {
+    Scene scene{{PlacedMarker{}}};
+    scene.markers[0].grid.cells =
+        (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
+    scene.markers[0].grid.cell_mm = {3.0, 2.0};
+    scene.markers[0].grid.corner_mm = {-6.0, -3.0};
+    scene.markers[0].camera_from_marker.rotation = rotation_from_vector({0.3, -0.4, 0.2});
+    scene.markers[0].camera_from_marker.translation = {1.0, -0.5, 250.0};
+    return scene;
+}
+
+Motion along_x(double mm_per_s, double exposure_s) {
+    Motion motion{Vector6d::Zero(), exposure_s};
+    motion.velocity[3] = mm_per_s;
+    return motion;
+}
+
+// Integral of the pixel's value (the part of it right of the edge) from an edge at minus infinity.
+double swept(double edge_to_pixel_px) {
+    const double t = edge_to_pixel_px + 0.5;
+    return t <= 0.0 ? 0.0 : t >= 1.0 ? t - 0.5 : 0.5 * t * t;
+}
+
+// 400 px/mm/250 mm = 1.6 px per mm: the edge sweeps from 33.4 - 4.8 to 33.4 + 4.8.
+TEST(MovingEdge, IsTheTrapeziumOfItsSweep) {
+    const auto moving =
+        render_moving(Renderer(pinhole()), half_plane(1.5, 250.0), along_x(120.0, 0.05));
+    EXPECT_GE(moving.path_px, 9.6);
+    for (int x = 20; x < 48; ++x) {
+        const double from = x - (33.4 - 4.8), to = x - (33.4 + 4.8);
+        EXPECT_NEAR(moving.image.radiance.at<float>(10, x), (swept(from) - swept(to)) / 9.6,
+                    0.1 * gray)
+            << x;
+    }
+}
+
+// The bound is no looser than need be: with a fourth of the parts the error is seen.
+TEST(MovingEdge, NeedsItsParts) {
+    const int parts = parts_of_exposure(9.6, 1.0, 0.05);
+    EXPECT_EQ(parts, 111);  // sqrt(255 * 9.6 / 0.2) = 110.6
+    const Renderer renderer(pinhole());
+    double largest = 0.0;
+    for (const int n : {parts, parts / 8}) {
+        double error = 0.0;
+        for (int x = 20; x < 48; ++x) {
+            double sum = 0.0;
+            for (int i = 0; i < n; ++i)
+                sum += std::clamp(x + 0.5 - (33.4 + 9.6 * ((i + 0.5) / n - 0.5)), 0.0, 1.0) / n;
+            const double truth = (swept(x - (33.4 - 4.8)) - swept(x - (33.4 + 4.8))) / 9.6;
+            error = std::max(error, std::abs(sum - truth) * 255.0);
+        }
+        if (n == parts) {
+            EXPECT_LE(error, 0.05);
+        } else {
+            EXPECT_GT(error, 0.05);
+        }
+        largest = std::max(largest, error);
+    }
+    EXPECT_LT(largest, 255.0 * 9.6 / (4.0 * (parts / 8) * (parts / 8)));
+}
+
+TEST(MovingMarker, IsTheLongAverageOfStillOnes) {
+    const Renderer renderer(pinhole());
+    const Scene scene = small_marker();
+    Motion motion{Vector6d::Zero(), 0.02};
+    motion.velocity << 0.4, -1.1, 6.0, 90.0, -40.0, 300.0;
+    const auto moving = render_moving(renderer, scene, motion);
+    cv::Mat sum = cv::Mat::zeros(24, 64, CV_64FC1);
+    constexpr int steps = 600;
+    for (int i = 0; i < steps; ++i) {
+        const double t = ((i + 0.5) / steps - 0.5) * 0.02;
+        Scene still = scene;
+        still.markers[0].camera_from_marker =
+            left_perturbed(scene.markers[0].camera_from_marker, motion.velocity * t);
+        sum += renderer.render(still).radiance / steps;
+    }
+    EXPECT_LT(moving.parts, steps / 3);
+    EXPECT_GT(moving.path_px, 2.5);
+    cv::Mat truth;
+    sum.convertTo(truth, CV_32F);
+    EXPECT_LT(cv::norm(moving.image.radiance, truth, cv::NORM_INF), 0.1 * gray);
+    EXPECT_GT(cv::norm(renderer.render(scene).radiance, truth, cv::NORM_INF), 20 * gray);
+}
+
+TEST(MovingMarker, StandsStillWithoutMotion) {
+    const Renderer renderer(pinhole());
+    const auto moving = render_moving(renderer, small_marker(), along_x(120.0, 0.0));
+    EXPECT_EQ(moving.parts, 1);
+    EXPECT_EQ(moving.path_px, 0.0);
+    RenderOptions options;
+    options.tolerance_gray = 0.05;
+    EXPECT_EQ(cv::norm(moving.image.radiance, renderer.render(small_marker(), options).radiance,
+                       cv::NORM_INF),
+              0.0);
+}
+
+TEST(MovingScene, MovesAsOneBody) {
+    Scene scene = small_marker();
+    scene.markers.push_back(scene.markers[0]);
+    scene.markers[1].camera_from_marker.translation += Eigen::Vector3d(20.0, 5.0, -3.0);
+    Motion motion{Vector6d::Zero(), 1.0};
+    motion.velocity << 0.1, 0.2, -0.5, 3.0, 4.0, 5.0;
+    const Scene moved = scene_at(scene, motion, 0.3);
+    const auto relative = [](const Scene& s) {
+        return s.markers[0].camera_from_marker.inverse() * s.markers[1].camera_from_marker;
+    };
+    EXPECT_LT(left_difference(relative(scene), relative(moved)).norm(), 1e-12);
+    const Vector6d done =
+        left_difference(scene.markers[0].camera_from_marker, moved.markers[0].camera_from_marker);
+    EXPECT_LT((done - 0.3 * motion.velocity).norm(), 1e-12);
+}
+
+TEST(Motion, RefusesWhatIsNone) {
+    const Renderer renderer(pinhole());
+    EXPECT_THROW(render_moving(renderer, small_marker(), along_x(std::nan(""), 0.1)),
+                 NumericalError);
+    EXPECT_THROW(render_moving(renderer, small_marker(), along_x(1.0, -0.1)), NumericalError);
+    EXPECT_THROW(render_moving(renderer, small_marker(), along_x(1e9, 1.0)), NumericalError);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,193 @@
+#include "sim/render/sampling_bound.h"
+
+#include <gtest/gtest.h>
+
+#include "sim/tiles/image_filter.h"
+
+#include "tests/sim/edge_scenes.h"
+
+namespace etalon {
+namespace {
+
+using test::gray;
+
+const EdgeTangents along_the_pixels(1);
+
+// Depth before the plane of focus with this blur radius in the small camera.
+double depth_of_blur(const CameraModel& camera, double blur_px) {
+    const double per_inverse_mm = 400.0 * thin_lens(camera).aperture_diameter_mm / 2.0;
+    return 1.0 / (1.0 / 150.0 + blur_px / per_inverse_mm);
+}
+
+// Largest difference between renders with k and with many samples, over edges at 40 places of a
+// pixel.
+double worst_edge(RenderMethod method, int k, int many, double blur_px) {
+    const CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
+    const Renderer renderer(camera);
+    RenderOptions coarse{.method = method,
+                         .tolerance_gray = 1e3,
+                         .samples_per_side = k,
+                         .keep = {Omission::lens, Omission::diffraction}};
+    RenderOptions fine = coarse;
+    fine.samples_per_side = many;
+    coarse.region = fine.region = cv::Rect(40, 32, 16, 4);
+    const double z = blur_px > 0.0 ? depth_of_blur(camera, blur_px) : 150.0;
+    double worst = 0.0;
+    for (int place = 0; place < 40; ++place) {
+        const Scene scene = test::half_plane((0.3 + place / 40.0) * z / 400.0, z);
+        worst = std::max(worst, test::largest_difference(renderer.render(scene, coarse).radiance,
+                                                         renderer.render(scene, fine).radiance));
+    }
+    return worst / gray;
+}
+
+SamplingBound small_camera_bound(const PointSpreadFunction& spread) {
+    return SamplingBound(&spread);
+}
+
+TEST(SamplingBound, HoldsForRenderedEdgesAndIsNotFarAbove) {
+    const PointSpreadFunction spread =
+        PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0}));
+    const SamplingBound bound = small_camera_bound(spread);
+    for (const double blur : {0.35, 0.8, 4.4})
+        for (const int k : {2, 3, 5}) {
+            const double limit = bound.of_points(k, blur, along_the_pixels);
+            const double error = worst_edge(RenderMethod::exact_lens, k, 15, blur);
+            EXPECT_LT(error, 1.1 * limit + 0.01) << "k " << k << " blur " << blur;
+            EXPECT_GT(error, 0.25 * limit - 0.02) << "k " << k << " blur " << blur;
+        }
+    // Near enough the filter's own: 1 up to 1.65 px, 0 from 3.3 px.
+    const auto window = [](double r) {
+        const double t = std::clamp((r - 1.65) / 1.65, 0.0, 1.0);
+        return 1.0 - t * t * (3.0 - 2.0 * t);
+    };
+    const SharpenedSpread sharpened = SharpenedSpread::of(spread, window, 3.3).value();
+    for (const int k : {5, 8}) {
+        const double limit = bound.of_disks(k, sharpened, {}, along_the_pixels);
+        const double error = worst_edge(RenderMethod::exact_area, k, 24, 0.0);
+        EXPECT_LT(error, 1.1 * limit + 0.2) << k;
+        EXPECT_GT(error, 0.4 * limit) << k;
+    }
+}
+
+// One disk that stands for a sample's disk and the lens has ripples of its own: where its transfer
+// at the samples' frequency is larger than the sharp image's disk's, k sees more of an edge.
+TEST(SamplingBound, KnowsTheRipplesOfDisksThatStandForTheLens) {
+    CameraModel camera = test::small_camera({PointSpread::Kind::gaussian, 0.409});
+    const PointSpreadFunction spread = PointSpreadFunction::of(camera);
+    const ImageFilter filter(camera);
+    const SharpenedSpread& sharpened = *filter.sharpened();
+    const SamplingBound bound(&spread);
+    const double one_disk = sharpened.blur_of_one_disk_px(0.01);
+    const Renderer renderer(camera);
+    for (const double part : {0.3, 0.9}) {
+        const double blur = part * one_disk, z = depth_of_blur(camera, blur);
+        for (const int k : {4, 6}) {
+            // So small a tolerance, as k is forced, that nothing but disks comes into question.
+            RenderOptions coarse{.tolerance_gray = 0.1,
+                                 .samples_per_side = k,
+                                 .region = {40, 32, 16, 4},
+                                 .keep = {Omission::lens, Omission::diffraction}};
+            RenderOptions fine = coarse;
+            fine.method = RenderMethod::exact_area;
+            fine.samples_per_side = 24;
+            double error = 0.0;
+            for (int place = 0; place < 6; ++place) {
+                const Scene scene = test::half_plane((0.3 + place / 6.0) * z / 400.0, z);
+                error = std::max(error,
+                                 test::largest_difference(renderer.render(scene, coarse).radiance,
+                                                          renderer.render(scene, fine).radiance));
+            }
+            const double limit =
+                bound.of_disks(k, sharpened, {blur, blur, one_disk}, along_the_pixels);
+            EXPECT_LT(error / gray, 1.1 * limit + 0.03) << "k " << k << " blur " << blur;
+            EXPECT_GT(error / gray, 0.25 * limit - 0.02) << "k " << k << " blur " << blur;
+        }
+    }
+}
+
+// Thinning out takes what the coarser grid would see wrongly, and leaves what the pixels show.
+TEST(SamplingBound, ThinnedSamplesAreAlmostAsGoodAsAllOfThem) {
+    const PointSpreadFunction spread =
+        PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0}));
+    const SamplingBound bound = small_camera_bound(spread);
+    const auto window = [](double r) { return r < 1.65 ? 1.0 : 0.0; };
+    const SharpenedSpread sharpened = SharpenedSpread::of(spread, window, 1.65).value();
+    const EdgeTangents all = ~EdgeTangents{};
+    for (const double px : {0.0, 0.1}) {
+        const DiskBlur blur{px, px, 0.0};
+        for (const int k : {12, 14}) {
+            const double thinned = bound.of_disks(k, sharpened, blur, all, true);
+            EXPECT_LT(thinned, 0.5 * bound.of_disks(k, sharpened, blur, all)) << k << " " << px;
+            EXPECT_GT(thinned, 0.0);
+        }
+    }
+}
+
+// ---- Disks for a disk and the lens together
+
+double transfer(double q) {
+    return q == 0.0 ? 1.0 : 2.0 * std::cyl_bessel_j(1.0, q) / q;
+}
+
+TEST(ConcentricDisks, AreTwoDisksConvolved) {
+    // By Fourier, to the order of Gauss' rule; more of them are nearer.
+    for (const auto& [a, b] : {std::pair{0.4, 1.1}, {1.7, 0.9}, {2.0, 2.0}, {0.0, 1.3}}) {
+        double last = 1.0;
+        for (int count = 1; count <= 4; ++count) {
+            double mean = 0.0, weights = 0.0;
+            for (const ConcentricDisk& disk : concentric_disks(count)) {
+                mean +=
+                    disk.weight * transfer(std::sqrt(a * a + b * b + 2.0 * disk.cosine * a * b));
+                weights += disk.weight;
+            }
+            EXPECT_NEAR(weights, 1.0, 1e-14);
+            const double error = std::abs(mean - transfer(a) * transfer(b));
+            EXPECT_LE(error, 0.1 * last + 1e-15) << count << " for " << a << ", " << b;
+            last = error;
+        }
+        EXPECT_LT(last, 1e-6);
+    }
+}
+
+TEST(SharpenedSpread, OneDiskIsEnoughWhereItSaysSo) {
+    const SharpenedSpread sharpened =
+        SharpenedSpread::of(
+            PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0})),
+            [](double r) { return r < 2.0 ? 1.0 : 0.0; }, 2.0)
+            .value();
+    const double blur = sharpened.blur_of_one_disk_px(0.01);
+    EXPECT_GT(blur, 0.2 * sharpened.disk_radius_px());
+    EXPECT_LT(blur, sharpened.disk_radius_px());
+    EXPECT_NEAR(sharpened.blur_of_one_disk_px(0.04), 2.0 * blur, 1e-12);
+    EXPECT_EQ(sharpened.disks_for_any_blur(0.02), 2);
+    EXPECT_EQ(sharpened.disks_for_any_blur(0.0), 0);
+    EXPECT_GE(sharpened.disks_for_any_blur(1e-4), 3);
+}
+
+TEST(SamplingBound, FollowsTheLawOfTheDisksRim) {
+    // Without a spread the pixel is k whole samples: 255 * 0.0213 k^(-5/2) R^(-3/2) gray, measured
+    // with a program of its own over R = 0.8 ... 16 px.
+    const SamplingBound bound(nullptr);
+    for (const double blur : {1.0, 2.7, 9.0, 40.0})
+        for (const int k : {3, 4, 6, 9}) {
+            const double law = 255.0 * 0.0213 * std::pow(k, -2.5) * std::pow(blur, -1.5);
+            EXPECT_GT(bound.of_points(k, blur, along_the_pixels), 0.9 * law) << k << " " << blur;
+            EXPECT_LT(bound.of_points(k, blur, along_the_pixels), 1.16 * law)
+                << k << " " << blur;  // bins of 8 %
+        }
+    EXPECT_EQ(bound.of_boxes(1, along_the_pixels), 0.0);
+    EXPECT_EQ(bound.of_no_spread(), 0.0);
+}
+
+TEST(SamplingBound, KnowsTheLineSpreadOfAGaussian) {
+    // Its peak is 1 / (sigma sqrt(2 pi)); beside an edge it moves sigma / sqrt(2 pi) of light.
+    const PointSpreadFunction spread = PointSpreadFunction::gaussian(0.31);
+    const SamplingBound bound(&spread);
+    const double root = std::sqrt(2.0 * std::numbers::pi);
+    EXPECT_NEAR(bound.line_spread_peak(), 1.0 / (0.31 * root), 0.01);
+    EXPECT_NEAR(bound.of_no_spread(), 255.0 * 0.31 / root, 0.2);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,96 @@
+#include "sim/render/wave_render.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/errors.h"
+#include "sim/render/reference_integrator.h"
+#include "sim/spread/diffraction.h"
+#include "tests/evidence/edge_spread.h"
+
+namespace etalon {
+namespace {
+
+constexpr double gray = 1.0 / 255.0;
+
+// lambda N_w = 0.44 px.
+CameraModel wave_camera() {
+    CameraModel camera;
+    camera.width = 64;
+    camera.height = 48;
+    camera.intrinsics = {400.0, 380.0, 31.0, 23.0};
+    camera.sensor = Sensor{.pixel_pitch_um = 6.0};
+    camera.lens = Lens{4.3, 150.0, 600.0, {PointSpread::Kind::wave, 0.0}};
+    return camera;
+}
+
+cv::Mat difference_of(const CameraModel& camera, const Scene& scene, const cv::Rect& region) {
+    const MarkerView view(scene.markers[0], scene.background, aperture_of(camera));
+    return wave_difference(view, UndistortionMap(Projector(camera), 8), WaveFilter(camera), region,
+                           0.1);
+}
+
+Scene half_plane(double edge_mm, double z_mm) {
+    Scene scene{{PlacedMarker{}}};
+    scene.markers[0].grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
+    scene.markers[0].grid.cell_mm = {2000.0, 4000.0};
+    scene.markers[0].grid.corner_mm = {edge_mm - 2000.0, -2000.0};
+    scene.markers[0].camera_from_marker.translation = {0.0, 0.0, z_mm};
+    return scene;
+}
+
+class WaveEdge : public testing::TestWithParam<double> {};
+
+TEST_P(WaveEdge, HasTheProfileOfItsEncircledEnergy) {
+    const CameraModel camera = wave_camera();
+    const double z = GetParam(), edge_px = 31.0 + 400.0 * 0.001;
+    const WavePointSpread psf(lambda_n_px(camera), blur_radius_px(camera, z));
+    const cv::Rect region(20, 22, 24, 2);
+    const cv::Mat image = difference_of(camera, half_plane(0.001 * z, z), region) + 1.0;
+    const auto profile =
+        test::pixel_profile([&](double r) { return psf.energy_within(r); }, 13.0, 10);
+    for (int x = 0; x < region.width; ++x) {
+        const double t = edge_px - (region.x + x);  // into the dark side
+        const auto i = static_cast<std::size_t>(std::lround((t + 13.0) * 10.0));
+        EXPECT_NEAR(image.at<float>(1, x), profile.value[i], 0.1 * gray)
+            << "pixel " << region.x + x << ", blur " << psf.blur_radius_px() << " px";
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Depths, WaveEdge, testing::Values(20.0, 40.0, 90.0, 150.0, 260.0));
+
+TEST(WaveRender, AgreesWithTheReferenceOnATiltedMarker) {
+    CameraModel camera = wave_camera();
+    camera.distortion.k1 = -0.2;
+    Scene scene{{PlacedMarker{}}, 0.8};
+    PlacedMarker& marker = scene.markers[0];
+    marker.grid.cells = (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
+    marker.grid.cell_mm = {4.0, 3.0};
+    marker.grid.corner_mm = {-8.0, -4.5};
+    marker.camera_from_marker.rotation = rotation_from_vector({0.3, -0.4, 0.2});
+    marker.camera_from_marker.translation = {1.0, -0.5, 260.0};
+    std::vector<cv::Point> pixels;
+    for (int n = 0; n < 20; ++n)
+        pixels.emplace_back(16 + (n * 17) % 32, 12 + (n * 11) % 22);
+    const cv::Mat image =
+        difference_of(camera, scene, {0, 0, camera.width, camera.height}) + scene.background;
+    const auto truth = integrate_reference(camera, scene, pixels, {.samples_per_scramble = 1024});
+    for (std::size_t n = 0; n < pixels.size(); ++n)
+        EXPECT_NEAR(image.at<float>(pixels[n]), truth[n].mean,
+                    0.1 * gray + 4.5 * truth[n].standard_error)
+            << pixels[n];
+}
+
+TEST(WaveRender, RefusesWhatItCannotRender) {
+    const CameraModel camera = wave_camera();
+    EXPECT_GT(blur_radius_px(camera, 5.0), 20.0);
+    EXPECT_THROW(difference_of(camera, half_plane(0.0, 5.0), {0, 0, 8, 8}), NumericalError);
+    EXPECT_THROW(integrate_reference(camera, half_plane(0.0, 5.0), {{3, 3}}), NumericalError);
+    Scene two = half_plane(0.0, 200.0);
+    two.markers.push_back(two.markers[0]);
+    EXPECT_THROW(check_wave_scene(two, camera), NumericalError);
+    EXPECT_THROW(PointSpreadFunction::of(camera), NumericalError);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,151 @@
+#include "sim/tiles/disk_area.h"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "core/random.h"
+
+namespace etalon {
+namespace {
+
+using Real = long double;
+
+struct Line {
+    double angle, offset;  // of the normal, rad
+};
+
+Eigen::Vector2d normal(const Line& line) {
+    return {std::cos(line.angle), std::sin(line.angle)};
+}
+
+// Integral of sqrt(1 - x^2).
+Real half_disk_integral(Real from, Real to) {
+    const auto antiderivative = [](Real x) {
+        const Real h = std::sqrt(std::max<Real>(0, (1 - x) * (1 + x)));
+        return (x * h + std::atan2(x, h)) / 2;
+    };
+    return antiderivative(to) - antiderivative(from);
+}
+
+// The same area by another method, in long double: a's normal along x, then vertical strips from
+// a's chord to the rim, cut off by b's chord. Needs n_b relative to n_a.
+Real wedge_by_strips(const Line& a, const Line& b) {
+    const Eigen::Vector2d na = normal(a), nb = normal(b);
+    const Real c = Real(na.x()) * nb.x() + Real(na.y()) * nb.y();
+    const Real s = Real(na.x()) * nb.y() - Real(na.y()) * nb.x();
+    const Real t = b.offset, q = std::sqrt((1 - t) * (1 + t));
+    Real x1 = -t * c - q * s, y1 = -t * s + q * c, x2 = -t * c + q * s, y2 = -t * s - q * c;
+    if (x1 > x2) {
+        std::swap(x1, x2);
+        std::swap(y1, y2);
+    }
+    const auto full_strips = [&](Real from, Real to) {  // all or nothing: decided on the x axis
+        return to > from && c * (from + to) / 2 + t >= 0 ? 2 * half_disk_integral(from, to) : 0;
+    };
+    const Real from = -Real(a.offset);
+    Real area = full_strips(from, std::max(from, x1)) + full_strips(std::max(from, x2), 1);
+    if (from < x2) {
+        const Real begin = std::max(from, x1);
+        const Real y = begin == x1 ? y1 : y1 + (begin - x1) / (x2 - x1) * (y2 - y1);
+        const Real below = (x2 - begin) * (y + y2) / 2;  // integral of b's chord
+        const Real half = half_disk_integral(begin, x2);
+        area += s > 0 ? half - below : half + below;
+    }
+    return area / std::numbers::pi_v<Real>;
+}
+
+// Offsets and angles near everything that is delicate: the rim, the centre, parallel, opposite and
+// square normals, and lines that meet on the rim.
+class Draws {
+public:
+    explicit Draws(std::uint64_t seed) : random_(seed, 0) {}
+
+    std::pair<Line, Line> next() {
+        Line a{any_angle(), any_offset()}, b{0.0, any_offset()};
+        const double turn[] = {any_angle(), tiny(), std::numbers::pi - tiny(),
+                               std::numbers::pi / 2 + tiny()};
+        b.angle = a.angle + turn[random_.bits() % 4];
+        if (random_.bits() % 3 == 0)
+            b.offset = within(a.offset + tiny());
+        if (random_.bits() % 3 == 0)  // through the end of a's chord, almost
+            b.offset = within(-std::cos(std::acos(-a.offset) - (b.angle - a.angle)) + tiny());
+        return {a, b};
+    }
+
+private:
+    double sign() { return random_.bits() % 2 ? 1.0 : -1.0; }
+    double tiny() { return sign() * std::pow(10.0, -18.0 * random_.uniform()); }
+    double any_angle() { return 2.0 * std::numbers::pi * random_.uniform(); }
+    static double within(double t) {
+        return std::clamp(t, std::nextafter(-1.0, 0.0), std::nextafter(1.0, 0.0));
+    }
+    double any_offset() {
+        switch (random_.bits() % 3) {
+            case 0:
+                return within(sign() * (1.0 - std::abs(tiny())));
+            case 1:
+                return within(tiny());
+            default:
+                return within(2.0 * random_.uniform() - 1.0);
+        }
+    }
+
+    RandomStream random_;
+};
+
+struct Worst {
+    double error = 0.0, beyond_bounds = 0.0;
+};
+
+Worst worst_of(int count, std::uint64_t seed) {
+    Draws draws(seed);
+    Worst worst;
+    for (int i = 0; i < count; ++i) {
+        const auto [a, b] = draws.next();
+        const DiskChord ca = disk_chord(normal(a), a.offset), cb = disk_chord(normal(b), b.offset);
+        const double area = disk_wedge_area(ca, cb);
+        const double error = static_cast<double>(std::abs(area - wedge_by_strips(a, b)));
+        worst.error = std::max(worst.error, std::isfinite(error) ? error : 1.0);
+        const double low = std::max(0.0, ca.area + cb.area - 1.0);
+        const double high = std::max(low, std::min(ca.area, cb.area));
+        worst.beyond_bounds = std::max({worst.beyond_bounds, low - area, area - high});
+    }
+    return worst;
+}
+
+TEST(DiskArea, OfASegmentIsTheTextbookFormula) {
+    for (const double t : {-0.9, -0.3, 0.0, 0.45, 0.99}) {
+        const double expected = (std::acos(-t) + t * std::sqrt(1 - t * t)) / std::numbers::pi;
+        EXPECT_NEAR(disk_chord({0.6, 0.8}, t).area, expected, 1e-15);
+    }
+}
+
+TEST(DiskArea, OfLinesThroughTheCentreIsTheAngleBetweenThem) {
+    for (const double angle : {0.1, 1.0, 2.5, 3.1}) {
+        const DiskChord a = disk_chord({1.0, 0.0}, 0.0);
+        const DiskChord b = disk_chord({std::cos(angle), std::sin(angle)}, 0.0);
+        const double expected = (std::numbers::pi - angle) / (2.0 * std::numbers::pi);
+        EXPECT_NEAR(disk_wedge_area(a, b), expected, 1e-15);
+        EXPECT_NEAR(disk_wedge_area(b, a), expected, 1e-15);
+    }
+}
+
+TEST(DiskArea, OfParallelLinesNeedsNoCrossing) {
+    const DiskChord a = disk_chord({0.6, 0.8}, 0.3), wider = disk_chord({0.6, 0.8}, 0.5);
+    const DiskChord facing = disk_chord({-0.6, -0.8}, 0.2), away = disk_chord({-0.6, -0.8}, -0.4);
+    EXPECT_DOUBLE_EQ(disk_wedge_area(a, wider), a.area);
+    EXPECT_DOUBLE_EQ(disk_wedge_area(a, facing), a.area + facing.area - 1.0);
+    EXPECT_DOUBLE_EQ(disk_wedge_area(a, away), 0.0);
+}
+
+// Normals are unit to 2^-53 only, which moves a chord that almost touches the rim by more than
+// that; 1e-12 is 3e-10 gray.
+TEST(DiskArea, OfAWedgeHoldsNearTheRimAndForNearlyParallelLines) {
+    const Worst worst = worst_of(1'000'000, 7);
+    EXPECT_LT(worst.error, 1e-12);
+    EXPECT_LE(worst.beyond_bounds, 0.0);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,82 @@
+#include "stage/link/stage_link.h"
+
+#include <gmock/gmock.h>
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+StrictFile file_with(const std::string& link) {
+    return StrictFile::from_text("etalon: station/1\nlink: " + link + "\n", "s.yaml", "station/1");
+}
+
+StageLink read(const std::string& text, const LinkDefaults& defaults = {}) {
+    const StrictFile file = file_with(text);
+    const StageLink link = read_stage_link(file.root().at("link"), defaults);
+    file.finish();
+    require_usable(link);
+    return link;
+}
+
+std::string fault(const std::string& text) {
+    try {
+        read(text);
+    } catch (const ConfigError& error) {
+        return error.what();
+    }
+    return "";
+}
+
+TEST(StageLink, ReadsATcpAddress) {
+    const StageLink link = read("{host: 10.0.7.5, port: 1502, unit: 3, response_timeout_ms: 700}");
+    EXPECT_EQ(describe(link), "10.0.7.5:1502");
+    EXPECT_FALSE(link.is_serial());
+    EXPECT_EQ(link.unit, 3);
+    EXPECT_EQ(link.response_timeout, 700ms);
+}
+
+TEST(StageLink, ReadsASerialLine) {
+    const StageLink link = read(
+        "{device: /dev/ttyUSB5, baud: 115200, parity: even, data_bits: 7, stop_bits: 2, unit: 9, "
+        "response_timeout_ms: 150, quiet_ms: 190}");
+    const SerialPort& port = std::get<SerialPort>(link.address);
+    EXPECT_EQ(describe(link), "/dev/ttyUSB5");
+    EXPECT_EQ(port.baud, 115200);
+    EXPECT_EQ(port.parity, 'E');
+    EXPECT_EQ(port.data_bits, 7);
+    EXPECT_EQ(port.stop_bits, 2);
+    EXPECT_EQ(link.unit, 9);
+    EXPECT_EQ(link.quiet, 190ms);
+}
+
+TEST(StageLink, TakesFromTheProfileWhatTheStationLeavesOut) {
+    const StrictFile file = file_with("{transport: rtu, baud: 9600, parity: odd, quiet_ms: 330}");
+    const LinkDefaults defaults = read_link_defaults(file.root().at("link"));
+    EXPECT_EQ(defaults.transport, LinkDefaults::Transport::rtu);
+    const StageLink link = read("{device: /dev/ttyS3, baud: 19200}", defaults);
+    const SerialPort& port = std::get<SerialPort>(link.address);
+    EXPECT_EQ(port.baud, 19200);
+    EXPECT_EQ(port.parity, 'O');
+    EXPECT_EQ(port.data_bits, 8);
+    EXPECT_EQ(link.quiet, 330ms);
+    EXPECT_EQ(link.response_timeout, 300ms);
+}
+
+TEST(StageLink, RefusesWhatNoLinkCanBe) {
+    EXPECT_THAT(fault("{host: a, port: 0}"), HasSubstr("s.yaml:2: link.port: must be"));
+    EXPECT_THAT(fault("{host: a}"), HasSubstr("link.port"));
+    EXPECT_THAT(fault("{host: a, port: 7, device: /dev/ttyS3}"), HasSubstr("link.host"));
+    EXPECT_THAT(fault("{host: a, port: 7, baud: 9600}"), HasSubstr("link.baud"));
+    EXPECT_THAT(fault("{device: /dev/ttyS3, baud: 9601}"), HasSubstr("9601 is not a baud rate"));
+    EXPECT_THAT(fault("{device: /dev/ttyS3, parity: N}"), HasSubstr("link.parity"));
+    EXPECT_THAT(fault("{device: \"\"}"), HasSubstr("must not be empty"));
+    EXPECT_THAT(fault("{device: /dev/ttyS3, unit: 0}"), HasSubstr("link.unit"));
+    EXPECT_THAT(fault("{host: a, port: 7, unit: 250}"), HasSubstr("unit: must be"));
+    EXPECT_THAT(fault("{host: a, port: 7, response_timeout_ms: 9}"),
+                HasSubstr("response_timeout_ms"));
+}
+
+}  // namespace
+}  // namespace etalon

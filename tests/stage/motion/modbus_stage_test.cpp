@@ -1,0 +1,520 @@
+// The client of a stage on virtual time: what profiles ask of it beyond the generic one, several
+// units on one bus, and what ends a motion. Over real sockets: tests/loopback/stage_test.cpp.
+#include "stage/motion/modbus_stage.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <set>
+
+#include "mocks/stage/memory_transport.h"
+#include "mocks/stage/modbus_controller.h"
+#include "mocks/stage/simulated_stage.h"
+#include "tests/error_text.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Of the generic profile (docs/stage.md).
+constexpr int command = 200;
+constexpr std::uint16_t enable_bit = 1, start_bit = 4, stop_bit = 8;
+
+// Unlike the generic one in everything that a profile can say differently: targets and speeds by
+// number format, sign and offset; status in other spaces; start, stop and home by code.
+const char* const by_code = R"(etalon: stage-profile/1
+name: by-code
+extends: generic
+max_axes: 2
+word_order: low_first
+counts: {per_mm: 200, per_deg: 300, sign: -1, offset: 70}
+speed: {unit: counts_per_s, step: 5}
+poll:
+  - {space: input, address: 0, count: 4, stride: 6}
+  - {space: discrete_inputs, address: 40, count: 2, stride: 2}
+  - {space: holding, address: 0x300, count: 1, stride: 0}
+position: {input_register: 2, type: float32}
+alarm_code: {input_register: 1, type: uint16}
+signals:
+  enabled: {input_register: 0, bit: 9}
+  homed: {input_register: 0, bit: 3}
+  moving: {input_register: 0, bit: 7}
+  homing: {input_register: 0, bit: 5}
+  ready: {input_register: 0, bit: 0}
+  in_position: {discrete_input: 40}
+  alarm: [{discrete_input: 41, inverted: true}, {input_register: 0, bit: 11}]
+  emergency_stop: {register: 0x300, bit: 2}
+  limit: {register: 0x300, bit: 3, inverted: true}
+inputs:
+  remote: {coil: 7, act: level}
+  enable: {coil: 5, act: level, inverted: true}
+  home: {register: 0x6002, act: code, code: 0x20}
+  start: {register: 0x6002, act: code, code: 0x10}
+  stop: {register: 0x6002, act: code, code: 0x40}
+  reset: {coil: 9, act: edge}
+target:
+  - {register: 0x400, starts: false, read_back: true, fields: [{target: int32}, {constant: 3, type: uint16}]}
+  - {register: 0x480, starts: false, read_back: false, fields: [{constant: -7, type: int16}, {speed: uint16}]}
+sequences:
+  enable: [{set: remote}, {set: enable}, {wait: [enabled], within_ms: 500}]
+  reset: [{set: remote}, {pulse: reset}, {wait: [not alarm], within_ms: 500}]
+  home: [{pulse: home}, {wait: [homed, not moving, not homing], within_ms: 60000, for_ms: 50}]
+  move: [{require: [homed, ready]}, {write: target}, {pulse: start}, {wait: done}]
+  stop: [{pulse: stop}, {wait: [not moving], within_ms: 1000}]
+watchdog: ~
+done: {tolerance_um: 20, tolerance_deg: 0.02, start_seen: true}
+)";
+
+// Writing the target starts the motion; one axis a unit.
+const char* const by_target = R"(etalon: stage-profile/1
+name: by-target
+extends: generic
+max_axes: 1
+inputs: {start: none}
+target: {register: 100, starts: true, read_back: false, fields: [{target: int32}, {speed: int32}]}
+sequences:
+  move: [{require: [enabled, homed, not moving]}, {write: target}, {wait: done}]
+)";
+
+std::vector<Axis> two_axes() {
+    return {{.name = "x", .low = -7.0, .high = 700.0, .speed = 200.0},
+            {.name = "rz", .kind = Axis::Kind::rotary, .low = -1.0, .high = 2.0, .speed = 2.0}};
+}
+
+std::vector<Axis> three_units() {
+    std::vector<Axis> axes = {{.name = "x", .low = -7.0, .high = 700.0, .speed = 200.0},
+                              {.name = "y", .low = -5.0, .high = 500.0, .speed = 100.0},
+                              {.name = "z", .low = -3.0, .high = 300.0, .speed = 50.0}};
+    for (std::size_t i = 0; i < axes.size(); ++i)
+        axes[i].unit = static_cast<int>(2 * i) + 3;  // 3, 5, 7
+    return axes;
+}
+
+class Rig {
+public:
+    explicit Rig(const std::string& profile_text, std::vector<Axis> axes = two_axes())
+        : Rig(stage_profile_from_text(profile_text, "p.yaml"), std::move(axes)) {}
+    explicit Rig(StageProfile profile_ = builtin_stage_profile("generic"),
+                 std::vector<Axis> axes = two_axes())
+        : profile(std::move(profile_)), simulation(std::move(axes), {}, clock) {}
+
+    std::unique_ptr<ModbusStage> connect(Opening opening = Opening::asks) {
+        return std::make_unique<ModbusStage>(
+            StageLink{.response_timeout = 100ms}, profile, simulation.axes(), clock,
+            std::make_unique<MemoryTransport>(controller, clock, false), opening);
+    }
+    std::unique_ptr<ModbusStage> connect_and_home() {
+        auto stage = connect();
+        stage->enable({});
+        stage->home({});
+        return stage;
+    }
+
+    // Once, with the first reading request after any axis has come so far.
+    void once_beyond(double position, const std::function<void()>& happens) {
+        controller.set_script([this, position, happens](const ModbusRequest& request) {
+            requests.push_back(request);
+            if (!happened && request.values.empty() && simulation.true_positions()[0] > position) {
+                happened = true;
+                requests.clear();
+                happens();
+            }
+            return ModbusReaction{};
+        });
+    }
+
+    std::vector<ModbusRequest> writes_since(std::size_t count) const {
+        const std::vector<ModbusRequest> all = controller.writes();
+        return {all.begin() + static_cast<std::ptrdiff_t>(count), all.end()};
+    }
+
+    VirtualClock clock;
+    StageProfile profile;
+    SimulatedStage simulation;
+    ModbusController controller{simulation, profile};
+    // With once_beyond():
+    bool happened = false;
+    std::vector<ModbusRequest> requests;  // since it happened
+};
+
+bool writes_to(const ModbusRequest& request, int address) {
+    return !request.values.empty() && request.address == address;
+}
+
+bool gives(const ModbusRequest& request, std::uint16_t bit) {
+    return writes_to(request, command) && (request.values[0] & bit) != 0;
+}
+
+// ---- profiles
+
+TEST(ModbusStageProfiles, CodesCoilsInputsFloatsSignsAndOffsets) {
+    Rig rig(by_code);
+    auto stage = rig.connect();
+    EXPECT_TRUE(stage->status()[0].enabled) << "the twin's motor is on while its coil is off";
+    stage->enable({});
+    stage->home({});
+    stage->move(std::vector{7.125, -0.25}, {});
+    EXPECT_NEAR(rig.simulation.true_positions()[0], 7.125, 0.0026);  // half a count of 5 um
+    EXPECT_NEAR(rig.simulation.true_positions()[1], -0.25, 3e-5);    // of 1/300 degree
+    EXPECT_NEAR(stage->position()[0], 7.125, 0.0026);
+    stage->move(std::vector{5.0, 0.5}, {});
+    EXPECT_NEAR(stage->position()[1], 0.5, 3e-5);
+    for (const AxisStatus& axis : stage->status())
+        EXPECT_TRUE(axis.homed && axis.ready && axis.in_position && !axis.limit);
+}
+
+TEST(ModbusStageProfiles, AnAlarmIsSeenThroughAnInvertedInputAndReset) {
+    Rig rig(by_code);
+    rig.simulation.raise_alarm(17);
+    auto stage = rig.connect();
+    EXPECT_EQ(stage->status()[1].alarm, 17);
+    stage->enable({});
+    EXPECT_EQ(stage->status()[1].alarm, 0);
+}
+
+TEST(ModbusStageProfiles, AStartByCodeWhoseReplyIsLostIsSeenAndNotRepeated) {
+    for (const bool carried_out : {true, false}) {
+        Rig rig(by_code);
+        int starts = 0;
+        auto stage = rig.connect_and_home();
+        rig.controller.set_script([&](const ModbusRequest& request) {
+            const bool start = writes_to(request, 0x6002) && request.values[0] == 0x10;
+            starts += start;
+            return ModbusReaction{.carry_out = carried_out || !start, .reply = !start};
+        });
+        const std::string error = device_error_of([&] { stage->move(std::vector{70.0, 0.5}, {}); });
+        EXPECT_EQ(starts, 1);
+        EXPECT_FALSE(rig.simulation.is_moving());
+        if (carried_out) {
+            EXPECT_EQ(error, "no error");
+            EXPECT_NEAR(stage->position()[0], 70.0, 0.003);
+        } else {
+            EXPECT_TRUE(has(error,
+                            "no axis was seen to start; it is not given again; the axes "
+                            "were stopped"))
+                << error;
+            EXPECT_NEAR(rig.simulation.true_positions()[0], 0.0, 1e-9);
+        }
+    }
+}
+
+TEST(ModbusStageProfiles, AHomingByCodeWhoseReplyIsLostIsSeenAndNotRepeated) {
+    for (const bool carried_out : {true, false}) {
+        Rig rig(by_code);
+        int homings = 0;
+        auto stage = rig.connect();
+        stage->enable({});
+        rig.controller.set_script([&](const ModbusRequest& request) {
+            const bool home = writes_to(request, 0x6002) && request.values[0] == 0x20;
+            homings += home;
+            return ModbusReaction{.carry_out = carried_out || !home, .reply = !home};
+        });
+        const std::string error = device_error_of([&] { stage->home({}); });
+        EXPECT_EQ(homings, 1);
+        EXPECT_EQ(error == "no error", carried_out) << error;
+    }
+}
+
+TEST(ModbusStageProfiles, ATargetThatStartsAndWhoseReplyIsLostIsSeenAndNotRepeated) {
+    for (const bool carried_out : {true, false}) {
+        Rig rig(by_target, {two_axes()[0]});
+        int targets = 0;
+        auto stage = rig.connect_and_home();
+        rig.controller.set_script([&](const ModbusRequest& request) {
+            const bool target = writes_to(request, 100);
+            targets += target;
+            return ModbusReaction{.carry_out = carried_out || !target, .reply = !target};
+        });
+        const std::string error = device_error_of([&] { stage->move(std::vector{70.0}, {}); });
+        EXPECT_EQ(targets, 1);
+        EXPECT_EQ(error == "no error", carried_out) << error;
+        EXPECT_FALSE(rig.simulation.is_moving());
+    }
+}
+
+TEST(ModbusStageProfiles, AnAlarmWithoutItsCodeIsSaidSo) {
+    StageProfile profile = builtin_stage_profile("generic");
+    profile.alarm_code.reset();
+    Rig rig(profile);
+    auto stage = rig.connect_and_home();
+    rig.once_beyond(20.0, [&] { rig.simulation.raise_alarm(17); });
+    const std::string error = device_error_of([&] { stage->move(std::vector{600.0, 1.0}, {}); });
+    EXPECT_TRUE(has(error, "axis x: alarm without a code; the axes were stopped")) << error;
+}
+
+TEST(ModbusStageProfiles, OtherBitsOfAnInputsRegisterStayAsTheyWere) {
+    Rig rig;
+    rig.controller.handle({.function = 6, .address = command, .count = 1, .values = {0x4000}});
+    auto stage = rig.connect_and_home();
+    stage->move(std::vector{7.0, 0.5}, {});
+    EXPECT_TRUE(stage->stop());
+    for (const ModbusRequest& request : rig.controller.writes()) {
+        if (request.address == command) {
+            EXPECT_TRUE(request.values[0] & 0x4000);
+        }
+    }
+}
+
+// A start bit that somebody left on would be no edge.
+TEST(ModbusStageProfiles, AnEdgeThatIsOnAlreadyGoesOffFirst) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    stage.reset();
+    rig.controller.handle({.function = 6, .address = command, .count = 1, .values = {0x5}});
+    stage = rig.connect_and_home();
+    stage->move(std::vector{7.0, 0.5}, {});
+    EXPECT_NEAR(stage->position()[0], 7.0, 1e-9);
+}
+
+// ---- what ends a motion
+
+struct Disturbance {
+    const char* name;
+    std::function<void(SimulatedStage&)> happens;
+    const char* cause;
+};
+void PrintTo(const Disturbance& disturbance, std::ostream* stream) {
+    *stream << disturbance.name;
+}
+
+class ADisturbedMove : public testing::TestWithParam<Disturbance> {};
+
+TEST_P(ADisturbedMove, IsStoppedWithTheNextRequestAndSaysWhy) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    rig.once_beyond(20.0, [&] { GetParam().happens(rig.simulation); });
+    const std::string error = device_error_of([&] { stage->move(std::vector{600.0, 1.0}, {}); });
+    EXPECT_TRUE(has(error, std::string("move: ") + GetParam().cause)) << error;
+    EXPECT_TRUE(has(error, "; the axes were stopped")) << error;
+    ASSERT_FALSE(rig.requests.empty());
+    EXPECT_TRUE(gives(rig.requests.front(), stop_bit));
+    EXPECT_FALSE(rig.simulation.is_moving());
+    EXPECT_TRUE(has(device_error_of([&] { stage->move(std::vector{7.0, 0.5}, {}); }), "faulted"));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    ModbusStage, ADisturbedMove,
+    testing::Values(
+        Disturbance{"Alarm", [](SimulatedStage& s) { s.raise_alarm(17); }, "axis x: alarm 17"},
+        Disturbance{"EmergencyStop", [](SimulatedStage& s) { s.press_emergency_stop(); },
+                    "axis x: emergency stop"},
+        Disturbance{"Limit", [](SimulatedStage& s) { s.hit_limit(0); },
+                    "axis x is at a limit switch"},
+        Disturbance{"Disabled", [](SimulatedStage& s) { s.enable(false); },
+                    "axis x is not enabled any more"},
+        Disturbance{"EncoderJump", [](SimulatedStage& s) { s.jump_encoder(0, 30.0); },
+                    "axis x cannot have come so far"}),
+    [](const auto& test) { return std::string(test.param.name); });
+
+TEST(ModbusStageProfiles, AxesMustFitEveryRegisterThatCountsThem) {
+    Rig rig;
+    rig.profile.position.type = NumberType::int16;  // 3.2767 mm at 10 000 counts per mm
+    EXPECT_THROW(rig.connect(), ConfigError);
+    rig.profile.counts.per_mm = rig.profile.counts.per_deg = 40.0;
+    EXPECT_NO_THROW(rig.connect());
+}
+
+TEST(ModbusStageMoves, AFalseInPositionIsNoArrival) {
+    Rig rig;
+    rig.profile.limits.move_margin = 300ms;
+    auto stage = rig.connect_and_home();
+    rig.once_beyond(20.0, [&] { rig.simulation.claim_arrival(0); });
+    stage->move(std::vector{70.0, 0.5}, {});
+    EXPECT_NEAR(rig.simulation.true_positions()[0], 70.0, 1e-3);
+}
+
+TEST(ModbusStageMoves, NothingStartsFromWhereTheAxesWereNotLeft) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    stage->move(std::vector{70.0, 0.5}, {});
+    rig.simulation.jump_encoder(0, 0.02);
+    const std::size_t before = rig.controller.writes().size();
+    const std::string error = device_error_of([&] { stage->move(std::vector{50.0, 0.5}, {}); });
+    EXPECT_TRUE(has(error, "the axes are not where they were left: x at 70.0200 mm")) << error;
+    for (const ModbusRequest& request : rig.writes_since(before))
+        EXPECT_FALSE(gives(request, start_bit));
+}
+
+TEST(ModbusStageMoves, NothingStartsWhenInterruptedBefore) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    std::stop_source interrupt;
+    interrupt.request_stop();
+    EXPECT_THROW(stage->move(std::vector{70.0, 0.5}, interrupt.get_token()), Interrupted);
+    EXPECT_EQ(rig.simulation.moves_started(), 0);
+    stage->move(std::vector{7.0, 0.5}, {});
+}
+
+TEST(ModbusStageMoves, AnInterruptionSaysWhenItsStopWasNotConfirmed) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    std::stop_source interrupt;
+    rig.once_beyond(20.0, [&] {
+        interrupt.request_stop();
+        rig.controller.set_script([](const ModbusRequest& request) {
+            const bool read = request.values.empty();
+            return ModbusReaction{.carry_out = read, .reply = read};
+        });
+    });
+    const std::string error = device_error_of([&] {
+        stage->move(std::vector{600.0, 1.0}, interrupt.get_token());
+    });
+    EXPECT_TRUE(has(error, "interrupted; the stop was NOT confirmed")) << error;
+    EXPECT_TRUE(has(device_error_of([&] { stage->move(std::vector{7.0, 0.5}, {}); }), "faulted"));
+}
+
+// While it is on the controller ignores homing, and says "homed" since an earlier one.
+TEST(ModbusStageMoves, AStopThatWasLeftOnIsEndedBeforeHoming) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    stage->move(std::vector{70.0, 0.5}, {});
+    stage.reset();
+    rig.controller.handle(
+        {.function = 6, .address = command, .count = 1, .values = {enable_bit | stop_bit}});
+    EXPECT_TRUE(has(device_error_of([&] { rig.connect()->resume(); }), "stop is still on"));
+    stage = rig.connect_and_home();
+    EXPECT_NEAR(rig.simulation.true_positions()[0], 0.0, 1e-9);
+    stage->move(std::vector{7.0, 0.5}, {});
+}
+
+TEST(ModbusStageMoves, TheWatchdogIsFedWhileALongMoveLasts) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    stage->limit_speed(0.1);  // 680 mm at 20 mm/s: 34 s with a watchdog of 1.5 s
+    stage->move(std::vector{680.0, 0.5}, {});
+    EXPECT_GT(rig.simulation.uptime(), 34s);
+    EXPECT_NEAR(stage->position()[0], 680.0, 1e-3);
+}
+
+TEST(ModbusStageMoves, ALimitedSpeedIsWhatTheControllerIsTold) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    stage->limit_speed(0.25);
+    const Instant start = rig.clock.now();
+    stage->move(std::vector{100.0, 0.0}, {});  // at 50 mm/s
+    EXPECT_NEAR(std::chrono::duration<double>(rig.clock.now() - start).count(), 2.07, 0.05);
+    EXPECT_THROW(stage->limit_speed(0.0), ConfigError);
+    EXPECT_THROW(stage->limit_speed(1.01), ConfigError);
+}
+
+// ---- several units on one bus
+
+TEST(ModbusStageUnits, AllTargetsAreWrittenBeforeAnyUnitStarts) {
+    Rig rig(builtin_stage_profile("generic"), three_units());
+    auto stage = rig.connect_and_home();
+    const std::size_t before = rig.controller.writes().size();
+    stage->move(std::vector{70.0, 50.0, 30.0}, {});
+    EXPECT_NEAR(stage->position()[0], 70.0, 1e-9);
+    EXPECT_NEAR(stage->position()[2], 30.0, 1e-9);
+    std::vector<int> targets, starts;
+    for (const ModbusRequest& request : rig.writes_since(before)) {
+        if (writes_to(request, 100)) {
+            EXPECT_TRUE(starts.empty());
+            targets.push_back(request.unit);
+        }
+        if (gives(request, start_bit))
+            starts.push_back(request.unit);
+    }
+    EXPECT_EQ(targets, (std::vector{3, 5, 7}));
+    EXPECT_EQ(starts, (std::vector{3, 5, 7}));
+}
+
+TEST(ModbusStageUnits, AnAlarmOfOneStopsAll) {
+    Rig rig(builtin_stage_profile("generic"), three_units());
+    auto stage = rig.connect_and_home();
+    rig.once_beyond(20.0, [&] { rig.simulation.raise_alarm(17, 1); });
+    const std::string error = device_error_of([&] {
+        stage->move(std::vector{600.0, 400.0, 200.0}, {});
+    });
+    EXPECT_TRUE(has(error, "axis y: alarm 17; the axes were stopped")) << error;
+    EXPECT_FALSE(rig.simulation.is_moving());
+    EXPECT_LT(rig.simulation.true_positions()[0], 50.0);
+}
+
+// Unit 5 falls silent in mid-move. The others are stopped at once; it stops by its own watchdog.
+TEST(ModbusStageUnits, ASilentOneKeepsNoOtherFromBeingStopped) {
+    Rig rig(builtin_stage_profile("generic"), three_units());
+    std::set<int> stopped;
+    bool silent = false;
+    auto stage = rig.connect_and_home();
+    rig.controller.set_script([&](const ModbusRequest& request) {
+        silent = silent || rig.simulation.true_positions()[0] > 20.0;
+        const bool lost = silent && request.unit == 5;
+        if (!lost && gives(request, stop_bit))
+            stopped.insert(request.unit);
+        return ModbusReaction{.carry_out = !lost, .reply = !lost};
+    });
+    const Instant start = rig.clock.now();
+    const std::string error = device_error_of([&] {
+        stage->move(std::vector{600.0, 400.0, 200.0}, {});
+    });
+    EXPECT_TRUE(has(error, "no answer within 100 ms; the stop was NOT confirmed")) << error;
+    EXPECT_EQ(stopped, (std::set{3, 7}));
+    EXPECT_LT(rig.clock.now() - start, 3500ms);
+    EXPECT_FALSE(rig.simulation.is_moving());
+}
+
+// As `etalon stage move --trace | head`.
+TEST(ModbusStageUnits, ATraceThatCannotBeWrittenKeepsNoneFromBeingStopped) {
+    Rig rig(builtin_stage_profile("generic"), three_units());
+    auto stage = rig.connect_and_home();
+    stage->set_trace([&](const std::string&) {
+        if (rig.simulation.true_positions()[0] > 20.0)
+            throw std::runtime_error("broken pipe");
+    });
+    EXPECT_THROW(stage->move(std::vector{600.0, 400.0, 200.0}, {}), std::runtime_error);
+    EXPECT_FALSE(rig.simulation.is_moving());
+    EXPECT_LT(rig.simulation.true_positions()[0], 50.0);
+}
+
+// `etalon stage stop` while unit 5 is silent and another program's motion goes on.
+TEST(ModbusStageUnits, ASilentOneKeepsNoOtherFromBeingStoppedByHand) {
+    Rig rig(builtin_stage_profile("generic"), three_units());
+    auto moving = rig.connect_and_home();
+    bool stopped = true;
+    const auto stop_by_hand = [&] {
+        rig.controller.set_script([](const ModbusRequest& request) {
+            const bool answers = request.unit != 5;
+            return ModbusReaction{.carry_out = answers, .reply = answers};
+        });
+        stopped = rig.connect(Opening::asks_nothing)->stop();
+    };
+    rig.once_beyond(20.0, stop_by_hand);
+    EXPECT_THROW(moving->move(std::vector{600.0, 400.0, 200.0}, {}), DeviceError);
+    EXPECT_FALSE(stopped);
+    EXPECT_FALSE(rig.simulation.is_moving());
+    EXPECT_LT(rig.simulation.true_positions()[0], 50.0);
+}
+
+TEST(ModbusStageUnits, StoppingByHandLeavesTheMotorsOn) {
+    for (const bool reads : {true, false}) {
+        Rig rig;
+        rig.connect_and_home().reset();
+        rig.controller.set_script([&](const ModbusRequest& request) {
+            const bool lost = !reads && request.values.empty() && request.address == command;
+            return ModbusReaction{.carry_out = !lost, .reply = !lost};
+        });
+        EXPECT_TRUE(rig.connect(Opening::asks_nothing)->stop());
+        for (const AxisStatus& axis : rig.simulation.status())
+            EXPECT_TRUE(axis.enabled && axis.homed);
+    }
+}
+
+TEST(ModbusStageUnits, TheAxesOfAUnitMustStandTogetherAndFit) {
+    Rig rig(by_target, three_units());
+    const auto open = [&](std::vector<Axis> axes) {
+        ModbusStage(StageLink{}, rig.profile, std::move(axes), rig.clock,
+                    std::make_unique<MemoryTransport>(rig.controller, rig.clock, false));
+    };
+    auto axes = three_units();
+    axes[2].unit = 3;
+    EXPECT_THROW(open(axes), ConfigError);
+    axes = three_units();
+    axes[1].unit = 3;  // two axes of a profile for one
+    EXPECT_THROW(open(axes), ConfigError);
+    open(three_units());
+}
+
+}  // namespace
+}  // namespace etalon

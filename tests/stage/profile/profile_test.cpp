@@ -1,0 +1,346 @@
+#include "stage/profile/profile.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <numbers>
+
+#include "core/errors.h"
+#include "tests/paths.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+
+const std::string valid = R"(etalon: stage-profile/1
+name: test
+about: a controller of three axes
+confirmed: [this much]
+unconfirmed: [that, and that]
+max_axes: 3
+link: {transport: rtu, baud: 19200, parity: even}
+word_order: low_first
+counts: {per_mm: 500, per_deg: 70, sign: -1, offset: 9}
+speed: {unit: counts_per_s, step: 4}
+poll:
+  - {space: holding, address: 10, count: 4, stride: 5}
+  - {space: discrete_inputs, address: 3, count: 2, stride: 0}
+position: {register: 12, type: int32}
+alarm_code: {register: 10, type: uint16}
+signals:
+  enabled: {register: 11, bit: 5}
+  ready: unavailable
+  homed: {register: 11, bit: 7}
+  moving: {register: 11, bit: 11}
+  homing: unavailable
+  in_position: {register: 11, bit: 13}
+  alarm: [{register: 11, bit: 2}, {discrete_input: 3, inverted: true}]
+  emergency_stop: {discrete_input: 4}
+  limit: unavailable
+inputs:
+  remote: none
+  enable: {register: 60, bit: 3, act: level, inverted: true}
+  home: {register: 61, act: code, code: 0x20}
+  start: {coil: 60, act: edge, read_back: false}
+  stop: {register: 61, act: code, code: 0x40}
+  reset: {register: 60, bit: 15, act: edge}
+target: {register: 40, starts: false, read_back: true, fields: [{constant: 1, type: uint16}, {speed: uint16}, {target: int32}]}
+sequences:
+  enable: [{set: enable}, {wait: [enabled], within_ms: 100}]
+  reset: [{pulse: reset}, {wait: [not alarm], within_ms: 110}]
+  home: [{pulse: home}, {wait: [homed, not moving], within_ms: 200, for_ms: 40}]
+  move: [{require: [homed, not moving]}, {write: target}, {pulse: start}, {wait: done}]
+  stop: [{pulse: stop}, {wait: [not moving], within_ms: 1500}]
+watchdog: {register: 70, timeout_ms: 1700}
+done: {in_position: true, start_seen: true, tolerance_um: 7, tolerance_deg: 0.05, stable_polls: 5, settle_ms: 30}
+limits: {move_factor: 1.25, move_margin_ms: 300}
+alarms: {7: too hot}
+)";
+
+std::string replaced(const std::string& from, const std::string& to) {
+    std::string text = valid;
+    const auto at = text.find(from);
+    return at == std::string::npos ? "not in the text: " + from : text.replace(at, from.size(), to);
+}
+
+std::string error_of(const std::string& text) {
+    try {
+        stage_profile_from_text(text, "p.yaml");
+    } catch (const ConfigError& error) {
+        return error.what();
+    }
+    return "no error";
+}
+
+TEST(StageProfile, IsReadKeyByKey) {
+    const StageProfile profile = stage_profile_from_text(valid, "p.yaml");
+    EXPECT_EQ(profile.name, "test");
+    EXPECT_EQ(profile.about, "a controller of three axes");
+    EXPECT_EQ(profile.unconfirmed, (std::vector<std::string>{"that", "and that"}));
+    EXPECT_EQ(profile.max_axes, 3);
+    EXPECT_EQ(profile.link.transport, LinkDefaults::Transport::rtu);
+    EXPECT_EQ(profile.link.serial.baud, 19200);
+    EXPECT_EQ(profile.word_order, WordOrder::low_first);
+    ASSERT_EQ(profile.poll.size(), 2U);
+    EXPECT_EQ(profile.poll[0].stride, 5);
+    EXPECT_EQ(profile.poll[1].space, RegisterSpace::discrete_inputs);
+    EXPECT_EQ(profile.poll[1].stride, 0);
+    EXPECT_EQ(profile.position.address, 12);
+    ASSERT_TRUE(profile.alarm_code.has_value());
+    EXPECT_EQ(profile.alarm_code->type, NumberType::uint16);
+    EXPECT_FALSE(profile.has(Signal::ready));
+    ASSERT_EQ(profile.signals.at(Signal::alarm).size(), 2U);
+    EXPECT_TRUE(profile.signals.at(Signal::alarm)[1].inverted);
+    EXPECT_EQ(profile.signals.at(Signal::in_position)[0].bit, 13);
+    ASSERT_TRUE(profile.watchdog.has_value());
+    EXPECT_EQ(profile.watchdog->timeout, 1700ms);
+    EXPECT_EQ(profile.done.stable_polls, 5);
+    EXPECT_TRUE(profile.done.start_seen);
+    EXPECT_EQ(profile.limits.move_margin, 300ms);
+    EXPECT_EQ(profile.describe_alarm(7), "alarm 7 (too hot)");
+    EXPECT_EQ(profile.describe_alarm(5), "alarm 5");
+}
+
+TEST(StageProfile, InputsTargetsAndSequencesAreRead) {
+    const StageProfile profile = stage_profile_from_text(valid, "p.yaml");
+    EXPECT_FALSE(profile.inputs.contains(Input::remote));
+    EXPECT_TRUE(profile.inputs.at(Input::enable).inverted);
+    EXPECT_EQ(profile.inputs.at(Input::home).act, InputPoint::Act::code);
+    EXPECT_EQ(profile.inputs.at(Input::home).code, 0x20);
+    EXPECT_FALSE(profile.inputs.at(Input::home).read_back);
+    EXPECT_EQ(profile.inputs.at(Input::start).space, RegisterSpace::coils);
+    EXPECT_FALSE(profile.inputs.at(Input::start).read_back);
+    EXPECT_TRUE(profile.inputs.at(Input::reset).read_back);
+    ASSERT_EQ(profile.target.size(), 1U);
+    EXPECT_EQ(profile.target[0].size(), 4);
+    EXPECT_EQ(profile.target[0].fields[0].constant, 1.0);
+    EXPECT_EQ(profile.target[0].fields[2].is, TargetBlock::Field::Is::target);
+    const auto& home = profile.sequences.home;
+    ASSERT_EQ(home.size(), 2U);
+    EXPECT_EQ(home[0].kind, Step::Kind::pulse);
+    EXPECT_TRUE(starts_motion(profile, home[0]));
+    EXPECT_EQ(home[1].within, 200ms);
+    EXPECT_EQ(home[1].held, 40ms);
+    ASSERT_EQ(home[1].conditions.size(), 2U);
+    EXPECT_EQ(home[1].conditions[1].signal, Signal::moving);
+    EXPECT_FALSE(home[1].conditions[1].on);
+    EXPECT_EQ(profile.sequences.move[3].kind, Step::Kind::wait_done);
+    EXPECT_FALSE(starts_motion(profile, profile.sequences.move[1]));
+}
+
+TEST(StageProfile, ConvertsMillimetresAndRadiansToCounts) {
+    const StageProfile profile = stage_profile_from_text(valid, "p.yaml");
+    Axis axis;
+    EXPECT_DOUBLE_EQ(profile.counts_of(axis, 2.0), 9.0 - 1000.0);
+    EXPECT_DOUBLE_EQ(profile.position_of(axis, -991.0), 2.0);
+    EXPECT_DOUBLE_EQ(profile.register_of_speed(axis, 2.0), 250.0);
+    EXPECT_DOUBLE_EQ(profile.speed_of_register(axis, 250.0), 2.0);
+    EXPECT_DOUBLE_EQ(profile.tolerance(axis), 0.007);
+    axis.kind = Axis::Kind::rotary;
+    EXPECT_DOUBLE_EQ(profile.counts_of(axis, std::numbers::pi), 9.0 - 70.0 * 180.0);
+    EXPECT_DOUBLE_EQ(profile.tolerance(axis), 0.05 * std::numbers::pi / 180.0);
+}
+
+TEST(StageProfile, AnAxisMaySayItsOwnCountsAndLead) {
+    std::string text = replaced("{per_mm: 500, per_deg: 70, sign: -1, offset: 9}", "{from: axis}");
+    text.replace(text.find("{unit: counts_per_s, step: 4}"), 29, "{unit: rpm}");
+    const StageProfile profile = stage_profile_from_text(text, "p.yaml");
+    Axis axis{.name = "x"};
+    EXPECT_THROW(profile.counts_of(axis, 2.0), ConfigError);
+    EXPECT_THROW(profile.register_of_speed(axis, 20.0), ConfigError);
+    axis.counts_per_unit = -300.0;
+    axis.lead = 5.0;
+    EXPECT_DOUBLE_EQ(profile.counts_of(axis, 2.0), -600.0);
+    EXPECT_DOUBLE_EQ(profile.register_of_speed(axis, 20.0), 240.0);  // 4 turns a second
+}
+
+TEST(StageProfile, NamesFileLineAndKeyOfRegistersThatAreWrong) {
+    EXPECT_EQ(error_of(replaced("count: 4, stride: 5", "count: 4, stride: 63")),
+              "p.yaml:12: poll[0]: 130 registers do not fit into one request of 125");
+    EXPECT_EQ(error_of(replaced("count: 4, stride: 5", "count: 4, stride: 3")),
+              "p.yaml:12: poll[0].stride: the axes' 4 registers overlap");
+    EXPECT_EQ(error_of(replaced("count: 4, stride: 5", "count: 4")),
+              "p.yaml:12: poll[0].stride: missing");
+    EXPECT_EQ(
+        error_of(replaced("{space: discrete_inputs, address: 3", "{space: holding, address: 23")),
+        "p.yaml:13: poll[1]: overlaps with another block");
+    EXPECT_EQ(error_of(replaced("register: 12, type", "register: 13, type")),
+              "p.yaml:14: position: lies in no block of 'poll'");
+    EXPECT_EQ(error_of(replaced("{register: 10, type", "{register: 12, type")),
+              "p.yaml:15: alarm_code: register 12 is 'position' already");
+    EXPECT_EQ(error_of(replaced("register: 10, type: uint16", "register: 10, type: float32")),
+              "p.yaml:15: alarm_code: must be a whole number");
+    EXPECT_EQ(error_of(replaced("bit: 7", "bit: 5")),
+              "p.yaml:19: signals.homed: this bit of register 11 is 'enabled' already");
+    EXPECT_EQ(error_of(replaced("bit: 7", "bit: 16")),
+              "p.yaml:19: signals.homed.bit: must be between 0 and 15, not 16");
+    EXPECT_EQ(error_of(replaced("  limit: unavailable\n", "")),
+              "p.yaml:17: signals.limit: missing");
+    EXPECT_EQ(error_of(replaced("moving: {register: 11, bit: 11}", "moving: unavailable")),
+              "p.yaml:20: signals.moving: must be available: without it no motion is safe");
+    EXPECT_EQ(error_of(replaced("{coil: 60, act", "{discrete_input: 60, act")),
+              "p.yaml:30: inputs.start: cannot be written: an input needs 'register' or 'coil'");
+    EXPECT_EQ(error_of(replaced("{coil: 60, act", "{coil: 60, register: 60, act")),
+              "p.yaml:30: inputs.start.coil: is at 'register' already");
+    EXPECT_EQ(error_of(replaced("code: 0x40", "code: 0x20")),
+              "p.yaml:31: inputs.stop.code: code 32 is used twice");
+    EXPECT_EQ(error_of(replaced("bit: 15", "bit: 3")),
+              "p.yaml:32: inputs.reset: this bit of register 60 is 'enable' already");
+    EXPECT_EQ(error_of(replaced("{register: 60, bit: 15", "{register: 20, bit: 15")),
+              "p.yaml:32: inputs.reset: register 20 lies in a block that is polled");
+    EXPECT_EQ(error_of(replaced("{register: 40", "{register: 49")),
+              "p.yaml:33: target: register 60 is 'enable' already");
+    EXPECT_EQ(error_of(replaced("{register: 40", "{register: 65530")),
+              "p.yaml:33: target: reaches beyond register 65535");
+    EXPECT_EQ(error_of(replaced("{speed: uint16}", "{target: int16}")),
+              "p.yaml:33: target: must have one target and one speed, not 2 and 0");
+    EXPECT_EQ(error_of(replaced("{register: 70", "{register: 61")),
+              "p.yaml:40: watchdog: register 61 is 'home' already");
+}
+
+TEST(StageProfile, NamesFileLineAndKeyOfSequencesThatAreWrong) {
+    EXPECT_EQ(error_of(replaced("{set: enable}", "{set: remote}")),
+              "p.yaml:35: sequences.enable[0].set: this controller has no input 'remote'");
+    EXPECT_EQ(error_of(replaced("{set: enable}, ", "")),
+              "p.yaml:28: inputs.enable: is used in no sequence");
+    EXPECT_EQ(error_of(replaced("{pulse: home}", "{set: home}")),
+              "p.yaml:37: sequences.home[0].set: 'home' is a code: it can only be pulsed");
+    EXPECT_EQ(error_of(replaced("[homed, not moving], within", "[ready, not moving], within")),
+              "p.yaml:37: sequences.home[1].wait[0]: signal 'ready' is unavailable");
+    EXPECT_EQ(error_of(replaced("[homed, not moving], within", "[homed], within")),
+              "p.yaml:37: sequences.home: must wait for 'not moving' after the start");
+    EXPECT_EQ(error_of(replaced("[enabled], within_ms: 100", "[not resting], within_ms: 100")),
+              "p.yaml:35: sequences.enable[1].wait[0]: there is no signal 'resting'");
+    EXPECT_EQ(error_of(replaced("{set: enable}", "{set: enable}, {pulse: start}")),
+              "p.yaml:35: sequences.enable: may not set anything in motion");
+    EXPECT_EQ(error_of(replaced("{pulse: start}, ", "{pulse: start}, {pulse: start}, ")),
+              "p.yaml:38: sequences.move: must start a motion exactly once, not 2 times");
+    EXPECT_EQ(error_of(replaced("starts: false", "starts: true")),
+              "p.yaml:38: sequences.move: must start a motion exactly once, not 2 times");
+    EXPECT_EQ(
+        error_of(replaced("{write: target}, {pulse: start}", "{pulse: start}, {write: target}")),
+        "p.yaml:38: sequences.move: must write the target once, not after the start");
+    EXPECT_EQ(error_of(replaced(", {wait: done}", "")),
+              "p.yaml:38: sequences.move: must wait for 'done' once, after the start");
+    EXPECT_EQ(error_of(replaced("stop: [", "stop: [{wait: [homed], within_ms: 5}, ")),
+              "p.yaml:39: sequences.stop: may not wait before it gives 'stop'");
+    EXPECT_EQ(error_of(replaced("within_ms: 1500", "within_ms: 15000")),
+              "p.yaml:39: sequences.stop: may not take more than 3000 ms");
+    EXPECT_EQ(error_of(replaced("[not alarm]", "[enabled]")),
+              "p.yaml:36: sequences.reset: must wait for 'not alarm'");
+}
+
+TEST(StageProfile, NamesFileLineAndKeyOfEveryOtherFault) {
+    EXPECT_EQ(error_of(replaced("per_mm: 500", "per_mm: 0")),
+              "p.yaml:9: counts.per_mm: must be greater than 0, not 0");
+    EXPECT_EQ(error_of(replaced("stable_polls: 5, ", "")), "p.yaml:41: done.stable_polls: missing");
+    EXPECT_EQ(error_of(replaced("bit: 15, act", "bit: 15, brake: 4, act")),
+              "p.yaml:32: inputs.reset.brake: unknown key");
+    EXPECT_EQ(error_of(replaced("{7: too hot}", "{hot: too hot}")),
+              "p.yaml:43: alarms.hot: an alarm's key must be its code, 1 to 65535");
+    EXPECT_EQ(
+        error_of(replaced("in_position: {register: 11, bit: 13}", "in_position: unavailable")),
+        "p.yaml:41: done.in_position: signal 'in_position' is unavailable");
+}
+
+class ExtendingProfile : public testing::Test {
+protected:
+    void write(const std::string& name, const std::string& text) {
+        std::ofstream(folder_.path() / name) << text;
+    }
+    StageProfile read(const std::string& name) { return read_stage_profile(folder_.path() / name); }
+    std::string error_of(const std::string& name) {
+        try {
+            read(name);
+        } catch (const ConfigError& error) {
+            const std::string text = error.what(), path = folder_.path().string() + "/";
+            return text.starts_with(path) ? text.substr(path.size()) : text;
+        }
+        return "no error";
+    }
+    TemporaryFolder folder_;
+};
+
+TEST_F(ExtendingProfile, MergesMappingsKeyByKeyAndReplacesTheRest) {
+    write("base.yaml", valid);
+    write("child.yaml", R"(etalon: stage-profile/1
+name: child
+extends: base
+done: {tolerance_um: 3}
+signals: {alarm: {register: 11, bit: 1}}
+confirmed: [all]
+watchdog: ~
+)");
+    write("grandchild.yaml",
+          "etalon: stage-profile/1\nname: grandchild\nextends: child\ndone: {stable_polls: 2}\n");
+    const StageProfile profile = read("grandchild.yaml");
+    EXPECT_EQ(profile.name, "grandchild");
+    EXPECT_EQ(profile.about, "a controller of three axes");
+    EXPECT_DOUBLE_EQ(profile.done.tolerance_mm, 0.003);
+    EXPECT_DOUBLE_EQ(profile.done.tolerance_deg, 0.05);
+    EXPECT_EQ(profile.done.stable_polls, 2);
+    ASSERT_EQ(profile.signals.at(Signal::alarm).size(), 1U);
+    EXPECT_EQ(profile.signals.at(Signal::alarm)[0].bit, 1);
+    EXPECT_EQ(profile.signals.at(Signal::homed)[0].bit, 7);
+    EXPECT_EQ(profile.confirmed, std::vector<std::string>{"all"});
+    EXPECT_FALSE(profile.watchdog.has_value());
+}
+
+TEST_F(ExtendingProfile, NamesTheFileThatTheFaultStandsIn) {
+    write("base.yaml", replaced("bit: 7", "bit: 17"));
+    write("child.yaml", "etalon: stage-profile/1\nname: child\nextends: base\n");
+    EXPECT_EQ(error_of("child.yaml"),
+              "base.yaml:19: signals.homed.bit: must be between 0 and 15, not 17");
+    write("base.yaml", valid + "brake: 7\n");
+    EXPECT_EQ(error_of("child.yaml"), "base.yaml:44: brake: unknown key; did you mean 'name'?");
+    write("base.yaml", valid);
+    write("child.yaml", "etalon: stage-profile/1\nname: child\nextends: base\nbrake: 5\n");
+    EXPECT_EQ(error_of("child.yaml"), "child.yaml:4: brake: unknown key; did you mean 'name'?");
+}
+
+TEST_F(ExtendingProfile, MayExtendWhatIsBuiltInButNothingElseThatIsNotThere) {
+    write("mine.yaml", "etalon: stage-profile/1\nname: mine\nextends: generic\nmax_axes: 5\n");
+    EXPECT_EQ(read("mine.yaml").max_axes, 5);
+    write("lost.yaml", "etalon: stage-profile/1\nname: lost\nextends: nobody\n");
+    EXPECT_NE(error_of("lost.yaml").find("lost.yaml:3: extends: there is no"), std::string::npos)
+        << error_of("lost.yaml");
+    write("ring.yaml", "etalon: stage-profile/1\nname: ring\nextends: ring\n");
+    EXPECT_EQ(error_of("ring.yaml"),
+              "ring.yaml:3: extends: more than 8 profiles extend each other");
+}
+
+TEST(StageProfile, TheGenericOneIsBuiltInAndEqualToItsFile) {
+    const StageProfile built_in = builtin_stage_profile("generic");
+    const StageProfile from_file =
+        read_stage_profile(std::string(ETALON_SOURCE_DIR) + "/stage/profiles/generic.yaml");
+    EXPECT_EQ(built_in.name, "generic");
+    EXPECT_EQ(built_in.max_axes, from_file.max_axes);
+    EXPECT_EQ(built_in.inputs.at(Input::stop).bit, from_file.inputs.at(Input::stop).bit);
+    EXPECT_EQ(built_in.alarms, from_file.alarms);
+}
+
+TEST(StageProfile, AllBuiltInOnesAreInOrderAndTheirFilesSaySo) {
+    const std::vector<std::string> names = builtin_stage_profile_names();
+    EXPECT_EQ(std::ranges::count(names, "generic"), 1);
+    for (const std::string& name : names) {
+        EXPECT_FALSE(name.starts_with("base/"));
+        EXPECT_EQ(builtin_stage_profile(name).name, name);
+    }
+}
+
+TEST(StageProfile, AnUnknownNameIsRefusedWithTheKnownOnes) {
+    try {
+        builtin_stage_profile("genric");
+        FAIL() << "accepted";
+    } catch (const ConfigError& error) {
+        const std::string text = error.what();
+        EXPECT_TRUE(text.starts_with("stage profile: there is no profile 'genric'; known: "));
+        EXPECT_NE(text.find("generic"), std::string::npos);
+    }
+}
+
+}  // namespace
+}  // namespace etalon

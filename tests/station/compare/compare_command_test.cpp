@@ -1,0 +1,346 @@
+// `etalon compare` and `etalon detect` on photographs that were rendered from the same calibration.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <tbb/global_control.h>
+
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "calib/files/camera_file.h"
+#include "core/errors.h"
+#include "core/text.h"
+#include "sim/marker/marker.h"
+#include "sim/render/renderer.h"
+#include "sim/sensor/sensor_model.h"
+#include "station/shell/commands.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+constexpr const char* camera_text =
+    "etalon: camera/1\n"
+    "image: {width: 320, height: 240}\n"
+    "intrinsics: {fx: 400, fy: 402, cx: 161, cy: 118}\n"
+    "distortion: {k1: -0.1}\n";
+constexpr const char* tag_name = "apriltag:36h11:5@50mm";
+
+class CompareCommand : public testing::Test {
+protected:
+    void SetUp() override {
+        write_text(folder_ / "camera.yml", camera_text);
+        camera_.width = 320;
+        camera_.height = 240;
+        camera_.intrinsics = {400, 402, 161, 118};
+        camera_.distortion.k1 = -0.1;
+    }
+
+    fs::path photo_of_tag(const std::string& name, double x_mm) {
+        const Marker tag = parse_marker(tag_name, "test");
+        const Rigid pose{rotation_from_vector({0.2, -0.15, 0.1}), {x_mm, 5.0, 210.0}};
+        const Renderer renderer(camera_);
+        const fs::path path = folder_ / name;
+        // Neither end of the scale is reached.
+        const cv::Mat exposed = 0.08 + 0.75 * renderer.render({{{tag.grid, pose}}, 1.0}).radiance;
+        write_image(path, SensorModel(camera_).expose(exposed));
+        return path;
+    }
+    fs::path empty_photo(const std::string& name, int width, int height) {
+        const fs::path path = folder_ / name;
+        write_image(path, {cv::Mat(height, width, CV_8UC1, cv::Scalar(128)), 8});
+        return path;
+    }
+    CompareArguments arguments(std::vector<fs::path> photos) const {
+        CompareArguments result;
+        result.camera = folder_ / "camera.yml";
+        result.out = folder_ / "out";
+        result.marker = tag_name;
+        result.photos = std::move(photos);
+        return result;
+    }
+    std::string message_of(const CompareArguments& wrong) const {
+        try {
+            run_compare(wrong);
+        } catch (const Error& error) {
+            EXPECT_FALSE(fs::exists(wrong.out)) << "nothing half-written";
+            return error.what();
+        }
+        return "no error";
+    }
+
+    CameraModel camera_;
+    TemporaryFolder folder_;
+};
+
+TEST_F(CompareCommand, WritesAReportAndPrintsTheMeanResidual) {
+    const auto wanted = arguments({photo_of_tag("a.png", 7.0), photo_of_tag("b.png", -9.0)});
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_compare(wanted), 0);
+    const std::string printed = testing::internal::GetCapturedStdout();
+    EXPECT_THAT(printed, HasSubstr(" gray over 2 photos\n"));
+    EXPECT_THAT(printed, HasSubstr("report " + (wanted.out / "report.html").string() + "\n"));
+    const std::string report = read_text(wanted.out / "report.html");
+    EXPECT_THAT(report, HasSubstr("a.png"));
+    EXPECT_THAT(report, HasSubstr("data:image/"));
+    EXPECT_THAT(report, testing::Not(HasSubstr("src=\"http"))) << "opens offline";
+    EXPECT_THAT(report, HasSubstr("Not seen by this comparison"));
+    EXPECT_THAT(report, HasSubstr("prefers-reduced-motion"));
+    for (const char* file : {"photometry.csv", "edges.csv", "profiles.csv", "comparison.json",
+                             "residual-by-photo.svg", "01-a-edges.svg", "02-b-significance.png"})
+        EXPECT_TRUE(fs::exists(wanted.out / file)) << file;
+    EXPECT_EQ(read_image(wanted.out / "01-a-overlay.png").pixels.size(), cv::Size(320, 240));
+    EXPECT_EQ(read_image(wanted.out / "02-b-residual.png").pixels.size(), cv::Size(320, 240));
+    EXPECT_EQ(split(std::string(trimmed(read_text(wanted.out / "comparison.csv"))), '\n').size(),
+              3u);
+}
+
+// The detector's own error moves the rendering by a few hundredths of a pixel, which on edges of
+// 255 gray leaves a gray or two; a wrong half pixel would leave tens.
+TEST_F(CompareCommand, FindsAlmostNothingBetweenTwoRenderings) {
+    auto wanted = arguments({photo_of_tag("a.png", 7.0)});
+    wanted.json = true;
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_compare(wanted), 0);
+    const std::string json = testing::internal::GetCapturedStdout();
+    const auto at = json.find("\"mean_residual_gray\": ");
+    ASSERT_NE(at, std::string::npos) << json;
+    EXPECT_LT(std::stod(json.substr(at + 22)), 4.0);
+}
+
+// A board tilted through focus, photographed at 303 mm by a lens whose file says 299.
+TEST_F(CompareCommand, SaysWhereATiltedBoardIsSharpest) {
+    const auto camera_at = [](double focus_mm) {
+        return fmt::format(
+            "etalon: camera/1\nimage: {{width: 260, height: 170}}\n"
+            "intrinsics: {{fx: 900, fy: 905, cx: 128, cy: 86}}\n"
+            "lens: {{f_number: 1.4, focus_distance_mm: {}, wavelength_nm: 550,"
+            " psf: {{gaussian: {{sigma_px: 0.5}}}}}}\n"
+            "sensor: {{pixel_pitch_um: 17, bits: 12, black: 64, gain_e_per_dn: 0.8,"
+            " read_noise_e: 7}}\n",
+            focus_mm);
+    };
+    write_text(folder_ / "true.yml", camera_at(303.0));
+    write_text(folder_ / "camera.yml", camera_at(299.0));
+    const CameraModel lens = read_camera(folder_ / "true.yml");
+    const Marker board = parse_marker("chessboard:8x5@10mm", "test");
+    const Rigid pose{rotation_from_vector({0.25, -0.8, 0.12}), {-26.0, -22.0, 273.0}};
+    const cv::Mat exposed =
+        0.08 + 0.7 * Renderer(lens).render({{{board.grid, pose}}, 1.0}).radiance;
+    write_image(folder_ / "tilted.png", SensorModel(lens).expose(exposed, NoiseKey{7, 5}));
+    auto wanted = arguments({folder_ / "tilted.png"});
+    wanted.marker = "chessboard:8x5@10mm";
+    wanted.poses = folder_ / "poses.csv";
+    write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n0.25,-0.8,0.12,-26,-22,273\n");
+    wanted.json = true;
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_compare(wanted), 0);
+    const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
+    const auto& defocus = json.at("photos").at(0).at("defocus");
+    // Five standard uncertainties of 0.1 mm.
+    EXPECT_NEAR(defocus.at("photograph").at("focus_distance_mm").get<double>(), 303.0, 0.5);
+    EXPECT_NEAR(defocus.at("rendering").at("focus_distance_mm").get<double>(), 299.0, 0.5);
+    EXPECT_THAT(read_text(wanted.out / "defocus.csv"), HasSubstr("tilted.png"));
+    EXPECT_THAT(read_text(wanted.out / "report.html"), HasSubstr("Photograph sharpest at 30"));
+    EXPECT_TRUE(fs::exists(wanted.out / "edge-width-by-depth.svg"));
+}
+
+TEST_F(CompareCommand, TakesPosesFromAFileInsteadOfADetector) {
+    auto wanted = arguments({photo_of_tag("a.png", 7.0)});
+    wanted.poses = folder_ / "poses.csv";
+    write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n0.2,-0.15,0.1,7,5,210\n");
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_compare(wanted), 0);
+    EXPECT_THAT(testing::internal::GetCapturedStdout(),
+                testing::StartsWith("mean residual 0."));  // rounding of the photo, 0.3 gray
+}
+
+TEST_F(CompareCommand, CountsAPhotographWithoutItsMarker) {
+    const auto wanted =
+        arguments({photo_of_tag("a.png", 7.0), empty_photo("nothing.png", 320, 240)});
+    testing::internal::CaptureStdout();
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(run_compare(wanted), 0);
+    EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("over 1 photos"));
+    const std::string notes = testing::internal::GetCapturedStderr();
+    EXPECT_THAT(notes, HasSubstr("nothing.png: marker not found"));
+    EXPECT_THAT(notes, HasSubstr("1 of 2 photographs could not be compared"));
+    EXPECT_THAT(read_text(wanted.out / "report.html"), HasSubstr("marker not found"));
+    EXPECT_THAT(read_text(wanted.out / "comparison.csv"), HasSubstr("nothing.png,refused,"));
+}
+
+TEST_F(CompareCommand, FailsWhenNoPhotographShowsTheMarker) {
+    const auto hopeless = arguments({empty_photo("nothing.png", 320, 240)});
+    EXPECT_THROW(run_compare(hopeless), NumericalError);
+    EXPECT_THAT(message_of(hopeless), HasSubstr("nothing.png: marker not found"));
+}
+
+TEST_F(CompareCommand, NamesPhotographAndCalibrationWhenTheirSizesDiffer) {
+    const auto wrong = arguments({photo_of_tag("a.png", 7.0), empty_photo("large.png", 640, 480)});
+    EXPECT_THROW(run_compare(wrong), ConfigError);
+    const std::string message = message_of(wrong);
+    EXPECT_THAT(message, HasSubstr("large.png: is 640 x 480 px"));
+    EXPECT_THAT(message, HasSubstr("camera.yml is for 320 x 240 px"));
+}
+
+TEST_F(CompareCommand, RefusesContradictoryArgumentsBeforeItWritesAnything) {
+    const auto good = arguments({photo_of_tag("a.png", 7.0)});
+    auto both = good;
+    both.board = "9x6";
+    EXPECT_THAT(message_of(both), HasSubstr("--board"));
+    auto no_square = good;
+    no_square.marker.clear();
+    no_square.board = "9x6";
+    EXPECT_THAT(message_of(no_square), HasSubstr("--square-mm"));
+    auto margin = good;
+    margin.score_margin = "0.3,0.3";
+    EXPECT_THAT(message_of(margin), HasSubstr("--score-margin"));
+    auto no_photo = good;
+    no_photo.photos = {folder_ / "missing.png"};
+    EXPECT_THAT(message_of(no_photo), HasSubstr("missing.png: no such image"));
+    auto behind = good;
+    behind.poses = folder_ / "poses.csv";
+    write_text(behind.poses, "rx,ry,rz,tx,ty,tz\n0,0,0,7,5,-210\n");
+    EXPECT_THAT(message_of(behind), HasSubstr("pose 1: the marker is behind the camera"));
+    write_text(behind.poses, "rx,ry,rz,tx,ty,tz\n0,0,0,7,5,210\n0,0,0,7,5,220\n");
+    EXPECT_THAT(message_of(behind), HasSubstr("holds 2 poses for 1 photographs"));
+    auto onto_a_file = good;
+    onto_a_file.out = folder_ / "camera.yml";
+    EXPECT_THROW(run_compare(onto_a_file), ConfigError);
+}
+
+// All files of a folder: name and bytes.
+std::map<std::string, std::string> contents(const fs::path& folder) {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : fs::directory_iterator(folder))
+        files[entry.path().filename().string()] = read_text(entry.path());
+    return files;
+}
+
+TEST_F(CompareCommand, GivesTheSameBytesForAnyNumberOfThreads) {
+    auto one = arguments({photo_of_tag("a.png", 7.0), photo_of_tag("b.png", -9.0)});
+    auto two = one;
+    two.out = folder_ / "again";
+    testing::internal::CaptureStdout();
+    {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+        run_compare(one);
+    }
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 2);
+    run_compare(two);
+    testing::internal::GetCapturedStdout();
+    const auto first = contents(one.out), second = contents(two.out);
+    EXPECT_GT(first.size(), 15u);
+    ASSERT_EQ(first.size(), second.size());
+    for (const auto& [name, bytes] : first)
+        EXPECT_TRUE(second.contains(name) && second.at(name) == bytes) << name;
+}
+
+TEST_F(CompareCommand, ComparesWithAnEarlierComparisonOfTheSameCamera) {
+    const auto then = arguments({photo_of_tag("a.png", 7.0), photo_of_tag("b.png", -9.0)});
+    auto now = then;
+    now.out = folder_ / "now";
+    now.baseline = then.out;
+    testing::internal::CaptureStdout();
+    run_compare(then);
+    run_compare(now);
+    const std::string printed = testing::internal::GetCapturedStdout();
+    EXPECT_THAT(printed, HasSubstr("2 photos paired"));
+    EXPECT_THAT(printed, testing::Not(HasSubstr("changed"))) << "the same photographs";
+    const auto json = nlohmann::json::parse(read_text(now.out / "comparison.json"));
+    for (const auto& quantity : json.at("baseline").at("quantities"))
+        EXPECT_NEAR(quantity.at("change").get<double>(), 0.0, 1e-9) << quantity.at("quantity");
+    EXPECT_THAT(read_text(now.out / "baseline.csv"), HasSubstr("\na.png,matched,matched,"));
+    EXPECT_THAT(read_text(now.out / "report.html"), HasSubstr("Change since the baseline"));
+
+    auto other = now;
+    other.marker = "apriltag:36h11:5@49mm";
+    EXPECT_THROW(run_compare(other), ConfigError);
+    auto onto_itself = now;
+    onto_itself.out = now.baseline;
+    EXPECT_THROW(run_compare(onto_itself), ConfigError);
+}
+
+// The pose says that a marker is there; the photograph is evenly gray.
+TEST_F(CompareCommand, NamesWhatStandsInTheWayOfAMatch) {
+    auto wanted = arguments({photo_of_tag("a.png", 7.0), empty_photo("gray.png", 320, 240)});
+    wanted.poses = folder_ / "poses.csv";
+    write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n0.2,-0.15,0.1,7,5,210\n0.2,-0.15,0.1,7,5,210\n");
+    testing::internal::CaptureStdout();
+    run_compare(wanted);
+    EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("matched 1 of 2 photos"));
+    const auto json = nlohmann::json::parse(read_text(wanted.out / "comparison.json"));
+    const auto& refused = json.at("photos").at(1);
+    EXPECT_EQ(refused.at("outcome"), "refused");
+    EXPECT_FALSE(refused.at("findings").empty());
+    EXPECT_FALSE(refused.contains("calibrated")) << "its figures would mean nothing";
+    const std::string name = refused.at("findings").at(0).at("name");
+    EXPECT_THAT(read_text(wanted.out / "comparison.csv"), HasSubstr("refused," + name));
+    EXPECT_THAT(read_text(wanted.out / "report.html"), HasSubstr("<strong>" + name));
+}
+
+TEST_F(CompareCommand, DetectPrintsThePoseOfEachPhotograph) {
+    DetectArguments wanted;
+    wanted.marker = tag_name;
+    wanted.camera = folder_ / "camera.yml";
+    wanted.photos = {photo_of_tag("a.png", 7.0), empty_photo("nothing.png", 320, 240)};
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_detect(wanted), 0);
+    const std::string table = testing::internal::GetCapturedStdout();
+    EXPECT_THAT(table, HasSubstr("a.png"));
+    EXPECT_THAT(table, HasSubstr("nothing.png marker not found"));
+    wanted.json = true;
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_detect(wanted), 0);
+    EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("\"reprojection_rms_px\""));
+}
+
+class PhotometricDetect : public CompareCommand {
+protected:
+    // The photograph of photo_of_tag("a.png", 7.0) and where the marker is found in it.
+    nlohmann::json found(const std::string& starts) {
+        DetectArguments wanted;
+        wanted.marker = tag_name;
+        wanted.camera = folder_ / "camera.yml";
+        wanted.photos = {photo_of_tag("a.png", 7.0)};
+        wanted.detector = "photometric";
+        wanted.json = true;
+        if (!starts.empty()) {
+            wanted.poses = folder_ / "starts.csv";
+            write_text(wanted.poses, "rx,ry,rz,tx,ty,tz\n" + starts + "\n");
+        }
+        testing::internal::CaptureStdout();
+        EXPECT_EQ(run_detect(wanted), 0);
+        return nlohmann::json::parse(testing::internal::GetCapturedStdout()).at("photos").at(0);
+    }
+};
+
+// Without noise but rounding, 0.3 gray on a tag of 95 px: some um across, ten times that along.
+void expect_true_pose(const nlohmann::json& photo) {
+    const auto pose = photo.at("camera_from_marker").get<std::vector<double>>();
+    const std::vector<double> truth = {0.2, -0.15, 0.1, 7.0, 5.0, 210.0};
+    for (std::size_t i = 0; i < 3; ++i)
+        EXPECT_NEAR(pose[i], truth[i], 1e-3) << i;
+    for (std::size_t i = 3; i < 6; ++i)
+        EXPECT_NEAR(pose[i], truth[i], i < 5 ? 0.01 : 0.05) << i;
+}
+
+TEST_F(PhotometricDetect, StartsFromTheMarkersOwnDetector) {
+    const nlohmann::json photo = found("");
+    expect_true_pose(photo);
+    ASSERT_EQ(photo.at("covariance").size(), 6u);
+    EXPECT_GT(photo.at("covariance")[5][5].get<double>(), 0.0);
+}
+
+// 3 px and half a degree away.
+TEST_F(PhotometricDetect, StartsFromAPoseThatIsAboutRight) {
+    expect_true_pose(found("0.205,-0.145,0.105,8.5,4.2,211"));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,273 @@
+#include "station/devices/capture_drift.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+
+#include "calib/camera/projector.h"
+#include "core/errors.h"
+#include "core/text.h"
+#include "mocks/camera/fake_camera.h"
+#include "sim/marker/marker.h"
+#include "sim/render/renderer.h"
+#include "sim/sensor/sensor_model.h"
+#include "station/devices/drift_report.h"
+#include "station/shell/commands.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+using testing::HasSubstr;
+using namespace std::chrono_literals;
+
+constexpr const char* board = "chessboard:7x5@10mm";
+constexpr double amplitude_px = 1.0, time_constant_min = 4.0;
+
+// Where the board's image is: a warm-up along x.
+double warm_up_px(double minutes) {
+    return amplitude_px * (1.0 - std::exp(-minutes / time_constant_min));
+}
+
+// A board at about 2 px/mm, a little tilted and turned: square before the camera all its corners
+// would lie at the same place in their pixels, and their common error there, 0.15 px in sharp
+// images, would be taken for a movement.
+CameraModel small_camera() {
+    CameraModel camera;
+    camera.width = 200;
+    camera.height = 150;
+    camera.intrinsics = {300.0, 300.0, 99.7, 74.2};
+    return camera;
+}
+
+Rigid pose_at(double minutes) {
+    Vector6d pose;
+    pose << 0.15, -0.2, 0.13, -29.0 + 0.5 * warm_up_px(minutes), -23.0, 155.0;
+    return rigid_from_vector(pose);
+}
+
+CodeImage photograph(double minutes) {
+    const CameraModel camera = small_camera();
+    const Marker marker = parse_marker(board, "test");
+    return SensorModel(camera).expose(
+        Renderer(camera).render({{{marker.grid, pose_at(minutes)}}, 0.8}).radiance);
+}
+
+// How far the middle of the board's corners is from where it was at first, along x.
+double true_shift_px(double minutes) {
+    const Projector projector(small_camera());
+    const Marker marker = parse_marker(board, "test");
+    double sum = 0.0;
+    for (const Eigen::Vector3d& point : marker.points_mm)
+        sum += projector.project(pose_at(minutes) * point)->x() -
+               projector.project(pose_at(0.0) * point)->x();
+    return sum / static_cast<double>(marker.points_mm.size());
+}
+
+class CaptureDrift : public testing::Test {
+protected:
+    CaptureDrift()
+        : camera_([this](const CaptureSettings&) { return photograph(minutes()); }, clock_) {
+        request_.settings.width = 200;
+        request_.settings.height = 150;
+        request_.interval = 15s;
+        request_.frames = 200;
+    }
+
+    double minutes() const {
+        return std::chrono::duration<double, std::ratio<60>>(clock_.now().time_since_epoch())
+            .count();
+    }
+    DriftResult watch() {
+        return watch_drift(camera_, make_target_finder(board, "test"), request_, clock_,
+                           stop_.get_token(), [this](const DriftMonitor&) { on_frame_(); });
+    }
+
+    VirtualClock clock_;
+    FakeCamera camera_;
+    DriftRequest request_;
+    std::stop_source stop_;
+    std::function<void()> on_frame_ = [] {};
+};
+
+// 1 px exp(-t / 4 min) drifts by 0.02 px/min at 4 ln(0.25 / 0.02) = 10.1 min. A line over the last
+// 5 min is as steep half a window later, and the uncertainty takes some minutes more.
+TEST_F(CaptureDrift, EndsWhenARenderedWarmUpIsOver) {
+    const DriftResult result = watch();
+    EXPECT_EQ(result.reason, "");
+    ASSERT_TRUE(result.stable);
+    EXPECT_GT(result.duration.count(), 10.1);
+    EXPECT_LT(result.duration.count(), 25.0);
+    EXPECT_FALSE(camera_.armed);
+    EXPECT_TRUE(result.monitor.jumps().empty());
+    // 35 corners, whose errors of 0.1 px change with their place in the pixel.
+    for (const DriftFrame& frame : result.monitor.frames())
+        EXPECT_NEAR(frame.movement[0], true_shift_px(frame.time.count()), 0.04)
+            << frame.time.count();
+    EXPECT_EQ(drift_sentence(result),
+              fmt::format("drift {:.3f} px/min stable after {:.1f} min",
+                          result.monitor.rates().back().worst_px_per_min, result.duration.count()));
+}
+
+TEST_F(CaptureDrift, TakesAFramePerInterval) {
+    request_.frames = 9;
+    const DriftResult result = watch();
+    ASSERT_EQ(result.monitor.frames().size(), 9u);
+    EXPECT_NEAR(result.monitor.frames().back().time.count(), 8 * 0.25, 1e-6);
+    EXPECT_FALSE(result.stable);
+    EXPECT_THAT(drift_sentence(result), HasSubstr("drift not measured in 2.0 min"));
+}
+
+TEST_F(CaptureDrift, KeepsWhatWasSeenWhenTheCameraIsGoneOrAStopIsAskedFor) {
+    camera_.triggers_left = 5;
+    const DriftResult gone = watch();
+    EXPECT_THAT(gone.reason, HasSubstr("lost"));
+    EXPECT_EQ(gone.monitor.frames().size(), 5u);
+    camera_.triggers_left = -1;
+    camera_.reconnect(clock_.now(), {});
+    int left = 3;
+    on_frame_ = [&] {
+        if (--left == 0)
+            stop_.request_stop();
+    };
+    const DriftResult stopped = watch();
+    EXPECT_EQ(stopped.reason, "interrupted");
+    EXPECT_EQ(stopped.monitor.frames().size(), 3u);
+    EXPECT_FALSE(camera_.armed);
+}
+
+TEST_F(CaptureDrift, CountsBadFramesAsNotSeen) {
+    camera_.script = {FrameStatus::complete, FrameStatus::corrupt, FrameStatus::complete};
+    request_.retries = 0;
+    request_.frames = 3;
+    const DriftResult result = watch();
+    EXPECT_TRUE(result.monitor.frames()[0].seen);
+    EXPECT_FALSE(result.monitor.frames()[1].seen);
+    EXPECT_TRUE(result.monitor.frames()[2].seen);
+}
+
+// ---- the command, with a recording
+
+class DriftCommand : public testing::Test {
+protected:
+    DriftCommand() {
+        arguments_.camera = "files:" + (folder_ / "photos").string();
+        arguments_.drift = true;
+        arguments_.marker = board;
+        arguments_.out = folder_ / "drift";
+        arguments_.interval_s = 15.0;
+        std::filesystem::create_directories(folder_ / "photos");
+    }
+
+    void record(int frames, double from_minute = 0.0) {
+        for (int frame = 0; frame < frames; ++frame)
+            write_image(folder_ / "photos" / fmt::format("{:03}.png", frame),
+                        photograph(from_minute + 0.25 * frame));
+    }
+    // What it prints on stdout, and its exit code.
+    std::string run(int& exit_code) {
+        testing::internal::CaptureStdout();
+        testing::internal::CaptureStderr();
+        exit_code = run_capture(arguments_);
+        std::fflush(stdout);
+        testing::internal::GetCapturedStderr();
+        return testing::internal::GetCapturedStdout();
+    }
+    nlohmann::json result() const {
+        return nlohmann::json::parse(read_text(arguments_.out / "drift.json"));
+    }
+
+    TemporaryFolder folder_;
+    CaptureArguments arguments_;
+};
+
+TEST_F(DriftCommand, SaysThatARecordedCameraWasStableAndLeavesARecord) {
+    record(30, 30.0);  // long after the warm-up
+    int exit_code = -1;
+    const std::string printed = run(exit_code);
+    EXPECT_EQ(exit_code, 0);
+    EXPECT_THAT(printed, testing::MatchesRegex("drift 0\\.00[0-9] px/min stable after [34]\\.[0-9] "
+                                               "min\nreport .*/drift/report\\.html\n"));
+    const nlohmann::json json = result();
+    EXPECT_EQ(json["etalon"], "drift/1");
+    EXPECT_EQ(json["stable"], true);
+    EXPECT_EQ(json["target"], board);
+    EXPECT_EQ(json["camera"]["width"], 200);
+    EXPECT_EQ(json["rates"].back()["bound_px_per_min"] < 0.02, true);
+    const auto rows = split(read_text(arguments_.out / "drift.csv"), '\n');
+    EXPECT_EQ(rows.front(),
+              "time_min,seen,part,shift_x_px,shift_y_px,scale_ppm,rotation_urad,misfit_px");
+    EXPECT_EQ(rows.size(),
+              json["frames"].get<std::size_t>() + 2);  // header and the last line's end
+    for (std::size_t i = 1; i + 1 < rows.size(); ++i)
+        EXPECT_EQ(split(rows[i], ',').size(), 8u);
+    const std::string page = read_text(arguments_.out / "report.html");
+    EXPECT_THAT(page, HasSubstr("STABLE"));
+    EXPECT_THAT(page, HasSubstr("<svg"));
+    EXPECT_THAT(page, HasSubstr("Whether the camera moved or the target"));
+}
+
+TEST_F(DriftCommand, IsInconclusiveWhileTheCameraWarmsUp) {
+    record(24);
+    arguments_.frames = 24;
+    int exit_code = -1;
+    EXPECT_THAT(run(exit_code), HasSubstr(" px/min not stable in 5.8 min\n"));
+    EXPECT_EQ(exit_code, 2);
+    EXPECT_EQ(result()["stable"], false);
+    EXPECT_THAT(read_text(arguments_.out / "report.html"), HasSubstr("it drifts"));
+}
+
+TEST_F(DriftCommand, EndsWithFourAndItsRecordWhereTheRecordingEndsEarly) {
+    record(4);
+    int exit_code = -1;
+    run(exit_code);
+    EXPECT_EQ(exit_code, 4);
+    EXPECT_THAT(result()["reason"].get<std::string>(), HasSubstr("all 4 images were shown"));
+    EXPECT_TRUE(result()["rates"].empty());
+}
+
+TEST_F(DriftCommand, SaysWhereTheTargetIsNeverSeen) {
+    for (int frame = 0; frame < 3; ++frame)
+        write_image(folder_ / "photos" / fmt::format("{}.png", frame),
+                    {cv::Mat(150, 200, CV_8UC1, cv::Scalar(90)), 8});
+    arguments_.frames = 3;
+    int exit_code = -1;
+    EXPECT_THAT(run(exit_code), HasSubstr("drift not measured"));
+    EXPECT_EQ(exit_code, 2);
+    EXPECT_EQ(result()["frames_without_target"], 3);
+}
+
+TEST_F(DriftCommand, RefusesWhatItCannotWatch) {
+    record(1);
+    const auto refused = [&](auto change) {
+        CaptureArguments wrong = arguments_;
+        change(wrong);
+        EXPECT_THROW(run_capture(wrong), ConfigError);
+        EXPECT_FALSE(std::filesystem::exists(arguments_.out));
+    };
+    refused([](CaptureArguments& a) { a.interval_s.reset(); });  // files do not say when
+    refused([](CaptureArguments& a) { a.marker = ""; });
+    refused([](CaptureArguments& a) { a.marker = "chessboard:2x2@10mm"; });
+    refused([](CaptureArguments& a) { a.out = ""; });
+    refused([](CaptureArguments& a) { a.interval_s = 1e-9; });
+    refused([](CaptureArguments& a) { a.interval_s = 1e9; });
+    refused([](CaptureArguments& a) { a.minutes = 1e300; });
+}
+
+TEST(DriftLine, FitsATerminalOf80Columns) {
+    DriftMonitor monitor(drift_plan({640, 480}, Minutes(1.0 / 60.0), Minutes(10000)));
+    EXPECT_LT(drift_line(monitor).size(), 80u);
+    TargetPoints points{{0, {5, 7}}, {1, {500, 9}}, {2, {510, 400}}, {3, {8, 410}}};
+    for (int frame = 0; frame < 400; ++frame) {
+        for (auto& [id, pixel] : points)
+            pixel.x() += frame == 300 ? 500.0 : 0.3 + 0.1 * (frame % 2);
+        monitor.add(Minutes(9000 + frame / 60.0), points);
+        EXPECT_LT(drift_line(monitor).size(), 80u) << drift_line(monitor);
+    }
+    monitor.add(Minutes(9999), {});
+    EXPECT_THAT(drift_line(monitor), HasSubstr("not seen"));
+}
+
+}  // namespace
+}  // namespace etalon

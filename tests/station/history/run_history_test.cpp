@@ -1,0 +1,169 @@
+#include "station/history/run_history.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+
+#include "core/errors.h"
+#include "core/text.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+using Json = nlohmann::json;
+using testing::HasSubstr;
+using testing::Not;
+
+// Deviates by turns: 1, -2, 2, -1 of the last digit.
+double wobble(int i) {
+    return std::vector<double>{0.001, -0.002, 0.002, -0.001}[static_cast<std::size_t>(i) % 4];
+}
+
+class History : public testing::Test {
+protected:
+    Json run_of(int day, double value) const {
+        return {{"etalon", "run/1"},
+                {"outcome", "PASS"},
+                {"started_utc", fmt::format("2026-03-{:02}T14:05:09Z", day)},
+                {"station", "demo"},
+                {"marker", "apriltag:36h11:5@80mm"},
+                {"limits", "demo-1"},
+                {"camera", {{"serial", "CAM-7"}, {"uri", "genicam:127.0.0.1"}}},
+                {"inputs", {{{"role", "calibration"}, {"sha256", std::string(64, 'a')}}}},
+                {"measurements",
+                 {{{"name", "b3_position_field_rms_mm"},
+                   {"unit", "mm"},
+                   {"value", value},
+                   {"expanded_uncertainty", 0.005},
+                   {"limit", 0.06},
+                   {"outcome", "PASS"}}}}};
+    }
+    std::filesystem::path add(const std::string& name, const Json& run) const {
+        std::filesystem::create_directories(folder / name);
+        write_text(folder / name / "run.json", run.dump());
+        return folder / name;
+    }
+    void add_runs(int first, int last, double value) const {
+        for (int day = first; day <= last; ++day)
+            add(fmt::format("run-{:02}", day), run_of(day, value + wobble(day)));
+    }
+    std::vector<HistoricRun> read() const {
+        const std::vector<std::filesystem::path> folders = {folder / "."};
+        return read_history(folders);
+    }
+    std::string refusal(const std::vector<std::filesystem::path>& folders) const {
+        try {
+            read_history(folders);
+        } catch (const ConfigError& error) {
+            return error.what();
+        }
+        return "accepted";
+    }
+    TemporaryFolder folder;
+};
+
+TEST_F(History, RaisesTheAlarmWhenAQuantityDrifts) {
+    add_runs(1, 12, 0.030);
+    EXPECT_FALSE(chart_history(read())[0].drifts());
+    add_runs(13, 16, 0.040);
+    const auto runs = read();
+    const auto charts = chart_history(runs);
+    ASSERT_EQ(charts.size(), 1u);
+    EXPECT_EQ(charts[0].camera, "CAM-7");
+    EXPECT_TRUE(charts[0].drifts());
+    const Json json = Json::parse(history_json(runs, charts));
+    EXPECT_EQ(json["etalon"], "history/1");
+    EXPECT_EQ(json["charts"][0]["runs"].size(), 16u);
+    EXPECT_TRUE(json["charts"][0]["runs"][0]["q"].is_null());
+    EXPECT_TRUE(json["charts"][0]["drifts"]);
+}
+
+TEST_F(History, BeginsANewBaselineWithANewCalibration) {
+    add_runs(1, 12, 0.030);
+    for (int day = 13; day <= 16; ++day) {
+        Json run = run_of(day, 0.040 + wobble(day));
+        run["inputs"][0]["sha256"] = std::string(64, 'b');
+        add(fmt::format("run-{}", day), run);
+    }
+    const auto runs = read();
+    const auto charts = chart_history(runs);
+    EXPECT_FALSE(charts[0].drifts());
+    EXPECT_EQ(charts[0].runs[11].baseline, 1);
+    EXPECT_EQ(charts[0].runs[12].baseline, 2);
+    EXPECT_FALSE(charts[0].runs[13].chart.q);
+    EXPECT_THAT(history_text(runs, charts), HasSubstr("calibration bbbbbbbbbbbb: a new baseline"));
+    write_history_report(runs, charts, folder / "report");
+    const std::string chart = read_text(folder / "report/chart-1.svg");
+    EXPECT_THAT(chart, HasSubstr("new calibration"));
+    EXPECT_THAT(chart, HasSubstr("2026-03-13T14:05:09Z, PASS, calibration bbbbbbbbbbbb"));
+    EXPECT_THAT(chart, Not(HasSubstr("calibration aaaaaaaaaaaa")));
+}
+
+TEST_F(History, KeepsCamerasStationsAndMarkersApart) {
+    add_runs(1, 3, 0.030);
+    int day = 4;
+    for (const char* key : {"station", "marker"}) {
+        Json run = run_of(day++, 0.030);
+        run[key] = "another";
+        add(key, run);
+    }
+    Json run = run_of(day, 0.030);
+    run["camera"]["serial"] = "";
+    add("camera", run);
+    const auto charts = chart_history(read());
+    EXPECT_EQ(charts.size(), 4u);
+    EXPECT_EQ(charts[3].camera, "genicam:127.0.0.1");
+}
+
+TEST_F(History, LeavesOutRunsThatMeasuredNothing) {
+    add_runs(1, 3, 0.030);
+    Json ended = run_of(4, 0.0), skipped = run_of(5, 0.0);
+    ended.erase("measurements");
+    ended["outcome"] = "ERROR";
+    skipped["measurements"][0]["value"] = nullptr;
+    skipped["measurements"][0]["outcome"] = "SKIPPED";
+    add("ended", ended);
+    add("skipped", skipped);
+    const auto runs = read();
+    EXPECT_EQ(runs.size(), 5u);
+    EXPECT_EQ(chart_history(runs)[0].runs.size(), 3u);
+}
+
+TEST_F(History, FitsEightyColumnsAndWritesAReport) {
+    add_runs(1, 16, -123.456e-7);
+    const auto runs = read();
+    const auto charts = chart_history(runs);
+    for (const std::string& line : split(history_text(runs, charts), '\n'))
+        EXPECT_LE(line.size(), 80u) << line;
+    write_history_report(runs, charts, folder / "report");
+    const std::string page = read_text(folder / "report/report.html");
+    EXPECT_THAT(page, HasSubstr("one false alarm in 373 runs"));
+    EXPECT_THAT(page, HasSubstr("CAM-7"));
+    EXPECT_THAT(read_text(folder / "report/chart-1.svg"), HasSubstr("<svg"));
+    EXPECT_EQ(read_text(folder / "report/history.json"), history_json(runs, charts));
+}
+
+TEST_F(History, RefusesWhatIsNoRecord) {
+    EXPECT_THAT(refusal({folder / "."}), HasSubstr("holds no record"));
+    EXPECT_THAT(refusal({folder / "nothing"}), HasSubstr("holds no record"));
+    const auto record = add("run", run_of(1, 0.03));
+    EXPECT_THAT(refusal({record, record}), HasSubstr("is the same run as"));
+    for (const auto& [key, value] :
+         std::vector<std::pair<std::string, Json>>{{"etalon", "run/2"},
+                                                   {"started_utc", "yesterday"},
+                                                   {"camera", 7},
+                                                   {"measurements", Json::array({Json::object()})},
+                                                   {"inputs", Json::array()}}) {
+        Json broken = run_of(1, 0.03);
+        broken[key] = value;
+        add("run", broken);
+        EXPECT_THAT(refusal({record}), HasSubstr(key));
+    }
+    write_text(record / "run.json", "{\"etalon\": \"run/1\"");
+    EXPECT_THAT(refusal({record}), HasSubstr("run.json: is not JSON"));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,61 @@
+// A board that is seen in part: what takes it, and what needs all of its points.
+#include <gtest/gtest.h>
+
+#include "compare/detect/photo_pose.h"
+#include "station/qualify/visited_pose.h"
+
+namespace etalon {
+namespace {
+
+// Sees what it is told to.
+class ToldDetector final : public Detector {
+public:
+    explicit ToldDetector(DetectedCorners corners) : corners_(std::move(corners)) {}
+    const std::string& name() const override { return name_; }
+    std::optional<DetectedCorners> detect(const CodeImage&) override { return corners_; }
+
+private:
+    const std::string name_ = "told";
+    DetectedCorners corners_;
+};
+
+CameraModel webcam() {
+    CameraModel camera;
+    camera.width = 640;
+    camera.height = 480;
+    camera.intrinsics = {700.0, 705.0, 321.7, 238.2};
+    return camera;
+}
+
+const Rigid camera_from_board{rotation_from_vector({0.3, -0.2, 0.5}), {-20.0, -11.0, 400.0}};
+
+// Of a board's points those that are named; all when none is.
+DetectedCorners seen(const Marker& board, const std::vector<int>& points) {
+    DetectedCorners corners{0, {}, points};
+    for (const Eigen::Vector3d& point : seen_points_mm(board, corners))
+        corners.pixels.push_back(Projector(webcam()).project(camera_from_board * point).value());
+    return corners;
+}
+
+TEST(PartialMarker, HasAPoseByThePointsThatAreSeen) {
+    const Marker board = parse_marker("charuco:4X4_50:6x5@12mm/9mm", "test");
+    ToldDetector detector(seen(board, {2, 3, 4, 7, 8, 9, 13}));
+    const PhotoPose pose = find_marker("photo.png", {}, detector, Projector(webcam()), board);
+    ASSERT_TRUE(pose.estimate) << pose.failure;
+    EXPECT_LT(left_difference(camera_from_board, pose.estimate->camera_from_marker).norm(), 1e-6);
+}
+
+TEST(PartialMarker, IsNotDetectedWhereMeansOverFramesAreTaken) {
+    const Marker board = parse_marker("charuco:4X4_50:6x5@12mm/9mm", "test");
+    ToldDetector part(seen(board, {2, 3, 4, 7, 8, 9, 13})), whole(seen(board, {}));
+    FrameRecord partly, wholly;
+    detect_frame(part, {}, partly);
+    detect_frame(whole, {}, wholly);
+    EXPECT_TRUE(partly.corners.empty());
+    EXPECT_EQ(partly.detection, "marker seen in part only");
+    EXPECT_EQ(wholly.corners.size(), 20u);
+    EXPECT_EQ(wholly.detection, "");
+}
+
+}  // namespace
+}  // namespace etalon

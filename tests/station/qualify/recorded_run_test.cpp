@@ -1,0 +1,254 @@
+// A record read back, analysed again and gone on with; and what is refused.
+#include "station/qualify/recorded_run.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <fstream>
+#include <map>
+
+#include "core/random.h"
+#include "core/sha256.h"
+#include "tests/station/station_of_mocks.h"
+
+namespace etalon {
+namespace {
+
+using testing::HasSubstr;
+
+// The files of a folder by their paths in it, with their content.
+std::map<std::string, std::string> files_of(const std::filesystem::path& folder) {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder))
+        if (entry.is_regular_file())
+            files[entry.path().lexically_relative(folder).string()] = sha256_of_file(entry.path());
+    return files;
+}
+
+template <class Act>
+std::string refusal_of(Act act) {
+    try {
+        act();
+    } catch (const ConfigError& error) {
+        return error.what();
+    }
+    return "accepted";
+}
+
+// A run that nobody saw the marker in: quick, as there is nothing to render.
+class RecordOfARun : public testing::Test {
+protected:
+    void SetUp() override {
+        mocks.run();
+        log = read_text(mocks.record() / "events.jsonl");
+    }
+
+    void expect_refused(const std::string& broken_log, const std::string& why) {
+        write_text(mocks.record() / "events.jsonl", broken_log);
+        EXPECT_THAT(refusal_of([&] { mocks.read(); }), HasSubstr(why));
+        write_text(mocks.record() / "events.jsonl", log);
+    }
+    // The log up to the end of the line that has `text` for the n-th time, from 0.
+    std::string log_until(const std::string& text, int n) const {
+        std::size_t at = 0;
+        for (int i = 0; i <= n; ++i)
+            at = log.find(text, at) + 1;
+        return log.substr(0, log.find('\n', at) + 1);
+    }
+
+    StationOfMocks mocks;
+    std::string log;
+};
+
+TEST_F(RecordOfARun, IsReadBackAsItWasMeasured) {
+    StationOfMocks other;
+    other.on_camera = [](FakeCamera& camera) { camera.script.assign(1, FrameStatus::corrupt); };
+    const QualifyResult was = other.run();
+    const RecordedRun read = other.read();
+    const QualifyResult& is = read.result;
+    EXPECT_TRUE(read.dropped.empty());
+    EXPECT_TRUE(read.is_measured());
+    EXPECT_EQ(is.outcome, was.outcome);
+    EXPECT_EQ(is.started_utc, was.started_utc);
+    EXPECT_EQ(is.duration_s, was.duration_s);
+    EXPECT_EQ(is.camera.serial, "CAM-7");
+    EXPECT_EQ(is.statistics.rejected, 1);
+    EXPECT_EQ(is.statistics.delivered, was.statistics.delivered);
+    ASSERT_EQ(is.poses.size(), was.poses.size());
+    for (std::size_t i = 0; i < is.poses.size(); ++i) {
+        EXPECT_EQ(is.poses[i].read_back, was.poses[i].read_back);
+        EXPECT_EQ(is.poses[i].read_back_uncertainty, was.poses[i].read_back_uncertainty);
+        EXPECT_EQ(is.poses[i].approach, was.poses[i].approach);
+        EXPECT_EQ(is.poses[i].settled_s, was.poses[i].settled_s);
+        EXPECT_EQ(is.poses[i].planned.hold_out, was.poses[i].planned.hold_out);
+        EXPECT_EQ(is.poses[i].frames[1].exposure_start_s, was.poses[i].frames[1].exposure_start_s);
+        EXPECT_EQ(is.poses[i].frames[1].sha256, was.poses[i].frames[1].sha256);
+    }
+}
+
+TEST_F(RecordOfARun, DoesNotNeedTheFilesThatItWasMadeFrom) {
+    for (const char* file : {"station.yaml", "camera.yml", "limits.yaml"})
+        std::filesystem::remove(mocks.folder / file);
+    const RecordedRun read = mocks.read();
+    EXPECT_EQ(read.result.station.id, "test-station");
+    EXPECT_EQ(read.result.station.inputs[1].path, mocks.folder / "camera.yml");
+    EXPECT_EQ(read.result.station.inputs[1].copy, "inputs/camera.yml");
+}
+
+TEST_F(RecordOfARun, IsRefusedWhenAFileIsNotWhatTheRunUsed) {
+    std::ofstream(mocks.record() / "inputs/camera.yml", std::ios::app) << "\n";
+    EXPECT_THAT(refusal_of([&] { mocks.read(); }),
+                HasSubstr("inputs/camera.yml: is not the calibration file"));
+}
+
+TEST_F(RecordOfARun, IsRefusedWhenAFrameIsMissingOrChanged) {
+    const auto frame = mocks.record() / "frames/0004_1.png";
+    const std::string bytes = read_text(frame);
+    write_text(frame, bytes + "x");
+    EXPECT_THAT(refusal_of([&] { mocks.read(); }),
+                HasSubstr("0004_1.png: is not the frame that was taken"));
+    std::filesystem::remove(frame);
+    EXPECT_THAT(refusal_of([&] { mocks.read(); }), HasSubstr("0004_1.png"));
+}
+
+TEST_F(RecordOfARun, IsRefusedWhenItsLogCannotBeWhatARunWrote) {
+    const auto with = [&](const std::string& what, const std::string& by) {
+        return replaced(log, what, by);
+    };
+    const std::string first = log.substr(0, log.find('\n') + 1);
+    expect_refused("", "is empty");
+    expect_refused("{}\n" + log, "events.jsonl:1: t: is missing");
+    expect_refused(log.substr(first.size()), "the first line");
+    expect_refused(first + log, "the first line, and no other");
+    expect_refused(with("run-log/1", "run-log/2"), "must be 'run-log/1'");
+    expect_refused(with("\"inputs/camera.yml\"", "\"inputs/../../camera.yml\""), "not in inputs/");
+    expect_refused(with("\"inputs/camera.yml\"", "\"/etc/passwd\""), "not in inputs/");
+    expect_refused(with("frames/0003_1.png", "../0003_1.png"), "must be 'frames/0003_1.png'");
+    expect_refused(with("\"status\":\"complete\"", "\"status\":\"perfect\""), "no 'perfect'");
+    expect_refused(with("\"read_back\":", "\"read_bark\":"), "read_back: is missing");
+    expect_refused(with("\"hold_out\":true,\"commanded\"", "\"hold_out\":false,\"commanded\""),
+                   "is not the one of the plan");
+    expect_refused(with("\"approach\":[", "\"approach\":[0,"), "is not of all axes");
+    expect_refused(with("\"readings\":[[", "\"readings\":[[1e999],["), "is not JSON");
+    expect_refused(with("\"readings\":[[", "\"readings\":[[1],["), "must be 4 numbers");
+    expect_refused(with("{\"t\"", "{\"t"), "is not JSON");
+    const std::string twice = log_until("\"event\":\"pose\"", 0);
+    const std::string pose =
+        twice.substr(twice.find("{\"t\"", twice.find("\"event\":\"frame\"") - 40));
+    expect_refused(twice + pose, "was visited before");
+    expect_refused(twice + pose.substr(pose.rfind("{\"t\"", pose.size() - 3)),
+                   "was visited before");
+}
+
+TEST_F(RecordOfARun, IsRefusedWhenItCameToItsEnd) {
+    EXPECT_THAT(refusal_of([&] { mocks.resume(); }),
+                HasSubstr("came to its end with INCONCLUSIVE"));
+    EXPECT_EQ(read_text(mocks.record() / "events.jsonl"), log);
+}
+
+TEST_F(RecordOfARun, IsRefusedByAnotherCamera) {
+    write_text(mocks.record() / "events.jsonl", log_until("\"event\":\"pose\"", 6));
+    mocks.on_camera = [](FakeCamera& camera) { camera.identity_.serial = "CAM-8"; };
+    mocks.moves = 0;
+    EXPECT_THAT(refusal_of([&] { mocks.resume(); }),
+                HasSubstr("begun with camera CAM-7, but fake: is camera CAM-8"));
+    EXPECT_EQ(mocks.moves, 0);
+}
+
+// A pose that was not visited yet stands otherwise in the log's plan than this build makes it.
+TEST_F(RecordOfARun, IsRefusedWhenThePlanIsAnother) {
+    std::string text = log_until("\"event\":\"pose\"", 6);
+    const auto at = text.find("],\"hold_out\":", text.find('\n') - 40);
+    ASSERT_NE(at, std::string::npos);
+    text.insert(at, "e-1");  // a tenth of it
+    write_text(mocks.record() / "events.jsonl", text);
+    EXPECT_THAT(refusal_of([&] { mocks.resume(); }), HasSubstr("plans other poses"));
+}
+
+TEST_F(RecordOfARun, EndsWhenTheCameraHasOtherSettingsThanBefore) {
+    write_text(mocks.record() / "events.jsonl",
+               replaced(log_until("\"event\":\"pose\"", 6), "\"exposure_us\":2000",
+                        "\"exposure_us\":2001"));
+    const QualifyResult result = mocks.resume();
+    EXPECT_EQ(result.outcome, RunOutcome::error);
+    EXPECT_THAT(result.reason, HasSubstr("take up the settings of the run"));
+    EXPECT_EQ(result.poses.size(), 7u);
+}
+
+// What a killed program leaves behind: the log ends anywhere. The first two lines are there from
+// before the first motion on.
+TEST_F(RecordOfARun, IsGoneOnWithFromEveryByteWhereItsLogMayEnd) {
+    const std::size_t begin = log.find('\n', log.find('\n') + 1) + 1;
+    RandomStream random(71, 0);
+    for (int i = 0; i < 5; ++i) {
+        const std::size_t length =
+            begin + static_cast<std::size_t>(random.uniform() *
+                                             static_cast<double>(log.rfind("{\"t\"") - begin));
+        const std::string cut = log.substr(0, length);
+        write_text(mocks.record() / "events.jsonl", cut);
+        const RecordedRun before = mocks.read();
+        const auto visited = static_cast<int>(before.result.poses.size());
+        if (cut.back() != '\n') {
+            EXPECT_THAT(before.dropped.at(0), HasSubstr("the last line of the log is not whole"));
+        }
+        const QualifyResult result = mocks.resume();
+        EXPECT_EQ(result.outcome, RunOutcome::inconclusive) << result.reason;
+        EXPECT_EQ(result.poses.size(), 25u);
+        EXPECT_EQ(result.sessions.size(), 2u);
+        EXPECT_EQ(result.sessions[0].poses, visited);
+        if (visited < 25) {
+            EXPECT_EQ(mocks.moves, 25 - visited);
+        }
+        EXPECT_EQ(mocks.run_file()["sessions"].size(), 2u);
+        const RecordedRun after = mocks.read();
+        EXPECT_TRUE(after.is_measured());
+        EXPECT_EQ(after.result.sessions.size(), 2u);
+    }
+}
+
+TEST_F(RecordOfARun, CountsItsTimeOnWhereItIsGoneOnWith) {
+    write_text(mocks.record() / "events.jsonl", log_until("\"event\":\"pose\"", 6));
+    const double before = mocks.read().end_s;
+    const QualifyResult result = mocks.resume();
+    ASSERT_EQ(result.sessions.size(), 2u);
+    EXPECT_GE(result.sessions[1].start_s, before);
+    EXPECT_GE(result.poses[7].move_start_s, result.poses[6].done_s);
+    EXPECT_EQ(result.statistics.delivered, 50);
+}
+
+// With the marker in the pictures: everything that an analysis computes.
+TEST(RecordedRun, IsAnalysedAgainToTheSameBytes) {
+    StationOfMocks mocks;
+    show_a_true_camera(mocks);
+    ASSERT_EQ(mocks.run().outcome, RunOutcome::pass);
+    const auto before = files_of(mocks.record());
+    for (const char* file : {"run.json", "report.html", "poses.csv", "junit.xml"})
+        std::filesystem::remove(mocks.record() / file);
+    std::filesystem::remove_all(mocks.record() / "renders");
+    const QualifyResult again = analyse_record(mocks.read(), mocks.progress, {});
+    EXPECT_EQ(again.outcome, RunOutcome::pass);
+    EXPECT_EQ(files_of(mocks.record()), before);
+    EXPECT_GE(before.size(), 3u + 50u + 15u + 6u);
+    const auto run = mocks.run_file();
+    for (const auto& file : run["attachments"])
+        EXPECT_EQ(file["sha256"], before.at(file["path"])) << file;
+    EXPECT_EQ(run["attachments"].size(), before.size() - 1);  // but run.json
+}
+
+// A run that ended early is reported again, not judged.
+TEST(RecordedRun, HasNoVerdictWhenPosesAreMissing) {
+    StationOfMocks mocks;
+    mocks.before_move = [&](std::size_t move) {
+        if (move == 4)
+            mocks.stop.request_stop();
+    };
+    mocks.run();
+    mocks.stop = {};
+    const auto before = files_of(mocks.record());
+    const QualifyResult again = analyse_record(mocks.read(), mocks.progress, {});
+    EXPECT_EQ(again.outcome, RunOutcome::aborted);
+    EXPECT_EQ(files_of(mocks.record()), before);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,308 @@
+#include "station/qualify/runner.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/station/station_of_mocks.h"
+
+namespace etalon {
+namespace {
+
+using Json = nlohmann::json;
+using testing::HasSubstr;
+
+TEST(Runner, KeepsWhatWasMeasuredAndStopsTheAxesWhenTheStageFails) {
+    StationOfMocks mocks;
+    mocks.before_move = [](std::size_t move) {
+        if (move == 3)
+            throw DeviceError("stage 127.0.0.1:1599", "move", "alarm 12");
+    };
+    const QualifyResult result = mocks.run();
+    EXPECT_EQ(result.outcome, RunOutcome::error);
+    EXPECT_EQ(exit_code(result.outcome), 4);
+    EXPECT_EQ(mocks.stops, 1);
+    EXPECT_EQ(mocks.closings, 1);
+    EXPECT_EQ(result.poses.size(), 3u);
+    EXPECT_EQ(mocks.events("pose").size(), 3u);
+    EXPECT_TRUE(std::filesystem::exists(mocks.folder / "record/frames/0002_1.png"));
+    EXPECT_EQ(mocks.run_file()["outcome"], "ERROR");
+    EXPECT_EQ(mocks.run_file()["reason"], "stage 127.0.0.1:1599: move: alarm 12");
+    EXPECT_EQ(mocks.events("stage trace").at(0)["detail"], "-3 ms read registers 0..13\n");
+    EXPECT_TRUE(std::filesystem::exists(mocks.folder / "record/report.html"));
+}
+
+// Each attempt costs 2 s, and the run has to end within 10 s.
+TEST(Runner, LeavesTheLastAttemptToStopToClosingAStageThatDoesNotAnswer) {
+    StationOfMocks mocks;
+    mocks.before_move = [&](std::size_t move) {
+        mocks.stage_is_silent = move == 2;
+        if (mocks.stage_is_silent)
+            throw DeviceError("stage fake", "move", "no answer");
+    };
+    EXPECT_EQ(mocks.run().outcome, RunOutcome::error);
+    EXPECT_EQ(mocks.stops, 0);
+    EXPECT_EQ(mocks.closings, 1);
+    EXPECT_EQ(mocks.events("axes stopped").at(0)["detail"], "NOT confirmed by the controller");
+}
+
+// An alarm must not look like silence: the axes of others may still move.
+TEST(Runner, StopsTheAxesWhenOneHasAnAlarmWhileItRests) {
+    StationOfMocks mocks;
+    mocks.on_status = [&](std::vector<AxisStatus>& axes) {
+        if (mocks.moves == 2)
+            axes[0].alarm = 17;
+    };
+    EXPECT_EQ(mocks.run().outcome, RunOutcome::error);
+    EXPECT_EQ(mocks.stops, 1);
+    EXPECT_EQ(mocks.events("axes stopped").at(0)["detail"], "confirmed");
+}
+
+TEST(Runner, StopsTheAxesWhenTheCameraIsGone) {
+    StationOfMocks mocks;
+    mocks.on_camera = [](FakeCamera& camera) { camera.triggers_left = 5; };  // 2 frames a pose
+    const QualifyResult result = mocks.run();
+    EXPECT_EQ(result.outcome, RunOutcome::error);
+    EXPECT_EQ(result.poses.size(), 2u);
+    EXPECT_GE(mocks.stops, 1);
+    EXPECT_EQ(mocks.moves, 3);
+}
+
+TEST(Runner, TakesUpACameraThatWasGoneForAWhile) {
+    StationOfMocks mocks;
+    FakeCamera* camera = nullptr;
+    mocks.on_camera = [&](FakeCamera& opened) { camera = &opened; };
+    mocks.before_move = [&](std::size_t move) {
+        if (move == 4)
+            camera->lose_once();
+    };
+    const QualifyResult result = mocks.run();
+    EXPECT_NE(result.outcome, RunOutcome::error) << result.reason;
+    EXPECT_EQ(result.statistics.reconnects, 1);
+    EXPECT_EQ(mocks.events("camera lost").size(), 1u);
+    EXPECT_EQ(mocks.events("camera reconnected").size(), 1u);
+    EXPECT_EQ(mocks.run_file()["camera"]["reconnects"], 1);
+}
+
+TEST(Runner, EndsAtOnceWhenStopIsRequested) {
+    StationOfMocks mocks;
+    mocks.before_move = [&](std::size_t move) {
+        if (move == 4)
+            mocks.stop.request_stop();
+    };
+    const QualifyResult result = mocks.run();
+    EXPECT_EQ(result.outcome, RunOutcome::aborted);
+    EXPECT_EQ(exit_code(result.outcome), 130);
+    EXPECT_EQ(result.poses.size(), 4u);
+    EXPECT_GE(mocks.stops, 1);
+    EXPECT_EQ(mocks.run_file()["outcome"], "ABORTED");
+}
+
+TEST(Runner, LeavesAnErrorBehindIfItNeverComesToItsEnd) {
+    StationOfMocks mocks;
+    Json while_running;
+    mocks.before_move = [&](std::size_t move) {
+        if (move == 2)
+            while_running = mocks.run_file();
+        if (move == 3)
+            mocks.stop.request_stop();
+    };
+    mocks.run();
+    EXPECT_EQ(while_running["outcome"], "ERROR");
+    EXPECT_EQ(while_running["poses_visited"], 2);
+}
+
+// x reads 0.3, 0.5 and 1.0 mm too far: after settling and after each of the two frames. Their mean
+// is 0.6; the deviation is sqrt((0.09 + 0.01 + 0.16) / 2), by hand.
+TEST(Runner, TakesThePoseFromWhatItReadsDuringTheExposures) {
+    StationOfMocks mocks;
+    std::vector<double> further;
+    mocks.on_status = [&](std::vector<AxisStatus>& axes) {
+        if (!further.empty()) {
+            axes[0].position += further.front();
+            further.erase(further.begin());
+        }
+    };
+    mocks.before_move = [&](std::size_t move) {
+        if (move == 2)
+            mocks.stop.request_stop();
+        further = {0, 0, 0.3, 0.5, 1.0};  // twice while it settles for 40 ms
+    };
+    const QualifyResult result = mocks.run();
+    ASSERT_EQ(result.poses.size(), 2u);
+    const PoseRecord& pose = result.poses[0];
+    EXPECT_NEAR(pose.read_back[0] - pose.planned.target[0], 0.6, 1e-12);
+    EXPECT_NEAR(pose.read_back_deviation[0], std::sqrt(0.13), 1e-12);
+    EXPECT_NEAR(pose.read_back_uncertainty[0], std::sqrt(0.13 / 3), 1e-12);
+    EXPECT_EQ(pose.read_back_deviation[1], 0.0);
+    EXPECT_NEAR(pose.stage.base_from_carriage.translation.x(), pose.read_back[0], 1e-12);
+    // Scale 30 ppm and repeatability 2 um are declared as well.
+    const double scale = 30e-6 * pose.read_back[0];
+    EXPECT_NEAR(pose.stage.covariance(3, 3), 0.13 / 3 + 4e-6 + scale * scale, 1e-12);
+}
+
+// What may happen to axes at rest, and what the run says about it.
+struct Disturbance {
+    void (*happens)(AxisStatus& axis);
+    const char* cause;
+};
+const Disturbance disturbances[] = {
+    {[](AxisStatus& axis) { axis.emergency_stop = true; }, "emergency stop"},
+    {[](AxisStatus& axis) { axis.alarm = 12; }, "alarm 12"},
+    {[](AxisStatus& axis) { axis.limit = true; }, "at a limit"}};
+
+// During an exposure at the third pose: the pose's other frame is not taken.
+TEST(Runner, EndsWhenTheEmergencyStopIsPressedWhileTheAxesRest) {
+    for (const Disturbance& disturbance : disturbances) {
+        StationOfMocks mocks;
+        int pictures_since = 0;
+        mocks.on_status = [&](std::vector<AxisStatus>& axes) {
+            if (pictures_since > 0)
+                disturbance.happens(axes[2]);
+        };
+        mocks.picture = [&](const CaptureSettings&) {
+            pictures_since += mocks.moves == 3;
+            return CodeImage{cv::Mat(240, 320, CV_8UC1, cv::Scalar(130)), 8};
+        };
+        const QualifyResult result = mocks.run();
+        EXPECT_EQ(result.outcome, RunOutcome::error);
+        EXPECT_EQ(result.reason,
+                  std::string("stage: read the positions: axis z: ") + disturbance.cause);
+        EXPECT_EQ(result.poses.size(), 2u);
+        EXPECT_EQ(pictures_since, 1);
+        EXPECT_EQ(mocks.moves, 3);
+        EXPECT_EQ(mocks.stops, 1);
+        EXPECT_THAT(result.remarks, testing::Not(testing::Contains(HasSubstr("stand still"))));
+    }
+}
+
+// While the stage settles after the third move: 40 ms, asked every 20 ms.
+TEST(Runner, SeesAnEmergencyStopWithinOnePollPeriodWhileTheAxesSettle) {
+    for (const Disturbance& disturbance : disturbances) {
+        StationOfMocks mocks;
+        std::optional<Instant> happened, seen;
+        mocks.on_status = [&](std::vector<AxisStatus>& axes) {
+            if (mocks.moves != 3)
+                return;
+            happened = happened.value_or(mocks.clock.now() + std::chrono::milliseconds(1));
+            if (mocks.clock.now() < *happened)
+                return;
+            seen = seen.value_or(mocks.clock.now());
+            disturbance.happens(axes[2]);
+        };
+        const QualifyResult result = mocks.run();
+        EXPECT_THAT(result.reason, HasSubstr(disturbance.cause));
+        ASSERT_TRUE(seen);
+        EXPECT_LE(*seen - *happened, std::chrono::milliseconds(20));
+        EXPECT_EQ(mocks.moves, 3);
+        EXPECT_EQ(mocks.stops, 1);
+        EXPECT_EQ(result.poses.size(), 2u);
+    }
+}
+
+TEST(Runner, KeepsOutOfForbiddenBoxes) {
+    StationOfMocks mocks(replaced(station_text, "  profile: generic\n",
+                                  "  profile: generic\n"
+                                  "  forbidden: [{name: lens, x: [-20, 20], z: [40, 90]}]\n"));
+    int inside = 0;
+    mocks.before_move = [&](std::size_t) {
+        inside +=
+            !mocks.carriage.empty() && std::abs(mocks.carriage[0]) < 20 && mocks.carriage[2] > 40;
+    };
+    const QualifyResult result = mocks.run();
+    EXPECT_EQ(result.poses.size(), 25u);
+    EXPECT_EQ(inside, 0);
+    EXPECT_GT(mocks.moves, 25);
+    EXPECT_EQ(mocks.run_file()["stage"]["forbidden"][0]["z"][1], 90.0);
+}
+
+TEST(Runner, TouchesNothingWhenThePlanLeavesTheSoftLimits) {
+    StationOfMocks mocks;
+    mocks.station.plan.volume[1].high = 70;  // y ends at 55
+    EXPECT_THROW(mocks.run(), ConfigError);
+    EXPECT_EQ(mocks.opened, 0);
+    EXPECT_FALSE(std::filesystem::exists(mocks.folder / "record"));
+}
+
+TEST(Runner, RefusesACameraThatTheCalibrationDoesNotBelongTo) {
+    StationOfMocks mocks;
+    mocks.on_camera = [](FakeCamera& camera) { camera.identity_.serial = "CAM-8"; };
+    try {
+        mocks.run();
+        FAIL() << "accepted";
+    } catch (const ConfigError& error) {
+        EXPECT_THAT(error.what(),
+                    HasSubstr("camera.yml: serial: the calibration is of camera CAM-7"));
+    }
+    EXPECT_EQ(mocks.moves, 0);
+    EXPECT_FALSE(std::filesystem::exists(mocks.folder / "record"));
+}
+
+TEST(Runner, GoesOnWithTheOtherFramesOfAPoseWhenOneIsBroken) {
+    StationOfMocks mocks;
+    mocks.on_camera = [](FakeCamera& camera) {  // retries 3: one frame lost for good
+        camera.script.assign(4, FrameStatus::corrupt);
+    };
+    mocks.before_move = [&](std::size_t move) {
+        if (move == 2)
+            mocks.stop.request_stop();
+    };
+    const QualifyResult result = mocks.run();
+    ASSERT_EQ(result.poses.size(), 2u);
+    EXPECT_EQ(result.poses[0].frames[0].status, FrameStatus::corrupt);
+    EXPECT_EQ(result.poses[0].frames[0].file, "");
+    EXPECT_EQ(result.poses[0].frames[1].file, "frames/0000_1.png");
+    EXPECT_FALSE(std::filesystem::exists(mocks.folder / "record/frames/0000_0.png"));
+}
+
+TEST(Runner, EndsWhenNoFrameOfAPoseIsComplete) {
+    StationOfMocks mocks;
+    mocks.on_camera = [](FakeCamera& camera) { camera.script.assign(8, FrameStatus::corrupt); };
+    EXPECT_EQ(mocks.run().outcome, RunOutcome::error);
+    EXPECT_THAT(mocks.run_file()["reason"].get<std::string>(), HasSubstr("none is complete"));
+}
+
+TEST(Runner, TakesFramesOnlyAfterTheStageHasSettled) {
+    StationOfMocks mocks;
+    mocks.before_move = [&](std::size_t move) {
+        if (move == 3)
+            mocks.stop.request_stop();
+    };
+    const QualifyResult result = mocks.run();
+    for (const PoseRecord& pose : result.poses) {
+        EXPECT_NEAR(pose.settled_s - pose.move_start_s, 0.040, 1e-9);
+        EXPECT_GT(pose.frames[0].exposure_start_s, pose.settled_s);
+        EXPECT_GT(pose.frames[1].exposure_start_s, pose.frames[0].exposure_start_s);
+    }
+}
+
+TEST(Runner, IsInconclusiveWhenTheMarkerIsNeverSeen) {
+    StationOfMocks mocks;
+    const QualifyResult result = mocks.run();
+    EXPECT_EQ(result.outcome, RunOutcome::inconclusive) << result.reason;
+    EXPECT_EQ(result.poses.size(), 25u);
+    EXPECT_EQ(mocks.run_file()["detection"]["rate"], 0.0);
+}
+
+// The whole chain in process.
+TEST(Runner, PassesATrueCamera) {
+    StationOfMocks mocks;
+    show_a_true_camera(mocks);
+    const QualifyResult result = mocks.run();
+    ASSERT_TRUE(result.analysis) << result.reason;
+    EXPECT_EQ(result.outcome, RunOutcome::pass) << testing::PrintToString(result.analysis->reasons);
+    EXPECT_EQ(mocks.run_file()["detection"]["rate"], 1.0);
+    EXPECT_EQ(mocks.run_file()["measurements"].size(), 2u);
+    int renders = 0;
+    for (const PoseRecord& pose : result.poses)
+        renders += !pose.render_file.empty() &&
+                   std::filesystem::exists(mocks.folder / "record" / pose.render_file);
+    EXPECT_EQ(renders, 15);
+    for (const PoseRecord& pose : result.poses) {
+        EXPECT_EQ(pose.residual.has_value(), pose.planned.hold_out);
+        if (pose.residual) {
+            EXPECT_LT(pose.residual->scored.rms_gray, 1.0) << "pose " << pose.index;
+        }
+    }
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,286 @@
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "core/errors.h"
+#include "core/image.h"
+#include "core/text.h"
+#include "station/shell/commands.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+using testing::HasSubstr;
+
+// A sharp camera of one pixel per mm at 100 mm, its axis through the middle of the image.
+constexpr const char* pinhole =
+    "etalon: camera/1\n"
+    "image: {width: 80, height: 60}\n"
+    "intrinsics: {fx: 100, fy: 100, cx: 39.5, cy: 29.5}\n";
+constexpr const char* noisy_12_bits =
+    "sensor: {pixel_pitch_um: 5, bits: 12, gain_e_per_dn: 2, read_noise_e: 6}\n";
+
+class RenderCommand : public testing::Test {
+protected:
+    void SetUp() override {
+        cells_ = (cv::Mat_<std::uint8_t>(2, 3) << 0, 51, 255, 102, 153, 204);
+        write_image(folder_ / "cells.png", {cells_, 8});
+        write_text(folder_ / "camera.yml", pinhole);
+        arguments_.camera = folder_ / "camera.yml";
+        arguments_.markers = {"bitmap:" + (folder_ / "cells.png").string() + "@30x20mm"};
+        arguments_.poses = {"0,0,0,7,-5,100"};
+        arguments_.out = folder_ / "out.png";
+    }
+
+    CodeImage rendered() const {
+        EXPECT_EQ(run_render(arguments_), 0);
+        return read_image(arguments_.out);
+    }
+    std::string complaint() const {
+        std::string words = "no complaint";
+        try {
+            run_render(arguments_);
+        } catch (const ConfigError& error) {
+            words = error.what();
+        }
+        EXPECT_EQ(words.find('\n'), std::string::npos);
+        EXPECT_FALSE(std::filesystem::exists(arguments_.out));
+        return words;
+    }
+
+    TemporaryFolder folder_;
+    cv::Mat cells_;
+    RenderArguments arguments_;
+};
+
+// 30 x 20 px around (39.5 + 7, 29.5 - 5): columns 32..61 and rows 15..34.
+void expect_cells(const cv::Mat& image, const cv::Mat& cells, double factor, double tolerance) {
+    cv::Mat values;
+    image.convertTo(values, CV_64F);
+    for (int y = 0; y < 60; ++y) {
+        for (int x = 0; x < 80; ++x) {
+            const bool inside = x >= 32 && x < 62 && y >= 15 && y < 35;
+            const double expected =
+                inside ? cells.at<std::uint8_t>((y - 15) / 10, (x - 32) / 10) : 255.0;
+            ASSERT_NEAR(values.at<double>(y, x), expected * factor, tolerance)
+                << "pixel " << x << ", " << y;
+        }
+    }
+}
+
+TEST_F(RenderCommand, ShowsEveryCellWhereASharpCameraSeesIt) {
+    expect_cells(rendered().pixels, cells_, 1.0, 0.5);
+}
+
+TEST_F(RenderCommand, WritesSixteenBitsForASensorOfMoreThanEight) {
+    write_text(arguments_.camera, std::string(pinhole) + noisy_12_bits);
+    const CodeImage image = rendered();
+    EXPECT_EQ(image.pixels.type(), CV_16UC1);
+    expect_cells(image.pixels, cells_, 4095.0 / 255.0, 2.0);
+}
+
+TEST_F(RenderCommand, WritesLinearRadianceAsFloat) {
+    arguments_.linear = true;
+    arguments_.out = folder_ / "out.tiff";
+    EXPECT_EQ(run_render(arguments_), 0);
+    expect_cells(read_radiance(arguments_.out), cells_, 1.0 / 255.0, 5e-4);
+}
+
+TEST_F(RenderCommand, PaintsTheBackgroundAsTold) {
+    arguments_.background = "0.6";
+    EXPECT_EQ(rendered().pixels.at<std::uint8_t>(3, 70), 153);
+}
+
+TEST_F(RenderCommand, GivesTheSameImageByEveryMethod) {
+    write_text(arguments_.camera,
+               "etalon: camera/1\n"
+               "image: {width: 22, height: 16}\n"
+               "intrinsics: {fx: 100, fy: 100, cx: 11, cy: 7}\n"
+               "lens: {f_number: 8, focus_distance_mm: 90, wavelength_nm: 600}\n"
+               "sensor: {pixel_pitch_um: 50}\n");
+    arguments_.markers = {"bitmap:" + (folder_ / "cells.png").string() + "@12x9mm"};
+    arguments_.poses = {"0.3,0.1,-0.2,1,-1,110"};
+    std::vector<cv::Mat> images;
+    for (const char* method : {"auto", "E", "C", "reference"}) {
+        arguments_.method = method;
+        // The reference is slow, and C's bound for so sharp a camera does not reach 0.1 gray; 0.4
+        // is near enough to compare images to one code.
+        const bool coarse = method == std::string("reference") || method == std::string("C");
+        arguments_.tolerance_gray = coarse ? 0.4 : 0.1;
+        images.push_back(rendered().pixels);
+    }
+    for (const cv::Mat& image : images)
+        EXPECT_LE(cv::norm(image, images.back(), cv::NORM_INF), 1.0);
+}
+
+TEST_F(RenderCommand, DrawsTheSameNoiseForTheSameSeed) {
+    write_text(arguments_.camera, std::string(pinhole) + noisy_12_bits);
+    const cv::Mat clean = rendered().pixels;
+    arguments_.noise_seed = 7;
+    const cv::Mat first = rendered().pixels, again = rendered().pixels;
+    EXPECT_EQ(cv::norm(first, again, cv::NORM_INF), 0.0);
+    EXPECT_GT(cv::norm(first, clean, cv::NORM_INF), 20.0);
+    arguments_.noise_seed = 5;
+    EXPECT_GT(cv::norm(first, rendered().pixels, cv::NORM_INF), 20.0);
+}
+
+TEST_F(RenderCommand, TakesAForeignCalibrationAsASharpCamera) {
+    arguments_.camera = folder_ / "opencv.yml";
+    write_text(arguments_.camera,
+               "%YAML:1.0\n---\nimage_width: 80\nimage_height: 60\n"
+               "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+               "   data: [100., 0., 39.5, 0., 100., 29.5, 0., 0., 1.]\n"
+               "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"
+               "   data: [0., 0., 0., 0., 0.]\n");
+    expect_cells(rendered().pixels, cells_, 1.0, 0.5);
+}
+
+TEST_F(RenderCommand, SaysInJsonWhatItDid) {
+    arguments_.json = true;
+    testing::internal::CaptureStdout();
+    run_render(arguments_);
+    const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
+    EXPECT_EQ(json["etalon"], "render/1");
+    ASSERT_EQ(json["markers"].size(), 1u);
+    EXPECT_EQ(json["markers"][0]["camera_from_marker"],
+              nlohmann::json({0.0, 0.0, 0.0, 7.0, -5.0, 100.0}));
+    EXPECT_EQ(json["bits"], 8);
+    EXPECT_EQ(json["pixels_without_ray"], 0);
+    EXPECT_NE(json["plan"]["summary"], "");
+    EXPECT_EQ(json["plan"]["tolerance_gray"], 0.1);
+    ASSERT_GE(json["plan"]["tiles"].size(), 1u);
+    EXPECT_GT(json["plan"]["tiles"][0]["tiles"], 0);
+}
+
+TEST_F(RenderCommand, ScalesTheRadianceByTheExposure) {
+    arguments_.background = "0.6";
+    arguments_.exposure = 1.3;
+    const cv::Mat image = rendered().pixels;
+    EXPECT_EQ(image.at<std::uint8_t>(3, 70), 199);   // 0.6 * 255 * 1.3 = 198.9
+    EXPECT_EQ(image.at<std::uint8_t>(20, 47), 66);   // 51 * 1.3 = 66.3
+    EXPECT_EQ(image.at<std::uint8_t>(30, 57), 255);  // 204 * 1.3 saturates
+}
+
+TEST_F(RenderCommand, PutsTheMarkerBeforeAnImage) {
+    write_text(arguments_.camera, std::string(pinhole) +
+                                      "sensor: {pixel_pitch_um: 5, bits: 8, transfer: rec709, "
+                                      "black: 9, illumination: {cos4: true}}\n");
+    cv::Mat stripes(60, 80, CV_8UC1);
+    for (int x = 0; x < 80; ++x)
+        stripes.col(x).setTo(x % 7 < 3 ? 30 : 170);
+    write_image(folder_ / "stripes.png", {stripes, 8});
+    const cv::Mat uniform = rendered().pixels;
+    arguments_.background = (folder_ / "stripes.png").string();
+    const cv::Mat image = rendered().pixels;
+    for (int y = 0; y < 60; ++y)
+        for (int x = 0; x < 80; ++x) {
+            const bool inside = x >= 32 && x < 62 && y >= 15 && y < 35;
+            ASSERT_NEAR(image.at<std::uint8_t>(y, x), (inside ? uniform : stripes).at<uchar>(y, x),
+                        inside ? 1.0 : 0.0)
+                << "pixel " << x << ", " << y;
+        }
+}
+
+TEST_F(RenderCommand, RefusesABackgroundThatIsNotTheCameras) {
+    write_image(folder_ / "turned.png", {cv::Mat(80, 60, CV_8UC1, cv::Scalar(5)), 8});
+    write_image(folder_ / "deep.png", {cv::Mat(60, 80, CV_16UC1, cv::Scalar(5)), 16});
+    arguments_.background = (folder_ / "turned.png").string();
+    EXPECT_THAT(complaint(), HasSubstr("has 60 x 80 px, the camera 80 x 60"));
+    arguments_.background = (folder_ / "deep.png").string();
+    EXPECT_THAT(complaint(), HasSubstr("--background: a 16-bit file does not hold codes of"));
+    write_text(arguments_.camera, std::string(pinhole) + noisy_12_bits);
+    write_image(folder_ / "deep.png", {cv::Mat(60, 80, CV_16UC1, cv::Scalar(4096)), 16});
+    EXPECT_THAT(complaint(), HasSubstr("code 4096 is above the sensor's full scale 4095"));
+    arguments_.background = (folder_ / "nowhere.png").string();
+    EXPECT_THAT(complaint(), HasSubstr("--background: '"));
+}
+
+TEST_F(RenderCommand, ExplainsThePlanWithin80Columns) {
+    arguments_.explain = true;
+    arguments_.tolerance_gray = 0.07;
+    testing::internal::CaptureStdout();
+    EXPECT_EQ(run_render(arguments_), 0);
+    const std::string text = testing::internal::GetCapturedStdout();
+    // A sharp pinhole without distortion: everything can be left out, and is.
+    for (const char* words : {"at most 0.07 gray", "  blur radius   0 to 0 px", "k = 1", "uniform",
+                              "  left out", "lens: ", "diffraction: ", "distortion: "})
+        EXPECT_THAT(text, HasSubstr(words));
+    for (const std::string& line : split(text, '\n'))
+        EXPECT_LE(line.size(), 80u) << line;
+}
+
+TEST_F(RenderCommand, PairsMarkersWithPosesAndRefusesOnesThatHideEachOther) {
+    arguments_.markers.push_back("apriltag:36h11:5@8mm");
+    EXPECT_THAT(complaint(), HasSubstr("--pose: 1 for 2 markers"));
+    arguments_.poses.push_back("0,0,0,9,-6,90");
+    EXPECT_THAT(complaint(), HasSubstr("markers 1 and 2 overlap"));
+    arguments_.poses.back() = "0,0,0,-20,-6,90";
+    EXPECT_EQ(run_render(arguments_), 0);
+}
+
+TEST_F(RenderCommand, RefusesAMarkerThatCannotBeSeen) {
+    arguments_.poses = {"0,0,0,7,-5,-100"};
+    EXPECT_THAT(complaint(), HasSubstr("--pose: 0,0,0,7,-5,-100: the marker is behind the camera"));
+    arguments_.poses = {"0,1.5,0,0,0,5"};
+    EXPECT_THAT(complaint(), HasSubstr("reaches behind the camera"));
+    arguments_.poses = {"0,3.1,0,7,-5,100"};
+    EXPECT_THAT(complaint(), HasSubstr("from its back"));
+}
+
+TEST_F(RenderCommand, RefusesArgumentsByTheirName) {
+    const RenderArguments good = arguments_;
+    const auto refuses = [&](auto change, const char* words) {
+        arguments_ = good;
+        change(arguments_);
+        EXPECT_THAT(complaint(), HasSubstr(words));
+    };
+    using Arguments = RenderArguments;
+    refuses([](Arguments& a) { a.poses = {"0,0,0,nan,0,100"}; }, "--pose: 'nan'");
+    refuses([](Arguments& a) { a.poses = {"0,0,100"}; }, "--pose: expected 6 numbers");
+    refuses([](Arguments& a) { a.markers = {"aruco:4X4_51:7@5mm"}; },
+            "--marker: aruco:4X4_51:7@5mm");
+    refuses([](Arguments& a) { a.method = "D"; }, "--method: 'D'");
+    refuses([](Arguments& a) { a.background = "1.5"; }, "--background: 1.5");
+    refuses([](Arguments& a) { a.background = "nan"; }, "--background");
+    refuses([](Arguments& a) { a.tolerance_gray = 0.0; }, "--tolerance");
+    refuses([](Arguments& a) { a.exposure = -1.5; }, "--exposure");
+    refuses([](Arguments& a) { a.out.replace_extension(".jpg"); }, "--out");
+    refuses([](Arguments& a) { a.linear = true; }, "--out: linear radiance");
+    refuses([](Arguments& a) { a.noise_seed = 5; }, "--noise-seed");
+    refuses([](Arguments& a) { a.camera = "/nowhere.yml"; }, "/nowhere.yml");
+    refuses([](Arguments& a) { a.out = "/nowhere/out.png"; }, "/nowhere/out.png");
+}
+
+TEST_F(RenderCommand, BlursByTheMotionWhileTheShutterIsOpen) {
+    // 40 mm/s for 100 ms at 100 mm is 4 px along x at one px a mm: the left edge becomes a ramp of
+    // as many px around its place at half time.
+    arguments_.method = "auto";
+    arguments_.velocity = "0,0,0,40,0,0";
+    arguments_.shutter_ms = 100.0;
+    const CodeImage moved = rendered();
+    arguments_.velocity.clear();
+    arguments_.shutter_ms = 0.0;
+    const CodeImage still = rendered();
+    // 30 mm wide at x = 7: from px 31.5 on. Cell (0, 0) is black before white.
+    const int row = 22;
+    EXPECT_EQ(still.pixels.at<std::uint8_t>(row, 31), 255);
+    EXPECT_EQ(still.pixels.at<std::uint8_t>(row, 32), 0);
+    EXPECT_EQ(moved.pixels.at<std::uint8_t>(row, 29), 255);
+    EXPECT_NEAR(moved.pixels.at<std::uint8_t>(row, 30), 255 * 7 / 8.0, 2.0);
+    EXPECT_NEAR(moved.pixels.at<std::uint8_t>(row, 32), 255 * 3 / 8.0, 2.0);
+    EXPECT_EQ(moved.pixels.at<std::uint8_t>(row, 34), 0);
+}
+
+TEST_F(RenderCommand, RefusesHalfAMotion) {
+    arguments_.velocity = "0,0,0,40,0,0";
+    EXPECT_THAT(complaint(), HasSubstr("--velocity: motion blur needs both"));
+    arguments_.shutter_ms = 1.0;
+    arguments_.velocity = "0,0,0,40,0";
+    EXPECT_THAT(complaint(), HasSubstr("--velocity"));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,184 @@
+#include "study/pair_matrix.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "core/errors.h"
+#include "study/study_plots.h"
+#include "tests/study/synthetic_study.h"
+
+namespace etalon {
+namespace {
+
+constexpr std::size_t columns = PairMatrix::columns, rows = PairMatrix::rows;
+
+std::size_t occurrences(const std::string& text, const std::string& part) {
+    std::size_t count = 0;
+    for (auto at = text.find(part); at != std::string::npos; at = text.find(part, at + 1))
+        ++count;
+    return count;
+}
+
+// Pictures in base64 hold any letters.
+std::string without_pictures(std::string text) {
+    const std::string begin = "base64,";
+    for (auto at = text.find(begin); at != std::string::npos; at = text.find(begin, at + 1))
+        text.erase(at + begin.size(), text.find('\'', at) - at - begin.size());
+    return text;
+}
+
+std::uint32_t sum(const PairPanel& panel, std::size_t first_row, std::size_t rows_counted) {
+    const auto begin =
+        panel.counts.begin() + static_cast<std::ptrdiff_t>(first_row * PairMatrix::columns);
+    return std::accumulate(
+        begin, begin + static_cast<std::ptrdiff_t>(rows_counted * PairMatrix::columns), 0u);
+}
+
+TEST(PairMatrix, CountsEveryDetectedPoseOnceInEveryPanel) {
+    const auto poses = test::study_poses(3000);
+    const PairMatrix matrix = pair_matrix("tag", test::components(poses),
+                                          test::synthetic_errors({1.0, 0.01, 0.1, 0.5}, poses, 1));
+    EXPECT_EQ(matrix.poses, 3000u);
+    EXPECT_LT(matrix.detected, 2900u);
+    EXPECT_GT(matrix.above[3] + matrix.below[3], 100u);  // flips
+    for (std::size_t e = 0; e < 6; ++e)
+        for (std::size_t f = 0; f < 6; ++f) {
+            const PairPanel& panel = matrix.panels[e][f];
+            EXPECT_EQ(sum(panel, 0, rows + 2), matrix.detected);
+            EXPECT_EQ(sum(panel, 0, 1), matrix.above[e]);
+            EXPECT_EQ(sum(panel, rows + 1, 1), matrix.below[e]);
+            std::size_t all = 0, inside = 0;
+            for (const PairBin& bin : panel.bins) {
+                all += bin.all.count();
+                inside += bin.inside.count();
+            }
+            EXPECT_EQ(all, matrix.detected);
+            EXPECT_EQ(inside, sum(panel, 1, rows));
+        }
+}
+
+// Z errors of 1 % of z on a grid of z: a straight line of bin means, and cells on a diagonal.
+TEST(PairMatrix, ShowsAnErrorThatGrowsWithDepth) {
+    std::vector<PoseComponents> truth;
+    DetectorErrors errors;
+    for (int i = 0; i <= 1800; ++i) {
+        truth.push_back({7.0, 5.0, 600.0 + 0.5 * i, 0.0, 0.0, 0.0});
+        errors.emplace_back().emplace().measures[2] = 0.01 * truth.back()[2];
+    }
+    const PairMatrix matrix = pair_matrix("tag", truth, errors);
+    const PairPanel& panel = matrix.panels[2][2];
+    for (const PairBin& bin : panel.bins)
+        EXPECT_NEAR(*bin.inside.mean(), 0.005 * (bin.low + bin.high), 0.01);
+    for (std::size_t r = 1; r <= rows; ++r)
+        for (std::size_t c = 0; c < columns; ++c)
+            if (panel.counts[r * columns + c] > 0) {
+                const double up = static_cast<double>(rows - r) + 0.5, height = rows;
+                const double along = (static_cast<double>(c) + 0.5) / columns;
+                EXPECT_NEAR(up / height, 0.5 + (along - 0.5) / 1.08, 0.03);  // 4 % room each way
+            }
+}
+
+TEST(PairMatrix, KeepsWhatLiesBeyondAnAxis) {
+    auto poses = test::study_poses(500);
+    DetectorErrors errors = test::synthetic_errors({1.0, 0.0, 0.0, 0.0}, poses, 1);
+    for (std::size_t i = 0; i < errors.size(); ++i)
+        errors[i]->measures[0] = 0.1 * static_cast<double>(i % 7);
+    errors[7]->measures[0] = 4000.0;
+    errors[8]->measures[0] = errors[9]->measures[0] = -4000.0;
+    const PairMatrix matrix = pair_matrix("tag", test::components(poses), errors);
+    EXPECT_EQ(matrix.above[0], 1u);
+    EXPECT_EQ(matrix.below[0], 2u);
+    EXPECT_LT(matrix.errors[0].high, 10.0);
+    const PairAxis& yaw = matrix.freedoms[5];
+    const double along = (pose_components(poses[7])[5] - yaw.low) / (yaw.high - yaw.low);
+    const auto column = static_cast<std::size_t>(along * columns);
+    EXPECT_EQ(matrix.panels[0][5].counts[column], 1u);
+    const std::string svg = pair_matrix_svg(matrix);
+    EXPECT_NE(svg.find("▲ 1<"), std::string::npos);
+    EXPECT_NE(svg.find("▼ 2<"), std::string::npos);
+}
+
+TEST(PairMatrix, IsAPictureOfItsOwnForPapers) {
+    const auto poses = test::study_poses(2000);
+    const std::string svg =
+        pair_matrix_svg(pair_matrix("<tag> & co", test::components(poses),
+                                    test::synthetic_errors({1.0, 0.01, 0.05, 0.3}, poses, 1)));
+    EXPECT_EQ(svg.find("<svg"), 0u);
+    EXPECT_NE(svg.find("xmlns='http://www.w3.org/2000/svg'"), std::string::npos);
+    EXPECT_EQ(occurrences(svg, "<image "), 36u);
+    EXPECT_EQ(occurrences(svg, "xlink:href='data:image/png;base64,"), 36u);
+    EXPECT_NE(svg.find("&lt;tag&gt; &amp; co"), std::string::npos);
+    for (const char* unwanted : {"var(", "nan", "inf<", "<title"})
+        EXPECT_EQ(without_pictures(svg).find(unwanted), std::string::npos) << unwanted;
+}
+
+TEST(PairMatrix, OfManyPosesIsNoLargerThanAMegabyte) {
+    const auto poses = test::study_poses(100000);
+    const auto matrix = pair_matrix("tag", test::components(poses),
+                                    test::synthetic_errors({1.0, 0.01, 0.05, 0.3}, poses, 1));
+    EXPECT_LT(pair_matrix_svg(matrix).size(), 1000000u);
+    HtmlPage page("study", "");
+    add_pair_matrices(page, {&matrix, 1});
+    EXPECT_LT(page.finish().size(), 1000000u);
+}
+
+TEST(PairMatrix, IsChosenByTabsInAReportThatNeedsNothingFromOutside) {
+    const auto poses = test::study_poses(300);
+    const auto truth = test::components(poses);
+    const DetectorErrors errors = test::synthetic_errors({}, poses, 1);
+    const std::vector<PairMatrix> matrices{pair_matrix("one", truth, errors),
+                                           pair_matrix("<b>", truth, errors)};
+    HtmlPage page("study", "");
+    add_pair_matrices(page, matrices);
+    const std::string html = page.finish();
+    EXPECT_EQ(occurrences(html, "<input type=\"radio\""), 2u);
+    EXPECT_EQ(occurrences(html, "<image "), 72u);
+    EXPECT_EQ(occurrences(html, "<rect class='bin'"), 2u * 36u * PairMatrix::bins);
+    const std::string words = without_pictures(html);
+    EXPECT_EQ(words.find("<b>"), std::string::npos);
+    EXPECT_EQ(words.find("http"), std::string::npos);
+    EXPECT_EQ(words.find("%RIM%"), std::string::npos);
+}
+
+TEST(PairMatrix, IsDrawnOfNothingOfOnePoseAndOfFixedAxes) {
+    const PairMatrix none = pair_matrix("tag", {}, {});
+    EXPECT_NE(pair_matrix_svg(none).find("0 of 0 poses detected"), std::string::npos);
+    const std::vector<PoseComponents> truth(2, PoseComponents{7.0, 5.0, 600.0, 1.0, 2.0, 3.0});
+    EXPECT_EQ(pair_matrix("tag", truth, {std::nullopt, std::nullopt}).detected, 0u);
+    DetectorErrors errors(2);
+    errors[0].emplace().measures[2] = 1.5;
+    const std::string svg = pair_matrix_svg(pair_matrix("tag", truth, errors));
+    EXPECT_EQ(without_pictures(svg).find("nan"), std::string::npos);
+    EXPECT_EQ(occurrences(svg, "<image "), 36u);
+    EXPECT_THROW(pair_matrix("tag", truth, {}), NumericalError);
+}
+
+std::vector<BinnedDetector> against_noise() {
+    DetectorErrors good, poor;
+    std::vector<double> noise;
+    for (int i = 0; i < 400; ++i) {
+        noise.push_back(i % 4);
+        good.emplace_back().emplace().measures[2] = 0.1 + 0.001 * i;
+        poor.push_back(i % 4 == 3 ? std::nullopt : good.back());
+        if (poor.back())
+            poor.back()->measures[2] *= 50.0;
+    }
+    return {{"good", binned_statistics(good, noise)}, {"<poor>", binned_statistics(poor, noise)}};
+}
+
+TEST(StudyPlots, ShowEveryDetectorsBins) {
+    const auto detectors = against_noise();
+    const std::string rate = detection_rate_plot("noise / gray", detectors).svg();
+    EXPECT_EQ(occurrences(rate, "<circle"), 8u);
+    EXPECT_NE(rate.find("&lt;poor&gt; at 3: 0 of 100 detected"), std::string::npos);
+    const std::string error = median_error_plot("noise / gray", 2, detectors).svg();
+    EXPECT_EQ(occurrences(error, "<circle"), 7u);  // nothing detected in one bin
+    EXPECT_NE(error.find("median |Z error| / mm"), std::string::npos);
+    for (const std::string& svg : {rate, error})
+        for (const char* unwanted : {"nan", "inf"})
+            EXPECT_EQ(svg.find(unwanted), std::string::npos) << unwanted;
+}
+
+}  // namespace
+}  // namespace etalon

@@ -2,17 +2,14 @@
 
 #include <fmt/format.h>
 
-#include <numbers>
-
 #include "calib/camera/projector.h"
 #include "core/errors.h"
 #include "core/text.h"
+#include "core/units.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {
 namespace {
-
-constexpr double degree = std::numbers::pi / 180.0;
 
 // The table gives the working f-number N_w; the camera file's is N = f/d = N_w f/v.
 void add_lens(CameraModel& camera, double pitch_um, double working_f_number, double focus_mm) {
@@ -43,9 +40,9 @@ CameraModel canon() {
 }
 
 Rigid tag_pose(const CameraModel& camera, double z_mm, const Eigen::Vector2d& pixel) {
-    const Eigen::Vector3d axis(std::cos(35 * degree), std::sin(35 * degree), 0.0);
-    const Eigen::AngleAxisd tilt(30 * degree, axis);
-    const Eigen::AngleAxisd turn(20 * degree, Eigen::Vector3d::UnitZ());
+    const Eigen::Vector3d axis(std::cos(35 * rad_per_deg), std::sin(35 * rad_per_deg), 0.0);
+    const Eigen::AngleAxisd tilt(30 * rad_per_deg, axis);
+    const Eigen::AngleAxisd turn(20 * rad_per_deg, Eigen::Vector3d::UnitZ());
     const Eigen::Vector2d x = Projector(camera).unproject(pixel).value();
     return {Eigen::Quaterniond(tilt * turn), z_mm * x.homogeneous()};
 }

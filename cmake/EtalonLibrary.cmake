@@ -1,8 +1,9 @@
 # etalon_library(NAME [PUBLIC libs...] [PRIVATE libs...] [WITHOUT files or rooms...])
 #
 # One static library per folder at the top, with the alias etalon::NAME: every .cpp file of its rooms.
-# Headers are included from the root ("sim/render/renderer.h"). All folders share one precompiled
-# header, made by core.
+# Headers are included from the root ("sim/render/renderer.h"). Each room is one translation unit: what
+# its files include is then parsed once, which takes a quarter of the time. All folders share one
+# precompiled header, made by core.
 function(etalon_library name)
     cmake_parse_arguments(ARG "" "" "PUBLIC;PRIVATE;WITHOUT" ${ARGN})
     file(GLOB_RECURSE sources CONFIGURE_DEPENDS RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} *.cpp)
@@ -19,6 +20,17 @@ function(etalon_library name)
     target_link_libraries(etalon_${name} PUBLIC ${ARG_PUBLIC}
         PRIVATE $<BUILD_INTERFACE:etalon_compiler> ${ARG_PRIVATE})
     etalon_precompile(etalon_${name})
+    etalon_join_rooms(etalon_${name} ${sources})
+endfunction()
+
+# One translation unit for all of a target's sources in the same folder.
+function(etalon_join_rooms target)
+    foreach(source IN LISTS ARGN)
+        cmake_path(GET source PARENT_PATH room)
+        string(REPLACE / _ group "${target}_${room}")
+        set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${group})
+    endforeach()
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
 endfunction()
 
 # Reuses core's precompiled header, so that OpenCV, Eigen and the standard library are parsed once.

@@ -22,6 +22,12 @@ Eigen::Vector3d rotation_vector(const Eigen::Quaterniond& rotation) {
     return scale * v;
 }
 
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
+    Eigen::Matrix3d m;
+    m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+    return m;
+}
+
 Rigid rigid_from_vector(const Vector6d& pose) {
     return {rotation_from_vector(pose.head<3>()), pose.tail<3>()};
 }

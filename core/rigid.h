@@ -34,6 +34,9 @@ struct Rigid {
 Eigen::Quaterniond rotation_from_vector(const Eigen::Vector3d& rotation_vector);
 Eigen::Vector3d rotation_vector(const Eigen::Quaterniond& rotation);
 
+// [v]x, the matrix of the cross product: cross_matrix(v) * w == v.cross(w).
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v);
+
 // [rx ry rz tx ty tz] as on the command line: rotation vector (rad), translation (mm).
 Rigid rigid_from_vector(const Vector6d& pose);
 Vector6d vector_from_rigid(const Rigid& transform);

@@ -121,6 +121,11 @@ std::optional<Value> Value::find(std::string_view key) const {
     return std::nullopt;
 }
 
+double Value::number_or_zero(std::string_view key, Range range) const {
+    const auto value = find(key);
+    return value ? value->number(range) : 0.0;
+}
+
 std::vector<std::string> Value::keys() const {
     if (!node_->IsMap())
         fail("must be a mapping (key: value)");

@@ -47,6 +47,9 @@ public:
     std::optional<Value> find(std::string_view key) const;
     std::vector<std::string> keys() const;
 
+    // Of an optional key, 0 without it.
+    double number_or_zero(std::string_view key, Range range = any_number) const;
+
     // Of a list.
     std::vector<Value> items() const;
 

@@ -11,7 +11,8 @@
 namespace etalon {
 namespace {
 
-constexpr double left = 44, top = 12, bottom = 36, map_width = 420, scale_width = 14, right = 66;
+constexpr double left_px = 44, top_px = 12, bottom_px = 36, map_width = 420, scale_width = 14,
+                 right_px = 66;
 
 struct Colour {
     double red, green, blue;
@@ -44,8 +45,8 @@ std::string colour(double share) {
 struct Placement {
     double scale;
 
-    double x(double pixel) const { return left + scale * (pixel + 0.5); }
-    double y(double pixel) const { return top + scale * (pixel + 0.5); }
+    double x(double pixel) const { return left_px + scale * (pixel + 0.5); }
+    double y(double pixel) const { return top_px + scale * (pixel + 0.5); }
 };
 
 constexpr double seam = 0.5;  // that neighbours overlap by, so that no gap shows
@@ -75,23 +76,23 @@ std::string axes(const HeatMap& map, const Placement& place) {
         text += fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='middle'>{:g}</text>",
                             place.x(tick), end_y + 16, tick);
     for (double tick = 0; tick < map.image_height; tick += step)
-        text += fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='end'>{:g}</text>", left - 6,
-                            place.y(tick) + 4, tick);
+        text += fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='end'>{:g}</text>",
+                            left_px - 6, place.y(tick) + 4, tick);
     return text + fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='middle'>x / px</text>",
-                              left + 0.5 * map_width, end_y + 32);
+                              left_px + 0.5 * map_width, end_y + 32);
 }
 
 std::string scale_bar(const HeatMap& map, double height) {
     constexpr int steps = 32;
-    const double x = left + map_width + 12;
+    const double x = left_px + map_width + 12;
     std::string text;
     for (int i = 0; i < steps; ++i)
         text += fmt::format("<rect x='{:.1f}' y='{:.2f}' width='{}' height='{:.2f}' fill='{}'/>", x,
-                            top + height * (1.0 - (i + 1.0) / steps), scale_width,
+                            top_px + height * (1.0 - (i + 1.0) / steps), scale_width,
                             height / steps + 0.3, colour((i + 0.5) / steps));
     for (const double share : {0.0, 0.5, 1.0})
         text += fmt::format("<text x='{:.1f}' y='{:.1f}'>{:.2g}{}</text>", x + scale_width + 5,
-                            top + height * (1.0 - share) +
+                            top_px + height * (1.0 - share) +
                                 (share == 1.0   ? 10
                                  : share == 0.0 ? 0
                                                 : 4),
@@ -107,12 +108,12 @@ std::string heat_map_svg(const HeatMap& map) {
     std::string text = fmt::format(
         "<svg class='plot' viewBox='0 0 {:.0f} {:.0f}' role='img' aria-label='map over the image'>"
         "<g shape-rendering='crispEdges'>",
-        left + map_width + 12 + scale_width + right, top + height + bottom);
+        left_px + map_width + 12 + scale_width + right_px, top_px + height + bottom_px);
     for (std::size_t i = 0; i < map.centres.size(); ++i)
         text += cell(map, i, place);
     text += "</g>";
-    text += fmt::format("<rect class='axis' x='{}' y='{}' width='{}' height='{:.1f}'/>", left, top,
-                        map_width, height);
+    text += fmt::format("<rect class='axis' x='{}' y='{}' width='{}' height='{:.1f}'/>", left_px,
+                        top_px, map_width, height);
     return text + axes(map, place) + scale_bar(map, height) + "</svg>";
 }
 

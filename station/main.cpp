@@ -8,6 +8,7 @@
 
 #include "capture/frame/camera.h"
 #include "core/errors.h"
+#include "core/exit_codes.h"
 #include "core/text.h"
 #include "core/version.h"
 #include "station/record/qualify_result.h"
@@ -16,10 +17,6 @@
 
 namespace etalon {
 namespace {
-
-constexpr int usage_error = 3;
-constexpr int run_error = 4;
-constexpr int interrupted = 130;
 
 constexpr const char* marker_names =
     "Markers:\n"
@@ -497,10 +494,10 @@ int parse_and_run(int argc, char** argv) {
     } catch (const CLI::Success& request) {  // --help, --version
         return app.exit(request);
     } catch (const CLI::ParseError& error) {
-        return fail(usage_error, error.what());
+        return fail(ExitCode::usage_error, error.what());
     }
     if (!run)
-        return fail(usage_error, "no command given; see `etalon --help`");
+        return fail(ExitCode::usage_error, "no command given; see `etalon --help`");
     return run();
 }
 
@@ -514,10 +511,10 @@ int main(int argc, char** argv) {
     try {
         return parse_and_run(argc, argv);
     } catch (const ConfigError& error) {
-        return fail(usage_error, error.what());
+        return fail(ExitCode::usage_error, error.what());
     } catch (const Interrupted& error) {
-        return fail(interrupted, error.what());
+        return fail(ExitCode::interrupted, error.what());
     } catch (const std::exception& error) {  // ours, OpenCV's and the standard library's
-        return fail(run_error, error.what());
+        return fail(ExitCode::run_error, error.what());
     }
 }

@@ -25,15 +25,15 @@ extern char** environ;
 namespace etalon {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using Steady = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
 constexpr std::size_t longest_answer = 65536;  // bytes
 
 // Waits until the socket may be used; false when the time is over.
-bool wait_for(int socket, short events, Clock::time_point deadline) {
+bool wait_for(int socket, short events, Steady::time_point deadline) {
     for (;;) {
-        const auto left = std::chrono::ceil<milliseconds>(deadline - Clock::now());
+        const auto left = std::chrono::ceil<milliseconds>(deadline - Steady::now());
         pollfd ready{socket, events, 0};
         const int count =
             poll(&ready, 1, static_cast<int>(std::max(left.count(), milliseconds::rep{0})));
@@ -73,7 +73,7 @@ int spawn(const std::vector<std::string>& command, int socket, pid_t& process) {
     return error;
 }
 
-ExternalAnswer no_pose(const std::string& why) {
+ExternalAnswer without_pose(const std::string& why) {
     return {std::nullopt, why};
 }
 
@@ -103,7 +103,7 @@ std::optional<ExternalAnswer> answer_in(const std::string& line) {
     const auto failure = json.find("failure");
     if (failure == json.end() || !failure->is_string())
         return std::nullopt;
-    return no_pose(failure->get<std::string>());
+    return without_pose(failure->get<std::string>());
 }
 
 }  // namespace
@@ -124,8 +124,8 @@ ExternalDetector::~ExternalDetector() {
         return;
     shutdown(socket_, SHUT_WR);  // end of its input
     siginfo_t info{};
-    for (const auto deadline = Clock::now() + patience; Clock::now() < deadline && info.si_pid == 0;
-         std::this_thread::sleep_for(nap))
+    for (const auto deadline = Steady::now() + patience;
+         Steady::now() < deadline && info.si_pid == 0; std::this_thread::sleep_for(nap))
         if (waitid(P_PID, static_cast<id_t>(process_), &info, WEXITED | WNOHANG | WNOWAIT) != 0)
             break;
     end();
@@ -159,7 +159,7 @@ void ExternalDetector::end() {
 std::string ExternalDetector::ended() {
     constexpr milliseconds patience(200), nap(1);
     siginfo_t info{};
-    for (const auto deadline = Clock::now() + patience; Clock::now() < deadline;
+    for (const auto deadline = Steady::now() + patience; Steady::now() < deadline;
          std::this_thread::sleep_for(nap))
         if (waitid(P_PID, static_cast<id_t>(process_), &info, WEXITED | WNOHANG | WNOWAIT) != 0 ||
             info.si_pid != 0)
@@ -174,11 +174,11 @@ std::string ExternalDetector::ended() {
 
 ExternalAnswer ExternalDetector::failed(const std::string& why) {
     end();
-    return no_pose(why);
+    return without_pose(why);
 }
 
 bool ExternalDetector::said_more() {
-    return wait_for(socket_, POLLIN, Clock::now());
+    return wait_for(socket_, POLLIN, Steady::now());
 }
 
 std::optional<std::string> ExternalDetector::send(const std::string& line, Deadline deadline) {
@@ -226,8 +226,9 @@ ExternalAnswer ExternalDetector::detect(const std::filesystem::path& image,
         end();  // its next line would not belong to this image
     if (process_ < 0)
         if (const int error = start(); error != 0)
-            return no_pose(fmt::format("the program cannot be started: {}", std::strerror(error)));
-    const Deadline deadline = Clock::now() + time_out_;
+            return without_pose(
+                fmt::format("the program cannot be started: {}", std::strerror(error)));
+    const Deadline deadline = Steady::now() + time_out_;
     if (const auto problem = send(line, deadline))
         return failed(*problem);
     return receive(deadline);

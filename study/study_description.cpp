@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "calib/camera/camera_hash.h"
 #include "core/errors.h"
 #include "core/sha256.h"
 #include "core/text.h"
+#include "core/units.h"
 #include "core/version.h"
 
 namespace etalon {
@@ -96,15 +96,15 @@ std::string range_words(const std::string& name, const std::optional<Interval>& 
 std::string volume_words(const StudyPoses& poses) {
     if (!poses.file.empty())
         return "listed in a file";
-    constexpr double deg = 180.0 / std::numbers::pi;
     const PoseVolume& v = poses.volume;
     const char* sequence = poses.sequence == SequenceKind::sobol          ? "Sobol"
                            : poses.sequence == SequenceKind::halton_faure ? "Halton (Faure)"
                                                                           : "Halton";
     return fmt::format("{}, {}, {} mm; {}, {}, {} deg; {} points, seed {}",
                        range_words("x", v.x_mm), range_words("y", v.y_mm), range_words("z", v.z_mm),
-                       range_words("roll", v.roll, deg), range_words("pitch", v.pitch, deg),
-                       range_words("yaw", v.yaw, deg), sequence, poses.seed);
+                       range_words("roll", v.roll, deg_per_rad),
+                       range_words("pitch", v.pitch, deg_per_rad),
+                       range_words("yaw", v.yaw, deg_per_rad), sequence, poses.seed);
 }
 
 }  // namespace

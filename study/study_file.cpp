@@ -3,17 +3,16 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <numbers>
 
 #include "calib/files/camera_file.h"
 #include "core/strict_reader.h"
 #include "core/text.h"
+#include "core/units.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {
 namespace {
 
-constexpr double rad_per_deg = std::numbers::pi / 180.0;
 constexpr int most_poses = 10'000'000;
 
 // [low, high], or one number that is both.

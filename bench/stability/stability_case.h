@@ -6,12 +6,15 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
 #include "sim/render/renderer.h"
 
 namespace etalon {
+
+inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 using RenderFunction =
     std::function<RenderedImage(const CameraModel&, const Scene&, const RenderOptions&)>;

@@ -7,8 +7,6 @@
 namespace etalon {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
 StabilityCase placed(const std::string& name, const CameraModel& camera, const MarkerPlace& place) {
     return agrees_with_reference(name, camera, marker_scene(camera, place));
 }

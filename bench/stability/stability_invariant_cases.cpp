@@ -9,8 +9,6 @@
 namespace etalon {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
 // Everything at work, nothing symmetric.
 CameraModel general_camera() {
     CameraModel camera = short_camera(1.8, 330.0);

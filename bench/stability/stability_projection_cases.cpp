@@ -10,8 +10,6 @@
 namespace etalon {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
 // Pixels to rays and back; relative to the distance from the principal point plus a pixel.
 StabilityOutcome there_and_back(const CameraModel& camera) {
     constexpr int columns = 41, rows = 31;

@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "bench/stability/stability_case.h"
 #include "calib/registration/registration.h"
@@ -13,6 +12,7 @@
 #include "compare/verdict/error_signatures.h"
 #include "core/errors.h"
 #include "core/random.h"
+#include "core/units.h"
 
 namespace etalon {
 namespace {
@@ -20,7 +20,6 @@ namespace {
 using Names = std::vector<std::string>;
 using Points = std::vector<Eigen::Vector3d>;
 
-constexpr double deg = std::numbers::pi / 180.0;
 constexpr int training = 25, hold_out = 20;
 
 const Points tag = {{-40, -40, 0}, {40, -40, 0}, {40, 40, 0}, {-40, 40, 0}};
@@ -169,11 +168,12 @@ StabilityOutcome labels_small_turns(const Reach& reach, const Names& expected) {
 void add_small_turns(std::vector<StabilityCase>& cases) {
     cases.push_back(registering("rz of +-2 degrees", "labelled, poses' worth", [] {
         Reach reach = xyz;
-        reach.rz = 2.0 * deg;
+        reach.rz = 2.0 * rad_per_deg;
         return labels_small_turns(reach, {shift('x'), shift('y')});
     }));
     cases.push_back(registering("rz, rx of +-2 deg", "labelled, poses' worth", [] {
-        return labels_small_turns({.rx = 2.0 * deg, .rz = 3.0}, {rotation('z'), shift('z')});
+        return labels_small_turns({.rx = 2.0 * rad_per_deg, .rz = 3.0},
+                                  {rotation('z'), shift('z')});
     }));
 }
 

@@ -1,8 +1,7 @@
 #include "bench/stability/stability_scenes.h"
 
-#include <numbers>
-
 #include "core/random.h"
+#include "core/units.h"
 
 namespace etalon {
 
@@ -43,16 +42,16 @@ Distortion every_distortion() {
 }
 
 Scene marker_scene(const CameraModel& camera, const MarkerPlace& place) {
-    constexpr double degree = std::numbers::pi / 180.0;
     const double mm_per_px = place.depth_mm / camera.intrinsics.fx;
     const double side = place.side_px * mm_per_px;
     PlacedMarker marker;
     marker.grid.cells = random_cells(10, 10, 1);
     marker.grid.cell_mm = Eigen::Vector2d::Constant(side / 10.0);
     marker.grid.corner_mm = Eigen::Vector2d::Constant(-side / 2.0);
-    const Eigen::Vector3d axis(std::cos(35 * degree), std::sin(35 * degree), 0.0);
-    marker.camera_from_marker.rotation = Eigen::AngleAxisd(place.tilt_deg * degree, axis) *
-                                         Eigen::AngleAxisd(20 * degree, Eigen::Vector3d::UnitZ());
+    const Eigen::Vector3d axis(std::cos(35 * rad_per_deg), std::sin(35 * rad_per_deg), 0.0);
+    marker.camera_from_marker.rotation =
+        Eigen::AngleAxisd(place.tilt_deg * rad_per_deg, axis) *
+        Eigen::AngleAxisd(20 * rad_per_deg, Eigen::Vector3d::UnitZ());
     const Intrinsics& k = camera.intrinsics;
     const Eigen::Vector2d pixel =
         Eigen::Vector2d(camera.width - 1, camera.height - 1) / 2.0 + place.off_centre_px;

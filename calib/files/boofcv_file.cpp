@@ -10,7 +10,7 @@
 namespace etalon {
 namespace {
 
-Distortion read_distortion(const ForeignValue& value) {
+Distortion boofcv_distortion(const ForeignValue& value) {
     Distortion distortion;
     if (const auto radial = value.find("radial")) {
         const std::vector<double> k = radial->numbers();
@@ -46,7 +46,7 @@ CameraModel read_boofcv_camera(const std::filesystem::path& path) {
                                        checked_intrinsics(number("fx"), number("fy"), number("cx"),
                                                           number("cy"), pinhole.place()));
     if (name == "pinhole_radial_tangential")
-        camera.distortion = read_distortion(root.at("radial_tangential"));
+        camera.distortion = boofcv_distortion(root.at("radial_tangential"));
     return camera;
 }
 

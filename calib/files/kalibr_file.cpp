@@ -26,7 +26,7 @@ ForeignValue choose_camera(const ForeignValue& root, const std::string& name) {
     return root.at(cameras.front());
 }
 
-Distortion read_distortion(const ForeignValue& camera) {
+Distortion kalibr_distortion(const ForeignValue& camera) {
     const ForeignValue model = camera.at("distortion_model");
     const std::string name = model.text();
     if (name == "none")
@@ -50,7 +50,7 @@ CameraModel read_kalibr_camera(const std::filesystem::path& path, const std::str
     CameraModel camera;
     camera.intrinsics = from_pixels_of(
         CalibrationTool::kalibr, checked_intrinsics(i[0], i[1], i[2], i[3], intrinsics.place()));
-    camera.distortion = read_distortion(chosen);
+    camera.distortion = kalibr_distortion(chosen);
     camera.width = checked_image_side(sides[0], size.place());
     camera.height = checked_image_side(sides[1], size.place());
     return camera;

@@ -14,8 +14,6 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t least_views = 3, least_points = 6;
-
 // The views that are used, without their outliers, and which of those given
 // they are.
 struct KeptViews {

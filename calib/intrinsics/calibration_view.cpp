@@ -62,12 +62,12 @@ std::size_t point_count(std::span<const CalibrationView> views) {
     return count;
 }
 
-void check_view(const CalibrationView& view, std::size_t index, std::size_t least_points) {
+void check_view(const CalibrationView& view, std::size_t index, std::size_t needed) {
     const std::size_t points = view.points_mm.size();
     if (points != view.pixels.size())
         refuse_view(index, fmt::format("has {} points but {} pixels", points, view.pixels.size()));
-    if (points < least_points)
-        refuse_view(index, fmt::format("has {} points, {} are needed", points, least_points));
+    if (points < needed)
+        refuse_view(index, fmt::format("has {} points, {} are needed", points, needed));
     check_points(view, index);
     check_labels(view, index);
     if (are_collinear(view.points_mm))

@@ -22,12 +22,15 @@ struct CalibrationView {
     double sigma(std::size_t point) const { return sigma_px.empty() ? 1.0 : sigma_px[point]; }
 };
 
+// What a calibration takes at least.
+inline constexpr std::size_t least_views = 3, least_points = 6;
+
 // Points of all views.
 std::size_t point_count(std::span<const CalibrationView> views);
 
-// Throws NumericalError, naming the view by `index`, unless the view has at least `least_points`
+// Throws NumericalError, naming the view by `index`, unless the view has at least `needed`
 // points that are finite, in the plane z = 0 and not collinear, as many finite pixels, positive
 // finite standard deviations or none, and distinct ids or none.
-void check_view(const CalibrationView& view, std::size_t index, std::size_t least_points);
+void check_view(const CalibrationView& view, std::size_t index, std::size_t needed);
 
 }  // namespace etalon

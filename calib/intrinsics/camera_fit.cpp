@@ -14,7 +14,7 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t least_views = 3, least_points = 6, least_pose_points = 4;
+constexpr std::size_t least_pose_points = 4;
 
 using Views = std::vector<BundleView<double>>;
 using Solution = BundleSolution<double>;

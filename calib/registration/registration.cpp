@@ -16,12 +16,6 @@ using Points = std::vector<Eigen::Vector3d>;
 using Poses = std::span<const RegistrationPose>;
 using Matrix2x6 = Eigen::Matrix<double, 2, 6, Eigen::RowMajor>;
 
-Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
-    Eigen::Matrix3d m;
-    m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-    return m;
-}
-
 // ---------------------------------------------------------------------------------------- input
 
 void require_usable(const Points& points, Poses poses, const Rigid& nominal) {

@@ -17,12 +17,6 @@ constexpr double null_singular_value = 1e-9;
 // on its carriage.
 constexpr double prior_length_mm = 100.0;
 
-Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
-    Eigen::Matrix3d m;
-    m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-    return m;
-}
-
 Rigid exponential(const Twist& twist) {
     const Eigen::Vector3d w = twist.head<3>();
     const double angle = w.norm();

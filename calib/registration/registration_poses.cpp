@@ -11,14 +11,7 @@
 namespace etalon {
 namespace {
 
-using Poses = std::span<const MeasuredPose>;
 using Matrix6x12 = Eigen::Matrix<double, 6, 12>;
-
-Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
-    Eigen::Matrix3d m;
-    m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-    return m;
-}
 
 // d log(Exp(d) Exp(r)) / d d at d = 0: the inverse left Jacobian of SO(3) (Barfoot, State
 // Estimation for Robotics, 7.1.5). r is a residual, far from half a turn.
@@ -89,7 +82,8 @@ private:
     const WeightedPose& weighted_;
 };
 
-std::vector<WeightedPose> weighted_poses(Poses poses, const Rigid& nominal) {
+std::vector<WeightedPose> weighted_poses(std::span<const MeasuredPose> poses,
+                                         const Rigid& nominal) {
     require_enough_poses(poses.size());
     bool finite = vector_from_rigid(nominal).allFinite();
     std::vector<WeightedPose> weighted;
@@ -120,7 +114,7 @@ std::vector<double> distances(const std::vector<WeightedPose>& poses, const XY& 
 
 // The length of six normal deviates has the median 2.313 and exceeds 4.08 in 1.1 % of cases, as
 // that of two exceeds 3 (chi-square of 6 and of 2 degrees of freedom).
-double huber_threshold(std::vector<double> lengths) {
+double pose_huber_threshold(std::vector<double> lengths) {
     const auto middle = lengths.begin() + std::ssize(lengths) / 2;
     std::nth_element(lengths.begin(), middle, lengths.end());
     return 4.08 * std::max(*middle / 2.313, 1e-6);
@@ -136,7 +130,8 @@ RegistrationJacobian jacobian_at(const std::vector<WeightedPose>& poses, const X
 
 }  // namespace
 
-Registration register_stage_on_poses(Poses given, const Rigid& nominal_carriage_from_marker) {
+Registration register_stage_on_poses(std::span<const MeasuredPose> given,
+                                     const Rigid& nominal_carriage_from_marker) {
     std::vector<WeightedPose> poses = weighted_poses(given, nominal_carriage_from_marker);
     const StageMotion motion = required_motion(pairs_of(poses));
     for (std::size_t i = 0; i < poses.size(); ++i)
@@ -144,7 +139,7 @@ Registration register_stage_on_poses(Poses given, const Rigid& nominal_carriage_
     XY xy = registration_seed(pairs_of(poses));
     double threshold = 0.0;
     for (int round = 0; round < 3; ++round) {  // the threshold settles
-        threshold = huber_threshold(distances(poses, xy));
+        threshold = pose_huber_threshold(distances(poses, xy));
         xy = minimised(xy, threshold, [&](const AddResidual& add) {
             for (const WeightedPose& pose : poses)
                 add(new PoseCost(pose));

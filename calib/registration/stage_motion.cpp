@@ -10,7 +10,7 @@
 namespace etalon {
 namespace {
 
-using Poses = std::span<const Rigid>;
+using Places = std::span<const Rigid>;
 using Columns = Eigen::Matrix3Xd;
 
 constexpr double noise_shift_mm = 2e-3;
@@ -24,7 +24,7 @@ struct Moves {
     Columns shifts, turns;  // of the carriage's origin; rotation vectors; base frame
 };
 
-Moves moves_of(Poses poses) {
+Moves moves_of(Places poses) {
     Moves moves{Columns(3, std::ssize(poses)), Columns(3, std::ssize(poses))};
     for (std::size_t i = 0; i < poses.size(); ++i) {
         const Vector6d move = left_difference(poses.front(), poses[i]);
@@ -67,7 +67,7 @@ std::string direction_words(const Eigen::Vector3d& direction) {
 
 // A point that keeps its place across `axis` in every pose, as well as one can: the shifts across
 // it are (I - R) c.
-Eigen::Vector3d fixed_point(Poses poses, const Moves& moves, const Eigen::Vector3d& axis) {
+Eigen::Vector3d fixed_point(Places poses, const Moves& moves, const Eigen::Vector3d& axis) {
     const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
     Eigen::MatrixXd a(3 * std::ssize(poses), 3);
     Eigen::VectorXd b(3 * std::ssize(poses));
@@ -84,14 +84,14 @@ Eigen::Vector3d fixed_point(Poses poses, const Moves& moves, const Eigen::Vector
     return decomposition.solve(b);
 }
 
-double largest_difference_mm(Poses one, Poses two) {
+double largest_difference_mm(Places one, Places two) {
     double largest = 0.0;
     for (std::size_t i = 0; i < one.size(); ++i)
         largest = std::max(largest, (one[i].translation - two[i].translation).norm());
     return largest;
 }
 
-int distinct_poses(Poses poses, const Moves& moves) {
+int distinct_poses(Places poses, const Moves& moves) {
     const double shift_mm = std::max(noise_shift_mm, same_pose_share * largest(moves.shifts));
     const double turn_rad = std::max(noise_turn_rad, same_pose_share * largest(moves.turns));
     std::vector<Rigid> found;
@@ -109,7 +109,7 @@ int distinct_poses(Poses poses, const Moves& moves) {
 }
 
 // The first pose, shifted by the parts of the shifts along the main directions that count.
-std::vector<Rigid> shifted_only(Poses poses, const Moves& moves, const Spread& shifts, int rank) {
+std::vector<Rigid> shifted_only(Places poses, const Moves& moves, const Spread& shifts, int rank) {
     const Eigen::Matrix3Xd along = shifts.directions.leftCols(rank);
     std::vector<Rigid> result;
     for (Eigen::Index i = 0; i < moves.shifts.cols(); ++i)
@@ -119,7 +119,7 @@ std::vector<Rigid> shifted_only(Poses poses, const Moves& moves, const Spread& s
     return result;
 }
 
-StageMotion only_shifts(Poses poses, const Moves& moves, double noise_mm) {
+StageMotion only_shifts(Places poses, const Moves& moves, double noise_mm) {
     const Spread shifts = spread(moves.shifts);
     const int rank = shifts.rank(noise_mm);
     StageMotion motion;
@@ -138,7 +138,7 @@ StageMotion only_shifts(Poses poses, const Moves& moves, double noise_mm) {
 }
 
 // Turns exactly about `axis`; the shifts as they are.
-std::vector<Rigid> turned_about(Poses poses, const Moves& moves, const Eigen::Vector3d& axis) {
+std::vector<Rigid> turned_about(Places poses, const Moves& moves, const Eigen::Vector3d& axis) {
     std::vector<Rigid> result(poses.begin(), poses.end());
     for (std::size_t i = 0; i < result.size(); ++i) {
         const double angle = axis.dot(moves.turns.col(static_cast<Eigen::Index>(i)));
@@ -148,7 +148,7 @@ std::vector<Rigid> turned_about(Poses poses, const Moves& moves, const Eigen::Ve
 }
 
 // Turns exactly about the line through `point`, and the shifts along it as they are.
-std::vector<Rigid> turned_about_line(Poses poses, const Moves& moves, const Eigen::Vector3d& axis,
+std::vector<Rigid> turned_about_line(Places poses, const Moves& moves, const Eigen::Vector3d& axis,
                                      const Eigen::Vector3d& point) {
     std::vector<Rigid> result = turned_about(poses, moves, axis);
     for (std::size_t i = 0; i < result.size(); ++i) {
@@ -166,7 +166,7 @@ std::vector<Rigid> within_plane(std::vector<Rigid> poses, const Eigen::Vector3d&
     return poses;
 }
 
-StageMotion parallel_turns(Poses poses, const Moves& moves, const Eigen::Vector3d& axis,
+StageMotion parallel_turns(Places poses, const Moves& moves, const Eigen::Vector3d& axis,
                            double noise_mm) {
     const std::string words = direction_words(axis);
     const std::vector<Rigid> about_line =
@@ -184,7 +184,7 @@ StageMotion parallel_turns(Poses poses, const Moves& moves, const Eigen::Vector3
 
 }  // namespace
 
-StageMotion stage_motion(Poses poses) {
+StageMotion stage_motion(Places poses) {
     if (poses.empty())
         throw NumericalError("stage motion: no poses");
     const Moves moves = moves_of(poses);
@@ -202,7 +202,7 @@ StageMotion stage_motion(Poses poses) {
     return motion;
 }
 
-void require_full_motion(Poses plan, Poses reach) {
+void require_full_motion(Places plan, Places reach) {
     const StageMotion made = stage_motion(plan), possible = stage_motion(reach);
     if (made.kind != MotionKind::none && made.distinct_poses < enough_poses)
         throw NumericalError(fmt::format("degenerate plan: {} distinct poses, at least {} needed",

@@ -20,10 +20,6 @@ struct UnrefAddress {
 };
 using Address = std::unique_ptr<GInetAddress, UnrefAddress>;
 
-std::string text_or_empty(const char* text) {
-    return text ? text : "";
-}
-
 // On the library's heartbeat thread, where nothing but a flag may be touched.
 void control_lost(ArvDevice*, const LostFlag* lost) {
     **lost = true;
@@ -34,6 +30,10 @@ void drop_flag(gpointer flag, GClosure*) {
 }
 
 }  // namespace
+
+std::string text_or_empty(const char* text) {
+    return text ? text : "";
+}
 
 ErrorSlot::~ErrorSlot() {
     g_clear_error(&error_);

@@ -14,10 +14,6 @@ namespace {
 
 using std::chrono::microseconds;
 
-std::string text_or_empty(const char* text) {
-    return text ? text : "";
-}
-
 // ---- off: whatever changes pixels by itself --------------------------------------------------
 
 void switch_automatics_off(const GenicamDevice& device) {

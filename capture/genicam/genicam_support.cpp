@@ -8,13 +8,7 @@
 #include "capture/genicam/genicam_camera.h"
 
 namespace etalon {
-namespace {
-
-std::string text_or_empty(const char* text) {
-    return text ? text : "";
-}
-
-}  // namespace
+namespace {}  // namespace
 
 // The kernel counts its own bookkeeping in, so it reports twice what it was asked (socket(7)).
 int granted_receive_buffer(int asked) {

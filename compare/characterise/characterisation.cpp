@@ -13,13 +13,14 @@
 #include "core/errors.h"
 
 namespace etalon {
-namespace {
 
 CameraUncertainty& uncertainty_of(Characterisation& result) {
     if (!result.camera.standard_uncertainty)
         result.camera.standard_uncertainty.emplace();
     return *result.camera.standard_uncertainty;
 }
+
+namespace {
 
 // Runs one measurement; what it cannot use is noted and the others go on.
 void attempt(Characterisation& result, const std::string& quantity,

@@ -83,6 +83,9 @@ struct Characterisation {
     bool was_anything_refused() const;
 };
 
+// What its camera says of its uncertainties; made when there is nothing yet.
+CameraUncertainty& uncertainty_of(Characterisation& result);
+
 // Never throws for what a photograph shows: that is `not_measured`. Throws as SensorModel does for
 // a camera that contradicts itself.
 Characterisation characterise(const CharacteriseInput& input);

@@ -15,12 +15,6 @@ namespace {
 constexpr double mtf_half_width_px = 12.0;
 constexpr std::size_t most_mtf_edges = 9;  // one a zone of the image
 
-CameraUncertainty& uncertainty_of(Characterisation& result) {
-    if (!result.camera.standard_uncertainty)
-        result.camera.standard_uncertainty.emplace();
-    return *result.camera.standard_uncertainty;
-}
-
 std::vector<StraightEdge> edges_of(const CharacteriseInput& input,
                                    const std::vector<std::optional<Rigid>>& poses,
                                    const CameraModel& camera, const EdgeSelection& selection) {

@@ -18,11 +18,11 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t least_edges = 12;
+constexpr std::size_t least_edges_for_defocus = 12;
 constexpr int least_edges_a_side = 4;
 constexpr double least_blur_px = 0.5;
 constexpr double piece_length_px = 10.0;
-constexpr std::size_t least_pixels = 40;  // several for each of a piece's own parameters
+constexpr std::size_t least_pixels_of_a_piece = 40;  // several for each of a piece's own parameters
 constexpr double largest_relative_uncertainty = 0.2;  // of the aperture
 
 // What does not depend on the edges. Depths in units of `depth_scale` (1/mm): numbers near 1.
@@ -83,9 +83,9 @@ void require_usable(std::span<const StraightEdge> edges, const CameraModel& came
         throw NumericalError("defocus: the pixel pitch is needed");
     if (spread == FocusSpread::diffraction && (!camera.lens || !(camera.lens->wavelength_nm > 0.0)))
         throw NumericalError("defocus: the diffraction pattern needs a wavelength");
-    if (edges.size() < least_edges)
-        throw NumericalError(
-            fmt::format("defocus: {} edges, at least {} are needed", edges.size(), least_edges));
+    if (edges.size() < least_edges_for_defocus)
+        throw NumericalError(fmt::format("defocus: {} edges, at least {} are needed", edges.size(),
+                                         least_edges_for_defocus));
 }
 
 Setting setting_of(std::span<const StraightEdge> edges, const CameraModel& camera,
@@ -132,7 +132,7 @@ std::vector<StraightEdge> in_pieces(std::span<const StraightEdge> edges) {
         const double length = (last - first) / count + 1e-9;
         for (int i = 0; i < count; ++i) {
             StraightEdge piece = piece_of(edge, first + i * length, first + (i + 1) * length);
-            if (piece.pixels.size() >= least_pixels)
+            if (piece.pixels.size() >= least_pixels_of_a_piece)
                 pieces.push_back(std::move(piece));
         }
     }
@@ -218,7 +218,7 @@ EdgeFit fit_within_clearance(std::vector<StraightEdge>& edges, const BlurModel& 
         if (removed == 0)
             break;
         estimate.too_blurred += static_cast<int>(removed);
-        if (edges.size() < least_edges)
+        if (edges.size() < least_edges_for_defocus)
             throw NumericalError(fmt::format(
                 "no thin lens fits; the best one leaves {} edges clear of the next", edges.size()));
         fit = fit_edges(edges, model);
@@ -275,9 +275,9 @@ DefocusEstimate estimate_defocus(std::span<const StraightEdge> whole_edges,
                                  const CameraModel& camera, FocusSpread spread) {
     require_usable(whole_edges, camera, spread);
     std::vector<StraightEdge> edges = in_pieces(whole_edges);
-    if (edges.size() < least_edges)
+    if (edges.size() < least_edges_for_defocus)
         throw NumericalError(fmt::format("defocus: {} pieces of edges, at least {} are needed",
-                                         edges.size(), least_edges));
+                                         edges.size(), least_edges_for_defocus));
     const Setting setting = setting_of(edges, camera, spread);
     DefocusEstimate estimate;
     const auto start = start_of(edges, setting);

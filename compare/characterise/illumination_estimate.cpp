@@ -17,14 +17,14 @@
 namespace etalon {
 namespace {
 
-constexpr double most_clipped = 1e-3;
+constexpr double most_clipped_of_a_patch = 1e-3;
 constexpr double most_contrast = 20.0;
 constexpr int blocks_across = 40;
-constexpr int least_patches = 20, least_patches_of_a_photo = 4;
+constexpr int least_white_patches = 20, least_patches_of_a_photo = 4;
 constexpr double least_radius = 0.6;
 constexpr double most_residual = 0.05;
 constexpr double most_corner_uncertainty = 0.025;
-constexpr int rounds = 20;
+constexpr int illumination_rounds = 20;
 
 // Radiance and its uncertainty from a code value's.
 WhitePatch linear_patch(const CameraModel& camera, double mean, double uncertainty) {
@@ -43,12 +43,12 @@ WhitePatch linear_patch(const CameraModel& camera, double mean, double uncertain
 
 void check_flat(const CodeImage& flat, const std::string& name, int saturation) {
     const double high = share_at_saturation(flat, saturation), low = share_at_floor(flat);
-    if (high > most_clipped)
+    if (high > most_clipped_of_a_patch)
         throw NumericalError(
             fmt::format("illumination: {}: {:.3g} % of the pixels are saturated: "
                         "expose less",
                         name, 100.0 * high));
-    if (low > most_clipped)
+    if (low > most_clipped_of_a_patch)
         throw NumericalError(
             fmt::format("illumination: {}: {:.3g} % of the pixels are at code 0: "
                         "expose more, or raise the black level",
@@ -111,7 +111,7 @@ public:
         result.planes = Eigen::VectorXd::Zero(3 * photos_);
         for (std::size_t i = 0; i < rows_.size(); ++i)
             result.planes(3 * rows_[i].photo) = patches_[i].radiance;
-        for (int round = 0; round < rounds; ++round) {
+        for (int round = 0; round < illumination_rounds; ++round) {
             Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size, size);
             Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
             result.chi_square = accumulate(kind, result, normal, right);
@@ -190,9 +190,9 @@ std::vector<WhitePatch> usable(std::span<const WhitePatch> given) {
         patch.photo = number.emplace(patch.photo, static_cast<int>(number.size())).first->second;
         patches.push_back(patch);
     }
-    if (patches.size() < least_patches)
+    if (patches.size() < least_white_patches)
         throw NumericalError(fmt::format("illumination: {} even white parts; {} are needed",
-                                         patches.size(), least_patches));
+                                         patches.size(), least_white_patches));
     return patches;
 }
 

@@ -13,7 +13,7 @@ namespace etalon {
 namespace {
 
 constexpr int most_pieces = 12;
-constexpr int rounds = 12;  // of reweighting; the weights settle to 1e-6 in five
+constexpr int reweighting_rounds = 12;  // of reweighting; the weights settle to 1e-6 in five
 
 double longest_exposure(const std::vector<ExposedPatch>& observed) {
     double longest = 0.0;
@@ -103,7 +103,7 @@ void InverseCurve::fit(const std::vector<ExposedPatch>& observed) {
     const int inner = pieces_ + 1, patches = patch_count(observed);
     const double longest = longest_exposure(observed);
     Eigen::VectorXd solution;
-    for (int round = 0; round < rounds; ++round) {
+    for (int round = 0; round < reweighting_rounds; ++round) {
         Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(inner + patches, inner + patches);
         Eigen::VectorXd right = Eigen::VectorXd::Zero(inner + patches);
         chi_square = 0.0;
@@ -130,7 +130,7 @@ void InverseCurve::fit(const std::vector<ExposedPatch>& observed) {
         if (!solution.allFinite())
             throw NumericalError("exposures: the times and patches do not determine the curve");
         weights_.segment(1, inner) = solution.head(inner);
-        if (round + 1 == rounds)
+        if (round + 1 == reweighting_rounds)
             covariance_.block(1, 1, inner, inner) =
                 factor.solve(Eigen::MatrixXd::Identity(inner + patches, inner + patches))
                     .topLeftCorner(inner, inner);

@@ -16,10 +16,10 @@ namespace etalon {
 namespace {
 
 constexpr int bins = 64;
-constexpr double least_pixels = 100.0;        // of a level
-constexpr double most_clipped = 1e-4;         // of a level's pixels
-constexpr double least_code_variance = 0.24;  // DN^2, EMVA 1288: below, rounding rules
-constexpr double most_drift = 0.02, most_shift_px = 0.25;
+constexpr double least_pixels_of_a_level = 100.0;  // of a level
+constexpr double most_clipped_of_a_level = 1e-4;   // of a level's pixels
+constexpr double least_code_variance = 0.24;       // DN^2, EMVA 1288: below, rounding rules
+constexpr double most_drift_of_a_level = 0.02, most_shift_px = 0.25;
 constexpr double most_changed = 1e-3;  // share of pixels
 constexpr double most_noise = 0.15;    // of full scale
 constexpr double most_correlation = 0.05;
@@ -122,10 +122,10 @@ cv::Mat changed_pixels(const ViewNoise& noise, const cv::Mat& use, const LevelSc
 }
 
 void refuse_change(const ViewNoise& noise) {
-    if (noise.brightness_drift > most_drift)
+    if (noise.brightness_drift > most_drift_of_a_level)
         throw NumericalError(fmt::format(
             "repeats: brightness drifts by {:.2g} %: the light is not steady (over {:.0f} %)",
-            100.0 * noise.brightness_drift, 100.0 * most_drift));
+            100.0 * noise.brightness_drift, 100.0 * most_drift_of_a_level));
     if (noise.shift_px > most_shift_px)
         throw NumericalError(
             fmt::format("repeats: the view moved by {:.2g} px between them", noise.shift_px));
@@ -218,12 +218,12 @@ std::vector<Measured> measured_levels(const std::vector<Bin>& levels, const Leve
                                   2.0 / std::max(relative * relative, 1e-12), slope));
     }
     for (const Bin& bin : levels) {
-        if (bin.pixels < least_pixels)
+        if (bin.pixels < least_pixels_of_a_level)
             continue;
         const double signal = bin.signal / bin.pixels;
         result.push_back(measured(signal, bin.variance / bin.pixels, bin.pixels,
                                   bin.degrees_of_freedom, scale.slope(signal)));
-        if (bin.clipped > most_clipped * bin.pixels)
+        if (bin.clipped > most_clipped_of_a_level * bin.pixels)
             result.back().level.is_used = false;
     }
     return result;

@@ -15,8 +15,8 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t least_edges = 4, least_edges_for_profile = 8;
-constexpr double bin_px = 0.25;
+constexpr std::size_t least_edges_for_sigma = 4, least_edges_for_profile = 8;
+constexpr double profile_bin_px = 0.25;
 constexpr double profile_significance = 0.001;
 
 // Standard uncertainty of sqrt(v), the larger of its two sides: finite at v = 0 too.
@@ -53,7 +53,7 @@ std::vector<EdgeSpreadRow> mean_profile(std::span<const StraightEdge> edges, con
         for (const EdgePixel& pixel : edge.pixels)
             reach = std::max(reach, std::abs(pixel.distance_px));
     const EdgeResponse response(reach + 4.0);
-    const int half = static_cast<int>(std::ceil(reach / bin_px));
+    const int half = static_cast<int>(std::ceil(reach / profile_bin_px));
     std::vector<Bin> bins(static_cast<std::size_t>(2 * half));
     for (std::size_t i = 0; i < edges.size(); ++i) {
         const FittedEdge& own = fit.edges[i];
@@ -67,7 +67,7 @@ std::vector<EdgeSpreadRow> mean_profile(std::span<const StraightEdge> edges, con
         for (std::size_t k = 0; k < edges[i].pixels.size(); ++k) {
             const EdgePixel& pixel = edges[i].pixels[k];
             const double place = pixel.distance_px - own.shift_px - own.turn * pixel.along_px;
-            const int index = static_cast<int>(std::floor(place / bin_px)) + half;
+            const int index = static_cast<int>(std::floor(place / profile_bin_px)) + half;
             if (index < 0 || index >= 2 * half)
                 continue;
             const double height = own.step + own.gradient_across * pixel.distance_px +
@@ -123,7 +123,7 @@ Mean largest_excess(std::span<const EdgeSpreadRow> rows, double sign) {
     Mean largest{-1.0, 0.0, false};
     for (double near = nearest_px;
          near + window_px <= std::min(farthest_px, reach - level_px) && level.is_known;
-         near += bin_px) {
+         near += profile_bin_px) {
         const Mean window = mean(near, near + window_px);
         const double excess = sign * (window.value - level.value);
         if (window.is_known && excess > largest.value)
@@ -220,7 +220,7 @@ void estimate_zones(std::span<const StraightEdge> edges, const CameraModel& came
     for (const StraightEdge& edge : edges)
         by_zone[zone_of(edge, camera)].push_back(edge);
     for (std::size_t zone = 0; zone < by_zone.size(); ++zone)
-        if (by_zone[zone].size() >= least_edges)
+        if (by_zone[zone].size() >= least_edges_for_sigma)
             estimate.zones[zone] = width_of(fit_edges(by_zone[zone], model));
 }
 
@@ -279,9 +279,9 @@ std::pair<double, double> MeasuredSpread::modulation(double cycles_per_px) const
 
 PointSpreadEstimate estimate_point_spread(std::span<const StraightEdge> edges,
                                           const CameraModel& camera) {
-    if (edges.size() < least_edges)
+    if (edges.size() < least_edges_for_sigma)
         throw NumericalError(fmt::format("point spread: {} edges, at least {} are needed",
-                                         edges.size(), least_edges));
+                                         edges.size(), least_edges_for_sigma));
     const Aperture pinhole{camera.projection, 0.0, 0.0, Eigen::Vector2d::Zero()};
     const Aperture aperture = camera.lens ? aperture_of(camera) : pinhole;
     const BlurModel gaussian = gaussian_blur(aperture, 0.0);

@@ -19,7 +19,7 @@ namespace {
 using Eigen::ArrayXd;
 using std::numbers::pi;
 
-constexpr double bin_px = 0.25;
+constexpr double edge_bin_px = 0.25;
 constexpr int least_side_px = 16;
 constexpr double least_half_width_px = 7.0;
 
@@ -67,20 +67,20 @@ struct Bins {
     double half_width;            // of the edge spread, px
     std::vector<double> offsets;  // of the pixels near the edge, from their bin's mean place
     double centre(Eigen::Index i) const {
-        return (static_cast<double>(i) + 0.5) * bin_px - half_width;
+        return (static_cast<double>(i) + 0.5) * edge_bin_px - half_width;
     }
 };
 
 Bins bins_of(std::span<const Sample> samples, double half_width) {
-    const auto n = static_cast<Eigen::Index>(std::floor(2.0 * half_width / bin_px));
+    const auto n = static_cast<Eigen::Index>(std::floor(2.0 * half_width / edge_bin_px));
     Bins bins{ArrayXd::Zero(n),
               ArrayXd::Zero(n),
               ArrayXd::Zero(n),
-              0.5 * bin_px * static_cast<double>(n),
+              0.5 * edge_bin_px * static_cast<double>(n),
               {}};
     const auto index_of = [&](const Sample& sample) {
         return static_cast<Eigen::Index>(
-            std::floor((sample.distance_px + bins.half_width) / bin_px));
+            std::floor((sample.distance_px + bins.half_width) / edge_bin_px));
     };
     for (const Sample& sample : samples)
         if (const Eigen::Index i = index_of(sample); i >= 0 && i < n) {
@@ -107,21 +107,21 @@ Bins bins_of(std::span<const Sample> samples, double half_width) {
 ArrayXd difference(const ArrayXd& row) {
     const Eigen::Index n = row.size();
     ArrayXd result = ArrayXd::Zero(n);
-    result.segment(1, n - 2) = (row.tail(n - 2) - row.head(n - 2)) / (2.0 * bin_px);
+    result.segment(1, n - 2) = (row.tail(n - 2) - row.head(n - 2)) / (2.0 * edge_bin_px);
     return result;
 }
 
 ArrayXd transposed_difference(const ArrayXd& row) {
     const Eigen::Index n = row.size();
     ArrayXd result = ArrayXd::Zero(n);
-    result.tail(n - 2) += row.segment(1, n - 2) / (2.0 * bin_px);
-    result.head(n - 2) -= row.segment(1, n - 2) / (2.0 * bin_px);
+    result.tail(n - 2) += row.segment(1, n - 2) / (2.0 * edge_bin_px);
+    result.head(n - 2) -= row.segment(1, n - 2) / (2.0 * edge_bin_px);
     return result;
 }
 
 // What the two-sided difference and the average over a bin leave of this frequency.
 double processing_transfer(const Bins& bins, double frequency) {
-    const double q = 2.0 * pi * frequency * bin_px;
+    const double q = 2.0 * pi * frequency * edge_bin_px;
     const double slope = q < 1e-9 ? 1.0 : std::sin(q) / q;
     std::complex<double> sum = 0.0;
     for (const double offset : bins.offsets)

@@ -1,4 +1,4 @@
-// The white squares of a target as samples of the light that falls into the image.
+// The least_white squares of a target as samples of the light that falls into the image.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -12,8 +12,8 @@ namespace etalon {
 namespace {
 
 constexpr double inside_px = 4.0, inside_cell = 0.25;
-constexpr int least_pixels = 9;
-constexpr float white = 0.5f;
+constexpr int least_pixels_of_a_cell = 9;
+constexpr float least_white = 0.5f;
 
 struct CellSums {
     double pixels = 0.0, radiance = 0.0, square = 0.0, x = 0.0, y = 0.0;
@@ -91,7 +91,7 @@ std::vector<WhitePatch> white_cell_patches(const CodeImage& image, const Project
             const int row = static_cast<int>(std::floor(place.y()));
             // The outermost cells are the margin, of which prints have more or less.
             if (column < 1 || row < 1 || column + 1 >= grid.columns() || row + 1 >= grid.rows() ||
-                grid.cells.at<float>(row, column) < white)
+                grid.cells.at<float>(row, column) < least_white)
                 continue;
             const Eigen::Vector2d within(place.x() - column, place.y() - row);
             const double border = within.cwiseMin(Eigen::Vector2d::Ones() - within).minCoeff();
@@ -113,7 +113,7 @@ std::vector<WhitePatch> white_cell_patches(const CodeImage& image, const Project
         }
     std::vector<WhitePatch> patches;
     for (const auto& [place, cell] : cells) {
-        if (cell.is_clipped || cell.pixels < least_pixels)
+        if (cell.is_clipped || cell.pixels < least_pixels_of_a_cell)
             continue;
         WhitePatch patch;
         patch.photo = photo;

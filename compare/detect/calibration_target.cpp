@@ -16,8 +16,6 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t least_points = 6;
-
 std::vector<BoardPoint> find_chessboard_points(const Marker& board, const CodeImage& image) {
     const auto corners = find_chessboard_corners(image, board.columns, board.rows);
     std::vector<BoardPoint> points;

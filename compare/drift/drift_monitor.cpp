@@ -11,8 +11,7 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t frames_to_look_back = 10;  // of JumpFinder
-constexpr std::size_t fewest_points = 4;
+constexpr std::size_t frames_to_look_back = 10;            // of JumpFinder
 constexpr std::array<std::size_t, 3> windows{20, 40, 80};  // blocks
 
 DriftBlock median_of(const std::vector<std::pair<Minutes, TargetReference::Look>>& frames) {

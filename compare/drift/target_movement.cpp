@@ -11,7 +11,6 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t fewest_points = 4;
 constexpr double smallest_radius_px = 1e-3;
 
 }  // namespace

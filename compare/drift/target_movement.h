@@ -11,6 +11,9 @@
 
 namespace etalon {
 
+// Of a target that is to be followed.
+inline constexpr std::size_t fewest_points = 4;
+
 // Pixel by the point's index on the target.
 using TargetPoints = std::map<int, Eigen::Vector2d>;
 

@@ -16,7 +16,7 @@ constexpr double start_variance_px2 = 0.3;
 constexpr double finest_step = 1.0 / 256.0;  // cycles per px, of the tabulated transfers
 
 // Gauss and Legendre's rule with 5 points on [0, 1].
-constexpr std::array<std::pair<double, double>, 5> gauss = {
+constexpr std::array<std::pair<double, double>, 5> gauss_legendre_pairs = {
     {{0.0469100770306680, 0.1184634425280945},
      {0.2307653449471585, 0.2393143352496832},
      {0.5, 0.2844444444444444},
@@ -77,7 +77,7 @@ SlopingDisks::SlopingDisks(std::vector<double> radii_px) : radii_(std::move(radi
 double SlopingDisks::transfer(std::size_t k, double frequency) const {
     const double a = inner(k), b = radii_[k];
     double sum = 0.0, energy = 0.0;
-    for (const auto& [node, weight] : gauss) {
+    for (const auto& [node, weight] : gauss_legendre_pairs) {
         const double s = a + (b - a) * node;
         sum += weight * s * s * disk_transfer(frequency, s).value;
         energy += weight * s * s;

@@ -21,7 +21,7 @@ double sinc(double x) {
 }
 
 // Gauss and Legendre's rule with 8 points on [-1, 1], the positive half.
-constexpr std::array<std::pair<double, double>, 4> gauss = {
+constexpr std::array<std::pair<double, double>, 4> gauss_legendre_8 = {
     {{0.1834346424956498, 0.3626837833783620},
      {0.5255324099163290, 0.3137066458778873},
      {0.7966664774136267, 0.2223810344533745},
@@ -71,7 +71,7 @@ EdgeResponse::EdgeResponse(double reach_px) {
     Eigen::ArrayXd weights(8 * panels);
     for (Eigen::Index panel = 0; panel < panels; ++panel)
         for (Eigen::Index i = 0; i < 8; ++i) {
-            const auto& [node, weight] = gauss[static_cast<std::size_t>(i / 2)];
+            const auto& [node, weight] = gauss_legendre_8[static_cast<std::size_t>(i / 2)];
             const double centre = (static_cast<double>(panel) + 0.5) * width;
             frequencies_[8 * panel + i] = centre + 0.5 * width * (i % 2 == 0 ? node : -node);
             weights[8 * panel + i] = 0.5 * width * weight;

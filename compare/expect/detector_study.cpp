@@ -46,9 +46,9 @@ void fill_noise(const Eigen::MatrixXd& differences, DetectorStatistics& pose) {
     pose.noise_factor = svd.matrixU() * svd.singularValues().asDiagonal();
 }
 
-class PoseStudy {
+class NoisyPose {
 public:
-    PoseStudy(const StationFile& station, int frames, std::uint64_t seed)
+    NoisyPose(const StationFile& station, int frames, std::uint64_t seed)
         : station_(station),
           view_(station.camera.model, station.marker.grid, station.background, station.white_level),
           projector_(station.camera.model),
@@ -131,7 +131,7 @@ DetectorStudy study_detector(const StationFile& station, std::span<const Rigid> 
     if (frames < least_frames)
         throw NumericalError(fmt::format("detector study: {} frames a pose, at least {} are needed",
                                          frames, least_frames));
-    const PoseStudy study(station, frames, seed);
+    const NoisyPose study(station, frames, seed);
     DetectorStudy result;
     result.frames = frames;
     result.poses.resize(camera_from_marker.size());

@@ -10,7 +10,7 @@ namespace etalon {
 namespace {
 
 constexpr std::size_t most_groups = 500;
-constexpr std::size_t draws = 999;  // 2.5 % of draws + 1 is the whole number 25
+constexpr std::size_t bootstrap_draws = 999;  // 2.5 % of bootstrap_draws + 1 is the whole number 25
 constexpr std::uint32_t shuffle_stream = 410, draw_stream = 411;
 
 // Sums over a group of rows; squares are of distances from the mean of all rows, so that no digits
@@ -72,8 +72,8 @@ ErrorRow means(std::span<const ErrorRow> rows) {
 }
 
 std::vector<Sums> drawn_sums(std::span<const Sums> groups, std::uint64_t seed) {
-    std::vector<Sums> drawn(draws);
-    for (std::size_t draw = 0; draw < draws; ++draw) {
+    std::vector<Sums> drawn(bootstrap_draws);
+    for (std::size_t draw = 0; draw < bootstrap_draws; ++draw) {
         RandomStream random(seed, draw_stream, draw);
         for (std::size_t i = 0; i < groups.size(); ++i)
             drawn[draw].add(groups[index_below(random, groups.size())]);
@@ -81,7 +81,7 @@ std::vector<Sums> drawn_sums(std::span<const Sums> groups, std::uint64_t seed) {
     return drawn;
 }
 
-// The percentiles of one statistic over the draws.
+// The percentiles of one statistic over the bootstrap_draws.
 template <typename Statistic>
 std::optional<ConfidenceInterval> percentiles(std::span<const Sums> drawn, double offset,
                                               const Statistic& statistic) {
@@ -91,7 +91,7 @@ std::optional<ConfidenceInterval> percentiles(std::span<const Sums> drawn, doubl
     values.reserve(drawn.size());
     for (const Sums& sums : drawn)
         values.push_back(offset + statistic(sums));
-    constexpr std::ptrdiff_t rank = (draws + 1) / 40;  // 2.5 %
+    constexpr std::ptrdiff_t rank = (bootstrap_draws + 1) / 40;  // 2.5 %
     const auto low = values.begin() + rank - 1, high = values.end() - rank;
     std::nth_element(values.begin(), low, values.end());
     std::nth_element(low + 1, high, values.end());

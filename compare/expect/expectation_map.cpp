@@ -12,7 +12,7 @@
 namespace etalon {
 namespace {
 
-constexpr int draws = 400;
+constexpr int map_draws = 400;
 
 // Least squares; a direction that the poses do not show (all at one depth) stays zero.
 Eigen::VectorXd fitted(const Eigen::MatrixXd& rows, const Eigen::VectorXd& values) {
@@ -53,8 +53,8 @@ ExpectationMap::ExpectationMap(std::span<const MarkerPlace> places, std::span<co
     Eigen::Index worst = 0;
     (rows * coefficients_).cwiseAbs().maxCoeff(&worst);
     worst_ = static_cast<std::size_t>(worst);
-    drawn_.resize(terms, draws);
-    for (int draw = 0; draw < draws; ++draw) {
+    drawn_.resize(terms, map_draws);
+    for (int draw = 0; draw < map_draws; ++draw) {
         RandomStream random(seed, 300, static_cast<std::uint64_t>(draw));
         Eigen::MatrixXd some_rows(count, terms);
         Eigen::VectorXd some(count);
@@ -77,7 +77,7 @@ ExpectationMap::Row ExpectationMap::row(const MarkerPlace& place) const {
 MapValue ExpectationMap::value_of(const Row& row) const {
     Eigen::RowVectorXd all = row * drawn_;
     std::sort(all.begin(), all.end());
-    return {row.dot(coefficients_), all[draws / 40], all[draws - 1 - draws / 40]};
+    return {row.dot(coefficients_), all[map_draws / 40], all[map_draws - 1 - map_draws / 40]};
 }
 
 MapValue ExpectationMap::at(const MarkerPlace& place) const {

@@ -4,16 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "compare/expect/error_intervals.h"
 #include "core/errors.h"
 #include "core/roll_pitch_yaw.h"
+#include "core/units.h"
 
 namespace etalon {
 namespace {
-
-constexpr double degrees = 180.0 / std::numbers::pi;
 
 double angle_between(const Eigen::Quaterniond& one, const Eigen::Quaterniond& two) {
     return rotation_vector(one.conjugate() * two).norm();
@@ -111,7 +109,7 @@ void fill(AxisBin& bin, const DetectorErrors& errors, std::span<const double> ax
 
 PoseComponents pose_components(const Rigid& camera_from_marker) {
     const Eigen::Vector3d& t = camera_from_marker.translation;
-    const Eigen::Vector3d angles = degrees * roll_pitch_yaw(camera_from_marker.rotation);
+    const Eigen::Vector3d angles = deg_per_rad * roll_pitch_yaw(camera_from_marker.rotation);
     return {t.x(), t.y(), t.z(), angles.x(), angles.y(), angles.z()};
 }
 
@@ -122,10 +120,10 @@ DetectedError detected_error(const Rigid& estimated, const Rigid& truth, bool fl
     const double angle = angle_between(truth.rotation, estimated.rotation);
     if (!shift.allFinite() || !turn.allFinite() || !std::isfinite(angle))
         throw NumericalError("pose statistics: an estimated pose is not finite");
-    return {
-        {shift.x(), shift.y(), shift.z(), degrees * wrapped(turn.x()), degrees * wrapped(turn.y()),
-         degrees * wrapped(turn.z()), shift.norm(), degrees * angle},
-        flip};
+    return {{shift.x(), shift.y(), shift.z(), deg_per_rad * wrapped(turn.x()),
+             deg_per_rad * wrapped(turn.y()), deg_per_rad * wrapped(turn.z()), shift.norm(),
+             deg_per_rad * angle},
+            flip};
 }
 
 bool is_flip(const PoseEstimate& estimate, const Rigid& truth) {

@@ -76,10 +76,6 @@ Finding saturated(double clipped) {
             clipped > hopelessly_clipped};
 }
 
-bool is_tag(const Marker& marker) {
-    return marker.kind == Marker::Kind::apriltag || marker.kind == Marker::Kind::aruco;
-}
-
 Finding negative(const Marker& marker, const PatternScore& score) {
     return {"negative",
             score.contrast_gray,

@@ -13,6 +13,10 @@
 #include "sim/marker/tag_pattern.h"
 
 namespace etalon {
+bool is_tag(const Marker& marker) {
+    return marker.kind == Marker::Kind::apriltag || marker.kind == Marker::Kind::aruco;
+}
+
 namespace {
 
 // A cell (or, on boards of very many, every n-th) and what the photograph shows there.
@@ -183,10 +187,6 @@ cv::Mat placed(const cv::Mat& cells, bool mirrored, int quarter_turns) {
     cv::Mat turned;
     cv::rotate(result, turned, rotations[quarter_turns - 1]);
     return turned;
-}
-
-bool is_tag(const Marker& marker) {
-    return marker.kind == Marker::Kind::apriltag || marker.kind == Marker::Kind::aruco;
 }
 
 // Takes what explains clearly more; a board may look the same in several positions.

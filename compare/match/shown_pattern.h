@@ -45,4 +45,7 @@ ShownPattern shown_pattern(const cv::Mat& photo_gray, double saturation_gray,
                            const Projector& projector, const Marker& marker,
                            const ComparedArea& area, const Rigid& camera_from_marker);
 
+// A single square tag, which has an id, and not a board.
+bool is_tag(const Marker& marker);
+
 }  // namespace etalon

@@ -28,7 +28,7 @@ struct Place {
     }
 };
 
-struct Step {
+struct AdjustmentStep {
     Eigen::VectorXd camera;
     std::vector<Eigen::VectorXd> photos;
     double predicted_gain = 0.0;  // half of score . step: how much the loss should fall
@@ -109,7 +109,7 @@ private:
         return change;
     }
 
-    Step step_at(const Place& place, double damping) const {
+    AdjustmentStep step_at(const Place& place, double damping) const {
         std::vector<Damped> damped;
         Eigen::MatrixXd information = Eigen::MatrixXd::Zero(parameter_count(), parameter_count());
         Eigen::VectorXd score = Eigen::VectorXd::Zero(parameter_count());
@@ -118,7 +118,7 @@ private:
             information += one.camera - one.mixed.transpose() * one.own.solve(one.mixed);
             score += one.camera_score - one.mixed.transpose() * one.own.solve(one.own_score);
         }
-        Step step;
+        AdjustmentStep step;
         if (parameter_count() > 0) {
             const Eigen::VectorXd scale =
                 information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
@@ -137,7 +137,7 @@ private:
         return step;
     }
 
-    Place moved(const Place& place, const Step& step) const {
+    Place moved(const Place& place, const AdjustmentStep& step) const {
         std::vector<PhotoState> states;
         for (std::size_t i = 0; i < photos_.size(); ++i)
             states.push_back(stepped(place.photos[i], terms_, step.photos[i]));
@@ -149,7 +149,7 @@ private:
     }
 
     // A step that leads where nothing can be rendered is no better than one that raises the loss.
-    std::optional<Place> tried(const Place& place, const Step& step) const {
+    std::optional<Place> tried(const Place& place, const AdjustmentStep& step) const {
         try {
             Place next = moved(place, step);
             if (next.loss() < place.loss())
@@ -168,7 +168,7 @@ private:
         converged_ = false;
         double damping = 1e-3;
         for (int i = 0; i < max_tries && damping < max_damping; ++i) {
-            const Step step = step_at(place, damping);
+            const AdjustmentStep step = step_at(place, damping);
             if (!std::isfinite(step.predicted_gain))
                 throw NumericalError("the photographs do not determine pose and photometric model");
             if (damping <= 1e-2 && step.predicted_gain < enough) {

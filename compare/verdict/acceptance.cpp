@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "compare/verdict/qualification.h"
+#include "compare/verdict/uncertainty_budget.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -16,7 +17,6 @@ using State = AcceptanceCondition::State;
 
 constexpr double least_share = 0.5;
 constexpr int least_planned = 2;
-constexpr double coverage_factor = 2.0;
 
 AcceptanceCondition not_checked(std::string name, std::string why) {
     AcceptanceCondition condition;
@@ -114,10 +114,11 @@ Drift fitted_drift(const SmoothField& field, std::span<const FieldSample> sample
     const Eigen::MatrixXd weighted =
         times_blocks(freed.transpose(), sample_weights(field, samples));
     const Eigen::Matrix3d covariance = Eigen::Matrix3d(weighted * freed).inverse();
-    return {covariance * (weighted * residual),
-            coverage_factor * std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance)
-                                            .eigenvalues()
-                                            .maxCoeff())};
+    return {
+        covariance * (weighted * residual),
+        field_coverage_factor * std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance)
+                                              .eigenvalues()
+                                              .maxCoeff())};
 }
 
 AcceptanceCondition drift(const QualificationInput& input, const Qualification& result,

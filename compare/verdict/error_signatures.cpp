@@ -13,6 +13,14 @@
 #include "core/errors.h"
 
 namespace etalon {
+double rms_norm(const Eigen::VectorXd& field) {
+    return std::sqrt(3.0 * field.squaredNorm() / static_cast<double>(field.size()));
+}
+
+double max_norm(const Eigen::VectorXd& field) {
+    return std::sqrt(field.reshaped(3, field.size() / 3).colwise().squaredNorm().maxCoeff());
+}
+
 namespace {
 
 using Points = std::vector<Eigen::Vector3d>;
@@ -248,14 +256,6 @@ private:
 };
 
 // ------------------------------------------------------------------------------------- figures
-
-double rms_norm(const Eigen::VectorXd& field) {
-    return std::sqrt(3.0 * field.squaredNorm() / static_cast<double>(field.size()));
-}
-
-double max_norm(const Eigen::VectorXd& field) {
-    return std::sqrt(field.reshaped(3, field.size() / 3).colwise().squaredNorm().maxCoeff());
-}
 
 // Information about the error's amplitude (in units of `size`) that the hold-out poses carry.
 double information(const SignatureChain& chain, const Eigen::VectorXd& field,

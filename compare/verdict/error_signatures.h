@@ -112,4 +112,8 @@ struct Explanation {
 std::optional<Explanation> explain(const Eigen::VectorXd& observed,
                                    std::span<const ErrorSignature> signatures);
 
+// Root mean square and largest length of the 3-vectors that are stacked in a field.
+double rms_norm(const Eigen::VectorXd& field);
+double max_norm(const Eigen::VectorXd& field);
+
 }  // namespace etalon

@@ -5,12 +5,12 @@
 #include <Eigen/Dense>
 #include <cmath>
 
+#include "compare/verdict/uncertainty_budget.h"
 #include "core/errors.h"
 
 namespace etalon {
 namespace {
 
-constexpr double coverage_factor = 2.0;
 constexpr double limit_sigmas = 3.0902;  // one-sided 99.9 %
 
 void require_usable(std::span<const FieldSample> samples, std::span<const SampleNoise> noise) {
@@ -110,7 +110,7 @@ void find_rest(const Eigen::VectorXd& residual, const QuadraticForm& form, Field
     double upper = mean_square;
     for (int round = 0; round < 100; ++round)
         upper = mean_square +
-                coverage_factor / gain *
+                field_coverage_factor / gain *
                     std::sqrt(form.variance + form.mean_variance + upper * (mixed + upper * own));
     rest.rms = std::sqrt(mean_square);
     rest.rms_uncertainty = std::sqrt(upper) - rest.rms;

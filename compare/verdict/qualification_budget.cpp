@@ -6,13 +6,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "compare/verdict/error_signatures.h"
 #include "compare/verdict/length_error.h"
 #include "core/errors.h"
 
 namespace etalon {
 namespace {
 
-constexpr double coverage_factor_of_noise = 2.0;  // of the fields' own uncertainties
 constexpr double mrad = 1e-3;
 // The widest plausible values of what a station may leave undeclared.
 constexpr double widest_flatness = 0.01;  // of the distance from the marker's centre to its edge
@@ -20,15 +20,6 @@ constexpr double widest_temperature_k = 5.0;
 constexpr double widest_expansion_per_k = 25e-6;  // aluminium has 23e-6
 
 constexpr const char* not_declared = "unknown: the station does not declare it";
-
-// Largest length of 3-vectors stacked in a field, and the root mean square length.
-double max_norm(const Eigen::VectorXd& field) {
-    return std::sqrt(field.reshaped(3, field.size() / 3).colwise().squaredNorm().maxCoeff());
-}
-
-double rms_norm(const Eigen::VectorXd& field) {
-    return std::sqrt(3.0 * field.squaredNorm() / static_cast<double>(field.size()));
-}
 
 double checked(const std::string& source, double uncertainty) {
     if (!std::isfinite(uncertainty) || uncertainty < 0.0)
@@ -153,7 +144,7 @@ private:
         const SmoothField& field = *result_.position_field;
         BudgetRow row = noise_row("image noise", "mm", field.residual_along, field);
         row.basis += ", along the line of sight";
-        const double k = coverage_factor_of_noise;
+        const double k = field_coverage_factor;
         contribute(row, quantity::position_rms, result_.position_summary.rms_uncertainty / k);
         contribute(row, quantity::position_max, result_.position_summary.max_uncertainty / k);
         contribute(row, quantity::length_max, result_.lengths->field_max_uncertainty_mm / k);

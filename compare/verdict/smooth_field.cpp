@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "compare/verdict/uncertainty_budget.h"
 #include "core/errors.h"
 #include "core/random.h"
 
@@ -14,7 +15,6 @@ namespace {
 
 constexpr double length_mm = 100.0;  // makes the basis functions comparable
 constexpr int min_samples = 10;
-constexpr double coverage_factor = 2.0;
 constexpr double coverage = 0.977;  // one-sided, of that factor
 constexpr int draw_count = 2000;
 constexpr int most_coefficients = 15;
@@ -257,7 +257,7 @@ void summarize_rms(const SmoothField& field, std::span<const Eigen::Vector3d> po
             .cwiseMax(0.0);
     const double square = field.coefficients.dot(power * field.coefficients) - noise.sum();
     const double rms2 = std::max(0.0, square);
-    const double k2 = coverage_factor * coverage_factor;
+    const double k2 = field_coverage_factor * field_coverage_factor;
     const double b = rms2 + 2.0 * k2 * noise.maxCoeff();
     const double upper2 = b + std::sqrt(b * b - rms2 * rms2 + k2 * 2.0 * noise.squaredNorm());
     summary.rms = std::sqrt(rms2);

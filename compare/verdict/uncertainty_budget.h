@@ -56,6 +56,10 @@ inline constexpr double coverage_probability = 0.97724986805182079;
 // The t with P(T <= t) = coverage_probability; 2 for infinitely many degrees of freedom (>= 1).
 double coverage_factor(double degrees_of_freedom);
 
+// Of the noise of a fitted field, whose deviations are known well: its fits have hundreds of
+// degrees of freedom.
+inline constexpr double field_coverage_factor = 2.0;
+
 // Of the known, counted rows. Throws NumericalError for a row whose figures are negative or not
 // finite.
 CombinedUncertainty combined(std::span<const BudgetRow> budget, const std::string& quantity);

@@ -10,7 +10,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto tick = 10ms;       // how often the controller looks at its watchdog
 constexpr auto round_trip = 1ms;  // of an ordinary request
 
 std::size_t bytes_of(const ModbusRequest& request) {
@@ -21,7 +20,7 @@ std::size_t bytes_of(const ModbusRequest& request) {
 
 void MemoryTransport::advance_to(Instant until) {
     while (clock_.now() < until) {
-        clock_.wait_until(std::min(until, clock_.now() + tick), {});
+        clock_.wait_until(std::min(until, clock_.now() + watchdog_tick), {});
         controller_.check_watchdogs();
     }
 }

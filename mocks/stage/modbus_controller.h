@@ -4,6 +4,7 @@
 // (mocks/stage/memory_transport.h).
 #pragma once
 
+#include <chrono>
 #include <mutex>
 #include <optional>
 #include <vector>
@@ -15,6 +16,9 @@
 #include "stage/profile/profile.h"
 
 namespace etalon {
+
+// How often the controllers' own watchdogs are looked at.
+inline constexpr std::chrono::milliseconds watchdog_tick{10};
 
 // What the controller says to a request, before it goes onto the wire.
 struct ModbusAnswer {

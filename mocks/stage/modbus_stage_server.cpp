@@ -27,7 +27,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::size_t max_clients = 16;
-constexpr auto tick = 10ms;          // how often the watchdog is looked at
 constexpr auto end_of_frame = 20ms;  // on a serial line: what began before such a pause is lost
 
 class FileDescriptor {
@@ -173,7 +172,7 @@ private:
         for (const Channel& channel : channels_)
             watched.push_back({channel.fd.get(), POLLIN, 0});
         const auto wait = std::max<Duration>(next_due() - std::chrono::steady_clock::now(), 0ms);
-        const timespec limit{0, std::min<Duration>(wait, tick) / 1ns};
+        const timespec limit{0, std::min<Duration>(wait, watchdog_tick) / 1ns};
         if (ppoll(watched.data(), watched.size(), &limit, nullptr) <= 0) {
             for (pollfd& entry : watched)
                 entry.revents = 0;
@@ -182,7 +181,7 @@ private:
     }
 
     Instant next_due() const {
-        Instant next = std::chrono::steady_clock::now() + tick;
+        Instant next = std::chrono::steady_clock::now() + watchdog_tick;
         for (const Channel& channel : channels_)
             for (const Channel::Outgoing& outgoing : channel.outgoing)
                 next = std::min(next, outgoing.due);

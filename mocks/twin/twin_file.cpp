@@ -4,28 +4,21 @@
 
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <string>
 
 #include "calib/files/camera_file.h"
 #include "core/strict_reader.h"
+#include "core/units.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {
 namespace {
 
-constexpr double rad_per_deg = std::numbers::pi / 180.0;
-
-double optional_number(const Value& mapping, const std::string& key, Range range = any_number) {
-    const auto value = mapping.find(key);
-    return value ? value->number(range) : 0.0;
-}
-
 CameraErrors read_camera_errors(const Value& value) {
     CameraErrors errors;
     const Range above_minus_half{-50.0, 50.0};  // percent; more is another camera
-    errors.focal_length_percent = optional_number(value, "focal_length_percent", above_minus_half);
-    errors.k1_percent = optional_number(value, "k1_percent");
+    errors.focal_length_percent = value.number_or_zero("focal_length_percent", above_minus_half);
+    errors.k1_percent = value.number_or_zero("k1_percent");
     if (const auto shift = value.find("principal_point_px")) {
         const std::vector<double> px = shift->numbers(2);
         errors.principal_point_px = {px[0], px[1]};
@@ -47,7 +40,7 @@ void read_twin_camera(const StrictFile& file, const Value& camera, TwinFile& twi
         twin.method = method->one_of({"auto", "reference"}) == "reference"
                           ? RenderMethod::reference
                           : RenderMethod::automatic;
-    twin.packet_loss = optional_number(camera, "packet_loss", {0.0, 1.0});
+    twin.packet_loss = camera.number_or_zero("packet_loss", {0.0, 1.0});
 }
 
 Rigid read_rigid(const Value& value) {

@@ -10,13 +10,12 @@
 #include <optional>
 
 #include "core/errors.h"
+#include "core/exit_codes.h"
 #include "core/text.h"
 #include "mocks/ending_signals.h"
 #include "mocks/twin/twin.h"
 
 namespace {
-
-constexpr int usage_error = 3, device_error = 4;
 
 struct Arguments {
     std::filesystem::path file;
@@ -63,10 +62,10 @@ int main(int argc, char** argv) {
         app.parse(argc, argv);
         return run(arguments);
     } catch (const CLI::ParseError& error) {
-        return app.exit(error) == 0 ? 0 : usage_error;  // --help is no error
+        return app.exit(error) == 0 ? 0 : etalon::ExitCode::usage_error;  // --help is no error
     } catch (const etalon::ConfigError& error) {
-        return failed(usage_error, error);
+        return failed(etalon::ExitCode::usage_error, error);
     } catch (const std::exception& error) {
-        return failed(device_error, error);
+        return failed(etalon::ExitCode::run_error, error);
     }
 }

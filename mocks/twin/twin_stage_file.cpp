@@ -4,22 +4,16 @@
 
 #include <algorithm>
 #include <map>
-#include <numbers>
 #include <optional>
 #include <utility>
 
+#include "core/units.h"
 #include "stage/profile/profile.h"
 
 namespace etalon {
 namespace {
 
-constexpr double rad_per_deg = std::numbers::pi / 180.0;
 constexpr int day_ms = 24 * 3600 * 1000;
-
-double optional_number(const Value& mapping, const std::string& key, Range range = any_number) {
-    const auto value = mapping.find(key);
-    return value ? value->number(range) : 0.0;
-}
 
 std::chrono::milliseconds optional_ms(const Value& mapping, const std::string& key, int low,
                                       std::chrono::milliseconds otherwise) {
@@ -53,7 +47,7 @@ void read_periodic(const Value& value, const Units& units, AxisErrors& errors) {
         return;
     errors.periodic = amplitude->number() * units.per_fine;
     errors.period = value.at("period" + units.coarse).number(positive) * units.per_coarse;
-    errors.phase = optional_number(value, "phase_deg") * rad_per_deg;
+    errors.phase = value.number_or_zero("phase_deg") * rad_per_deg;
 }
 
 void read_lean(const Value& value, std::size_t axis, const std::vector<Axis>& axes,
@@ -75,15 +69,14 @@ void read_lean(const Value& value, std::size_t axis, const std::vector<Axis>& ax
 AxisErrors read_axis_errors(const Value& value, std::size_t axis, const std::vector<Axis>& axes) {
     const Units units(axes[axis].kind);
     AxisErrors errors;
-    errors.scale = optional_number(value, "scale_ppm", {-1e5, 1e5}) * 1e-6;
+    errors.scale = value.number_or_zero("scale_ppm", {-1e5, 1e5}) * 1e-6;
     errors.repeatability =
-        optional_number(value, "repeatability" + units.fine, non_negative) * units.per_fine;
-    errors.backlash =
-        optional_number(value, "backlash" + units.fine, non_negative) * units.per_fine;
+        value.number_or_zero("repeatability" + units.fine, non_negative) * units.per_fine;
+    errors.backlash = value.number_or_zero("backlash" + units.fine, non_negative) * units.per_fine;
     errors.encoder_noise =
-        optional_number(value, "encoder_noise" + units.fine, non_negative) * units.per_fine;
-    errors.drift = optional_number(value, "drift" + units.fine + "_per_k") * units.per_fine;
-    errors.expansion = optional_number(value, "expansion_ppm_per_k", {-1e5, 1e5}) * 1e-6;
+        value.number_or_zero("encoder_noise" + units.fine, non_negative) * units.per_fine;
+    errors.drift = value.number_or_zero("drift" + units.fine + "_per_k") * units.per_fine;
+    errors.expansion = value.number_or_zero("expansion_ppm_per_k", {-1e5, 1e5}) * 1e-6;
     read_periodic(value, units, errors);
     read_lean(value, axis, axes, errors);
     return errors;
@@ -93,7 +86,7 @@ AxisServo read_servo(const Value& value, const Units& units) {
     AxisServo servo;
     servo.parameters.bandwidth_hz = value.at("bandwidth_hz").number(positive);
     servo.parameters.damping = value.at("damping").number(positive);
-    servo.parameters.drive_lag = optional_number(value, "drive_lag_us", non_negative) * 1e-6;
+    servo.parameters.drive_lag = value.number_or_zero("drive_lag_us", non_negative) * 1e-6;
     if (const auto resonance = value.find("resonance_hz")) {
         servo.parameters.resonance_hz = resonance->number(positive);
         servo.parameters.resonance_damping = value.at("resonance_damping").number(positive);

@@ -13,7 +13,6 @@
 namespace etalon {
 namespace {
 
-constexpr float black = 0.0f, white = 1.0f;
 constexpr double max_cells = 16e6;
 constexpr int max_cells_a_period = 256;
 

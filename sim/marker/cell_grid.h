@@ -7,6 +7,8 @@
 
 namespace etalon {
 
+inline constexpr float black = 0.0f, white = 1.0f;  // of a printed cell
+
 struct CellGrid {
     cv::Mat cells;              // CV_32FC1, rows x columns, linear radiance 0..1, row 0 on top
     Eigen::Vector2d corner_mm;  // marker-frame position of the grid's top-left corner

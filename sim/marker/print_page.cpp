@@ -19,7 +19,7 @@ constexpr double bar_gap_mm = 3.0;                         // from the grid to t
 constexpr double bar_height_mm = 1.5;
 constexpr double largest_font_mm = 3.5;
 constexpr double letter_width = 0.6;  // of the em, on average and generously
-constexpr std::size_t max_cells = 4'000'000, max_corners = 2'000'000;
+constexpr std::size_t max_printed_cells = 4'000'000, max_corners = 2'000'000;
 
 // IEC 61966-2-1.
 double srgb_encoded(double radiance) {
@@ -139,7 +139,7 @@ std::vector<PrintLayer> print_layers(const Marker& marker) {
                           "has too many cells and shades to be drawn as outlines: "
                           "write a .png");
     };
-    if (marker.grid.cells.total() > max_cells)
+    if (marker.grid.cells.total() > max_printed_cells)
         refuse();
     const cv::Mat shades = printed_shades(marker);
     const std::set<int, std::greater<>> grays(shades.begin<std::uint8_t>(),

@@ -9,7 +9,6 @@
 namespace etalon {
 namespace {
 
-constexpr float black = 0.0f, white = 1.0f;
 constexpr double code_radius = 0.35;
 // Published in units of the code's diameter: of a disc, and of one that joins two of them.
 constexpr double disc_radius = 0.062482177287080 * 2.0 * code_radius;

@@ -27,8 +27,6 @@
 namespace etalon {
 namespace {
 
-constexpr float black = 0.0f, white = 1.0f;
-
 struct Family {
     const char* name;
     apriltag_family_t* (*create)();

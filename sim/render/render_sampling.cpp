@@ -331,7 +331,7 @@ private:
     }
 
     static int points_of_tile(int k) {
-        const int side = UndistortionMap::tile_px * k;
+        const int side = tile_px * k;
         return side * side;
     }
 

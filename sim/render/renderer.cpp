@@ -22,8 +22,6 @@
 namespace etalon {
 namespace {
 
-constexpr int tile_px = UndistortionMap::tile_px;
-
 // 255 where the pixel's centre has a ray.
 cv::Mat valid_mask(const CameraModel& camera, const UndistortionMap& map) {
     cv::Mat valid(camera.height, camera.width, CV_8UC1);

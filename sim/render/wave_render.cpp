@@ -13,8 +13,6 @@
 namespace etalon {
 namespace {
 
-constexpr int tile_px = UndistortionMap::tile_px;
-
 double blur_radius_px(const MarkerView& view, const Projector& projector,
                       const Eigen::Vector2d& x) {
     const double radius =

@@ -1,9 +1,8 @@
 #include "sim/scene/bench_poses.h"
 
-#include <numbers>
-
 #include "calib/camera/projector.h"
 #include "core/errors.h"
+#include "core/units.h"
 #include "sim/scene/marker_in_view.h"
 #include "sim/scene/pose_sampling.h"
 #include "sim/scene/pose_volume.h"
@@ -13,7 +12,7 @@ namespace {
 
 constexpr double margin_px = 20.0;
 constexpr int dimensions = 6;
-constexpr double degree = std::numbers::pi / 180.0, full_turn = 360.0 * degree;
+constexpr double full_turn = 360.0 * rad_per_deg;
 
 Eigen::Quaterniond about(double angle, const Eigen::Vector3d& axis) {
     return Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis));
@@ -59,16 +58,16 @@ std::vector<Rigid> volume_poses(const CameraModel& camera, const CellGrid& grid,
 
 std::vector<Rigid> spread_poses(const CameraModel& camera, const CellGrid& grid, int count,
                                 std::uint64_t seed) {
-    return volume_poses(camera, grid, count, seed, {150.0, 1500.0, 70.0 * degree});
+    return volume_poses(camera, grid, count, seed, {150.0, 1500.0, 70.0 * rad_per_deg});
 }
 
 std::vector<Rigid> study_poses(const CameraModel& camera, const CellGrid& grid, int count,
                                std::uint64_t seed) {
-    constexpr Interval to_either_side{-45.0 * degree, 45.0 * degree};
+    constexpr Interval to_either_side{-45.0 * rad_per_deg, 45.0 * rad_per_deg};
     const PoseVolume volume{.z_mm = {500.0, 1500.0},
                             .roll = to_either_side,
                             .pitch = to_either_side,
-                            .yaw = {-180.0 * degree, 180.0 * degree},
+                            .yaw = {-180.0 * rad_per_deg, 180.0 * rad_per_deg},
                             .margin_px = margin_px};
     PoseSampler sampler(camera, {&grid, 1}, volume, SequenceKind::halton, seed);
     std::vector<Rigid> poses;

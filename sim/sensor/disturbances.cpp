@@ -124,7 +124,7 @@ private:
     }
 
     cv::Rect pixels_of(int level, int i, int j) const {
-        int side = UndistortionMap::tile_px;
+        int side = tile_px;
         for (int n = 0; n < level; ++n)
             side *= UndistortionMap::group_side;
         return cv::Rect(i * side, j * side, side, side) & image_;
@@ -138,7 +138,7 @@ private:
     // The edge is taken as straight within a pixel: what distortion bends it there, an eighth of
     // its curvature (1/px), is left out.
     void draw_tile(int i, int j) {
-        constexpr int n = UndistortionMap::tile_px;
+        constexpr int n = tile_px;
         map_.sample(i, j, n, points_);
         for (int k = 0; k < n * n; ++k) {
             const cv::Point pixel(n * i + k % n, n * j + k / n);

@@ -13,7 +13,7 @@ namespace {
 
 using std::numbers::pi;
 
-constexpr double step = 0.01;        // of the table, in x = pi r / (lambda N_w)
+constexpr double airy_step = 0.01;   // of the table, in x = pi r / (lambda N_w)
 constexpr double table_end = 400.0;  // beyond, the mean over the rings: 0.1 % of 0.16 % is lost
 constexpr int guides = 4096;
 constexpr double core_energy = 0.95, core_share = 0.75;
@@ -36,9 +36,9 @@ PointSpreadSampler::PointSpreadSampler(const CameraModel& camera)
 }
 
 void PointSpreadSampler::tabulate_airy() {
-    const int count = static_cast<int>(table_end / step) + 1;
+    const int count = static_cast<int>(table_end / airy_step) + 1;
     for (int i = 0; i < count; ++i) {
-        const double x = i * step, a = ::j0(x), b = ::j1(x);
+        const double x = i * airy_step, a = ::j0(x), b = ::j1(x);
         // Encircled energy never falls; rounding must not make it.
         const double energy = 1.0 - a * a - b * b;
         energy_.push_back(std::max(energy, energy_.empty() ? 0.0 : energy_.back()));
@@ -91,7 +91,7 @@ double PointSpreadSampler::radius_of(double energy) const {
         return 2.0 / (pi * (1.0 - energy)) * scale_px_ / pi;
     const auto [i, part] = position_of(energy);
     // The first interval begins like a parabola.
-    const double x = (static_cast<double>(i) + (i == 0 ? std::sqrt(part) : part)) * step;
+    const double x = (static_cast<double>(i) + (i == 0 ? std::sqrt(part) : part)) * airy_step;
     return x * scale_px_ / pi;
 }
 

@@ -17,7 +17,7 @@ namespace {
 using std::numbers::pi;
 
 constexpr double largest_u = 1000.0;
-constexpr double step = 0.05;  // of the table, in v; |U|^2 has no period below pi
+constexpr double wave_step = 0.05;  // of the table, in v; |U|^2 has no period below pi
 
 // Sums of q^n J_n(v) over even and odd n with alternating signs, q <= 1:
 //     even = J0 - q^2 J2 + q^4 J4 ...,   odd = q J1 - q^3 J3 ...
@@ -102,25 +102,27 @@ WavePointSpread::WavePointSpread(double lambda_n_px, double blur_radius_px)
             fmt::format("psf wave: no pattern for the blur radius {:.6g} px with lambda N = {:.6g} "
                         "px: their ratio must be within 0..{:.0f}",
                         blur_radius_px, lambda_n_px, largest_u / pi));
-    const int rows = static_cast<int>((1.5 * u_ + 200.0) / step) + 1;
+    const int rows = static_cast<int>((1.5 * u_ + 200.0) / wave_step) + 1;
     for (int i = 0; i <= rows; ++i)  // one more than is used
-        intensity_.push_back(wave_intensity(u_, i * step));
+        intensity_.push_back(wave_intensity(u_, i * wave_step));
     // f = v |U|^2 / 2 is the energy per v; the integral of the cubic through four values.
-    const auto f = [&](int i) { return 0.5 * i * step * intensity_[std::size_t(std::abs(i))]; };
+    const auto f = [&](int i) {
+        return 0.5 * i * wave_step * intensity_[std::size_t(std::abs(i))];
+    };
     energy_.push_back(0.0);
     for (int i = 0; i + 1 < rows; ++i)
         energy_.push_back(energy_.back() +
-                          step / 24.0 * (13.0 * (f(i) + f(i + 1)) - f(i - 1) - f(i + 2)));
-    const double end = static_cast<double>(energy_.size() - 1) * step;
+                          wave_step / 24.0 * (13.0 * (f(i) + f(i + 1)) - f(i - 1) - f(i + 2)));
+    const double end = static_cast<double>(energy_.size() - 1) * wave_step;
     closing_ = (1.0 - energy_.back()) / (2.0 / pi * tail_shape(u_, end));
 }
 
 double WavePointSpread::table_end_px() const {
-    return static_cast<double>(energy_.size() - 1) * step / scale_;
+    return static_cast<double>(energy_.size() - 1) * wave_step / scale_;
 }
 
 double WavePointSpread::density(double r) const {
-    const double place = scale_ * r / step;
+    const double place = scale_ * r / wave_step;
     const auto i = static_cast<std::size_t>(place);
     if (i + 1 >= energy_.size())
         return closing_ * wave_ring_average_density(pi / scale_, blur_radius_px_, r);
@@ -133,14 +135,15 @@ double WavePointSpread::density(double r) const {
 }
 
 double WavePointSpread::energy_within(double r) const {
-    const double v = scale_ * r, place = v / step;
+    const double v = scale_ * r, place = v / wave_step;
     const auto i = static_cast<std::size_t>(place);
     if (i + 1 >= energy_.size())
         return 1.0 - closing_ * 2.0 / pi * tail_shape(u_, v);
     // Hermite's cubic: the slopes are known.
     const double t = place - static_cast<double>(i);
-    const double slope_a = 0.5 * static_cast<double>(i) * step * step * intensity_[i];
-    const double slope_b = 0.5 * static_cast<double>(i + 1) * step * step * intensity_[i + 1];
+    const double slope_a = 0.5 * static_cast<double>(i) * wave_step * wave_step * intensity_[i];
+    const double slope_b =
+        0.5 * static_cast<double>(i + 1) * wave_step * wave_step * intensity_[i + 1];
     const double rise = energy_[i + 1] - energy_[i];
     return energy_[i] + t * (slope_a + t * (3.0 * rise - 2.0 * slope_a - slope_b +
                                             t * (slope_a + slope_b - 2.0 * rise)));
@@ -153,7 +156,7 @@ double WavePointSpread::radius_of(double energy) const {
     }
     const auto after = std::upper_bound(energy_.begin(), energy_.end(), energy);
     const auto i = static_cast<double>(after - energy_.begin() - 1);
-    double low = i * step / scale_, high = (i + 1.0) * step / scale_;
+    double low = i * wave_step / scale_, high = (i + 1.0) * wave_step / scale_;
     for (int n = 0; n < 24; ++n) {
         const double middle = 0.5 * (low + high);
         (energy_within(middle) <= energy ? low : high) = middle;

@@ -8,7 +8,6 @@
 namespace etalon {
 namespace {
 
-constexpr int tile_px = UndistortionMap::tile_px;
 constexpr int tile_shift = 2;    // a tile is one square
 constexpr int square_shift = 3;  // the finest grid outside the sampled tiles
 

@@ -3,8 +3,6 @@
 namespace etalon {
 namespace {
 
-constexpr int tile_px = UndistortionMap::tile_px;
-
 // Of the parallelogram that a sample's box becomes.
 Box parallelogram_box(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides) {
     const Eigen::Vector2d half = 0.5 * sides.cwiseAbs().rowwise().sum();

@@ -114,7 +114,6 @@ void set_disk_geometry(const MarkerView& view, const TilePolynomial& place, cons
                        bool with_lens, double radius_px, double pitch_y, TileGeometry& geometry) {
     Eigen::Matrix2d by_place;  // d x / d (s, t)
     by_place << place.x(0, 1), place.x(1, 0), place.y(0, 1), place.y(1, 0);
-    constexpr double tile_px = UndistortionMap::tile_px;
     Eigen::Matrix2d to_px =
         Eigen::Vector2d(tile_px, tile_px * pitch_y).asDiagonal() * by_place.inverse();
     if (with_lens) {

@@ -7,11 +7,7 @@
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
-namespace {
-
-constexpr int tile_px = UndistortionMap::tile_px;
-
-}  // namespace
+namespace {}  // namespace
 
 int TileInterpolation::side(int k) {
     return tile_px * k + 2 * margin;

@@ -8,7 +8,6 @@
 namespace etalon {
 namespace {
 
-constexpr int tile_px = UndistortionMap::tile_px;
 // Blocks of 16 x 16 tiles: few enough to share out, each long enough to be worth a task.
 constexpr int block_level = 2;
 

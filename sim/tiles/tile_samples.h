@@ -60,7 +60,7 @@ private:
         cv::Rect off_background;
     };
     class Search;
-    int side() const { return UndistortionMap::tile_px * k(); }
+    int side() const { return tile_px * k(); }
 
     // Tiles that are one value other than the background.
     struct Uniform {

@@ -20,6 +20,8 @@
 
 namespace etalon {
 
+inline constexpr int tile_px = 4;  // side of a tile
+
 // An undistorted sensor point with its derivative by the pixel, d x / d pixel.
 struct MappedPoint {
     Eigen::Vector2d x;
@@ -35,7 +37,6 @@ struct TilePolynomial {
 
 class UndistortionMap {
 public:
-    static constexpr int tile_px = 4;
     static constexpr int group_side = 4;
 
     enum class Validity { all, some, none };

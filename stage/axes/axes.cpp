@@ -1,14 +1,12 @@
 #include "stage/axes/axes.h"
+#include "core/units.h"
 
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numbers>
 
 namespace etalon {
 namespace {
-
-constexpr double rad_per_deg = std::numbers::pi / 180.0;
 
 Eigen::Vector3d read_direction(const Value& value) {
     const std::vector<double> numbers = value.numbers(3);

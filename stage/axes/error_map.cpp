@@ -5,14 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <numbers>
 
 #include "core/text.h"
+#include "core/units.h"
 
 namespace etalon {
 namespace {
 
-constexpr double rad_per_deg = std::numbers::pi / 180.0;
 constexpr double mm_per_um = 1e-3;
 
 ErrorMapPoint point_of(const std::vector<double>& row, bool rotary, const SourcePlace& place) {

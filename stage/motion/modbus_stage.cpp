@@ -1,17 +1,15 @@
 #include "stage/motion/modbus_stage.h"
+#include "core/units.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <set>
 #include <utility>
 
 namespace etalon {
 namespace {
-
-constexpr double deg_per_rad = 180.0 / std::numbers::pi;
 
 // How far an axis at rest may be read elsewhere than where it was left: noise and creep.
 constexpr double rest_tolerances = 10.0;

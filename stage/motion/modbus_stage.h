@@ -59,6 +59,9 @@ public:
     void set_trace(std::function<void(const std::string&)> line) override;
 
 private:
+    // At most 200 polls a second.
+    static constexpr std::chrono::milliseconds poll_period{5};
+
     enum class State { connected, enabled, homed, faulted };
     using Statuses = std::vector<AxisStatus>;
 

@@ -13,7 +13,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto poll_period = 5ms;    // at most 200 polls a second
 constexpr auto start_time = 500ms;   // in which a start that was not answered must be seen
 constexpr double implausible = 1.5;  // times the speed, beyond any overshoot
 

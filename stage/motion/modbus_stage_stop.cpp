@@ -10,7 +10,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto poll_period = 5ms;
 constexpr auto pause = 20ms;  // between attempts
 
 }  // namespace

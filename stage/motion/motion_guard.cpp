@@ -1,4 +1,5 @@
 #include "stage/motion/motion_guard.h"
+#include "core/units.h"
 
 #include <fmt/format.h>
 
@@ -12,7 +13,6 @@ namespace {
 
 using Positions = std::vector<double>;
 
-constexpr double rad_per_deg = std::numbers::pi / 180.0;
 constexpr double turn = 2.0 * std::numbers::pi;
 constexpr double seconds_per_stop = 0.2;   // what coming to rest between two motions costs
 constexpr std::size_t max_split_axes = 8;  // 3^8 motions are looked at

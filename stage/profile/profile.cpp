@@ -4,14 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "core/units.h"
 #include "stage/profile/profile_parts.h"
 
 namespace etalon {
 namespace {
-
-constexpr double deg_per_rad = 180.0 / std::numbers::pi;
 
 // Signed: an axis may count backwards.
 double counts_per_unit(const StageProfile& profile, const Axis& axis) {

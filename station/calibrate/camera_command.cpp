@@ -10,13 +10,12 @@
 #include "calib/files/camera_formats.h"
 #include "calib/intrinsics/camera_check.h"
 #include "core/errors.h"
+#include "core/exit_codes.h"
 #include "core/strict_reader.h"
 #include "station/shell/commands.h"
 
 namespace etalon {
 namespace {
-
-constexpr int failed = 1;
 
 CameraModel selected_camera(const CameraFileArguments& arguments) {
     if (arguments.select.empty())
@@ -186,7 +185,7 @@ int run_camera_check(const CameraFileArguments& arguments) {
         fmt::print("{}\n", check_json(check).dump(2));
     else
         print_check(check);
-    return check.has_fault() ? failed : 0;
+    return check.has_fault() ? ExitCode::fail : 0;
 }
 
 }  // namespace etalon

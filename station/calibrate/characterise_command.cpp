@@ -10,6 +10,7 @@
 #include "compare/characterise/characterisation.h"
 #include "compare/detect/photo_pose.h"
 #include "core/errors.h"
+#include "core/exit_codes.h"
 #include "core/text.h"
 #include "station/calibrate/characterise_report.h"
 #include "station/shell/commands.h"
@@ -19,8 +20,6 @@ namespace {
 
 using nlohmann::ordered_json;
 using Paths = std::vector<std::filesystem::path>;
-
-constexpr int inconclusive = 2;
 
 // Reads each photograph once; one that is named twice would count its noise as agreement.
 class PhotoReader {
@@ -262,7 +261,7 @@ int run_characterise(const CharacteriseArguments& arguments) {
         if (!arguments.report.empty())
             fmt::print("report {}\n", (arguments.report / "report.html").string());
     }
-    return result.was_anything_refused() ? inconclusive : 0;
+    return result.was_anything_refused() ? ExitCode::inconclusive : 0;
 }
 
 }  // namespace etalon

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "core/errors.h"
+#include "core/exit_codes.h"
 #include "station/devices/capture_run.h"
 #include "station/devices/capture_settings.h"
 #include "station/devices/live_view.h"
@@ -14,8 +15,6 @@
 
 namespace etalon {
 namespace {
-
-constexpr int run_error = 4, interrupted = 130;
 
 CaptureRequest request_of(const CaptureArguments& arguments) {
     CaptureRequest request;
@@ -109,8 +108,8 @@ int run_capture(const CaptureArguments& arguments) {
     }
     print_result(result, arguments);
     if (result.reason == "interrupted")
-        return interrupted;
-    return result.reason.empty() && result.complete >= arguments.frames ? 0 : run_error;
+        return ExitCode::interrupted;
+    return result.reason.empty() && result.complete >= arguments.frames ? 0 : ExitCode::run_error;
 }
 
 }  // namespace etalon

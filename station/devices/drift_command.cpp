@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "core/errors.h"
+#include "core/exit_codes.h"
 #include "core/text.h"
 #include "station/devices/capture_settings.h"
 #include "station/devices/drift_report.h"
@@ -15,8 +16,6 @@
 
 namespace etalon {
 namespace {
-
-constexpr int inconclusive = 2, run_error = 4, interrupted = 130;
 
 bool is_recording(const CaptureArguments& arguments) {
     return arguments.camera.starts_with("files:");
@@ -101,10 +100,10 @@ void print_result(const CaptureArguments& arguments, const DriftResult& result) 
 
 int exit_code(const DriftResult& result) {
     if (result.reason == "interrupted")
-        return interrupted;
+        return ExitCode::interrupted;
     if (!result.reason.empty())
-        return run_error;
-    return result.stable ? 0 : inconclusive;
+        return ExitCode::run_error;
+    return result.stable ? 0 : ExitCode::inconclusive;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <iostream>
 
 #include "core/errors.h"
+#include "core/exit_codes.h"
 #include "stage/motion/guarded_stage.h"
 #include "station/devices/stage_text.h"
 #include "station/shell/commands.h"
@@ -14,8 +15,6 @@
 
 namespace etalon {
 namespace {
-
-constexpr int run_error = 4;
 
 // The stage with its rules, and what it is told to show. Traces go to stderr.
 class Session {
@@ -115,7 +114,7 @@ int run_stage_stop(const StageArguments& arguments) {
     Session session(read_station_stage(arguments.station), arguments.trace, Opening::asks_nothing);
     if (!session.stage().stop()) {
         fmt::print(stderr, "etalon: the stage did NOT confirm that its axes stand still\n");
-        return run_error;
+        return ExitCode::run_error;
     }
     session.show(arguments.json);
     return 0;

@@ -4,18 +4,16 @@
 #include <fmt/ranges.h>
 
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <set>
 
 #include "core/progress.h"
 #include "core/text.h"
+#include "core/units.h"
 
 namespace etalon {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr double rad_per_deg = std::numbers::pi / 180.0;
 
 double typed_unit(const Axis& axis) {
     return axis.kind == Axis::Kind::linear ? 1.0 : rad_per_deg;

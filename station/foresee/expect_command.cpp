@@ -4,19 +4,17 @@
 
 #include <cstdio>
 #include <mutex>
-#include <numbers>
 
 #include "calib/files/camera_file.h"
 #include "core/errors.h"
 #include "core/progress.h"
 #include "core/text.h"
+#include "core/units.h"
 #include "station/foresee/expectation_report.h"
 #include "station/shell/commands.h"
 
 namespace etalon {
 namespace {
-
-constexpr double rad_per_deg = std::numbers::pi / 180.0;
 
 // "NEAR:FAR", mm.
 SeenVolume parse_volume(const std::string& text, double max_tilt_deg) {

@@ -4,11 +4,11 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "core/errors.h"
 #include "core/pose_numbers.h"
 #include "core/text.h"
+#include "core/units.h"
 #include "report/svg_plot.h"
 
 namespace etalon {
@@ -16,8 +16,6 @@ namespace {
 
 using nlohmann::ordered_json;
 using Variable = ExpectationMap::Variable;
-
-constexpr double deg_per_rad = 180.0 / std::numbers::pi;
 
 double rms(const std::vector<double>& values) {
     double sum = 0.0;

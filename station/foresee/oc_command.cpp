@@ -21,7 +21,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int noisy_frames = 24;
+constexpr int frames_of_study = 24;
 
 // ------------------------------------------------------------------------------------- for people
 
@@ -220,7 +220,7 @@ void write_files(const std::filesystem::path& folder, const Json& json,
 }  // namespace
 
 int run_oc(const OcArguments& arguments) {
-    const StudiedPlan studied = study_plan(arguments.station, noisy_frames);
+    const StudiedPlan studied = study_plan(arguments.station, frames_of_study);
     SteadyClock clock;
     Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
     CharacteristicRequest request;

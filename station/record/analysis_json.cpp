@@ -10,10 +10,6 @@ namespace {
 
 using Json = RecordJson;
 
-Json optional_number(const std::optional<double>& value) {
-    return value ? Json(*value) : Json();
-}
-
 // Of a reported quantity limit and outcome are null: nobody asked for a judgement. Infinite degrees
 // of freedom are written as null.
 Json measurement_json(const JudgedQuantity& q, bool judged) {

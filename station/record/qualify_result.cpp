@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "core/errors.h"
+#include "core/exit_codes.h"
 
 namespace etalon {
 
@@ -25,17 +26,17 @@ const char* name(RunOutcome outcome) {
 int exit_code(RunOutcome outcome) {
     switch (outcome) {
         case RunOutcome::pass:
-            return 0;
+            return ExitCode::pass;
         case RunOutcome::fail:
-            return 1;
+            return ExitCode::fail;
         case RunOutcome::inconclusive:
-            return 2;
+            return ExitCode::inconclusive;
         case RunOutcome::error:
-            return 4;
+            return ExitCode::run_error;
         case RunOutcome::aborted:
-            return 130;
+            return ExitCode::interrupted;
     }
-    return 4;
+    return ExitCode::run_error;
 }
 
 CaptureStatistics total_counters(const std::vector<RunSession>& sessions) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -22,6 +23,11 @@ RecordJson inputs_json(std::span<const InputFile> inputs);
 
 // The camera's counters go into the record of whatever it was used for.
 void add_counters(RecordJson& camera, const CaptureStatistics& counts);
+
+// null without a value; nlohmann writes NaN and infinity as null by itself.
+inline RecordJson optional_number(const std::optional<double>& value) {
+    return value ? RecordJson(*value) : RecordJson();
+}
 
 template <class Vector>
 RecordJson numbers_json(const Vector& vector) {

@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "core/pose_numbers.h"
 #include "core/text.h"
+#include "core/units.h"
 #include "station/record/analysis_json.h"
 #include "station/record/record_json.h"
 
@@ -15,15 +15,8 @@ namespace {
 
 using Json = RecordJson;
 
-constexpr double deg_per_rad = 180.0 / std::numbers::pi;
-
 double seconds(Duration duration) {
     return std::chrono::duration<double>(duration).count();
-}
-
-// nlohmann writes NaN and infinity as null by itself.
-Json optional_number(const std::optional<double>& value) {
-    return value ? Json(*value) : Json();
 }
 
 double unit_of(const Axis& axis) {

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "calib/registration/stage_motion.h"
 #include "compare/detect/detector.h"
@@ -12,12 +11,12 @@
 #include "compare/photometric/photometric_detector.h"
 #include "core/errors.h"
 #include "core/text.h"
+#include "core/units.h"
 #include "stage/axes/kinematics.h"
 
 namespace etalon {
 namespace {
 
-constexpr double rad_per_deg = std::numbers::pi / 180.0;
 constexpr double detector_error_px = 0.5;  // of a photometric pose's start
 
 std::string column_name(const Axis& axis) {

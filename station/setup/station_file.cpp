@@ -2,19 +2,16 @@
 
 #include <fmt/format.h>
 
-#include <numbers>
-
 #include "calib/files/camera_file.h"
 #include "compare/detect/detector.h"
 #include "compare/verdict/limits_file.h"
 #include "core/strict_reader.h"
+#include "core/units.h"
 #include "stage/profile/profile.h"
 #include "station/setup/station_inputs.h"
 
 namespace etalon {
 namespace {
-
-constexpr double rad_per_deg = std::numbers::pi / 180.0;
 
 double number_or(const Value& parent, const char* key, double fallback, Range range) {
     const auto value = parent.find(key);

@@ -1,13 +1,35 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds the release preset, and runs every test that this machine can
-# run. Arguments go to ctest: ./test.sh -L unit, ./test.sh -R Stage.
+# Installs what is missing, builds the release preset and runs its tests.
+#
+#     ./test.sh [--all] [CTEST ARGUMENTS]      ./test.sh -L sim    ./test.sh -R Stage
+#
+# Without --all: what guards every day's work; it leaves out the labels statistical (many renders or
+# runs each, tolerances derived for their size), vm (two virtual machines with real camera drivers)
+# and evidence (whole runs that are repeated, killed or sent to a cluster). --all: everything that
+# this machine can run. Labels are these, unit, loopback, photo and install, and the room: -L sim/tiles.
+# What cannot run here says skipped and why. Times: README.md.
 set -euo pipefail
 cd "$(dirname "$0")"
+if [[ " $* " == *" --help "* || " $* " == *" -h "* ]]; then
+    sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "$0"
+    exit 0
+fi
+chosen=(-LE '^(statistical|vm|evidence)')
+target=everyday_tests
+if [ "${1:-}" = --all ]; then
+    chosen=()
+    target=all
+    shift
+fi
 mkdir -p build
 . scripts/packages.sh
 
 # shellcheck disable=SC2086
 install_packages $build_packages $test_packages
+if [ "$target" = all ]; then
+    # shellcheck disable=SC2086
+    install_packages $all_test_packages
+fi
 
 # The real photographs are the documentation of a Debian package. Slim images leave documentation
 # out when they install a package, so it is unpacked here instead.
@@ -25,6 +47,7 @@ if [ ! -e build/photos/left01.jpg ]; then
     rm -rf "$download"
 fi
 
-build_etalon all
+build_etalon "$target"
 echo "== testing"
-ctest --test-dir build/release --output-on-failure --no-tests=error -j "$(nproc)" "$@"
+ctest --test-dir build/release --output-on-failure --no-tests=error -j "$(nproc)" \
+    "${chosen[@]}" "$@"

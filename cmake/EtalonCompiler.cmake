@@ -4,13 +4,14 @@ add_library(etalon_compiler INTERFACE)
 # No fast-math anywhere: NaN must stay visible, and sums must not be reordered behind our back.
 # No contraction: a fused multiply-add in one build and not in the next would change results.
 target_compile_options(etalon_compiler INTERFACE
-    -Wall -Wextra -Wpedantic -Wno-missing-field-initializers -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -ffp-contract=off
+    -Wall -Wextra -Wpedantic -Wno-missing-field-initializers -Wnon-virtual-dtor -Woverloaded-virtual -ffp-contract=off
     -pthread   # on every file or none: a precompiled header is refused when it differs
     $<$<BOOL:${ETALON_WARNINGS_AS_ERRORS}>:-Werror>)
 
 # g++ 12 sees an impossible memcpy inside std::string (its bug 105651): not our warning.
+# -Wshadow=local: names of other files of the room are no reason for a warning.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    target_compile_options(etalon_compiler INTERFACE -Wno-stringop-overflow -Wno-stringop-overread -Wno-restrict -Wno-array-bounds)
+    target_compile_options(etalon_compiler INTERFACE -Wshadow=local -Wno-stringop-overflow -Wno-stringop-overread -Wno-restrict -Wno-array-bounds)
 endif()
 
 if(ETALON_SANITIZE)

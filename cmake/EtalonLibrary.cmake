@@ -37,9 +37,10 @@ endfunction()
 function(etalon_precompile target)
     if(target STREQUAL "etalon_core")
         target_precompile_headers(${target} PRIVATE
-            <Eigen/Core> <Eigen/Geometry> <opencv2/core.hpp> <fmt/format.h>
+            ${PROJECT_SOURCE_DIR}/core/eigen_instances.h <opencv2/core.hpp> <fmt/format.h>
             <algorithm> <array> <chrono> <cmath> <filesystem> <functional> <map> <memory> <mutex>
-            <optional> <span> <string> <string_view> <thread> <vector>)
+            <iostream> <fstream> <sstream> <numeric> <optional> <set> <span> <string> <string_view>
+            <thread> <variant> <vector>)
     else()
         target_precompile_headers(${target} REUSE_FROM etalon_core)
     endif()

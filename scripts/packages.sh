@@ -4,12 +4,11 @@
 build_packages="g++ cmake ninja-build ccache pkg-config libopencv-dev libopencv-contrib-dev \
     libeigen3-dev libceres-dev libapriltag-dev libaravis-dev libusb-1.0-0-dev libcamera-dev \
     libmodbus-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev libfmt-dev libhwy-dev libtbb-dev"
-test_packages="libbenchmark-dev libgtest-dev libgmock-dev poppler-utils"
-# Tests with real camera drivers run in a virtual machine: its emulator, what its first file
-# system is made of, and the service that tells programs about devices.
-test_packages="$test_packages qemu-system-x86 busybox-static kmod cpio udev"
-# A study on a cluster of one node.
-test_packages="$test_packages slurm-wlm"
+test_packages="libgtest-dev libgmock-dev poppler-utils"
+# ./test.sh --all: Google Benchmark; a virtual machine for tests with real camera drivers (its
+# emulator, what its first file system is made of, and the service that tells programs about
+# devices); a cluster of one node.
+all_test_packages="libbenchmark-dev qemu-system-x86 busybox-static kmod cpio udev slurm-wlm"
 
 missing_packages() {
     local package

@@ -10,12 +10,11 @@
 #include "sim/scene/pose_file.h"
 #include "tests/fuzz/damaged_files.h"
 #include "tests/fuzz/scene_check.h"
+#include "tests/gray.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon::test {
 namespace {
-
-constexpr double gray = 1.0 / 255.0;
 
 void expect_clean(const SceneCheck& check, std::uint64_t seed) {
     for (const Violation& violation : check.violations)

@@ -3,11 +3,10 @@
 #include <fmt/format.h>
 
 #include "core/errors.h"
+#include "tests/gray.h"
 
 namespace etalon::test {
 namespace {
-
-constexpr double gray = 1.0 / 255.0;
 
 struct Attempt {
     std::optional<RenderedImage> image;

@@ -14,18 +14,18 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr int width = 1280, height = 1024;
+constexpr int large_width = 1280, large_height = 1024;
 
 // A picture that is cheap to make and different for every number: random bytes, read from another
 // place each time.
 class NumberedPictures {
 public:
-    NumberedPictures() : noise_(1, width * height + pictures, CV_8UC1) {
+    NumberedPictures() : noise_(1, large_width * large_height + pictures, CV_8UC1) {
         cv::RNG random(75);
         random.fill(noise_, cv::RNG::UNIFORM, 0, 256);
     }
     cv::Mat of(int number) const {
-        return cv::Mat(height, width, CV_8UC1,
+        return cv::Mat(large_height, large_width, CV_8UC1,
                        const_cast<std::uint8_t*>(noise_.data) + number % pictures);
     }
 
@@ -44,8 +44,8 @@ struct NumberedCamera {
 
     static GigeCameraOptions options() {
         GigeCameraOptions options;
-        options.width = width;
-        options.height = height;
+        options.width = large_width;
+        options.height = large_height;
         return options;
     }
 };

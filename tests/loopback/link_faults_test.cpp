@@ -9,7 +9,6 @@ namespace {
 
 using namespace std::chrono_literals;
 using Kind = ModbusFault::Kind;
-constexpr auto holding = RegisterSpace::holding_registers;
 
 struct FaultCase {
     const char* name;
@@ -38,7 +37,7 @@ protected:
 
     void write(std::uint16_t first, std::uint16_t second) {
         const std::vector<std::uint16_t> values = {first, second};
-        link.write(1, holding, 104, values);
+        link.write(1, RegisterSpace::holding_registers, 104, values);
     }
     void break_next() {
         rig.server->set_script(scripted_faults({fault_case().fault}, rig.simulation));
@@ -54,9 +53,11 @@ TEST_P(LinkFault, AReadGetsTheRightValueAllTheSame) {
     write(7, 5);
     break_next();
     const Instant start = rig.clock.now();
-    EXPECT_EQ(link.read(1, holding, 104, 2), (std::vector<std::uint16_t>{7, 5}));
+    EXPECT_EQ(link.read(1, RegisterSpace::holding_registers, 104, 2),
+              (std::vector<std::uint16_t>{7, 5}));
     EXPECT_LT(rig.clock.now() - start, 900ms);
-    EXPECT_EQ(link.read(1, holding, 105, 1), std::vector<std::uint16_t>{5});
+    EXPECT_EQ(link.read(1, RegisterSpace::holding_registers, 105, 1),
+              std::vector<std::uint16_t>{5});
 }
 
 TEST_P(LinkFault, AWriteIsSentOnceAndCanBeReadBack) {
@@ -72,7 +73,7 @@ TEST_P(LinkFault, AWriteIsSentOnceAndCanBeReadBack) {
     }
     EXPECT_EQ(uncertain, !fault_case().write_is_refused);
     const bool done = !fault_case().write_is_refused;
-    EXPECT_EQ(link.read(1, holding, 104, 2),
+    EXPECT_EQ(link.read(1, RegisterSpace::holding_registers, 104, 2),
               done ? (std::vector<std::uint16_t>{9, 3}) : (std::vector<std::uint16_t>{7, 5}));
     EXPECT_EQ(rig.server->writes().size(), done ? 2U : 1U);
 }

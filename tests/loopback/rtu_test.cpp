@@ -11,7 +11,6 @@ namespace {
 
 using namespace std::chrono_literals;
 using Kind = ModbusFault::Kind;
-constexpr auto holding = RegisterSpace::holding_registers;
 
 // Registers 100 to 131 of the generic profile keep what is written to them.
 constexpr int first_register = 100, register_count = 32;
@@ -62,30 +61,31 @@ TEST(Rtu, OnlyTheUnitThatIsAskedAnswers) {
     StageRig rig(60ms, Wire::rtu);
     StageLink link = rig.link();
     ModbusLink bus(link, rig.clock);
-    bus.write(1, holding, first_register, contents(first_register, 5));
-    EXPECT_THROW(bus.read(7, holding, first_register, 5, 1), DeviceError);
-    EXPECT_EQ(bus.read(1, holding, first_register, 5, 1), contents(first_register, 5));
+    bus.write(1, RegisterSpace::holding_registers, first_register, contents(first_register, 5));
+    EXPECT_THROW(bus.read(7, RegisterSpace::holding_registers, first_register, 5, 1), DeviceError);
+    EXPECT_EQ(bus.read(1, RegisterSpace::holding_registers, first_register, 5, 1),
+              contents(first_register, 5));
 }
 
 TEST(Rtu, ALineHasOneMaster) {
     StageRig rig(300ms, Wire::rtu);
     ModbusLink first(rig.link(), rig.clock), second(rig.link(), rig.clock);
-    first.read(1, holding, first_register, 1);
+    first.read(1, RegisterSpace::holding_registers, first_register, 1);
     try {
-        second.read(1, holding, first_register, 1, 1);
+        second.read(1, RegisterSpace::holding_registers, first_register, 1, 1);
         ADD_FAILURE() << "two masters";
     } catch (const DeviceError& error) {
         EXPECT_EQ(error.cause(), "cannot connect: another program uses the line");
     }
     first.close();
-    second.read(1, holding, first_register, 1, 1);
+    second.read(1, RegisterSpace::holding_registers, first_register, 1, 1);
 }
 
 TEST(Rtu, ALineThatIsNotThereIsADeviceErrorThatSaysSo) {
     SteadyClock clock;
     ModbusLink link({.address = SerialPort{.device = "/dev/etalon-no-such-line"}}, clock);
     try {
-        link.read(1, holding, 0, 1, 1);
+        link.read(1, RegisterSpace::holding_registers, 0, 1, 1);
         ADD_FAILURE();
     } catch (const DeviceError& error) {
         EXPECT_STREQ(error.what(),
@@ -97,11 +97,11 @@ TEST(Rtu, ALineThatIsNotThereIsADeviceErrorThatSaysSo) {
 TEST(Rtu, ALineWhoseOtherEndIsGoneIsAnErrorAtOnce) {
     StageRig rig(300ms, Wire::rtu);
     ModbusLink link(rig.link(), rig.clock);
-    link.read(1, holding, first_register, 1);
+    link.read(1, RegisterSpace::holding_registers, first_register, 1);
     rig.server.reset();
     rig.line.reset();
     const Instant start = rig.clock.now();
-    EXPECT_THROW(link.read(1, holding, first_register, 1), DeviceError);
+    EXPECT_THROW(link.read(1, RegisterSpace::holding_registers, first_register, 1), DeviceError);
     EXPECT_LT(rig.clock.now() - start, 1s);
 }
 
@@ -109,7 +109,8 @@ TEST(Rtu, ALineWhoseOtherEndIsGoneIsAnErrorAtOnce) {
 TEST(Rtu, ALateReplyLooksLikeTheNextRequestsReply) {
     StageRig rig(300ms, Wire::rtu);
     ModbusLink(rig.link(), rig.clock)
-        .write(1, holding, first_register, contents(first_register, register_count));
+        .write(1, RegisterSpace::holding_registers, first_register,
+               contents(first_register, register_count));
     rig.server->set_script([](const ModbusRequest& request) {
         return ModbusReaction{.delay = request.address == 103 ? 60ms : 90ms};
     });
@@ -127,7 +128,8 @@ TEST(RtuEvidence, NoWrongValueInTenThousandReadsWithLateReplies) {
     StageLink settings = rig.link();
     settings.quiet = 80ms;
     ModbusLink link(settings, rig.clock);
-    link.write(1, holding, first_register, contents(first_register, register_count));
+    link.write(1, RegisterSpace::holding_registers, first_register,
+               contents(first_register, register_count));
     RandomStream late(7, 1), choice(7, 2);
     int delayed = 0, wrong = 0, failed = 0;
     rig.server->set_script([&](const ModbusRequest&) {
@@ -140,7 +142,8 @@ TEST(RtuEvidence, NoWrongValueInTenThousandReadsWithLateReplies) {
         const int address =
             first_register + static_cast<int>(choice.uniform() * (register_count - 1));
         try {
-            wrong += link.read(1, holding, address, 2) != contents(address, 2);
+            wrong +=
+                link.read(1, RegisterSpace::holding_registers, address, 2) != contents(address, 2);
         } catch (const DeviceError&) {
             ++failed;
         }

@@ -22,7 +22,7 @@ using testing::StartsWith;
 constexpr int poses = 40, rows_per_pose = 2;
 constexpr int killed = -1;  // the exit code that Program gives to the victim of a signal
 
-constexpr const char* camera_text = R"(etalon: camera/1
+constexpr const char* killed_camera_text = R"(etalon: camera/1
 serial: "S7"
 image: {width: 320, height: 240}
 intrinsics: {fx: 300, fy: 300, cx: 161.5, cy: 118.25}
@@ -32,7 +32,7 @@ sensor: {pixel_pitch_um: 6, bits: 8, transfer: linear, black: 0, gain_e_per_dn: 
 )";
 
 // Far enough away that some poses are missed.
-constexpr const char* study_text = R"(etalon: study/1
+constexpr const char* killed_study_text = R"(etalon: study/1
 id: killed
 camera: camera.yml
 poses: {{count: {}, seed: 5, z_mm: [300, 900], roll_deg: [-40, 40], yaw_deg: [-180, 180]}}
@@ -45,12 +45,12 @@ disturbances: {{jpeg: [60, 100]}}
 class KilledStudy : public testing::Test {
 protected:
     KilledStudy() {
-        write_text(folder_ / "camera.yml", camera_text);
+        write_text(folder_ / "camera.yml", killed_camera_text);
         write_study(poses);
     }
 
     void write_study(int count) const {
-        write_text(folder_ / "study.yaml", fmt::format(study_text, count));
+        write_text(folder_ / "study.yaml", fmt::format(killed_study_text, count));
     }
 
     std::unique_ptr<Program> begin(const std::string& out) const {

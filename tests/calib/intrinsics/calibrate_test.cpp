@@ -14,7 +14,6 @@ namespace {
 
 using testing::HasSubstr;
 
-const cv::Size image_size(640, 480);
 const CalibrationOptions quick{.leave_one_out = false, .resamples = 0};
 
 std::string error_of(const std::vector<CalibrationView>& views) {

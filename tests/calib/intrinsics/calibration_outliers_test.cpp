@@ -14,8 +14,6 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-const cv::Size image_size(640, 480);
-
 std::vector<std::pair<int, int>> found_in(const CornerMask& mask) {
     std::vector<std::pair<int, int>> found;
     for (std::size_t v = 0; v < mask.size(); ++v)

@@ -18,7 +18,6 @@ namespace {
 constexpr int runs = 2000, views = 8, points = 54, parameters = 9;
 constexpr int freedom = 2 * views * points - parameters - 6 * views;
 constexpr double noise_px = 0.1, limit = 3.7;
-const cv::Size image_size(640, 480);
 
 // Of nine rays through the image, corners included.
 std::vector<Eigen::Vector2d> rays(const CameraModel& camera) {

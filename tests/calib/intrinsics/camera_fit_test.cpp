@@ -15,8 +15,6 @@ namespace {
 
 using testing::HasSubstr;
 
-const cv::Size image_size(640, 480);
-
 std::string error_of(const std::function<void()>& action) {
     try {
         action();

@@ -9,8 +9,6 @@
 namespace etalon {
 namespace {
 
-const cv::Size image_size(640, 480);
-
 ModelScore score(const char* name, int parameters, std::vector<double> left_out, double points) {
     ModelScore made;
     made.model = name;

@@ -11,8 +11,6 @@
 namespace etalon {
 namespace {
 
-const cv::Size image_size(640, 480);
-
 const PixelUncertainty& nearest(const ProjectionUncertainty& map, double x, double y) {
     return *std::min_element(map.pixels.begin(), map.pixels.end(),
                              [&](const PixelUncertainty& a, const PixelUncertainty& b) {

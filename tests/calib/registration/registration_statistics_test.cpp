@@ -14,6 +14,7 @@
 #include "calib/registration/registration.h"
 #include "core/random.h"
 #include "tests/calib/cameras.h"
+#include "tests/calib/registration/true_stage.h"
 
 namespace etalon {
 namespace {
@@ -21,10 +22,6 @@ namespace {
 constexpr int runs = 2000;
 constexpr double noise_px = 0.05;
 constexpr double risk = 0.01 / 64.0, normal_limit = 3.78;
-
-const std::vector<Eigen::Vector3d> tag = {{-40, -40, 0}, {40, -40, 0}, {40, 40, 0}, {-40, 40, 0}};
-const Rigid true_x{rotation_from_vector({0.05, -0.09, 0.03}), {11.0, -7.0, 520.0}};
-const Rigid true_y{rotation_from_vector({0.35, 0.06, -0.11}), {5.0, -13.0, 17.0}};
 
 // 12 poses with [x y z rx ry rz] within +- the reach, mm and rad.
 std::vector<Rigid> stage_poses(const Vector6d& reach) {

@@ -11,16 +11,13 @@
 #include "core/errors.h"
 #include "core/random.h"
 #include "tests/calib/cameras.h"
+#include "tests/calib/registration/true_stage.h"
 
 namespace etalon {
 namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
-
-const std::vector<Eigen::Vector3d> tag = {{-40, -40, 0}, {40, -40, 0}, {40, 40, 0}, {-40, 40, 0}};
-const Rigid true_x{rotation_from_vector({0.05, -0.09, 0.03}), {11.0, -7.0, 520.0}};
-const Rigid true_y{rotation_from_vector({0.35, 0.06, -0.11}), {5.0, -13.0, 17.0}};
 
 // Motions of a stage by its free axes; the first axis is nearest to the base.
 struct Motion {

@@ -10,7 +10,6 @@ namespace etalon {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr auto holding = RegisterSpace::holding_registers;
 
 // Registers 100 to 131 of the generic profile keep what is written to them.
 constexpr int first_register = 100, register_count = 32;
@@ -26,7 +25,7 @@ struct Rig {
         std::vector<std::uint16_t> values;
         for (int i = 0; i < register_count; ++i)
             values.push_back(content_of(first_register + i));
-        link.write(1, holding, first_register, values);
+        link.write(1, RegisterSpace::holding_registers, first_register, values);
     }
 
     static StageLink settings(bool serial) {
@@ -85,7 +84,7 @@ TEST(MemoryTransport, NoFaultMakesAWrongValue) {
         for (int i = 0; i < 10'000; ++i) {
             const int address = first_register + draw(register_count - 1);
             try {
-                const auto values = rig.link.read(1, holding, address, 2);
+                const auto values = rig.link.read(1, RegisterSpace::holding_registers, address, 2);
                 wrong += values != std::vector{content_of(address), content_of(address + 1)};
             } catch (const DeviceError&) {
                 ++failed;
@@ -102,13 +101,13 @@ TEST(MemoryTransport, TheWatchdogRunsWhileTheStationWaits) {
     Rig rig(false);
     const std::vector<std::uint16_t> watchdog = {70};
     for (const std::uint16_t command : {1, 3, 1}) {  // enable, home
-        rig.link.write(1, holding, 200, std::span(&command, 1));
+        rig.link.write(1, RegisterSpace::holding_registers, 200, std::span(&command, 1));
         rig.clock.advance(30s);
     }
-    rig.link.write(1, holding, 201, watchdog);
+    rig.link.write(1, RegisterSpace::holding_registers, 201, watchdog);
     rig.stage.start({690.0}, {50.0});
     rig.controller.set_script([](const ModbusRequest&) { return ModbusReaction{.reply = false}; });
-    EXPECT_THROW(rig.link.read(1, holding, 100, 1, 1), DeviceError);
+    EXPECT_THROW(rig.link.read(1, RegisterSpace::holding_registers, 100, 1, 1), DeviceError);
     EXPECT_EQ(rig.stage.status()[0].alarm, StageAlarm::watchdog);
     // 70 ms after the write, looked at every 10 ms; 50 mm/s.
     EXPECT_LT(rig.stage.true_positions()[0], 50.0 * 0.1);

@@ -6,10 +6,10 @@ namespace etalon {
 namespace {
 
 using namespace std::chrono_literals;
-using Kind = ModbusFault::Kind;
+using LinkFault = ModbusFault::Kind;
 using When = FaultTrigger::When;
 
-struct Rig {
+struct FaultyLinkRig {
     VirtualClock clock;
     SimulatedStage stage{{{.name = "x", .low = -7.0, .high = 700.0, .speed = 50.0}}, {}, clock};
     const ModbusRequest reading{1, 3, 0, 5, {}};
@@ -17,9 +17,9 @@ struct Rig {
 };
 
 TEST(ScriptedFaults, HappenWithTheCountedRequestAndAsManyInARow) {
-    Rig rig;
+    FaultyLinkRig rig;
     const auto script = scripted_faults(
-        {{.kind = Kind::silence, .at = {When::request, 3}, .requests = 2}}, rig.stage);
+        {{.kind = LinkFault::silence, .at = {When::request, 3}, .requests = 2}}, rig.stage);
     std::vector<bool> replies;
     for (int i = 0; i < 6; ++i)
         replies.push_back(script(rig.reading).reply);
@@ -27,9 +27,9 @@ TEST(ScriptedFaults, HappenWithTheCountedRequestAndAsManyInARow) {
 }
 
 TEST(ScriptedFaults, HappenWithTheFirstWriteToARegister) {
-    Rig rig;
+    FaultyLinkRig rig;
     const auto script = scripted_faults(
-        {{.kind = Kind::exception, .at = {When::write_to, 102}, .code = 4}}, rig.stage);
+        {{.kind = LinkFault::exception, .at = {When::write_to, 102}, .code = 4}}, rig.stage);
     EXPECT_EQ(script({1, 3, 102, 1, {}}).exception, 0) << "only reads";
     EXPECT_EQ(script({1, 6, 103, 1, {7}}).exception, 0) << "beside it";
     EXPECT_EQ(script(rig.writing).exception, 4);
@@ -37,10 +37,10 @@ TEST(ScriptedFaults, HappenWithTheFirstWriteToARegister) {
 }
 
 TEST(ScriptedFaults, HappenAfterATimeAndAfterAMove) {
-    Rig rig;
+    FaultyLinkRig rig;
     const auto script =
-        scripted_faults({{.kind = Kind::slow_bytes, .at = {When::time_ms, 250}, .delay = 5ms},
-                         {.kind = Kind::reset, .at = {When::move, 1}, .carried_out = false}},
+        scripted_faults({{.kind = LinkFault::slow_bytes, .at = {When::time_ms, 250}, .delay = 5ms},
+                         {.kind = LinkFault::reset, .at = {When::move, 1}, .carried_out = false}},
                         rig.stage);
     EXPECT_EQ(script(rig.reading).between_bytes, 0ms);
     rig.clock.advance(251ms);

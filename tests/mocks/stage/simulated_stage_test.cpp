@@ -1,4 +1,5 @@
 #include "mocks/stage/simulated_stage.h"
+#include "tests/mocks/stage/two_axes.h"
 
 #include <gtest/gtest.h>
 
@@ -9,12 +10,6 @@ namespace etalon {
 namespace {
 
 using namespace std::chrono_literals;
-
-// x: 100 mm/s, y: 30 mm/s; with the ramp of 50 ms, 2000 and 600 mm/s^2.
-std::vector<Axis> two_axes() {
-    return {{.name = "x", .low = -70.0, .high = 500.0, .speed = 100.0},
-            {.name = "y", .low = -50.0, .high = 70.0, .speed = 30.0}};
-}
 
 struct Rig {
     explicit Rig(SimulatedStageOptions options = {}) : stage(two_axes(), options, clock) {}

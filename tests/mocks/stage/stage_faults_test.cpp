@@ -11,8 +11,8 @@ using Kind = StageFault::Kind;
 using When = FaultTrigger::When;
 
 // x: 100 mm/s, y: 30 mm/s, ramps of 50 ms; enabled and homed at 1 s after power-on.
-struct Rig {
-    explicit Rig(std::vector<StageFault> faults)
+struct FaultyStageRig {
+    explicit FaultyStageRig(std::vector<StageFault> faults)
         : stage({{.name = "x", .low = -70.0, .high = 500.0, .speed = 100.0},
                  {.name = "y", .low = -50.0, .high = 70.0, .speed = 30.0}},
                 {.faults = std::move(faults)}, clock) {
@@ -30,7 +30,7 @@ struct Rig {
 
 // Half a ramp is lost at the start: 100 mm/s * (0.5 s - 25 ms) after half a second.
 TEST(StageFaults, AStuckAxisStopsDeadAtItsTime) {
-    Rig rig({{.kind = Kind::stuck_axis, .at = {When::time_ms, 1500}, .axis = 0}});
+    FaultyStageRig rig({{.kind = Kind::stuck_axis, .at = {When::time_ms, 1500}, .axis = 0}});
     rig.start(200.0, 15.0);
     rig.clock.advance(10s);  // nobody looked in between
     EXPECT_NEAR(rig.x().position, 47.5, 1e-9);
@@ -41,7 +41,7 @@ TEST(StageFaults, AStuckAxisStopsDeadAtItsTime) {
 }
 
 TEST(StageFaults, AnAxisStuckAsItsMoveStartsDoesNotStart) {
-    Rig rig({{.kind = Kind::stuck_axis, .at = {When::move, 2}, .axis = 1}});
+    FaultyStageRig rig({{.kind = Kind::stuck_axis, .at = {When::move, 2}, .axis = 1}});
     rig.start(20.0, 15.0);
     rig.clock.advance(10s);
     EXPECT_TRUE(rig.y().in_position);
@@ -53,7 +53,7 @@ TEST(StageFaults, AnAxisStuckAsItsMoveStartsDoesNotStart) {
 }
 
 TEST(StageFaults, FalseInPositionLastsUntilTheNextCommand) {
-    Rig rig({{.kind = Kind::false_in_position, .at = {When::move, 1}, .axis = 0}});
+    FaultyStageRig rig({{.kind = Kind::false_in_position, .at = {When::move, 1}, .axis = 0}});
     rig.start(200.0, 0.0);
     rig.clock.advance(500ms);
     EXPECT_TRUE(rig.x().in_position && !rig.x().moving);
@@ -67,7 +67,7 @@ TEST(StageFaults, FalseInPositionLastsUntilTheNextCommand) {
 
 // The lie is not held back for the twin's picture.
 TEST(StageFaults, FalseInPositionDoesNotWaitForThePicture) {
-    Rig rig({{.kind = Kind::false_in_position, .at = {When::move, 1}, .axis = 0}});
+    FaultyStageRig rig({{.kind = Kind::false_in_position, .at = {When::move, 1}, .axis = 0}});
     rig.stage.hold_in_position_until([](const std::vector<double>&) { return false; });
     EXPECT_FALSE(rig.x().in_position);
     rig.start(200.0, 0.0);
@@ -78,7 +78,8 @@ TEST(StageFaults, FalseInPositionDoesNotWaitForThePicture) {
 // Counts are lost: the move ends beside its target, later ones are off by as much without saying
 // so, until homed.
 TEST(StageFaults, AnEncoderJumpStaysUntilHomed) {
-    Rig rig({{.kind = Kind::encoder_jump, .at = {When::time_ms, 1500}, .axis = 0, .size = 0.25}});
+    FaultyStageRig rig(
+        {{.kind = Kind::encoder_jump, .at = {When::time_ms, 1500}, .axis = 0, .size = 0.25}});
     rig.start(200.0, 0.0);
     rig.clock.advance(499ms);
     const double before = rig.x().position;
@@ -101,7 +102,7 @@ TEST(StageFaults, AnEncoderJumpStaysUntilHomed) {
 }
 
 TEST(StageFaults, ALimitSwitchBrakesWithAnAlarmUntilReset) {
-    Rig rig({{.kind = Kind::limit_hit, .at = {When::time_ms, 1500}, .axis = 1}});
+    FaultyStageRig rig({{.kind = Kind::limit_hit, .at = {When::time_ms, 1500}, .axis = 1}});
     rig.start(200.0, 40.0);
     rig.clock.advance(10s);
     EXPECT_TRUE(rig.y().limit && !rig.x().limit);
@@ -114,7 +115,7 @@ TEST(StageFaults, ALimitSwitchBrakesWithAnAlarmUntilReset) {
 }
 
 TEST(StageFaults, AnEmergencyStopStaysWhatEverIsCommanded) {
-    Rig rig({{.kind = Kind::emergency_stop, .at = {When::time_ms, 1500}}});
+    FaultyStageRig rig({{.kind = Kind::emergency_stop, .at = {When::time_ms, 1500}}});
     rig.start(200.0, 40.0);
     rig.clock.advance(600ms);
     for (const AxisStatus& axis : rig.stage.status()) {
@@ -137,8 +138,8 @@ TEST(StageFaults, AnEmergencyStopStaysWhatEverIsCommanded) {
 }
 
 TEST(StageFaults, HappenWithARequestOrAWriteToARegister) {
-    Rig rig({{.kind = Kind::alarm, .at = {When::request, 3}, .axis = 0, .code = 21},
-             {.kind = Kind::alarm, .at = {When::write_to, 200}, .axis = 1, .code = 22}});
+    FaultyStageRig rig({{.kind = Kind::alarm, .at = {When::request, 3}, .axis = 0, .code = 21},
+                        {.kind = Kind::alarm, .at = {When::write_to, 200}, .axis = 1, .code = 22}});
     rig.stage.notice_request(0, 0);
     rig.stage.notice_request(100, 100);  // up to 199
     EXPECT_EQ(rig.x().alarm, 0);
@@ -153,8 +154,8 @@ TEST(StageFaults, HappenWithARequestOrAWriteToARegister) {
 }
 
 TEST(StageFaults, HappenInTheOrderOfTheirTimes) {
-    Rig rig({{.kind = Kind::alarm, .at = {When::time_ms, 1700}, .code = 32},
-             {.kind = Kind::alarm, .at = {When::time_ms, 1500}, .code = 31}});
+    FaultyStageRig rig({{.kind = Kind::alarm, .at = {When::time_ms, 1700}, .code = 32},
+                        {.kind = Kind::alarm, .at = {When::time_ms, 1500}, .code = 31}});
     rig.start(200.0, 40.0);
     rig.clock.advance(10s);
     EXPECT_EQ(rig.x().alarm, 31);

@@ -7,6 +7,7 @@
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
 #include "stage/profile/profile.h"
+#include "tests/mocks/stage/two_axes.h"
 
 namespace etalon {
 namespace {
@@ -15,13 +16,9 @@ using namespace std::chrono_literals;
 using Kind = StageFault::Kind;
 using When = FaultTrigger::When;
 
-std::vector<Axis> two_axes() {
-    return {{.name = "x", .low = -70.0, .high = 500.0, .speed = 100.0},
-            {.name = "y", .low = -50.0, .high = 70.0, .speed = 30.0}};
-}
-
-struct Rig {
-    explicit Rig(const SimulatedStageOptions& options) : simulation(two_axes(), options, clock) {
+struct PhysicsRig {
+    explicit PhysicsRig(const SimulatedStageOptions& options)
+        : simulation(two_axes(), options, clock) {
         stage.enable({});
         stage.home({});
     }
@@ -44,7 +41,7 @@ TEST(StagePhysics, TheStationWaitsForTheServo) {
     SimulatedStageOptions options;
     options.jerk = 20ms;
     options.servos = {AxisServo{{.bandwidth_hz = 8.0, .damping = 0.7}, 0.5e-3}, std::nullopt};
-    Rig rig(options);
+    PhysicsRig rig(options);
     const Instant begin = rig.clock.now();
     rig.move(50.0, 7.0);
     EXPECT_LE(rig.x_error(50.0), 1e-3);
@@ -62,7 +59,7 @@ TEST(StagePhysics, ARingingCarriageIsNotYetWhereTheEncoderSays) {
                                  .resonance_damping = 0.01},
                                 0.5e-3},
                       std::nullopt};
-    Rig rig(options);
+    PhysicsRig rig(options);
     rig.move(50.0, 7.0);
     EXPECT_NEAR(rig.stage.position()[0], 50.0, 1e-3);
     double swing = 0.0;
@@ -74,7 +71,8 @@ TEST(StagePhysics, ARingingCarriageIsNotYetWhereTheEncoderSays) {
 }
 
 TEST(StagePhysics, AFalseInPositionIsNotBelieved) {
-    Rig rig({.faults = {{.kind = Kind::false_in_position, .at = {When::move, 2}, .axis = 0}}});
+    PhysicsRig rig(
+        {.faults = {{.kind = Kind::false_in_position, .at = {When::move, 2}, .axis = 0}}});
     rig.move(20.0, 7.0);
     rig.move(50.0, -7.0);
     EXPECT_LE(rig.x_error(50.0), 1e-3);
@@ -95,7 +93,7 @@ TEST(StagePhysics, WhatHappensInAMoveEndsItWithTheAxesStopped) {
         {"alarm", {{.kind = Kind::alarm, .at = {When::time_ms, 1800}, .code = 21}}},
         {"emergency stop", {{.kind = Kind::emergency_stop, .at = {When::time_ms, 1800}}}}};
     for (const auto& [name, faults] : cases) {
-        Rig rig({.faults = faults});
+        PhysicsRig rig({.faults = faults});
         rig.move(70.0, 7.0);
         rig.clock.advance(1500ms - rig.simulation.uptime());
         EXPECT_THROW(rig.move(0.0, -7.0), DeviceError) << name;

@@ -12,12 +12,11 @@ namespace {
 using namespace std::chrono_literals;
 
 // Of the generic profile, as docs/stage.md says them: written out here, not taken from the struct.
-constexpr auto holding = RegisterSpace::holding_registers;
 constexpr int move_block = 100, command = 200, watchdog = 201;
 constexpr std::uint16_t enable = 1, home = 2, start = 4, stop = 8, reset = 16;
 constexpr std::uint16_t enabled = 1, homed = 2, moving = 4, in_position = 8, alarm = 16;
 
-std::vector<Axis> two_axes() {
+std::vector<Axis> x_and_rz() {
     return {{.name = "x", .low = -70.0, .high = 500.0, .speed = 100.0},
             {.name = "rz", .kind = Axis::Kind::rotary, .low = -1.0, .high = 2.0, .speed = 1.0}};
 }
@@ -31,9 +30,9 @@ std::int32_t int32_from_registers(std::uint16_t high, std::uint16_t low) {
     return static_cast<std::int32_t>(static_cast<std::uint32_t>(high) << 16 | low);
 }
 
-struct Rig {
+struct RegistersRig {
     void write(int address, std::vector<std::uint16_t> values) {
-        EXPECT_TRUE(registers.write(holding, address, values));
+        EXPECT_TRUE(registers.write(RegisterSpace::holding_registers, address, values));
     }
     void home_all() {
         write(command, {enable});
@@ -49,19 +48,21 @@ struct Rig {
         const auto [vr_high, vr_low] = registers_from_int32(2'000'000);
         write(move_block, {x_high, x_low, vx_high, vx_low, r_high, r_low, vr_high, vr_low});
     }
-    std::uint16_t status(int axis) { return registers.read(holding, 4 * axis, 1)->front(); }
+    std::uint16_t status(int axis) {
+        return registers.read(RegisterSpace::holding_registers, 4 * axis, 1)->front();
+    }
     std::int32_t position(int axis) {
-        const auto pair = registers.read(holding, 4 * axis + 2, 2).value();
+        const auto pair = registers.read(RegisterSpace::holding_registers, 4 * axis + 2, 2).value();
         return int32_from_registers(pair[0], pair[1]);
     }
 
     VirtualClock clock;
-    SimulatedStage stage{two_axes(), {}, clock};
+    SimulatedStage stage{x_and_rz(), {}, clock};
     StageRegisters registers{stage, builtin_stage_profile("generic")};
 };
 
 TEST(StageRegisters, EnableHomeAndMoveByTheDocumentedMap) {
-    Rig rig;
+    RegistersRig rig;
     EXPECT_EQ(rig.status(0), 0);
     rig.write(command, {enable});
     EXPECT_EQ(rig.status(0) & ~in_position, enabled);
@@ -83,7 +84,7 @@ TEST(StageRegisters, EnableHomeAndMoveByTheDocumentedMap) {
 }
 
 TEST(StageRegisters, AStartThatStaysSetStartsOnce) {
-    Rig rig;
+    RegistersRig rig;
     rig.home_all();
     rig.write_move();
     rig.write(command, {enable | start});
@@ -97,7 +98,7 @@ TEST(StageRegisters, AStartThatStaysSetStartsOnce) {
 }
 
 TEST(StageRegisters, NothingStartsWhileStopIsSet) {
-    Rig rig;
+    RegistersRig rig;
     rig.home_all();
     rig.write_move();
     rig.write(command, {enable | stop | start});
@@ -107,7 +108,7 @@ TEST(StageRegisters, NothingStartsWhileStopIsSet) {
 }
 
 TEST(StageRegisters, StopHaltsAMove) {
-    Rig rig;
+    RegistersRig rig;
     rig.home_all();
     rig.write_move();
     rig.write(command, {enable | start});
@@ -119,17 +120,17 @@ TEST(StageRegisters, StopHaltsAMove) {
 }
 
 TEST(StageRegisters, ShowAnAlarmAndResetIt) {
-    Rig rig;
+    RegistersRig rig;
     rig.home_all();
     rig.stage.raise_alarm(7);
     EXPECT_TRUE(rig.status(1) & alarm);
-    EXPECT_EQ(rig.registers.read(holding, 5, 1)->front(), 7);
+    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 5, 1)->front(), 7);
     rig.write(command, {enable | reset});
     EXPECT_FALSE(rig.status(1) & alarm);
 }
 
 TEST(StageRegisters, TheWatchdogStopsAMoveThatNobodyWatches) {
-    Rig rig;
+    RegistersRig rig;
     rig.home_all();
     rig.write_move();
     rig.write(watchdog, {200});
@@ -143,11 +144,12 @@ TEST(StageRegisters, TheWatchdogStopsAMoveThatNobodyWatches) {
     rig.registers.check_watchdog();
     rig.clock.advance(51ms);
     EXPECT_EQ(rig.status(0), enabled | homed | alarm);
-    EXPECT_EQ(rig.registers.read(holding, 1, 1)->front(), StageAlarm::watchdog);
+    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 1, 1)->front(),
+              StageAlarm::watchdog);
 }
 
 TEST(StageRegisters, TheWatchdogLeavesAStageAtRestAlone) {
-    Rig rig;
+    RegistersRig rig;
     rig.home_all();
     rig.write(watchdog, {300});
     rig.clock.advance(10s);
@@ -156,20 +158,25 @@ TEST(StageRegisters, TheWatchdogLeavesAStageAtRestAlone) {
 }
 
 TEST(StageRegisters, RegistersThatDoNotExistAreRefusedAndNothingIsWritten) {
-    Rig rig;
-    EXPECT_FALSE(rig.registers.read(holding, 90, 1));
-    EXPECT_FALSE(rig.registers.read(holding, 30, 3)) << "beyond the eighth axis";
-    EXPECT_TRUE(rig.registers.read(holding, 30, 2));
-    EXPECT_FALSE(rig.registers.read(holding, 65535, 2));
-    EXPECT_FALSE(rig.registers.write(holding, 0, std::vector<std::uint16_t>{7})) << "read-only";
-    EXPECT_FALSE(rig.registers.write(holding, 131, std::vector<std::uint16_t>{7, 5}));
-    EXPECT_EQ(rig.registers.read(holding, 131, 1)->front(), 0);
-    EXPECT_FALSE(rig.registers.write(holding, 201, std::vector<std::uint16_t>{7, 5}));
-    EXPECT_EQ(rig.registers.read(holding, 201, 1)->front(), 0);
+    RegistersRig rig;
+    EXPECT_FALSE(rig.registers.read(RegisterSpace::holding_registers, 90, 1));
+    EXPECT_FALSE(rig.registers.read(RegisterSpace::holding_registers, 30, 3))
+        << "beyond the eighth axis";
+    EXPECT_TRUE(rig.registers.read(RegisterSpace::holding_registers, 30, 2));
+    EXPECT_FALSE(rig.registers.read(RegisterSpace::holding_registers, 65535, 2));
+    EXPECT_FALSE(
+        rig.registers.write(RegisterSpace::holding_registers, 0, std::vector<std::uint16_t>{7}))
+        << "read-only";
+    EXPECT_FALSE(rig.registers.write(RegisterSpace::holding_registers, 131,
+                                     std::vector<std::uint16_t>{7, 5}));
+    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 131, 1)->front(), 0);
+    EXPECT_FALSE(rig.registers.write(RegisterSpace::holding_registers, 201,
+                                     std::vector<std::uint16_t>{7, 5}));
+    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 201, 1)->front(), 0);
 }
 
 TEST(StageRegisters, DisablingLosesTheHomePosition) {
-    Rig rig;
+    RegistersRig rig;
     rig.home_all();
     rig.write(command, {0});
     EXPECT_EQ(rig.status(0), 0);
@@ -196,7 +203,7 @@ StageProfile coils_and_codes() {
 }
 
 struct CodedRig {
-    explicit CodedRig(std::vector<Axis> axes = {two_axes()[0]})
+    explicit CodedRig(std::vector<Axis> axes = {x_and_rz()[0]})
         : stage(std::move(axes), {}, clock) {}
 
     void write(RegisterSpace space, int address, std::vector<std::uint16_t> values) {
@@ -205,11 +212,11 @@ struct CodedRig {
     void move_to(std::int32_t counts, std::uint16_t constant = 3) {
         const auto [high, low] = registers_from_int32(counts);
         const auto [v_high, v_low] = registers_from_int32(1'000'000);
-        write(holding, move_block, {high, low, v_high, v_low, constant});
+        write(RegisterSpace::holding_registers, move_block, {high, low, v_high, v_low, constant});
     }
     void home() {
         write(RegisterSpace::coils, 7, {1});
-        write(holding, 30, {0x20});
+        write(RegisterSpace::holding_registers, 30, {0x20});
         clock.advance(10s);
     }
 
@@ -230,21 +237,21 @@ TEST(StageRegisters, ACodeActsWheneverItIsWrittenAndReadsAsZero) {
     CodedRig rig;
     rig.home();
     EXPECT_TRUE(rig.stage.status()[0].homed);
-    EXPECT_EQ(rig.registers.read(holding, 30, 1)->front(), 0);
+    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 30, 1)->front(), 0);
     rig.move_to(500'000);
     rig.clock.advance(200ms);
-    rig.write(holding, 30, {0x41});
+    rig.write(RegisterSpace::holding_registers, 30, {0x41});
     EXPECT_TRUE(rig.stage.is_moving()) << "another code";
-    rig.write(holding, 30, {0x40});
+    rig.write(RegisterSpace::holding_registers, 30, {0x40});
     rig.clock.advance(51ms);
     EXPECT_FALSE(rig.stage.is_moving());
-    rig.write(holding, 30, {0x20});
+    rig.write(RegisterSpace::holding_registers, 30, {0x20});
     EXPECT_TRUE(rig.stage.is_moving()) << "homing again";
 }
 
 TEST(StageRegisters, ObeyNothingButStopBeforeTheyAreRemote) {
     CodedRig rig;
-    rig.write(holding, 30, {0x20});
+    rig.write(RegisterSpace::holding_registers, 30, {0x20});
     EXPECT_FALSE(rig.stage.is_moving());
     rig.home();
     rig.write(RegisterSpace::coils, 7, {0});
@@ -254,7 +261,7 @@ TEST(StageRegisters, ObeyNothingButStopBeforeTheyAreRemote) {
     rig.move_to(500'000);
     rig.clock.advance(100ms);
     rig.write(RegisterSpace::coils, 7, {0});
-    rig.write(holding, 30, {0x40});
+    rig.write(RegisterSpace::holding_registers, 30, {0x40});
     rig.clock.advance(51ms);
     EXPECT_FALSE(rig.stage.is_moving());
 }
@@ -273,13 +280,17 @@ TEST(StageRegisters, ATargetThatStartsDoesSoWhenWrittenUnlessItIsOfAnotherKind) 
 
 TEST(StageRegisters, ASignalOfSeveralBitsShowsOnTheFirstAndTheOthersAreOff) {
     CodedRig rig;
-    EXPECT_EQ(rig.registers.read(holding, 0, 1)->front() & (alarm | 1 << 9), 1 << 9);
+    EXPECT_EQ(
+        rig.registers.read(RegisterSpace::holding_registers, 0, 1)->front() & (alarm | 1 << 9),
+        1 << 9);
     rig.stage.raise_alarm(7);
-    EXPECT_EQ(rig.registers.read(holding, 0, 1)->front() & (alarm | 1 << 9), alarm | 1 << 9);
+    EXPECT_EQ(
+        rig.registers.read(RegisterSpace::holding_registers, 0, 1)->front() & (alarm | 1 << 9),
+        alarm | 1 << 9);
 }
 
 TEST(StageRegisters, EachUnitHasItsOwnAxes) {
-    auto axes = two_axes();
+    auto axes = x_and_rz();
     axes[0].unit = 3;
     axes[1] = {.name = "y", .low = -70.0, .high = 500.0, .speed = 100.0, .unit = 5};
     CodedRig rig(axes);
@@ -289,8 +300,9 @@ TEST(StageRegisters, EachUnitHasItsOwnAxes) {
     rig.clock.advance(10s);
     EXPECT_NEAR(rig.stage.true_positions()[1], 7.0, 1e-9);
     EXPECT_FALSE(rig.stage.status()[0].homed);
-    EXPECT_EQ(first.read(holding, 3, 1)->front(), 0);
-    EXPECT_EQ(rig.registers.read(holding, 2, 2), (std::vector<std::uint16_t>{1, 4464}));  // 70 000
+    EXPECT_EQ(first.read(RegisterSpace::holding_registers, 3, 1)->front(), 0);
+    EXPECT_EQ(rig.registers.read(RegisterSpace::holding_registers, 2, 2),
+              (std::vector<std::uint16_t>{1, 4464}));  // 70 000
 }
 
 }  // namespace

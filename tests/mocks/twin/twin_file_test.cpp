@@ -5,12 +5,11 @@
 #include <numbers>
 
 #include "core/errors.h"
+#include "core/units.h"
 #include "tests/mocks/twin/twin_folder.h"
 
 namespace etalon {
 namespace {
-
-constexpr double deg = std::numbers::pi / 180.0;
 
 TEST(TwinFile, IsReadWithItsUnitsConverted) {
     const TwinFolder folder;
@@ -28,7 +27,8 @@ TEST(TwinFile, IsReadWithItsUnitsConverted) {
     EXPECT_EQ(twin.true_camera.serial, "TWIN-7");
     EXPECT_EQ(twin.scene.background, 0.6);
     EXPECT_EQ(twin.scene.camera_from_base.translation, Eigen::Vector3d(2, -3, 300));
-    const Eigen::Vector3d turn = rotation_vector(twin.scene.carriage_from_marker.rotation) / deg;
+    const Eigen::Vector3d turn =
+        rotation_vector(twin.scene.carriage_from_marker.rotation) / rad_per_deg;
     EXPECT_LT((turn - Eigen::Vector3d(9, -14, 1.5)).norm(), 1e-12);
 }
 

@@ -6,12 +6,11 @@
 
 #include "core/errors.h"
 #include "core/text.h"
+#include "core/units.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-constexpr double deg = std::numbers::pi / 180.0;
 
 const std::string axes = R"(etalon: twin/1
 port: 1507
@@ -65,18 +64,18 @@ errors:
     EXPECT_NEAR(x.encoder_noise, 0.0007, 1e-15);
     EXPECT_NEAR(x.periodic, 0.0008, 1e-15);
     EXPECT_NEAR(x.period, 2.5, 1e-15);
-    EXPECT_NEAR(x.phase, 90 * deg, 1e-15);
+    EXPECT_NEAR(x.phase, 90 * rad_per_deg, 1e-15);
     EXPECT_NEAR(x.drift, -0.0015, 1e-15);
     EXPECT_NEAR(x.expansion, 11e-6, 1e-18);
     ASSERT_EQ(x.lean.size(), 3U);
     EXPECT_NEAR(x.lean[1], -150e-6, 1e-18);
     EXPECT_TRUE(stage.options.errors[1].lean.empty());
     const AxisErrors& rz = stage.options.errors[2];
-    EXPECT_NEAR(rz.repeatability, 0.01 * deg, 1e-15);
-    EXPECT_NEAR(rz.periodic, 0.02 * deg, 1e-15);
-    EXPECT_NEAR(rz.period, 5 * deg, 1e-15);
-    EXPECT_NEAR(rz.encoder_noise, 0.03 * deg, 1e-15);
-    EXPECT_NEAR(rz.drift, 0.04 * deg, 1e-15);
+    EXPECT_NEAR(rz.repeatability, 0.01 * rad_per_deg, 1e-15);
+    EXPECT_NEAR(rz.periodic, 0.02 * rad_per_deg, 1e-15);
+    EXPECT_NEAR(rz.period, 5 * rad_per_deg, 1e-15);
+    EXPECT_NEAR(rz.encoder_noise, 0.03 * rad_per_deg, 1e-15);
+    EXPECT_NEAR(rz.drift, 0.04 * rad_per_deg, 1e-15);
 }
 
 TEST(TwinStageFile, AnErrorMapIsTrueAndNotAppliedTwice) {
@@ -120,7 +119,7 @@ TEST(TwinStageFile, ServosAreReadByAxis) {
     EXPECT_NEAR(rz.parameters.drive_lag, 300e-6, 1e-15);
     EXPECT_EQ(rz.parameters.resonance_hz, 41.0);
     EXPECT_EQ(rz.parameters.resonance_damping, 0.03);
-    EXPECT_NEAR(rz.window, 0.01 * deg, 1e-15);
+    EXPECT_NEAR(rz.window, 0.01 * rad_per_deg, 1e-15);
 }
 
 TEST(TwinStageFile, EveryFaultHasItsName) {
@@ -156,7 +155,7 @@ TEST(TwinStageFile, EveryFaultHasItsName) {
     EXPECT_NEAR(faults[2].size, -0.02, 1e-15);
     EXPECT_EQ(faults[3].at.when, When::write_to);
     EXPECT_EQ(faults[3].at.value, 200);
-    EXPECT_NEAR(faults[3].size, 0.5 * deg, 1e-15);
+    EXPECT_NEAR(faults[3].size, 0.5 * rad_per_deg, 1e-15);
     EXPECT_EQ(faults[4].kind, StageFault::Kind::limit_hit);
     EXPECT_EQ(faults[5].kind, StageFault::Kind::alarm);
     EXPECT_EQ(faults[5].code, 21);

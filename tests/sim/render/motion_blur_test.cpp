@@ -3,13 +3,12 @@
 #include <gtest/gtest.h>
 
 #include "core/errors.h"
+#include "tests/gray.h"
 
 namespace etalon {
 namespace {
 
-constexpr double gray = 1.0 / 255.0;
-
-CameraModel pinhole() {
+CameraModel narrow_pinhole() {
     CameraModel camera;
     camera.width = 64;
     camera.height = 24;
@@ -54,7 +53,7 @@ double swept(double edge_to_pixel_px) {
 // 400 px/mm/250 mm = 1.6 px per mm: the edge sweeps from 33.4 - 4.8 to 33.4 + 4.8.
 TEST(MovingEdge, IsTheTrapeziumOfItsSweep) {
     const auto moving =
-        render_moving(Renderer(pinhole()), half_plane(1.5, 250.0), along_x(120.0, 0.05));
+        render_moving(Renderer(narrow_pinhole()), half_plane(1.5, 250.0), along_x(120.0, 0.05));
     EXPECT_GE(moving.path_px, 9.6);
     for (int x = 20; x < 48; ++x) {
         const double from = x - (33.4 - 4.8), to = x - (33.4 + 4.8);
@@ -68,7 +67,7 @@ TEST(MovingEdge, IsTheTrapeziumOfItsSweep) {
 TEST(MovingEdge, NeedsItsParts) {
     const int parts = parts_of_exposure(9.6, 1.0, 0.05);
     EXPECT_EQ(parts, 111);  // sqrt(255 * 9.6 / 0.2) = 110.6
-    const Renderer renderer(pinhole());
+    const Renderer renderer(narrow_pinhole());
     double largest = 0.0;
     for (const int n : {parts, parts / 8}) {
         double error = 0.0;
@@ -90,7 +89,7 @@ TEST(MovingEdge, NeedsItsParts) {
 }
 
 TEST(MovingMarker, IsTheLongAverageOfStillOnes) {
-    const Renderer renderer(pinhole());
+    const Renderer renderer(narrow_pinhole());
     const Scene scene = small_marker();
     Motion motion{Vector6d::Zero(), 0.02};
     motion.velocity << 0.4, -1.1, 6.0, 90.0, -40.0, 300.0;
@@ -113,7 +112,7 @@ TEST(MovingMarker, IsTheLongAverageOfStillOnes) {
 }
 
 TEST(MovingMarker, StandsStillWithoutMotion) {
-    const Renderer renderer(pinhole());
+    const Renderer renderer(narrow_pinhole());
     const auto moving = render_moving(renderer, small_marker(), along_x(120.0, 0.0));
     EXPECT_EQ(moving.parts, 1);
     EXPECT_EQ(moving.path_px, 0.0);
@@ -141,7 +140,7 @@ TEST(MovingScene, MovesAsOneBody) {
 }
 
 TEST(Motion, RefusesWhatIsNone) {
-    const Renderer renderer(pinhole());
+    const Renderer renderer(narrow_pinhole());
     EXPECT_THROW(render_moving(renderer, small_marker(), along_x(std::nan(""), 0.1)),
                  NumericalError);
     EXPECT_THROW(render_moving(renderer, small_marker(), along_x(1.0, -0.1)), NumericalError);

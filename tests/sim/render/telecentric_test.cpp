@@ -12,11 +12,10 @@
 #include "sim/render/renderer.h"
 #include "sim/scene/marker_view.h"
 #include "sim/spread/diffraction.h"
+#include "tests/gray.h"
 
 namespace etalon {
 namespace {
-
-constexpr double gray = 1.0 / 255.0;
 
 // 8.2 px/mm along x at 5 um: magnification 0.041.
 CameraModel telecentric(double object_na = 0.03) {

@@ -7,11 +7,10 @@
 #include "sim/render/reference_integrator.h"
 #include "sim/spread/diffraction.h"
 #include "tests/evidence/edge_spread.h"
+#include "tests/gray.h"
 
 namespace etalon {
 namespace {
-
-constexpr double gray = 1.0 / 255.0;
 
 // lambda N_w = 0.44 px.
 CameraModel wave_camera() {

@@ -1,4 +1,5 @@
 #include "sim/scene/marker_in_view.h"
+#include "core/units.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +8,6 @@
 
 namespace etalon {
 namespace {
-
-constexpr double degree = std::numbers::pi / 180.0;
 
 CameraModel camera_with(const Distortion& distortion) {
     CameraModel camera;
@@ -59,14 +58,17 @@ TEST(MarkerInView, RefusesTheBackAndWhatIsNotInFrontOfTheCamera) {
     const Projector projector(camera_with({}));
     const CellGrid grid = wide_grid();
     const Eigen::Vector3d y_axis = Eigen::Vector3d::UnitY();
-    EXPECT_TRUE(is_in_view(projector, grid, turned(80.0 * degree, y_axis, {0, 0, 500}), 5.0));
-    EXPECT_FALSE(is_in_view(projector, grid, turned(100.0 * degree, y_axis, {0, 0, 500}), 5.0));
+    EXPECT_TRUE(is_in_view(projector, grid, turned(80.0 * rad_per_deg, y_axis, {0, 0, 500}), 5.0));
+    EXPECT_FALSE(
+        is_in_view(projector, grid, turned(100.0 * rad_per_deg, y_axis, {0, 0, 500}), 5.0));
     EXPECT_FALSE(is_in_view(projector, grid, turned(0.0, y_axis, {0, 0, -500}), 5.0));
     // One end 18 mm behind the camera.
-    EXPECT_FALSE(is_in_view(projector, grid, turned(80.0 * degree, y_axis, {0, 0, 100}), 5.0));
+    EXPECT_FALSE(is_in_view(projector, grid, turned(80.0 * rad_per_deg, y_axis, {0, 0, 100}), 5.0));
     // The camera is 1.8 mm behind the marker's plane, and 3.1 mm before it.
-    EXPECT_FALSE(is_in_view(projector, grid, turned(80.0 * degree, y_axis, {-90, 0, 500}), 5.0));
-    EXPECT_TRUE(is_in_view(projector, grid, turned(80.0 * degree, y_axis, {-85, 0, 500}), 5.0));
+    EXPECT_FALSE(
+        is_in_view(projector, grid, turned(80.0 * rad_per_deg, y_axis, {-90, 0, 500}), 5.0));
+    EXPECT_TRUE(
+        is_in_view(projector, grid, turned(80.0 * rad_per_deg, y_axis, {-85, 0, 500}), 5.0));
 }
 
 // The plane through (0, 0, 500), turned by 89 degrees, passes the camera at 500 cos 89 = 8.7 mm: a
@@ -75,7 +77,7 @@ TEST(MarkerInView, RefusesTheBackAndWhatIsNotInFrontOfTheCamera) {
 TEST(MarkerInView, WantsTheWholeLensBeforeTheMarkersPlane) {
     CameraModel camera = camera_with({});
     camera.sensor = Sensor{.pixel_pitch_um = 20.0};
-    const Rigid pose = turned(89.0 * degree, Eigen::Vector3d::UnitY(), {0, 0, 500});
+    const Rigid pose = turned(89.0 * rad_per_deg, Eigen::Vector3d::UnitY(), {0, 0, 500});
     camera.lens = Lens{10.0 / 17.0, std::numeric_limits<double>::infinity(), 600.0, {}};
     EXPECT_TRUE(is_in_view(Projector(camera), wide_grid(), pose, 5.0));
     camera.lens->f_number = 10.0 / 17.8;
@@ -93,7 +95,7 @@ TEST(MarkerInView, WantsTheWholeConeOfATelecentricLensBeforeTheMarkersPlane) {
     const Projector projector(camera);
     for (const double x : {-30.0, 0.0, 60.0}) {
         const auto tilted = [&](double angle) {
-            return turned(angle * degree, Eigen::Vector3d::UnitY(), {x, 0, 300});
+            return turned(angle * rad_per_deg, Eigen::Vector3d::UnitY(), {x, 0, 300});
         };
         EXPECT_TRUE(is_in_view(projector, wide_grid(), tilted(78.0), 5.0)) << x;
         EXPECT_FALSE(is_in_view(projector, wide_grid(), tilted(79.0), 5.0)) << x;

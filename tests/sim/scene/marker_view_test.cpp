@@ -8,6 +8,7 @@
 #include "bench/benchmark_scenes.h"
 #include "calib/camera/projector.h"
 #include "core/errors.h"
+#include "core/units.h"
 #include "edge_scenes.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/tiles/lens_average.h"
@@ -17,7 +18,6 @@ namespace {
 
 using test::gray;
 
-constexpr double degree = std::numbers::pi / 180.0;
 constexpr double background = 0.4;
 
 // 5 x 3 cells, all different.
@@ -121,7 +121,7 @@ public:
         PlacedMarker marker = small_marker();
         marker.grid.cell_mm = {log_uniform(1.0, 200.0), log_uniform(1.0, 200.0)};
         marker.grid.corner_mm = {uniform(-100.0, 0.0), uniform(-100.0, 0.0)};
-        const double tilt = std::min(89.9, 90.0 - log_uniform(0.1, 90.0)) * degree;
+        const double tilt = std::min(89.9, 90.0 - log_uniform(0.1, 90.0)) * rad_per_deg;
         const double axis = uniform(0.0, 2.0 * std::numbers::pi);
         marker.camera_from_marker.rotation =
             Eigen::AngleAxisd(tilt, Eigen::Vector3d(std::cos(axis), std::sin(axis), 0.0)) *
@@ -210,8 +210,8 @@ PlacedMarker long_floor() {
     floor.grid.cell_mm = {10.0, 2000.0};
     floor.grid.corner_mm = {-23.0, -6000.0};
     floor.camera_from_marker.rotation =
-        Eigen::AngleAxisd(-90.0 * degree, Eigen::Vector3d::UnitX()) *
-        Eigen::AngleAxisd(0.3 * degree, Eigen::Vector3d::UnitY());
+        Eigen::AngleAxisd(-90.0 * rad_per_deg, Eigen::Vector3d::UnitX()) *
+        Eigen::AngleAxisd(0.3 * rad_per_deg, Eigen::Vector3d::UnitY());
     floor.camera_from_marker.translation = {1.0, 2.0, 30.0};
     return floor;
 }
@@ -243,14 +243,14 @@ TEST(MarkerView, AFootprintKnowsThatTheLensIsRound) {
     marker.grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
     marker.grid.cell_mm = {2000.0, 4000.0};
     marker.grid.corner_mm = {-2000.0, -2000.0};
-    const Eigen::AngleAxisd turn(45.0 * degree, Eigen::Vector3d::UnitZ());
+    const Eigen::AngleAxisd turn(45.0 * rad_per_deg, Eigen::Vector3d::UnitZ());
     marker.camera_from_marker = {Eigen::Quaterniond(turn), {0.0, 0.0, 500.0}};
     Aperture aperture;
     aperture.radius_mm = 5.0;
     aperture.focus_on_axis = 1.0 / 1000.0;
     const MarkerView view(marker, background, aperture);
     const double blur = aperture.radius_mm * (1.0 / 500.0 - 1.0 / 1000.0);
-    const Eigen::Vector2d across(std::cos(45.0 * degree), std::sin(45.0 * degree));
+    const Eigen::Vector2d across(std::cos(45.0 * rad_per_deg), std::sin(45.0 * rad_per_deg));
     const Eigen::Vector2d half(1e-5, 2e-5);
     for (const double side : {-1.0, 1.0})
         for (const double distance : {0.98, 1.02, 1.4}) {
@@ -363,7 +363,7 @@ TEST(MarkerView, SteepMarkersAreRenderedBesideTheirHorizon) {
         marker.grid.cell_mm = {11.0, 17.0};
         marker.grid.corner_mm = {-20.0, -30.0};
         marker.camera_from_marker.rotation =
-            Eigen::AngleAxisd(tilt * degree, Eigen::Vector3d(0.96, 0.28, 0.0)) *
+            Eigen::AngleAxisd(tilt * rad_per_deg, Eigen::Vector3d(0.96, 0.28, 0.0)) *
             Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ());
         marker.camera_from_marker.translation = {20.0, -6.0, 180.0};
         expect_reference(renderer, {{marker}, background}, 9);

@@ -9,13 +9,12 @@
 
 #include "core/errors.h"
 #include "core/roll_pitch_yaw.h"
+#include "core/units.h"
 
 namespace etalon {
 namespace {
 
 using testing::HasSubstr;
-
-constexpr double degree = std::numbers::pi / 180.0;
 
 CameraModel webcam() {
     CameraModel camera;
@@ -48,9 +47,9 @@ CellGrid centred_grid(int columns, int rows) {
 // Depth, roll, pitch and yaw wide; x and y all that is seen.
 PoseVolume seen_volume() {
     return {.z_mm = {400.0, 1500.0},
-            .roll = {-70.0 * degree, 60.0 * degree},
-            .pitch = {-55.0 * degree, 75.0 * degree},
-            .yaw = {-180.0 * degree, 180.0 * degree},
+            .roll = {-70.0 * rad_per_deg, 60.0 * rad_per_deg},
+            .pitch = {-55.0 * rad_per_deg, 75.0 * rad_per_deg},
+            .yaw = {-180.0 * rad_per_deg, 180.0 * rad_per_deg},
             .margin_px = 13.0};
 }
 

@@ -7,13 +7,13 @@
 
 #include "sim/scene/marker_outline.h"
 #include "sim/tiles/undistortion_map.h"
+#include "tests/gray.h"
 
 namespace etalon {
 namespace {
 
 using std::numbers::pi;
 
-constexpr double gray = 1.0 / 255.0;
 constexpr double everywhere = std::numeric_limits<double>::infinity();
 
 // A strip of pixels behind a lens with the wanted diffraction; in focus at 150 mm.

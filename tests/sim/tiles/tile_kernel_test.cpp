@@ -14,11 +14,10 @@
 #include "core/errors.h"
 #include "sim/tiles/disk_area.h"
 #include "sim/tiles/square_area.h"
+#include "tests/gray.h"
 
 namespace etalon {
 namespace {
-
-constexpr double gray = 1.0 / 255.0;
 
 // Every instruction set of this machine in turn; the best again at the end.
 template <class Body>

@@ -12,7 +12,7 @@ namespace {
 constexpr double rounding = 1e-12;  // mm, at positions of about 100 mm
 
 // 100 mm at 50 mm/s and 200 mm/s^2: ramps of 0.25 s and 6.25 mm, 87.5 mm in 1.75 s between.
-TEST(Motion, ALongTrapezoidRampsCruisesAndRamps) {
+TEST(MovingAxis, ALongTrapezoidRampsCruisesAndRamps) {
     const Motion motion = Motion::between(7.0, 107.0, {50.0, 200.0});
     EXPECT_DOUBLE_EQ(motion.duration(), 2.25);
     EXPECT_DOUBLE_EQ(motion.position(-1.0), 7.0);
@@ -25,7 +25,7 @@ TEST(Motion, ALongTrapezoidRampsCruisesAndRamps) {
 }
 
 // 7 mm at 28 mm/s^2 never reaches 100 mm/s: peak sqrt(7 * 28) = 14 mm/s after 0.5 s.
-TEST(Motion, AShortTrapezoidIsATriangle) {
+TEST(MovingAxis, AShortTrapezoidIsATriangle) {
     const Motion motion = Motion::between(5.0, -2.0, {100.0, 28.0});
     EXPECT_DOUBLE_EQ(motion.duration(), 1.0);
     EXPECT_DOUBLE_EQ(motion.position(0.5), 1.5);
@@ -35,7 +35,7 @@ TEST(Motion, AShortTrapezoidIsATriangle) {
 
 // 0.2 s of jerk, 0.05 s of 200 mm/s^2, 0.2 s of jerk: 50 mm/s after 0.45 s and 11.25 mm; 77.5 mm
 // in 1.55 s; the same down.
-TEST(Motion, ALongSCurveHasSevenPieces) {
+TEST(MovingAxis, ALongSCurveHasSevenPieces) {
     const Motion motion = Motion::between(7.0, 107.0, {50.0, 200.0, 1000.0});
     EXPECT_EQ(motion.pieces().size(), 7U);
     EXPECT_NEAR(motion.duration(), 2.45, rounding);
@@ -48,7 +48,7 @@ TEST(Motion, ALongSCurveHasSevenPieces) {
 }
 
 // j T^3 * 2 = 8 * 2 = 16 mm with T = 1 s, up to 8 mm/s and 8 mm/s^2.
-TEST(Motion, AShortSCurveReachesNeitherSpeedNorAcceleration) {
+TEST(MovingAxis, AShortSCurveReachesNeitherSpeedNorAcceleration) {
     const Motion motion = Motion::between(3.0, -13.0, {9.0, 10.0, 8.0});
     EXPECT_NEAR(motion.duration(), 4.0, rounding);
     EXPECT_NEAR(motion.position(2.0), -5.0, rounding);
@@ -57,14 +57,14 @@ TEST(Motion, AShortSCurveReachesNeitherSpeedNorAcceleration) {
 }
 
 // a (T + C) (2 T + C) = 4 * 2 * 2.5 = 20 mm with T = 0.5 s and C = 1.5 s, up to 8 mm/s.
-TEST(Motion, AMediumSCurveReachesTheAccelerationOnly) {
+TEST(MovingAxis, AMediumSCurveReachesTheAccelerationOnly) {
     const Motion motion = Motion::between(0.0, 20.0, {9.0, 4.0, 8.0});
     EXPECT_NEAR(motion.duration(), 5.0, rounding);
     EXPECT_NEAR(motion.velocity(2.5), 8.0, rounding);
     EXPECT_NEAR(motion.acceleration(1.0), 4.0, rounding);
 }
 
-TEST(Motion, BrakingATrapezoidEndsAfterVSquaredOverTwoA) {
+TEST(MovingAxis, BrakingATrapezoidEndsAfterVSquaredOverTwoA) {
     const Motion motion = Motion::braking(5.0, -30.0, -60.0, {1.0, 60.0});
     EXPECT_DOUBLE_EQ(motion.duration(), 0.5);
     EXPECT_DOUBLE_EQ(motion.end(), -2.5);
@@ -73,7 +73,7 @@ TEST(Motion, BrakingATrapezoidEndsAfterVSquaredOverTwoA) {
 
 // While it still speeds up at 200 mm/s^2: 0.4 s until that is -200 mm/s^2 (25.3333 mm, again at
 // 50 mm/s), 0.15 s with it (5.25 mm, down to 20 mm/s), 0.2 s back to 0 (1.3333 mm).
-TEST(Motion, BrakingAnSCurveTurnsTheAccelerationRound) {
+TEST(MovingAxis, BrakingAnSCurveTurnsTheAccelerationRound) {
     const Motion motion = Motion::braking(3.0, 50.0, 200.0, {1.0, 200.0, 1000.0});
     EXPECT_NEAR(motion.duration(), 0.75, rounding);
     EXPECT_NEAR(motion.velocity(0.4), 50.0, rounding);
@@ -81,7 +81,7 @@ TEST(Motion, BrakingAnSCurveTurnsTheAccelerationRound) {
     EXPECT_NEAR(motion.end(), 3.0 + 76.0 / 3.0 + 5.25 + 4.0 / 3.0, rounding);
 }
 
-TEST(Motion, NowhereToGoTakesNoTime) {
+TEST(MovingAxis, NowhereToGoTakesNoTime) {
     for (const MotionLimits& limits : {MotionLimits{5.0, 3.0}, MotionLimits{5.0, 3.0, 2.0}}) {
         EXPECT_EQ(Motion::between(7.0, 7.0, limits).duration(), 0.0);
         EXPECT_EQ(Motion::between(7.0, 7.0, limits).position(0.0), 7.0);
@@ -129,7 +129,7 @@ double jump(F f, double until, double slope) {
     return worst;
 }
 
-TEST(Motion, NeverJumpsAndKeepsItsLimits) {
+TEST(MovingAxis, NeverJumpsAndKeepsItsLimits) {
     for (const Case& kind : all_kinds()) {
         const Motion& motion = kind.motion;
         const MotionLimits& limits = kind.limits;
@@ -154,7 +154,7 @@ TEST(Motion, NeverJumpsAndKeepsItsLimits) {
 
 // Independent of the cubics: the velocity's integral by the midpoint rule. A step errs by less than
 // j h^3 / 24 inside a piece and a h^2 / 4 at a corner, of which there are at most eight.
-TEST(Motion, PositionIsTheIntegralOfVelocity) {
+TEST(MovingAxis, PositionIsTheIntegralOfVelocity) {
     for (const auto& [name, motion, limits] : all_kinds()) {
         constexpr int steps = 2000;
         const double h = motion.duration() / steps;

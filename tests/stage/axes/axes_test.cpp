@@ -8,7 +8,7 @@
 namespace etalon {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 std::vector<Axis> axes_from(const std::string& list) {
     const auto file = StrictFile::from_text("etalon: test/1\naxes:\n" + list, "s.yml", "test/1");

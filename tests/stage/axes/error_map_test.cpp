@@ -6,12 +6,11 @@
 #include <numbers>
 
 #include "core/text.h"
+#include "core/units.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
-
-constexpr double rad_per_deg = std::numbers::pi / 180.0;
 
 ErrorMap map_of(const std::filesystem::path& file, bool rotary) {
     const StrictFile yaml(file, "test/1");

@@ -11,7 +11,7 @@
 namespace etalon {
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 Axis linear(Eigen::Vector3d direction) {
     Axis axis;

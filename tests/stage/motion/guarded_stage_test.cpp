@@ -12,16 +12,12 @@
 #include "mocks/stage/modbus_controller.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"
+#include "tests/stage/motion/two_axes.h"
 
 namespace etalon {
 namespace {
 
 using Positions = std::vector<double>;
-
-std::vector<Axis> xz() {
-    return {{.name = "x", .low = -100.0, .high = 100.0, .speed = 10.0},
-            {.name = "z", .low = -50.0, .high = 200.0, .speed = 5.0}};
-}
 
 // Forbidden: |x| < 20 with z > 100; slow from z = 85 on.
 const MotionRules lens{{{"lens", {{-20, 20}, {100, 160}}}}, {0, 15}, 0.2};

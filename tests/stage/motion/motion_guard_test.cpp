@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "core/random.h"
+#include "tests/stage/motion/two_axes.h"
 
 namespace etalon {
 namespace {
@@ -15,10 +16,6 @@ constexpr double pi = std::numbers::pi;
 using Positions = std::vector<double>;
 
 // x 10 mm/s, z 5 mm/s, and a rotary one with 1 rad/s.
-std::vector<Axis> xz() {
-    return {{.name = "x", .low = -100.0, .high = 100.0, .speed = 10.0},
-            {.name = "z", .low = -50.0, .high = 200.0, .speed = 5.0}};
-}
 std::vector<Axis> xzr() {
     auto axes = xz();
     axes.push_back(

@@ -1,0 +1,2 @@
+#define ETALON_INSTANTIATE
+#include "core/eigen_instances.h"

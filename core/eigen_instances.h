@@ -1,0 +1,71 @@
+// Eigen's decompositions and products of MatrixXd, compiled once in eigen_instances.cpp: each costs
+// two to eight seconds in every file that would make its own. Part of the precompiled header;
+// nothing needs to include it, and without it the same code is compiled again.
+//
+// The kernels below them are Eigen's own, named as in its version 3.4; other versions do without.
+#pragma once
+
+#include <Eigen/Dense>
+
+#if EIGEN_WORLD_VERSION == 3 && EIGEN_MAJOR_VERSION == 4
+#ifndef ETALON_INSTANTIATE
+#define ETALON_INSTANTIATE extern
+#endif
+
+namespace Eigen {
+ETALON_INSTANTIATE template class JacobiSVD<MatrixXd>;
+ETALON_INSTANTIATE template class SelfAdjointEigenSolver<MatrixXd>;
+ETALON_INSTANTIATE template SelfAdjointEigenSolver<MatrixXd>&
+SelfAdjointEigenSolver<MatrixXd>::compute<MatrixXd>(const EigenBase<MatrixXd>&, int);
+ETALON_INSTANTIATE template class LLT<MatrixXd>;
+ETALON_INSTANTIATE template LLT<MatrixXd>& LLT<MatrixXd>::compute<MatrixXd>(
+    const EigenBase<MatrixXd>&);
+ETALON_INSTANTIATE template class LDLT<MatrixXd>;
+ETALON_INSTANTIATE template LDLT<MatrixXd>& LDLT<MatrixXd>::compute<MatrixXd>(
+    const EigenBase<MatrixXd>&);
+ETALON_INSTANTIATE template class ColPivHouseholderQR<MatrixXd>;
+ETALON_INSTANTIATE template class HouseholderQR<MatrixXd>;
+ETALON_INSTANTIATE template class PartialPivLU<MatrixXd>;
+ETALON_INSTANTIATE template class CompleteOrthogonalDecomposition<MatrixXd>;
+
+namespace internal {
+ETALON_INSTANTIATE template struct general_matrix_matrix_product<
+    Index, double, ColMajor, false, double, ColMajor, false, ColMajor, 1>;
+ETALON_INSTANTIATE template struct general_matrix_matrix_product<
+    Index, double, RowMajor, false, double, ColMajor, false, ColMajor, 1>;
+ETALON_INSTANTIATE template struct general_matrix_matrix_product<
+    Index, double, ColMajor, false, double, RowMajor, false, ColMajor, 1>;
+ETALON_INSTANTIATE template struct general_matrix_vector_product<
+    Index, double, const_blas_data_mapper<double, Index, ColMajor>, ColMajor, false, double,
+    const_blas_data_mapper<double, Index, ColMajor>, false, 0>;
+ETALON_INSTANTIATE template struct general_matrix_vector_product<
+    Index, double, const_blas_data_mapper<double, Index, RowMajor>, RowMajor, false, double,
+    const_blas_data_mapper<double, Index, ColMajor>, false, 0>;
+ETALON_INSTANTIATE template struct general_matrix_vector_product<
+    Index, double, const_blas_data_mapper<double, Index, RowMajor>, RowMajor, false, double,
+    const_blas_data_mapper<double, Index, RowMajor>, false, 0>;
+ETALON_INSTANTIATE template struct triangular_solve_vector<double, double, Index, OnTheLeft, Lower,
+                                                           false, ColMajor>;
+ETALON_INSTANTIATE template struct triangular_solve_vector<double, double, Index, OnTheLeft,
+                                                           UnitLower, false, ColMajor>;
+ETALON_INSTANTIATE template struct triangular_solve_vector<double, double, Index, OnTheLeft, Upper,
+                                                           false, ColMajor>;
+ETALON_INSTANTIATE template struct triangular_solve_vector<double, double, Index, OnTheLeft, Upper,
+                                                           false, RowMajor>;
+ETALON_INSTANTIATE template struct triangular_solve_vector<double, double, Index, OnTheLeft,
+                                                           UnitUpper, false, RowMajor>;
+ETALON_INSTANTIATE template struct triangular_solve_matrix<double, Index, OnTheLeft, Lower, false,
+                                                           ColMajor, ColMajor, 1>;
+ETALON_INSTANTIATE template struct triangular_solve_matrix<double, Index, OnTheLeft, UnitLower,
+                                                           false, ColMajor, ColMajor, 1>;
+ETALON_INSTANTIATE template struct triangular_solve_matrix<double, Index, OnTheLeft, Upper, false,
+                                                           ColMajor, ColMajor, 1>;
+ETALON_INSTANTIATE template struct triangular_solve_matrix<double, Index, OnTheLeft, Upper, false,
+                                                           RowMajor, ColMajor, 1>;
+ETALON_INSTANTIATE template struct triangular_solve_matrix<double, Index, OnTheLeft, UnitUpper,
+                                                           false, RowMajor, ColMajor, 1>;
+}  // namespace internal
+}  // namespace Eigen
+
+#undef ETALON_INSTANTIATE
+#endif

@@ -34,14 +34,27 @@ function(etalon_join_rooms target)
 endfunction()
 
 # Reuses core's precompiled header, so that OpenCV, Eigen and the standard library are parsed once.
+set(etalon_common_headers
+    ${PROJECT_SOURCE_DIR}/core/eigen_instances.h <opencv2/core.hpp> <fmt/format.h>
+    <algorithm> <array> <chrono> <cmath> <filesystem> <fstream> <functional> <iostream> <map> <memory>
+    <mutex> <numeric> <optional> <set> <span> <sstream> <string> <string_view> <thread> <variant>
+    <vector>)
 function(etalon_precompile target)
     if(target STREQUAL "etalon_core")
-        target_precompile_headers(${target} PRIVATE
-            ${PROJECT_SOURCE_DIR}/core/eigen_instances.h <opencv2/core.hpp> <fmt/format.h>
-            <algorithm> <array> <chrono> <cmath> <filesystem> <functional> <map> <memory> <mutex>
-            <iostream> <fstream> <sstream> <numeric> <optional> <set> <span> <string> <string_view>
-            <thread> <variant> <vector>)
+        target_precompile_headers(${target} PRIVATE ${etalon_common_headers})
     else()
         target_precompile_headers(${target} REUSE_FROM etalon_core)
+    endif()
+endfunction()
+
+# The same with GoogleMock, made by the first program that asks.
+function(etalon_precompile_tests target)
+    get_property(first GLOBAL PROPERTY etalon_first_test)
+    if(first)
+        target_precompile_headers(${target} REUSE_FROM ${first})
+    else()
+        set_property(GLOBAL PROPERTY etalon_first_test ${target})
+        target_precompile_headers(${target} PRIVATE ${etalon_common_headers} <gmock/gmock.h>
+            <gtest/gtest.h>)
     endif()
 endfunction()

@@ -28,6 +28,34 @@ ETALON_INSTANTIATE template class HouseholderQR<MatrixXd>;
 ETALON_INSTANTIATE template class PartialPivLU<MatrixXd>;
 ETALON_INSTANTIATE template class CompleteOrthogonalDecomposition<MatrixXd>;
 
+// Solving for a vector or a matrix.
+ETALON_INSTANTIATE template void LLT<MatrixXd>::_solve_impl<VectorXd, VectorXd>(const VectorXd&,
+                                                                                VectorXd&) const;
+ETALON_INSTANTIATE template void LLT<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(const MatrixXd&,
+                                                                                MatrixXd&) const;
+ETALON_INSTANTIATE template void LDLT<MatrixXd>::_solve_impl<VectorXd, VectorXd>(const VectorXd&,
+                                                                                 VectorXd&) const;
+ETALON_INSTANTIATE template void LDLT<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(const MatrixXd&,
+                                                                                 MatrixXd&) const;
+ETALON_INSTANTIATE template void ColPivHouseholderQR<MatrixXd>::_solve_impl<VectorXd, VectorXd>(
+    const VectorXd&, VectorXd&) const;
+ETALON_INSTANTIATE template void ColPivHouseholderQR<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(
+    const MatrixXd&, MatrixXd&) const;
+ETALON_INSTANTIATE template void HouseholderQR<MatrixXd>::_solve_impl<VectorXd, VectorXd>(
+    const VectorXd&, VectorXd&) const;
+ETALON_INSTANTIATE template void HouseholderQR<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(
+    const MatrixXd&, MatrixXd&) const;
+ETALON_INSTANTIATE template void PartialPivLU<MatrixXd>::_solve_impl<VectorXd, VectorXd>(
+    const VectorXd&, VectorXd&) const;
+ETALON_INSTANTIATE template void PartialPivLU<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(
+    const MatrixXd&, MatrixXd&) const;
+ETALON_INSTANTIATE template void
+CompleteOrthogonalDecomposition<MatrixXd>::_solve_impl<VectorXd, VectorXd>(const VectorXd&,
+                                                                           VectorXd&) const;
+ETALON_INSTANTIATE template void
+CompleteOrthogonalDecomposition<MatrixXd>::_solve_impl<MatrixXd, MatrixXd>(const MatrixXd&,
+                                                                           MatrixXd&) const;
+
 namespace internal {
 ETALON_INSTANTIATE template struct general_matrix_matrix_product<
     Index, double, ColMajor, false, double, ColMajor, false, ColMajor, 1>;

@@ -6,8 +6,8 @@
 #include <Eigen/SVD>
 #include <cmath>
 
-#include "compare/detect/detector.h"
 #include "compare/expect/expected_view.h"
+#include "compare/make_detector.h"
 #include "core/errors.h"
 
 namespace etalon {

@@ -5,9 +5,9 @@
 
 #include <cmath>
 
-#include "compare/detect/detector.h"
 #include "compare/expect/expected_view.h"
 #include "compare/expect/pose_statistics.h"
+#include "compare/make_detector.h"
 #include "core/errors.h"
 
 namespace etalon {

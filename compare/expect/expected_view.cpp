@@ -56,12 +56,12 @@ ExpectedExposures::ExpectedExposures(const ExpectedView& view, const Rigid& came
 }
 
 std::optional<DetectedCorners> ExpectedExposures::without_noise(Detector& detector) const {
-    return detector.detect(sensor_.expose(whole_));
+    return detector.detect(sensor_.expose(whole_)).corners;
 }
 
 std::optional<DetectedCorners> ExpectedExposures::with_noise(Detector& detector,
                                                              const NoiseKey& noise) const {
-    auto corners = detector.detect(sensor_.expose_region(area_, noise));
+    auto corners = detector.detect(sensor_.expose_region(area_, noise)).corners;
     if (corners)
         for (Eigen::Vector2d& pixel : corners->pixels)
             pixel += Eigen::Vector2d(area_.region.x, area_.region.y);

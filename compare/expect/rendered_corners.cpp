@@ -1,4 +1,5 @@
 #include "compare/expect/rendered_corners.h"
+#include "compare/make_detector.h"
 
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>

@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "calib/registration/stage_motion.h"
-#include "compare/detect/detector.h"
 #include "compare/detect/photo_pose.h"
 #include "compare/expect/rendered_corners.h"
+#include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
 #include "core/errors.h"
 #include "core/text.h"

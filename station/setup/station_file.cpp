@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "calib/files/camera_file.h"
-#include "compare/detect/detector.h"
+#include "compare/make_detector.h"
 #include "compare/verdict/limits_file.h"
 #include "core/strict_reader.h"
 #include "core/units.h"

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "compare/make_detector.h"
 #include "station/setup/station_file.h"
 #include "tests/station/stations.h"
 
@@ -72,7 +73,7 @@ TEST_F(ExpectedViewTest, CornersOfTheAreaAreThoseOfTheWholeImage) {
             const NoiseKey noise{7, frame};
             const auto found = exposures.with_noise(*part, noise);
             const auto expected =
-                whole->detect(view_.sensor().expose(view_.radiance_at(marker), noise));
+                whole->detect(view_.sensor().expose(view_.radiance_at(marker), noise)).corners;
             ASSERT_TRUE(found && expected);
             for (std::size_t k = 0; k < 4; ++k)
                 EXPECT_LT((found->pixels[k] - expected->pixels[k]).norm(), 1e-4) << k;

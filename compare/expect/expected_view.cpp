@@ -14,14 +14,13 @@ cv::Rect on_squares(const cv::Rect& area, int step) {
 
 }  // namespace
 
-ExpectedView::ExpectedView(const CameraModel& camera, CellGrid marker, double background,
-                           double white_level)
-    : renderer_(camera),
-      projector_(camera),
-      sensor_(camera),
-      marker_(std::move(marker)),
-      background_(background),
-      white_level_(white_level) {}
+ExpectedView::ExpectedView(const ExpectedScene& scene)
+    : renderer_(scene.camera),
+      projector_(scene.camera),
+      sensor_(scene.camera),
+      marker_(scene.marker.grid),
+      background_(scene.background),
+      white_level_(scene.white_level) {}
 
 RenderedPart ExpectedView::radiance_at(const Rigid& camera_from_marker) const {
     RenderOptions options;

@@ -17,10 +17,7 @@ StationFile noisy_station(const TemporaryFolder& folder) {
 
 class ExpectedViewTest : public testing::Test {
 protected:
-    ExpectedViewTest()
-        : station_(noisy_station(folder_)),
-          view_(station_.camera.model, station_.marker.grid, station_.background,
-                station_.white_level) {}
+    ExpectedViewTest() : station_(noisy_station(folder_)), view_(expected_scene(station_)) {}
 
     // Off the image's centre, turned and tilted.
     Rigid pose(double x, double y, double z) const {

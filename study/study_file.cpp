@@ -101,8 +101,8 @@ ApriltagOptions read_apriltag_options(const Value& entry) {
 void read_finder(const Value& entry, StudiedDetector& studied) {
     const Marker& marker = studied.marker;
     const std::string name = studied.detector == "photometric" ? "auto" : studied.detector;
-    const auto is = [&](const char* detector, Marker::Kind kind) {
-        return name == detector || (name == "auto" && marker.kind == kind);
+    const auto is = [&](const char* detector, Marker::Kind found) {
+        return name == detector || (name == "auto" && marker.kind == found);
     };
     if (is("aruco", Marker::Kind::aruco))
         studied.make_finder = [marker, options = read_aruco_options(entry)] {

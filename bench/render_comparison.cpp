@@ -16,12 +16,12 @@ constexpr std::array<std::pair<double, double>, 5> places{
     {{0.1, 0.1}, {0.4, 0.5}, {0.9, 0.9}, {0.5, 1.06}, {-0.6, 0.3}}};
 
 // A straight edge through a point of the grid, along u or along v.
-struct GridEdge {
+struct CheckedEdge {
     double u, v;
     bool along_u;
 };
 // The black square's upper and right edges.
-constexpr std::array edges{GridEdge{0.62, 0.1, true}, GridEdge{0.9, 0.38, false}};
+constexpr std::array edges{CheckedEdge{0.62, 0.1, true}, CheckedEdge{0.9, 0.38, false}};
 
 // Where points of a marker appear.
 class WindowPlacer {
@@ -47,7 +47,7 @@ public:
                         extent.width, extent.height));
     }
 
-    ComparisonWindow edge_window(const GridEdge& edge, int side) const {
+    ComparisonWindow edge_window(const CheckedEdge& edge, int side) const {
         const Eigen::Vector2d place = Eigen::Vector2d(edge.u, edge.v).cwiseProduct(size());
         const Eigen::Vector2d step(edge.along_u ? 0.5 : 0.0, edge.along_u ? 0.0 : 0.5);
         const auto a = projected(place - step), b = projected(place + step);
@@ -152,7 +152,7 @@ std::vector<ComparisonWindow> comparison_windows(const CameraModel& camera, cons
     for (const auto& [u, v] : places)
         windows.push_back(
             {placer.window(Eigen::Vector2d(u, v).cwiseProduct(placer.size()), {side, side})});
-    for (const GridEdge& edge : edges)
+    for (const CheckedEdge& edge : edges)
         windows.push_back(placer.edge_window(edge, side));
     return windows;
 }

@@ -37,11 +37,6 @@ CameraModel focused_at(CameraModel camera, double focus_mm) {
     return camera;
 }
 
-// Pixels that a library counts from the corner of the first one instead of its centre.
-double uncounted_shift_px(const std::string& finder) {
-    return finder == "apriltag" || finder == "aruco-apriltag" ? 0.5 : 0.0;
-}
-
 std::vector<cv::Point2f> projected(const Projector& projector,
                                    const std::vector<Eigen::Vector3d>& points_mm,
                                    const Rigid& camera_from_marker) {
@@ -211,8 +206,7 @@ StudyWorker::StudyWorker(const StudyOptics& optics, const std::filesystem::path&
     for (std::size_t i = 0; i < detectors.size(); ++i) {
         const StudiedDetector& one = detectors[i];
         const bool is_external = one.detector == "external";
-        finders_.push_back(
-            is_external ? nullptr : make_detector(one.finder, one.marker, one.name, one.options));
+        finders_.push_back(is_external ? nullptr : one.make_finder());
         externals_.push_back(
             is_external ? std::make_unique<ExternalDetector>(one.command, one.time_out, one.name)
                         : nullptr);
@@ -279,7 +273,7 @@ void StudyWorker::judge_image(const CodeImage& image, const StudyOptics::Imaging
                               std::vector<StudyFinding>& findings) {
     const std::size_t detectors = optics_.study().detectors.size();
     const bool is_external = externals_[detector] != nullptr;
-    const Sighting sighting = is_external ? Sighting{} : see(image, detector);
+    const Detection sighting = is_external ? Detection{} : see(image, detector);
     std::map<bool, std::size_t> photometric;  // by undistortion: corners do not come into it
     for (const std::size_t variant : imaging.variants) {
         const Rigid& truth = pose.camera_from_marker;
@@ -298,24 +292,21 @@ void StudyWorker::judge_image(const CodeImage& image, const StudyOptics::Imaging
     }
 }
 
-StudyWorker::Sighting StudyWorker::see(const CodeImage& image, std::size_t detector) {
+Detection StudyWorker::see(const CodeImage& image, std::size_t detector) {
     const Stopwatch watch(times_.detectors[detector]);
-    Sighting sighting{finders_[detector]->detect(image), {}};
-    if (!sighting.corners)
-        sighting.failure = finders_[detector]->failure();
-    return sighting;
+    return finders_[detector]->detect(image);
 }
 
-StudyFinding StudyWorker::judge_corners(const Sighting& sighting, std::size_t variant,
+StudyFinding StudyWorker::judge_corners(const Detection& sighting, std::size_t variant,
                                         std::size_t detector, const Rigid& truth) {
     const Stopwatch watch(times_.estimate);
     const StudiedDetector& one = optics_.study().detectors[detector];
     if (!sighting.corners)
-        return failed(sighting.failure);
+        return failed(sighting.reason);
     DetectedCorners corners = *sighting.corners;
     if (optics_.variants()[variant].switches.has(StudySwitch::half_pixel))
         for (Eigen::Vector2d& pixel : corners.pixels)
-            pixel.array() += uncounted_shift_px(one.finder);
+            pixel.array() += finders_[detector]->library_offset_px();
     const std::vector<Eigen::Vector3d> points = seen_points_mm(one.marker, corners);
     const auto estimate = estimate_pose(optics_.projector(variant), points, corners.pixels);
     if (!estimate)
@@ -326,11 +317,11 @@ StudyFinding StudyWorker::judge_corners(const Sighting& sighting, std::size_t va
     return finding;
 }
 
-StudyFinding StudyWorker::judge_photometric(const CodeImage& image, const Sighting& sighting,
+StudyFinding StudyWorker::judge_photometric(const CodeImage& image, const Detection& sighting,
                                             std::size_t variant, std::size_t detector,
                                             const Rigid& truth) {
     if (!sighting.corners)
-        return failed(sighting.failure);
+        return failed(sighting.reason);
     const Stopwatch watch(times_.detectors[detector]);
     const auto start =
         estimate_pose(optics_.projector(variant),

@@ -120,20 +120,15 @@ public:
     const StudyTimes& times() const { return times_; }
 
 private:
-    struct Sighting {
-        std::optional<DetectedCorners> corners;
-        std::string failure;
-    };
-
     void evaluate_marker(const std::vector<std::size_t>& detectors, const StudyPose& pose,
                          std::vector<StudyFinding>& findings);
     void judge_image(const CodeImage& image, const StudyOptics::Imaging& imaging,
                      std::size_t detector, const StudyPose& pose,
                      std::vector<StudyFinding>& findings);
-    Sighting see(const CodeImage& image, std::size_t detector);
-    StudyFinding judge_corners(const Sighting& sighting, std::size_t variant, std::size_t detector,
+    Detection see(const CodeImage& image, std::size_t detector);
+    StudyFinding judge_corners(const Detection& sighting, std::size_t variant, std::size_t detector,
                                const Rigid& truth);
-    StudyFinding judge_photometric(const CodeImage& image, const Sighting& sighting,
+    StudyFinding judge_photometric(const CodeImage& image, const Detection& sighting,
                                    std::size_t variant, std::size_t detector, const Rigid& truth);
     StudyFinding judge_external(const CodeImage& image, std::size_t variant, std::size_t detector,
                                 const Rigid& truth);

@@ -3,8 +3,11 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <map>
 
 #include "calib/files/camera_file.h"
+#include "compare/detect/detector_adaptors.h"
+#include "compare/make_detector.h"
 #include "core/strict_reader.h"
 #include "core/text.h"
 #include "core/units.h"
@@ -71,26 +74,48 @@ StudyPoses read_study_poses(const StrictFile& file, const Value& section) {
     return poses;
 }
 
-// ArUco's refinements are detectors of their own in compare/detect/detector.h.
-std::string aruco_finder(const Value& entry) {
-    const auto refinement = entry.find("refinement");
-    const std::string name =
-        refinement ? refinement->one_of({"none", "subpixel", "contour", "apriltag"}) : "subpixel";
-    return name == "subpixel" ? "aruco" : "aruco-" + name;
+ArucoOptions read_aruco_options(const Value& entry) {
+    const std::map<std::string, ArucoRefinement> refinements = {
+        {"none", ArucoRefinement::none},
+        {"subpixel", ArucoRefinement::subpixel},
+        {"contour", ArucoRefinement::contour},
+        {"apriltag", ArucoRefinement::apriltag}};
+    ArucoOptions options;
+    if (const auto name = entry.find("refinement"))
+        options.refinement =
+            refinements.at(name->one_of({"none", "subpixel", "contour", "apriltag"}));
+    if (const auto window = entry.find("half_window_px"))
+        options.subpixel_half_window_px = window->integer(1, 30);
+    return options;
+}
+
+ApriltagOptions read_apriltag_options(const Value& entry) {
+    ApriltagOptions options;
+    if (const auto decimate = entry.find("decimate"))
+        options.quad_decimate = decimate->number({1.0, 8.0});
+    if (const auto refine = entry.find("refine_edges"))
+        options.refine_edges = refine->flag();
+    return options;
 }
 
 void read_finder(const Value& entry, StudiedDetector& studied) {
-    studied.finder = studied.detector == "aruco"         ? aruco_finder(entry)
-                     : studied.detector == "photometric" ? "auto"
-                                                         : studied.detector;
-    if (const auto window = entry.find("half_window_px"))
-        studied.options.subpixel_half_window_px = window->integer(1, 30);
-    if (const auto decimate = entry.find("decimate"))
-        studied.options.quad_decimate = decimate->number({1.0, 8.0});
-    if (const auto refine = entry.find("refine_edges"))
-        studied.options.refine_edges = refine->flag();
+    const Marker& marker = studied.marker;
+    const std::string name = studied.detector == "photometric" ? "auto" : studied.detector;
+    const auto is = [&](const char* detector, Marker::Kind found) {
+        return name == detector || (name == "auto" && marker.kind == found);
+    };
+    if (is("aruco", Marker::Kind::aruco))
+        studied.make_finder = [marker, options = read_aruco_options(entry)] {
+            return make_aruco_detector(marker, "", options);
+        };
+    else if (is("apriltag", Marker::Kind::apriltag))
+        studied.make_finder = [marker, options = read_apriltag_options(entry)] {
+            return make_apriltag_detector(marker, "", options);
+        };
+    else
+        studied.make_finder = [marker, name] { return make_detector(name, marker, ""); };
     try {
-        make_detector(studied.finder, studied.marker, "", studied.options);
+        studied.make_finder();
     } catch (const ConfigError& error) {
         entry.fail(error.what());
     }

@@ -5,7 +5,8 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
-#include <optional>
+#include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -23,9 +24,9 @@ struct StudiedDetector {
     std::string name;      // in tables; unique in the study
     std::string detector;  // "aruco", "apriltag", ..., "photometric", "external"
     Marker marker;
-    // Of detectors from compare/detect/detector.h: what make_detector() is given.
-    std::string finder;
-    DetectorOptions options;
+    // Of a detector from compare/make_detector.h, with its options; of the photometric one, what
+    // finds its start.
+    std::function<std::unique_ptr<Detector>()> make_finder;
     // Of an external one.
     std::vector<std::string> command;
     std::chrono::milliseconds time_out{};

@@ -21,7 +21,7 @@ CameraModel distorted_camera(const Distortion& distortion) {
 
 void add_distortions(std::vector<StabilityCase>& cases) {
     const auto add = [&](const std::string& name, const Distortion& distortion,
-                         const MarkerPlace& place) {
+                         const StabilityMarker& place) {
         const CameraModel camera = distorted_camera(distortion);
         cases.push_back(agrees_with_reference(name, camera, marker_scene(camera, place)));
     };

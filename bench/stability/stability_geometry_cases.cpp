@@ -7,11 +7,12 @@
 namespace etalon {
 namespace {
 
-StabilityCase placed(const std::string& name, const CameraModel& camera, const MarkerPlace& place) {
+StabilityCase placed(const std::string& name, const CameraModel& camera,
+                     const StabilityMarker& place) {
     return agrees_with_reference(name, camera, marker_scene(camera, place));
 }
 StabilityCase refused(const std::string& name, const CameraModel& camera,
-                      const MarkerPlace& place) {
+                      const StabilityMarker& place) {
     return is_refused(name, camera, marker_scene(camera, place));
 }
 

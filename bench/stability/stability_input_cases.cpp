@@ -9,7 +9,7 @@
 namespace etalon {
 namespace {
 
-struct Input {
+struct RenderInput {
     CameraModel camera = short_camera(2.8, 330.0);
     Scene scene = marker_scene(camera, {});
     RenderOptions options;
@@ -19,9 +19,9 @@ struct Number {
     std::string name;
     double* value;
 };
-using Numbers = std::vector<Number> (*)(Input&);
+using Numbers = std::vector<Number> (*)(RenderInput&);
 
-std::vector<Number> camera_numbers(Input& input) {
+std::vector<Number> camera_numbers(RenderInput& input) {
     Intrinsics& k = input.camera.intrinsics;
     Distortion& d = input.camera.distortion;
     Lens& lens = *input.camera.lens;
@@ -49,7 +49,7 @@ std::vector<Number> camera_numbers(Input& input) {
             {"pixel_pitch", &input.camera.sensor->pixel_pitch_um}};
 }
 
-std::vector<Number> pose_numbers(Input& input) {
+std::vector<Number> pose_numbers(RenderInput& input) {
     Rigid& pose = input.scene.markers[0].camera_from_marker;
     return {{"qx", &pose.rotation.x()},    {"qy", &pose.rotation.y()},
             {"qz", &pose.rotation.z()},    {"qw", &pose.rotation.w()},
@@ -57,7 +57,7 @@ std::vector<Number> pose_numbers(Input& input) {
             {"tz", &pose.translation.z()}};
 }
 
-std::vector<Number> grid_numbers(Input& input) {
+std::vector<Number> grid_numbers(RenderInput& input) {
     CellGrid& grid = input.scene.markers[0].grid;
     return {{"corner x", &grid.corner_mm.x()},
             {"corner y", &grid.corner_mm.y()},
@@ -66,16 +66,16 @@ std::vector<Number> grid_numbers(Input& input) {
             {"background", &input.scene.background}};
 }
 
-std::vector<Number> option_numbers(Input& input) {
+std::vector<Number> option_numbers(RenderInput& input) {
     return {{"tolerance", &input.options.tolerance_gray}};
 }
 
-std::vector<Number> spread_numbers(Input& input) {
+std::vector<Number> spread_numbers(RenderInput& input) {
     input.camera.lens->psf.kind = PointSpread::Kind::gaussian;
     return {{"sigma", &input.camera.lens->psf.sigma_px}};
 }
 
-std::vector<Number> profile_numbers(Input& input) {
+std::vector<Number> profile_numbers(RenderInput& input) {
     PointSpread& psf = input.camera.lens->psf;
     psf.kind = PointSpread::Kind::measured;
     psf.profile = {{0.0, 1.0}, {0.5, 0.7}, {1.0, 0.2}, {1.5, 0.1}, {2.0, 0.0}};
@@ -87,7 +87,7 @@ bool has_meaning(const std::string& name, double value) {
     return name == "focus_distance" && value > 0.0;
 }
 
-bool is_accepted(const RenderFunction& render, const Input& input) {
+bool is_accepted(const RenderFunction& render, const RenderInput& input) {
     try {
         render(input.camera, input.scene, input.options);
     } catch (const NumericalError&) {
@@ -103,11 +103,11 @@ StabilityCase all_refused(const std::string& name, Numbers numbers, std::vector<
     return {name, "number accepted", [=](const RenderFunction& render) {
                 std::string accepted;
                 int tried = 0, wrong = 0;
-                Input count;
+                RenderInput count;
                 const std::size_t size = numbers(count).size();
                 for (std::size_t n = 0; n < size; ++n)
                     for (const double value : values) {
-                        Input input;
+                        RenderInput input;
                         const Number number = numbers(input)[n];
                         if (has_meaning(number.name, value))
                             continue;
@@ -125,7 +125,7 @@ StabilityCase all_refused(const std::string& name, Numbers numbers, std::vector<
 }
 
 StabilityCase cell_refused(const std::string& name, float value) {
-    Input input;
+    RenderInput input;
     input.scene.markers[0].grid.cells.at<float>(3, 4) = value;
     return is_refused(name, input.camera, input.scene);
 }

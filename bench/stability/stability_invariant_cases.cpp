@@ -46,7 +46,7 @@ StabilityCase keeps_energy(double side_px) {
 // Squarely seen and undistorted, a marker moves by whole pixels without a change.
 StabilityOutcome move_by_pixels(const RenderFunction& render) {
     const CameraModel camera = short_camera(1.8, 330.0);
-    MarkerPlace place{.side_px = 40.0, .tilt_deg = 0.0};
+    StabilityMarker place{.side_px = 40.0, .tilt_deg = 0.0};
     const Radiance here = rendered(render, camera, marker_scene(camera, place));
     place.off_centre_px += Eigen::Vector2d(7.0, -5.0);
     const Radiance there = rendered(render, camera, marker_scene(camera, place));
@@ -95,7 +95,7 @@ StabilityOutcome quarter_turn(const RenderFunction& render) {
 
 // The blur vanishes without a jump when the focus is drawn onto the marker.
 StabilityOutcome approach_focus(const RenderFunction& render) {
-    const MarkerPlace place{.tilt_deg = 0.0};
+    const StabilityMarker place{.tilt_deg = 0.0};
     StabilityOutcome worst{true, 0.0, 0.2, "largest difference from the image in focus"};
     const CameraModel sharp = short_camera(1.8, place.depth_mm);
     const Radiance in_focus = rendered(render, sharp, marker_scene(sharp, place));

@@ -41,7 +41,7 @@ Distortion every_distortion() {
             .tau_y = -0.11};
 }
 
-Scene marker_scene(const CameraModel& camera, const MarkerPlace& place) {
+Scene marker_scene(const CameraModel& camera, const StabilityMarker& place) {
     const double mm_per_px = place.depth_mm / camera.intrinsics.fx;
     const double side = place.side_px * mm_per_px;
     PlacedMarker marker;

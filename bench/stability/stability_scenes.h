@@ -7,7 +7,7 @@
 namespace etalon {
 
 // A marker of 10 x 10 cells without symmetry.
-struct MarkerPlace {
+struct StabilityMarker {
     double side_px = 70.0;  // of the grid, were it not tilted, at the image's depth
     double depth_mm = 400.0;
     double tilt_deg = 25.0;  // about an axis at 35 degrees in the image, after a turn of 20
@@ -21,7 +21,7 @@ CameraModel short_camera(double f_number, double focus_mm);
 Distortion every_distortion();
 
 // The marker before the image's centre.
-Scene marker_scene(const CameraModel& camera, const MarkerPlace& place);
+Scene marker_scene(const CameraModel& camera, const StabilityMarker& place);
 
 // Cells of radiance 0 or 1 without a pattern.
 cv::Mat random_cells(int rows, int columns, std::uint64_t seed);

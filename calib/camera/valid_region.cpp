@@ -14,13 +14,13 @@ constexpr int direction_count = 256;
 constexpr double largest_radius = 1e6;  // tangent of a ray 0.2" short of a right angle
 constexpr double march_ratio = 1.05;
 
-struct Interval {
+struct RadiusInterval {
     double low, high;
 };
 
 // The radii between which the model can do anything: where any two of its terms, taken relative to
 // the undistorted radius, have the same size, and a margin for the factors of derivatives.
-Interval interesting_radii(const Distortion& d) {
+RadiusInterval interesting_radii(const Distortion& d) {
     struct Term {
         double size;
         int power;
@@ -41,7 +41,7 @@ Interval interesting_radii(const Distortion& d) {
                                       {std::tan(d.tau_x), 1},
                                       {std::tan(d.tau_y), 1}}};
     constexpr double margin = 50.0;
-    Interval radii{infinity, 0.0};
+    RadiusInterval radii{infinity, 0.0};
     for (const Term& a : terms)
         for (const Term& b : terms) {
             if (a.size == 0.0 || b.size == 0.0 || a.power >= b.power)
@@ -73,7 +73,7 @@ public:
     Ray(const Distortion& distortion, const Eigen::Matrix3d& tilt, Eigen::Vector2d direction)
         : distortion_(distortion), tilt_(tilt), direction_(std::move(direction)) {}
 
-    double border(const Interval& radii) const {
+    double border(const RadiusInterval& radii) const {
         if (!at(0.0).is_regular())
             return 0.0;
         double before = 0.0, last = 0.0;
@@ -133,7 +133,7 @@ bool is_radial(const Distortion& d) {
 
 ValidRegion::ValidRegion(const Distortion& distortion) {
     const int count = is_radial(distortion) ? 1 : direction_count;
-    const Interval radii = interesting_radii(distortion);
+    const RadiusInterval radii = interesting_radii(distortion);
     const double pole = pole_radius(distortion);
     const Eigen::Matrix3d tilt = tilt_matrix(distortion.tau_x, distortion.tau_y);
     border_.reserve(count);

@@ -44,14 +44,14 @@ std::vector<Element> without(std::span<const Element> all, std::size_t left_out)
     return rest;
 }
 
-struct LeftOut {
+struct ViewLeftOut {
     double squares = 0.0;
     std::string failure;  // empty: none
 };
 
 // The search starts from the fit to all views, which is near.
-LeftOut leave_out(std::span<const CalibrationView> views, cv::Size image_size,
-                  const CalibrationModel& model, const CameraFit& all, std::size_t view) {
+ViewLeftOut leave_out(std::span<const CalibrationView> views, cv::Size image_size,
+                      const CalibrationModel& model, const CameraFit& all, std::size_t view) {
     try {
         const std::vector<Rigid> poses =
             without(std::span<const Rigid>(all.camera_from_target), view);
@@ -65,7 +65,7 @@ LeftOut leave_out(std::span<const CalibrationView> views, cv::Size image_size,
     }
 }
 
-void set_left_out(ModelScore& score, std::span<const LeftOut> left_out,
+void set_left_out(ModelScore& score, std::span<const ViewLeftOut> left_out,
                   std::span<const CalibrationView> views) {
     double sum = 0.0;
     for (std::size_t i = 0; i < left_out.size(); ++i) {
@@ -126,7 +126,7 @@ std::vector<ModelScore> score_models(std::span<const CalibrationView> views, cv:
                    [&](std::size_t i) { scores[i] = fitted_score(views, image_size, models[i]); });
     if (!leave_out_views || views.size() < 4)
         return scores;
-    std::vector<LeftOut> left_out(models.size() * views.size());
+    std::vector<ViewLeftOut> left_out(models.size() * views.size());
     for_each_index(left_out.size(), [&](std::size_t i) {
         const std::size_t model = i / views.size(), view = i % views.size();
         if (scores[model].fit)

@@ -3,8 +3,6 @@
 // move or lights that flicker: both would pass for noise.
 #pragma once
 
-#include <stop_token>
-
 #include "capture/frame/camera.h"
 
 namespace etalon {
@@ -14,7 +12,6 @@ struct FrameAverage {
     cv::Mat variance;  // CV_64FC1, code values squared; of one frame, divided by frames - 1
     int frames = 0;
     int bits = 0;  // of the frames' codes
-    Instant first_exposure_start{}, last_exposure_start{};
 
     // Root of the mean variance over all pixels, in code values.
     double noise() const;
@@ -32,11 +29,5 @@ public:
 private:
     FrameAverage sum_;  // variance: the sum of squared deviations
 };
-
-// Takes `frames` >= 2 complete frames, each with its exposure after the one before and the first
-// after `t`, from an armed camera. Throws what frame_after() throws, DeviceError too when a frame
-// stays incomplete after `retries`, and ConfigError for fewer than 2 frames.
-FrameAverage average_frames(Camera& camera, int frames, Instant t, int retries,
-                            std::stop_token stop);
 
 }  // namespace etalon

@@ -97,10 +97,4 @@ void require_alike(std::span<const CodeImage> images, const std::string& what) {
     }
 }
 
-cv::Mat as_float(const CodeImage& image) {
-    cv::Mat result;
-    image.pixels.convertTo(result, CV_32F);
-    return result;
-}
-
 }  // namespace etalon

@@ -35,7 +35,4 @@ double share_at_saturation(const CodeImage& image, int saturation);
 // first one's size and bits.
 void require_alike(std::span<const CodeImage> images, const std::string& what);
 
-// Pixels as CV_32FC1, exact for 16 bits.
-cv::Mat as_float(const CodeImage& image);
-
 }  // namespace etalon

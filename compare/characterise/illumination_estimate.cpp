@@ -239,6 +239,41 @@ void take_residuals(const std::vector<WhitePatch>& patches, const Falloff& fallo
                         100.0 * estimate.residual_rms));
 }
 
+// By the information criterion, chi-squares in units of the polynomial's.
+void choose_kind(const Falloff& falloff, const Falloff::Fit& fit, Projection projection,
+                 IlluminationEstimate& estimate) {
+    const double excess = std::max(estimate.reduced_chi_square, 1.0);
+    std::vector<Illumination::Kind> kinds{Illumination::Kind::uniform};
+    if (projection == Projection::perspective)
+        kinds.push_back(Illumination::Kind::cos4);
+    kinds.push_back(Illumination::Kind::polynomial);
+    for (const Illumination::Kind kind : kinds) {
+        const bool is_polynomial = kind == Illumination::Kind::polynomial;
+        IlluminationCandidate candidate{
+            kind, is_polynomial ? fit.chi_square : falloff.fit(kind).chi_square, 0.0,
+            3 * estimate.photos + (is_polynomial ? 3 : 0)};
+        candidate.information_criterion =
+            candidate.chi_square / excess + candidate.parameters * std::log(estimate.patches);
+        estimate.candidates.push_back(candidate);
+    }
+    const auto best = std::min_element(estimate.candidates.begin(), estimate.candidates.end(),
+                                       [](const auto& a, const auto& b) {
+                                           return a.information_criterion < b.information_criterion;
+                                       });
+    estimate.illumination.kind = best->kind;
+}
+
+void take_polynomial(const CameraModel& camera, IlluminationEstimate& estimate) {
+    estimate.illumination.polynomial = estimate.coefficients;
+    CameraModel lit = camera;
+    if (!lit.sensor)
+        lit.sensor.emplace();
+    lit.sensor->illumination = estimate.illumination;
+    if (const double least = least_polynomial_illumination(lit); !(least > 0.0))
+        throw NumericalError(fmt::format(
+            "illumination: the polynomial falls to {:.3g} where no white part was seen", least));
+}
+
 }  // namespace
 
 std::vector<WhitePatch> flat_patches(const CodeImage& flat, const CameraModel& camera, int photo,
@@ -293,35 +328,9 @@ IlluminationEstimate estimate_illumination(std::span<const WhitePatch> given,
             "(k = 2): flats, or the target in more places up to the corners",
             estimate.at_corner, 2.0 * estimate.at_corner_standard_uncertainty));
 
-    std::vector<Illumination::Kind> kinds{Illumination::Kind::uniform};
-    if (camera.projection == Projection::perspective)
-        kinds.push_back(Illumination::Kind::cos4);
-    kinds.push_back(Illumination::Kind::polynomial);
-    for (const Illumination::Kind kind : kinds) {
-        const bool is_polynomial = kind == Illumination::Kind::polynomial;
-        IlluminationCandidate candidate{
-            kind, is_polynomial ? fit.chi_square : falloff.fit(kind).chi_square, 0.0,
-            3 * estimate.photos + (is_polynomial ? 3 : 0)};
-        candidate.information_criterion =
-            candidate.chi_square / excess + candidate.parameters * std::log(estimate.patches);
-        estimate.candidates.push_back(candidate);
-    }
-    const auto best = std::min_element(estimate.candidates.begin(), estimate.candidates.end(),
-                                       [](const auto& a, const auto& b) {
-                                           return a.information_criterion < b.information_criterion;
-                                       });
-    estimate.illumination.kind = best->kind;
-    if (best->kind == Illumination::Kind::polynomial) {
-        estimate.illumination.polynomial = estimate.coefficients;
-        CameraModel lit = camera;
-        if (!lit.sensor)
-            lit.sensor.emplace();
-        lit.sensor->illumination = estimate.illumination;
-        if (const double least = least_polynomial_illumination(lit); !(least > 0.0))
-            throw NumericalError(fmt::format(
-                "illumination: the polynomial falls to {:.3g} where no white part was seen",
-                least));
-    }
+    choose_kind(falloff, fit, camera.projection, estimate);
+    if (estimate.illumination.kind == Illumination::Kind::polynomial)
+        take_polynomial(camera, estimate);
     return estimate;
 }
 

@@ -224,30 +224,6 @@ void estimate_zones(std::span<const StraightEdge> edges, const CameraModel& came
             estimate.zones[zone] = width_of(fit_edges(by_zone[zone], model));
 }
 
-void compare_zones(PointSpreadEstimate& estimate) {
-    double weights = 0.0, mean = 0.0, chi_square = 0.0, least = 1e9, largest = 0.0;
-    int count = 0;
-    const auto weight = [](const BlurWidth& zone) {
-        return std::pow(zone.variance_standard_uncertainty_px2, -2);
-    };
-    for (const auto& zone : estimate.zones)
-        if (zone) {
-            weights += weight(*zone);
-            mean += weight(*zone) * zone->variance_px2;
-            least = std::min(least, zone->sigma_px);
-            largest = std::max(largest, zone->sigma_px);
-            ++count;
-        }
-    if (count < 2)
-        return;
-    mean /= weights;
-    for (const auto& zone : estimate.zones)
-        if (zone)
-            chi_square += weight(*zone) * std::pow(zone->variance_px2 - mean, 2);
-    estimate.zone_chi_square = chi_square / (count - 1);
-    estimate.zone_range_px = largest - least;
-}
-
 }  // namespace
 
 std::vector<std::pair<double, double>> MeasuredSpread::profile() const {
@@ -288,11 +264,7 @@ PointSpreadEstimate estimate_point_spread(std::span<const StraightEdge> edges,
     const EdgeFit gaussian_fit = fit_edges(edges, gaussian);
     PointSpreadEstimate estimate;
     estimate.gaussian = width_of(gaussian_fit);
-    if (camera.lens)
-        estimate.beside_diffraction =
-            width_of(fit_edges(edges, gaussian_blur(aperture, lambda_n_px(camera))));
     estimate_zones(edges, camera, gaussian, estimate);
-    compare_zones(estimate);
     estimate.edge_spread = mean_profile(edges, gaussian_fit, gaussian);
     estimate.sharpening = sharpening_of(estimate.edge_spread);
     if (edges.size() >= least_edges_for_profile) {

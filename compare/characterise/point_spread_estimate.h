@@ -72,14 +72,9 @@ struct MeasuredSpread {
 };
 
 struct PointSpreadEstimate {
-    BlurWidth gaussian;                           // of all edges
-    std::optional<BlurWidth> beside_diffraction;  // with a lens section: Gaussian times Airy
+    BlurWidth gaussian;  // of all edges
     // 3 x 3 zones of the image, row by row; nothing where a zone has fewer than 4 edges.
     std::array<std::optional<BlurWidth>, 9> zones;
-    // Chi-square of the zones' variances about their weighted mean, over its degrees of freedom
-    // (zones - 1), and the largest difference of two zones' sigma. Nothing with one zone.
-    std::optional<double> zone_chi_square;
-    double zone_range_px = 0.0;
     std::optional<MeasuredSpread> measured;  // nothing: too few edges for a profile (below 8)
     // F statistic of the measured pattern against the Gaussian and the probability of a larger one
     // if the pattern is a Gaussian; and which of them to write.

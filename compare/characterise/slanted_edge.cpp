@@ -201,8 +201,6 @@ void transform(std::span<const Sample> samples, double half_width, SlantedEdge& 
     const Transform at(bins, variance);
     edge.dark = dark.level;
     edge.light = light.level;
-    edge.noise_dark = dark.noise;
-    edge.noise_light = light.noise;
     edge.pixels = static_cast<int>(bins.count.sum());
     const double step = 1.0 / (2.0 * bins.half_width);
     for (int k = 0; k * step <= 1.0; ++k)

@@ -29,8 +29,7 @@ struct ModulationRow {
 struct SlantedEdge {
     double angle_deg = 0.0;  // of the edge from the nearer pixel axis, 0..45
     double angle_standard_uncertainty_deg = 0.0;
-    double dark = 0.0, light = 0.0;              // levels beside the edge, radiance
-    double noise_dark = 0.0, noise_light = 0.0;  // standard deviation of a pixel
+    double dark = 0.0, light = 0.0;  // levels beside the edge, radiance
     int pixels = 0;
     std::vector<ModulationRow> modulation;  // 0 .. 1 cycle per px in steps of 1/width, 0 first
     // The frequency where the modulation falls to one half; 0 when it does not.

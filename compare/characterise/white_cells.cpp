@@ -72,6 +72,22 @@ cv::Rect bounding_box(const Projector& projector, const Marker& marker,
            image;
 }
 
+// Nothing of a cell that is clipped or hardly seen.
+std::optional<WhitePatch> patch_of(const CellSums& cell, int photo, double full_scale) {
+    if (cell.is_clipped || cell.pixels < least_pixels_of_a_cell)
+        return std::nullopt;
+    WhitePatch patch;
+    patch.photo = photo;
+    patch.radiance = cell.radiance / cell.pixels;
+    patch.centre_px = Eigen::Vector2d(cell.x, cell.y) / cell.pixels;
+    const double variance =
+        std::max(cell.square / cell.pixels - patch.radiance * patch.radiance, 0.0) * cell.pixels /
+        (cell.pixels - 1.0);
+    const double rounding = 0.29 / full_scale;
+    patch.standard_uncertainty = std::hypot(std::sqrt(variance), rounding) / std::sqrt(cell.pixels);
+    return patch;
+}
+
 }  // namespace
 
 std::vector<WhitePatch> white_cell_patches(const CodeImage& image, const Projector& projector,
@@ -112,21 +128,9 @@ std::vector<WhitePatch> white_cell_patches(const CodeImage& image, const Project
             cell.y += y;
         }
     std::vector<WhitePatch> patches;
-    for (const auto& [place, cell] : cells) {
-        if (cell.is_clipped || cell.pixels < least_pixels_of_a_cell)
-            continue;
-        WhitePatch patch;
-        patch.photo = photo;
-        patch.radiance = cell.radiance / cell.pixels;
-        patch.centre_px = Eigen::Vector2d(cell.x, cell.y) / cell.pixels;
-        const double variance =
-            std::max(cell.square / cell.pixels - patch.radiance * patch.radiance, 0.0) *
-            cell.pixels / (cell.pixels - 1.0);
-        const double rounding = 0.29 / image.full_scale();
-        patch.standard_uncertainty =
-            std::hypot(std::sqrt(variance), rounding) / std::sqrt(cell.pixels);
-        patches.push_back(patch);
-    }
+    for (const auto& [place, cell] : cells)
+        if (const auto patch = patch_of(cell, photo, image.full_scale()))
+            patches.push_back(*patch);
     return patches;
 }
 

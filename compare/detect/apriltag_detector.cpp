@@ -12,12 +12,12 @@ namespace {
 
 class ApriltagDetector final : public Detector {
 public:
-    ApriltagDetector(const Marker& marker, const ApriltagQuads& quads)
-        : id_(marker.id), finder_(marker.family, 1, quads) {}
+    ApriltagDetector(const Marker& marker, const ApriltagOptions& options)
+        : Detector("apriltag", ApriltagFinder::library_offset_px),
+          id_(marker.id),
+          finder_(marker.family, 1, options) {}
 
-    const std::string& name() const override { return name_; }
-
-    std::optional<DetectedCorners> detect(const CodeImage& image) override {
+    Detection detect(const CodeImage& image) override {
         std::vector<DetectedCorners> own;
         for (const FoundTag& tag : finder_.find(as_8_bit(image)))
             if (tag.id == id_)
@@ -26,35 +26,29 @@ public:
     }
 
 private:
-    const std::string name_ = "apriltag";
     int id_;
     ApriltagFinder finder_;
 };
 
 // The library cuts other factors to whole numbers when it reduces the image, and takes them as they
 // are when it scales the outlines back: the corners would be pixels off.
-double checked_decimation(double factor, const std::string& place) {
-    constexpr double largest = 8.0;
-    const bool is_whole = factor >= 1.0 && factor <= largest && factor == std::floor(factor);
+void require_exact_decimation(double factor, const std::string& place) {
+    constexpr double max_factor = 8.0;
+    const bool is_whole = factor >= 1.0 && factor <= max_factor && factor == std::floor(factor);
     if (!is_whole && factor != 1.5)
         throw ConfigError(
             {place, 0, "quad_decimate"},
-            fmt::format("{} is not 1, 1.5 or a whole number up to {}", factor, largest));
-    return factor;
+            fmt::format("{} is not 1, 1.5 or a whole number up to {}", factor, max_factor));
 }
 
 }  // namespace
 
 std::unique_ptr<Detector> make_apriltag_detector(const Marker& marker, const std::string& place,
-                                                 const DetectorOptions& options) {
+                                                 const ApriltagOptions& options) {
     if (marker.kind != Marker::Kind::apriltag)
         throw ConfigError({place}, "the apriltag detector cannot see " + marker.spec);
-    ApriltagQuads quads;
-    if (options.quad_decimate)
-        quads.decimate = checked_decimation(*options.quad_decimate, place);
-    if (options.refine_edges)
-        quads.refine_edges = *options.refine_edges;
-    return std::make_unique<ApriltagDetector>(marker, quads);
+    require_exact_decimation(options.quad_decimate, place);
+    return std::make_unique<ApriltagDetector>(marker, options);
 }
 
 }  // namespace etalon

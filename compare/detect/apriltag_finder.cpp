@@ -51,13 +51,13 @@ int correctable_bits(const apriltag_family_t& family) {
     return family.ncodes > 5000 ? 1 : 2;
 }
 
-// The library puts (0, 0) at the corner of the top-left pixel, and lists the corners from the
-// bottom left counter-clockwise; ours is the pixel's centre, from the top left clockwise.
+// The library lists the corners from the bottom left counter-clockwise; ours from the top left
+// clockwise.
 std::array<Eigen::Vector2d, 4> corners_in_our_convention(const apriltag_detection_t& detection) {
-    constexpr double half_pixel = 0.5;
+    constexpr double offset = ApriltagFinder::library_offset_px;
     std::array<Eigen::Vector2d, 4> corners;
     for (std::size_t i = 0; i < corners.size(); ++i)
-        corners[i] = {detection.p[3 - i][0] - half_pixel, detection.p[3 - i][1] - half_pixel};
+        corners[i] = {detection.p[3 - i][0] - offset, detection.p[3 - i][1] - offset};
     return corners;
 }
 
@@ -80,15 +80,15 @@ struct ApriltagFinder::Handles {
 };
 
 ApriltagFinder::ApriltagFinder(const std::string& family, int border_cells,
-                               const ApriltagQuads& quads)
+                               const ApriltagOptions& options)
     : handles_(new Handles{make_family(family),
                            {apriltag_detector_create(), apriltag_detector_destroy}}) {
     if (border_cells > 1)
         widen_border(*handles_->family, border_cells);
     apriltag_detector_t& finder = *handles_->finder;
     finder.nthreads = 1;  // the same image gives the same result
-    finder.quad_decimate = static_cast<float>(quads.decimate);
-    finder.refine_edges = quads.refine_edges;
+    finder.quad_decimate = static_cast<float>(options.quad_decimate);
+    finder.refine_edges = options.refine_edges;
     apriltag_detector_add_family_bits(&finder, handles_->family.get(),
                                       correctable_bits(*handles_->family));
 }

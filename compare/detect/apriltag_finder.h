@@ -10,20 +10,16 @@
 
 namespace etalon {
 
-// How the library finds the outlines of tags.
-struct ApriltagQuads {
-    double decimate = 1;  // in an image reduced by this; 2, its default, loses half of small tags
-    bool refine_edges = true;  // fitted anew to the whole image
-};
-
-// Not thread-safe: one per thread. Some 10 ms to
-// make for a family of hundreds of codes.
+// Not thread-safe: one per thread. Some 10 ms to make for a family of hundreds of codes.
 class ApriltagFinder {
 public:
+    // The library puts (0, 0) at the corner of the top-left pixel: taken off its coordinates.
+    static constexpr double library_offset_px = 0.5;
+
     // Families of sim/marker/tag_pattern.h; Kalibr prints the classic ones with a border of two
     // cells. Throws ConfigError for an unknown family.
     explicit ApriltagFinder(const std::string& family, int border_cells = 1,
-                            const ApriltagQuads& quads = {});
+                            const ApriltagOptions& options = {});
     ~ApriltagFinder();
 
     // `image`: CV_8UC1. Corners include what decimation displaces them by, which is a bias of the

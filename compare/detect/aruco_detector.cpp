@@ -33,26 +33,25 @@ std::string name_of(ArucoRefinement refinement) {
             return "aruco-contour";
         case ArucoRefinement::apriltag:
             return "aruco-apriltag";
-        default:
-            return "aruco";
+        case ArucoRefinement::subpixel:
+            break;
     }
+    return "aruco";
 }
 
 class ArucoDetector final : public Detector {
 public:
     ArucoDetector(const Marker& marker, ArucoRefinement refinement, int half_window_px)
-        : name_(name_of(refinement)),
+        : Detector(name_of(refinement), library_offset_px_of(refinement)),
           id_(marker.id),
           dictionary_(marker.family),
           refinement_(refinement),
           half_window_px_(half_window_px) {}
 
-    const std::string& name() const override { return name_; }
-
-    std::optional<DetectedCorners> detect(const CodeImage& image) override {
+    Detection detect(const CodeImage& image) override {
         const cv::Mat pixels = as_8_bit(image);
         if (refinement_ == ArucoRefinement::subpixel && !holds_window(pixels))
-            return not_found();
+            return only_one({});
         std::vector<DetectedCorners> own;
         for (FoundTag& tag : find_aruco_tags(pixels, dictionary_, refinement_)) {
             if (tag.id != id_)
@@ -70,31 +69,32 @@ private:
         return std::min(pixels.cols, pixels.rows) >= 2 * half_window_px_ + 5;
     }
 
-    const std::string name_;
     int id_;
     std::string dictionary_;
     ArucoRefinement refinement_;
     int half_window_px_;
 };
 
-int checked_half_window(int half_px, const std::string& place) {
-    constexpr int largest_px = 30;
-    if (half_px < 1 || half_px > largest_px)
-        throw ConfigError({place, 0, "subpixel_half_window_px"},
-                          fmt::format("{} is not in 1 to {} px", half_px, largest_px));
+int checked_half_window(const ArucoOptions& options, const std::string& place) {
+    constexpr int max_px = 30;
+    const SourcePlace key{place, 0, "subpixel_half_window_px"};
+    const int half_px = options.subpixel_half_window_px.value_or(default_half_window_px);
+    if (options.subpixel_half_window_px && options.refinement != ArucoRefinement::subpixel)
+        throw ConfigError(key, "belongs to the detector 'aruco', and this is '" +
+                                   name_of(options.refinement) + "'");
+    if (half_px < 1 || half_px > max_px)
+        throw ConfigError(key, fmt::format("{} is not in 1 to {} px", half_px, max_px));
     return half_px;
 }
 
 }  // namespace
 
-std::unique_ptr<Detector> make_aruco_detector(const Marker& marker, ArucoRefinement refinement,
-                                              const std::string& place,
-                                              const DetectorOptions& options) {
+std::unique_ptr<Detector> make_aruco_detector(const Marker& marker, const std::string& place,
+                                              const ArucoOptions& options) {
     if (marker.kind != Marker::Kind::aruco)
         throw ConfigError({place}, "the ArUco detector cannot see " + marker.spec);
-    const int half_window_px = checked_half_window(
-        options.subpixel_half_window_px.value_or(default_half_window_px), place);
-    return std::make_unique<ArucoDetector>(marker, refinement, half_window_px);
+    return std::make_unique<ArucoDetector>(marker, options.refinement,
+                                           checked_half_window(options, place));
 }
 
 }  // namespace etalon

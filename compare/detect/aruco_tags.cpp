@@ -60,18 +60,21 @@ void find_markers(const cv::Mat& image, int dictionary, int refinement, std::vec
 }
 #endif
 
-// Contour and sub-pixel corners count from the first pixel's centre, as ours do. The AprilTag quads
-// count from its corner and OpenCV hands them on unchanged. The order is ours already.
+// The order is ours already.
 std::array<Eigen::Vector2d, 4> corners_in_our_convention(const Quad& quad,
                                                          ArucoRefinement refinement) {
-    const double origin = refinement == ArucoRefinement::apriltag ? 0.5 : 0.0;
+    const double offset = library_offset_px_of(refinement);
     std::array<Eigen::Vector2d, 4> corners;
     for (std::size_t i = 0; i < corners.size(); ++i)
-        corners[i] = {quad[i].x - origin, quad[i].y - origin};
+        corners[i] = {quad[i].x - offset, quad[i].y - offset};
     return corners;
 }
 
 }  // namespace
+
+double library_offset_px_of(ArucoRefinement refinement) {
+    return refinement == ArucoRefinement::apriltag ? 0.5 : 0.0;
+}
 
 std::vector<FoundTag> find_aruco_tags(const cv::Mat& image, const std::string& dictionary,
                                       ArucoRefinement refinement) {

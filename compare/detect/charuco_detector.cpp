@@ -10,20 +10,17 @@ namespace {
 
 class CharucoDetector final : public Detector {
 public:
-    explicit CharucoDetector(const Marker& board) : target_{board} {}
+    explicit CharucoDetector(const Marker& board) : Detector("charuco"), target_{board} {}
 
-    const std::string& name() const override { return name_; }
-
-    std::optional<DetectedCorners> detect(const CodeImage& image) override {
+    Detection detect(const CodeImage& image) override {
         const auto view = observe(target_, image);
         if (!view)
-            return not_found();
+            return only_one({});
         const bool is_whole = view->ids.size() == target_.board.points_mm.size();
         return only_one({{0, view->pixels, is_whole ? std::vector<int>() : view->ids}});
     }
 
 private:
-    const std::string name_ = "charuco";
     CalibrationTarget target_;
 };
 

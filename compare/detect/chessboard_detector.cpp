@@ -8,19 +8,15 @@ namespace {
 
 class ChessboardDetector final : public Detector {
 public:
-    explicit ChessboardDetector(const Marker& board) : columns_(board.columns), rows_(board.rows) {}
+    explicit ChessboardDetector(const Marker& board)
+        : Detector("chessboard"), columns_(board.columns), rows_(board.rows) {}
 
-    const std::string& name() const override { return name_; }
-
-    std::optional<DetectedCorners> detect(const CodeImage& image) override {
+    Detection detect(const CodeImage& image) override {
         const auto found = find_chessboard_corners(image, columns_, rows_);
-        if (!found)
-            return not_found();
-        return only_one({{0, found->pixels}});
+        return found ? only_one({{0, found->pixels}}) : only_one({});
     }
 
 private:
-    const std::string name_ = "chessboard";
     int columns_, rows_;
 };
 

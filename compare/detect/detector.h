@@ -5,7 +5,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,52 +30,35 @@ struct DetectedCorners {
 // The points of the marker that these pixels show: what estimate_pose() needs beside them.
 std::vector<Eigen::Vector3d> seen_points_mm(const Marker& marker, const DetectedCorners& corners);
 
+// What a detector makes of one image.
+struct Detection {
+    std::optional<DetectedCorners> corners;
+    std::string reason;  // why there are none, in words: "marker not found"
+};
+
+// Which detectors there are: compare/make_detector.h.
 class Detector {
 public:
+    // `library_offset_px`: what the adaptor has taken off both coordinates that its library gives.
+    explicit Detector(std::string name, double library_offset_px = 0.0)
+        : name_(std::move(name)), library_offset_px_(library_offset_px) {}
     virtual ~Detector() = default;
-    virtual const std::string& name() const = 0;  // "apriltag"
 
-    // The marker's corners in the image, or nothing when it is not seen: failure() says why. Tags
-    // with another id are no concern; the marker's own id seen twice is a failure, as nothing tells
-    // which of them is on the stage (of a ChArUco board, the tags that are; a chessboard has no
-    // id). The same image gives the same result. Not thread-safe: one detector per thread.
-    virtual std::optional<DetectedCorners> detect(const CodeImage& image) = 0;
+    const std::string& name() const { return name_; }  // "apriltag"
 
-    // Why the last detect() returned nothing, in words: "marker not found".
-    const std::string& failure() const { return failure_; }
+    // Half a pixel where the library counts from the corner of the top-left pixel.
+    double library_offset_px() const { return library_offset_px_; }
 
-protected:
-    // For detect(): records the failure and returns nothing; only_one() does so unless exactly one
-    // candidate was found.
-    std::optional<DetectedCorners> failed(const std::string& why);
-    std::optional<DetectedCorners> not_found();
-    std::optional<DetectedCorners> only_one(const std::vector<DetectedCorners>& found);
+    // The marker's corners in the image. Tags with another id are no concern; the marker's own id
+    // seen twice gives no corners, as nothing tells which of them is on the stage (of a ChArUco
+    // board, the tags that are; a chessboard has no id). The same image gives the same result. Not
+    // thread-safe: one detector per thread.
+    virtual Detection detect(const CodeImage& image) = 0;
 
 private:
-    std::string failure_;
+    std::string name_;
+    double library_offset_px_;
 };
-
-// What a study may change of how a library places corners. What is not given is as in the adaptor.
-// How far off the corners are with each: compare/detect/detector_adaptors.h.
-struct DetectorOptions {
-    // "aruco": half the side of the window that cv::cornerSubPix sees around a corner, as OpenCV's
-    // cornerRefinementWinSize: 2 half + 1 pixels a side. 1 to 30; 3 when not given.
-    std::optional<int> subpixel_half_window_px;
-    // "apriltag": outlines are looked for in an image reduced by this factor. 1, 1.5, or a whole
-    // number up to 8; 1 when not given (the library's own default is 2).
-    std::optional<double> quad_decimate;
-    // "apriltag": whether edges are then fitted anew to the whole image. True when not given.
-    std::optional<bool> refine_edges;
-};
-
-// A detector for this marker: "apriltag", "aruco", "topotag", "chessboard", "charuco" or "stag";
-// "auto" takes the one that belongs to the marker. ArUco's other ways to place corners, for studies
-// of their bias, are "aruco-none", "aruco-contour" and "aruco-apriltag". Throws ConfigError (at
-// `place`) when there is no such detector, it cannot see the marker, or an option is out of its
-// range or belongs to another detector.
-std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& marker,
-                                        const std::string& place,
-                                        const DetectorOptions& options = {});
 
 // A pose from corners. Planar targets have two local solutions; both are kept unless they end in
 // the same pose. RMS is that of the distance in pixels, sqrt(sum |e|^2 / points).

@@ -1,21 +1,28 @@
-// The adaptors behind make_detector(), one per library. Only compare/detect/detector.cpp and the
-// tests of single adaptors need this header.
+// The adaptors of libraries' detectors behind compare/detect/detector.h, for
+// compare/make_detector.h and for who sets their options. Throw ConfigError at `place` for a marker
+// that they cannot see and for an option out of its range.
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "compare/detect/detector.h"
 
 namespace etalon {
 
-// libapriltag, by default at full resolution (no decimation) and with edges refined. ConfigError at
-// `place` for a marker that is no AprilTag or of a family that the library does not have, and for
-// an option out of its range.
-//
-// What the options do, in px on exact renderings of tags of 45 to 120 px, libapriltag 3.3.0
-// (tests/evidence/detector_options.cpp prints it, with smaller tags): mean offset in x and in y,
-// each; RMS distance of a corner; CPU time for 640x480 px.
+// How libapriltag finds the outlines of tags.
+struct ApriltagOptions {
+    // In an image reduced by this: 1, 1.5, or a whole number up to 8. 2, the library's default,
+    // loses half of small tags.
+    double quad_decimate = 1.0;
+    bool refine_edges = true;  // fitted anew to the whole image
+};
+
+// libapriltag for the families that it has. What the options do, in px on exact renderings of tags
+// of 45 to 120 px, libapriltag 3.3.0 (tests/evidence/detector_options.cpp prints it, with smaller
+// tags): mean offset in x and in y, each; RMS distance of a corner; CPU time for 640x480 px.
 //
 //   quad_decimate   edges refined            not refined                CPU time
 //   1               0.00, RMS 0.08           -0.08, RMS 0.12 to 0.15    3 ms
@@ -27,7 +34,7 @@ namespace etalon {
 // to 30 px with 2, not with 3. Releases before 3.4.3 place a reduced outline wrongly, and it shows
 // where edges are not refined.
 std::unique_ptr<Detector> make_apriltag_detector(const Marker& marker, const std::string& place,
-                                                 const DetectorOptions& options = {});
+                                                 const ApriltagOptions& options = {});
 
 // How OpenCV's ArUco places the corners. Mean offset towards the tag's centre on exact renderings
 // of 120 px tags, OpenCV 4.6 (tests/compare/detect/aruco_detector_test.cpp measures and prints it
@@ -41,8 +48,14 @@ enum class ArucoRefinement {
                // -0.08 px in x and in y
 };
 
-// OpenCV's ArUco with a dictionary of its own. ConfigError at `place` for any other marker, and for
-// a window out of its range.
+struct ArucoOptions {
+    ArucoRefinement refinement = ArucoRefinement::subpixel;
+    // Of `subpixel` only: half the side of the window that cv::cornerSubPix sees around a corner,
+    // as OpenCV's cornerRefinementWinSize: 2 half + 1 pixels a side. 1 to 30; 3 when not given.
+    std::optional<int> subpixel_half_window_px = {};
+};
+
+// OpenCV's ArUco with a dictionary of its own, named "aruco", or "aruco-none" and so on.
 //
 // Sub-pixel windows, by side of the tag, in px on the same renderings (OpenCV 4.6): mean offset
 // towards the tag's centre, RMS distance of a corner. The time does not depend on them: 2.5 ms.
@@ -52,27 +65,20 @@ enum class ArucoRefinement {
 //   3               0.13, 0.21    0.14, 0.20    0.14, 0.21    0.15, 0.21    0.14, 0.20
 //   5               0.12, 0.22    0.10, 0.20    0.11, 0.21    0.11, 0.22    0.11, 0.20
 //   8               0.54, 0.92    0.11, 0.28    0.10, 0.26    0.10, 0.27    0.09, 0.25
-std::unique_ptr<Detector> make_aruco_detector(const Marker& marker, ArucoRefinement refinement,
-                                              const std::string& place,
-                                              const DetectorOptions& options = {});
-
-// Our own finder of STag markers (compare/stag/stag_finder.h), all of whose edges place the
-// corners: a marker that is too small or too hidden for that is not found. ConfigError for any
-// other marker.
-std::unique_ptr<Detector> make_stag_detector(const Marker& marker, const std::string& place);
-
-// The TopoTag finder of compare/topotag/topotag_finder.h. ConfigError at `place` for any other
-// marker.
-std::unique_ptr<Detector> make_topotag_detector(const Marker& marker, const std::string& place);
+std::unique_ptr<Detector> make_aruco_detector(const Marker& marker, const std::string& place,
+                                              const ArucoOptions& options = {});
 
 // The corner finder of compare/detect/chessboard_corners.h for a marker of kind chessboard.
 std::unique_ptr<Detector> make_chessboard_detector(const Marker& marker, const std::string& place);
 
 // The ChArUco corners that a calibration finds (compare/detect/calibration_target.h), at least six
 // of them: a board may be seen in part. Tags whose id is seen twice count as not seen, so that of
-// two boards alike nothing is found. ConfigError at `place` for any other marker and for a board
-// with fewer than 2x3 inner corners.
+// two boards alike nothing is found. ConfigError also for a board with fewer than 2x3 inner
+// corners.
 std::unique_ptr<Detector> make_charuco_detector(const Marker& marker, const std::string& place);
+
+// For detect(): the only candidate; no corners when there is none, or more than one.
+Detection only_one(const std::vector<DetectedCorners>& found);
 
 // The image with its full scale at 255, rounded: what the libraries expect. 8-bit images are not
 // copied.

@@ -17,6 +17,11 @@ struct FoundTag {
     std::array<Eigen::Vector2d, 4> corners;  // of the black square, from the top left clockwise
 };
 
+// What is taken off the coordinates that OpenCV gives: contour and sub-pixel corners count from the
+// first pixel's centre, as ours do. The AprilTag quads count from its corner, and OpenCV hands them
+// on unchanged.
+double library_offset_px_of(ArucoRefinement refinement);
+
 // OpenCV's ArUco on an 8-bit image, all ids of a dictionary of sim/marker/tag_pattern.h. What
 // sub-pixel refinement there is, is the library's: with ArucoRefinement::subpixel the corners are
 // unrefined.

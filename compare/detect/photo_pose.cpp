@@ -66,11 +66,10 @@ bool is_jpeg(const std::filesystem::path& photo) {
 
 PhotoPose find_marker(const std::filesystem::path& photo, const CodeImage& image,
                       Detector& detector, const Projector& projector, const Marker& marker) {
-    PhotoPose result{photo, {}, detector.detect(image), {}};
-    if (!result.corners) {
-        result.failure = detector.failure().empty() ? "marker not found" : detector.failure();
+    const Detection seen = detector.detect(image);
+    PhotoPose result{photo, seen.reason, seen.corners, {}};
+    if (!result.corners)
         return result;
-    }
     result.estimate =
         estimate_pose(projector, seen_points_mm(marker, *result.corners), result.corners->pixels);
     if (!result.estimate)

@@ -46,11 +46,11 @@ std::vector<Sample> window_around(const cv::Mat& pixels, const Eigen::Vector2d& 
 
 // A step blurred by a Gaussian and by the pixel's own square: across an edge that is a box of the
 // square's longer projected side and a shorter one, whose variance joins the Gaussian's.
-struct Step {
+struct BlurredStep {
     double value, slope, by_blur;  // -1..1; its derivatives by the distance and by the Gaussian
 };
 
-Step blurred_step(double distance, double blur, double box) {
+BlurredStep blurred_step(double distance, double blur, double box) {
     const double sigma_slope = std::sqrt(2.0 * std::numbers::inv_pi);
     double integral[2], step[2], bell[2];
     for (const int i : {0, 1}) {
@@ -72,7 +72,7 @@ Modelled model(const Parameters& p, const Eigen::Vector2d& place) {
     const double gaussian = std::exp(p[log_blur]);
     const Eigen::Vector2d from_centre = place - p.head<2>();
     double along[2], by_log_blur[2];
-    Step step[2];
+    BlurredStep step[2];
     Eigen::Vector2d normal[2];
     for (const int i : {0, 1}) {
         const double c = std::cos(p[angle_1 + i]), s = std::sin(p[angle_1 + i]);

@@ -1,7 +1,7 @@
 #include "compare/drift/static_target.h"
 
 #include "compare/detect/calibration_target.h"
-#include "compare/detect/detector.h"
+#include "compare/make_detector.h"
 
 namespace etalon {
 namespace {
@@ -16,7 +16,7 @@ TargetPoints by_id(const std::vector<Eigen::Vector2d>& pixels, const std::vector
 TargetFinder tag_finder(const Marker& tag, const std::string& place) {
     const std::shared_ptr<Detector> detector = make_detector("auto", tag, place);
     return [detector](const CodeImage& image) {
-        const auto found = detector->detect(image);
+        const auto found = detector->detect(image).corners;
         return found ? by_id(found->pixels, found->points) : TargetPoints{};
     };
 }

@@ -6,8 +6,8 @@
 #include <Eigen/SVD>
 #include <cmath>
 
-#include "compare/detect/detector.h"
 #include "compare/expect/expected_view.h"
+#include "compare/make_detector.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -48,20 +48,16 @@ void fill_noise(const Eigen::MatrixXd& differences, DetectorStatistics& pose) {
 
 class NoisyPose {
 public:
-    NoisyPose(const StationFile& station, int frames, std::uint64_t seed)
-        : station_(station),
-          view_(station.camera.model, station.marker.grid, station.background, station.white_level),
-          projector_(station.camera.model),
-          frames_(frames),
-          seed_(seed) {}
+    NoisyPose(const ExpectedScene& scene, int frames, std::uint64_t seed)
+        : scene_(scene), view_(scene), projector_(scene.camera), frames_(frames), seed_(seed) {}
 
     // Safe from every thread.
     std::optional<DetectorStatistics> at(const Rigid& camera_from_marker, std::size_t index) const {
-        const auto truth = projected(projector_, station_.marker.points_mm, camera_from_marker);
+        const auto truth = projected(projector_, scene_.marker.points_mm, camera_from_marker);
         if (!truth)
             return std::nullopt;
         const ExpectedExposures exposures(view_, camera_from_marker);
-        const auto detector = make_detector(station_.detector, station_.marker, station_.detector);
+        const auto detector = make_detector(scene_.detector, scene_.marker, scene_.detector);
         const Corners clean = exposures.without_noise(*detector);
         if (!clean || !clean->is_whole())
             return std::nullopt;
@@ -83,7 +79,7 @@ public:
     }
 
 private:
-    const StationFile& station_;
+    const ExpectedScene& scene_;
     ExpectedView view_;
     Projector projector_;
     int frames_;
@@ -113,25 +109,18 @@ void summarize(DetectorStudy& study) {
             pose->noise_bias *= study.noise_bias_share;
 }
 
-void require_noise(const StationFile& station) {
-    const auto& sensor = station.camera.model.sensor;
-    if (!sensor || !(sensor->gain_e_per_dn > 0.0))
-        throw ConfigError({station.inputs.empty() ? "" : station.inputs.at(1).path.string(), 0,
-                           "sensor.gain_e_per_dn"},
-                          "is needed: without the sensor's noise nothing can be said of a run's "
-                          "uncertainty (`etalon characterise` measures it)");
-}
-
 }  // namespace
 
-DetectorStudy study_detector(const StationFile& station, std::span<const Rigid> camera_from_marker,
+DetectorStudy study_detector(const ExpectedScene& scene, std::span<const Rigid> camera_from_marker,
                              int frames, std::uint64_t seed, const std::function<void()>& step) {
     constexpr int least_frames = 8;
-    require_noise(station);
+    const auto& sensor = scene.camera.sensor;
+    if (!sensor || !(sensor->gain_e_per_dn > 0.0))
+        throw NumericalError("detector study: the camera declares no sensor noise");
     if (frames < least_frames)
         throw NumericalError(fmt::format("detector study: {} frames a pose, at least {} are needed",
                                          frames, least_frames));
-    const NoisyPose study(station, frames, seed);
+    const NoisyPose study(scene, frames, seed);
     DetectorStudy result;
     result.frames = frames;
     result.poses.resize(camera_from_marker.size());

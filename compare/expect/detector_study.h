@@ -12,7 +12,7 @@
 #include <span>
 #include <vector>
 
-#include "station/setup/station_file.h"
+#include "compare/expect/expected_view.h"
 
 namespace etalon {
 
@@ -41,9 +41,9 @@ struct DetectorStudy {
 // thread; may be empty. Parallel over the poses; the result does not depend on the threads. CPU
 // time: frames x (6 ns a pixel of the marker + one detection) per pose.
 //
-// Throws ConfigError when the calibration declares no sensor noise, NumericalError for less than 8
-// frames and whatever Renderer::render throws.
-DetectorStudy study_detector(const StationFile& station, std::span<const Rigid> camera_from_marker,
+// Throws NumericalError when the camera declares no sensor noise, for less than 8 frames, and what
+// Renderer::render throws.
+DetectorStudy study_detector(const ExpectedScene& scene, std::span<const Rigid> camera_from_marker,
                              int frames, std::uint64_t seed,
                              const std::function<void()>& step = {});
 

@@ -5,9 +5,9 @@
 
 #include <cmath>
 
-#include "compare/detect/detector.h"
 #include "compare/expect/expected_view.h"
 #include "compare/expect/pose_statistics.h"
+#include "compare/make_detector.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -23,7 +23,7 @@ Eigen::Vector3d unit_or(const Eigen::Vector3d& v, const Eigen::Vector3d& otherwi
 std::string why_no_noise(const ExpectationRequest& request) {
     if (request.frames == 0)
         return "no frames with noise were asked for";
-    if (!request.camera.sensor || request.camera.sensor->gain_e_per_dn <= 0.0)
+    if (!request.scene.camera.sensor || request.scene.camera.sensor->gain_e_per_dn <= 0.0)
         return "the calibration declares no sensor noise";
     return "";
 }
@@ -31,9 +31,7 @@ std::string why_no_noise(const ExpectationRequest& request) {
 class PoseStudy {
 public:
     explicit PoseStudy(const ExpectationRequest& request)
-        : request_(request),
-          view_(request.camera, request.marker.grid, request.background, request.white_level),
-          projector_(request.camera) {}
+        : request_(request), view_(request.scene), projector_(request.scene.camera) {}
 
     ExpectedPose at(const Rigid& camera_from_marker, std::size_t index, int frames,
                     Detector& detector) const {
@@ -59,8 +57,8 @@ public:
 private:
     bool fits_better_flipped(const DetectedCorners& corners,
                              const Rigid& camera_from_marker) const {
-        const auto best =
-            estimate_pose(projector_, seen_points_mm(request_.marker, corners), corners.pixels);
+        const auto best = estimate_pose(projector_, seen_points_mm(request_.scene.marker, corners),
+                                        corners.pixels);
         return best && is_flip(*best, camera_from_marker);
     }
 
@@ -69,7 +67,7 @@ private:
                                     const Rigid& camera_from_marker) const {
         if (!corners)
             return std::nullopt;
-        const PoseBias bias = pose_bias(projector_, seen_points_mm(request_.marker, *corners),
+        const PoseBias bias = pose_bias(projector_, seen_points_mm(request_.scene.marker, *corners),
                                         camera_from_marker, corners->pixels, std::nullopt);
         return bias.b2 ? std::optional(bias) : std::nullopt;
     }
@@ -197,10 +195,10 @@ void fit_maps(Expectation& expectation, std::uint64_t seed) {
 
 Expectation expect_errors(const ExpectationRequest& request, const std::function<void()>& step) {
     const auto new_detector = [&] {
-        return make_detector(request.detector, request.marker, "--detector");
+        return make_detector(request.scene.detector, request.scene.marker, "--detector");
     };
     new_detector();  // whether there is one
-    const std::vector<Rigid> poses = volume_poses(request.camera, request.marker.grid,
+    const std::vector<Rigid> poses = volume_poses(request.scene.camera, request.scene.marker.grid,
                                                   request.poses, request.seed, request.volume);
     Expectation result;
     result.no_noise = why_no_noise(request);

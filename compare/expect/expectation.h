@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "compare/expect/expectation_map.h"
+#include "compare/expect/expected_view.h"
 #include "compare/verdict/pose_bias.h"
-#include "sim/marker/marker.h"
 #include "sim/scene/bench_poses.h"
 
 namespace etalon {
@@ -49,14 +49,11 @@ private:
 };
 
 struct ExpectationRequest {
-    CameraModel camera;
-    Marker marker;
-    std::string detector = "auto";
+    ExpectedScene scene;
     SeenVolume volume;
     int poses = 200;
     int frames = 8;  // with noise, per pose; 0: bias alone
     std::uint64_t seed = 1;
-    double background = 1.0, white_level = 0.8;
 };
 
 struct ExpectedPose {

@@ -14,14 +14,13 @@ cv::Rect on_squares(const cv::Rect& area, int step) {
 
 }  // namespace
 
-ExpectedView::ExpectedView(const CameraModel& camera, CellGrid marker, double background,
-                           double white_level)
-    : renderer_(camera),
-      projector_(camera),
-      sensor_(camera),
-      marker_(std::move(marker)),
-      background_(background),
-      white_level_(white_level) {}
+ExpectedView::ExpectedView(const ExpectedScene& scene)
+    : renderer_(scene.camera),
+      projector_(scene.camera),
+      sensor_(scene.camera),
+      marker_(scene.marker.grid),
+      background_(scene.background),
+      white_level_(scene.white_level) {}
 
 RenderedPart ExpectedView::radiance_at(const Rigid& camera_from_marker) const {
     RenderOptions options;
@@ -56,12 +55,12 @@ ExpectedExposures::ExpectedExposures(const ExpectedView& view, const Rigid& came
 }
 
 std::optional<DetectedCorners> ExpectedExposures::without_noise(Detector& detector) const {
-    return detector.detect(sensor_.expose(whole_));
+    return detector.detect(sensor_.expose(whole_)).corners;
 }
 
 std::optional<DetectedCorners> ExpectedExposures::with_noise(Detector& detector,
                                                              const NoiseKey& noise) const {
-    auto corners = detector.detect(sensor_.expose_region(area_, noise));
+    auto corners = detector.detect(sensor_.expose_region(area_, noise)).corners;
     if (corners)
         for (Eigen::Vector2d& pixel : corners->pixels)
             pixel += Eigen::Vector2d(area_.region.x, area_.region.y);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 
 #include "calib/camera/projector.h"
 #include "compare/detect/detector.h"
@@ -14,15 +15,22 @@
 
 namespace etalon {
 
+// A camera before a marker, and the detector that is to find it.
+struct ExpectedScene {
+    CameraModel camera;
+    Marker marker;
+    std::string detector = "auto";
+    double background = 1.0;   // radiance around the marker, whose white is 1
+    double white_level = 1.0;  // of the marker's white in the photographs, 1 = full scale
+};
+
 // Immutable, safe from every thread.
 class ExpectedView {
 public:
     // Of the renders: where everything else is well, a tolerance of 0.1 gray is a third of U.
     static constexpr double tolerance_gray = 0.02;
 
-    // `background`: radiance around the marker, whose white is 1. `white_level`: what that white
-    // is in the photographs, 1 = full scale.
-    ExpectedView(const CameraModel& camera, CellGrid marker, double background, double white_level);
+    explicit ExpectedView(const ExpectedScene& scene);
 
     // The picture in front of the sensor. Throws what Renderer::render throws.
     RenderedPart radiance_at(const Rigid& camera_from_marker) const;

@@ -1,4 +1,5 @@
 #include "compare/expect/rendered_corners.h"
+#include "compare/make_detector.h"
 
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
@@ -36,19 +37,18 @@ std::optional<std::vector<Eigen::Vector2d>> mean_of(
 
 }  // namespace
 
-RenderedCorners::RenderedCorners(const StationFile& station)
-    : view_(station.camera.model, station.marker.grid, station.background, station.white_level),
-      detectors_([name = station.detector, marker = station.marker] {
+RenderedCorners::RenderedCorners(const ExpectedScene& scene, int frames, std::uint64_t seed)
+    : view_(scene),
+      detectors_([name = scene.detector, marker = scene.marker] {
           return make_detector(name, marker, name);
       }),
-      exposures_(states_noise(station.camera.model) ? exposures_per_frame * station.plan.frames
-                                                    : 1),
-      seed_(station.plan.seed) {
+      exposures_(states_noise(scene.camera) ? exposures_per_frame * frames : 1),
+      seed_(seed) {
     detectors_.local();  // whether there is one
 }
 
-double RenderedCorners::noise_ratio(const StationFile& station) {
-    return states_noise(station.camera.model) ? 1.0 / exposures_per_frame : 0.0;
+double RenderedCorners::noise_ratio(const CameraModel& camera) {
+    return states_noise(camera) ? 1.0 / exposures_per_frame : 0.0;
 }
 
 std::optional<std::vector<Eigen::Vector2d>> RenderedCorners::at(

@@ -16,7 +16,6 @@
 
 #include "compare/detect/detector.h"
 #include "compare/expect/expected_view.h"
-#include "station/setup/station_file.h"
 
 namespace etalon {
 
@@ -26,15 +25,16 @@ public:
     // difference.
     static constexpr int exposures_per_frame = 5;
 
-    explicit RenderedCorners(const StationFile& station);
+    // `frames`: of a photographed pose. `seed`: of the noise.
+    RenderedCorners(const ExpectedScene& scene, int frames, std::uint64_t seed);
 
     const ExpectedView& view() const { return view_; }
 
     // Variance of these corners by noise, in units of that of a pose's mean over its frames.
-    static double noise_ratio(const StationFile& station);
+    static double noise_ratio(const CameraModel& camera);
 
     // In the order of Marker::points_mm; nothing when the whole marker is not detected in most of
-    // the exposures. A pure function of station and pose. The exposures are seen in parallel; at()
+    // the exposures. A pure function of scene and pose. The exposures are seen in parallel; at()
     // is for one thread at a time. Throws what Renderer::render throws.
     std::optional<std::vector<Eigen::Vector2d>> at(const Rigid& camera_from_marker) const;
 

@@ -65,17 +65,17 @@ Findings examine_missing_marker(const CodeImage& photo, Detector& detector) {
                  fmt::format("{:.0f} % of the photograph is at the end of the scale: expose less",
                              100.0 * clipped),
                  true}};
-    if (detector.detect(negative_of(photo)))
+    if (detector.detect(negative_of(photo)).corners)
         return {tried("negative",
                       "in the negative the marker is found: light and dark are "
                       "exchanged")};
-    if (detector.detect(mirror_image_of(photo)))
+    if (detector.detect(mirror_image_of(photo)).corners)
         return {tried("mirrored",
                       "in the mirrored photograph the marker is found: it is printed "
                       "or read out mirrored")};
     for (const int factor : {2, 4})
         if (std::min(photo.pixels.rows, photo.pixels.cols) / factor > 40 &&
-            detector.detect(reduced(photo, factor)))
+            detector.detect(reduced(photo, factor)).corners)
             return {tried("out_of_focus",
                           fmt::format("in the photograph reduced to 1/{} the marker is found: out "
                                       "of focus, moved or noisy",

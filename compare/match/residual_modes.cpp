@@ -13,6 +13,7 @@ namespace etalon {
 namespace {
 
 constexpr double huber_threshold = 3.0;
+constexpr double smallest_eigenvalue = 1e-9;  // of a direction that is determined
 
 // Columns of the regression.
 constexpr int dark_at = 0, light_at = 6, tone_at = 12;
@@ -54,6 +55,29 @@ Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& matrix, double least) {
     const Eigen::VectorXd inverse = solver.eigenvalues().unaryExpr(
         [&](double value) { return value > least ? 1.0 / value : 0.0; });
     return solver.eigenvectors() * inverse.asDiagonal() * solver.eigenvectors().transpose();
+}
+
+void require_alike(const PixelDifference& difference, const cv::Mat& counted, const cv::Size& size,
+                   double noise_scale) {
+    constexpr int least_pixels = 4 * column_count;
+    if (difference.predicted.size() != size || difference.residual.size() != size ||
+        counted.size() != size || counted.type() != CV_8UC1 || !(noise_scale > 0) ||
+        cv::countNonZero(counted) < least_pixels)
+        throw NumericalError(fmt::format(
+            "no modes from {} pixels of {} x {} px, a prediction of {} x {} px and noise scale {}",
+            cv::countNonZero(counted), counted.cols, counted.rows, difference.predicted.cols,
+            difference.predicted.rows, noise_scale));
+}
+
+// Against the covariance that the blocks' scatter tells; the formal one where they are too few.
+double robust_chi_square(const Eigen::VectorXd& values, const Eigen::MatrixXd& inverse,
+                         const Eigen::MatrixXd& scatter, double blocks, double parameters,
+                         double formal) {
+    if (blocks <= parameters + 10.0)
+        return formal;
+    const Eigen::MatrixXd covariance = inverse * scatter * inverse * blocks / (blocks - parameters);
+    return values.dot(pseudo_inverse(covariance, smallest_eigenvalue * covariance.trace()) *
+                      values);
 }
 
 }  // namespace
@@ -122,15 +146,8 @@ ResidualModes::ResidualModes(const PixelDifference& difference, const cv::Mat& c
                              const PhotometricCamera& camera, const Rigid& camera_from_marker,
                              double noise_scale)
     : has_lens_(camera.model().lens.has_value()) {
-    constexpr int block_px = 8, least_pixels = 4 * column_count;
-    const cv::Size size(camera.model().width, camera.model().height);
-    if (difference.predicted.size() != size || difference.residual.size() != size ||
-        counted.size() != size || counted.type() != CV_8UC1 || !(noise_scale > 0) ||
-        cv::countNonZero(counted) < least_pixels)
-        throw NumericalError(fmt::format(
-            "no modes from {} pixels of {} x {} px, a prediction of {} x {} px and noise scale {}",
-            cv::countNonZero(counted), counted.cols, counted.rows, difference.predicted.cols,
-            difference.predicted.rows, noise_scale));
+    constexpr int block_px = 8;
+    require_alike(difference, counted, {camera.model().width, camera.model().height}, noise_scale);
     const Images images(difference.predicted, counted);
     const cv::Rect& box = images.box;
     const ImageMotion motion(camera.projector(), camera_from_marker, calibration_modes(),
@@ -193,8 +210,23 @@ ResidualModes::Columns ResidualModes::columns_of(ResidualMode mode) const {
     return {};
 }
 
+Eigen::MatrixXd ResidualModes::block_scatter(const Columns& own, const Columns& others,
+                                             const Eigen::MatrixXd& imitation,
+                                             const Eigen::VectorXd& scale,
+                                             const Eigen::VectorXd& unscaled) const {
+    const auto columns = static_cast<Eigen::Index>(own.size());
+    Eigen::MatrixXd scatter = Eigen::MatrixXd::Zero(columns, columns);
+    for (const Block& block : blocks_) {
+        const Eigen::VectorXd rest =
+            scale.cwiseProduct(Eigen::VectorXd(block.score - block.information * unscaled));
+        const Eigen::VectorXd own_rest =
+            Eigen::VectorXd(rest(own)) - imitation.transpose() * Eigen::VectorXd(rest(others));
+        scatter += own_rest * own_rest.transpose();
+    }
+    return scatter;
+}
+
 ModeFit ResidualModes::fit(ResidualMode mode, const std::vector<ResidualMode>& known) const {
-    constexpr double least = 1e-9;
     ModeFit result{mode, {}, 0.0, 0, 0.0};
     const Columns own = columns_of(mode);
     Columns others = range(0, rows_at);
@@ -212,13 +244,14 @@ ModeFit ResidualModes::fit(ResidualMode mode, const std::vector<ResidualMode>& k
         information_.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd scaled = scale.asDiagonal() * information_ * scale.asDiagonal();
     const Eigen::VectorXd score = scale.cwiseProduct(score_);
-    const Eigen::MatrixXd others_inverse = pseudo_inverse(part(scaled, others, others), least);
+    const Eigen::MatrixXd others_inverse =
+        pseudo_inverse(part(scaled, others, others), smallest_eigenvalue);
     const Eigen::MatrixXd imitation = others_inverse * part(scaled, others, own);
     const Eigen::MatrixXd information =
         part(scaled, own, own) - imitation.transpose() * part(scaled, others, own);
     const Eigen::VectorXd own_score =
         Eigen::VectorXd(score(own)) - imitation.transpose() * Eigen::VectorXd(score(others));
-    const Eigen::MatrixXd inverse = pseudo_inverse(information, least);
+    const Eigen::MatrixXd inverse = pseudo_inverse(information, smallest_eigenvalue);
     const Eigen::VectorXd values = inverse * own_score;
     const double explained = own_score.dot(values);
 
@@ -230,23 +263,11 @@ ModeFit ResidualModes::fit(ResidualMode mode, const std::vector<ResidualMode>& k
     const double freedom = pixels_ - static_cast<double>(own.size() + others.size());
     const double variance = std::max(squares_ - score.dot(all), 0.0) / std::max(freedom, 1.0);
 
-    Eigen::MatrixXd scatter = Eigen::MatrixXd::Zero(information.rows(), information.cols());
-    for (const Block& block : blocks_) {
-        const Eigen::VectorXd rest =
-            scale.cwiseProduct(Eigen::VectorXd(block.score - block.information * unscaled));
-        const Eigen::VectorXd own_rest =
-            Eigen::VectorXd(rest(own)) - imitation.transpose() * Eigen::VectorXd(rest(others));
-        scatter += own_rest * own_rest.transpose();
-    }
+    const Eigen::MatrixXd scatter = block_scatter(own, others, imitation, scale, unscaled);
     const double blocks = static_cast<double>(blocks_.size());
     const double parameters = static_cast<double>(own.size() + others.size());
     const double formal = variance > 0 ? explained / variance : 0.0;
-    double robust = formal;
-    if (blocks > parameters + 10.0) {
-        const Eigen::MatrixXd covariance =
-            inverse * scatter * inverse * blocks / (blocks - parameters);
-        robust = values.dot(pseudo_inverse(covariance, least * covariance.trace()) * values);
-    }
+    const double robust = robust_chi_square(values, inverse, scatter, blocks, parameters, formal);
     result.values = scale(own).cwiseProduct(values);
     result.freedom = static_cast<int>(own.size());
     result.chi_square = std::min(formal, robust);

@@ -65,6 +65,10 @@ private:
     };
 
     Columns columns_of(ResidualMode mode) const;
+    // Of the blocks' scores of the columns `own`, of which a fit of all has taken out its part.
+    Eigen::MatrixXd block_scatter(const Columns& own, const Columns& others,
+                                  const Eigen::MatrixXd& imitation, const Eigen::VectorXd& scale,
+                                  const Eigen::VectorXd& unscaled) const;
 
     bool has_lens_ = false;
     std::vector<Block> blocks_;

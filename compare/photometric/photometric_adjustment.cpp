@@ -73,9 +73,8 @@ public:
             place = at(place.camera, place.photos);
             minimise(place);
         }
-        return {place.camera, std::move(place.photos),
-                scales_,      std::move(place.equations),
-                iterations_,  converged_};
+        return {place.camera, std::move(place.photos), std::move(place.equations), iterations_,
+                converged_};
     }
 
 private:

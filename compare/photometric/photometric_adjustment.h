@@ -19,7 +19,6 @@ namespace etalon {
 struct PhotometricAdjustment {
     std::shared_ptr<const PhotometricCamera> camera;
     std::vector<PhotoState> photos;
-    std::vector<double> noise_scales;       // by photograph, in units of the known noise, or gray
     std::vector<PhotoEquations> equations;  // there, by photograph
     int iterations = 0;                     // steps taken
     bool converged = false;                 // the next step is below a hundredth of its uncertainty

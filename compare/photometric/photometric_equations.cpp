@@ -63,14 +63,14 @@ struct BlurredRendering {
 };
 
 // One pixel's prediction with its derivatives by the photometric parameters and by the radiance.
-struct PixelModel {
+struct PixelEquation {
     double gray = 0.0;
     double by_radiance = 0.0;
     bool clips = false;  // its noise is clipped too, and says little of the noise elsewhere
 
-    PixelModel(const PhotometricModel& model, const PhotometricTerms& terms,
-               const Vector6d& level_terms, const LightCurve::Point& curve,
-               const Eigen::Vector2d& by_variances, Eigen::Ref<Eigen::VectorXd> derivatives) {
+    PixelEquation(const PhotometricModel& model, const PhotometricTerms& terms,
+                  const Vector6d& level_terms, const LightCurve::Point& curve,
+                  const Eigen::Vector2d& by_variances, Eigen::Ref<Eigen::VectorXd> derivatives) {
         const double black = model.black.dot(level_terms), white = model.white.dot(level_terms);
         const double s = curve.value, toned = s * (1.0 + model.tone * (1.0 - s));
         const double level = black + (white - black) * toned;
@@ -326,7 +326,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                 continue;
             RowBlock& block = is_flat ? flats : edges;
             auto row = block.next();
-            const PixelModel model(
+            const PixelEquation model(
                 state.photometry, terms, level_terms(pixel.x, pixel.y, photo.use.size()),
                 curve.at(seen.radiance.at<float>(y, x)),
                 {seen.by_variance_x.at<float>(y, x), seen.by_variance_y.at<float>(y, x)},

@@ -9,13 +9,13 @@
 namespace etalon {
 namespace {
 
-struct Step {
+struct DampedStep {
     Eigen::VectorXd delta;
     double predicted_gain;  // half of score . delta: how much the loss should fall
 };
 
 // Scaled to a unit diagonal, so that rad, mm and gray compare.
-Step step_of(const PhotoEquations& equations, double damping) {
+DampedStep step_of(const PhotoEquations& equations, double damping) {
     const Eigen::VectorXd scale =
         equations.information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     Eigen::MatrixXd scaled = scale.asDiagonal() * equations.information * scale.asDiagonal();
@@ -74,7 +74,7 @@ bool PhotometricSteps::descend(PhotoPlace& place, const DescentRule& rule) {
     constexpr double next_to_none = 1e-3;
     double damping = rule.damping;
     for (int i = 0; i < max_steps && damping <= rule.max_damping; ++i) {
-        const Step step = step_of(place.equations, damping);
+        const DampedStep step = step_of(place.equations, damping);
         if (step.predicted_gain < rule.enough_gain && damping <= rule.damping)
             return true;
         std::optional<PhotoPlace> next;

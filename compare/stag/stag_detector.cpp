@@ -1,4 +1,5 @@
-// The STag finder behind the Detector interface.
+#include "compare/stag/stag_detector.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,28 +21,25 @@ int correctable_bits(const std::vector<StagCode>& codes, int id) {
 
 class StagDetector final : public Detector {
 public:
-    explicit StagDetector(const Marker& marker) : id_(marker.id) {
+    explicit StagDetector(const Marker& marker) : Detector("stag"), id_(marker.id) {
         const std::vector<StagCode> codes = stag_codes(marker.family);
         word_ = codes.at(static_cast<std::size_t>(id_));
         correctable_bits_ = correctable_bits(codes, id_);
     }
 
-    const std::string& name() const override { return name_; }
-
-    std::optional<DetectedCorners> detect(const CodeImage& image) override {
+    Detection detect(const CodeImage& image) override {
         const std::vector<FoundStag> found = find_stags(image, {&word_, 1}, correctable_bits_);
         std::vector<DetectedCorners> own;
         for (const FoundStag& marker : found)
             if (marker.is_refined)
                 own.push_back({id_, {marker.corners.begin(), marker.corners.end()}});
         if (own.empty() && !found.empty())
-            return failed(
-                fmt::format("marker {} is seen, but its edges do not fix its corners", id_));
+            return {{},
+                    fmt::format("marker {} is seen, but its edges do not fix its corners", id_)};
         return only_one(own);
     }
 
 private:
-    const std::string name_ = "stag";
     int id_, correctable_bits_ = 0;
     StagCode word_ = 0;
 };

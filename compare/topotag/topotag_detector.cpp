@@ -1,4 +1,5 @@
-// TopoTags behind the Detector interface.
+#include "compare/topotag/topotag_detector.h"
+
 #include "compare/detect/detector_adaptors.h"
 #include "compare/topotag/topotag_finder.h"
 #include "core/errors.h"
@@ -8,11 +9,10 @@ namespace {
 
 class TopotagDetector final : public Detector {
 public:
-    explicit TopotagDetector(const Marker& marker) : id_(marker.id), family_(marker.family) {}
+    explicit TopotagDetector(const Marker& marker)
+        : Detector("topotag"), id_(marker.id), family_(marker.family) {}
 
-    const std::string& name() const override { return name_; }
-
-    std::optional<DetectedCorners> detect(const CodeImage& image) override {
+    Detection detect(const CodeImage& image) override {
         cv::Mat pixels;
         image.pixels.convertTo(pixels, CV_32F, 1.0 / image.full_scale());
         std::vector<DetectedCorners> own;
@@ -23,7 +23,6 @@ public:
     }
 
 private:
-    const std::string name_ = "topotag";
     int id_;
     std::string family_;
 };

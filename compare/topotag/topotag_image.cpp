@@ -8,7 +8,7 @@ namespace {
 
 // The normal distribution and its density, from a table: right to 1e-5. Nothing is left of an edge
 // beyond four sigmas (3e-5).
-struct Step {
+struct StepResponse {
     double value, slope;
 };
 
@@ -24,7 +24,7 @@ public:
         }
     }
 
-    Step at(double x) const {
+    StepResponse at(double x) const {
         if (x <= -far_away)
             return {0.0, 0.0};
         if (x >= far_away)
@@ -32,17 +32,17 @@ public:
         const double place = (x + far_away) * a_sigma;
         const auto i = static_cast<std::size_t>(place);
         const double part = place - static_cast<double>(i);
-        const Step &low = steps_[i], &high = steps_[i + 1];
+        const StepResponse &low = steps_[i], &high = steps_[i + 1];
         return {low.value + part * (high.value - low.value),
                 low.slope + part * (high.slope - low.slope)};
     }
 
 private:
     static constexpr int a_sigma = 64;
-    std::vector<Step> steps_;
+    std::vector<StepResponse> steps_;
 };
 
-Step step_at(double x) {
+StepResponse step_at(double x) {
     static const StepTable table;
     return table.at(x);
 }
@@ -51,7 +51,7 @@ Step step_at(double x) {
 // and its derivatives by d, by ln sigma and by h.
 Eigen::Vector4d strip(double d, double h) {
     const double a = h - d, b = h + d;
-    const Step right = step_at(a), left = step_at(b);
+    const StepResponse right = step_at(a), left = step_at(b);
     return {right.value + left.value - 1.0, left.slope - right.slope,
             -a * right.slope - b * left.slope, right.slope + left.slope};
 }
@@ -72,7 +72,7 @@ Shade disk_cover(const Eigen::Vector2d& d, double h, double growth, const SeenEd
     const Eigen::Vector2d out = r > 1e-9 ? Eigen::Vector2d(d / r) : Eigen::Vector2d(1, 0);
     const double sigma = std::sqrt(out.dot(edges.covariance * out));
     const double a = (h - r) / sigma + growth;
-    const Step edge = step_at(a);
+    const StepResponse edge = step_at(a);
     if (edge.value == 0.0)
         return {};
     const double middle = 1.0 - std::exp(-0.5 * h * h / edges.area);

@@ -24,7 +24,7 @@ public:
     bool stop() noexcept override;
 
     // What happened so far.
-    int enables = 0, homings = 0, stops = 0;
+    int stops = 0;
     std::vector<std::vector<double>> moves;  // targets, in order
     std::vector<double> speed_shares;        // of each move
 
@@ -36,7 +36,6 @@ public:
 
     // Added to the target to give the position that is read back; empty: nothing.
     std::vector<double> read_back_error;
-    bool confirms_stop = true;
 
 private:
     std::vector<Axis> axes_;

@@ -25,9 +25,6 @@ public:
     ModbusReply exchange(const ModbusRequest& request, std::chrono::milliseconds timeout) override;
     Heard discard(Duration wait) override;
 
-    // False: nobody listens any more, for instance because the device was switched off.
-    void set_reachable(bool reachable) { reachable_ = reachable; }
-
 private:
     struct Frame {
         Instant begin, end;  // of its arrival
@@ -45,7 +42,7 @@ private:
     ModbusController& controller_;
     VirtualClock& clock_;
     bool serial_;
-    bool reachable_ = true, hung_up_ = false, deaf_ = false;
+    bool hung_up_ = false, deaf_ = false;
     int transaction_ = 0;
     std::vector<Frame> line_;  // on their way to the station
 };

@@ -76,7 +76,7 @@ int bound_port(const FileDescriptor& socket) {
 }
 
 // A client's connection, or the serial line.
-struct Channel {
+struct ModbusChannel {
     struct Outgoing {
         Bytes bytes;
         Instant due;
@@ -98,7 +98,7 @@ struct Channel {
 };
 
 // Until when the reply waits, and how its bytes are spread.
-void queue(Channel& channel, const Bytes& bytes, const ModbusReaction& reaction) {
+void queue(ModbusChannel& channel, const Bytes& bytes, const ModbusReaction& reaction) {
     Instant due = std::chrono::steady_clock::now() + reaction.delay;
     if (reaction.between_bytes == 0ms) {
         channel.outgoing.push_back({bytes, due});
@@ -169,7 +169,7 @@ private:
 
     std::vector<pollfd> wait_for_events() {
         std::vector<pollfd> watched = {{wake_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}};
-        for (const Channel& channel : channels_)
+        for (const ModbusChannel& channel : channels_)
             watched.push_back({channel.fd.get(), POLLIN, 0});
         const auto wait = std::max<Duration>(next_due() - std::chrono::steady_clock::now(), 0ms);
         const timespec limit{0, std::min<Duration>(wait, watchdog_tick) / 1ns};
@@ -182,15 +182,15 @@ private:
 
     Instant next_due() const {
         Instant next = std::chrono::steady_clock::now() + watchdog_tick;
-        for (const Channel& channel : channels_)
-            for (const Channel::Outgoing& outgoing : channel.outgoing)
+        for (const ModbusChannel& channel : channels_)
+            for (const ModbusChannel::Outgoing& outgoing : channel.outgoing)
                 next = std::min(next, outgoing.due);
         return next;
     }
 
     void close_channels() {
         const bool all = close_requested_.exchange(false);
-        std::erase_if(channels_, [all](const Channel& channel) {
+        std::erase_if(channels_, [all](const ModbusChannel& channel) {
             return channel.closing || (all && channel.framing == ModbusFraming::tcp);
         });
     }
@@ -208,7 +208,7 @@ private:
         }
     }
 
-    void receive(Channel& channel) {
+    void receive(ModbusChannel& channel) {
         std::uint8_t chunk[1024];
         const ssize_t count = ::read(channel.fd.get(), chunk, sizeof chunk);
         if (count <= 0) {
@@ -227,7 +227,7 @@ private:
     }
 
     // Handles one complete frame, if there is one.
-    bool take_frame(Channel& channel) {
+    bool take_frame(ModbusChannel& channel) {
         bool out_of_step = false;
         const auto frame = take_request(channel.framing, channel.received, out_of_step);
         if (out_of_step)
@@ -237,7 +237,7 @@ private:
         return frame.has_value();
     }
 
-    void handle(Channel& channel, const ModbusFrame& frame) {
+    void handle(ModbusChannel& channel, const ModbusFrame& frame) {
         ModbusRequest request{.unit = frame.unit, .values = {}};
         const ModbusException fault = decode_request(frame.pdu, request);
         if (!controller_.has_unit(frame.unit)) {
@@ -255,7 +255,7 @@ private:
         }
     }
 
-    void reply(Channel& channel, const ModbusFrame& request, const Bytes& pdu,
+    void reply(ModbusChannel& channel, const ModbusFrame& request, const Bytes& pdu,
                const ModbusReaction& reaction) {
         ModbusFrame frame{request.transaction, request.unit, pdu};
         if (reaction.wrong_id) {
@@ -278,17 +278,18 @@ private:
     }
 
     // A client that does not read its replies is given up.
-    void send_due(Channel& channel) {
+    void send_due(ModbusChannel& channel) {
         const Instant now = std::chrono::steady_clock::now();
-        for (const Channel::Outgoing& outgoing : channel.outgoing) {
+        for (const ModbusChannel::Outgoing& outgoing : channel.outgoing) {
             if (outgoing.due <= now && !send(channel, outgoing.bytes))
                 channel.give_up();
         }
-        std::erase_if(channel.outgoing,
-                      [now](const Channel::Outgoing& outgoing) { return outgoing.due <= now; });
+        std::erase_if(channel.outgoing, [now](const ModbusChannel::Outgoing& outgoing) {
+            return outgoing.due <= now;
+        });
     }
 
-    bool send(const Channel& channel, const Bytes& bytes) {
+    bool send(const ModbusChannel& channel, const Bytes& bytes) {
         const ssize_t sent =
             channel.framing == ModbusFraming::tcp
                 ? ::send(channel.fd.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL)
@@ -299,7 +300,7 @@ private:
     ModbusController controller_;
     FileDescriptor listener_, wake_;  // no listener on a serial line
     int port_ = 0;
-    std::vector<Channel> channels_;  // of the server's thread
+    std::vector<ModbusChannel> channels_;  // of the server's thread
     std::atomic<bool> close_requested_ = false;
     std::jthread thread_;  // last, so that it ends first
 };

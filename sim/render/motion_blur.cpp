@@ -11,7 +11,7 @@ namespace {
 
 constexpr int most_parts = 10'000;
 
-void check_motion(const Motion& motion) {
+void check_motion(const MotionDuringExposure& motion) {
     if (!motion.velocity.allFinite() || !std::isfinite(motion.exposure_s) ||
         motion.exposure_s < 0.0)
         throw NumericalError(fmt::format("no motion has velocities {} over {} s",
@@ -31,7 +31,8 @@ double contrast_of(const Scene& scene) {
 }
 
 // px/s of the fastest of 9 x 9 points of every marker.
-double fastest_image_speed(const Projector& projector, const Scene& scene, const Motion& motion) {
+double fastest_image_speed(const Projector& projector, const Scene& scene,
+                           const MotionDuringExposure& motion) {
     constexpr int steps = 8;
     const Eigen::Vector3d centre = scene.markers.front().camera_from_marker.translation;
     double fastest = 0.0;
@@ -50,7 +51,7 @@ double fastest_image_speed(const Projector& projector, const Scene& scene, const
 
 }  // namespace
 
-Scene scene_at(const Scene& scene, const Motion& motion, double time_s) {
+Scene scene_at(const Scene& scene, const MotionDuringExposure& motion, double time_s) {
     Scene moved = scene;
     if (scene.markers.empty())
         return moved;
@@ -65,7 +66,8 @@ Scene scene_at(const Scene& scene, const Motion& motion, double time_s) {
     return moved;
 }
 
-double longest_path_px(const CameraModel& camera, const Scene& scene, const Motion& motion) {
+double longest_path_px(const CameraModel& camera, const Scene& scene,
+                       const MotionDuringExposure& motion) {
     check_motion(motion);
     if (scene.markers.empty())
         return 0.0;
@@ -89,8 +91,8 @@ int parts_of_exposure(double path_px, double contrast, double tolerance_gray) {
     return std::max(1, static_cast<int>(parts));
 }
 
-MovingImage render_moving(const Renderer& renderer, const Scene& scene, const Motion& motion,
-                          const RenderOptions& options) {
+MovingImage render_moving(const Renderer& renderer, const Scene& scene,
+                          const MotionDuringExposure& motion, const RenderOptions& options) {
     check_scene(scene);
     RenderOptions still = options;
     still.tolerance_gray = 0.5 * options.tolerance_gray;

@@ -20,7 +20,7 @@ namespace etalon {
 
 // In the camera frame, all markers as one body. The scene's poses are those at the middle of the
 // exposure.
-struct Motion {
+struct MotionDuringExposure {
     // Angular velocity (rad/s), then the velocity of the first marker's origin (mm/s).
     Vector6d velocity = Vector6d::Zero();
     double exposure_s = 0.0;
@@ -28,13 +28,14 @@ struct Motion {
 
 // The scene at a time from the middle of the exposure: turned at a constant angular velocity about
 // the first marker's origin, which moves on a straight line.
-Scene scene_at(const Scene& scene, const Motion& motion, double time_s);
+Scene scene_at(const Scene& scene, const MotionDuringExposure& motion, double time_s);
 
 // How long the way of a marker's point in the image is, px: the fastest of 9 x 9 points of each
 // marker, at the beginning, middle and end of the exposure, times the exposure and 5/4 for what
 // lies between them. Points that are not seen do not count; 0 if none is. Throws NumericalError for
 // a velocity or exposure that is not finite or an exposure below 0.
-double longest_path_px(const CameraModel& camera, const Scene& scene, const Motion& motion);
+double longest_path_px(const CameraModel& camera, const Scene& scene,
+                       const MotionDuringExposure& motion);
 
 // Parts of the exposure that keep the midpoint rule's error within the tolerance (gray) for edges
 // of this contrast (radiance): the least n with 255 contrast path / (4 n^2) <= tolerance.
@@ -48,7 +49,7 @@ struct MovingImage {
 
 // Half of options.tolerance_gray is for time, half for each still image. Takes `parts` renders.
 // Throws NumericalError as Renderer::render for any part, and when more than 10 000 are needed.
-MovingImage render_moving(const Renderer& renderer, const Scene& scene, const Motion& motion,
-                          const RenderOptions& options = {});
+MovingImage render_moving(const Renderer& renderer, const Scene& scene,
+                          const MotionDuringExposure& motion, const RenderOptions& options = {});
 
 }  // namespace etalon

@@ -105,15 +105,6 @@ const CameraModel& checked_camera(const CameraModel& camera) {
 
 }  // namespace
 
-Radiance RenderedPart::within(const cv::Rect& other) const {
-    Radiance result(other.size(), CV_32FC1);
-    const cv::Rect both = region & other;
-    set_outside(both, other, static_cast<float>(background), result);
-    if (!both.empty())
-        radiance(both - region.tl()).copyTo(result(both - other.tl()));
-    return result;
-}
-
 Renderer::Renderer(const CameraModel& camera)
     : cache_(std::make_unique<const Cache>(checked_camera(camera))) {}
 Renderer::~Renderer() = default;

@@ -14,9 +14,8 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "core/image.h"
 #include "sim/scene/scene.h"
-#include "sim/tiles/render_plan.h"
+#include "sim/tiles/rendered_image.h"
 
 namespace etalon {
 
@@ -34,27 +33,6 @@ struct RenderOptions {
     // a pixel stops early when its standard error is below tolerance_gray. Statistical error of a
     // whole image and time: docs/rendering.md.
     int reference_samples = 1024;
-};
-
-struct RenderedImage {
-    Radiance radiance;  // CV_32FC1, the camera's size
-    // CV_8UC1: 255 where the pixel's ray exists, 0 outside the distortion model's valid region
-    // (there the radiance is the background's). Shared by all images of a renderer: not to be
-    // written to.
-    cv::Mat valid;
-    RenderPlan plan;
-};
-
-// A rendering without what sees nothing but the background: all that there is to a small marker in
-// a large image.
-struct RenderedPart {
-    cv::Rect region;          // within the image; empty when all of it is background
-    Radiance radiance;        // CV_32FC1, the region's size
-    double background = 0.0;  // the radiance of all other pixels
-    RenderPlan plan;
-
-    // CV_32FC1 of the size of `other`, a rectangle of the image: part and background.
-    Radiance within(const cv::Rect& other) const;
 };
 
 // One per camera: holds its undistortion map and filters, and what it learns of sampling errors.

@@ -97,16 +97,4 @@ std::vector<Rigid> read_poses(const std::filesystem::path& path) {
     return poses;
 }
 
-void write_poses(const std::filesystem::path& path, std::span<const Rigid> camera_from_marker) {
-    const bool json = is_json(path);
-    std::string text = json ? "[" : std::string(csv_header) + "\n";
-    for (std::size_t i = 0; i < camera_from_marker.size(); ++i) {
-        const Vector6d p = vector_from_rigid(camera_from_marker[i]);
-        const std::string row =
-            fmt::format("{},{},{},{},{},{}", p[0], p[1], p[2], p[3], p[4], p[5]);
-        text += json ? fmt::format("{}\n[{}]", i == 0 ? "" : ",", row) : row + "\n";
-    }
-    write_text(path, json ? text + "\n]\n" : text);
-}
-
 }  // namespace etalon

@@ -6,7 +6,6 @@
 #pragma once
 
 #include <filesystem>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -23,9 +22,5 @@ Rigid parse_pose(const std::string& text, const std::string& place);
 // whatever is not exactly as above: unknown, doubled and missing keys, an empty list, a blank line
 // between poses, poses that parse_pose() would refuse.
 std::vector<Rigid> read_poses(const std::filesystem::path& path);
-
-// Digits enough to read the same numbers back; rotation vectors are the shortest ones. Replaces the
-// file in one step. Throws ConfigError when it cannot be written or has another extension.
-void write_poses(const std::filesystem::path& path, std::span<const Rigid> camera_from_marker);
 
 }  // namespace etalon

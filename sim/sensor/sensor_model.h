@@ -23,10 +23,10 @@
 
 #include "calib/camera/camera_model.h"
 #include "core/image.h"
-#include "sim/render/renderer.h"
 #include "sim/sensor/sensor_noise.h"
 #include "sim/sensor/sensor_simd.h"
 #include "sim/sensor/sensor_steps.h"
+#include "sim/tiles/rendered_image.h"
 
 namespace etalon {
 

@@ -120,7 +120,6 @@ CalibrationRun calibrated(const CalibrateArguments& arguments) {
             std::move(observations.photos),
             std::move(observations.views),
             std::move(observations.without_target),
-            model,
             std::move(calibration)};
 }
 

@@ -18,7 +18,6 @@ struct CalibrationRun {
     std::vector<std::string> photos;  // one per view
     std::vector<CalibrationView> views;
     std::vector<std::string> without_target;
-    std::optional<std::string> asked_model;  // nothing: the advised one was taken
     CameraCalibration calibration;
     std::optional<PhotometricRefinement> refinement = std::nullopt;
 

@@ -3,6 +3,7 @@
 
 #include <cstdio>
 
+#include "compare/make_detector.h"
 #include "core/errors.h"
 #include "core/text.h"
 #include "report/svg_plot.h"

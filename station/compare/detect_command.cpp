@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "compare/detect/photo_pose.h"
+#include "compare/make_detector.h"
 #include "core/errors.h"
 #include "core/pose_numbers.h"
 #include "station/shell/commands.h"

@@ -8,6 +8,7 @@
 #include "bench/bench_timing.h"
 #include "compare/detect/calibration_target.h"
 #include "compare/detect/photo_pose.h"
+#include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
 #include "core/errors.h"
 #include "core/pose_numbers.h"

@@ -27,16 +27,14 @@ SeenVolume parse_volume(const std::string& text, double max_tilt_deg) {
 }
 
 ExpectationRequest request_of(const ExpectArguments& arguments) {
-    ExpectationRequest request{.camera = read_camera(arguments.camera),
-                               .marker = parse_marker(arguments.marker, "--marker"),
-                               .detector = arguments.detector,
-                               .volume = parse_volume(arguments.volume, arguments.max_tilt_deg),
-                               .poses = arguments.poses,
-                               .frames = arguments.frames,
-                               .seed = arguments.seed,
-                               .background = arguments.background,
-                               .white_level = arguments.white_level};
-    if (request.camera.projection == Projection::telecentric)
+    ExpectationRequest request{
+        .scene = {read_camera(arguments.camera), parse_marker(arguments.marker, "--marker"),
+                  arguments.detector, arguments.background, arguments.white_level},
+        .volume = parse_volume(arguments.volume, arguments.max_tilt_deg),
+        .poses = arguments.poses,
+        .frames = arguments.frames,
+        .seed = arguments.seed};
+    if (request.scene.camera.projection == Projection::telecentric)
         throw ConfigError({"--camera"}, "is telecentric: poses need a perspective camera");
     return request;
 }

@@ -231,14 +231,14 @@ void add_short_expectation(HtmlPage& page, const Expectation& expectation) {
 
 std::string expectation_json(const ExpectationRequest& request, const Expectation& expectation) {
     ordered_json json = {{"etalon", "expectation/1"},
-                         {"marker", request.marker.spec},
-                         {"detector", request.detector},
+                         {"marker", request.scene.marker.spec},
+                         {"detector", request.scene.detector},
                          {"volume",
                           {{"nearest_mm", request.volume.nearest_mm},
                            {"farthest_mm", request.volume.farthest_mm},
                            {"max_tilt_deg", request.volume.max_tilt * deg_per_rad}}},
-                         {"background", request.background},
-                         {"white_level", request.white_level},
+                         {"background", request.scene.background},
+                         {"white_level", request.scene.white_level},
                          {"seed", request.seed},
                          {"poses", expectation.poses.size()},
                          {"frames_per_pose", expectation.frames},
@@ -282,11 +282,12 @@ void write_expectation(const ExpectationRequest& request, const Expectation& exp
     if (error)
         throw ConfigError({"--out"},
                           fmt::format("{} cannot be made: {}", folder.string(), error.message()));
-    HtmlPage page("Expected pose errors", request.marker.spec);
+    HtmlPage page("Expected pose errors", request.scene.marker.spec);
     page.add_facts(
-        {{"marker", request.marker.spec},
-         {"detector", request.detector},
-         {"image", fmt::format("{} x {} px", request.camera.width, request.camera.height)},
+        {{"marker", request.scene.marker.spec},
+         {"detector", request.scene.detector},
+         {"image",
+          fmt::format("{} x {} px", request.scene.camera.width, request.scene.camera.height)},
          {"depth",
           fmt::format("{:g} to {:g} mm", request.volume.nearest_mm, request.volume.farthest_mm)},
          {"tilt", fmt::format("up to {:.0f} deg", request.volume.max_tilt * deg_per_rad)},

@@ -7,26 +7,41 @@
 #include <cmath>
 #include <mutex>
 
+#include "compare/expect/expected_view.h"
 #include "core/clock.h"
+#include "core/errors.h"
 #include "core/progress.h"
 
 namespace etalon {
+namespace {
+
+void require_noise(const StationFile& station) {
+    const auto& sensor = station.camera.model.sensor;
+    if (!sensor || !(sensor->gain_e_per_dn > 0.0))
+        throw ConfigError({station.inputs.at(1).path.string(), 0, "sensor.gain_e_per_dn"},
+                          "is needed: without the sensor's noise nothing can be said of a run's "
+                          "uncertainty (`etalon characterise` measures it)");
+}
+
+}  // namespace
 
 StudiedPlan study_plan(const std::filesystem::path& path, int noisy_frames) {
     StudiedPlan studied;
     studied.station = read_station(path);
     const StationFile& station = studied.station;
     studied.plan = plan_of(station);
+    require_noise(station);
     const std::vector<Rigid> poses = expected_poses(station, studied.plan);
     SteadyClock clock;
     Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
     progress.begin("rendering", static_cast<int>(poses.size()),
                    poses.size() * noisy_frames * std::chrono::milliseconds(12));
     std::mutex mutex;
-    DetectorStudy study = study_detector(station, poses, noisy_frames, station.plan.seed, [&] {
-        const std::lock_guard lock(mutex);
-        progress.step();
-    });
+    DetectorStudy study =
+        study_detector(expected_scene(station), poses, noisy_frames, station.plan.seed, [&] {
+            const std::lock_guard lock(mutex);
+            progress.step();
+        });
     progress.end();
     studied.simulator =
         std::make_unique<const RunSimulator>(station, studied.plan, std::move(study));

@@ -6,6 +6,7 @@
 #include <array>
 #include <fstream>
 
+#include "compare/make_detector.h"
 #include "core/errors.h"
 #include "core/json_entry.h"
 #include "core/sha256.h"

@@ -87,7 +87,7 @@ int expected_renders(const QualificationInput& input) {
 
 void analyse_run(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
     const StationFile& station = result.station;
-    const RenderedCorners rendered(station);
+    const RenderedCorners rendered(expected_scene(station), station.plan.frames, station.plan.seed);
     QualificationInput input = measured_input(result, stop);
     input.render_and_detect =
         [&](const Rigid& camera_from_marker) -> std::optional<std::vector<Eigen::Vector2d>> {

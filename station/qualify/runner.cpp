@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "capture/camera_recovery.h"
+#include "compare/make_detector.h"
 #include "core/errors.h"
 #include "core/file_lock.h"
 #include "core/version.h"

@@ -28,13 +28,13 @@ void average_readings(PoseRecord& pose, std::span<const Axis> axes) {
 }
 
 void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame) {
-    const auto detected = detector.detect(image);
-    if (!detected)
-        frame.detection = detector.failure();
-    else if (!detected->is_whole())
+    const auto [corners, reason] = detector.detect(image);
+    if (!corners)
+        frame.detection = reason;
+    else if (!corners->is_whole())
         frame.detection = "marker seen in part only";
     else
-        frame.corners = detected->pixels;
+        frame.corners = corners->pixels;
 }
 
 void average_corners(PoseRecord& pose) {

@@ -27,7 +27,7 @@ QualificationInput declared_input(const StationFile& station,
     input.marker_size_uncertainty = station.marker_size_uncertainty;
     input.marker_flatness_mm = station.marker_flatness_mm;
     input.temperature = station.temperature;
-    input.render_noise_ratio = RenderedCorners::noise_ratio(station);
+    input.render_noise_ratio = RenderedCorners::noise_ratio(station.camera.model);
     input.render_edge_bound_px = render_edge_bound_px(station);
     input.limits = station.limits;
     input.seed = station.plan.seed;

@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "calib/registration/stage_motion.h"
-#include "compare/detect/detector.h"
 #include "compare/detect/photo_pose.h"
 #include "compare/expect/rendered_corners.h"
+#include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
 #include "core/errors.h"
 #include "core/text.h"
@@ -138,7 +138,7 @@ void register_corners(const StationFile& station, std::vector<Sighting>& seen,
     for (const Sighting& one : seen)
         poses.push_back({one.base_from_carriage, one.found.estimate->camera_from_marker,
                          one.found.corners->pixels});
-    const RenderedCorners rendered(station);
+    const RenderedCorners rendered(expected_scene(station), station.plan.frames, station.plan.seed);
     const BiasCorrectedRegistration corrected = register_bias_corrected(
         projector, station.marker.points_mm, poses, station.carriage_from_marker_nominal,
         [&](const Rigid& camera_from_marker) { return rendered.at(camera_from_marker); });

@@ -101,7 +101,7 @@ std::string names_of(const RenderArguments& arguments) {
 }
 
 // What became of one pose: its line of images.jsonl.
-struct Outcome {
+struct MadeImage {
     std::size_t index = 0;
     std::string line;
     std::string refusal;  // why; empty if it was rendered
@@ -146,16 +146,16 @@ private:
             in_flight, tbb::make_filter<void, std::size_t>(
                            tbb::filter_mode::serial_in_order,
                            [this](tbb::flow_control& control) { return next_missing(control); }) &
-                           tbb::make_filter<std::size_t, Outcome>(
+                           tbb::make_filter<std::size_t, MadeImage>(
                                tbb::filter_mode::parallel,
                                // Isolated: while a render waits for its own tasks, its thread must
                                // not begin another image.
                                [this](std::size_t i) {
                                    return tbb::this_task_arena::isolate([&] { return make(i); });
                                }) &
-                           tbb::make_filter<Outcome, void>(
+                           tbb::make_filter<MadeImage, void>(
                                tbb::filter_mode::serial_in_order,
-                               [this](const Outcome& outcome) { record(outcome); }));
+                               [this](const MadeImage& outcome) { record(outcome); }));
     }
 
     std::size_t next_missing(tbb::flow_control& control) {
@@ -167,7 +167,7 @@ private:
         return missing_[next_++];
     }
 
-    Outcome make(std::size_t i) const {
+    MadeImage make(std::size_t i) const {
         ordered_json line{{"image", i}, {"camera_from_scene", numbers(poses_[i])}};
         try {
             const View view = renderer_.render(renderer_.scene(camera_from_markers(i)));
@@ -199,7 +199,7 @@ private:
         return chained;
     }
 
-    void record(const Outcome& outcome) {
+    void record(const MadeImage& outcome) {
         set_.add(outcome.line);
         const bool refused = !outcome.refusal.empty();
         ++(refused ? result_.refused : result_.rendered);

@@ -31,13 +31,13 @@ double positive_number(double value, const char* option, const char* what) {
     return value;
 }
 
-std::optional<Motion> motion_of(const RenderArguments& arguments) {
+std::optional<MotionDuringExposure> motion_of(const RenderArguments& arguments) {
     if (arguments.velocity.empty() != (arguments.shutter_ms == 0.0))
         throw ConfigError({"--velocity"}, "motion blur needs both --velocity and --shutter");
     if (arguments.velocity.empty())
         return std::nullopt;
     const std::vector<double> numbers = parse_numbers(arguments.velocity, 6, "--velocity");
-    return Motion{Vector6d(numbers.data()), arguments.shutter_ms / 1000.0};
+    return MotionDuringExposure{Vector6d(numbers.data()), arguments.shutter_ms / 1000.0};
 }
 
 RenderOptions options_of(const RenderArguments& arguments) {

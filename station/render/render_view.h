@@ -60,7 +60,7 @@ private:
     Radiance background_image_;  // of the camera's size
     RenderOptions options_;
     double exposure_;
-    std::optional<Motion> motion_;
+    std::optional<MotionDuringExposure> motion_;
     std::optional<std::uint64_t> noise_seed_;
     std::optional<SensorModel> sensor_;  // none where radiance is written
     std::optional<Renderer> renderer_;   // none for the reference integrator

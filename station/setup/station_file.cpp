@@ -3,7 +3,8 @@
 #include <fmt/format.h>
 
 #include "calib/files/camera_file.h"
-#include "compare/detect/detector.h"
+#include "compare/expect/expected_view.h"
+#include "compare/make_detector.h"
 #include "compare/verdict/limits_file.h"
 #include "core/strict_reader.h"
 #include "core/units.h"
@@ -164,6 +165,11 @@ Marker read_marker(const Value& spec, const std::string& detector, const std::st
 }
 
 }  // namespace
+
+ExpectedScene expected_scene(const StationFile& station) {
+    return {station.camera.model, station.marker, station.detector, station.background,
+            station.white_level};
+}
 
 StationFile read_station(const std::filesystem::path& path) {
     const StrictFile file(path, "station/1");

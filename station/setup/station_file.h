@@ -52,6 +52,8 @@
 
 namespace etalon {
 
+struct ExpectedScene;
+
 // A file that the run was made from, by content.
 struct InputFile {
     std::string role;  // "station", "calibration", "limits", ...
@@ -116,6 +118,9 @@ struct StationFile {
 // that the calibration has what the run needs, and that the volume fits the axes' soft limits.
 // Touches no device. Throws ConfigError with file, line and key.
 StationFile read_station(const std::filesystem::path& path);
+
+// What the station's camera should see (compare/expect/expected_view.h).
+ExpectedScene expected_scene(const StationFile& station);
 
 // The stage's section alone, whatever the rest of the file is: stopping the axes must not depend on
 // a calibration. Unknown keys are not looked for.

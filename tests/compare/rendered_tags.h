@@ -71,7 +71,7 @@ inline std::vector<RenderedTag> tag_photos(const CameraModel& camera, const Mark
 inline Offsets mean_offset(const std::vector<RenderedTag>& photos, Detector& detector) {
     Offsets offsets;
     for (const RenderedTag& photo : photos) {
-        const auto found = detector.detect(photo.image);
+        const auto found = detector.detect(photo.image).corners;
         if (!found)
             continue;
         ++offsets.detected;

@@ -7,8 +7,10 @@
 #include <fmt/format.h>
 
 #include <ctime>
+#include <functional>
 
-#include "compare/detect/detector.h"
+#include "compare/detect/detector_adaptors.h"
+#include "compare/make_detector.h"
 #include "tests/compare/rendered_targets.h"
 
 namespace etalon {
@@ -21,27 +23,31 @@ constexpr int poses = 40;
 constexpr double sides_px[] = {30, 45, 60, 90, 120};
 
 struct Variant {
-    const char* detector;
     std::string label;
-    DetectorOptions options;
+    std::function<std::unique_ptr<Detector>(const Marker&)> make;
 };
 
 std::vector<Variant> apriltag_variants() {
     std::vector<Variant> variants;
     for (const double decimate : {1.0, 1.5, 2.0, 3.0})
         for (const bool refine : {true, false})
-            variants.push_back({"apriltag",
-                                fmt::format("quad_decimate {}, refine_edges {}", decimate, refine),
-                                {{}, decimate, refine}});
+            variants.push_back({fmt::format("quad_decimate {}, refine_edges {}", decimate, refine),
+                                [=](const Marker& tag) {
+                                    return make_apriltag_detector(tag, "", {decimate, refine});
+                                }});
     return variants;
 }
 
 std::vector<Variant> aruco_variants() {
     std::vector<Variant> variants;
     for (const int half_px : {2, 3, 5, 8})
-        variants.push_back({"aruco", fmt::format("half window {} px", half_px), {half_px, {}, {}}});
+        variants.push_back(
+            {fmt::format("half window {} px", half_px), [=](const Marker& tag) {
+                 return make_aruco_detector(tag, "", {ArucoRefinement::subpixel, half_px});
+             }});
     for (const char* name : {"aruco-none", "aruco-contour", "aruco-apriltag"})
-        variants.push_back({name, name, {}});
+        variants.push_back(
+            {name, [=](const Marker& tag) { return make_detector(name, tag, "evidence"); }});
     return variants;
 }
 
@@ -56,7 +62,7 @@ void print_table(const char* spec, const std::vector<Variant>& variants) {
     for (const double side_px : sides_px) {
         const auto photos = test::tag_photos(sharp_camera(), tag, poses, side_px / 120.0);
         for (const Variant& variant : variants) {
-            const auto detector = make_detector(variant.detector, tag, "evidence", variant.options);
+            const auto detector = variant.make(tag);
             const double before = cpu_ms();
             const test::Offsets offsets = test::mean_offset(photos, *detector);
             fmt::print("{:<34} {:5.0f} {:+8.3f} {:+8.3f} {:+8.3f} {:8.3f} {:3}/{:<3} {:7.2f}\n",
@@ -77,8 +83,8 @@ void print_costs() {
         const RenderedTag photo =
             test::render_tag(Renderer(sharp_camera()), marker,
                              test::board_pose(marker, {0.1, -0.2, 0.3}, {10, -7, 290}));
-        if (!detector->detect(photo.image))
-            fmt::print("{}: {}\n", spec, detector->failure());
+        if (const Detection seen = detector->detect(photo.image); !seen.corners)
+            fmt::print("{}: {}\n", spec, seen.reason);
         const double before = cpu_ms();
         constexpr int repeats = 20;
         for (int i = 0; i < repeats; ++i)

@@ -12,7 +12,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "calib/camera/projector.h"
-#include "compare/detect/detector.h"
+#include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
 #include "core/errors.h"
 #include "sim/render/reference_integrator.h"
@@ -161,7 +161,7 @@ public:
         const CodeImage photo = sensor_.expose(truth.radiance, noise);
         Outcome outcome;
         const double before = cpu_ms();
-        const auto corners = apriltag_->detect(photo);
+        const auto corners = apriltag_->detect(photo).corners;
         outcome.apriltag_ms = cpu_ms() - before;
         const auto start =
             corners ? estimate_pose(projector(), tag().points_mm, corners->pixels) : std::nullopt;

@@ -27,8 +27,7 @@ public:
     // The axes go to `share` (0 to 1) of their travel from its middle; without, they stay there.
     std::filesystem::path photographs(int count, const std::vector<double>& share) {
         const StationFile station = this->station();
-        const ExpectedView view(station.camera.model, station.marker.grid, station.background,
-                                station.white_level);
+        const ExpectedView view(expected_scene(station));
         const HaltonSequence sequence(4, 3);
         std::string csv = "rz_deg,photo,x_mm,y_mm,z_mm\n";
         for (int i = 0; i < count; ++i) {

@@ -129,9 +129,7 @@ public:
 // The picture is what the calibrated camera sees at the carriage's position, with mountings that
 // the station is not told.
 inline void show_a_true_camera(StationOfMocks& mocks) {
-    const auto view =
-        std::make_shared<ExpectedView>(mocks.station.camera.model, mocks.station.marker.grid,
-                                       mocks.station.background, mocks.station.white_level);
+    const auto view = std::make_shared<ExpectedView>(expected_scene(mocks.station));
     const Rigid camera_from_base =
         rigid_from_vector((Vector6d() << 0.03, -0.02, 0.01, 4, -6, 330).finished());
     const Rigid carriage_from_marker =

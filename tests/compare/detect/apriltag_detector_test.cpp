@@ -1,8 +1,8 @@
 // Truth: tags rendered exactly at known poses; corners where the projector puts them.
 #include <gtest/gtest.h>
 
-#include "compare/detect/detector.h"
 #include "compare/detect/detector_adaptors.h"
+#include "compare/make_detector.h"
 #include "core/errors.h"
 #include "rendered_tags.h"
 
@@ -18,7 +18,7 @@ TEST(ApriltagDetector, FindsTheCornersFromTheTopLeftClockwise) {
     EXPECT_EQ(detector->name(), "apriltag");
     const test::RenderedTag photo =
         test::render_tag(sharp_camera(), tag, {0.1, -0.2, 0.3, 10, -7, 300});
-    const auto found = detector->detect(photo.image);
+    const auto found = detector->detect(photo.image).corners;
     ASSERT_TRUE(found);
     EXPECT_EQ(found->id, 5);
     ASSERT_EQ(found->pixels.size(), 4u);
@@ -46,7 +46,8 @@ TEST(ApriltagDetector, SeesTwelveBitImagesAsItSeesEightBitOnes) {
     CodeImage deep{{}, 12};
     photo.image.pixels.convertTo(deep.pixels, CV_16U, 4095.0 / 255.0);
     const auto detector = make_detector("auto", tag, "test");
-    const auto eight = detector->detect(photo.image), twelve = detector->detect(deep);
+    const auto eight = detector->detect(photo.image).corners,
+               twelve = detector->detect(deep).corners;
     ASSERT_TRUE(eight && twelve);
     for (std::size_t i = 0; i < 4; ++i)
         EXPECT_LT((eight->pixels[i] - twelve->pixels[i]).norm(), 1e-9);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "compare/detect/detector_adaptors.h"
+#include "compare/make_detector.h"
 #include "rendered_tags.h"
 
 namespace etalon {
@@ -12,7 +13,7 @@ using test::sharp_camera;
 
 test::Offsets measured(ArucoRefinement refinement) {
     const Marker tag = parse_marker("aruco:4X4_50:7@50mm", "test");
-    const auto detector = make_aruco_detector(tag, refinement, "test");
+    const auto detector = make_aruco_detector(tag, "test", {refinement});
     const test::Offsets offsets = mean_offset(test::tag_photos(sharp_camera(), tag, 40), *detector);
     EXPECT_GE(offsets.detected, 36);
     std::printf("%s: mean offset %+.4f, %+.4f px, inward %+.4f px, %d poses\n",
@@ -26,7 +27,7 @@ TEST(ArucoDetector, FindsTheCornersFromTheTopLeftClockwise) {
     const auto detector = make_detector("auto", tag, "test");
     EXPECT_EQ(detector->name(), "aruco");
     const auto photo = test::render_tag(sharp_camera(), tag, {0.1, -0.2, 0.3, 10, -7, 300});
-    const auto found = detector->detect(photo.image);
+    const auto found = detector->detect(photo.image).corners;
     ASSERT_TRUE(found);
     EXPECT_EQ(found->id, 7);
     for (std::size_t i = 0; i < 4; ++i)

@@ -2,7 +2,7 @@
 // only one of them does is in the tests of their own.
 #include <gtest/gtest.h>
 
-#include "compare/detect/detector.h"
+#include "compare/make_detector.h"
 #include "core/errors.h"
 #include "rendered_targets.h"
 
@@ -65,8 +65,9 @@ TEST_P(EveryDetector, FindsItsMarkerAndItsPose) {
     EXPECT_EQ(detector_->name(), contract().detector);
     EXPECT_EQ(make_detector("auto", marker_, "test")->name(), contract().detector);
     const RenderedTag photo = photo_of(marker_, {10, -7, 290});
-    const auto found = detector_->detect(photo.image);
-    ASSERT_TRUE(found) << detector_->failure();
+    const auto [found, reason] = detector_->detect(photo.image);
+    ASSERT_TRUE(found) << reason;
+    EXPECT_EQ(reason, "");
     EXPECT_EQ(found->id, marker_.id);
     EXPECT_TRUE(found->is_whole());
     ASSERT_EQ(found->pixels.size(), photo.corners.size());
@@ -85,8 +86,9 @@ TEST_P(EveryDetector, FindsItsMarkerAndItsPose) {
 
 TEST_P(EveryDetector, CountsOnlyTheMarkersOwnId) {
     const RenderedTag photo = photo_of(marker_of(contract().other), {10, -7, 290});
-    EXPECT_FALSE(detector_->detect(photo.image));
-    EXPECT_EQ(detector_->failure(), "marker not found");
+    const Detection detection = detector_->detect(photo.image);
+    EXPECT_FALSE(detection.corners);
+    EXPECT_EQ(detection.reason, "marker not found");
 }
 
 TEST_P(EveryDetector, TakesNeitherOfTwoWithTheSameIdAndSaysSo) {
@@ -96,19 +98,20 @@ TEST_P(EveryDetector, TakesNeitherOfTwoWithTheSameIdAndSaysSo) {
                       right = photo_of(marker_, {70, -5, 300});
     // The white around each yields to the other.
     const CodeImage both{cv::min(left.image.pixels, right.image.pixels), 8};
-    EXPECT_TRUE(detector_->detect(left.image));
-    EXPECT_TRUE(detector_->detect(right.image));
-    EXPECT_FALSE(detector_->detect(both));
-    EXPECT_EQ(detector_->failure(), contract().seen_twice);
+    EXPECT_TRUE(detector_->detect(left.image).corners);
+    EXPECT_TRUE(detector_->detect(right.image).corners);
+    const Detection detection = detector_->detect(both);
+    EXPECT_FALSE(detection.corners);
+    EXPECT_EQ(detection.reason, contract().seen_twice);
 }
 
 TEST_P(EveryDetector, GivesTheSameForTheSameImageWhateverItSawBefore) {
     const RenderedTag photo = photo_of(marker_, {10, -7, 290}),
                       other = photo_of(marker_, {-20, 3, 250});
-    const auto first = detector_->detect(photo.image);
-    const auto between = detector_->detect(other.image);
-    const auto again = detector_->detect(photo.image);
-    const auto fresh = make_detector("auto", marker_, "test")->detect(photo.image);
+    const auto first = detector_->detect(photo.image).corners;
+    const auto between = detector_->detect(other.image).corners;
+    const auto again = detector_->detect(photo.image).corners;
+    const auto fresh = make_detector("auto", marker_, "test")->detect(photo.image).corners;
     ASSERT_TRUE(first && between && again && fresh);
     EXPECT_NE(first->pixels, between->pixels);
     EXPECT_EQ(first->pixels, again->pixels);
@@ -116,12 +119,14 @@ TEST_P(EveryDetector, GivesTheSameForTheSameImageWhateverItSawBefore) {
 }
 
 TEST_P(EveryDetector, FindsNothingInImagesWithoutContentOrSize) {
-    EXPECT_FALSE(detector_->detect({cv::Mat(), 8}));
+    EXPECT_FALSE(detector_->detect({cv::Mat(), 8}).corners);
     for (const cv::Size size : {cv::Size(1, 1), cv::Size(7, 300), cv::Size(9, 9), cv::Size(16, 16),
                                 cv::Size(17, 40), cv::Size(640, 3), cv::Size(320, 240)})
         for (const int level : {0, 128, 255}) {
-            EXPECT_FALSE(detector_->detect({cv::Mat(size, CV_8UC1, cv::Scalar(level)), 8}));
-            EXPECT_EQ(detector_->failure(), "marker not found");
+            const Detection detection =
+                detector_->detect({cv::Mat(size, CV_8UC1, cv::Scalar(level)), 8});
+            EXPECT_FALSE(detection.corners);
+            EXPECT_EQ(detection.reason, "marker not found");
         }
 }
 
@@ -129,7 +134,7 @@ TEST_P(EveryDetector, FindsNothingInNoise) {
     for (std::uint64_t i = 0; i < 4; ++i) {
         cv::Mat noise(70, 90, CV_8UC1);
         cv::RNG(i + 1).fill(noise, cv::RNG::UNIFORM, 0, 256);
-        EXPECT_FALSE(detector_->detect({noise, 8}));
+        EXPECT_FALSE(detector_->detect({noise, 8}).corners);
     }
 }
 
@@ -157,7 +162,7 @@ TEST(CharucoDetector, FindsTheCornersThatAreSeenAndThePoseByThem) {
     const Marker board = marker_of("charuco:4X4_50:9x6@12mm/9mm");
     const RenderedTag photo = photo_of(board, {10, -7, 290});
     const auto detector = make_detector("auto", board, "test");
-    const auto found = detector->detect(covered_from(photo.image, 350));
+    const auto found = detector->detect(covered_from(photo.image, 350)).corners;
     ASSERT_TRUE(found);
     EXPECT_FALSE(found->is_whole());
     EXPECT_GT(found->points.size(), 12u);
@@ -182,8 +187,10 @@ TEST(CharucoDetector, NeedsSixCornersOfABoardThatHasThem) {
     const auto detector = make_detector("auto", board, "test");
     const auto leftmost = std::min_element(photo.corners.begin(), photo.corners.end(),
                                            [](auto& a, auto& b) { return a.x() < b.x(); });
-    EXPECT_FALSE(detector->detect(covered_from(photo.image, static_cast<int>(leftmost->x()) + 15)));
-    EXPECT_EQ(detector->failure(), "marker not found");
+    const Detection detection =
+        detector->detect(covered_from(photo.image, static_cast<int>(leftmost->x()) + 15));
+    EXPECT_FALSE(detection.corners);
+    EXPECT_EQ(detection.reason, "marker not found");
     EXPECT_THROW(make_detector("charuco", marker_of("charuco:4X4_50:3x3@12mm/9mm"), "test"),
                  ConfigError);
     EXPECT_NO_THROW(make_detector("charuco", marker_of("charuco:4X4_50:3x4@12mm/9mm"), "test"));

@@ -116,8 +116,9 @@ ExpectationRequest small_request() {
     camera.sensor = Sensor{};
     camera.sensor->gain_e_per_dn = 40.0;
     camera.sensor->read_noise_e = 12.0;
-    return {.camera = camera,
-            .marker = parse_marker("apriltag:36h11:5@60mm", "test"),
+    return {.scene = {.camera = camera,
+                      .marker = parse_marker("apriltag:36h11:5@60mm", "test"),
+                      .white_level = 0.8},
             .volume = {160.0, 260.0, 40.0 * deg},
             .poses = 24,
             .frames = 4,
@@ -174,14 +175,14 @@ std::vector<Eigen::Vector2d> corners_at(const Projector& projector, const Marker
 // Two frames 0.01 mm to either side of the truth have the deviation 0.01 sqrt(2).
 TEST(RunExpectation, TakesBiasAndNoiseFromTheRun) {
     const ExpectationRequest request = small_request();
-    const Projector projector(request.camera);
+    const Projector projector(request.scene.camera);
     QualifyResult result;
-    result.station.camera.model = request.camera;
-    result.station.marker = request.marker;
+    result.station.camera.model = request.scene.camera;
+    result.station.marker = request.scene.marker;
     result.station.plan.frames = 2;
     result.analysis.emplace();
-    for (const Rigid& pose :
-         volume_poses(request.camera, request.marker.grid, 25, 4, {160.0, 260.0, 40.0 * deg})) {
+    for (const Rigid& pose : volume_poses(request.scene.camera, request.scene.marker.grid, 25, 4,
+                                          {160.0, 260.0, 40.0 * deg})) {
         const Eigen::Vector3d sight = pose.translation.normalized();
         QualifiedPose qualified;
         qualified.hold_out = true;
@@ -193,7 +194,7 @@ TEST(RunExpectation, TakesBiasAndNoiseFromTheRun) {
             Rigid moved = pose;
             moved.translation += side * sight.cross(Eigen::Vector3d(0, 0, 1)).normalized();
             record.frames.emplace_back();
-            record.frames.back().corners = corners_at(projector, request.marker, moved);
+            record.frames.back().corners = corners_at(projector, request.scene.marker, moved);
         }
         record.detections = 2;
         result.poses.push_back(record);
@@ -220,7 +221,7 @@ TEST(RunExpectation, SaysNothingWithoutAnAnalysis) {
 
 TEST(Expectation, SaysWhyThereIsNoNoise) {
     ExpectationRequest request = small_request();
-    request.camera.sensor.reset();
+    request.scene.camera.sensor.reset();
     request.poses = 20;
     const Expectation found = expect_errors(request);
     EXPECT_EQ(found.frames, 0);
@@ -233,7 +234,7 @@ TEST(Expectation, RefusesAVolumeThatTheMarkerDoesNotFit) {
     ExpectationRequest request = small_request();
     request.volume = {20.0, 30.0, 0.1};
     EXPECT_THROW(expect_errors(request), NumericalError);
-    request.detector = "chessboard";
+    request.scene.detector = "chessboard";
     EXPECT_THROW(expect_errors(request), ConfigError);
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "compare/make_detector.h"
 #include "station/setup/station_file.h"
 #include "tests/station/stations.h"
 
@@ -16,10 +17,7 @@ StationFile noisy_station(const TemporaryFolder& folder) {
 
 class ExpectedViewTest : public testing::Test {
 protected:
-    ExpectedViewTest()
-        : station_(noisy_station(folder_)),
-          view_(station_.camera.model, station_.marker.grid, station_.background,
-                station_.white_level) {}
+    ExpectedViewTest() : station_(noisy_station(folder_)), view_(expected_scene(station_)) {}
 
     // Off the image's centre, turned and tilted.
     Rigid pose(double x, double y, double z) const {
@@ -72,7 +70,7 @@ TEST_F(ExpectedViewTest, CornersOfTheAreaAreThoseOfTheWholeImage) {
             const NoiseKey noise{7, frame};
             const auto found = exposures.with_noise(*part, noise);
             const auto expected =
-                whole->detect(view_.sensor().expose(view_.radiance_at(marker), noise));
+                whole->detect(view_.sensor().expose(view_.radiance_at(marker), noise)).corners;
             ASSERT_TRUE(found && expected);
             for (std::size_t k = 0; k < 4; ++k)
                 EXPECT_LT((found->pixels[k] - expected->pixels[k]).norm(), 1e-4) << k;

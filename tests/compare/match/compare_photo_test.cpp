@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <opencv2/calib3d.hpp>
 
-#include "compare/detect/detector.h"
+#include "compare/make_detector.h"
 #include "compare/photometric/photo_match.h"
 #include "core/image.h"
 #include "tests/paths.h"
@@ -59,7 +59,7 @@ MeanResiduals mean_residuals(const std::string& side) {
             continue;  // the sets have none
         set.photos.push_back(read_image(std::filesystem::path(ETALON_PHOTO_DIR) /
                                         fmt::format("{}{:02}.jpg", side, n)));
-        const auto corners = detector->detect(set.photos.back());
+        const auto corners = detector->detect(set.photos.back()).corners;
         EXPECT_TRUE(corners) << side << n;
         if (corners)
             set.corners.push_back(corners->pixels);

@@ -5,7 +5,7 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "compare/detect/detector.h"
+#include "compare/make_detector.h"
 #include "rendered_tags.h"
 #include "tests/compare/stag/stag_judgement.h"
 
@@ -36,7 +36,7 @@ TEST(StagDetector, FindsTheCornersFromTheTopLeftClockwiseHoweverTheMarkerIsTurne
     EXPECT_EQ(detector->name(), "stag");
     for (const double turn : {0.3, 1.9, 3.4, 5.1}) {
         const auto photo = test::render_tag(sharp_camera(), stag, {0.2, -0.3, turn, 10, -7, 290});
-        const auto found = detector->detect(photo.image);
+        const auto found = detector->detect(photo.image).corners;
         ASSERT_TRUE(found) << turn;
         EXPECT_EQ(found->id, 5);
         EXPECT_LT(worst_corner(found, photo.corners), 0.1) << turn;
@@ -46,7 +46,8 @@ TEST(StagDetector, FindsTheCornersFromTheTopLeftClockwiseHoweverTheMarkerIsTurne
 TEST(StagDetector, FindsMarkersOfOurOwnFamily) {
     const Marker stag = marker("stag:R16:101@50mm");
     const auto photo = test::render_tag(sharp_camera(), stag, {0.2, -0.5, 2.0, 10, -7, 290});
-    EXPECT_LT(worst_corner(make_detector("stag", stag, "test")->detect(photo.image), photo.corners),
+    EXPECT_LT(worst_corner(make_detector("stag", stag, "test")->detect(photo.image).corners,
+                           photo.corners),
               0.1);
 }
 
@@ -60,7 +61,8 @@ TEST(StagDetector, PlacesACornerThatIsHidden) {
         cv::circle(covered.pixels,
                    cv::Point(static_cast<int>(corner.x()), static_cast<int>(corner.y())), 14,
                    cv::Scalar(120), cv::FILLED);
-        EXPECT_LT(worst_corner(make_detector("auto", stag, "test")->detect(covered), photo.corners),
+        EXPECT_LT(worst_corner(make_detector("auto", stag, "test")->detect(covered).corners,
+                               photo.corners),
                   0.2)
             << "corner " << hidden;
     }
@@ -115,7 +117,8 @@ TEST(StagDetector, SeesTwelveBitImagesAsItSeesEightBitOnes) {
     CodeImage deep{{}, 12};
     photo.image.pixels.convertTo(deep.pixels, CV_16U, 16.0);
     const auto detector = make_detector("auto", stag, "test");
-    const auto eight = detector->detect(photo.image), twelve = detector->detect(deep);
+    const auto eight = detector->detect(photo.image).corners,
+               twelve = detector->detect(deep).corners;
     ASSERT_TRUE(eight && twelve);
     for (std::size_t i = 0; i < 4; ++i)
         EXPECT_LT((eight->pixels[i] - twelve->pixels[i]).norm(), 1e-6);
@@ -126,7 +129,7 @@ TEST(StagDetector, SurvivesNoiseOfAnySize) {
     for (int i = 0; i < 60; ++i) {
         cv::Mat noise(1 + (i * 37) % 90, 1 + (i * 53) % 110, CV_8UC1);
         cv::RNG(static_cast<std::uint64_t>(i)).fill(noise, cv::RNG::UNIFORM, 0, 256);
-        EXPECT_FALSE(detector->detect({noise, 8}));
+        EXPECT_FALSE(detector->detect({noise, 8}).corners);
     }
 }
 

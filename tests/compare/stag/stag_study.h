@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "calib/camera/projector.h"
-#include "compare/detect/detector.h"
+#include "compare/make_detector.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/pose_sampling.h"
 #include "sim/sensor/sensor_model.h"
@@ -104,7 +104,7 @@ inline OneView look(const Renderer& renderer, const Marker& marker, const Rigid&
     const Projector projector(camera);
     const auto radiance = renderer.render({{{marker.grid, pose}}, 1.0}).radiance;
     const CodeImage photo = SensorModel(camera).expose(0.85 * radiance, NoiseKey{5, number});
-    const auto found = make_detector("stag", marker, "study")->detect(photo);
+    const auto found = make_detector("stag", marker, "study")->detect(photo).corners;
     OneView view;
     view.detected = found.has_value();
     Eigen::Vector2d centre = Eigen::Vector2d::Zero();

@@ -2,8 +2,8 @@
 // full size: tests/evidence/topotag.cpp.
 #include <gtest/gtest.h>
 
-#include "compare/detect/detector.h"
 #include "compare/detect/detector_adaptors.h"
+#include "compare/make_detector.h"
 #include "core/median.h"
 #include "rendered_tags.h"
 #include "tests/evidence/topotag_study.h"
@@ -27,7 +27,7 @@ TEST(TopotagDetector, FindsTheVerticesRowByRowInEveryFamily) {
         const auto detector = make_detector("auto", tag, "test");
         EXPECT_EQ(detector->name(), "topotag");
         const auto photo = test::render_tag(sharp_camera(), tag, {0.3, -0.2, 2.1, 10, -7, 350});
-        const auto found = detector->detect(photo.image);
+        const auto found = detector->detect(photo.image).corners;
         ASSERT_TRUE(found) << name;
         EXPECT_EQ(found->id, tag.id);
         ASSERT_EQ(found->pixels.size(), tag.points_mm.size());
@@ -55,7 +55,7 @@ Tally study(const CameraModel& camera, const std::string& family, int count, dou
         const CodeImage image = sensor.expose(renderer.render(scene).radiance,
                                               NoiseKey{1, static_cast<std::uint32_t>(i)});
         ++tally.shown;
-        const auto found = make_detector("auto", tag, "test")->detect(image);
+        const auto found = make_detector("auto", tag, "test")->detect(image).corners;
         if (!found)
             continue;
         ++tally.found;
@@ -94,7 +94,7 @@ TEST(TopotagDetector, IsNotMovedByAToneCurve) {
     camera.distortion = {};
     const Marker tag = parse_marker("topotag:4x4:9283@50mm", "test");
     const auto photo = test::render_tag(camera, tag, {0.2, -0.1, 0.05, 3, 5, 500});
-    const auto found = make_detector("auto", tag, "test")->detect(photo.image);
+    const auto found = make_detector("auto", tag, "test")->detect(photo.image).corners;
     ASSERT_TRUE(found);
     EXPECT_LT(largest_error(*found, photo.corners), 0.03) << "0.1 px if white did not grow";
 }
@@ -113,7 +113,7 @@ TEST(TopotagDetector, IsNotMovedByUnevenLight) {
             lit.pixels.at<uchar>(y, x) =
                 cv::saturate_cast<uchar>(lit.pixels.at<uchar>(y, x) * (0.4 + 0.4 * share));
         }
-    const auto found = make_detector("auto", tag, "test")->detect(lit);
+    const auto found = make_detector("auto", tag, "test")->detect(lit).corners;
     ASSERT_TRUE(found);
     EXPECT_LT(largest_error(*found, photo.corners), 0.05);
 }
@@ -124,7 +124,8 @@ TEST(TopotagDetector, SeesTwelveBitImagesAsItSeesEightBitOnes) {
     CodeImage deep{{}, 12};
     photo.image.pixels.convertTo(deep.pixels, CV_16U, 4095.0 / 255.0);
     const auto detector = make_detector("auto", tag, "test");
-    const auto eight = detector->detect(photo.image), twelve = detector->detect(deep);
+    const auto eight = detector->detect(photo.image).corners,
+               twelve = detector->detect(deep).corners;
     ASSERT_TRUE(eight && twelve);
     // Codes are rounded to 1/4095: 1e-4 of the step, and less of a pixel.
     EXPECT_LT(largest_error(*twelve, eight->pixels), 1e-3);

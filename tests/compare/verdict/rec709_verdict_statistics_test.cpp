@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
 #include "compare/verdict/qualification.h"
 #include "sim/render/renderer.h"
@@ -48,7 +49,7 @@ TEST(Rec709, DoesNotKeepAPerfectCameraFromPassing) {
 
     QualificationInput input = input_of(run, 1);
     input.render_and_detect = [&](const Rigid& pose) -> std::optional<Corners> {
-        const auto found = detector->detect(sensor.expose(radiance(pose)));
+        const auto found = detector->detect(sensor.expose(radiance(pose))).corners;
         return found ? std::optional(found->pixels) : std::nullopt;
     };
     const auto all = positions(run, *run.plan_seed);
@@ -57,7 +58,7 @@ TEST(Rec709, DoesNotKeepAPerfectCameraFromPassing) {
         const Rigid truth = true_pose(run, all[i], stage_noise);
         const CodeImage photo =
             sensor.expose(radiance(truth), NoiseKey{1, static_cast<std::uint32_t>(i)});
-        const auto found = detector->detect(photo);
+        const auto found = detector->detect(photo).corners;
         ASSERT_TRUE(found) << i;
         QualificationPose& pose = input.poses[i];
         pose.corners = found->pixels;

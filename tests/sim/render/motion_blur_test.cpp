@@ -38,8 +38,8 @@ Scene small_marker() {
     return scene;
 }
 
-Motion along_x(double mm_per_s, double exposure_s) {
-    Motion motion{Vector6d::Zero(), exposure_s};
+MotionDuringExposure along_x(double mm_per_s, double exposure_s) {
+    MotionDuringExposure motion{Vector6d::Zero(), exposure_s};
     motion.velocity[3] = mm_per_s;
     return motion;
 }
@@ -91,7 +91,7 @@ TEST(MovingEdge, NeedsItsParts) {
 TEST(MovingMarker, IsTheLongAverageOfStillOnes) {
     const Renderer renderer(narrow_pinhole());
     const Scene scene = small_marker();
-    Motion motion{Vector6d::Zero(), 0.02};
+    MotionDuringExposure motion{Vector6d::Zero(), 0.02};
     motion.velocity << 0.4, -1.1, 6.0, 90.0, -40.0, 300.0;
     const auto moving = render_moving(renderer, scene, motion);
     cv::Mat sum = cv::Mat::zeros(24, 64, CV_64FC1);
@@ -127,7 +127,7 @@ TEST(MovingScene, MovesAsOneBody) {
     Scene scene = small_marker();
     scene.markers.push_back(scene.markers[0]);
     scene.markers[1].camera_from_marker.translation += Eigen::Vector3d(20.0, 5.0, -3.0);
-    Motion motion{Vector6d::Zero(), 1.0};
+    MotionDuringExposure motion{Vector6d::Zero(), 1.0};
     motion.velocity << 0.1, 0.2, -0.5, 3.0, 4.0, 5.0;
     const Scene moved = scene_at(scene, motion, 0.3);
     const auto relative = [](const Scene& s) {
@@ -139,7 +139,7 @@ TEST(MovingScene, MovesAsOneBody) {
     EXPECT_LT((done - 0.3 * motion.velocity).norm(), 1e-12);
 }
 
-TEST(Motion, RefusesWhatIsNone) {
+TEST(MotionDuringExposure, RefusesWhatIsNone) {
     const Renderer renderer(narrow_pinhole());
     EXPECT_THROW(render_moving(renderer, small_marker(), along_x(std::nan(""), 0.1)),
                  NumericalError);

@@ -53,24 +53,6 @@ TEST_F(PoseFile, ReadsBothKindsOfJson) {
     EXPECT_NEAR(rotation_vector(poses[1].rotation).x(), 0.5, 1e-15);
 }
 
-TEST_F(PoseFile, WritesWhatItReads) {
-    Vector6d a, b;
-    a << 0.1, -0.2, 0.3, 1.0 / 3.0, -7.5, 512.0;
-    b << 0.0, 3.0, 0.0, 1e-9, 0.0, 999999.0;
-    const std::vector<Rigid> poses{rigid_from_vector(a), rigid_from_vector(b)};
-    for (const char* name : {"p.csv", "p.json"}) {
-        write_poses(folder_ / name, poses);
-        const auto back = read_poses(folder_ / name);
-        ASSERT_EQ(back.size(), 2u);
-        for (std::size_t i = 0; i < 2; ++i) {
-            EXPECT_EQ(back[i].translation, poses[i].translation);
-            EXPECT_LT(left_difference(poses[i], back[i]).norm(), 1e-15);
-        }
-    }
-    EXPECT_THROW(write_poses(folder_ / "p.txt", poses), ConfigError);
-    EXPECT_THROW(write_poses(folder_ / "no" / "p.csv", poses), ConfigError);
-}
-
 TEST_F(PoseFile, NamesTheLineOfWhatIsWrong) {
     EXPECT_THAT(complaint("a.csv", ""), HasSubstr("a.csv:1: the first line must be"));
     EXPECT_THAT(complaint("b.csv", "0,0,0,1,2,3\n"), HasSubstr("b.csv:1: the first line"));

@@ -102,7 +102,7 @@ struct Difference {
 };
 Difference from_moving_renders(const CameraModel& camera, const Eigen::Vector2d& motion) {
     const Renderer renderer(camera);
-    Motion in_front{Vector6d::Zero(), 1.0};
+    MotionDuringExposure in_front{Vector6d::Zero(), 1.0};
     in_front.velocity.segment<2>(3) = motion * 250.0 / 400.0;
     const Radiance truth = render_moving(renderer, frontal_marker(), in_front).image.radiance;
     const Radiance blurred = line_blurred(renderer.render(frontal_marker()).radiance, motion);

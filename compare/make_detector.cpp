@@ -1,0 +1,75 @@
+#include "compare/make_detector.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "compare/detect/detector_adaptors.h"
+#include "compare/stag/stag_detector.h"
+#include "compare/topotag/topotag_detector.h"
+#include "core/errors.h"
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+struct Maker {
+    const char* name;
+    Marker::Kind kind;  // of the markers that it finds
+    std::unique_ptr<Detector> (*make)(const Marker& marker, const std::string& place);
+};
+
+std::unique_ptr<Detector> make_apriltag(const Marker& marker, const std::string& place) {
+    return make_apriltag_detector(marker, place);
+}
+
+template <ArucoRefinement refinement>
+std::unique_ptr<Detector> make_aruco(const Marker& marker, const std::string& place) {
+    return make_aruco_detector(marker, place, {refinement});
+}
+
+// The first of a kind is the one that "auto" takes.
+constexpr Maker makers[] = {
+    {"apriltag", Marker::Kind::apriltag, make_apriltag},
+    {"aruco", Marker::Kind::aruco, make_aruco<ArucoRefinement::subpixel>},
+    {"aruco-none", Marker::Kind::aruco, make_aruco<ArucoRefinement::none>},
+    {"aruco-contour", Marker::Kind::aruco, make_aruco<ArucoRefinement::contour>},
+    {"aruco-apriltag", Marker::Kind::aruco, make_aruco<ArucoRefinement::apriltag>},
+    {"topotag", Marker::Kind::topotag, make_topotag_detector},
+    {"chessboard", Marker::Kind::chessboard, make_chessboard_detector},
+    {"charuco", Marker::Kind::charuco, make_charuco_detector},
+    {"stag", Marker::Kind::stag, make_stag_detector},
+};
+
+[[noreturn]] void refuse(const Marker& marker, const std::string& place) {
+    if (marker.kind == Marker::Kind::bitmap)
+        throw ConfigError({place}, "no detector finds " + marker.spec + ": give its poses");
+    throw ConfigError({place}, marker.spec +
+                                   " is a target for `etalon calibrate --target`; poses are found "
+                                   "from single tags, chessboards and ChArUco boards");
+}
+
+[[noreturn]] void refuse(const std::string& name, const std::string& place) {
+    std::vector<std::string> names;
+    for (const Maker& maker : makers)
+        names.push_back(maker.name);
+    names.push_back("auto");
+    const std::string nearest = nearest_word(name, names);
+    throw ConfigError({place}, fmt::format("there is no detector '{}'{}", name,
+                                           nearest.empty() ? "" : "; is it " + nearest + "?"));
+}
+
+}  // namespace
+
+std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& marker,
+                                        const std::string& place) {
+    const bool is_auto = name == "auto";
+    const auto* maker = std::ranges::find_if(makers, [&](const Maker& one) {
+        return is_auto ? one.kind == marker.kind : one.name == name;
+    });
+    if (maker != std::end(makers))
+        return maker->make(marker, place);
+    is_auto ? refuse(marker, place) : refuse(name, place);
+}
+
+}  // namespace etalon

@@ -25,7 +25,6 @@
 #include "core/image.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_noise.h"
-#include "sim/sensor/sensor_simd.h"
 #include "sim/sensor/sensor_steps.h"
 
 namespace etalon {

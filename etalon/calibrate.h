@@ -10,3 +10,4 @@
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/calibrate.h"
 #include "compare/detect/calibration_target.h"
+#include "core/errors.h"

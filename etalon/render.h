@@ -9,6 +9,7 @@
 #pragma once
 
 #include "calib/files/camera_file.h"
+#include "core/errors.h"
 #include "core/image.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"

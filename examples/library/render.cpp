@@ -15,8 +15,10 @@ int main(int argc, char** argv) try {
     const etalon::Scene scene{{{tag.grid, etalon::rigid_from_vector(pose)}}};
 
     const etalon::RenderedImage rendering = etalon::Renderer(camera).render(scene);
+    const double exposure = 0.8;  // white at 80 % of full scale
     const etalon::NoiseKey noise{.seed = 7};
-    etalon::write_image(argv[2], etalon::SensorModel(camera).expose(rendering.radiance, noise));
+    const etalon::SensorModel sensor(camera);
+    etalon::write_image(argv[2], sensor.expose(exposure * rendering.radiance, noise));
     std::printf("%s\n", rendering.plan.describe().c_str());
     return 0;
 } catch (const std::exception& error) {

@@ -14,8 +14,8 @@
 // quantisation's variance 1/12 is written out; here it arises by itself).
 //
 // Exposure is not here: whoever exposes longer scales the radiance, expose(radiance * factor).
-// A mosaic's image is the raw one: one value a pixel, of the channel that channel_of_pixel() tells,
-// with that channel's signal and noise. Nothing is interpolated.
+// A mosaic's image is the raw one: one value a pixel, that of the channel which channel_of_pixel()
+// gives, with that channel's signal and noise. Nothing is interpolated.
 #pragma once
 
 #include <cstdint>

@@ -1,16 +1,16 @@
-# `cmake --install` puts the programs, the libraries and their headers in place, and
-# find_package(etalon) finds them: linking etalon::sim alone gives the renderer.
+# `cmake --install` puts the programs, the libraries and their public headers in place, and
+# find_package(etalon) finds them: linking etalon::sim alone gives the renderer. examples/library/
+# shows how each of the five headers of etalon/ is used.
 
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-set(libraries core calib sim capture stage compare)
 install(TARGETS etalon_opencv EXPORT etalonTargets)
-foreach(library IN LISTS libraries)
+foreach(library core report calib sim capture stage compare bench study station)
     install(TARGETS etalon_${library} EXPORT etalonTargets)
-    install(DIRECTORY ${library}/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/etalon/${library}
-        FILES_MATCHING PATTERN "*.h")
 endforeach()
+install(CODE "set(SOURCE_DIR \"${PROJECT_SOURCE_DIR}\")\nset(BINARY_DIR \"${PROJECT_BINARY_DIR}\")")
+install(SCRIPT cmake/install_headers.cmake)
 install(TARGETS etalon)
 if(TARGET etalon-twin)
     install(TARGETS etalon-twin)

@@ -16,7 +16,7 @@ function(etalon_library name)
     target_include_directories(etalon_${name} PUBLIC
         $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
         $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/generated>
-        $<INSTALL_INTERFACE:include/etalon>)
+        $<INSTALL_INTERFACE:include>)
     target_link_libraries(etalon_${name} PUBLIC ${ARG_PUBLIC}
         PRIVATE $<BUILD_INTERFACE:etalon_compiler> ${ARG_PRIVATE})
     etalon_precompile(etalon_${name})

@@ -2,9 +2,9 @@
 // before the first fold (det J = 0), pole of the rational part or horizon of the tilt. Beyond it
 // two rays share a pixel, or none has it.
 //
-// The border is found along 256 directions (one, when the model is radially symmetric) by marching
-// in geometric steps through the radii at which any two terms of the model are alike, and
-// bisection. Between directions it is interpolated: good to about 1e-4 of its radius.
+// The border is found along 256 directions (one, when the model is radially symmetric): by marching
+// in geometric steps through the radii at which any two terms of the model are equally large, then
+// by bisection. Between directions it is interpolated: good to about 1e-4 of its radius.
 #pragma once
 
 #include <Eigen/Core>

@@ -27,8 +27,8 @@
 //     standard_uncertainty: {f_number: 0.03, focus_distance_mm: 1.2, psf_sigma_px: 0.01,
 //         black: 0.05, gain_e_per_dn: 0.02, read_noise_e: 0.1, illumination: [0.01, 0.02, 0.01]}
 //
-// each only of what the file has; a psf.yml as `standard_uncertainty: [...]`, one a density, and a
-// transfer CSV as a third column `u_code`.
+// each only for an entry that the file has. A psf.yml has them as `standard_uncertainty: [...]`,
+// one for each density, and a transfer CSV as a third column `u_code`.
 #pragma once
 
 #include <filesystem>
@@ -39,7 +39,7 @@
 
 namespace etalon {
 
-// Reads ours or any other tool's; which one is told by the content.
+// Reads ours or any other tool's; the content tells which one it is.
 //
 // `image_size` is what the caller knows from elsewhere (a photo): it stands in where a foreign file
 // gives no size, and must agree where the file does.

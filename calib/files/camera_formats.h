@@ -1,5 +1,5 @@
-// The calibration files of all tools behind one name each: which tool a file belongs to, reading it
-// as that, and writing a camera for a tool.
+// The calibration files of all tools, each tool by its name: which tool wrote a file, reading it,
+// and writing a camera for a tool.
 //
 // What the formats are, and what of a camera each can hold: the headers of the tools' files
 // (calib/files/opencv_file.h, kalibr_file.h, ...) and docs/files.md.
@@ -18,8 +18,8 @@ namespace etalon {
 const char* name_of(CalibrationTool tool);
 const std::vector<CalibrationTool>& calibration_tools();
 
-// Told by the file's beginning and the keys that only one tool has; what nothing else claims is
-// taken for ROS. Throws ConfigError when the file cannot be read.
+// Decided by the file's beginning and by keys that only one tool has; a file that no other tool
+// claims is taken for ROS's. Throws ConfigError when the file cannot be read.
 CalibrationTool tool_of(const std::filesystem::path& path);
 
 // `select`: which camera of a file with several (Kalibr "cam1", COLMAP "3"); empty: the only one.
@@ -27,8 +27,8 @@ CalibrationTool tool_of(const std::filesystem::path& path);
 CameraModel read_foreign_camera(const std::filesystem::path& path, const std::string& select = "");
 
 // Throws ConfigError when the tool's model lacks a coefficient of the camera that is not 0. Serial,
-// covariance, lens and sensor have no place in these files (see lost_in_foreign_file), but the
-// standard deviations of a covariance in OpenCV's.
+// covariance, lens and sensor have no place in these files (see lost_in_foreign_file); only
+// OpenCV's keep the standard deviations of a covariance.
 void write_foreign_camera(const std::filesystem::path& path, CalibrationTool tool,
                           const CameraModel& camera);
 

@@ -37,7 +37,7 @@ Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy, const 
 int shortest_distortion(const CameraModel& camera, std::initializer_list<int> counts,
                         const std::filesystem::path& path, const char* format);
 
-// What a writer of a foreign format asks first: a perspective camera, an image size, finite
+// What every writer of a foreign format requires: a perspective camera, an image size, finite
 // numbers. Throws ConfigError at `path`.
 void require_foreign_camera(const CameraModel& camera, const std::filesystem::path& path,
                             const char* format);

@@ -1,5 +1,5 @@
 // A value in a YAML or JSON file of another program, with its place. Keys that nobody asks for are
-// let be: such files hold more than a camera. Doubled keys (yaml-cpp lets the first win), missing
+// ignored: such files hold more than a camera. Doubled keys (yaml-cpp lets the first win), missing
 // ones, wrong types and numbers that are not finite are ConfigErrors with file, line and key.
 //
 // For files of ours there is core/strict_reader.h. Cheap to copy.

@@ -34,11 +34,11 @@ RegistrationRank registration_rank(const RegistrationJacobian& jacobian, const X
 // With the name and the direction in (X, Y) that the report shows.
 GaugeFreedom gauge_freedom(const Twist& twist, const XY& xy, const Rigid& base_from_carriage);
 
-// Directions that all poses say less about than one would if Y were known. The ratio is the squared
-// sine of the angle between the columns of X and those of Y (canonical correlation; Bjorck and
-// Golub, Math. Comp. 27, 1973), times the number of poses: it depends on no unit and on no choice
-// of origin. `middle_mm`: of the marker's positions, base frame; a motion's shift is that of this
-// point, and it counts as a shift when that is more than the arc of its turn at 100 mm.
+// Directions about which all poses together say less than a single pose would if Y were known. The
+// ratio is the squared sine of the angle between the columns of X and those of Y (canonical
+// correlation; Bjorck and Golub, Math. Comp. 27, 1973), times the number of poses: it depends on no
+// unit and on no choice of origin. `middle_mm` is the middle of the marker's positions, base frame.
+// A motion counts as a shift when it moves this point by more than the arc of its turn at 100 mm.
 std::vector<WeakDirection> weak_directions(const RegistrationJacobian& jacobian, const XY& xy,
                                            const std::vector<Twist>& freedoms,
                                            const Eigen::Vector3d& middle_mm, std::size_t poses);

@@ -1,12 +1,12 @@
-// What kind of motion the poses of a plan make together, from the stage's transforms alone: before
-// any camera comes in, and before anything has moved.
+// What kind of motion the poses of a plan make together. It follows from the stage's transforms
+// alone: no camera is needed, and nothing has to move.
 //
 // It says how many directions of (X, Y) a registration on these poses leaves free. Such a direction
 // is a motion of the base frame that commutes with every relative motion S_i S_j^-1 of the carriage
 // (H. H. Chen, "A screw motion approach to uniqueness analysis of head-eye geometry", CVPR 1991).
 //
-// A plan that moves less than its stage can is degenerate: part of X and Y, or of what a camera's
-// errors do in depth, would be settled by nothing. It is named, and not registered.
+// A plan that moves less than its stage can is degenerate: nothing would determine part of X and Y,
+// or part of what a camera's errors do in depth. Such a plan is named, and not registered.
 #pragma once
 
 #include <Eigen/Core>
@@ -35,8 +35,8 @@ struct StageMotion {
     int freedoms = 6;        // of X and Y
     int distinct_poses = 0;  // counted up to 4
     std::string words;       // "shifts along one line, base x"
-    // The poses as this kind has them exactly, without what counts as noise: an axis at rest whose
-    // reading trembles by a microradian would else place X and Y, by tens of metres.
+    // The poses as exact motions of this kind, without what counts as noise. Otherwise an axis at
+    // rest whose reading trembles by a microradian would place X and Y, by tens of metres.
     std::vector<Rigid> without_noise;
 };
 

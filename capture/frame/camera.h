@@ -12,8 +12,8 @@
 //     read back. A configure() that threw leaves the camera idle.
 //   * An incomplete frame comes back with its status and without an image; it is never handed on
 //     as good. Codes are in the low bits of a pixel, 9 to 16 bits in 16, none lost.
-//   * Automatic and enhancing functions of the device are off; remarks() names those that cannot
-//   be.
+//   * Automatic and enhancing functions of the device are off; remarks() names those that
+//     cannot be.
 //   * disarm() and the destructor never throw and never hang (bounded by 3 s), lost or not.
 //
 // One thread owns a camera; only the stop_token may be triggered from another.
@@ -45,10 +45,8 @@ struct CaptureStatistics {
     long reconnects = 0;
 };
 
-// ---- what a device can do, as `etalon devices` prints it
-// -----------------------------------------
-
-// Image sizes from `smallest` to `largest` in steps; one single size has both equal.
+// What a device can do, as `etalon devices` prints it. Image sizes from `smallest` to `largest` in
+// steps; one single size has both equal.
 struct FrameSizes {
     cv::Size smallest, largest;
     cv::Size step{1, 1};
@@ -75,9 +73,6 @@ struct CameraAbilities {
     std::vector<CameraFormat> formats;
     std::vector<CameraControl> controls;
 };
-
-// ---- the camera
-// ----------------------------------------------------------------------------------
 
 class Camera {
 public:

@@ -1,6 +1,6 @@
-// A device's clock on the station's: what a stamp of the device means, from a reading of its clock
-// that is known to lie between two instants. Rates may differ by 200 ppm, more than any quartz
-// does, and the uncertainty grows by that with the distance from the reading.
+// A device's clock mapped to the station's: what a stamp of the device means, from a reading of its
+// clock that is known to lie between two instants. Rates may differ by 200 ppm, more than any
+// quartz does, and the uncertainty grows by that with the distance from the reading.
 //
 // Epochs do not matter, so a clock that PTP disciplines is treated like any other: TAI and UTC
 // cannot be confused.

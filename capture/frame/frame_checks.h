@@ -28,12 +28,12 @@ bool bits_fit_depth(int bits, int cv_depth);
 // the high bits or has more bits than was said. Reads every pixel.
 bool exceeds_full_scale(const CodeImage& image);
 
-// Whether that can happen at all: packed codes have no room for more bits than the format's.
+// Whether codes above the full scale can occur at all: packed codes have no room for them.
 bool can_exceed_full_scale(const PixelFormat& format, int bits);
 
 // What is wrong with the codes of an image of this format, in the words of a DeviceError: they
-// exceed its full scale. Empty if nothing. What a device sends in the wrong bits, no other frame
-// will send right.
+// exceed its full scale. Empty if nothing. Another frame would not help: a device that sends codes
+// in the wrong bits always does.
 std::string code_fault(const CodeImage& image, const PixelFormat& format);
 
 // A wish that a device did not fulfil, in the words of a DeviceError.

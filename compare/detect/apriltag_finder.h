@@ -1,5 +1,6 @@
 // libapriltag 3 as a finder of all tags of a family in an image. Single tags behind the Detector
-// interface: compare/detect/apriltag_detector.cpp; boards of them: compare/tag_grid_corners.h.
+// interface: compare/detect/apriltag_detector.cpp; boards of them:
+// compare/detect/tag_grid_corners.cpp.
 #pragma once
 
 #include <memory>

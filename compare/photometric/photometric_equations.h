@@ -1,5 +1,5 @@
 // One photograph against its rendering, linearised: normal equations for the camera's parameters,
-// the marker's pose and the photometric model together. The foundation of compare/
+// the marker's pose and the photometric model together. The foundation of
 // photometric_pose.h and photometric_refinement.h.
 //
 // A pixel's residual is (photograph - prediction) / (standard deviation of its noise): that of the

@@ -6,14 +6,13 @@
 //      is darker than the mean of the square around it. One of these squares is as wide as four to
 //      eight cells of the tag, whatever its size: wider than a node, narrower than the tag.
 //   2. The regions and what encloses what (compare/topotag/region_tree.h); white regions with the
-//   right
-//      number of nodes. Specks, far smaller than nodes and dots, do not count.
+//      right number of nodes. Specks, far smaller than nodes and dots, do not count.
 //   3. The centroids of nodes and of the baseline's dots, matched with the vertices: the largest
 //      quadrangle is that of the corner vertices, the dot among its corners is the first one.
 //   4. A homography through all n^2 points. All must fit.
 //   5. The image of this tag fitted to the pixels (compare/topotag/topotag_fit.h): sub-pixel
-//   vertices, and
-//      whether each dot is really there. What does not look like the tag all over is none.
+//      vertices, and whether each dot is really there. What does not look like the tag all over is
+//      none.
 #pragma once
 
 #include <Eigen/Core>

@@ -6,21 +6,19 @@
 //       port: 1502                       # Modbus TCP on 127.0.0.1; 0: any free one; or
 //       serial: /tmp/stage               # Modbus RTU: a link to the line is made there
 //       profile: generic                 # the controller it behaves as; built in or a file.yaml
-//       axes: [...]                      # as in station.yaml, error maps included:
-//       stage/axes/axes.h ramp_ms: 50                      # from rest to an axis' speed jerk_ms:
-//       20                      # until its acceleration is there: S-curves; 0: trapezoids
+//       axes: [...]                      # as in station.yaml, error maps too (stage/axes/axes.h)
+//       ramp_ms: 50                      # from rest to an axis' speed
+//       jerk_ms: 20                      # until its acceleration is there: S-curves; 0: trapezoids
 //       homing_ms: 200                   # homing takes at least as long
 //       temperature: {change_k: 2, time_constant_s: 1800}          # after power-on
 //       servo:                           # by axis; without: it follows its plan exactly
-//         x: {bandwidth_hz: 30, damping: 0.7, window_um: 5,        # "in position" within the
-//         window
+//         x: {bandwidth_hz: 30, damping: 0.7, window_um: 5,        # "in position" in the window
 //             drive_lag_us: 200, resonance_hz: 40, resonance_damping: 0.02}      # optional
 //       errors:                          # by axis, each optional (0): mocks/stage/stage_errors.h
 //         x: {scale_ppm: 0, repeatability_um: 0.5, backlash_um: 0, encoder_noise_um: 0.05,
 //             periodic_um: 0.8, period_mm: 2, phase_deg: 0,
 //             drift_um_per_k: 1.5, expansion_ppm_per_k: 11, lean_urad: {y: 150}}
-//       faults:                          # once each; at: {time_ms}, {move}, {request} or
-//       {register}
+//       faults:                          # once each; at: time_ms, move, request, register
 //         - {fault: stuck_axis, axis: x, at: {move: 7}}
 //         - {fault: false_in_position, axis: x, at: {move: 7}}
 //         - {fault: encoder_jump, axis: x, at: {time_ms: 2500}, size_um: 20}

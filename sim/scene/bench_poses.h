@@ -1,8 +1,8 @@
 // Poses that fill what a camera can see of a marker, for statistics over poses: Halton points
-// (sim/scene/pose_sampling.h) of which those are left out that would bring the grid's outline
-// nearer than 20 px to the image's border or outside, or whose plane passes through the lens (part
-// of which would see the back). The same arguments give the same poses, and more of them begin with
-// the fewer. All throw NumericalError when one draw in a thousand or less fits.
+// (sim/scene/pose_sampling.h). Left out are those that would bring the grid's outline outside the
+// image or nearer than 20 px to its border, and those whose plane passes through the lens (part of
+// which would see the back). The same arguments give the same poses, and a longer list begins with
+// a shorter one. All throw NumericalError when one draw in a thousand or less fits.
 #pragma once
 
 #include <cstdint>

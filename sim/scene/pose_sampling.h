@@ -1,6 +1,6 @@
 // Well-spread points of the unit cube, for plans and studies that must cover a volume of poses
-// evenly with as few poses as they can afford. Plain points: what the coordinates mean is the
-// plan's part (a study's: sim/scene/pose_volume.h).
+// evenly with as few poses as they can afford. Plain points: what the coordinates mean is for the
+// plan to say (for a study: sim/scene/pose_volume.h).
 //
 // Halton's sequence (Numerische Mathematik 2, 1960): the index's digits in the first prime bases,
 // mirrored at the point: 6 = 110b -> 0.011b = 0.375. From the fifth base or so its first points lie

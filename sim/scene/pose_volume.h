@@ -1,9 +1,8 @@
 // The six-dimensional volume of a marker study, and its poses: points of a low-discrepancy sequence
-// (sim/scene/pose_sampling.h) of which those are left out at which the camera would not see the
-// whole marker.
+// (sim/scene/pose_sampling.h), without those at which the camera would not see the whole marker.
 //
-// A rejected point leaves a hole that no later one fills, so what is seen is covered evenly, but
-// its strata are not exact; where all of the volume is seen, they are.
+// A rejected point leaves a hole that no later one fills. What the camera sees is covered evenly
+// all the same, but its strata are exact only where all of the volume is seen.
 #pragma once
 
 #include <Eigen/Core>
@@ -44,8 +43,8 @@ struct PoseVolume {
         0.0;  // of the marker's outline to the image's border (sim/scene/marker_in_view.h)
 };
 
-// Not safe from several threads, but the same arguments give the same poses everywhere, and more of
-// them begin with the fewer. Keeps no poses: memory does not grow.
+// Not safe from several threads, but the same arguments give the same poses everywhere, and a
+// longer list begins with a shorter one. Keeps no poses: memory does not grow.
 class PoseSampler {
 public:
     struct Sample {

@@ -25,8 +25,8 @@ struct Scene {
 // no ray through the lens meets two markers. It holds for markers side by side in one plane
 // (touching allowed: a board in pieces), and for those whose images are farther apart than the lens
 // can look behind the nearer one's edge; at equal depths that is nothing, however blurred they are.
-// Any other pair is refused: rigorous, but a few pairs are refused that do not hide each other.
-// Seams of up to 2e-5 px, from rounded poses, are let pass (0.005 gray).
+// Any other pair is refused. This is rigorous, and refuses a few pairs that do not hide each other.
+// Seams of up to 2e-5 px, from rounded poses, are allowed (0.005 gray).
 // The scene must have passed check_scene() (sim/scene/marker_view.h). A few ms for 100 markers.
 // Throws NumericalError that names both markers, counted from 1, or one that reaches behind the
 // lens.

@@ -10,6 +10,7 @@
 
 #include "calib/camera/projector.h"
 #include "core/errors.h"
+#include "sim/sensor/sensor_simd.h"
 
 namespace etalon {
 namespace {

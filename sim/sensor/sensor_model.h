@@ -14,8 +14,8 @@
 // quantisation's variance 1/12 is written out; here it arises by itself).
 //
 // Exposure is not here: whoever exposes longer scales the radiance, expose(radiance * factor).
-// A mosaic's image is the raw one: one value a pixel, of the channel that channel_of_pixel() tells,
-// with that channel's signal and noise. Nothing is interpolated.
+// A mosaic's image is the raw one: one value a pixel, that of the channel which channel_of_pixel()
+// gives, with that channel's signal and noise. Nothing is interpolated.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +24,6 @@
 #include "calib/camera/camera_model.h"
 #include "core/image.h"
 #include "sim/sensor/sensor_noise.h"
-#include "sim/sensor/sensor_simd.h"
 #include "sim/sensor/sensor_steps.h"
 #include "sim/tiles/rendered_image.h"
 

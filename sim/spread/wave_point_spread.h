@@ -10,8 +10,8 @@
 //     outside the disk  |U|^2 = (2/u)^2 (U1^2 + U2^2)
 //     inside            |U|^2 = (2/u)^2 (1 + V0^2 + V1^2 - 2 V0 cos s - 2 V1 sin s),
 //                       s = (u + v^2/u) / 2
-// whose series of Bessel functions are summed to rounding. Beyond the disk the mean over the rings
-// is
+// whose series of Bessel functions are summed to rounding. Beyond the disk, averaged over the
+// rings:
 //     density (lambda N_w / (pi^3 r^3)) (1 + q^2) / (1 - q^2)^2,   q = R/r,
 // and 2 lambda N_w r / (pi^2 (r^2 - R^2)) of the energy lies outside r: Airy's tail from q -> 0.
 //

@@ -1,7 +1,6 @@
 // The sum that both closed-form methods share. A window (the aperture, or a pixel's box) is crossed
 // by some consecutive grid lines of each direction; its average radiance is
-//     base cell + sum over lines of (contrast along the base row or column) * (area beyond the
-//     line)
+//     base cell + sum over lines of (contrast along the base row or column) * (area beyond)
 //               + sum over crossings of (mixed difference of the four cells) * (area beyond both).
 #pragma once
 

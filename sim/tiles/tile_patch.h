@@ -1,6 +1,6 @@
 // At most 32 x 32 lines of a tile, without those that change nothing: what the vector code of
-// sim/tile_kernel.cpp works on, so that its memory is fixed however fine the grid is. The sum over
-// a tile's patches is the sum over its lines and crossings.
+// sim/tiles/tile_area_kernel.cpp works on, so that its memory is fixed however fine the grid is.
+// The sum over a tile's patches is the sum over its lines and crossings.
 #pragma once
 
 #include <algorithm>

@@ -36,7 +36,7 @@ struct TwinScene {
 // Safe from every thread once built.
 class TwinPhysics {
 public:
-    // Throws as Renderer and SensorModel do for a camera that cannot be.
+    // Throws as Renderer and SensorModel do for a camera that cannot exist.
     TwinPhysics(const CameraModel& true_camera, TwinScene scene, RenderMethod method,
                 std::uint64_t noise_seed);
 

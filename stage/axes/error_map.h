@@ -25,8 +25,8 @@ public:
 
     const std::vector<ErrorMapPoint>& points() const { return points_; }
 
-    // Nothing outside the table, which says nothing there. An axis at rest at its end reads a
-    // little more or less: as far as 1/1000 of the table's length beyond it the end counts.
+    // Nothing outside the table. But an axis at rest at its end reads a little more or less: up to
+    // 1/1000 of the table's length beyond the end, the end's value counts.
     std::optional<ErrorMapPoint> at(double position) const;
 
 private:

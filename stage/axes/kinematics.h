@@ -35,7 +35,7 @@ StagePose stage_pose(std::span<const Axis> axes, std::span<const double> positio
                      std::span<const double> position_uncertainty = {});
 
 // Standard deviation between repeated visits of a position, mm or rad: the repeatability, and the
-// backlash, which counts as half of it up or down where positions are approached from either side.
+// backlash, of which half counts, up or down, where positions are approached from either side.
 // Nothing when the repeatability is not declared.
 std::optional<double> approach_deviation(const Axis& axis);
 

@@ -82,7 +82,7 @@ public:
     std::vector<ModbusExchange> last_exchanges() const;
 
     // Called with every exchange from now on, on the thread that makes it; an empty one ends that.
-    // What it throws leaves read() or write(), after the exchange, and ends it too.
+    // An exception of its own leaves read() or write() after the exchange, and ends it too.
     void set_trace(std::function<void(const ModbusExchange&)> sink) { sink_ = std::move(sink); }
 
     std::string device(int unit) const;                    // "stage 127.0.0.1:1502 unit 1"

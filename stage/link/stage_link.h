@@ -27,7 +27,7 @@ struct StageLink {
     int unit = 1;  // of axes that name none
     std::chrono::milliseconds response_timeout{300};
 
-    // Serial only: the line counts as free of old replies when nothing has arrived for so long.
+    // Serial only: the line counts as free of old replies when nothing arrived during this time.
     // A reply of a serial line does not say which request it answers, so this must be longer than
     // the controller's slowest reply takes.
     std::chrono::milliseconds quiet{250};
@@ -55,8 +55,8 @@ LinkDefaults read_link_defaults(const Value& link);
 // unit, response_timeout_ms, quiet_ms}; required are host and port, or device. Throws ConfigError.
 StageLink read_stage_link(const Value& link, const LinkDefaults& defaults = {});
 
-// Throws ConfigError for what no link can be: no host, a baud rate that serial lines do not have,
-// a unit that cannot answer.
+// Throws ConfigError for a link that cannot exist: no host, a baud rate that serial lines do not
+// have, a unit that cannot answer.
 void require_usable(const StageLink& link);
 
 }  // namespace etalon

@@ -1,7 +1,7 @@
 // The stage that a station drives: another one, within the rules of its station.yaml. Each move is
-// planned from where the axes read to be (stage/motion/motion_guard.h) and made in as many motions
-// as that takes, slowly where something is near. Homing is the controller's own and knows no rules:
-// see docs/stage.md. One owner thread, like the stage inside.
+// planned from the positions that the axes read (stage/motion/motion_guard.h) and made in as many
+// motions as the plan needs, slowly where something is near. Homing is the controller's own and
+// knows no rules: see docs/stage.md. One owner thread, like the stage inside.
 #pragma once
 
 #include <functional>

@@ -2,13 +2,13 @@
 // (stage/profile/profile.h) on all units that drive its axes. What keeps it safe:
 //
 //   * targets are written in one block and read back, where the profile allows it, before the
-//   start;
-//   * a command for motion whose reply is missing is read back before it is given again, and not
-//     given again where reading back tells nothing: then the axes must be seen to start. Targets
+//     start;
+//   * a command for motion whose reply is missing is read back before it is given again. Where
+//     reading back tells nothing it is not given again: the axes must be seen to start. Targets
 //     are absolute, so even a late first command moves nothing further;
 //   * an emergency stop, alarm or limit switch in any poll ends the run; so does a position that no
 //     axis can have reached;
-//   * after any failure the axes are stopped first, then the error goes on, saying whether the
+//   * after any failure the axes are stopped first, then the error goes on, and says whether the
 //     controllers confirmed the stop;
 //   * the controller's watchdog, where there is one, stops the axes when nobody is left to do it.
 //

@@ -1,4 +1,4 @@
-// A profile and those that it extends as one mapping: internal to stage/profile_*.cpp. Every error
+// A profile and those that it extends as one mapping: internal to stage/profile/. Every error
 // names the file that the faulty value stands in.
 #pragma once
 

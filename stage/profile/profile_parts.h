@@ -1,4 +1,4 @@
-// How a profile is read, in parts: internal to stage/profile_*.cpp. Each part checks what it reads
+// How a profile is read, in parts: internal to stage/profile/. Each part checks what it reads
 // as soon as it can, so that an error stands at the value that is wrong.
 #pragma once
 

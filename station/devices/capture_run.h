@@ -1,8 +1,8 @@
 // Taking frames with one camera into a record: what `etalon capture` does.
 //
 //     capture.json   what was asked and what came out; `etalon: capture/1`
-//     events.jsonl   one JSON object per frame, as in the record of a run
-//     (station/record/run_record.h) frames/        raw frames, 8 or 16 bit PNG: NNNNNN.png, from 0
+//     events.jsonl   one JSON object per frame, as in a run's (station/record/run_record.h)
+//     frames/        raw frames, 8 or 16 bit PNG: NNNNNN.png, from 0
 //     mean.tiff      mean of the frames, code value / full scale, 32-bit float
 //
 // The record can be replayed with the camera files:DIR.

@@ -1,7 +1,7 @@
 // What `etalon capture --drift` leaves behind.
 //
-//     drift.csv    one row per frame: time, movement of the target since the first frame of its
-//     part drift.json   `etalon: drift/1`: result, camera, every rate with its uncertainty, jumps
+//     drift.csv    one row per frame: time, movement of the target since its part's first frame
+//     drift.json   `etalon: drift/1`: result, camera, every rate with its uncertainty, jumps
 //     report.html  the same as plots, with what it cannot tell
 #pragma once
 

@@ -6,14 +6,13 @@
 //     camera: {uri: "genicam:127.0.0.1", calibration: camera.yml, exposure_us: 2000, gain_db: 0,
 //              packet_size: 1400, frame_timeout_ms: 1000, retries: 5}
 //     stage: {link: {host: 127.0.0.1, port: 1502, unit: 1, response_timeout_ms: 300},
-//             profile: generic, axes: [...]}    # axes: stage/axes/axes.h; a serial line instead of
-//             host and port: {device: /dev/ttyUSB0, baud: 38400, parity: none, data_bits: 8,
-//             stop_bits: 1, unit: 1, response_timeout_ms: 300, quiet_ms: 250}    #
-//             stage/link/stage_link.h
+//             profile: generic, axes: [...]}    # axes: stage/axes/axes.h
+//     (a serial line: link: {device: /dev/ttyUSB0, baud: 38400, parity: none, data_bits: 8,
+//      stop_bits: 1, unit: 1, response_timeout_ms: 300, quiet_ms: 250}, stage/link/stage_link.h)
 //     (in stage, optional: forbidden boxes and slow zones, stage/motion/motion_guard.h)
 //     marker: "apriltag:36h11:5@50mm"
-//     marker_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 0]}     carriage_from_marker
-//     camera_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 480]}   camera_from_base
+//     marker_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 0]}    # carriage_from_marker
+//     camera_mount: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 480]}  # camera_from_base
 //     marker_size_uncertainty_ppm: 100          # standard uncertainty
 //     marker_flatness_um: 10                    # the same, of its edge out of its plane
 //     temperature: {uncertainty_k: 0.5, marker_expansion_ppm_per_k: 9,
@@ -28,9 +27,8 @@
 // Optional, with these values when left out: exposure_us and gain_db (the device's own, not
 // touched), packet_size 1400, frame_timeout_ms 1000, retries 5, of the link all but the address
 // (the values above), profile generic, marker_mount identity, camera_mount unknown,
-// marker_size_uncertainty_ppm, marker_flatness_um
-// and temperature unknown, background 1, white_level 1, detector auto. All else is
-// required.
+// marker_size_uncertainty_ppm, marker_flatness_um and temperature unknown, background 1,
+// white_level 1, detector auto. All else is required.
 #pragma once
 
 #include <chrono>

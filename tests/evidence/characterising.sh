@@ -6,5 +6,5 @@
 #     tests/evidence/characterising.sh
 set -euo pipefail
 project=$(cd "$(dirname "$0")/../.." && pwd)
-exec "${ETALON_BIN:-$project/build/release}/tests/station/characterise_test" \
+exec "${ETALON_BIN:-$project/build/release}/tests/station_statistical_test" \
     --gtest_also_run_disabled_tests --gtest_filter='*ReferenceIntegrator'

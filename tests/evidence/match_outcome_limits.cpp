@@ -3,7 +3,7 @@
 // the smallest strength from which on at least 95 % are found by the right name. Then how many of
 // 1000 photographs without a fault have a finding.
 //
-//     build/release/tests/compare/match_outcome_limits [FAULT]      some minutes
+//     build/release/tests/evidence/match_outcome_limits [FAULT]      some minutes
 // FAULT: a part of a fault's name below, or `without`.
 #include <fmt/format.h>
 

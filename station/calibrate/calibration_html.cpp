@@ -8,9 +8,9 @@
 
 #include "core/text.h"
 #include "report/html.h"
+#include "report/software_versions.h"
 #include "station/calibrate/calibration_plots.h"
 #include "station/calibrate/calibration_report.h"
-#include "station/record/qualify_result.h"
 
 namespace etalon {
 namespace {

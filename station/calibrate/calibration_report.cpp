@@ -9,7 +9,7 @@
 
 #include "core/text.h"
 #include "report/csv.h"
-#include "station/record/qualify_result.h"
+#include "report/software_versions.h"
 
 namespace etalon {
 namespace {

@@ -6,10 +6,10 @@
 
 #include "core/text.h"
 #include "report/html.h"
+#include "report/software_versions.h"
 #include "station/compare/comparison_cards.h"
 #include "station/compare/comparison_pictures.h"
 #include "station/compare/comparison_report.h"
-#include "station/record/qualify_result.h"
 
 namespace etalon {
 namespace {

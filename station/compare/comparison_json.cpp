@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/pose_numbers.h"
+#include "report/software_versions.h"
 #include "station/compare/comparison_report.h"
-#include "station/record/qualify_result.h"
 
 namespace etalon {
 namespace {

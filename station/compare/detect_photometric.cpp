@@ -5,13 +5,13 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "bench/bench_timing.h"
 #include "compare/detect/calibration_target.h"
 #include "compare/detect/photo_pose.h"
 #include "compare/photometric/photometric_detector.h"
+#include "core/cpu_time.h"
 #include "core/errors.h"
 #include "core/pose_numbers.h"
-#include "station/shell/commands.h"
+#include "station/compare/commands.h"
 
 namespace etalon {
 namespace {

@@ -12,12 +12,20 @@
 #include "core/progress.h"
 #include "core/text.h"
 #include "report/svg_plot.h"
+#include "station/foresee/commands.h"
 #include "station/foresee/operating_characteristic.h"
 #include "station/foresee/studied_plan.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
+
+struct OcArguments {
+    std::filesystem::path station, out;  // out: folder for curves and JSON; empty: none
+    int runs = 2000;                     // per point
+    std::vector<std::string> errors;     // only these; none: all
+    bool json = false;
+};
 
 using Json = nlohmann::ordered_json;
 
@@ -217,8 +225,6 @@ void write_files(const std::filesystem::path& folder, const Json& json,
                            curve(result, error, k));
 }
 
-}  // namespace
-
 int run_oc(const OcArguments& arguments) {
     const StudiedPlan studied = study_plan(arguments.station, frames_of_study);
     SteadyClock clock;
@@ -241,6 +247,26 @@ int run_oc(const OcArguments& arguments) {
     else
         print_text(studied, result);
     return 0;
+}
+
+}  // namespace
+
+void declare_oc(Command& program) {
+    auto [command, asked] = program.add(
+        run_oc, "oc", "operating characteristic: what its PASS means",
+        "Simulates thousands of runs with errors of known size put in, and prints how\n"
+        "often each judged quantity comes out as PASS and FAIL. 1x is the size whose\n"
+        "field just reaches the quantity's limit. About 40 ms of CPU a run; --runs 200\n"
+        "for a first look. Explained in docs/operating-characteristic.md.\n\n"
+        "Example:\n  etalon oc examples/demo/station.yaml --error \"focal length\"\n");
+    command.required("STATION", asked->station, "station.yaml");
+    command.option("--runs", asked->runs, "of each error and size (default 2000)", "N")
+        .within(1, 1000000);
+    command
+        .option("--error", asked->errors,
+                "an error by its name; may be repeated\n(default: all, one of each group)", "NAME")
+        .one_each();
+    command.option("--out", asked->out, "folder for the curves (SVG) and the JSON", "DIR");
 }
 
 }  // namespace etalon

@@ -5,7 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/marker/marker_print.h"
-#include "station/shell/commands.h"
+#include "station/render/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
@@ -40,6 +41,15 @@ int run_marker(const MarkerArguments& arguments) {
         fmt::print("{}\n", marker_json(marker, page, arguments)
                                .dump(2, ' ', false, ordered_json::error_handler_t::replace));
     return 0;
+}
+
+void declare_marker(Command& program) {
+    auto [command, asked] = program.add(
+        run_marker, "marker", "draw a marker at its true size, ready to print", marker_help);
+    command.required("MARKER", asked->marker, "what to draw, see below");
+    command.required("--out", asked->out, "file to write: .svg, .pdf or .png", "FILE");
+    command.option("--dots-per-mm", asked->dots_per_mm, "resolution of a PNG (default 40)", "N")
+        .positive();
 }
 
 }  // namespace etalon

@@ -148,34 +148,17 @@ PhotometricRefinement photometric_refinement(const CalibrationRun& run) {
 }
 
 void write_report(const CalibrationRun& run, const std::filesystem::path& folder) {
-    std::error_code failure;
-    std::filesystem::create_directories(folder, failure);
-    if (failure)
-        throw ConfigError({folder.string()}, "cannot be made: " + failure.message());
+    make_folder(folder);
     write_text(folder / "calibration.json", calibration_json(run) + "\n");
     write_corners_csv(folder / "corners.csv", run);
     write_text(folder / "report.html", calibration_html(run));
-}
-
-// Lines of at most 80 columns, broken at spaces.
-std::string wrapped(const std::string& text) {
-    constexpr std::size_t columns = 80;
-    std::string lines, line;
-    for (const std::string& word : split(text, ' ')) {
-        if (!line.empty() && line.size() + 1 + word.size() > columns) {
-            lines += line + "\n";
-            line.clear();
-        }
-        line += (line.empty() ? "" : " ") + word;
-    }
-    return lines + line + "\n";
 }
 
 // What a person reads; programs read stdout.
 void print_findings(const CalibrationRun& run) {
     fmt::print(stderr, "{}", calibration_tables(run));
     for (const std::string& remark : calibration_remarks(run))
-        fmt::print(stderr, "\n{}", wrapped(remark));
+        fmt::print(stderr, "\n{}", wrapped_text("", remark, 80));
 }
 
 void print_words(const CalibrationRun& run, const std::filesystem::path& report) {

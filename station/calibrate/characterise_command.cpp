@@ -12,6 +12,7 @@
 #include "core/errors.h"
 #include "core/exit_codes.h"
 #include "core/text.h"
+#include "report/json_text.h"
 #include "station/calibrate/characterise_report.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
@@ -241,7 +242,7 @@ void print_json(const CharacteriseArguments& arguments, const Characterisation& 
     if (result.point_spread)
         json["psf_zones"] = zones_json(*result.point_spread);
     json["modulation"] = modulation_json(result);
-    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
+    std::puts(text_of(json).c_str());
 }
 
 }  // namespace

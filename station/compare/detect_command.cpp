@@ -7,6 +7,7 @@
 #include "compare/detect/photo_pose.h"
 #include "core/errors.h"
 #include "core/pose_numbers.h"
+#include "report/json_text.h"
 #include "station/compare/commands.h"
 #include "station/shell/command.h"
 
@@ -46,7 +47,7 @@ void print_json(const DetectArguments& arguments, const Detector& detector,
                          {"detector", detector.name()}};
     for (const PhotoPose& pose : poses)
         json["photos"].push_back(photo_json(pose));
-    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
+    std::puts(text_of(json).c_str());
 }
 
 // A line per photograph, and below it the other planar solution, so that columns line up.

@@ -11,6 +11,7 @@
 #include "core/cpu_time.h"
 #include "core/errors.h"
 #include "core/pose_numbers.h"
+#include "report/json_text.h"
 #include "station/compare/commands.h"
 
 namespace etalon {
@@ -170,7 +171,7 @@ void print_json(const DetectArguments& arguments, const std::vector<Found>& all)
                          {"detector", arguments.detector}};
     for (const Found& found : all)
         json["photos"].push_back(photo_json(found));
-    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
+    std::puts(text_of(json).c_str());
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/errors.h"
+#include "report/json_text.h"
 #include "stage/profile/profile.h"
 #include "station/devices/commands.h"
 #include "station/devices/devices_table.h"
@@ -90,7 +91,7 @@ void print_json(const std::vector<ListedBackend>& backends) {
                                            {"detail", listed.backend.detail},
                                            {"cameras", cameras}});
     }
-    fmt::print("{}\n", json.dump(2, ' ', false, ordered_json::error_handler_t::replace));
+    fmt::print("{}\n", text_of(json));
 }
 
 }  // namespace

@@ -180,26 +180,22 @@ Json json_of(const StudiedPlan& studied, const OperatingCharacteristic& result) 
 // Shares of PASS and FAIL of one quantity over the size of the error, in its 1x.
 std::string curve(const OperatingCharacteristic& result, const ErrorCharacteristic& error,
                   std::size_t quantity) {
-    std::vector<double> sizes = {0.0}, pass, fail, low, high;
-    std::vector<OutcomeCounts> counts = {result.without_error.quantities[quantity].counts};
-    for (const CharacteristicPoint& point : error.points) {
-        sizes.push_back(point.size / *error.limit_size[quantity]);
-        counts.push_back(point.quantities[quantity].counts);
-    }
-    for (const OutcomeCounts& one : counts) {
-        const Share share = run_share(one.pass, one.runs());
-        pass.push_back(share.value);
-        low.push_back(share.low);
-        high.push_back(share.high);
-        fail.push_back(run_share(one.fail, one.runs()).value);
-    }
+    Series pass, fail;
+    const auto add = [&](double size, const OutcomeCounts& counts) {
+        const Share share = run_share(counts.pass, counts.runs());
+        pass.add(size, share.value, share.low, share.high);
+        fail.add(size, run_share(counts.fail, counts.runs()).value);
+    };
+    add(0.0, result.without_error.quantities[quantity].counts);
+    for (const CharacteristicPoint& point : error.points)
+        add(point.size / *error.limit_size[quantity], point.quantities[quantity].counts);
     SvgPlot plot(
         fmt::format("{} over {}", error.name, size_text(*error.limit_size[quantity], error.unit)),
         "share of runs");
     plot.set_y_range(0.0, 1.0);
-    plot.add_band(sizes, low, high, Ink::green, "95 % interval");
-    plot.add_line(sizes, pass, Ink::green, "PASS");
-    plot.add_line(sizes, fail, Ink::red, "FAIL");
+    plot.add_band(pass, Ink::green, "95 % interval");
+    plot.add_line(pass, Ink::green, "PASS");
+    plot.add_line(fail, Ink::red, "FAIL");
     return plot.svg(true);
 }
 
@@ -212,10 +208,7 @@ std::string file_name(std::string name) {
 
 void write_files(const std::filesystem::path& folder, const Json& json,
                  const OperatingCharacteristic& result) {
-    std::error_code failed;
-    std::filesystem::create_directories(folder, failed);
-    if (failed)
-        throw ConfigError({folder.string()}, "cannot be made: " + failed.message());
+    make_folder(folder);
     write_text(folder / "operating-characteristic.json", json.dump(1) + "\n");
     for (const ErrorCharacteristic& error : result.errors)
         for (std::size_t k = 0; k < error.limit_size.size(); ++k)

@@ -9,6 +9,7 @@
 #include "core/pose_numbers.h"
 #include "core/sha256.h"
 #include "core/text.h"
+#include "report/json_text.h"
 #include "station/register/commands.h"
 #include "station/register/stage_registration.h"
 #include "station/shell/command.h"
@@ -147,7 +148,7 @@ void print_json(const StationFile& station, const StageRegistration& result) {
         {"down_weighted", registration.down_weighted_points},
         {"bias_correction_rounds", result.rounds},
         {"photos", photos_json(result)}};
-    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
+    std::puts(text_of(json).c_str());
 }
 
 // Empty where it is missing or no text.

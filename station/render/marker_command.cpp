@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "report/json_text.h"
 #include "sim/marker/marker_print.h"
 #include "station/render/commands.h"
 #include "station/shell/command.h"
@@ -38,8 +39,7 @@ int run_marker(const MarkerArguments& arguments) {
     fmt::print(stderr, "{}: {:.6g} x {:.6g} mm; the bar must measure {} mm when printed\n",
                arguments.out.string(), page.width_mm, page.height_mm, page.scale_bar_mm.width);
     if (arguments.json)
-        fmt::print("{}\n", marker_json(marker, page, arguments)
-                               .dump(2, ' ', false, ordered_json::error_handler_t::replace));
+        fmt::print("{}\n", text_of(marker_json(marker, page, arguments)));
     return 0;
 }
 

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/errors.h"
+#include "report/json_text.h"
 #include "sim/scene/pose_file.h"
 #include "station/render/commands.h"
 #include "station/render/render_plan_text.h"
@@ -87,7 +88,7 @@ void print_json(const RenderArguments& arguments, const CameraModel& camera,
     } else {
         json["largest_standard_error_gray"] = view.standard_error_gray;
     }
-    fmt::print("{}\n", json.dump(2, ' ', false, ordered_json::error_handler_t::replace));
+    fmt::print("{}\n", text_of(json));
 }
 
 void print_summary(const RenderArguments& arguments, const View& view, double seconds) {

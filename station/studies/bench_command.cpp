@@ -80,7 +80,7 @@ void write_files(const std::filesystem::path& folder, const BenchResult& result)
     write_text(folder / "bench.json", bench_json(result) + "\n");
 }
 
-void make_folder(const std::filesystem::path& folder) {
+void make_out_folder(const std::filesystem::path& folder) {
     std::error_code failure;
     std::filesystem::create_directories(folder, failure);
     if (failure)
@@ -105,7 +105,7 @@ int run_bench(const BenchArguments& arguments) {
     const std::vector<BenchmarkScene> scenes = chosen_scenes(arguments.scenes);
     plan_of(arguments);
     if (!arguments.out.empty())
-        make_folder(arguments.out);
+        make_out_folder(arguments.out);
     keep_freed_memory();
     const BenchResult result = measure(arguments, scenes);
     if (!arguments.out.empty())

@@ -9,6 +9,7 @@
 #include "core/cpu_time.h"
 #include "core/errors.h"
 #include "core/text.h"
+#include "report/json_text.h"
 #include "station/shell/command.h"
 #include "station/shell/signals.h"
 #include "station/studies/commands.h"
@@ -74,8 +75,7 @@ void write_times(const StudyRun& run, const StudyFile& study, const std::filesys
                             {"sensor_ms", run.times.sensor},
                             {"estimate_ms", run.times.estimate},
                             {"detectors_ms", detectors}};
-    write_text(folder / "times.json",
-               json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n");
+    write_text(folder / "times.json", text_of(json) + "\n");
 }
 
 // The report, and what stdout gets of it.

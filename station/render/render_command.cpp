@@ -141,7 +141,9 @@ void declare_render(Command& program) {
         program.add(run_render, "render", "render markers as a calibrated camera would see them",
                     pose_help + "\n" + marker_help + render_details);
     command.required("--camera", asked->camera, "calibration: ours, OpenCV's or ROS'", "FILE");
-    command.required("--marker", asked->markers, "what to render, see below", "M").one_each();
+    command.option("--marker", asked->markers, "what to render, see below", "M")
+        .one_each()
+        .require();
     command.option("--pose", asked->poses, "rx,ry,rz,tx,ty,tz: where it is, see below", "P")
         .one_each();
     command.option("--poses", asked->pose_file, "render a set: an image for every pose", "FILE");

@@ -7,6 +7,7 @@
 
 #include "bench/bench_timing.h"
 #include "bench/published_method.h"
+#include "core/cpu_time.h"
 #include "core/errors.h"
 #include "sim/scene/bench_poses.h"
 

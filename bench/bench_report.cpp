@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/text.h"
+#include "report/json_text.h"
 #include "report/svg_plot.h"
 
 namespace etalon {
@@ -233,7 +234,7 @@ std::string bench_json(const BenchResult& result) {
     for (const BenchCheck& check : bench_checks(result))
         json["checks"].push_back(
             {{"what", check.what}, {"figure", check.figure}, {"reached", check.reached}});
-    return json.dump(2, ' ', false, ordered_json::error_handler_t::replace);
+    return text_of(json);
 }
 
 std::string pareto_words(const BenchScene& scene) {

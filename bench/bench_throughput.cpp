@@ -6,8 +6,8 @@
 
 #include <atomic>
 
-#include "bench/bench_timing.h"
 #include "bench/published_method.h"
+#include "core/cpu_time.h"
 #include "core/errors.h"
 #include "sim/sensor/sensor_model.h"
 

@@ -1,13 +1,11 @@
 #include "bench/bench_timing.h"
 
 #include <malloc.h>
-#include <time.h>
 
-#include <fstream>
 #include <vector>
 
+#include "core/cpu_time.h"
 #include "core/median.h"
-#include "core/text.h"
 
 namespace etalon {
 namespace {
@@ -16,12 +14,6 @@ namespace {
 constexpr std::size_t repetitions = 7;
 constexpr double long_enough_ms = 150.0;
 constexpr double long_run_ms = 1000.0;
-
-double clock_ms(clockid_t clock) {
-    timespec t;
-    clock_gettime(clock, &t);
-    return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
-}
 
 double run_ms(const std::function<void()>& work) {
     const double start = thread_cpu_ms();
@@ -41,22 +33,6 @@ void add_warm_runs(const std::function<void()>& work, std::vector<double>& times
 }
 
 }  // namespace
-
-double thread_cpu_ms() {
-    return clock_ms(CLOCK_THREAD_CPUTIME_ID);
-}
-
-double process_cpu_ms() {
-    return clock_ms(CLOCK_PROCESS_CPUTIME_ID);
-}
-
-double peak_memory_mib() {
-    std::ifstream status("/proc/self/status");
-    for (std::string word; status >> word;)
-        if (double kib = 0.0; word == "VmHWM:" && status >> kib)
-            return kib / 1024.0;
-    return 0.0;
-}
 
 void keep_freed_memory() {
     mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the largest that glibc takes

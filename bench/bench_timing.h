@@ -1,16 +1,10 @@
-// CPU time and memory of this process, for `etalon bench`. Linux.
+// How long work takes, and memory kept for it, for `etalon bench`. glibc.
 #pragma once
 
 #include <functional>
 #include <utility>
 
 namespace etalon {
-
-double thread_cpu_ms();   // of the calling thread
-double process_cpu_ms();  // of all threads
-
-// Largest resident memory so far, MiB (VmHWM).
-double peak_memory_mib();
 
 // From now on this process keeps the memory that it frees. glibc would hand every image of some MiB
 // back to the kernel and have its pages cleared again in the next frame: 1.5 of the published

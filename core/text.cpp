@@ -108,6 +108,30 @@ std::string exact(double value) {
     return fmt::format("{}", value);
 }
 
+std::string wrapped_words(std::string line, const std::vector<std::string>& words,
+                          const std::string& separator, std::size_t indent, std::size_t columns) {
+    std::string text;
+    const auto end_line = [&](std::string ended) {
+        ended.erase(ended.find_last_not_of(' ') + 1);
+        text += ended + "\n";
+    };
+    for (std::size_t i = 0; i < words.size(); ++i) {
+        const std::string before = i == 0 ? "" : separator;
+        if (line.size() + before.size() + words[i].size() > columns && line.size() > indent) {
+            end_line(line + before);
+            line = std::string(indent, ' ') + words[i];
+        } else {
+            line += before + words[i];
+        }
+    }
+    end_line(line);
+    return text;
+}
+
+std::string wrapped_text(const std::string& head, std::string_view text, std::size_t columns) {
+    return wrapped_words(head, split(text, ' '), " ", head.size(), columns);
+}
+
 std::string read_text(const std::filesystem::path& path) {
     std::error_code error;
     if (!std::filesystem::is_regular_file(path, error))
@@ -139,6 +163,13 @@ void write_text(const std::filesystem::path& path, std::string_view text) {
         std::filesystem::remove(part, ignored);
         throw ConfigError({path.string()}, "cannot be written: " + error.message());
     }
+}
+
+void make_folder(const std::filesystem::path& folder) {
+    std::error_code failure;
+    std::filesystem::create_directories(folder, failure);
+    if (failure)
+        throw ConfigError({folder.string()}, "cannot be made: " + failure.message());
 }
 
 std::string escape_html(std::string_view text) {

@@ -26,11 +26,23 @@ std::string nearest_word(std::string_view word, const std::vector<std::string>& 
 // A number with enough digits to be read back as the same double, and no more.
 std::string exact(double value);
 
+// `line` and the words after it, continued on further lines from column `indent` on where they
+// would be longer than `columns`. Ends with a line end; no line ends with a space.
+std::string wrapped_words(std::string line, const std::vector<std::string>& words,
+                          const std::string& separator, std::size_t indent,
+                          std::size_t columns = 79);
+
+// The text's words after `head`, further lines below its text.
+std::string wrapped_text(const std::string& head, std::string_view text, std::size_t columns = 79);
+
 // Whole file as text. Throws ConfigError when it cannot be read or is larger than 64 MiB.
 std::string read_text(const std::filesystem::path& path);
 
 // Replaces the file in one step: readers see the old or the new text, never a part.
 void write_text(const std::filesystem::path& path, std::string_view text);
+
+// The folder and those above it, where they are missing. Throws ConfigError when it cannot be made.
+void make_folder(const std::filesystem::path& folder);
 
 // Escapes &, <, >, and quotes for HTML and SVG.
 std::string escape_html(std::string_view text);

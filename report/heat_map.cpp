@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "core/text.h"
+#include "report/svg_plot.h"
 
 namespace etalon {
 namespace {
@@ -67,9 +68,7 @@ std::string cell(const HeatMap& map, std::size_t i, const Placement& place) {
 // Image coordinates at the border, at round numbers.
 std::string axes(const HeatMap& map, const Placement& place) {
     const int longer = std::max(map.image_width, map.image_height);
-    const double power = std::pow(10.0, std::floor(std::log10(longer / 4.0)));
-    const double quarter = longer / 4.0 / power;
-    const double step = quarter >= 5 ? 5 * power : quarter >= 2 ? 2 * power : power;
+    const double step = round_scale(longer / 4.0);
     std::string text;
     const double end_y = place.y(map.image_height - 0.5);
     for (double tick = 0; tick < map.image_width; tick += step)

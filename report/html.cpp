@@ -56,8 +56,7 @@ bool is_numeric(const std::string& cell) {
 }
 
 // Which columns hold only numbers (and at least one).
-std::vector<bool> numeric_columns(std::size_t columns,
-                                  const std::vector<std::vector<std::string>>& rows) {
+std::vector<bool> numeric_columns(std::size_t columns, const TableRows& rows) {
     std::vector<bool> numeric(columns, !rows.empty());
     for (const auto& row : rows)
         for (std::size_t i = 0; i < columns && i < row.size(); ++i)
@@ -120,7 +119,7 @@ void HtmlPage::add_html(std::string html) {
     body_ += std::move(html);
 }
 
-void HtmlPage::add_facts(const std::vector<std::pair<std::string, std::string>>& facts) {
+void HtmlPage::add_facts(const Facts& facts) {
     body_ += "<dl class=\"facts\">";
     for (const auto& [label, value] : facts)
         body_ += fmt::format("<div><dt>{}</dt><dd>{}</dd></div>", escape_html(label),
@@ -128,8 +127,7 @@ void HtmlPage::add_facts(const std::vector<std::pair<std::string, std::string>>&
     body_ += "</dl>\n";
 }
 
-void HtmlPage::add_table(const std::vector<std::string>& header,
-                         const std::vector<std::vector<std::string>>& rows) {
+void HtmlPage::add_table(const std::vector<std::string>& header, const TableRows& rows) {
     const std::vector<bool> numeric = numeric_columns(header.size(), rows);
     body_ += "<div class=\"scroll\"><table><thead><tr>";
     for (std::size_t i = 0; i < header.size(); ++i)
@@ -149,7 +147,14 @@ void HtmlPage::add_table(const std::vector<std::string>& header,
     body_ += "</tbody></table></div>\n";
 }
 
-void HtmlPage::add_figures(const std::vector<Figure>& figures) {
+void HtmlPage::add_software(const std::vector<SoftwareVersion>& software) {
+    TableRows rows;
+    for (const SoftwareVersion& each : software)
+        rows.push_back({each.name, each.version});
+    add_table({"software", "version"}, rows);
+}
+
+void HtmlPage::add_figures(const Figures& figures) {
     body_ += "<div class=\"figures\">";
     for (const Figure& figure : figures)
         body_ += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>", figure.html,

@@ -6,7 +6,12 @@
 #include <string>
 #include <vector>
 
+#include "report/software_versions.h"
+
 namespace etalon {
+
+using TableRows = std::vector<std::vector<std::string>>;
+using Facts = std::vector<std::pair<std::string, std::string>>;  // (label, value)
 
 // Text in: everything that is not named `html` is escaped.
 class HtmlPage {
@@ -23,20 +28,22 @@ public:
     void add_paragraph(const std::string& text);
     void add_html(std::string html);
 
-    // Short facts side by side: (label, value).
-    void add_facts(const std::vector<std::pair<std::string, std::string>>& facts);
+    // Short facts side by side.
+    void add_facts(const Facts& facts);
 
     // A table that scrolls sideways on its own when the page is narrow. Columns that hold only
     // numbers are aligned right. Cells are text.
-    void add_table(const std::vector<std::string>& header,
-                   const std::vector<std::vector<std::string>>& rows);
+    void add_table(const std::vector<std::string>& header, const TableRows& rows);
+    // The versions of what made the page or its record.
+    void add_software(const std::vector<SoftwareVersion>& software);
 
     // Figures side by side where there is room; each is an <svg> or <img> element.
     struct Figure {
         std::string html;
         std::string caption;
     };
-    void add_figures(const std::vector<Figure>& figures);
+    using Figures = std::vector<Figure>;
+    void add_figures(const Figures& figures);
 
     // The part that is folded away until the reader opens it.
     void begin_details(const std::string& summary);

@@ -1,13 +1,14 @@
+#include "report/software_versions.h"
+
 #include <fmt/format.h>
 
 #include <opencv2/core.hpp>
 
 #include "core/version.h"
-#include "station/record/qualify_result.h"
 
 namespace etalon {
 
-// Versions that only the build knows come from station/CMakeLists.txt.
+// Versions that only the build knows come from report/CMakeLists.txt.
 std::vector<SoftwareVersion> software_versions() {
     return {
         {"etalon", version},

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -108,6 +109,39 @@ std::vector<double> axis_ticks(double low, double high, int most) {
     return values;
 }
 
+double round_scale(double value) {
+    const double power = std::pow(10.0, std::floor(std::log10(value)));
+    const double digit = value / power;
+    return power * (digit >= 5.0 ? 5.0 : digit >= 2.0 ? 2.0 : 1.0);
+}
+
+void Series::add(double x, double y, std::string note) {
+    xs.push_back(x);
+    ys.push_back(y);
+    notes.push_back(std::move(note));
+}
+
+void Series::add(double x, double y, double low, double high, std::string note) {
+    add(x, y, std::move(note));
+    lows.push_back(low);
+    highs.push_back(high);
+}
+
+void Arrows::add(const Eigen::Vector2d& at, const Eigen::Vector2d& along, std::string note) {
+    xs.push_back(at.x());
+    ys.push_back(at.y());
+    dxs.push_back(along.x());
+    dys.push_back(along.y());
+    notes.push_back(std::move(note));
+}
+
+double Arrows::longest() const {
+    double longest = 0.0;
+    for (std::size_t i = 0; i < dxs.size(); ++i)
+        longest = std::max(longest, std::hypot(dxs[i], dys[i]));
+    return longest;
+}
+
 struct SvgPlot::Extent {
     double low = std::numeric_limits<double>::infinity();
     double high = -std::numeric_limits<double>::infinity();
@@ -198,17 +232,31 @@ void SvgPlot::add_bars(const std::vector<std::string>& categories, std::span<con
         {Layer::Kind::bars, places, {values.begin(), values.end()}, {}, {}, ink, "", categories});
 }
 
-void SvgPlot::add_arrows(std::span<const double> xs, std::span<const double> ys,
-                         std::span<const double> dxs, std::span<const double> dys, Ink ink,
-                         const std::string& name, const std::vector<std::string>& notes) {
-    layers_.push_back({Layer::Kind::arrows,
-                       {xs.begin(), xs.end()},
-                       {ys.begin(), ys.end()},
-                       {dxs.begin(), dxs.end()},
-                       {dys.begin(), dys.end()},
-                       ink,
-                       name,
-                       notes});
+void SvgPlot::add_points(const Series& series, Ink ink, const std::string& name) {
+    add_points(series.xs, series.ys, ink, name, series.notes);
+}
+
+void SvgPlot::add_line(const Series& series, Ink ink, const std::string& name) {
+    add_line(series.xs, series.ys, ink, name);
+}
+
+void SvgPlot::add_band(const Series& series, Ink ink, const std::string& name) {
+    add_band(series.xs, series.lows, series.highs, ink, name);
+}
+
+void SvgPlot::add_arrows(const Arrows& arrows, double magnification, Ink ink,
+                         const std::string& name) {
+    Layer layer{Layer::Kind::arrows, arrows.xs, arrows.ys, arrows.dxs,
+                arrows.dys,          ink,       name,      arrows.notes};
+    for (std::vector<double>* components : {&layer.us, &layer.vs})
+        for (double& component : *components)
+            component *= magnification;
+    layers_.push_back(std::move(layer));
+}
+
+void SvgPlot::add_image_border(int width, int height) {
+    const double x = width - 0.5, y = height - 0.5;
+    add_line(std::array{-0.5, x, x, -0.5, -0.5}, std::array{-0.5, -0.5, y, y, -0.5}, Ink::gray, "");
 }
 
 void SvgPlot::add_level(double y, Ink ink, const std::string& label) {

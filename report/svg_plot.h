@@ -21,6 +21,28 @@ enum class Ink { blue, orange, green, red, purple, sky, gray };
 // `most` + 1 of them.
 std::vector<double> axis_ticks(double low, double high, int most);
 
+// 1, 2 or 5 times a power of ten, not above `value` > 0: a magnification to draw something at.
+double round_scale(double value);
+
+// What a layer of a plot shows, collected point by point; notes are shown when pointed at.
+struct Series {
+    std::vector<double> xs, ys, lows, highs;  // lows, highs: of a band
+    std::vector<std::string> notes;
+
+    void add(double x, double y, std::string note = "");
+    void add(double x, double y, double low, double high, std::string note = "");
+    bool empty() const { return xs.empty(); }
+};
+
+// Arrows, and what they stand on, in plot units.
+struct Arrows {
+    std::vector<double> xs, ys, dxs, dys;
+    std::vector<std::string> notes;
+
+    void add(const Eigen::Vector2d& at, const Eigen::Vector2d& along, std::string note = "");
+    double longest() const;
+};
+
 class SvgPlot {
 public:
     SvgPlot(std::string x_label, std::string y_label);
@@ -48,10 +70,13 @@ public:
     // Bars from 0, one per category, drawn at x = 0, 1, 2...
     void add_bars(const std::vector<std::string>& categories, std::span<const double> values,
                   Ink ink);
-    // Arrows from (x, y) along (dx, dy) in plot units.
-    void add_arrows(std::span<const double> xs, std::span<const double> ys,
-                    std::span<const double> dxs, std::span<const double> dys, Ink ink,
-                    const std::string& name, const std::vector<std::string>& notes = {});
+    void add_points(const Series& series, Ink ink, const std::string& name);
+    void add_line(const Series& series, Ink ink, const std::string& name);
+    void add_band(const Series& series, Ink ink, const std::string& name);
+    // Each as long as `magnification` times its own length.
+    void add_arrows(const Arrows& arrows, double magnification, Ink ink, const std::string& name);
+    // The border of an image of this size, which makes the plot show all of it.
+    void add_image_border(int width, int height);
     // A dashed line across the plot with a label, for limits.
     void add_level(double y, Ink ink, const std::string& label);
 

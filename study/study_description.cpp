@@ -10,6 +10,7 @@
 #include "core/text.h"
 #include "core/units.h"
 #include "core/version.h"
+#include "report/json_text.h"
 
 namespace etalon {
 namespace {
@@ -159,7 +160,7 @@ StudyDescription read_description(const std::filesystem::path& folder) {
 }
 
 std::string description_text(const StudyDescription& description) {
-    return json_of(description).dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+    return text_of(json_of(description)) + "\n";
 }
 
 std::string first_difference(const StudyDescription& one, const StudyDescription& other) {

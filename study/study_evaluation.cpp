@@ -7,8 +7,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "bench/bench_timing.h"
 #include "calib/files/camera_file.h"
+#include "core/cpu_time.h"
 #include "core/errors.h"
 
 namespace etalon {

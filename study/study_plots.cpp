@@ -16,47 +16,38 @@ constexpr std::array inks{Ink::blue,   Ink::orange, Ink::green, Ink::red,
 constexpr int plot_width = 440, plot_height = 300;
 
 // The line of one detector, with the interval where there is one.
-struct Curve {
-    std::vector<double> places, values, lows, highs;
-    std::vector<std::string> notes;
+void add(Series& curve, double place, double value,
+         const std::optional<ConfidenceInterval>& interval, const std::string& note) {
+    constexpr double none = std::numeric_limits<double>::quiet_NaN();  // SvgPlot leaves it out
+    curve.add(place, value, interval ? interval->low : none, interval ? interval->high : none,
+              note);
+}
 
-    void add(double place, double value, const std::optional<ConfidenceInterval>& interval,
-             const std::string& note) {
-        constexpr double none = std::numeric_limits<double>::quiet_NaN();  // SvgPlot leaves it out
-        places.push_back(place);
-        values.push_back(value);
-        lows.push_back(interval ? interval->low : none);
-        highs.push_back(interval ? interval->high : none);
-        notes.push_back(note);
-    }
-};
-
-void draw(SvgPlot& plot, const std::vector<Curve>& curves,
+void draw(SvgPlot& plot, const std::vector<Series>& curves,
           std::span<const BinnedDetector> detectors) {
     for (std::size_t i = 0; i < curves.size(); ++i)
-        plot.add_band(curves[i].places, curves[i].lows, curves[i].highs, inks[i % inks.size()], "");
+        plot.add_band(curves[i], inks[i % inks.size()], "");
     for (std::size_t i = 0; i < curves.size(); ++i) {
-        const Ink ink = inks[i % inks.size()];
-        plot.add_line(curves[i].places, curves[i].values, ink, detectors[i].name);
-        plot.add_points(curves[i].places, curves[i].values, ink, "", curves[i].notes);
+        plot.add_line(curves[i], inks[i % inks.size()], detectors[i].name);
+        plot.add_points(curves[i], inks[i % inks.size()], "");
     }
 }
 
-Curve rate_curve(const BinnedDetector& detector) {
-    Curve curve;
+Series rate_curve(const BinnedDetector& detector) {
+    Series curve;
     for (const AxisBin& bin : detector.bins)
         if (const auto& share = bin.detected)
-            curve.add(bin.place, 100.0 * share->value,
-                      ConfidenceInterval{100.0 * share->low, 100.0 * share->high},
-                      fmt::format("{} at {:.4g}: {} of {} detected, {:.1f} % ({:.1f} to {:.1f})",
-                                  detector.name, bin.place, share->count, share->trials,
-                                  100.0 * share->value, 100.0 * share->low, 100.0 * share->high));
+            add(curve, bin.place, 100.0 * share->value,
+                ConfidenceInterval{100.0 * share->low, 100.0 * share->high},
+                fmt::format("{} at {:.4g}: {} of {} detected, {:.1f} % ({:.1f} to {:.1f})",
+                            detector.name, bin.place, share->count, share->trials,
+                            100.0 * share->value, 100.0 * share->low, 100.0 * share->high));
     return curve;
 }
 
-Curve median_curve(const BinnedDetector& detector, std::size_t measure) {
+Series median_curve(const BinnedDetector& detector, std::size_t measure) {
     const MeasureName& name = error_measures.at(measure);
-    Curve curve;
+    Series curve;
     for (const AxisBin& bin : detector.bins) {
         if (!bin.errors)
             continue;
@@ -65,16 +56,16 @@ Curve median_curve(const BinnedDetector& detector, std::size_t measure) {
                                        bin.place, name.name, median.value, name.unit);
         if (median.interval)
             note += fmt::format(" ({:.3g} to {:.3g})", median.interval->low, median.interval->high);
-        curve.add(bin.place, median.value, median.interval,
-                  note + fmt::format(", {} poses", bin.detected->count));
+        add(curve, bin.place, median.value, median.interval,
+            note + fmt::format(", {} poses", bin.detected->count));
     }
     return curve;
 }
 
-bool spans_a_decade(const std::vector<Curve>& curves) {
+bool spans_a_decade(const std::vector<Series>& curves) {
     double low = std::numeric_limits<double>::infinity(), high = 0.0;
-    for (const Curve& curve : curves)
-        for (const double value : curve.values) {
+    for (const Series& curve : curves)
+        for (const double value : curve.ys) {
             if (value > 0.0)
                 low = std::min(low, value);
             high = std::max(high, value);
@@ -88,7 +79,7 @@ SvgPlot detection_rate_plot(const std::string& axis, std::span<const BinnedDetec
     SvgPlot plot(axis, "detected / %");
     plot.set_size(plot_width, plot_height);
     plot.set_y_range(0.0, 103.0);
-    std::vector<Curve> curves;
+    std::vector<Series> curves;
     for (const BinnedDetector& detector : detectors)
         curves.push_back(rate_curve(detector));
     draw(plot, curves, detectors);
@@ -100,7 +91,7 @@ SvgPlot median_error_plot(const std::string& axis, std::size_t measure,
     const MeasureName& name = error_measures.at(measure);
     SvgPlot plot(axis, fmt::format("median |{} error| / {}", name.name, name.unit));
     plot.set_size(plot_width, plot_height);
-    std::vector<Curve> curves;
+    std::vector<Series> curves;
     for (const BinnedDetector& detector : detectors)
         curves.push_back(median_curve(detector, measure));
     if (spans_a_decade(curves))

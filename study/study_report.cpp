@@ -14,8 +14,6 @@
 namespace etalon {
 namespace {
 
-using Rows = std::vector<std::vector<std::string>>;
-
 constexpr std::size_t z = 2, angle = 7;  // places in error_measures
 
 // "0.0213 (0.0190 to 0.0240)"; a narrow table breaks it before the bracket only.
@@ -40,7 +38,7 @@ std::string with_interval(const std::optional<Share>& share) {
 // The most frequent ones by name, the rest in one line.
 void add_failures(HtmlPage& page, const StudyResults& results) {
     constexpr std::size_t most_reasons = 4;
-    Rows rows;
+    TableRows rows;
     for (std::size_t i = 0; i < results.failures.size(); ++i) {
         std::vector<std::pair<std::string, std::size_t>> reasons(results.failures[i].begin(),
                                                                  results.failures[i].end());
@@ -65,7 +63,7 @@ void add_failures(HtmlPage& page, const StudyResults& results) {
 
 void add_detection(HtmlPage& page, const StudyResults& results, const StudySummary& summary) {
     page.add_heading("Detection");
-    Rows rows;
+    TableRows rows;
     for (std::size_t i = 0; i < results.description.detectors.size(); ++i) {
         const DetectorSummary& one = summary.detectors[0][i];
         rows.push_back({results.description.detectors[i].name, with_interval(one.own.detected),
@@ -89,7 +87,7 @@ void add_sizes(HtmlPage& page, const StudyResults& results, const StudySummary& 
         "board's inner corners, a TopoTag's vertices, which span less than its square. Errors are "
         "those of the poses that the detector detects itself: where it detects few, they are the "
         "easier ones.");
-    Rows rows;
+    TableRows rows;
     for (std::size_t i = 0; i < results.description.detectors.size(); ++i) {
         std::string name = results.description.detectors[i].name;
         for (const SizeClass& size : summary.detectors[0][i].sizes) {
@@ -113,7 +111,7 @@ void add_sizes(HtmlPage& page, const StudyResults& results, const StudySummary& 
 void add_errors(HtmlPage& page, const StudyDescription& description,
                 const std::vector<DetectorSummary>& detectors,
                 const PoseStatistics DetectorSummary::*set) {
-    Rows rows;
+    TableRows rows;
     for (std::size_t i = 0; i < detectors.size(); ++i) {
         const PoseStatistics& statistics = detectors[i].*set;
         for (std::size_t k = 0; statistics.all && k < error_measure_count; ++k) {
@@ -132,7 +130,7 @@ void add_errors(HtmlPage& page, const StudyDescription& description,
 // The published comparison's layout: a column for each component.
 void add_short_errors(HtmlPage& page, const StudyDescription& description,
                       const std::vector<DetectorSummary>& detectors) {
-    Rows rows;
+    TableRows rows;
     for (std::size_t i = 0; i < detectors.size(); ++i)
         for (std::vector<std::string> row : error_table(detectors[i].common)) {
             const bool is_first = rows.empty() || row.front() == "mean";
@@ -167,7 +165,7 @@ void add_variants(HtmlPage& page, const StudyResults& results, const StudySummar
     page.add_paragraph(
         "The same study with one thing switched: an error that changes with it is made of it. Each "
         "line is over the poses that all detectors detect in that variant.");
-    Rows rows;
+    TableRows rows;
     for (std::size_t i = 0; i < description.detectors.size(); ++i)
         for (std::size_t v = 0; v < description.variants.size(); ++v) {
             const DetectorSummary& one = summary.detectors[v][i];
@@ -210,8 +208,8 @@ DetectorErrors only(const DetectorErrors& errors, const std::vector<bool>& mask)
 // One value of the axis per pose and detector.
 using AxisValues = std::vector<const std::vector<double>*>;
 
-std::vector<HtmlPage::Figure> error_figures(const std::string& label,
-                                            const std::vector<BinnedDetector>& binned) {
+HtmlPage::Figures error_figures(const std::string& label,
+                                const std::vector<BinnedDetector>& binned) {
     return {{median_error_plot(label, z, binned).svg(), "Median |Z error|, with 95 % intervals"},
             {median_error_plot(label, angle, binned).svg(),
              "Median angle between the poses, with 95 % intervals"}};
@@ -226,7 +224,7 @@ void add_axis(HtmlPage& page, const StudyResults& results, const std::string& la
         own.push_back({name, binned_statistics(errors, *values[i])});
         shared.push_back({name, binned_statistics(only(errors, common), *values[i])});
     }
-    std::vector<HtmlPage::Figure> figures = error_figures(label, own);
+    HtmlPage::Figures figures = error_figures(label, own);
     figures.insert(figures.begin(),
                    {detection_rate_plot(label, own).svg(), "Detected, with 95 % intervals"});
     page.add_figures(figures);

@@ -5,7 +5,7 @@
 #include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
 
-#include "bench/bench_timing.h"
+#include "core/cpu_time.h"
 #include "core/errors.h"
 
 namespace etalon {

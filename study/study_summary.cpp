@@ -6,6 +6,7 @@
 
 #include "core/version.h"
 #include "report/csv.h"
+#include "report/json_text.h"
 
 namespace etalon {
 namespace {
@@ -290,7 +291,7 @@ std::string summary_json(const StudyResults& results, const StudySummary& summar
         {"id", description.id},        {"poses", description.poses},
         {"refused", results.refused},  {"made_from", ordered_json::parse(description.made_from)},
         {"variants", variants}};
-    return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+    return text_of(json) + "\n";
 }
 
 }  // namespace etalon

@@ -15,7 +15,8 @@
 #include "core/image.h"
 #include "core/text.h"
 #include "station/calibrate/calibration_report.h"
-#include "station/shell/commands.h"
+#include "station/calibrate/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
@@ -146,34 +147,17 @@ PhotometricRefinement photometric_refinement(const CalibrationRun& run) {
 }
 
 void write_report(const CalibrationRun& run, const std::filesystem::path& folder) {
-    std::error_code failure;
-    std::filesystem::create_directories(folder, failure);
-    if (failure)
-        throw ConfigError({folder.string()}, "cannot be made: " + failure.message());
+    make_folder(folder);
     write_text(folder / "calibration.json", calibration_json(run) + "\n");
     write_corners_csv(folder / "corners.csv", run);
     write_text(folder / "report.html", calibration_html(run));
-}
-
-// Lines of at most 80 columns, broken at spaces.
-std::string wrapped(const std::string& text) {
-    constexpr std::size_t columns = 80;
-    std::string lines, line;
-    for (const std::string& word : split(text, ' ')) {
-        if (!line.empty() && line.size() + 1 + word.size() > columns) {
-            lines += line + "\n";
-            line.clear();
-        }
-        line += (line.empty() ? "" : " ") + word;
-    }
-    return lines + line + "\n";
 }
 
 // What a person reads; programs read stdout.
 void print_findings(const CalibrationRun& run) {
     fmt::print(stderr, "{}", calibration_tables(run));
     for (const std::string& remark : calibration_remarks(run))
-        fmt::print(stderr, "\n{}", wrapped(remark));
+        fmt::print(stderr, "\n{}", wrapped_text("", remark, 80));
 }
 
 void print_words(const CalibrationRun& run, const std::filesystem::path& report) {
@@ -208,6 +192,54 @@ int run_calibrate(const CalibrateArguments& arguments) {
     else
         print_words(run, arguments.report);
     return 0;
+}
+
+constexpr const char* calibrate_details =
+    "Prints `RMS x px`, `leave-one-out x px over n photos` and `model NAME`; tables\n"
+    "and what speaks against the calibration go to stderr. With --report DIR gets\n"
+    "report.html, calibration.json and corners.csv. Explained in docs/calibration.md.\n\n"
+    "Targets (`etalon marker` prints them):\n"
+    "  chessboard:9x6@25mm                  inner corners, side of a square\n"
+    "  charuco:4X4_50:9x6@30mm/22mm         squares, their side, side of a marker\n"
+    "  aprilgrid:36h11:6x5@40mm/12mm        tags, their side, gap between them\n"
+    "  circles:7x6@20mm/12mm                circles, spacing, diameter\n"
+    "  acircles:4x11@20mm/12mm              OpenCV's asymmetric grid\n\n"
+    "Models, each with the parameters of those before it:\n"
+    "  pinhole   fx fy cx cy          rational  k4 k5 k6\n"
+    "  radial    k1 k2                prism     s1 s2 s3 s4\n"
+    "  standard  p1 p2 k3             tilted    tau_x tau_y\n"
+    "`auto` takes the simplest one that predicts photos it has not seen as well as\n"
+    "the best, within a standard error.\n\n"
+    "Examples:\n"
+    "  etalon calibrate --board 9x6 --square-mm 25 left*.jpg --out camera.yml\n"
+    "  etalon calibrate --target chessboard:9x6@25mm left*.jpg --out camera.yml \\\n"
+    "      --report calibration\n";
+
+void declare_calibrate(Command& program) {
+    auto [command, asked] =
+        program.add(run_calibrate, "calibrate", "estimate intrinsics from photographs of a target",
+                    calibrate_details);
+    command.required("PHOTOS", asked->photos, "three or more photographs of the target");
+    const Option target =
+        command.option("--target", asked->target, "what was photographed, see below", "T");
+    const Option board =
+        command
+            .option("--board", asked->board,
+                    "short for a chessboard: inner corners,\ncolumns x rows: 9x6", "CxR")
+            .excludes(target);
+    const Option square =
+        command.option("--square-mm", asked->square_mm, "side of its squares", "MM")
+            .positive()
+            .needs(board);
+    board.needs(square);
+    command.option("--model", asked->model, "auto (default) or a name, see below", "NAME");
+    command
+        .option("--refine", asked->refine,
+                "photometric: fit all pixels, if held-out\nphotos show a gain", "HOW")
+        .one_of({"photometric"});
+    command.required("--out", asked->out, "camera.yml to write", "FILE");
+    command.option("--opencv-out", asked->opencv_out, "the same as OpenCV YAML", "FILE");
+    command.option("--report", asked->report, "folder for report, JSON and corners", "DIR");
 }
 
 }  // namespace etalon

@@ -8,22 +8,12 @@
 
 #include "core/text.h"
 #include "report/html.h"
+#include "report/number_text.h"
 #include "station/calibrate/calibration_plots.h"
 #include "station/calibrate/calibration_report.h"
-#include "station/record/qualify_result.h"
 
 namespace etalon {
 namespace {
-
-using Rows = std::vector<std::vector<std::string>>;
-
-std::string fixed(double value, int digits) {
-    return fmt::format("{:.{}f}", value, digits);
-}
-
-std::string fixed(const std::optional<double>& value, int digits) {
-    return value ? fixed(*value, digits) : "–";
-}
 
 void add_summary(HtmlPage& page, const CalibrationRun& run) {
     const CameraCalibration& calibration = run.calibration;
@@ -55,7 +45,7 @@ void add_summary(HtmlPage& page, const CalibrationRun& run) {
           fmt::format("{:.2f} px", uncertainty.worst(&PixelUncertainty::rotated))},
          {"Image among corners", fmt::format("{:.0f} %", 100.0 * uncertainty.share_among_points())},
          {"Two halves differ by",
-          calibration.halves ? fmt::format("{:.3f} px", calibration.halves->rms_px) : "–"}});
+          calibration.halves ? fmt::format("{:.3f} px", calibration.halves->rms_px) : dash}});
 }
 
 void add_remarks(HtmlPage& page, const CalibrationRun& run) {
@@ -73,14 +63,14 @@ void add_remarks(HtmlPage& page, const CalibrationRun& run) {
 void add_parameters(HtmlPage& page, const CameraCalibration& calibration) {
     page.add_heading("The camera, with three standard deviations side by side");
     const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
-    Rows rows;
+    TableRows rows;
     for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
         const ParameterDeviation& each = calibration.deviations[i];
         rows.push_back({each.name,
                         with_uncertainty(values[static_cast<Eigen::Index>(i)], each.largest()),
                         fmt::format("{:#.2g}", each.largest()), fmt::format("{:#.2g}", each.formal),
                         fmt::format("{:#.2g}", each.cluster_robust),
-                        each.bootstrap ? fmt::format("{:#.2g}", *each.bootstrap) : "–",
+                        each.bootstrap ? fmt::format("{:#.2g}", *each.bootstrap) : dash,
                         fixed(each.ratio(), 2)});
     }
     page.add_table(
@@ -116,7 +106,7 @@ std::string judged(const CalibrationRun& run, const ModelScore& score) {
 // The difference of mean squares as a difference of RMS values, near the best one's.
 std::string difference(const ModelScore& score, const ModelScore& best) {
     if (!score.leave_one_out_rms_px)
-        return "–";
+        return dash;
     if (&score == &best)
         return "0 (best)";
     const double twice = *score.leave_one_out_rms_px + *best.leave_one_out_rms_px;
@@ -126,13 +116,13 @@ std::string difference(const ModelScore& score, const ModelScore& best) {
 void add_models(HtmlPage& page, const CalibrationRun& run) {
     const ModelAdvice& advice = run.calibration.advice;
     page.add_heading("Which model these photos support");
-    Rows rows;
+    TableRows rows;
     for (const ModelScore& score : advice.models)
         rows.push_back({score.model, std::to_string(score.parameters),
-                        score.fit ? fixed(score.rms_px, 4) : "–",
+                        score.fit ? fixed(score.rms_px, 4) : dash,
                         fixed(score.leave_one_out_rms_px, 4),
-                        advice.best ? difference(score, advice.models[*advice.best]) : "–",
-                        score.fit ? fmt::format("{:.1e}", score.fit->condition_number) : "–",
+                        advice.best ? difference(score, advice.models[*advice.best]) : dash,
+                        score.fit ? fmt::format("{:.1e}", score.fit->condition_number) : dash,
                         judged(run, score)});
     page.add_table({"model", "parameters", "fit / px", "left out / px", "above the best / px",
                     "condition", "judged"},
@@ -183,31 +173,28 @@ double tilt_deg(const Rigid& camera_from_target) {
 
 void add_photos(HtmlPage& page, const CalibrationRun& run) {
     page.add_heading("Photos");
-    Rows rows;
+    TableRows rows;
     for (std::size_t i = 0; i < run.photos.size(); ++i) {
         const CalibratedView& view = run.calibration.views[i];
         const auto left_out = std::count(view.left_out.begin(), view.left_out.end(), true);
         const auto& pose = view.camera_from_target;
         rows.push_back({short_name(run.photos[i]), std::to_string(view.left_out.size()),
-                        std::to_string(left_out), pose ? fixed(view.rms_px, 3) : "–",
+                        std::to_string(left_out), pose ? fixed(view.rms_px, 3) : dash,
                         fixed(view.left_out_rms_px, 3),
-                        pose ? fixed(pose->translation.norm(), 0) : "–",
-                        pose ? fixed(tilt_deg(*pose), 1) : "–",
+                        pose ? fixed(pose->translation.norm(), 0) : dash,
+                        pose ? fixed(tilt_deg(*pose), 1) : dash,
                         view.used() ? "used" : "left out: does not fit the others"});
     }
     for (const std::string& photo : run.without_target)
-        rows.push_back({short_name(photo), "0", "–", "–", "–", "–", "–", "target not found"});
+        rows.push_back({short_name(photo), "0", dash, dash, dash, dash, dash, "target not found"});
     page.add_table({"photo", "corners", "left out", "fit / px", "predicted / px", "distance / mm",
                     "tilt / deg", "state"},
                    rows);
 }
 
 void add_software(HtmlPage& page) {
-    Rows rows;
-    for (const SoftwareVersion& each : software_versions())
-        rows.push_back({each.name, each.version});
     page.begin_details("Software");
-    page.add_table({"software", "version"}, rows);
+    page.add_software(software_versions());
     page.end_details();
 }
 

@@ -9,7 +9,9 @@
 
 #include "core/text.h"
 #include "report/csv.h"
-#include "station/record/qualify_result.h"
+#include "report/json_text.h"
+#include "report/number_text.h"
+#include "report/software_versions.h"
 
 namespace etalon {
 namespace {
@@ -125,10 +127,10 @@ std::string photo_table(const CalibrationRun& run) {
     std::string text = "photo                       corners  left out    fit/px  predicted/px\n";
     for (std::size_t i = 0; i < run.photos.size(); ++i) {
         const CalibratedView& view = run.calibration.views[i];
-        text += fmt::format(
-            "{:<26} {:>8} {:>9} {:>9} {:>13}\n", short_name(run.photos[i]), view.left_out.size(),
-            count_left_out(view), view.used() ? fmt::format("{:.3f}", view.rms_px) : "-",
-            view.left_out_rms_px ? fmt::format("{:.3f}", *view.left_out_rms_px) : "-");
+        text += fmt::format("{:<26} {:>8} {:>9} {:>9} {:>13}\n", short_name(run.photos[i]),
+                            view.left_out.size(), count_left_out(view),
+                            view.used() ? fixed(view.rms_px, 3) : "-",
+                            fixed(view.left_out_rms_px, 3, "-"));
     }
     return text;
 }
@@ -138,11 +140,10 @@ std::string model_table(const CameraCalibration& calibration) {
     for (const ModelScore& score : calibration.advice.models) {
         const bool advised = &score == advised_score(calibration);
         const bool chosen = &score == &chosen_score(calibration);
-        text += fmt::format(
-            "{:<11} {:>10} {:>9} {:>12}  {}{}{}\n", score.model, score.parameters,
-            score.fit ? fmt::format("{:.4f}", score.rms_px) : "-",
-            score.leave_one_out_rms_px ? fmt::format("{:.4f}", *score.leave_one_out_rms_px) : "-",
-            advised ? "advised " : "", chosen ? "taken " : "", score.overfits ? "overfits" : "");
+        text += fmt::format("{:<11} {:>10} {:>9} {:>12}  {}{}{}\n", score.model, score.parameters,
+                            score.fit ? fixed(score.rms_px, 4) : "-",
+                            fixed(score.leave_one_out_rms_px, 4, "-"), advised ? "advised " : "",
+                            chosen ? "taken " : "", score.overfits ? "overfits" : "");
     }
     return text;
 }
@@ -156,8 +157,7 @@ std::string deviation_table(const CameraCalibration& calibration) {
         text += fmt::format("{:<9} {:>13} {:>8.3g} {:>8.3g} {:>8.3g} {:>9} {:>12.2f}\n", each.name,
                             with_uncertainty(values[static_cast<Eigen::Index>(i)], each.largest()),
                             each.largest(), each.formal, each.cluster_robust,
-                            each.bootstrap ? fmt::format("{:.3g}", *each.bootstrap) : "-",
-                            each.ratio());
+                            significant(each.bootstrap, 3, "-"), each.ratio());
     }
     return text;
 }
@@ -344,7 +344,7 @@ std::string calibration_json(const CalibrationRun& run) {
     json["photos_without_target"] = run.without_target;
     json["remarks"] = calibration_remarks(run);
     json["software"] = software_json();
-    return json.dump(2, ' ', false, ordered_json::error_handler_t::replace);
+    return text_of(json);
 }
 
 void write_corners_csv(const std::filesystem::path& path, const CalibrationRun& run) {

@@ -12,7 +12,8 @@
 #include "core/errors.h"
 #include "core/exit_codes.h"
 #include "core/strict_reader.h"
-#include "station/shell/commands.h"
+#include "station/calibrate/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
@@ -186,6 +187,32 @@ int run_camera_check(const CameraFileArguments& arguments) {
     else
         print_check(check);
     return check.has_fault() ? ExitCode::fail : 0;
+}
+
+Declared<CameraFileArguments> declare_on_file(Command& camera,
+                                              int (*action)(const CameraFileArguments&),
+                                              const char* name, const char* summary,
+                                              const char* details) {
+    auto [command, asked] = camera.add(action, name, summary, details);
+    command.required("CAMERA", asked->file, "calibration: ours or another tool's");
+    command.option("--select", asked->select,
+                   "which camera of a file with several:\ncam1 (Kalibr), 3 (COLMAP)", "NAME");
+    return {command, asked};
+}
+
+void declare_camera(Command& program) {
+    Command camera = program.add_group("camera", "show, convert and check a calibration");
+    declare_on_file(camera, run_camera_show, "show", "print what the file says", "");
+    auto [convert, asked] = declare_on_file(
+        camera, run_camera_convert, "convert", "write it as another tool's file",
+        "Pixel origins are converted. A coefficient that the tool does not have is an\n"
+        "error; what else it has no place for is named on stderr. Prints `camera FILE`.\n");
+    convert.required("--to", asked->to,
+                     "etalon, opencv, ros, kalibr, mrcal, matlab, boofcv\nor colmap", "TOOL");
+    convert.required("--out", asked->out, "file to write", "FILE");
+    declare_on_file(camera, run_camera_check, "check", "check that the whole image can be used",
+                    "Field of view, where the distortion model ends, what is unusual, and what\n"
+                    "the renderer will miss. Exit code 1 when part of the image has no ray.\n");
 }
 
 }  // namespace etalon

@@ -12,8 +12,10 @@
 #include "core/errors.h"
 #include "core/exit_codes.h"
 #include "core/text.h"
+#include "report/json_text.h"
 #include "station/calibrate/characterise_report.h"
-#include "station/shell/commands.h"
+#include "station/calibrate/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
@@ -240,7 +242,7 @@ void print_json(const CharacteriseArguments& arguments, const Characterisation& 
     if (result.point_spread)
         json["psf_zones"] = zones_json(*result.point_spread);
     json["modulation"] = modulation_json(result);
-    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
+    std::puts(text_of(json).c_str());
 }
 
 }  // namespace
@@ -262,6 +264,29 @@ int run_characterise(const CharacteriseArguments& arguments) {
             fmt::print("report {}\n", (arguments.report / "report.html").string());
     }
     return result.was_anything_refused() ? ExitCode::inconclusive : 0;
+}
+
+void declare_characterise(Command& program) {
+    auto [command, asked] = program.add(
+        run_characterise, "characterise", "measure blur, noise, tone and illumination of a camera",
+        "Writes the camera file with the measured values and their uncertainties, and\n"
+        "prints a line `QUANTITY VALUE +- U` each (k = 2). What is not given is not\n"
+        "measured. Exit code 2 when photographs were given that cannot be used.\n"
+        "How to take them: docs/characterising.md.\n\n"
+        "Example:\n"
+        "  etalon characterise --camera camera.yml --target chessboard:9x6@25mm board*.png \\\n"
+        "      --repeats still*.png --flat flat*.png --dark dark*.png \\\n"
+        "      --exposures series.csv --out characterised.yml --report characterised\n");
+    command.option("PHOTOS", asked->photos, "the target in several places and tilts");
+    command.required("--camera", asked->camera, "calibration: ours or another tool's", "FILE");
+    command.required("--target", asked->target, "the target, as for calibrating", "M");
+    command.option("--repeats", asked->repeats, "one still view, two or more times", "PHOTOS");
+    command.option("--flat", asked->flats, "a uniform field", "PHOTOS");
+    command.option("--dark", asked->darks, "lens covered", "PHOTOS");
+    command.option("--exposures", asked->exposures,
+                   "CSV file,exposure_us: one still scene at\nseveral exposure times", "FILE");
+    command.required("--out", asked->out, "camera.yml to write", "FILE");
+    command.option("--report", asked->report, "folder for report.html", "DIR");
 }
 
 }  // namespace etalon

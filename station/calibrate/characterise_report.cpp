@@ -8,6 +8,7 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "report/html.h"
+#include "report/number_text.h"
 #include "report/svg_plot.h"
 #include "sim/sensor/sensor_model.h"
 
@@ -21,18 +22,14 @@ int decimals_of(double expanded) {
     return std::clamp(1 - static_cast<int>(std::floor(std::log10(expanded))), 0, 9);
 }
 
-std::string rounded(double value, int decimals) {
-    return fmt::format("{:.{}f}", value, decimals);
-}
-
 void add_values(HtmlPage& page, const Characterisation& result) {
     page.add_heading("What was measured");
-    std::vector<std::vector<std::string>> rows;
+    TableRows rows;
     for (const MeasuredValue& value : result.values) {
         const int decimals = decimals_of(2.0 * value.standard_uncertainty);
-        rows.push_back({value.words, rounded(value.value, decimals),
-                        rounded(2.0 * value.standard_uncertainty, decimals),
-                        rounded(value.standard_uncertainty, decimals + 1), value.unit,
+        rows.push_back({value.words, fixed(value.value, decimals),
+                        fixed(2.0 * value.standard_uncertainty, decimals),
+                        fixed(value.standard_uncertainty, decimals + 1), value.unit,
                         value.is_written ? "yes" : "no", value.how});
     }
     page.add_table({"quantity", "value", "U (k = 2)", "u", "unit", "in the camera file", "from"},
@@ -40,7 +37,7 @@ void add_values(HtmlPage& page, const Characterisation& result) {
     if (result.not_measured.empty())
         return;
     page.add_heading("What was not");
-    std::vector<std::vector<std::string>> missing;
+    TableRows missing;
     for (const NotMeasured& entry : result.not_measured)
         missing.push_back(
             {entry.quantity, entry.was_refused ? "refused" : "not measured", entry.reason});
@@ -48,23 +45,22 @@ void add_values(HtmlPage& page, const Characterisation& result) {
 }
 
 HtmlPage::Figure photon_transfer_plot(const PhotonTransfer& photon) {
-    std::vector<double> xs, ys, left_out_xs, left_out_ys, line_xs, line_ys;
-    std::vector<std::string> notes;
+    Series measured, left_out, model;
     for (const NoiseLevel& level : photon.levels) {
+        model.add(level.signal_dn, level.model_dn2);
         if (level.is_used)
-            notes.push_back(fmt::format("{:.1f} DN: {:.3f} ± {:.3f} DN² (k = 2), {:.0f} pixels",
-                                        level.signal_dn, level.variance_dn2,
-                                        2.0 * level.standard_uncertainty_dn2, level.pixels));
-        (level.is_used ? xs : left_out_xs).push_back(level.signal_dn);
-        (level.is_used ? ys : left_out_ys).push_back(level.variance_dn2);
-        line_xs.push_back(level.signal_dn);
-        line_ys.push_back(level.model_dn2);
+            measured.add(level.signal_dn, level.variance_dn2,
+                         fmt::format("{:.1f} DN: {:.3f} ± {:.3f} DN² (k = 2), {:.0f} pixels",
+                                     level.signal_dn, level.variance_dn2,
+                                     2.0 * level.standard_uncertainty_dn2, level.pixels));
+        else
+            left_out.add(level.signal_dn, level.variance_dn2);
     }
     SvgPlot plot("linear signal above black, DN", "temporal variance, DN²");
-    plot.add_line(line_xs, line_ys, Ink::gray, "read and photon noise");
-    plot.add_points(xs, ys, Ink::blue, "measured", notes);
-    if (!left_out_xs.empty())
-        plot.add_points(left_out_xs, left_out_ys, Ink::orange, "left out (clipped, rounding)");
+    plot.add_line(model, Ink::gray, "read and photon noise");
+    plot.add_points(measured, Ink::blue, "measured");
+    if (!left_out.empty())
+        plot.add_points(left_out, Ink::orange, "left out (clipped, rounding)");
     return {
         plot.svg(),
         fmt::format("Photon transfer: variance between repeats against signal. Slope 1/gain, "
@@ -77,19 +73,15 @@ HtmlPage::Figure photon_transfer_plot(const PhotonTransfer& photon) {
 
 HtmlPage::Figure transfer_plot(const TransferEstimate& estimate) {
     SvgPlot plot("radiance, 1 at saturation", "code above black / range");
-    std::vector<double> xs, ys, curve_xs, curve_ys;
-    for (const TransferPoint& point : estimate.points) {
-        xs.push_back(point.radiance);
-        ys.push_back(point.code);
-    }
-    for (int i = 0; i <= 100; ++i) {
-        curve_xs.push_back(i / 100.0);
-        curve_ys.push_back(encode(estimate.transfer, i / 100.0));
-    }
+    Series patches, curve;
+    for (const TransferPoint& point : estimate.points)
+        patches.add(point.radiance, point.code);
+    for (int i = 0; i <= 100; ++i)
+        curve.add(i / 100.0, encode(estimate.transfer, i / 100.0));
     const std::vector<double> ends{0.0, 1.0};
     plot.add_line(ends, ends, Ink::gray, "straight line");
-    plot.add_points(xs, ys, Ink::blue, "patches");
-    plot.add_line(curve_xs, curve_ys, Ink::red, "transfer curve");
+    plot.add_points(patches, Ink::blue, "patches");
+    plot.add_line(curve, Ink::red, "transfer curve");
     return {plot.svg(),
             fmt::format(
                 "Transfer curve from {} patches in {} photos, seen from {:.3f} to {:.3f} of "
@@ -104,13 +96,11 @@ HtmlPage::Figure nonlinearity_plot(const TransferEstimate& estimate) {
         product += point.radiance * point.code;
         square += point.radiance * point.radiance;
     }
-    std::vector<double> xs, ys;
-    for (const TransferPoint& point : estimate.points) {
-        xs.push_back(100.0 * point.code);
-        ys.push_back(100.0 * (point.code - point.radiance * product / square));
-    }
+    Series patches;
+    for (const TransferPoint& point : estimate.points)
+        patches.add(100.0 * point.code, 100.0 * (point.code - point.radiance * product / square));
     SvgPlot plot("code above black, % of range", "off the straight line, % of range");
-    plot.add_points(xs, ys, Ink::blue, "patches");
+    plot.add_points(patches, Ink::blue, "patches");
     plot.add_level(0.0, Ink::gray, "");
     return {plot.svg(),
             fmt::format(
@@ -123,28 +113,26 @@ HtmlPage::Figure nonlinearity_plot(const TransferEstimate& estimate) {
 HtmlPage::Figure illumination_plot(const CameraModel& camera,
                                    const IlluminationEstimate& estimate) {
     constexpr std::size_t most_points = 500;
-    std::vector<double> xs, ys, curve_xs, low, high, middle;
+    Series white_parts, curve;
     // Odd, or every eighth of forty blocks a row would be the same ones.
     const std::size_t every = (1 + estimate.used.size() / most_points) | 1;
     for (std::size_t i = 0; i < estimate.used.size(); i += every) {
         const WhitePatch& patch = estimate.used[i];
-        xs.push_back(std::sqrt(illumination_radius_squared(camera, patch.centre_px)));
-        ys.push_back(patch.radiance);
+        white_parts.add(std::sqrt(illumination_radius_squared(camera, patch.centre_px)),
+                        patch.radiance);
     }
-    const double end = xs.empty() ? 1.0 : *std::max_element(xs.begin(), xs.end());
+    const double end =
+        white_parts.empty() ? 1.0 : *std::max_element(white_parts.xs.begin(), white_parts.xs.end());
     for (int i = 0; i <= 50; ++i) {
         const double radius = end * i / 50.0;
         const double value = polynomial_illumination(estimate.coefficients, radius * radius);
         const double expanded = 2.0 * standard_uncertainty_at(estimate, radius);
-        curve_xs.push_back(radius);
-        middle.push_back(value);
-        low.push_back(value - expanded);
-        high.push_back(value + expanded);
+        curve.add(radius, value, value - expanded, value + expanded);
     }
     SvgPlot plot("distance from the principal point, half diagonals", "relative illumination");
-    plot.add_points(xs, ys, Ink::gray, every == 1 ? "white parts" : "some of the white parts");
-    plot.add_band(curve_xs, low, high, Ink::red, "U (k = 2)");
-    plot.add_line(curve_xs, middle, Ink::red, "polynomial");
+    plot.add_points(white_parts, Ink::gray, every == 1 ? "white parts" : "some of the white parts");
+    plot.add_band(curve, Ink::red, "U (k = 2)");
+    plot.add_line(curve, Ink::red, "polynomial");
     return {plot.svg(),
             fmt::format("Relative illumination: white parts, their photo's own level and "
                         "plane divided out; they scatter by {:.2g} %.",
@@ -177,12 +165,10 @@ HtmlPage::Figure modulation_plot(const Characterisation& result) {
     plot.set_y_range(0.0, 1.1);
     for (std::size_t i = 0; i < result.modulation.size(); ++i) {
         const EdgeModulation& at = result.modulation[i];
-        std::vector<double> xs, ys;
-        for (const ModulationRow& row : at.edge.modulation) {
-            xs.push_back(row.cycles_per_px);
-            ys.push_back(row.modulation);
-        }
-        plot.add_line(xs, ys, inks[i % inks.size()],
+        Series edge;
+        for (const ModulationRow& row : at.edge.modulation)
+            edge.add(row.cycles_per_px, row.modulation);
+        plot.add_line(edge, inks[i % inks.size()],
                       fmt::format("({:.0f}, {:.0f})", at.centre_px.x(), at.centre_px.y()));
     }
     return {plot.svg(),
@@ -191,16 +177,13 @@ HtmlPage::Figure modulation_plot(const Characterisation& result) {
 }
 
 HtmlPage::Figure edge_spread_plot(const PointSpreadEstimate& spread) {
-    std::vector<double> xs, ys, low, high;
-    for (const EdgeSpreadRow& row : spread.edge_spread) {
-        xs.push_back(row.distance_px);
-        ys.push_back(row.value);
-        low.push_back(row.value - 2.0 * row.standard_uncertainty);
-        high.push_back(row.value + 2.0 * row.standard_uncertainty);
-    }
+    Series mean;
+    for (const EdgeSpreadRow& row : spread.edge_spread)
+        mean.add(row.distance_px, row.value, row.value - 2.0 * row.standard_uncertainty,
+                 row.value + 2.0 * row.standard_uncertainty);
     SvgPlot plot("distance from the edge, px", "part of the contrast");
-    plot.add_band(xs, low, high, Ink::blue, "U (k = 2)");
-    plot.add_line(xs, ys, Ink::blue, "mean of all edges");
+    plot.add_band(mean, Ink::blue, "U (k = 2)");
+    plot.add_line(mean, Ink::blue, "mean of all edges");
     return {plot.svg(),
             fmt::format("Edge spread. Overshoot {:.2f} %, undershoot {:.2f} % of the contrast: {}.",
                         100.0 * spread.sharpening.overshoot, 100.0 * spread.sharpening.undershoot,
@@ -210,7 +193,7 @@ HtmlPage::Figure edge_spread_plot(const PointSpreadEstimate& spread) {
 
 void add_zones(HtmlPage& page, const PointSpreadEstimate& spread) {
     page.add_heading("Blur by part of the image");
-    std::vector<std::vector<std::string>> rows;
+    TableRows rows;
     for (std::size_t row = 0; row < 3; ++row) {
         std::vector<std::string> cells{std::array{"top", "middle", "bottom"}[row]};
         for (std::size_t column = 0; column < 3; ++column) {
@@ -235,19 +218,16 @@ std::optional<HtmlPage::Figure> defocus_plot(const Characterisation& result) {
     const DefocusEstimate& defocus = *result.defocus;
     CameraModel focused = result.camera;
     focused.lens = Lens{defocus.f_number, defocus.focus_distance_mm, 550.0, {}};
-    std::vector<double> depths, sigmas, curve_depths, curve;
-    for (const BlurAtDepth& at : result.blur_by_depth) {
-        depths.push_back(at.depth_mm);
-        sigmas.push_back(at.sigma_px);
-    }
+    Series groups, curve;
+    for (const BlurAtDepth& at : result.blur_by_depth)
+        groups.add(at.depth_mm, at.sigma_px);
     for (int i = 0; i <= 100; ++i) {
-        const double depth = depths.front() + (depths.back() - depths.front()) * i / 100.0;
-        curve_depths.push_back(depth);
-        curve.push_back(std::hypot(defocus.sigma_px, 0.5 * blur_radius_px(focused, depth)));
+        const double depth = groups.xs.front() + (groups.xs.back() - groups.xs.front()) * i / 100.0;
+        curve.add(depth, std::hypot(defocus.sigma_px, 0.5 * blur_radius_px(focused, depth)));
     }
     SvgPlot plot("depth, mm", "standard deviation of the blur, px");
-    plot.add_line(curve_depths, curve, Ink::red, "thin lens fitted");
-    plot.add_points(depths, sigmas, Ink::blue, "groups of edges");
+    plot.add_line(curve, Ink::red, "thin lens fitted");
+    plot.add_points(groups, Ink::blue, "groups of edges");
     return HtmlPage::Figure{
         plot.svg(),
         fmt::format("Blur against depth: {} edges nearer than focus, {} farther. The groups "
@@ -256,7 +236,7 @@ std::optional<HtmlPage::Figure> defocus_plot(const Characterisation& result) {
 }
 
 void add_curves(HtmlPage& page, const Characterisation& result) {
-    std::vector<HtmlPage::Figure> sensor, lens;
+    HtmlPage::Figures sensor, lens;
     if (result.photon_transfer)
         sensor.push_back(photon_transfer_plot(*result.photon_transfer));
     if (result.transfer)
@@ -291,16 +271,13 @@ std::string with_uncertainty(const MeasuredValue& value) {
     const double expanded = 2.0 * value.standard_uncertainty;
     const int decimals = decimals_of(expanded);
     const std::string unit = value.unit.empty() ? "" : " " + value.unit;
-    return fmt::format("{} {} +- {}{}", value.words, rounded(value.value, decimals),
-                       rounded(expanded, decimals), unit);
+    return fmt::format("{} {} +- {}{}", value.words, fixed(value.value, decimals),
+                       fixed(expanded, decimals), unit);
 }
 
 void write_characterise_report(const std::filesystem::path& folder, const CharacteriseInput& input,
                                const Characterisation& result) {
-    std::error_code error;
-    std::filesystem::create_directories(folder, error);
-    if (error)
-        throw ConfigError({folder.string()}, "cannot be made: " + error.message());
+    make_folder(folder);
     const std::string serial = input.camera.serial.empty() ? "" : " " + input.camera.serial;
     HtmlPage page(
         "Camera" + serial + " characterised",

@@ -7,11 +7,12 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "report/svg_plot.h"
+#include "station/compare/commands.h"
 #include "station/compare/comparison_pictures.h"
 #include "station/compare/comparison_report.h"
 #include "station/compare/edge_plots.h"
 #include "station/compare/photo_comparer.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
@@ -252,6 +253,43 @@ int run_compare(const CompareArguments& arguments) {
     write_files(arguments.out, comparison);
     print_result(arguments, comparison);
     return 0;
+}
+
+void declare_compare(Command& program) {
+    auto [command, asked] = program.add(
+        run_compare, "compare", "compare photographs with renders from a calibration",
+        "Renders every photograph at its pose and reports how they differ: prints\n"
+        "`mean residual x gray over n photos`; the report, tables, overlays and plots\n"
+        "go to DIR. Each photograph is compared at its pose and at the pose refined on\n"
+        "its pixels.\n"
+        "Poses are estimated from the photographs unless --poses gives them.\n\n"
+        "Example:\n"
+        "  etalon compare --camera camera.yml --board 9x6 --square-mm 25 \\\n"
+        "      left*.jpg --out differences\n\n" +
+            marker_help);
+    command.required("PHOTOS", asked->photos, "photographs to compare");
+    command.required("--camera", asked->camera, "calibration: ours, OpenCV's or ROS'", "FILE");
+    const Option board =
+        command.option("--board", asked->board, "inner corners of a chessboard: 9x6", "CxR");
+    const Option square =
+        command.option("--square-mm", asked->square_mm, "side of its squares", "MM").positive();
+    const Option marker =
+        command.option("--marker", asked->marker, "a marker in place of a board", "M");
+    board.needs(square).excludes(marker);
+    square.needs(board);
+    command.required("--out", asked->out, "folder to write to", "DIR");
+    command.option("--poses", asked->poses,
+                   "CSV with the header rx,ry,rz,tx,ty,tz, one row\nper photograph, or JSON",
+                   "FILE");
+    command.option(
+        "--detector", asked->detector,
+        "apriltag, aruco, topotag, chessboard, charuco, stag,\nor auto: the marker's own", "NAME");
+    command.option("--score-margin", asked->score_margin,
+                   "how far around a board's inner corners residuals\n"
+                   "count, in squares (default 0.3,0.65)",
+                   "X,Y");
+    command.option("--baseline", asked->baseline,
+                   "folder of an earlier comparison of this camera:\nwhat changed since", "DIR");
 }
 
 }  // namespace etalon

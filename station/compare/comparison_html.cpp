@@ -6,23 +6,13 @@
 
 #include "core/text.h"
 #include "report/html.h"
+#include "report/number_text.h"
 #include "station/compare/comparison_cards.h"
 #include "station/compare/comparison_pictures.h"
 #include "station/compare/comparison_report.h"
-#include "station/record/qualify_result.h"
 
 namespace etalon {
 namespace {
-
-using Rows = std::vector<std::vector<std::string>>;
-
-std::string fixed(double value, int digits) {
-    return fmt::format("{:.{}f}", value, digits);
-}
-
-std::string counted(std::size_t count, const char* noun) {
-    return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
-}
 
 std::string verdict_sentence(const Comparison& comparison) {
     const std::size_t compared = comparison.compared(), matched = comparison.matched();
@@ -50,9 +40,8 @@ double mean_blur(const Comparison& comparison) {
 void add_summary(HtmlPage& page, const Comparison& comparison) {
     page.add_verdict(fmt::format("{:.1f} gray", comparison.mean_rms_gray()),
                      verdict_sentence(comparison));
-    std::vector<std::pair<std::string, std::string>> facts = {
-        {"photographs that match",
-         fmt::format("{} of {}", comparison.matched(), comparison.photos.size())}};
+    Facts facts = {{"photographs that match",
+                    fmt::format("{} of {}", comparison.matched(), comparison.photos.size())}};
     if (const auto refined = comparison.refined_mean_rms_gray())
         facts.emplace_back("at the refined poses", fmt::format("{:.1f} gray", *refined));
     const auto before = comparison.edges(&ComparedPhoto::calibrated, true);
@@ -104,34 +93,34 @@ void add_method(HtmlPage& page, const Comparison& comparison) {
 }
 
 std::string edge_shift(const std::optional<ComparedFit>& fit) {
-    return fit && fit->edge_summary.edges > 0 ? fixed(fit->edge_summary.shift.rms_px, 3) : "–";
+    return fit && fit->edge_summary.edges > 0 ? fixed(fit->edge_summary.shift.rms_px, 3) : dash;
 }
 
 std::vector<std::string> table_row(const ComparedPhoto& photo) {
     std::vector<std::string> row = {photo.photo.filename().string(), photo.outcome()};
     if (!photo.calibrated) {
-        row.insert(row.end(), 7, "–");
+        row.insert(row.end(), 7, dash);
         row.push_back(photo.reason());
         return row;
     }
     const ComparedFit& fit = *photo.calibrated;
     row.push_back(fixed(fit.scored.rms_gray, 2));
-    row.push_back(photo.refined ? fixed(photo.refined->scored.rms_gray, 2) : "–");
+    row.push_back(photo.refined ? fixed(photo.refined->scored.rms_gray, 2) : dash);
     row.push_back(edge_shift(photo.calibrated));
     row.push_back(edge_shift(photo.refined));
     row.push_back(fixed(fit.model.psf_sigma_px, 2));
     const auto change = pose_change_of(photo);
-    row.push_back(change ? fixed(change->translation_mm, 3) : "–");
-    row.push_back(change ? fixed(change->rotation_mrad, 2) : "–");
-    std::string names;
+    row.push_back(change ? fixed(change->translation_mm, 3) : dash);
+    row.push_back(change ? fixed(change->rotation_mrad, 2) : dash);
+    std::vector<std::string> names;
     for (const Finding& finding : photo.findings)
-        names += (names.empty() ? "" : ", ") + finding.name;
-    row.push_back(names);
+        names.push_back(finding.name);
+    row.push_back(fmt::format("{}", fmt::join(names, ", ")));
     return row;
 }
 
 void add_photo_table(HtmlPage& page, const Comparison& comparison) {
-    Rows rows;
+    TableRows rows;
     for (const ComparedPhoto& photo : comparison.photos)
         rows.push_back(table_row(photo));
     page.add_table({"photograph", "outcome", "residual gray", "refined", "edge shift px", "refined",
@@ -150,21 +139,18 @@ void add_baseline(HtmlPage& page, const BaselineChange& change) {
         text += " Whether it was the same camera is not known: a serial number is missing.";
     page.add_paragraph(text);
     const auto add_names = [&](const char* what, const std::vector<std::string>& names) {
-        std::string list;
-        for (const std::string& name : names)
-            list += (list.empty() ? "" : ", ") + name;
-        if (!list.empty())
-            page.add_paragraph(what + list + ".");
+        if (!names.empty())
+            page.add_paragraph(fmt::format("{}{}.", what, fmt::join(names, ", ")));
     };
     add_names("Only in this comparison: ", change.only_now);
     add_names("Only in the baseline: ", change.only_earlier);
     add_names("Not paired, because a name occurs twice: ", change.ambiguous);
-    Rows rows;
+    TableRows rows;
     for (const PairedChange& quantity : change.quantities)
         rows.push_back({quantity.quantity, std::to_string(quantity.pairs),
                         fixed(quantity.earlier, 4), fixed(quantity.now, 4),
-                        fmt::format("{:+.4f}", quantity.mean),
-                        quantity.half_width ? fixed(*quantity.half_width, 4) : "–", quantity.unit,
+                        fmt::format("{:+.4f}", quantity.mean), fixed(quantity.half_width, 4),
+                        quantity.unit,
                         quantity.changed()    ? "changed"
                         : quantity.half_width ? "not significant"
                                               : "one pair says nothing"});
@@ -173,7 +159,7 @@ void add_baseline(HtmlPage& page, const BaselineChange& change) {
 
 void add_plots(HtmlPage& page, const std::vector<ComparisonPlot>& plots) {
     page.add_heading("Where the residual is");
-    std::vector<HtmlPage::Figure> figures;
+    HtmlPage::Figures figures;
     for (const ComparisonPlot& plot : plots)
         figures.push_back({plot.svg, plot.caption});
     page.add_figures(figures);
@@ -214,10 +200,7 @@ void add_provenance(HtmlPage& page, const Comparison& comparison) {
                     {"cx, cy", fmt::format("{:.3f}, {:.3f} px", k.cx, k.cy)},
                     {"k1 k2 p1 p2 k3 k4 k5 k6 s1..s4 tau_x tau_y", coefficients},
                     {"rendering", comparison.render_plan}});
-    Rows versions;
-    for (const SoftwareVersion& version : software_versions())
-        versions.push_back({version.name, version.version});
-    page.add_table({"software", "version"}, versions);
+    page.add_software(software_versions());
     page.end_details();
 }
 

@@ -5,8 +5,9 @@
 #include <nlohmann/json.hpp>
 
 #include "core/pose_numbers.h"
+#include "report/json_text.h"
+#include "report/software_versions.h"
 #include "station/compare/comparison_report.h"
-#include "station/record/qualify_result.h"
 
 namespace etalon {
 namespace {
@@ -222,7 +223,7 @@ std::string comparison_json(const Comparison& comparison) {
         json["baseline"] = baseline_json(*comparison.baseline);
     for (const SoftwareVersion& version : software_versions())
         json["software"][version.name] = version.version;
-    return json.dump(2, ' ', false, ordered_json::error_handler_t::replace);
+    return text_of(json);
 }
 
 }  // namespace etalon

@@ -21,39 +21,24 @@ std::vector<std::string> bar_names(const std::vector<std::string>& photos) {
     return names;
 }
 
-// One figure of each photograph: bars at the pose under test, points at the refined one.
-struct ByPhoto {
-    std::vector<std::string> names, notes;
-    std::vector<double> before, places, after;
-
-    void add(const ComparedPhoto& photo, double value, const std::optional<double>& refined,
-             const char* unit) {
-        names.push_back(photo.photo.stem().string());
-        before.push_back(value);
-        if (!refined)
-            return;
-        places.push_back(static_cast<double>(names.size() - 1));
-        after.push_back(*refined);
-        notes.push_back(
-            fmt::format("{}: {:.3g} {} at the refined pose", names.back(), *refined, unit));
-    }
-    void draw(SvgPlot& plot) const {
-        plot.add_bars(bar_names(names), before, Ink::blue);
-        if (!after.empty())
-            plot.add_points(places, after, Ink::orange, "at the refined pose", notes);
-    }
-};
-
 ComparisonPlot residual_by_photo(const Comparison& comparison) {
-    ByPhoto residuals;
-    for (const ComparedPhoto& photo : comparison.photos)
-        if (photo.has_figures())
-            residuals.add(
-                photo, photo.calibrated->scored.rms_gray,
-                photo.refined ? std::optional(photo.refined->scored.rms_gray) : std::nullopt,
-                "gray");
+    std::vector<std::string> names;
+    std::vector<double> under_test;
+    Series refined;
+    for (const ComparedPhoto& photo : comparison.photos) {
+        if (!photo.has_figures())
+            continue;
+        names.push_back(photo.photo.stem().string());
+        under_test.push_back(photo.calibrated->scored.rms_gray);
+        if (photo.refined)
+            refined.add(static_cast<double>(names.size() - 1), photo.refined->scored.rms_gray,
+                        fmt::format("{}: {:.3g} gray at the refined pose", names.back(),
+                                    photo.refined->scored.rms_gray));
+    }
     SvgPlot plot("photograph", "residual RMS / gray");
-    residuals.draw(plot);
+    plot.add_bars(bar_names(names), under_test, Ink::blue);
+    if (!refined.empty())
+        plot.add_points(refined, Ink::orange, "at the refined pose");
     plot.add_level(comparison.mean_rms_gray(), Ink::blue,
                    fmt::format("mean {:.1f}", comparison.mean_rms_gray()));
     return {"residual-by-photo.svg", plot.svg(),
@@ -63,21 +48,16 @@ ComparisonPlot residual_by_photo(const Comparison& comparison) {
 
 void draw_profile(SvgPlot& plot, const ResidualProfile& profile, Ink ink, const std::string& name,
                   const char* unit) {
-    std::vector<double> places, values;
-    std::vector<std::string> notes;
-    for (std::size_t i = 0; i < profile.pixels.size(); ++i) {
-        const auto rms = profile.rms(i);
-        if (!rms)
-            continue;
-        places.push_back(profile.middle(i));
-        values.push_back(*rms);
-        notes.push_back(fmt::format("{:.0f} {}: {:.2f} gray, {:.0f} pixels", places.back(), unit,
-                                    *rms, profile.pixels[i]));
-    }
-    if (values.empty())
+    Series series;
+    for (std::size_t i = 0; i < profile.pixels.size(); ++i)
+        if (const auto rms = profile.rms(i))
+            series.add(profile.middle(i), *rms,
+                       fmt::format("{:.0f} {}: {:.2f} gray, {:.0f} pixels", profile.middle(i), unit,
+                                   *rms, profile.pixels[i]));
+    if (series.empty())
         return;
-    plot.add_line(places, values, ink, "");
-    plot.add_points(places, values, ink, name, notes);
+    plot.add_line(series, ink, "");
+    plot.add_points(series, ink, name);
 }
 
 double largest_rms(const ResidualProfile& profile) {

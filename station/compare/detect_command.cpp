@@ -8,7 +8,9 @@
 #include "compare/make_detector.h"
 #include "core/errors.h"
 #include "core/pose_numbers.h"
-#include "station/shell/commands.h"
+#include "report/json_text.h"
+#include "station/compare/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
@@ -46,7 +48,7 @@ void print_json(const DetectArguments& arguments, const Detector& detector,
                          {"detector", detector.name()}};
     for (const PhotoPose& pose : poses)
         json["photos"].push_back(photo_json(pose));
-    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
+    std::puts(text_of(json).c_str());
 }
 
 // A line per photograph, and below it the other planar solution, so that columns line up.
@@ -102,6 +104,24 @@ int run_detect(const DetectArguments& arguments) {
                                          poses.front().failure));
     fmt::print(stderr, "found in {} of {} photographs\n", found, poses.size());
     return 0;
+}
+
+void declare_detect(Command& program) {
+    auto [command, asked] =
+        program.add(run_detect, "detect", "find a marker in photographs, and its pose",
+                    pose_help + "\n" + marker_help);
+    command.required("PHOTOS", asked->photos, "photographs to look at");
+    command.required("--marker", asked->marker, "what to look for, see below", "M");
+    command.option("--camera", asked->camera, "calibration, for the pose", "FILE");
+    command.option(
+        "--detector", asked->detector,
+        "apriltag, aruco, topotag, chessboard, charuco, stag,\nauto: the marker's own; or "
+        "photometric: the pose\nfrom all pixels, for any marker or board",
+        "NAME");
+    command.option("--poses", asked->poses,
+                   "where the marker is about (photometric only):\na pose for each photo, the "
+                   "image right to 5 px",
+                   "FILE");
 }
 
 }  // namespace etalon

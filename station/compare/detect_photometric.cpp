@@ -5,14 +5,15 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "bench/bench_timing.h"
 #include "compare/detect/calibration_target.h"
 #include "compare/detect/photo_pose.h"
 #include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
+#include "core/cpu_time.h"
 #include "core/errors.h"
 #include "core/pose_numbers.h"
-#include "station/shell/commands.h"
+#include "report/json_text.h"
+#include "station/compare/commands.h"
 
 namespace etalon {
 namespace {
@@ -171,7 +172,7 @@ void print_json(const DetectArguments& arguments, const std::vector<Found>& all)
                          {"detector", arguments.detector}};
     for (const Found& found : all)
         json["photos"].push_back(photo_json(found));
-    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
+    std::puts(text_of(json).c_str());
 }
 
 }  // namespace

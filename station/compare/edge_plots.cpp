@@ -69,9 +69,7 @@ std::string scale_bar(double magnification, const cv::Rect& part) {
 double round_magnification(double rms, double drawn) {
     if (!(rms > 0.0))
         return 100.0;
-    const double wanted = std::min(1e4, drawn / rms);
-    const double power = std::pow(10.0, std::floor(std::log10(wanted)));
-    return wanted >= 5.0 * power ? 5.0 * power : wanted >= 2.0 * power ? 2.0 * power : power;
+    return round_scale(std::min(1e4, drawn / rms));
 }
 
 double field_magnification(const std::vector<ShiftVector>& field, double drawn) {
@@ -84,31 +82,19 @@ double field_magnification(const std::vector<ShiftVector>& field, double drawn) 
 
 ComparisonPlot field_plot(const std::vector<ShiftVector>& field, const CameraModel& camera,
                           double magnification, const std::string& file, const std::string& where) {
-    std::vector<double> xs, ys, dxs, dys;
-    std::vector<std::string> notes;
-    for (const ShiftVector& vector : field) {
-        xs.push_back(vector.position_px.x());
-        ys.push_back(vector.position_px.y());
-        dxs.push_back(magnification * vector.shift_px.x());
-        dys.push_back(magnification * vector.shift_px.y());
-        notes.push_back(
-            fmt::format("({:.0f}, {:.0f}): {:+.3f}, {:+.3f} px (σ {:.3f}, {:.3f}), {} "
-                        "edges",
-                        xs.back(), ys.back(), vector.shift_px.x(), vector.shift_px.y(),
-                        std::sqrt(vector.covariance_px2(0, 0)),
-                        std::sqrt(vector.covariance_px2(1, 1)), vector.edges));
-    }
-    const std::vector<double> corner_xs{-0.5, camera.width - 0.5},
-        corner_ys{-0.5, camera.height - 0.5};
+    Arrows arrows;
+    for (const ShiftVector& vector : field)
+        arrows.add(vector.position_px, vector.shift_px,
+                   fmt::format("({:.0f}, {:.0f}): {:+.3f}, {:+.3f} px (σ {:.3f}, {:.3f}), {} edges",
+                               vector.position_px.x(), vector.position_px.y(), vector.shift_px.x(),
+                               vector.shift_px.y(), std::sqrt(vector.covariance_px2(0, 0)),
+                               std::sqrt(vector.covariance_px2(1, 1)), vector.edges));
     SvgPlot plot("x / px", "y / px");
     plot.set_size(640, 480);
     plot.set_image_axes();
-    plot.add_line(corner_xs, std::vector<double>{-0.5, -0.5}, Ink::gray, "");
-    plot.add_line(corner_xs, std::vector<double>(2, camera.height - 0.5), Ink::gray, "");
-    plot.add_line(std::vector<double>{-0.5, -0.5}, corner_ys, Ink::gray, "");
-    plot.add_line(std::vector<double>(2, camera.width - 0.5), corner_ys, Ink::gray, "");
-    plot.add_arrows(xs, ys, dxs, dys, Ink::blue,
-                    fmt::format("photograph minus rendering × {:.0f}", magnification), notes);
+    plot.add_image_border(camera.width, camera.height);
+    plot.add_arrows(arrows, magnification, Ink::blue,
+                    fmt::format("photograph minus rendering × {:.0f}", magnification));
     return {file, plot.svg(),
             fmt::format("Where edges lie in the photographs against the renderings, {}, mean over "
                         "all photographs, drawn {:.0f} times as large. A pattern that all "
@@ -116,65 +102,36 @@ ComparisonPlot field_plot(const std::vector<ShiftVector>& field, const CameraMod
                         where, magnification)};
 }
 
-struct BinnedFigure {
-    std::vector<double> places, values, lows, highs;
-    std::vector<std::string> notes;
-
-    void add(const EdgeBin& bin, double value, double deviation, const char* unit) {
-        places.push_back(0.5 * (bin.low + bin.high));
-        values.push_back(value);
-        lows.push_back(std::max(0.0, value - deviation));  // of a root mean square
-        highs.push_back(value + deviation);
-        notes.push_back(fmt::format("{:.3f} {}, σ {:.3f}, {} edges", value, unit, deviation,
-                                    bin.summary.edges));
-    }
-    double highest() const {
-        return highs.empty() ? 0.0 : *std::max_element(highs.begin(), highs.end());
-    }
-    void draw(SvgPlot& plot, Ink ink, const std::string& name) const {
-        plot.add_band(places, lows, highs, ink, "");
-        plot.add_line(places, values, ink, "");
-        plot.add_points(places, values, ink, name, notes);
-    }
-};
-
-BinnedFigure shifts_of(const std::vector<EdgeBin>& binned) {
-    BinnedFigure figure;
-    for (const EdgeBin& bin : binned)
+Series shifts_of(const std::vector<EdgeBin>& binned) {
+    Series series;
+    for (const EdgeBin& bin : binned) {
+        const auto& shift = bin.summary.shift;
         if (bin.summary.edges >= 4)
-            figure.add(bin, bin.summary.shift.rms_px, bin.summary.shift.rms_deviation_px, "px");
-    return figure;
+            series.add(0.5 * (bin.low + bin.high), shift.rms_px,
+                       std::max(0.0, shift.rms_px - shift.rms_deviation_px),  // a root mean square
+                       shift.rms_px + shift.rms_deviation_px,
+                       fmt::format("{:.3f} px, σ {:.3f}, {} edges", shift.rms_px,
+                                   shift.rms_deviation_px, bin.summary.edges));
+    }
+    return series;
+}
+
+// Adds the series; returns where its band ends.
+double draw(SvgPlot& plot, const Series& series, Ink ink, const std::string& name) {
+    plot.add_band(series, ink, "");
+    plot.add_line(series, ink, "");
+    plot.add_points(series, ink, name);
+    return series.empty() ? 0.0 : *std::max_element(series.highs.begin(), series.highs.end());
 }
 
 ComparisonPlot shift_plot(const std::vector<EdgeBin>& before, const std::vector<EdgeBin>& after,
                           const char* label, const std::string& file, const std::string& caption) {
     SvgPlot plot(label, "edge shift RMS / px");
-    const BinnedFigure under_test = shifts_of(before), refined = shifts_of(after);
-    under_test.draw(plot, Ink::blue, "pose under test");
-    refined.draw(plot, Ink::orange, "refined pose");
-    plot.set_y_range(0.0, 1.05 * std::max({under_test.highest(), refined.highest(), 1e-3}));
+    const double under_test = draw(plot, shifts_of(before), Ink::blue, "pose under test");
+    const double refined = draw(plot, shifts_of(after), Ink::orange, "refined pose");
+    plot.set_y_range(0.0, 1.05 * std::max({under_test, refined, 1e-3}));
     return {file, plot.svg(), caption};
 }
-
-// Each bin of depths that some edges of one photograph lie in.
-struct Widths {
-    std::vector<double> depths, photographed, rendered;
-    std::vector<std::string> notes;
-
-    explicit Widths(const ComparedPhoto& photo) {
-        for (const DepthBin& bin : photo.defocus->bins) {
-            if (bin.edges < 2)
-                continue;
-            depths.push_back(bin.depth_mm);
-            photographed.push_back(bin.measured_px2);
-            rendered.push_back(bin.rendered_px2);
-            notes.push_back(fmt::format("{}: {:.1f} mm, {:.3f} px² (σ {:.3f}) against {:.3f}",
-                                        photo.photo.filename().string(), bin.depth_mm,
-                                        bin.measured_px2, bin.measured_deviation_px2,
-                                        bin.rendered_px2));
-        }
-    }
-};
 
 // One line and its points for each photograph; the legend once.
 ComparisonPlot width_plot(const Comparison& comparison) {
@@ -183,10 +140,19 @@ ComparisonPlot width_plot(const Comparison& comparison) {
     for (const ComparedPhoto& photo : comparison.photos) {
         if (!photo.defocus)
             continue;
-        const Widths widths(photo);
-        plot.add_line(widths.depths, widths.rendered, Ink::gray, is_named ? "" : "rendering");
-        plot.add_points(widths.depths, widths.photographed, Ink::blue, is_named ? "" : "photograph",
-                        widths.notes);
+        Series photographed, rendered;
+        for (const DepthBin& bin : photo.defocus->bins) {
+            if (bin.edges < 2)
+                continue;
+            rendered.add(bin.depth_mm, bin.rendered_px2);
+            photographed.add(
+                bin.depth_mm, bin.measured_px2,
+                fmt::format("{}: {:.1f} mm, {:.3f} px² (σ {:.3f}) against {:.3f}",
+                            photo.photo.filename().string(), bin.depth_mm, bin.measured_px2,
+                            bin.measured_deviation_px2, bin.rendered_px2));
+        }
+        plot.add_line(rendered, Ink::gray, is_named ? "" : "rendering");
+        plot.add_points(photographed, Ink::blue, is_named ? "" : "photograph");
         is_named = true;
     }
     return {"edge-width-by-depth.svg", plot.svg(),

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "capture/frame/camera.h"
-#include "station/shell/commands.h"
+#include "station/devices/commands.h"
 
 namespace etalon {
 

@@ -5,9 +5,11 @@
 #include <nlohmann/json.hpp>
 
 #include "core/errors.h"
+#include "report/json_text.h"
 #include "stage/profile/profile.h"
+#include "station/devices/commands.h"
 #include "station/devices/devices_table.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
@@ -89,7 +91,7 @@ void print_json(const std::vector<ListedBackend>& backends) {
                                            {"detail", listed.backend.detail},
                                            {"cameras", cameras}});
     }
-    fmt::print("{}\n", json.dump(2, ' ', false, ordered_json::error_handler_t::replace));
+    fmt::print("{}\n", text_of(json));
 }
 
 }  // namespace
@@ -101,6 +103,13 @@ int run_devices(const DevicesArguments& arguments) {
     else
         fmt::print("{}", devices_table(backends, builtin_stage_profile_names()));
     return 0;
+}
+
+void declare_devices(Command& program) {
+    program.add(run_devices, "devices", "list cameras, and the backends that are built in",
+                "Each camera is opened for a moment to ask for its pixel formats and controls. A\n"
+                "backend whose SDK was missing when this program was built is named as left out,\n"
+                "with the reason.\n");
 }
 
 }  // namespace etalon

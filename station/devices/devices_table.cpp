@@ -10,37 +10,9 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t columns = 79;
 constexpr std::size_t widest_column = 30;  // a longer name pushes the rest of its line
 constexpr const char* of_camera = "      ";
 constexpr const char* of_feature = "          ";
-
-std::string ended(std::string line) {
-    line.erase(line.find_last_not_of(' ') + 1);
-    return line + "\n";
-}
-
-// `line` and the words after it, continued on further lines from column `indent` on.
-std::string wrapped(std::string line, const std::vector<std::string>& words,
-                    const std::string& separator, std::size_t indent) {
-    std::string text;
-    bool begins = true;
-    for (const std::string& word : words) {
-        const std::string before = begins ? "" : separator;
-        if (line.size() + before.size() + word.size() > columns && line.size() > indent) {
-            text += ended(line + before);
-            line = std::string(indent, ' ') + word;
-        } else {
-            line += before + word;
-        }
-        begins = false;
-    }
-    return text + ended(line);
-}
-
-std::string sentence(const std::string& beginning, const std::string& text) {
-    return wrapped(beginning, split(text, ' '), " ", beginning.size());
-}
 
 // ---- rows of a camera's formats or controls
 
@@ -56,7 +28,7 @@ std::size_t column_width(const std::vector<Row>& rows, std::string Row::*column)
     return std::min(width, widest_column);
 }
 
-std::string text_of(const std::vector<Row>& rows) {
+std::string rows_text(const std::vector<Row>& rows) {
     const std::size_t names = column_width(rows, &Row::name);
     const std::size_t values = column_width(rows, &Row::value);
     const std::size_t indent = std::string(of_feature).size() + names + values + 4;
@@ -64,7 +36,7 @@ std::string text_of(const std::vector<Row>& rows) {
     for (const Row& row : rows) {
         const std::string line =
             fmt::format("{}{:<{}}  {:<{}}  ", of_feature, row.name, names, row.value, values);
-        text += wrapped(line, row.words, ", ", indent);
+        text += wrapped_words(line, row.words, ", ", indent);
     }
     return text;
 }
@@ -92,7 +64,8 @@ std::string formats_text(const std::vector<CameraFormat>& formats) {
         rows.push_back(row);
     }
     const std::string heading = std::string(of_feature) + "cannot be unpacked: ";
-    return text_of(rows) + (useless.empty() ? "" : wrapped(heading, useless, ", ", heading.size()));
+    return rows_text(rows) +
+           (useless.empty() ? "" : wrapped_words(heading, useless, ", ", heading.size()));
 }
 
 // ---- controls
@@ -125,7 +98,7 @@ std::string controls_text(const std::vector<CameraControl>& controls) {
         std::erase(row.words, "");
         rows.push_back(row);
     }
-    return text_of(rows);
+    return rows_text(rows);
 }
 
 // ---- cameras and backends
@@ -135,9 +108,9 @@ std::string camera_text(const ListedCamera& camera) {
     const std::string name = fmt::format("{} {}, serial {}", identity.vendor, identity.model,
                                          identity.serial.empty() ? "unknown" : identity.serial);
     std::string text =
-        wrapped(of_camera + identity.uri + "  ", {std::string(trimmed(name))}, ", ", 8);
+        wrapped_words(of_camera + identity.uri + "  ", {std::string(trimmed(name))}, ", ", 8);
     if (!camera.fault.empty())
-        text += sentence("        ", camera.fault);
+        text += wrapped_text("        ", camera.fault);
     if (!camera.abilities.formats.empty())
         text += "        formats\n" + formats_text(camera.abilities.formats);
     if (!camera.abilities.controls.empty())
@@ -148,8 +121,8 @@ std::string camera_text(const ListedCamera& camera) {
 std::string backend_text(const ListedBackend& listed) {
     const CameraBackend& backend = listed.backend;
     std::string text =
-        sentence(fmt::format("  {:<11}{:<5}", backend.name, backend.built_in ? "yes" : "no"),
-                 backend.detail);
+        wrapped_text(fmt::format("  {:<11}{:<5}", backend.name, backend.built_in ? "yes" : "no"),
+                     backend.detail);
     for (const ListedCamera& camera : listed.cameras)
         text += camera_text(camera);
     if (backend.built_in && backend.name != "files" && listed.cameras.empty())

@@ -9,9 +9,9 @@
 #include "core/exit_codes.h"
 #include "core/text.h"
 #include "station/devices/capture_settings.h"
+#include "station/devices/commands.h"
 #include "station/devices/drift_report.h"
 #include "station/record/run_record.h"
-#include "station/shell/commands.h"
 #include "station/shell/signals.h"
 
 namespace etalon {

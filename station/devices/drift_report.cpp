@@ -7,6 +7,8 @@
 
 #include "core/text.h"
 #include "report/html.h"
+#include "report/json_text.h"
+#include "report/number_text.h"
 #include "report/svg_plot.h"
 
 namespace etalon {
@@ -20,10 +22,6 @@ double scale_ppm(const Movement& movement, double radius_px) {
 }
 double rotation_urad(const Movement& movement, double radius_px) {
     return 1e6 * movement[3] / radius_px;
-}
-
-Json optional_number(const std::optional<double>& value) {
-    return value ? Json(*value) : Json();
 }
 
 double radius_of(const DriftMonitor& monitor) {
@@ -98,8 +96,6 @@ std::string obstacle(const DriftResult& result) {
     return "something jumped just before the end";
 }
 
-using Facts = std::vector<std::pair<std::string, std::string>>;
-
 Facts facts_of_the_watch(const DriftResult& result, const std::string& target) {
     const DriftMonitor& monitor = result.monitor;
     const auto px = [](const std::optional<double>& value) {
@@ -153,28 +149,24 @@ std::string movement_plot(const DriftMonitor& monitor) {
     // A point per block's worth of frames is enough for the eye, and keeps the page small.
     const std::size_t step = std::max<std::size_t>(1, monitor.frames().size() / 600);
     for (int i = 0; i < 4; ++i) {
-        std::vector<double> times, values;
+        Series movement;
         for (std::size_t n = 0; n < monitor.frames().size(); n += step)
-            if (const DriftFrame& frame = monitor.frames()[n]; frame.seen) {
-                times.push_back(frame.time.count());
-                values.push_back(frame.movement[i]);
-            }
-        plot.add_points(times, values, inks[i], names[i]);
+            if (const DriftFrame& frame = monitor.frames()[n]; frame.seen)
+                movement.add(frame.time.count(), frame.movement[i]);
+        plot.add_points(movement, inks[i], names[i]);
     }
     return plot.svg();
 }
 
 std::string rate_plot(const DriftMonitor& monitor) {
-    std::vector<double> times, worst, low, high;
-    for (const DriftRate& rate : monitor.rates()) {
-        times.push_back(rate.to.count());
-        worst.push_back(rate.worst_px_per_min);
-        low.push_back(std::max(0.0, rate.worst_px_per_min - rate.expanded_uncertainty_px_per_min));
-        high.push_back(rate.bound_px_per_min);
-    }
+    Series worst;
+    for (const DriftRate& rate : monitor.rates())
+        worst.add(rate.to.count(), rate.worst_px_per_min,
+                  std::max(0.0, rate.worst_px_per_min - rate.expanded_uncertainty_px_per_min),
+                  rate.bound_px_per_min);
     SvgPlot plot("minutes", "worst drift over the image, px/min");
-    plot.add_band(times, low, high, Ink::blue, "with U");
-    plot.add_line(times, worst, Ink::blue, "drift");
+    plot.add_band(worst, Ink::blue, "with U");
+    plot.add_line(worst, Ink::blue, "drift");
     plot.add_level(monitor.plan().limit_px_per_min, Ink::red, "limit");
     return plot.svg();
 }
@@ -182,13 +174,12 @@ std::string rate_plot(const DriftMonitor& monitor) {
 void add_jumps(HtmlPage& page, const DriftMonitor& monitor) {
     if (monitor.jumps().empty())
         return;
-    std::vector<std::vector<std::string>> rows;
+    TableRows rows;
     for (const DriftJump& jump : monitor.jumps())
-        rows.push_back(
-            {fmt::format("{:.2f}", jump.time.count()), fmt::format("{:.3f}", jump.size_px),
-             fmt::format("{:.3f}", jump.movement[0]), fmt::format("{:.3f}", jump.movement[1]),
-             fmt::format("{:.0f}", scale_ppm(jump.movement, jump.radius_px)),
-             fmt::format("{:.0f}", rotation_urad(jump.movement, jump.radius_px))});
+        rows.push_back({fixed(jump.time.count(), 2), fixed(jump.size_px, 3),
+                        fixed(jump.movement[0], 3), fixed(jump.movement[1], 3),
+                        fixed(scale_ppm(jump.movement, jump.radius_px), 0),
+                        fixed(rotation_urad(jump.movement, jump.radius_px), 0)});
     page.add_heading("Jumps");
     page.add_paragraph(
         "The image moved from one frame to the next: the target, the camera or what they stand on "
@@ -257,14 +248,14 @@ std::string drift_json(const DriftResult& result, const std::string& target) {
                  {"shake_px", optional_number(monitor.shake_px())},
                  {"jumps", json_list(monitor.jumps(), jump_json)},
                  {"rates", json_list(monitor.rates(), rate_json)}};
-    return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+    return text_of(json) + "\n";
 }
 
 std::string drift_html(const DriftResult& result, const std::string& target) {
     HtmlPage page("Drift of a camera", result.camera.uri + ", " + target);
     add_summary(page, result, target);
     page.add_heading("Movement and rate");
-    std::vector<HtmlPage::Figure> figures = {
+    HtmlPage::Figures figures = {
         {movement_plot(result.monitor),
          "Movement of the target's image since the first frame, and after a jump since the first "
          "frame behind it. Growth and turn as what they move a point by that is as far from the "

@@ -9,8 +9,9 @@
 #include "core/errors.h"
 #include "core/exit_codes.h"
 #include "stage/motion/guarded_stage.h"
+#include "station/devices/commands.h"
 #include "station/devices/stage_text.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
 #include "station/shell/signals.h"
 
 namespace etalon {
@@ -141,6 +142,71 @@ int run_stage_check(const StageCheckArguments& arguments) {
     const StageProfile profile = named_stage_profile(arguments.profile);
     fmt::print("{}", arguments.json ? stage_profile_json(profile) : stage_profile_text(profile));
     return 0;
+}
+
+namespace {
+
+using StageAction = int (*)(const StageArguments&);
+
+constexpr const char* station_help = "station.yaml: its stage section is used";
+
+Declared<StageArguments> declare_on_stage(Command& stage, StageAction action, const char* name,
+                                          const char* summary, const char* details = "") {
+    auto [command, asked] = stage.add(action, name, summary, details);
+    command.required("STATION", asked->station, station_help);
+    command.flag("--trace", asked->trace, "print every Modbus exchange on stderr");
+    return {command, asked};
+}
+
+void declare_motion(Command& stage, StageAction action, const char* name, const char* summary,
+                    const char* target) {
+    auto [command, asked] = declare_on_stage(
+        stage, action, name, summary,
+        "Axes that are not named stay. The axes must be homed (`etalon stage home`); soft\n"
+        "limits, forbidden boxes and slow zones hold as in a run. Ctrl-C stops the axes.\n");
+    command.required("TARGET", asked->targets, target);
+    command.option("--speed", asked->speed_percent, "percent of the axes' speeds (100)", "P")
+        .in_range(0.1, 100.0);
+}
+
+void declare_homing(Command& stage) {
+    auto [command, asked] =
+        declare_on_stage(stage, run_stage_home, "home", "enable the axes and find their zeros",
+                         "Asks first: homing goes the controller's own way, whatever is in it.\n");
+    command.flag("--yes", asked->yes, "do not ask (needed without a terminal)");
+}
+
+void declare_trace(Command& stage) {
+    auto [command, asked] =
+        stage.add(run_stage_trace, "trace", "read the status and print every Modbus exchange",
+                  "Writes nothing.\n");
+    command.required("STATION", asked->station, station_help);
+    command.option("--polls", asked->polls, "how often (1)", "N").within(1, 1000000);
+}
+
+void declare_check(Command& stage) {
+    auto [command, asked] = stage.add(run_stage_check, "check",
+                                      "check a controller's profile and say how well it is known",
+                                      "Exit code 0: valid, 3: not, with file, line and key.\n");
+    command.required("PROFILE", asked->profile, "a file.yaml, or the name of a built-in one");
+}
+
+}  // namespace
+
+void declare_stage(Command& program) {
+    Command stage = program.add_group("stage", "look at, home, move and stop the stage");
+    declare_on_stage(stage, run_stage_status, "status", "show where the axes are and how they are");
+    declare_homing(stage);
+    declare_motion(stage, run_stage_move, "move", "move axes to positions",
+                   "x=12.5 rz=-3: mm or degrees");
+    declare_motion(stage, run_stage_jog, "jog", "move axes by some way",
+                   "x=0.5 rz=-1: by so many mm or degrees");
+    declare_on_stage(stage, run_stage_stop, "stop",
+                     "stop every axis; exit code 0 only if that is confirmed");
+    declare_trace(stage);
+    declare_on_stage(stage, run_stage_plan, "plan", "print a run's way without moving anything",
+                     "Needs the whole station.yaml; touches no device.\n");
+    declare_check(stage);
 }
 
 }  // namespace etalon

@@ -9,6 +9,7 @@
 #include "core/progress.h"
 #include "core/text.h"
 #include "core/units.h"
+#include "report/json_text.h"
 
 namespace etalon {
 namespace {
@@ -28,7 +29,7 @@ double seconds(Duration time) {
 }
 
 std::string print(const Json& json) {
-    return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+    return text_of(json) + "\n";
 }
 
 // An alarm without a code is -1.
@@ -55,7 +56,7 @@ std::vector<std::string> state_words(const AxisStatus& status, const StageProfil
     return words;
 }
 
-std::string text_of(const MotionSegment& segment, std::span<const Axis> axes) {
+std::string segment_text(const MotionSegment& segment, std::span<const Axis> axes) {
     std::vector<std::string> words;
     for (std::size_t i = 0; i < axes.size(); ++i)
         if (segment.to[i] != segment.from[i])
@@ -69,23 +70,6 @@ Json positions_json(std::span<const Axis> axes, const std::vector<double>& posit
     for (std::size_t i = 0; i < axes.size(); ++i)
         json[axes[i].name] = positions[i] / typed_unit(axes[i]);
     return json;
-}
-
-// Words in lines of at most 79 columns, the first after `head`, the others below its text.
-std::string wrapped(const std::string& head, const std::string& text) {
-    constexpr std::size_t columns = 79;
-    const std::string indent(head.size(), ' ');
-    std::string lines, line = head;
-    for (const std::string& word : split(text, ' ')) {
-        const bool first = line.size() == head.size();
-        if (!first && line.size() + 1 + word.size() > columns) {
-            lines += line + "\n";
-            line = indent + word;
-            continue;
-        }
-        line += (first ? "" : " ") + word;
-    }
-    return lines + line + "\n";
 }
 
 std::string link_text(const LinkDefaults& link) {
@@ -120,9 +104,10 @@ std::string stage_status_text(std::span<const Axis> axes, std::span<const AxisSt
                               const StageProfile& profile) {
     std::string text;
     for (std::size_t i = 0; i < axes.size(); ++i)
-        text += wrapped(fmt::format("{:<8}{:12.4f} {:<3}  ", axes[i].name,
-                                    statuses[i].position / typed_unit(axes[i]), unit_name(axes[i])),
-                        fmt::format("{}", fmt::join(state_words(statuses[i], profile), ", ")));
+        text += wrapped_text(
+            fmt::format("{:<8}{:12.4f} {:<3}  ", axes[i].name,
+                        statuses[i].position / typed_unit(axes[i]), unit_name(axes[i])),
+            fmt::format("{}", fmt::join(state_words(statuses[i], profile), ", ")));
     return text;
 }
 
@@ -154,10 +139,10 @@ std::string stage_plan_text(std::span<const Axis> axes, const Plan& plan) {
         for (const MotionSegment& segment : plan.legs[pose]) {
             ++motions;
             const bool first = &segment == &plan.legs[pose].front();
-            std::string where = text_of(segment, axes);
+            std::string where = segment_text(segment, axes);
             if (!segment.near.empty())
                 where += fmt::format(" (near {})", fmt::join(segment.near, ", "));
-            text += wrapped(
+            text += wrapped_text(
                 fmt::format("{:>4} {:5.1f}s {:4.0f} %  ", first ? std::to_string(pose + 1) : "",
                             seconds(segment.time), 100.0 * segment.speed_share),
                 where);
@@ -186,13 +171,13 @@ std::string stage_plan_json(std::span<const Axis> axes, const Plan& plan) {
 }
 
 std::string stage_profile_text(const StageProfile& profile) {
-    std::string text = wrapped(profile.name + ": ", profile.about);
+    std::string text = wrapped_text(profile.name + ": ", profile.about);
     text += fmt::format("  {} {} a unit, {}\n", profile.max_axes,
                         profile.max_axes == 1 ? "axis" : "axes", link_text(profile.link));
     const auto list = [&](const char* title, const std::vector<std::string>& items) {
         text += fmt::format("  {}\n", title);
         for (const std::string& item : items)
-            text += wrapped("    - ", item);
+            text += wrapped_text("    - ", item);
         if (items.empty())
             text += "    nothing\n";
     };
@@ -200,8 +185,8 @@ std::string stage_profile_text(const StageProfile& profile) {
     list("not confirmed", profile.unconfirmed);
     const std::vector<std::string> missing = missing_signals(profile);
     if (!missing.empty())
-        text += wrapped("  does not tell: ", fmt::format("{}", fmt::join(missing, ", ")));
-    return text + wrapped("  watchdog: ", watchdog_text(profile)) + "profile valid\n";
+        text += wrapped_text("  does not tell: ", fmt::format("{}", fmt::join(missing, ", ")));
+    return text + wrapped_text("  watchdog: ", watchdog_text(profile)) + "profile valid\n";
 }
 
 std::string stage_profile_json(const StageProfile& profile) {

@@ -10,11 +10,24 @@
 #include "core/progress.h"
 #include "core/text.h"
 #include "core/units.h"
+#include "station/foresee/commands.h"
 #include "station/foresee/expectation_report.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
+
+struct ExpectArguments {
+    std::filesystem::path camera, out;  // out: folder; empty: no report
+    std::string marker;
+    std::string volume;  // "NEAR:FAR", depths in mm
+    double max_tilt_deg = 45.0;
+    std::string detector = "auto";
+    int poses = 200, frames = 8;
+    std::uint64_t seed = 1;
+    double background = 1.0, white_level = 0.8;
+    bool json = false;
+};
 
 // "NEAR:FAR", mm.
 SeenVolume parse_volume(const std::string& text, double max_tilt_deg) {
@@ -59,8 +72,6 @@ void print_text(const Expectation& expectation) {
         fmt::print("{:<24}{:<5}{:>8}  at {}\n", row[0], row[1], row[6], row[7]);
 }
 
-}  // namespace
-
 int run_expect(const ExpectArguments& arguments) {
     const ExpectationRequest request = request_of(arguments);
     SteadyClock clock;
@@ -82,6 +93,40 @@ int run_expect(const ExpectArguments& arguments) {
     if (!arguments.out.empty() && !arguments.json)
         fmt::print("report {}\n", (arguments.out / "report.html").string());
     return 0;
+}
+
+}  // namespace
+
+void declare_expect(Command& program) {
+    auto [command, asked] = program.add(
+        run_expect, "expect", "map the pose errors to expect of camera and marker",
+        "Renders the marker at poses all over the volume that the camera sees, detects\n"
+        "it and maps the bias (without noise) and the noise (from the sensor section)\n"
+        "over distance, image position and tilt, with bootstrap intervals. The routine\n"
+        "test after a calibration; needs neither stage nor photographs. A minute of CPU\n"
+        "time for 200 poses. Explained in docs/expectation.md.\n\n"
+        "Example:\n"
+        "  etalon expect --camera camera.yml --marker apriltag:36h11:5@80mm \\\n"
+        "      --volume 330:630 --out expected\n");
+    command.required("--camera", asked->camera, "calibration: ours, OpenCV's or ROS'", "FILE");
+    command.required("--marker", asked->marker, "as for `etalon render`", "M");
+    command.required("--volume", asked->volume, "depths of the marker, mm", "NEAR:FAR");
+    command.option("--tilt", asked->max_tilt_deg, "largest tilt, degrees (default 45)", "DEG")
+        .in_range(0.0, 80.0);
+    command.option("--detector", asked->detector, "default: the marker's own", "NAME");
+    command.option("--poses", asked->poses, "default 200", "N").within(20, 100000);
+    command.option("--frames", asked->frames, "with noise, per pose (default 8; 0: none)", "N")
+        .within(0, 1000);
+    command.option("--seed", asked->seed, "of poses, noise and bootstrap (default 1)", "N").whole();
+    command
+        .option("--background", asked->background,
+                "radiance around the marker, whose white\nis 1 (default 1)", "B")
+        .in_range(0.0, 1.0);
+    command
+        .option("--white", asked->white_level,
+                "the marker's white in the images, 1 = full\nscale (default 0.8)", "W")
+        .in_range(0.01, 1.0);
+    command.option("--out", asked->out, "folder for report.html, JSON and CSV", "DIR");
 }
 
 }  // namespace etalon

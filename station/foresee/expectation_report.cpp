@@ -9,6 +9,8 @@
 #include "core/pose_numbers.h"
 #include "core/text.h"
 #include "core/units.h"
+#include "report/json_text.h"
+#include "report/number_text.h"
 #include "report/svg_plot.h"
 
 namespace etalon {
@@ -63,16 +65,14 @@ void add_average(SvgPlot& plot, const ExpectationMap& map, const Abscissa& along
                  const std::vector<double>& xs, double (*shown)(double), Ink ink) {
     constexpr int steps = 30;
     const auto [low, high] = std::minmax_element(xs.begin(), xs.end());
-    std::vector<double> at, value, lower, upper;
+    Series series;
     for (int i = 0; i <= steps; ++i) {
-        at.push_back(*low + (*high - *low) * i / steps);
-        const MapValue average = map.average_at(along.variable, at.back() * along.unit);
-        value.push_back(shown(average.value));
-        lower.push_back(shown(average.low));
-        upper.push_back(shown(average.high));
+        const double at = *low + (*high - *low) * i / steps;
+        const MapValue average = map.average_at(along.variable, at * along.unit);
+        series.add(at, shown(average.value), shown(average.low), shown(average.high));
     }
-    plot.add_band(at, lower, upper, ink, "95 %");
-    plot.add_line(at, value, ink, "average");
+    plot.add_band(series, ink, "95 %");
+    plot.add_line(series, ink, "average");
 }
 
 double itself(double value) {
@@ -108,7 +108,7 @@ std::string noise_plot(const Expectation& expectation, std::size_t component,
 }
 
 void add_bias_plots_of(HtmlPage& page, const Expectation& expectation, std::size_t component) {
-    std::vector<HtmlPage::Figure> figures;
+    HtmlPage::Figures figures;
     for (const Abscissa& along : abscissae)
         figures.push_back({bias_plot(expectation, component, along),
                            fmt::format("Bias {}: each pose, and the smooth map averaged over the "
@@ -122,7 +122,7 @@ void add_plots(HtmlPage& page, const Expectation& expectation) {
         add_bias_plots_of(page, expectation, component);
     if (!expectation.noise_maps)
         return;
-    std::vector<HtmlPage::Figure> figures;
+    HtmlPage::Figures figures;
     for (const std::size_t component : {std::size_t{0}, std::size_t{4}})
         for (const Abscissa& along : abscissae)
             figures.push_back({noise_plot(expectation, component, along),
@@ -191,16 +191,16 @@ std::vector<std::vector<std::string>> summary_rows(const Expectation& expectatio
             const ExpectationMap& map = (*expectation.bias_maps)[k];
             const MapValue mean = map.mean();
             const MarkerPlace& worst = worst_place(expectation, k);
-            row.push_back(fmt::format("{:.4f}", mean.value));
+            row.push_back(fixed(mean.value, 4));
             row.push_back(fmt::format("{:.4f} .. {:.4f}", mean.low, mean.high));
-            row.push_back(fmt::format("{:.4f}", rms(expectation.biases(static_cast<int>(k)))));
-            row.push_back(fmt::format("{:.4f}", map.scatter()));
-            row.push_back(fmt::format("{:.4f}", map.at(worst).value));
+            row.push_back(fixed(rms(expectation.biases(static_cast<int>(k))), 4));
+            row.push_back(fixed(map.scatter(), 4));
+            row.push_back(fixed(map.at(worst).value, 4));
             row.push_back(place_text(worst));
         } else {
             row.resize(8);
         }
-        row.push_back(noises.empty() ? "unknown" : fmt::format("{:.4f}", rms(noises)));
+        row.push_back(noises.empty() ? "unknown" : fixed(rms(noises), 4));
         rows.push_back(row);
     }
     return rows;
@@ -251,7 +251,7 @@ std::string expectation_json(const ExpectationRequest& request, const Expectatio
     json["pose_list"] = ordered_json::array();
     for (const ExpectedPose& pose : expectation.poses)
         json["pose_list"].push_back(pose_json(pose));
-    return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+    return text_of(json) + "\n";
 }
 
 std::string expectation_csv(const Expectation& expectation) {

@@ -12,12 +12,20 @@
 #include "core/progress.h"
 #include "core/text.h"
 #include "report/svg_plot.h"
+#include "station/foresee/commands.h"
 #include "station/foresee/operating_characteristic.h"
 #include "station/foresee/studied_plan.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
+
+struct OcArguments {
+    std::filesystem::path station, out;  // out: folder for curves and JSON; empty: none
+    int runs = 2000;                     // per point
+    std::vector<std::string> errors;     // only these; none: all
+    bool json = false;
+};
 
 using Json = nlohmann::ordered_json;
 
@@ -172,26 +180,22 @@ Json json_of(const StudiedPlan& studied, const OperatingCharacteristic& result) 
 // Shares of PASS and FAIL of one quantity over the size of the error, in its 1x.
 std::string curve(const OperatingCharacteristic& result, const ErrorCharacteristic& error,
                   std::size_t quantity) {
-    std::vector<double> sizes = {0.0}, pass, fail, low, high;
-    std::vector<OutcomeCounts> counts = {result.without_error.quantities[quantity].counts};
-    for (const CharacteristicPoint& point : error.points) {
-        sizes.push_back(point.size / *error.limit_size[quantity]);
-        counts.push_back(point.quantities[quantity].counts);
-    }
-    for (const OutcomeCounts& one : counts) {
-        const Share share = run_share(one.pass, one.runs());
-        pass.push_back(share.value);
-        low.push_back(share.low);
-        high.push_back(share.high);
-        fail.push_back(run_share(one.fail, one.runs()).value);
-    }
+    Series pass, fail;
+    const auto add = [&](double size, const OutcomeCounts& counts) {
+        const Share share = run_share(counts.pass, counts.runs());
+        pass.add(size, share.value, share.low, share.high);
+        fail.add(size, run_share(counts.fail, counts.runs()).value);
+    };
+    add(0.0, result.without_error.quantities[quantity].counts);
+    for (const CharacteristicPoint& point : error.points)
+        add(point.size / *error.limit_size[quantity], point.quantities[quantity].counts);
     SvgPlot plot(
         fmt::format("{} over {}", error.name, size_text(*error.limit_size[quantity], error.unit)),
         "share of runs");
     plot.set_y_range(0.0, 1.0);
-    plot.add_band(sizes, low, high, Ink::green, "95 % interval");
-    plot.add_line(sizes, pass, Ink::green, "PASS");
-    plot.add_line(sizes, fail, Ink::red, "FAIL");
+    plot.add_band(pass, Ink::green, "95 % interval");
+    plot.add_line(pass, Ink::green, "PASS");
+    plot.add_line(fail, Ink::red, "FAIL");
     return plot.svg(true);
 }
 
@@ -204,10 +208,7 @@ std::string file_name(std::string name) {
 
 void write_files(const std::filesystem::path& folder, const Json& json,
                  const OperatingCharacteristic& result) {
-    std::error_code failed;
-    std::filesystem::create_directories(folder, failed);
-    if (failed)
-        throw ConfigError({folder.string()}, "cannot be made: " + failed.message());
+    make_folder(folder);
     write_text(folder / "operating-characteristic.json", json.dump(1) + "\n");
     for (const ErrorCharacteristic& error : result.errors)
         for (std::size_t k = 0; k < error.limit_size.size(); ++k)
@@ -216,8 +217,6 @@ void write_files(const std::filesystem::path& folder, const Json& json,
                                                 file_name(result.quantities[k].name)),
                            curve(result, error, k));
 }
-
-}  // namespace
 
 int run_oc(const OcArguments& arguments) {
     const StudiedPlan studied = study_plan(arguments.station, frames_of_study);
@@ -241,6 +240,26 @@ int run_oc(const OcArguments& arguments) {
     else
         print_text(studied, result);
     return 0;
+}
+
+}  // namespace
+
+void declare_oc(Command& program) {
+    auto [command, asked] = program.add(
+        run_oc, "oc", "operating characteristic: what its PASS means",
+        "Simulates thousands of runs with errors of known size put in, and prints how\n"
+        "often each judged quantity comes out as PASS and FAIL. 1x is the size whose\n"
+        "field just reaches the quantity's limit. About 40 ms of CPU a run; --runs 200\n"
+        "for a first look. Explained in docs/operating-characteristic.md.\n\n"
+        "Example:\n  etalon oc examples/demo/station.yaml --error \"focal length\"\n");
+    command.required("STATION", asked->station, "station.yaml");
+    command.option("--runs", asked->runs, "of each error and size (default 2000)", "N")
+        .within(1, 1000000);
+    command
+        .option("--error", asked->errors,
+                "an error by its name; may be repeated\n(default: all, one of each group)", "NAME")
+        .one_each();
+    command.option("--out", asked->out, "folder for the curves (SVG) and the JSON", "DIR");
 }
 
 }  // namespace etalon

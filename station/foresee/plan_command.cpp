@@ -9,11 +9,17 @@
 
 #include "core/errors.h"
 #include "core/progress.h"
+#include "station/foresee/commands.h"
 #include "station/foresee/studied_plan.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
+
+struct PlanArguments {
+    std::filesystem::path station;
+    bool json = false;
+};
 
 using Json = nlohmann::ordered_json;
 
@@ -180,8 +186,6 @@ Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
             {"errors", errors}};
 }
 
-}  // namespace
-
 int run_plan(const PlanArguments& arguments) {
     const StudiedPlan studied = study_plan(arguments.station, noisy_frames);
     const Forecast forecast = forecast_of(*studied.simulator);
@@ -193,6 +197,19 @@ int run_plan(const PlanArguments& arguments) {
     print_quantities(forecast);
     print_errors(forecast.signatures);
     return 0;
+}
+
+}  // namespace
+
+void declare_plan(Command& program) {
+    auto [command, asked] = program.add(
+        run_plan, "plan", "what a station's plan will see, before anything moves",
+        "Renders and detects every pose of the plan, with noise, and simulates 20 runs:\n"
+        "run time, the expected U of each judged quantity, the smallest size of each\n"
+        "error that is detected, which errors cannot be told apart and which cannot be\n"
+        "seen at all. The station file needs camera_mount, the calibration a sensor.\n"
+        "Some ten seconds. Explained in docs/operating-characteristic.md.\n");
+    command.required("STATION", asked->station, "station.yaml");
 }
 
 }  // namespace etalon

@@ -1,10 +1,18 @@
 #include <fmt/format.h>
 
+#include "station/history/commands.h"
 #include "station/history/run_history.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
+
+// Exit code 1 when a quantity drifts.
+struct HistoryArguments {
+    std::vector<std::filesystem::path> records;
+    std::filesystem::path out;  // folder of the report; empty: none
+    bool json = false;
+};
 
 constexpr int drift_found = 1;
 
@@ -18,8 +26,6 @@ void print_alarms(std::span<const QuantityHistory> charts) {
     if (!any)
         fmt::print("no drift alarm\n");
 }
-
-}  // namespace
 
 int run_history(const HistoryArguments& arguments) {
     const std::vector<HistoricRun> runs = read_history(arguments.records);
@@ -37,6 +43,20 @@ int run_history(const HistoryArguments& arguments) {
     const bool drifts = std::any_of(charts.begin(), charts.end(),
                                     [](const QuantityHistory& chart) { return chart.drifts(); });
     return drifts ? drift_found : 0;
+}
+
+}  // namespace
+
+void declare_history(Command& program) {
+    auto [command, asked] =
+        program.add(run_history, "history", "control chart of a camera over its runs",
+                    "Reads the run.json of every record and charts each judged quantity of each\n"
+                    "camera over time: a self-starting EWMA chart, which gives one false alarm in\n"
+                    "373 runs. A new calibration begins a new baseline. Prints a table, and\n"
+                    "`drift alarm camera SERIAL QUANTITY` or `no drift alarm`; exit code 1 when a\n"
+                    "quantity drifts. --out writes report.html, an SVG of each chart and JSON.\n");
+    command.required("DIR", asked->records, "records, or folders that hold records");
+    command.option("--out", asked->out, "folder of the report", "DIR");
 }
 
 }  // namespace etalon

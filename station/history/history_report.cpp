@@ -2,6 +2,7 @@
 
 #include "core/text.h"
 #include "report/html.h"
+#include "report/number_text.h"
 #include "report/svg_plot.h"
 #include "station/history/run_history.h"
 #include "station/record/record_json.h"
@@ -10,8 +11,8 @@
 namespace etalon {
 namespace {
 
-std::string number(const std::optional<double>& value, int digits, const char* missing = "-") {
-    return value ? fmt::format("{:.{}g}", *value, digits) : missing;
+std::string number(const std::optional<double>& value, int digits) {
+    return value ? fmt::format("{:.{}g}", *value, digits) : "-";
 }
 
 std::string method_text() {
@@ -45,8 +46,7 @@ std::string row(const HistoricRun& run, const ChartedRun& charted) {
     return fmt::format("  {:20}  {:>9}  {:>9}  {:14}  {:>6}  {}\n", run.started_utc,
                        number(charted.quantity.value, 4),
                        number(charted.quantity.expanded_uncertainty, 3), charted.quantity.outcome,
-                       charted.chart.ewma ? fmt::format("{:.2f}", *charted.chart.ewma) : "-",
-                       charted.chart.alarm ? "DRIFT" : "");
+                       fixed(charted.chart.ewma, 2, "-"), charted.chart.alarm ? "DRIFT" : "");
 }
 
 std::string table_of(std::span<const HistoricRun> runs, const QuantityHistory& history) {
@@ -64,21 +64,17 @@ std::string table_of(std::span<const HistoricRun> runs, const QuantityHistory& h
 
 // ---- JSON
 
-RecordJson optional_json(const std::optional<double>& value) {
-    return value ? RecordJson(*value) : RecordJson();
-}
-
 RecordJson run_entry(const HistoricRun& run, const ChartedRun& charted) {
     return {{"started_utc", run.started_utc},
             {"record", run.folder.string()},
             {"calibration_sha256", run.calibration_sha256},
             {"baseline", charted.baseline},
-            {"value", optional_json(charted.quantity.value)},
-            {"expanded_uncertainty", optional_json(charted.quantity.expanded_uncertainty)},
-            {"limit", optional_json(charted.quantity.limit)},
+            {"value", optional_number(charted.quantity.value)},
+            {"expanded_uncertainty", optional_number(charted.quantity.expanded_uncertainty)},
+            {"limit", optional_number(charted.quantity.limit)},
             {"outcome", charted.quantity.outcome},
-            {"q", optional_json(charted.chart.q)},
-            {"ewma", optional_json(charted.chart.ewma)},
+            {"q", optional_number(charted.chart.q)},
+            {"ewma", optional_number(charted.chart.ewma)},
             {"alarm", charted.chart.alarm}};
 }
 
@@ -98,11 +94,8 @@ RecordJson chart_entry(std::span<const HistoricRun> runs, const QuantityHistory&
 // ---- pictures
 
 struct Columns {
-    std::vector<double> number, value, low, high, ewma, ewma_number;
-    std::vector<std::string> notes, ewma_notes;
-    // The runs that are the first with another calibration.
-    std::vector<double> new_number, new_value;
-    std::vector<std::string> new_notes;
+    Series values, ewma;
+    Series new_calibrations;  // the runs that are the first with another calibration
 };
 
 Columns columns_of(std::span<const HistoricRun> runs, const QuantityHistory& history) {
@@ -111,35 +104,26 @@ Columns columns_of(std::span<const HistoricRun> runs, const QuantityHistory& his
         const ChartedRun& charted = history.runs[i];
         const std::string note =
             fmt::format("{}, {}", runs[charted.run].started_utc, charted.quantity.outcome);
+        const double place = static_cast<double>(i + 1), value = *charted.quantity.value;
         const double u = charted.quantity.expanded_uncertainty.value_or(0.0);
-        columns.number.push_back(static_cast<double>(i + 1));
-        columns.value.push_back(*charted.quantity.value);
-        columns.low.push_back(*charted.quantity.value - u);
-        columns.high.push_back(*charted.quantity.value + u);
-        columns.notes.push_back(note);
-        if (begins_baseline(history, i)) {
-            columns.new_number.push_back(static_cast<double>(i + 1));
-            columns.new_value.push_back(*charted.quantity.value);
-            columns.new_notes.push_back(
+        columns.values.add(place, value, value - u, value + u, note);
+        if (begins_baseline(history, i))
+            columns.new_calibrations.add(
+                place, value,
                 fmt::format("{}, calibration {}", note, short_hash(runs[charted.run])));
-        }
-        if (!charted.chart.ewma)
-            continue;
-        columns.ewma_number.push_back(static_cast<double>(i + 1));
-        columns.ewma.push_back(*charted.chart.ewma);
-        columns.ewma_notes.push_back(note);
+        if (charted.chart.ewma)
+            columns.ewma.add(place, *charted.chart.ewma, note);
     }
     return columns;
 }
 
 SvgPlot value_plot(const Columns& columns, const QuantityHistory& history) {
     SvgPlot plot("run", title_of(history));
-    plot.add_band(columns.number, columns.low, columns.high, Ink::gray, "U");
-    plot.add_line(columns.number, columns.value, Ink::blue, "value");
-    plot.add_points(columns.number, columns.value, Ink::blue, "", columns.notes);
-    if (!columns.new_number.empty())
-        plot.add_points(columns.new_number, columns.new_value, Ink::orange, "new calibration",
-                        columns.new_notes);
+    plot.add_band(columns.values, Ink::gray, "U");
+    plot.add_line(columns.values, Ink::blue, "value");
+    plot.add_points(columns.values, Ink::blue, "");
+    if (!columns.new_calibrations.empty())
+        plot.add_points(columns.new_calibrations, Ink::orange, "new calibration");
     if (const auto limit = history.runs.back().quantity.limit)
         plot.add_level(*limit, Ink::red, "limit");
     return plot;
@@ -147,8 +131,8 @@ SvgPlot value_plot(const Columns& columns, const QuantityHistory& history) {
 
 SvgPlot drift_plot(const Columns& columns) {
     SvgPlot plot("run", "EWMA of Q");
-    plot.add_line(columns.ewma_number, columns.ewma, Ink::orange, "EWMA");
-    plot.add_points(columns.ewma_number, columns.ewma, Ink::orange, "", columns.ewma_notes);
+    plot.add_line(columns.ewma, Ink::orange, "EWMA");
+    plot.add_points(columns.ewma, Ink::orange, "");
     plot.add_level(drift_limit, Ink::red, "alarm");
     plot.add_level(-drift_limit, Ink::red, "alarm");
     return plot;
@@ -162,7 +146,7 @@ void add_chart(HtmlPage& page, std::span<const HistoricRun> runs, const Quantity
     const Columns columns = columns_of(runs, history);
     page.add_figures({{value_plot(columns, history).svg(), "Values, with U as a band."},
                       {drift_plot(columns).svg(), "How far they have moved from those before."}});
-    std::vector<std::vector<std::string>> rows;
+    TableRows rows;
     for (const ChartedRun& charted : history.runs) {
         const HistoricRun& run = runs[charted.run];
         rows.push_back({run.started_utc, number(charted.quantity.value, 4),

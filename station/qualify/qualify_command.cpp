@@ -5,15 +5,27 @@
 
 #include "core/errors.h"
 #include "core/file_lock.h"
+#include "station/qualify/commands.h"
 #include "station/qualify/runner.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
 #include "station/setup/station_inputs.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
 #include "station/shell/signals.h"
 
 namespace etalon {
 namespace {
+
+struct QualifyArguments {
+    std::filesystem::path station, out;
+    std::filesystem::path resume;  // in place of out: the record to go on with
+    bool json = false;
+};
+
+struct ReportArguments {
+    std::filesystem::path record;
+    bool json = false;
+};
 
 void announce(const StationFile& station, Progress& progress) {
     const Plan plan = plan_of(station);
@@ -97,8 +109,6 @@ void require_either(const QualifyArguments& arguments) {
         throw ConfigError({"--out"}, "is required, unless a run is resumed with --resume DIR");
 }
 
-}  // namespace
-
 int run_qualify(const QualifyArguments& arguments) {
     require_either(arguments);
     std::stop_source stop;
@@ -118,6 +128,39 @@ int run_report(const ReportArguments& arguments) {
     const RecordedRun recorded = read_record(arguments.record, progress, stop.get_token());
     announce(recorded, progress);
     return print_result(analyse_record(recorded, progress, stop.get_token()), arguments.json);
+}
+
+}  // namespace
+
+void declare_qualify(Command& program) {
+    auto [command, asked] = program.add(
+        run_qualify, "qualify", "qualify a camera on a motorised stage: the main job",
+        "Moves the marker through the planned poses, takes photographs, renders the\n"
+        "same poses from the camera's calibration and compares. Prints\n"
+        "`verdict PASS` (FAIL, INCONCLUSIVE) and `report DIR/report.html`. DIR is the\n"
+        "record: run.json, poses.csv, events.jsonl, frames/, report.html. It must not\n"
+        "exist or be empty, and keeps what was measured however the run ends.\n"
+        "Ctrl-C stops the axes and ends the run.\n\n"
+        "`etalon qualify --resume DIR` goes on with a run that did not come to its\n"
+        "end: the poses that DIR has are kept, the rest of the plan is measured. It\n"
+        "works from DIR's own copies of station.yaml and calibration; where STATION is\n"
+        "given too, it must be the same.\n\n"
+        "Everything that the run needs is said in station.yaml: examples/demo has one\n"
+        "with every key explained.\n");
+    command.option("STATION", asked->station, "station.yaml: devices, marker, plan, limits");
+    const Option out = command.option("--out", asked->out, "folder of the record", "DIR");
+    command.option("--resume", asked->resume, "in place of --out: go on with this record", "DIR")
+        .excludes(out);
+}
+
+void declare_report(Command& program) {
+    auto [command, asked] =
+        program.add(run_report, "report", "analyse the record of a run again",
+                    "From the raw frames, the stage's readings and the copies of station.yaml and\n"
+                    "calibration in DIR, each checked by its SHA-256: writes run.json, poses.csv,\n"
+                    "junit.xml, renders and report.html anew. The same build writes the same\n"
+                    "bytes. Prints what `etalon qualify` prints, with its exit code.\n");
+    command.required("DIR", asked->record, "folder of the record");
 }
 
 }  // namespace etalon

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
@@ -12,24 +13,17 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "report/html.h"
+#include "report/number_text.h"
 #include "station/qualify/report_plots.h"
 #include "station/qualify/run_expectation.h"
 
 namespace etalon {
 namespace {
 
-using Rows = std::vector<std::vector<std::string>>;
-
 constexpr const char* unknown = "unknown";
 
-std::string number(double value, int digits = 3) {
-    if (!std::isfinite(value))
-        return "–";
-    return fmt::format("{:.{}g}", value, digits);
-}
-
-std::string number(const std::optional<double>& value, const char* missing = unknown) {
-    return value ? number(*value) : missing;
+std::string number(double value) {
+    return significant(value, 3);
 }
 
 std::string joined(const std::vector<std::string>& parts, const std::string& separator) {
@@ -38,23 +32,18 @@ std::string joined(const std::vector<std::string>& parts, const std::string& sep
 
 // A judged quantity in words; its name in the limits file where there are none.
 std::string in_words(const std::string& name) {
-    if (name == "b3_position_field_rms_mm")
-        return "Position bias, RMS of the field over the volume";
-    if (name == "b3_position_field_max_mm")
-        return "Position bias, largest value of the field in the volume";
-    if (name == "b3_rotation_field_rms_mrad")
-        return "Rotation bias, RMS of the field over the volume";
-    if (name == "b3_rotation_field_max_mrad")
-        return "Rotation bias, largest value of the field in the volume";
-    if (name == quantity::rest_rms)
-        return "Position bias, RMS of what the field leaves, without noise";
-    if (name == quantity::length_max)
-        return "Length error, largest that the field makes between two poses";
-    if (name == quantity::photometric_rms)
-        return "Position bias of photometric poses (B4), RMS of the field";
-    if (name == quantity::photometric_max)
-        return "Position bias of photometric poses (B4), largest value of the field";
-    return name;
+    static const std::map<std::string, const char*> words = {
+        {quantity::position_rms, "Position bias, RMS of the field over the volume"},
+        {quantity::position_max, "Position bias, largest value of the field in the volume"},
+        {quantity::rotation_rms, "Rotation bias, RMS of the field over the volume"},
+        {"b3_rotation_field_max_mrad", "Rotation bias, largest value of the field in the volume"},
+        {quantity::rest_rms, "Position bias, RMS of what the field leaves, without noise"},
+        {quantity::length_max, "Length error, largest that the field makes between two poses"},
+        {quantity::photometric_rms, "Position bias of photometric poses (B4), RMS of the field"},
+        {quantity::photometric_max,
+         "Position bias of photometric poses (B4), largest value of the field"}};
+    const auto found = words.find(name);
+    return found == words.end() ? name : found->second;
 }
 
 // A relative number in percent, a coefficient as it is, any other with its unit.
@@ -62,8 +51,8 @@ std::string with_unit(double value, const std::string& unit) {
     if (!std::isfinite(value))
         return "none";
     if (unit == "1")
-        return number(100.0 * value, 2) + " %";
-    return unit.empty() ? number(value, 2) : number(value, 2) + " " + unit;
+        return significant(100.0 * value, 2) + " %";
+    return unit.empty() ? significant(value, 2) : significant(value, 2) + " " + unit;
 }
 
 // The sentence under the verdict: the judged quantity that is nearest to its limit.
@@ -82,14 +71,14 @@ std::string deciding_sentence(const QualifyResult& result) {
     if (!deciding)
         return joined(result.analysis->reasons, " ");
     return fmt::format("{}: {} {} with U = {} {} (k = {:.2f}) against a limit of {} {}.",
-                       in_words(deciding->name), number(deciding->value, 2), deciding->unit,
-                       number(deciding->expanded_uncertainty, 2), deciding->unit,
+                       in_words(deciding->name), significant(deciding->value, 2), deciding->unit,
+                       significant(deciding->expanded_uncertainty, 2), deciding->unit,
                        deciding->coverage_factor, number(deciding->limit), deciding->unit);
 }
 
 void add_summary(HtmlPage& page, const QualifyResult& result) {
     page.add_verdict(name(result.outcome), deciding_sentence(result));
-    std::vector<std::pair<std::string, std::string>> facts{
+    Facts facts{
         {"Camera", joined({result.camera.vendor, result.camera.model, result.camera.serial}, " ")},
         {"Station", result.station.id},
         {"Limits", result.station.limits.id},
@@ -128,12 +117,12 @@ std::string note_of(const JudgedQuantity& quantity) {
 }
 
 std::vector<std::string> quantity_row(const JudgedQuantity& each, bool is_judged) {
-    const auto figure = [&](double value) { return each.measured ? number(value, 2) : "–"; };
+    const auto figure = [&](double value) { return each.measured ? significant(value, 2) : dash; };
     return {in_words(each.name),
             figure(each.value),
             figure(each.expanded_uncertainty),
             figure(each.coverage_factor),
-            number(each.monte_carlo_uncertainty, "–"),
+            significant(each.monte_carlo_uncertainty, 3),
             is_judged ? number(each.limit) : "none",
             each.unit,
             is_judged ? name(each.outcome) : "reported",
@@ -144,7 +133,7 @@ void add_conditions(HtmlPage& page, const Qualification& analysis) {
     if (analysis.conditions.empty())
         return;
     page.add_heading("Conditions for a PASS");
-    Rows rows;
+    TableRows rows;
     for (const AcceptanceCondition& each : analysis.conditions)
         rows.push_back({each.name, name(each.state), each.text});
     page.add_table({"condition", "this run", "found"}, rows);
@@ -152,7 +141,7 @@ void add_conditions(HtmlPage& page, const Qualification& analysis) {
 
 void add_judged(HtmlPage& page, const Qualification& analysis) {
     page.add_heading("Judged on the hold-out poses");
-    Rows rows;
+    TableRows rows;
     for (const JudgedQuantity& each : analysis.quantities)
         rows.push_back(quantity_row(each, true));
     for (const JudgedQuantity& each : analysis.reported)
@@ -177,11 +166,11 @@ void add_unseen(HtmlPage& page, const Qualification& analysis) {
         "smaller than the size it takes to be seen hides in the noise; errors that look the same "
         "change the measured field in the same way, and only their sum is judged. A constant pose "
         "offset is never observable here: the registration of stage and camera absorbs it.");
-    Rows rows;
+    TableRows rows;
     for (const ErrorSignature& each : analysis.signatures)
         rows.push_back({each.name, each.observable ? "seen" : "NOT_OBSERVABLE",
                         with_unit(each.detectable_size, each.unit), with_unit(each.size, each.unit),
-                        number(each.before_rms_mm, 2), number(each.after_rms_mm, 2),
+                        significant(each.before_rms_mm, 2), significant(each.after_rms_mm, 2),
                         joined(each.confounded_with, ", ")});
     page.add_table(
         {"error", "this run", "size it takes to be seen", "an error of", "moves poses by / mm RMS",
@@ -198,7 +187,7 @@ std::vector<std::string> bias_row(const std::string& label, const Qualification&
         if (const auto& error = pose.bias.*bias; pose.hold_out && error)
             values.push_back(((*error).*part)(axis) / unit);
     if (values.size() < 2)
-        return {label, "–", "–", "–", fmt::format("{}", values.size())};
+        return {label, dash, dash, dash, fmt::format("{}", values.size())};
     double mean = 0.0, squares = 0.0, largest = 0.0;
     for (const double value : values)
         mean += value / static_cast<double>(values.size());
@@ -221,7 +210,7 @@ void add_biases(HtmlPage& page, const Qualification& analysis) {
         "is left of camera model and stage when the detector's own bias is out. B1 and B2 are "
         "reported and not judged.");
     constexpr double mrad = 1e-3;
-    Rows rows;
+    TableRows rows;
     const std::pair<const char*, std::optional<PoseError> PoseBias::*> biases[] = {
         {"B1", &PoseBias::b1}, {"B2", &PoseBias::b2}, {"B3", &PoseBias::b3}, {"B4", &PoseBias::b4}};
     for (const auto& [label, bias] : biases) {
@@ -248,7 +237,7 @@ constexpr BudgetColumn budget_columns[] = {
 
 std::string contribution(const BudgetRow& row, const char* quantity) {
     if (!row.sensitivity.contains(quantity))
-        return "–";
+        return dash;
     if (row.standard_uncertainty)
         return number(row.contribution(quantity));
     return row.widest ? "up to " + number(row.sensitivity.at(quantity) * *row.widest) : unknown;
@@ -261,10 +250,11 @@ void add_budget(HtmlPage& page, const Qualification& analysis) {
     for (const BudgetColumn& column : budget_columns)
         headings.emplace_back(column.heading);
     headings.emplace_back("from");
-    Rows rows;
+    TableRows rows;
     for (const BudgetRow& row : analysis.budget) {
         std::vector<std::string> cells{
-            row.source, number(row.standard_uncertainty), row.unit, name(row.distribution),
+            row.source, significant(row.standard_uncertainty, 3, unknown), row.unit,
+            name(row.distribution),
             std::isfinite(row.degrees_of_freedom) ? number(row.degrees_of_freedom) : "∞"};
         for (const BudgetColumn& column : budget_columns)
             cells.push_back(contribution(row, column.quantity));
@@ -409,7 +399,7 @@ void add_pictures(HtmlPage& page, const QualifyResult& result) {
         return;
     page.add_heading("Photograph against render");
     add_residual_summary(page, result);
-    std::vector<HtmlPage::Figure> figures;
+    HtmlPage::Figures figures;
     for (const Extreme& each : shown)
         figures.push_back(pose_figure(result, each));
     page.add_figures(figures);
@@ -431,15 +421,12 @@ void add_run(HtmlPage& page, const QualifyResult& result) {
                                result.settings.bits)}});
     for (const std::string& remark : result.remarks)
         page.add_paragraph(remark);
-    Rows inputs;
+    TableRows inputs;
     for (const InputFile& input : result.station.inputs)
         inputs.push_back({input.role, input.path.filename().string(), input.sha256});
     page.begin_details("Input files and software");
     page.add_table({"input", "file", "SHA-256"}, inputs);
-    Rows software;
-    for (const SoftwareVersion& each : result.software)
-        software.push_back({each.name, each.version});
-    page.add_table({"software", "version"}, software);
+    page.add_software(result.software);
     page.end_details();
 }
 

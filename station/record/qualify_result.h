@@ -11,6 +11,7 @@
 #include "capture/frame/camera.h"
 #include "compare/photometric/pixel_difference.h"
 #include "compare/verdict/qualification.h"
+#include "report/software_versions.h"
 #include "stage/axes/kinematics.h"
 #include "station/setup/plan.h"
 #include "station/setup/station_file.h"
@@ -87,11 +88,6 @@ CaptureStatistics total_counters(const std::vector<RunSession>& sessions);
 struct Attachment {
     std::string path, sha256;
 };
-
-struct SoftwareVersion {
-    std::string name, version;  // "OpenCV", "4.6.0"
-};
-std::vector<SoftwareVersion> software_versions();
 
 struct QualifyResult {
     StationFile station;

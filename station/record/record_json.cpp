@@ -2,21 +2,16 @@
 
 namespace etalon {
 
-std::string text_of(const RecordJson& json, int indent) {
-    return json.dump(indent, ' ', false, RecordJson::error_handler_t::replace);
-}
-
 RecordJson settings_json(const CaptureSettings& settings) {
-    return {
-        {"width", settings.width},
-        {"height", settings.height},
-        {"bits", settings.bits},
-        {"format", settings.format},
-        {"exposure_us", settings.exposure.count()},
-        {"gain_db", settings.gain_db},
-        {"black_level", settings.black_level ? RecordJson(*settings.black_level) : RecordJson()},
-        {"trigger", settings.trigger},
-        {"controls", settings.controls}};
+    return {{"width", settings.width},
+            {"height", settings.height},
+            {"bits", settings.bits},
+            {"format", settings.format},
+            {"exposure_us", settings.exposure.count()},
+            {"gain_db", settings.gain_db},
+            {"black_level", optional_number(settings.black_level)},
+            {"trigger", settings.trigger},
+            {"controls", settings.controls}};
 }
 
 RecordJson device_json(const CameraIdentity& camera) {

@@ -9,11 +9,21 @@
 #include "core/pose_numbers.h"
 #include "core/sha256.h"
 #include "core/text.h"
+#include "report/json_text.h"
+#include "station/register/commands.h"
 #include "station/register/stage_registration.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
+
+// Either a record, or a station with positions.
+struct RegisterArguments {
+    std::filesystem::path record;              // folder of a qualification
+    std::filesystem::path station, positions;  // positions: CSV of photographs and axis positions
+    std::string detector;                      // empty: the station's own
+    bool json = false;
+};
 
 using nlohmann::ordered_json;
 
@@ -138,7 +148,7 @@ void print_json(const StationFile& station, const StageRegistration& result) {
         {"down_weighted", registration.down_weighted_points},
         {"bias_correction_rounds", result.rounds},
         {"photos", photos_json(result)}};
-    std::puts(json.dump(2, ' ', false, ordered_json::error_handler_t::replace).c_str());
+    std::puts(text_of(json).c_str());
 }
 
 // Empty where it is missing or no text.
@@ -166,8 +176,6 @@ std::filesystem::path station_of_record(const std::filesystem::path& record) {
     throw ConfigError({file.string()}, "names no station file: give --station");
 }
 
-}  // namespace
-
 int run_register(const RegisterArguments& arguments) {
     if (arguments.record.empty() == arguments.positions.empty())
         throw ConfigError({"--positions"}, "give either a record's folder or --positions");
@@ -188,6 +196,33 @@ int run_register(const RegisterArguments& arguments) {
     else
         print_text(station, result);
     return 0;
+}
+
+}  // namespace
+
+void declare_register(Command& program) {
+    auto [command, asked] = program.add(
+        run_register, "register", "find a stage before the camera, a marker on the stage",
+        "Estimates X = camera_from_base and Y = carriage_from_marker from photographs\n"
+        "at known positions of the stage, corrected for the detector's bias. Names the\n"
+        "directions that no motion of the stage can tell (they are held nearest to the\n"
+        "station's nominal mounting) and those that the poses hardly tell. Poses that\n"
+        "move less than the stage can are refused, by name. No verdict, no device.\n\n"
+        "The CSV has a column `photo` (seen from its folder) and one for each axis:\n"
+        "x_mm, y_mm, rz_deg ...\n\n"
+        "Of a qualification's record all poses count, training and hold-out, with what\n"
+        "the axes read.\n\n"
+        "Examples:\n"
+        "  etalon register --station station.yaml --positions positions.csv\n"
+        "  etalon register run-7\n");
+    command.option("RECORD", asked->record, "folder of a qualification");
+    command.option("--station", asked->station,
+                   "calibration, axes, marker, mounting\n(default: that of the record)", "FILE");
+    command.option("--positions", asked->positions, "CSV of photographs and positions", "CSV");
+    command.option("--detector", asked->detector,
+                   "the station's own (default), a detector's name,\n"
+                   "or photometric: poses from all pixels, each\nweighted by its covariance",
+                   "NAME");
 }
 
 }  // namespace etalon

@@ -6,6 +6,7 @@
 
 #include "core/errors.h"
 #include "core/text.h"
+#include "report/json_text.h"
 
 namespace etalon {
 namespace {
@@ -20,7 +21,7 @@ constexpr const char* kind = "image-set/1";
     throw ConfigError({"--out"}, fmt::format("'{}' {}", folder.string(), why));
 }
 
-void make_folder(const std::filesystem::path& folder) {
+void make_set_folder(const std::filesystem::path& folder) {
     std::error_code error;
     std::filesystem::create_directories(folder, error);
     if (error)
@@ -62,12 +63,11 @@ void ImageSet::open_settings(const std::string& settings, const std::string& mad
     std::error_code ignored;
     if (std::filesystem::exists(folder_ / settings_file, ignored))
         return check_same(folder_, ordered_json::parse(settings));
-    make_folder(folder_);
+    make_set_folder(folder_);
     const ordered_json set{{"etalon", kind},
                            {"settings", ordered_json::parse(settings)},
                            {"made_from", ordered_json::parse(made_from)}};
-    write_text(folder_ / settings_file,
-               set.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n");
+    write_text(folder_ / settings_file, text_of(set) + "\n");
 }
 
 std::string ImageSet::file_name(std::size_t index) const {

@@ -4,8 +4,10 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "report/json_text.h"
 #include "sim/marker/marker_print.h"
-#include "station/shell/commands.h"
+#include "station/render/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
@@ -37,9 +39,17 @@ int run_marker(const MarkerArguments& arguments) {
     fmt::print(stderr, "{}: {:.6g} x {:.6g} mm; the bar must measure {} mm when printed\n",
                arguments.out.string(), page.width_mm, page.height_mm, page.scale_bar_mm.width);
     if (arguments.json)
-        fmt::print("{}\n", marker_json(marker, page, arguments)
-                               .dump(2, ' ', false, ordered_json::error_handler_t::replace));
+        fmt::print("{}\n", text_of(marker_json(marker, page, arguments)));
     return 0;
+}
+
+void declare_marker(Command& program) {
+    auto [command, asked] = program.add(
+        run_marker, "marker", "draw a marker at its true size, ready to print", marker_help);
+    command.required("MARKER", asked->marker, "what to draw, see below");
+    command.required("--out", asked->out, "file to write: .svg, .pdf or .png", "FILE");
+    command.option("--dots-per-mm", asked->dots_per_mm, "resolution of a PNG (default 40)", "N")
+        .positive();
 }
 
 }  // namespace etalon

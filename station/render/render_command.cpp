@@ -6,10 +6,12 @@
 #include <nlohmann/json.hpp>
 
 #include "core/errors.h"
+#include "report/json_text.h"
 #include "sim/scene/pose_file.h"
+#include "station/render/commands.h"
 #include "station/render/render_plan_text.h"
 #include "station/render/render_view.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
 
 namespace etalon {
 namespace {
@@ -86,7 +88,7 @@ void print_json(const RenderArguments& arguments, const CameraModel& camera,
     } else {
         json["largest_standard_error_gray"] = view.standard_error_gray;
     }
-    fmt::print("{}\n", json.dump(2, ' ', false, ordered_json::error_handler_t::replace));
+    fmt::print("{}\n", text_of(json));
 }
 
 void print_summary(const RenderArguments& arguments, const View& view, double seconds) {
@@ -119,6 +121,62 @@ int render_one(const RenderArguments& arguments) {
 
 int run_render(const RenderArguments& arguments) {
     return arguments.pose_file.empty() ? render_one(arguments) : run_render_set(arguments);
+}
+
+constexpr const char* render_details =
+    "\nSeveral markers: repeat --marker and --pose; one must not hide another.\n\n"
+    "With --poses the scene is rendered from every pose of a file (CSV with the\n"
+    "header rx,ry,rz,tx,ty,tz, or JSON) into the folder --out, in parallel. A row is\n"
+    "the scene's pose; --pose then says where a marker is in the scene and may be\n"
+    "left out for one marker. The same command again renders only what is missing;\n"
+    "poses that cannot be rendered are listed in images.jsonl and counted.\n\n"
+    "Examples:\n"
+    "  etalon render --camera camera.yml --marker apriltag:36h11:5@50mm \\\n"
+    "      --pose 0.2,-0.1,0,5,7,300 --out render.png\n"
+    "  etalon render --camera camera.yml --marker apriltag:36h11:5@50mm \\\n"
+    "      --poses poses.csv --out images\n";
+
+void declare_render(Command& program) {
+    auto [command, asked] =
+        program.add(run_render, "render", "render markers as a calibrated camera would see them",
+                    pose_help + "\n" + marker_help + render_details);
+    command.required("--camera", asked->camera, "calibration: ours, OpenCV's or ROS'", "FILE");
+    command.option("--marker", asked->markers, "what to render, see below", "M")
+        .one_each()
+        .require();
+    command.option("--pose", asked->poses, "rx,ry,rz,tx,ty,tz: where it is, see below", "P")
+        .one_each();
+    command.option("--poses", asked->pose_file, "render a set: an image for every pose", "FILE");
+    command.required("--out", asked->out, ".png or .tiff; of a set: the folder", "FILE");
+    command.option("--background", asked->background,
+                   "radiance around the markers, 0 to 1 (default 1),\n"
+                   "or an image of the camera without them",
+                   "B");
+    command
+        .option("--method", asked->method,
+                "auto (default), E (exact lens), C (exact area)\n"
+                "or reference (brute force, slow)",
+                "NAME")
+        .one_of({"auto", "E", "C", "reference"});
+    command
+        .option("--tolerance", asked->tolerance_gray,
+                "largest error, in 1/255 of full scale (default 0.1)", "GRAY")
+        .positive();
+    command
+        .option("--exposure", asked->exposure,
+                "factor on the radiance, background included\n(default 1)", "X")
+        .positive();
+    command.option("--velocity", asked->velocity,
+                   "motion blur: rad/s and mm/s of the markers\n"
+                   "in the camera's frame; with --shutter",
+                   "WX,WY,WZ,VX,VY,VZ");
+    command.option("--shutter", asked->shutter_ms, "how long the shutter is open", "MS").positive();
+    command.flag("--linear", asked->linear, "write radiance as 32-bit float TIFF");
+    command
+        .option("--noise-seed", asked->noise_seed,
+                "add the sensor's shot and read noise, from this seed", "N")
+        .whole();
+    command.flag("--explain", asked->explain, "print what was left out, and by which bound");
 }
 
 }  // namespace etalon

@@ -11,6 +11,7 @@
 #include "core/sha256.h"
 #include "core/text.h"
 #include "core/version.h"
+#include "report/json_text.h"
 #include "sim/scene/pose_file.h"
 #include "station/render/image_set.h"
 #include "station/render/render_plan_text.h"
@@ -97,7 +98,7 @@ std::string names_of(const RenderArguments& arguments) {
                              {"markers", arguments.markers},
                              {"background", arguments.background},
                              {"poses", arguments.pose_file.string()}};
-    return names.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
+    return text_of(names, -1);
 }
 
 // What became of one pose: its line of images.jsonl.

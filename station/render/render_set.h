@@ -7,7 +7,7 @@
 #include <string>
 
 #include "core/progress.h"
-#include "station/shell/commands.h"
+#include "station/render/commands.h"
 
 namespace etalon {
 

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/errors.h"
+#include "report/json_text.h"
 #include "station/render/render_set.h"
 #include "station/shell/signals.h"
 
@@ -28,7 +29,7 @@ void print_json(const RenderArguments& arguments, const SetResult& result, doubl
     const ordered_json json{{"etalon", "render-set/1"},    {"folder", arguments.out.string()},
                             {"rendered", result.rendered}, {"already_there", result.already_there},
                             {"refused", result.refused},   {"seconds", seconds}};
-    fmt::print("{}\n", json.dump(2, ' ', false, ordered_json::error_handler_t::replace));
+    fmt::print("{}\n", text_of(json));
 }
 
 }  // namespace

@@ -11,7 +11,7 @@
 #include "sim/render/motion_blur.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
-#include "station/shell/commands.h"
+#include "station/render/commands.h"
 
 namespace etalon {
 

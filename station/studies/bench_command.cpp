@@ -8,7 +8,8 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "sim/scene/bench_poses.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
+#include "station/studies/commands.h"
 
 namespace etalon {
 namespace {
@@ -79,7 +80,7 @@ void write_files(const std::filesystem::path& folder, const BenchResult& result)
     write_text(folder / "bench.json", bench_json(result) + "\n");
 }
 
-void make_folder(const std::filesystem::path& folder) {
+void make_out_folder(const std::filesystem::path& folder) {
     std::error_code failure;
     std::filesystem::create_directories(folder, failure);
     if (failure)
@@ -104,7 +105,7 @@ int run_bench(const BenchArguments& arguments) {
     const std::vector<BenchmarkScene> scenes = chosen_scenes(arguments.scenes);
     plan_of(arguments);
     if (!arguments.out.empty())
-        make_folder(arguments.out);
+        make_out_folder(arguments.out);
     keep_freed_memory();
     const BenchResult result = measure(arguments, scenes);
     if (!arguments.out.empty())
@@ -115,6 +116,29 @@ int run_bench(const BenchArguments& arguments) {
         std::fputs(bench_text(result).c_str(), stdout);
     const bool reached = print_checks(bench_checks(result), arguments.json ? stderr : stdout);
     return arguments.check && !reached ? 1 : 0;
+}
+
+void declare_bench(Command& program) {
+    auto [command, asked] =
+        program.add(run_bench, "bench", "measure the renderer: error against run time",
+                    "Every method and setting on eight scenes and a cloud of poses against the\n"
+                    "reference integrator, and frames per second beside the published method.\n"
+                    "About six minutes on two cores. Explained in docs/performance.md.\n\n"
+                    "Example:\n  etalon bench --scene webcam-500 --poses 0 --out bench\n");
+    command.option("--scene", asked->scenes, "a scene; may be repeated (default: all)", "NAME");
+    command.option("--out", asked->out, "folder for bench.csv, table.md, bench.svg", "DIR");
+    command.option("--poses", asked->poses, "poses of the cloud (default 200; 0: none)", "N")
+        .whole();
+    command
+        .option("--throughput", asked->throughput,
+                "frames to render in memory (default 10000; 0: none)", "N")
+        .whole();
+    command
+        .option("--reference-samples", asked->reference_samples,
+                "in each of 16 scrambles (default 16384)", "N")
+        .whole();
+    command.flag("--quick", asked->quick, "few settings and samples, to try the command");
+    command.flag("--check", asked->check, "exit code 1 when a promised figure is missed");
 }
 
 }  // namespace etalon

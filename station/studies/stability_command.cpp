@@ -6,10 +6,16 @@
 
 #include "bench/stability/stability_case.h"
 #include "core/errors.h"
-#include "station/shell/commands.h"
+#include "station/shell/command.h"
+#include "station/studies/commands.h"
 
 namespace etalon {
 namespace {
+
+// Exit code 1 when a case fails.
+struct StabilityArguments {
+    bool json = false;
+};
 
 struct Row {
     StabilityCase one;
@@ -53,8 +59,6 @@ void print_json(const std::vector<Row>& rows, std::size_t failed) {
     std::puts(result.dump(1).c_str());
 }
 
-}  // namespace
-
 int run_stability(const StabilityArguments& arguments) {
     std::vector<Row> rows;
     std::size_t failed = 0;
@@ -71,6 +75,16 @@ int run_stability(const StabilityArguments& arguments) {
     else
         fmt::print("{} cases, {} failed\n", rows.size(), failed);
     return failed == 0 ? 0 : 1;
+}
+
+}  // namespace
+
+void declare_stability(Command& program) {
+    program.add(run_stability, "stability", "run every stiff and extreme rendering case",
+                "Nearly edge-on markers, focus, folds, NaN, 100 megapixels ...: each must be\n"
+                "right against the reference integrator, or refused. Prints a table and\n"
+                "`N cases, M failed`; exit code 1 when one failed. About a minute and a half on\n"
+                "two cores. Explained in docs/stability.md.\n");
 }
 
 }  // namespace etalon

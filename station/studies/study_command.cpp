@@ -5,17 +5,33 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "bench/bench_timing.h"
 #include "core/clock.h"
+#include "core/cpu_time.h"
 #include "core/errors.h"
 #include "core/text.h"
-#include "station/shell/commands.h"
+#include "report/json_text.h"
+#include "station/shell/command.h"
 #include "station/shell/signals.h"
+#include "station/studies/commands.h"
 #include "study/study_report.h"
 #include "study/study_run.h"
 
 namespace etalon {
 namespace {
+
+// Needs no device. Exit code 130 when it was interrupted: the same command goes on.
+struct StudyArguments {
+    std::filesystem::path study, out;
+    std::string ablate;  // "tone,noise": variants of the study (study/study_switches.h)
+    std::string shard;   // "2/5"; empty: all of it
+    bool json = false;
+};
+
+struct StudyMergeArguments {
+    std::vector<std::filesystem::path> shards;
+    std::filesystem::path out;
+    bool json = false;
+};
 
 using nlohmann::ordered_json;
 
@@ -59,8 +75,7 @@ void write_times(const StudyRun& run, const StudyFile& study, const std::filesys
                             {"sensor_ms", run.times.sensor},
                             {"estimate_ms", run.times.estimate},
                             {"detectors_ms", detectors}};
-    write_text(folder / "times.json",
-               json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n");
+    write_text(folder / "times.json", text_of(json) + "\n");
 }
 
 // The report, and what stdout gets of it.
@@ -75,9 +90,12 @@ std::vector<std::string> ablations_of(const std::string& text) {
     return text.empty() ? std::vector<std::string>{} : split(text, ',');
 }
 
-}  // namespace
-
 int run_study_command(const StudyArguments& arguments) {
+    // `merge` needs neither, so that the command line cannot require them.
+    for (const auto& [name, value] :
+         {std::pair("STUDY", arguments.study), {"--out", arguments.out}})
+        if (value.empty())
+            throw ConfigError({}, std::string(name) + " is required");
     std::stop_source stop;
     const StopOnSignals signals(stop);
     const StudyFile study = read_study(arguments.study);
@@ -110,6 +128,35 @@ int run_study_merge(const StudyMergeArguments& arguments) {
     if (!arguments.json)
         fmt::print("report {}\n", (arguments.out / "report.html").string());
     return 0;
+}
+
+}  // namespace
+
+void declare_study(Command& program) {
+    auto [command, asked] = program.add(
+        run_study_command, "study", "compare detectors on rendered poses",
+        "Renders markers at poses all over a volume as a camera would see them, lets\n"
+        "detectors find them, and compares their poses with the truth: detection rate,\n"
+        "bias, scatter, flips, each error against each degree of freedom. Stopped or\n"
+        "killed, the same command goes on. Explained in docs/study.md.\n\n"
+        "Detectors: aruco, apriltag, charuco, chessboard, stag, topotag, photometric,\n"
+        "external\n"
+        "Ablations: tone, half-pixel, noise, blur, undistortion\n\n"
+        "Examples:\n"
+        "  etalon study examples/study/published.yaml --out compared\n"
+        "  etalon study study.yaml --ablate tone,half-pixel --out explained\n"
+        "  etalon study study.yaml --shard 2/5 --out part-2\n");
+    command.option("STUDY", asked->study, "study.yaml: camera, poses, detectors");
+    command.option("--out", asked->out, "folder for results and report", "DIR");
+    command.option("--ablate", asked->ablate, "also with each of these switched", "NAME,...");
+    command.option("--shard", asked->shard, "only part I of N: every N-th pose", "I/N");
+    auto [merge, merged] =
+        command.add(run_study_merge, "merge", "put the shards of a study together",
+                    "All shards, in any order. The result is that of the study in one piece, byte\n"
+                    "for byte.\n\n"
+                    "Example:\n  etalon study merge part-1 part-2 part-3 --out compared\n");
+    merge.required("SHARDS", merged->shards, "folders of `etalon study --shard`");
+    merge.required("--out", merged->out, "folder of the whole study", "DIR");
 }
 
 }  // namespace etalon

@@ -32,6 +32,12 @@ TEST(Text, NearestWordFindsTheMisspelling) {
     EXPECT_EQ(nearest_word("zzzzzz", {"f_number", "psf"}), "");
 }
 
+TEST(Text, IsWrappedBelowItsHead) {
+    EXPECT_EQ(wrapped_text("ab: ", "cd efg hi", 10), "ab: cd efg\n    hi\n");
+    EXPECT_EQ(wrapped_text("", "longer-than-that x", 10), "longer-than-that\nx\n");
+    EXPECT_EQ(wrapped_words("ab: ", {"cd", "efg", "hi"}, ", ", 2, 10), "ab: cd,\n  efg, hi\n");
+}
+
 TEST(Text, EscapesWhatHtmlWouldRead) {
     EXPECT_EQ(escape_html("<a & \"b\">"), "&lt;a &amp; &quot;b&quot;&gt;");
 }

@@ -4,7 +4,7 @@
 
 #include "capture/frame/camera.h"
 #include "mocks/camera/gige_camera.h"
-#include "station/shell/commands.h"
+#include "station/devices/commands.h"
 
 namespace etalon {
 namespace {

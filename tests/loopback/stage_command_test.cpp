@@ -4,7 +4,7 @@
 #include <fstream>
 
 #include "core/errors.h"
-#include "station/shell/commands.h"
+#include "station/devices/commands.h"
 #include "tests/loopback/stage_rig.h"
 #include "tests/temporary_folder.h"
 

@@ -90,5 +90,31 @@ TEST(SvgPlot, ShowsTheNoteOfEachPoint) {
     EXPECT_NE(plot.svg().find("<title>pose 7 &lt;b&gt;</title>"), std::string::npos);
 }
 
+TEST(SvgPlot, RoundScalesAreOneTwoOrFiveAndNotAboveTheValue) {
+    EXPECT_DOUBLE_EQ(round_scale(1.7), 1.0);
+    EXPECT_DOUBLE_EQ(round_scale(43.0), 20.0);
+    EXPECT_DOUBLE_EQ(round_scale(0.0077), 0.005);
+}
+
+TEST(SvgPlot, ArrowsAreDrawnMagnified) {
+    Arrows arrows;
+    arrows.add({3.0, 5.0}, {0.3, -0.4}, "first");
+    arrows.add({7.0, 5.0}, {0.0, 0.2});
+    EXPECT_DOUBLE_EQ(arrows.longest(), 0.5);
+    SvgPlot plot("x / px", "y / px");
+    plot.set_image_axes();
+    plot.add_arrows(arrows, 10.0, Ink::blue, "arrows");
+    const std::vector<double> cx = attribute(plot.svg(), "circle", "cx");
+    const std::vector<double> cy = attribute(plot.svg(), "circle", "cy");
+    ASSERT_EQ(cx.size(), 2u);
+    const std::string svg = plot.svg();
+    const std::regex path("M([0-9.]+) ([0-9.]+)L([0-9.]+) ([0-9.]+)");
+    std::smatch found;
+    ASSERT_TRUE(std::regex_search(svg, found, path));
+    const double scale = (cx[1] - cx[0]) / 4.0;  // px of the picture per plot unit
+    EXPECT_NEAR(std::stod(found[3]) - std::stod(found[1]), 3.0 * scale, 0.2);
+    EXPECT_NEAR(std::stod(found[4]) - std::stod(found[2]), -4.0 * scale, 0.2);
+}
+
 }  // namespace
 }  // namespace etalon

@@ -9,7 +9,7 @@
 
 #include "core/errors.h"
 #include "core/text.h"
-#include "station/shell/commands.h"
+#include "station/calibrate/commands.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/temporary_folder.h"
 

@@ -6,7 +6,7 @@
 
 #include "calib/files/camera_file.h"
 #include "core/errors.h"
-#include "station/shell/commands.h"
+#include "station/calibrate/commands.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -17,7 +17,7 @@
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 #include "station/calibrate/characterise_report.h"
-#include "station/shell/commands.h"
+#include "station/calibrate/commands.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -15,7 +15,7 @@
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
-#include "station/shell/commands.h"
+#include "station/compare/commands.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

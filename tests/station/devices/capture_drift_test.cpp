@@ -12,8 +12,8 @@
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
+#include "station/devices/commands.h"
 #include "station/devices/drift_report.h"
-#include "station/shell/commands.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -10,7 +10,7 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "mocks/camera/fake_camera.h"
-#include "station/shell/commands.h"
+#include "station/devices/commands.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -7,7 +7,7 @@
 #include "core/errors.h"
 #include "core/image.h"
 #include "core/text.h"
-#include "station/shell/commands.h"
+#include "station/render/commands.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -12,7 +12,7 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "sim/scene/bench_poses.h"
-#include "station/shell/commands.h"
+#include "station/studies/commands.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

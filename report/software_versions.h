@@ -1,0 +1,15 @@
+// The versions of this program and of what it was built with, for records, pages and
+// `etalon --version`.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace etalon {
+
+struct SoftwareVersion {
+    std::string name, version;  // "OpenCV", "4.6.0"
+};
+std::vector<SoftwareVersion> software_versions();
+
+}  // namespace etalon

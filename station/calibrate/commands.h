@@ -1,0 +1,57 @@
+// `etalon calibrate`, `characterise` and `camera show|convert|check`. What each is asked, and the
+// function that carries it out: it returns the exit code or throws (core/errors.h), prints its
+// stable words and --json on stdout and everything else on stderr.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace etalon {
+
+class Command;
+
+// Either a target or, in short for a chessboard, board and square_mm.
+struct CalibrateArguments {
+    std::string target;  // "chessboard:9x6@25mm"
+    std::string board;   // "9x6"
+    double square_mm = 0.0;
+    std::vector<std::filesystem::path> photos;
+    std::string model = "auto";        // or the name of a calibration model
+    std::string refine;                // empty or "photometric"
+    std::filesystem::path out;         // camera.yml
+    std::filesystem::path opencv_out;  // optional: the same as OpenCV YAML
+    std::filesystem::path report;      // optional: folder
+    bool json = false;
+};
+int run_calibrate(const CalibrateArguments& arguments);
+
+// What is not given is not measured. Exit code 2 when photographs were given that cannot be used.
+struct CharacteriseArguments {
+    std::filesystem::path camera;
+    std::string target;                                        // "chessboard:9x6@25mm"
+    std::vector<std::filesystem::path> photos;                 // the target in several places
+    std::vector<std::filesystem::path> repeats, flats, darks;  // one view; uniform field; no light
+    std::filesystem::path exposures;                           // CSV file,exposure_us
+    std::filesystem::path out;                                 // camera.yml
+    std::filesystem::path report;                              // folder; empty: none
+    bool json = false;
+};
+int run_characterise(const CharacteriseArguments& arguments);
+
+// `etalon camera show|convert|check`.
+struct CameraFileArguments {
+    std::filesystem::path file, out;  // out: convert
+    std::string select;               // which of several cameras; empty: the only one
+    std::string to;                   // convert: etalon or a tool's name
+    bool json = false;
+};
+int run_camera_show(const CameraFileArguments& arguments);
+int run_camera_convert(const CameraFileArguments& arguments);
+int run_camera_check(const CameraFileArguments& arguments);
+
+void declare_calibrate(Command& program);
+void declare_characterise(Command& program);
+void declare_camera(Command& program);
+
+}  // namespace etalon

@@ -1,0 +1,172 @@
+#include "station/shell/command.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+
+#include "core/exit_codes.h"
+#include "core/text.h"
+
+namespace etalon {
+namespace {
+
+// Refuses what is not a number, or one that `is_allowed` does not allow.
+template <class Number, class Rule>
+CLI::Validator number_rule(std::optional<Number> (*parse)(std::string_view), Rule is_allowed,
+                           const std::string& words) {
+    return CLI::Validator(
+        [=](const std::string& text) -> std::string {
+            const auto value = parse(text);
+            return value && is_allowed(*value) ? ""
+                                               : fmt::format("must be {}, not '{}'", words, text);
+        },
+        "");
+}
+
+}  // namespace
+
+void Option::require() const {
+    option_->required();
+}
+
+Option Option::one_each() const {
+    option_->allow_extra_args(false);
+    return *this;
+}
+
+Option Option::positive() const {
+    option_->check(number_rule(
+        parse_number, [](double value) { return value > 0.0; }, "a number above 0"));
+    return *this;
+}
+
+Option Option::whole() const {
+    option_->check(number_rule(
+        parse_integer, [](auto value) { return value >= 0; }, "a whole number"));
+    return *this;
+}
+
+Option Option::within(int low, int high) const {
+    option_->check(number_rule(
+        parse_integer, [=](auto value) { return value >= low && value <= high; },
+        fmt::format("a whole number from {} to {}", low, high)));
+    return *this;
+}
+
+Option Option::in_range(double low, double high) const {
+    option_->check(CLI::Range(low, high));
+    return *this;
+}
+
+Option Option::one_of(const std::vector<std::string>& names) const {
+    option_->check(CLI::IsMember(names));
+    return *this;
+}
+
+Option Option::needs(const Option& other) const {
+    option_->needs(other.option_);
+    return *this;
+}
+
+Option Option::excludes(const Option& other) const {
+    option_->excludes(other.option_);
+    return *this;
+}
+
+template <class Type>
+Option Command::option(const std::string& name, Type& target, const std::string& help,
+                       const std::string& type_name) {
+    return Option(*app_->add_option(name, target, help)->type_name(type_name));
+}
+
+using Words = const std::string&;
+template Option Command::option(Words, int&, Words, Words);
+template Option Command::option(Words, double&, Words, Words);
+template Option Command::option(Words, std::uint64_t&, Words, Words);
+template Option Command::option(Words, std::string&, Words, Words);
+template Option Command::option(Words, std::filesystem::path&, Words, Words);
+template Option Command::option(Words, std::optional<int>&, Words, Words);
+template Option Command::option(Words, std::optional<double>&, Words, Words);
+template Option Command::option(Words, std::optional<std::uint64_t>&, Words, Words);
+template Option Command::option(Words, std::vector<std::string>&, Words, Words);
+template Option Command::option(Words, std::vector<std::filesystem::path>&, Words, Words);
+
+Option Command::flag(const std::string& name, bool& target, const std::string& help) {
+    return Option(*app_->add_flag(name, target, help));
+}
+
+Command Command::add_group(const std::string& name, const std::string& summary) {
+    CLI::App* group = app_->add_subcommand(name, summary);
+    group->set_help_flag("-h,--help", "show this help");
+    group->require_subcommand(1);
+    return {*group, *run_};
+}
+
+// CLI11 calls a command's callback after those of the commands below it.
+Command Command::add(std::function<int()> action, bool& json, const std::string& name,
+                     const std::string& summary, const std::string& details) {
+    CLI::App* sub = app_->add_subcommand(name, summary);
+    sub->footer(details);
+    sub->set_help_flag("-h,--help", "show this help");
+    sub->callback([sub, run = run_, action = std::move(action)] {
+        if (sub->get_subcommands().empty())
+            *run = action;
+    });
+    sub->add_flag("--json", json, "print the whole result as JSON on stdout");
+    return {*sub, *run_};
+}
+
+int fail(int exit_code, const std::string& message) {
+    std::string line = message;
+    std::replace(line.begin(), line.end(), '\n', ' ');
+    std::fprintf(stderr, "etalon: %s\n", std::string(trimmed(line)).c_str());
+    return exit_code;
+}
+
+int run_command_line(int argc, char** argv, const ProgramText& text,
+                     const std::function<void(Command&)>& declare) {
+    CLI::App app(text.summary, "etalon");
+    app.set_help_flag("-h,--help", "show this help");
+    app.set_version_flag("--version", text.version, "show versions and backends");
+    app.get_formatter()->column_width(26);
+    app.get_formatter()->label("SUBCOMMAND", "COMMAND");
+    app.get_formatter()->label("Subcommands", "Commands");
+    app.footer(text.footer);
+    std::function<int()> run;
+    Command program(app, run);
+    declare(program);
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::Success& request) {  // --help, --version
+        return app.exit(request);
+    } catch (const CLI::ParseError& error) {
+        return fail(ExitCode::usage_error, error.what());
+    }
+    return run ? run() : fail(ExitCode::usage_error, "no command given; see `etalon --help`");
+}
+
+const std::string marker_help =
+    "Markers:\n"
+    "  apriltag:36h11:5@50mm   family, id, side of the black square\n"
+    "  aruco:4X4_50:7@50mm     OpenCV's predefined dictionary, id, side\n"
+    "  stag:HD21:3@50mm        STag: family or table file, id, side\n"
+    "  topotag:4x4:123@50mm    vertices, id, side of the white square; 4x4-circle\n"
+    "  chessboard:9x6@25mm     inner corners, side of a square\n"
+    "  charuco:4X4_50:9x6@30mm/22mm   squares, side of a square and of a marker\n"
+    "  aprilgrid:36h11:6x5@40mm/12mm  Kalibr's grid: tags, side of a tag, gap\n"
+    "  circles:7x6@20mm/12mm   circles: spacing, diameter\n"
+    "  acircles:4x11@20mm/12mm  OpenCV's asymmetric circles\n"
+    "  bitmap:FILE@50x50mm     each pixel a cell, 0..255 = radiance 0..1 (linear)\n";
+
+const std::string pose_help =
+    "A pose is camera_from_marker: the rotation vector (axis times angle) in rad,\n"
+    "then the translation in mm. Camera: x right, y down, z forward. Marker: origin\n"
+    "at its centre (a chessboard's: its first inner corner), x right, y down, z into\n"
+    "the marker: 0,0,0,0,0,300 is a marker seen squarely from 300 mm.\n";
+
+}  // namespace etalon

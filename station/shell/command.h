@@ -1,0 +1,102 @@
+// What a command is called, asked and says in its help: declared by each command beside its action
+// (station/*/commands.h), listed in main.cpp. A thin layer over CLI11, which takes seconds to
+// compile and is parsed in command.cpp alone.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
+
+namespace etalon {
+
+// An argument, option or flag. A value that a rule forbids is a usage error which names it.
+class Option {
+public:
+    explicit Option(CLI::Option& option) : option_(&option) {}
+
+    void require() const;
+    Option one_each() const;  // a list: one value after each mention
+    Option positive() const;  // a number above 0
+    Option whole() const;     // 0, 1, 2 ...
+    Option within(int low, int high) const;
+    Option in_range(double low, double high) const;
+    Option one_of(const std::vector<std::string>& names) const;
+    Option needs(const Option& other) const;
+    Option excludes(const Option& other) const;
+
+private:
+    CLI::Option* option_;
+};
+
+template <class Arguments>
+struct Declared;
+
+// A command, or the program itself; both can have commands below them. Lines of help end at column
+// 80: what is declared here is printed as it is.
+class Command {
+public:
+    // The chosen command's action is put into `run`, which outlives the command.
+    Command(CLI::App& app, std::function<int()>& run) : app_(&app), run_(&run) {}
+
+    // A command with --help and --json that calls `action` when it is chosen and none below it is.
+    template <class Arguments>
+    Declared<Arguments> add(int (*action)(const Arguments&), const std::string& name,
+                            const std::string& summary, const std::string& details) {
+        const auto asked = std::make_shared<Arguments>();
+        return {
+            add([asked, action] { return action(*asked); }, asked->json, name, summary, details),
+            asked};
+    }
+    // A name for several commands, of which one must be chosen.
+    Command add_group(const std::string& name, const std::string& summary);
+
+    // `target` keeps its value where the option is not given. Types: std::string, path, double, int
+    // and std::optional and std::vector of some of them.
+    template <class Type>
+    Option option(const std::string& name, Type& target, const std::string& help,
+                  const std::string& type_name = "");
+    template <class Type>
+    void required(const std::string& name, Type& target, const std::string& help,
+                  const std::string& type_name = "") {
+        option(name, target, help, type_name).require();
+    }
+    Option flag(const std::string& name, bool& target, const std::string& help);
+
+private:
+    Command add(std::function<int()> action, bool& json, const std::string& name,
+                const std::string& summary, const std::string& details);
+
+    CLI::App* app_;
+    std::function<int()>* run_;
+};
+
+// A command and what its options are written to, which lives as long as its action.
+template <class Arguments>
+struct Declared {
+    Command command;
+    std::shared_ptr<Arguments> asked;
+};
+
+struct ProgramText {
+    std::string summary, footer;
+    std::function<std::string()> version;
+};
+
+// Parses the command line and runs the chosen command: its exit code, 0 after --help and --version,
+// or ExitCode::usage_error with one line on stderr. Throws what the action throws.
+int run_command_line(int argc, char** argv, const ProgramText& text,
+                     const std::function<void(Command&)>& declare);
+
+// One line on stderr, whatever the message that was thrown; returns `exit_code`.
+int fail(int exit_code, const std::string& message);
+
+// Help on what several commands ask for.
+extern const std::string marker_help, pose_help;
+
+}  // namespace etalon

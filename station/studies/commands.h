@@ -1,0 +1,31 @@
+// `etalon bench`, `stability` and `study`. What each is asked, and the function that carries it
+// out: it returns the exit code or throws (core/errors.h), prints its stable words and --json on
+// stdout and everything else on stderr.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace etalon {
+
+class Command;
+
+struct BenchArguments {
+    std::vector<std::string> scenes;  // by name (bench/benchmark_scenes.h); none: all eight
+    std::filesystem::path out;        // folder for bench.csv, table.md, bench.svg, bench.json
+    std::optional<int> poses;         // of the cloud: 200, quick 5; 0: no cloud
+    std::optional<int> throughput;    // frames: 10000, quick 40; 0: none
+    int reference_samples = 0;        // in each of 16 scrambles; 0: the plan's own
+    bool quick = false;               // few settings and samples: a trial of the command
+    bool check = false;               // exit code 1 when a promised figure is missed
+    bool json = false;
+};
+int run_bench(const BenchArguments& arguments);
+
+void declare_bench(Command& program);
+void declare_stability(Command& program);
+void declare_study(Command& program);
+
+}  // namespace etalon

@@ -1,0 +1,30 @@
+#include "report/number_text.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+namespace etalon {
+namespace {
+
+TEST(NumberText, HasTheDigitsThatAreAskedFor) {
+    EXPECT_EQ(fixed(2.7182, 2), "2.72");
+    EXPECT_EQ(significant(271.82, 2), "2.7e+02");
+    EXPECT_EQ(significant(0.027182, 3), "0.0272");
+}
+
+TEST(NumberText, ShowsADashWhereNothingIsKnown) {
+    EXPECT_EQ(fixed(std::nullopt, 2), "–");
+    EXPECT_EQ(fixed(std::nullopt, 2, "-"), "-");
+    EXPECT_EQ(fixed(std::optional(0.5), 3), "0.500");
+    EXPECT_EQ(significant(std::numeric_limits<double>::quiet_NaN(), 3), "–");
+    EXPECT_EQ(significant(std::optional<double>(), 3, "unknown"), "unknown");
+}
+
+TEST(NumberText, CountsOneAndMany) {
+    EXPECT_EQ(counted(1, "photograph"), "1 photograph");
+    EXPECT_EQ(counted(7, "photograph"), "7 photographs");
+}
+
+}  // namespace
+}  // namespace etalon

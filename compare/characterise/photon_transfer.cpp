@@ -8,6 +8,7 @@
 
 #include "compare/characterise/code_statistics.h"
 #include "compare/characterise/repeated_view.h"
+#include "core/distributions.h"
 #include "core/errors.h"
 #include "core/median.h"
 #include "sim/sensor/sensor_model.h"
@@ -25,13 +26,6 @@ constexpr double most_noise = 0.15;    // of full scale
 constexpr double most_correlation = 0.05;
 constexpr double most_gain_uncertainty = 0.2;  // relative
 constexpr double most_misfit = 0.1;            // relative
-
-// A quantile of chi-square / degrees of freedom, by Wilson and Hilferty (1931): half a percent for
-// the median, ten for 1e-6 with one degree of freedom, which is all that is asked here.
-double chi_square_quantile(double degrees_of_freedom, double normal_quantile) {
-    const double width = 2.0 / (9.0 * degrees_of_freedom);
-    return std::pow(1.0 - width + normal_quantile * std::sqrt(width), 3);
-}
 
 // Sums over the pixels of one level.
 struct Bin {
@@ -84,7 +78,7 @@ std::vector<double> median_variances(const ViewNoise& noise, const cv::Mat& use,
         if (variances[i].empty())
             continue;
         const double many = static_cast<double>(variances[i].size());
-        medians[i] = median(std::move(variances[i])) / chi_square_quantile(degrees_of_freedom, 0.0);
+        medians[i] = median(std::move(variances[i])) / reduced_chi_square(0.0, degrees_of_freedom);
         if (many > share && std::sqrt(medians[i]) > most_noise * scale.range())
             throw NumericalError(fmt::format(
                 "repeats: pixels differ by {:.3g} DN RMS where the signal is about {:.3g} DN: more "
@@ -115,7 +109,7 @@ cv::Mat changed_pixels(const ViewNoise& noise, const cv::Mat& use, const LevelSc
         limits[i] = std::max(variances[i], 0.25 / (slope * slope));
     }
     const cv::Mat limit = by_level(noise.mean, scale, limits,
-                                   chi_square_quantile(degrees_of_freedom, one_in_a_million));
+                                   reduced_chi_square(one_in_a_million, degrees_of_freedom));
     cv::Mat changed = noise.variance > limit;
     changed &= use;
     return changed;

@@ -9,6 +9,7 @@
 #include "compare/edges/edge_blur_models.h"
 #include "compare/edges/edge_fit.h"
 #include "compare/edges/edge_response.h"
+#include "core/distributions.h"
 #include "core/errors.h"
 #include "sim/spread/diffraction.h"
 
@@ -182,16 +183,6 @@ MeasuredSpread measured_spread(std::span<const StraightEdge> edges, double sigma
     return spread;
 }
 
-// Probability of a larger F, by Paulson's normal approximation (1942): right to some per cent of
-// itself, which is all a threshold needs.
-double f_probability(double f, double a, double b) {
-    if (!(f > 0.0))
-        return 1.0;
-    const double root = std::cbrt(f), p = 2.0 / (9.0 * a), q = 2.0 / (9.0 * b);
-    const double z = ((1.0 - q) * root - (1.0 - p)) / std::sqrt(p + q * root * root);
-    return 0.5 * std::erfc(z / std::numbers::sqrt2);
-}
-
 // On the edges that both fits used.
 void compare_shapes(std::span<const StraightEdge> edges, const EdgeFit& gaussian,
                     const EdgeFit& measured, PointSpreadEstimate& estimate) {
@@ -202,7 +193,7 @@ void compare_shapes(std::span<const StraightEdge> edges, const EdgeFit& gaussian
                     own_freedom(edges[i]);
     const int more = std::max(1, estimate.measured->parameters - 2);  // the sum is 1; one sigma
     estimate.f_statistic = std::max(0.0, drop / more / measured.reduced_chi_square);
-    estimate.f_probability = f_probability(estimate.f_statistic, more, measured.degrees_of_freedom);
+    estimate.f_probability = fisher_tail(estimate.f_statistic, more, measured.degrees_of_freedom);
     estimate.gaussian_suffices = estimate.f_probability > profile_significance;
 }
 

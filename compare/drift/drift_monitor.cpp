@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/distributions.h"
 #include "core/errors.h"
 #include "core/median.h"
 
@@ -34,11 +35,10 @@ DriftBlock median_of(const std::vector<std::pair<Minutes, TargetReference::Look>
     return block;
 }
 
-// The median over the true value, of standard deviations from 2 n - 4 normal values (Wilson and
-// Hilferty 1931).
+// The median over the true value, of standard deviations from 2 n - 4 normal values.
 double median_over_deviation(std::size_t points) {
     const double freedoms = 2.0 * static_cast<double>(std::max<std::size_t>(points, 3)) - 4.0;
-    return std::pow(1.0 - 2.0 / (9.0 * freedoms), 1.5);
+    return std::sqrt(reduced_chi_square(0.0, freedoms));
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/student_t.h"
+#include "core/distributions.h"
 
 namespace etalon {
 namespace {

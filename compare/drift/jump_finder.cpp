@@ -3,8 +3,8 @@
 #include <cmath>
 #include <span>
 
+#include "core/distributions.h"
 #include "core/median.h"
-#include "core/student_t.h"
 
 namespace etalon {
 namespace {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/distributions.h"
 #include "core/random.h"
 
 namespace etalon {
@@ -151,21 +152,11 @@ Estimate median_estimate(std::span<double> values) {
 }
 
 // The number of values below the median is binomial with n and 1/2: the largest rank l with
-// P(fewer than l) <= 2.5 %. Its terms are summed from where they begin to count.
+// P(fewer than l) <= 2.5 %.
 std::optional<std::size_t> median_interval_rank(std::size_t n) {
     if (n < 6)
         return std::nullopt;
-    const auto count = static_cast<double>(n);
-    double k = std::max(0.0, std::floor(0.5 * count - 5.0 * std::sqrt(count)));
-    double term = std::exp(std::lgamma(count + 1.0) - std::lgamma(k + 1.0) -
-                           std::lgamma(count - k + 1.0) - count * std::log(2.0));
-    double below = 0.0;  // P(fewer than k)
-    while (below + term <= 0.025) {
-        below += term;
-        term *= (count - k) / (k + 1.0);
-        k += 1.0;
-    }
-    return static_cast<std::size_t>(k);
+    return coin_quantile(0.025, n) + 1;
 }
 
 }  // namespace etalon

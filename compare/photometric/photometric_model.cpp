@@ -4,6 +4,7 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
+#include "core/distributions.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {
@@ -83,7 +84,7 @@ Saturation::Point Saturation::at(double gray) const {
         return {gray, 1.0, 0.0, 0.0};
     if (z < -far)
         return {level_gray, 0.0, 1.0, 0.0};
-    const double below = 0.5 * std::erfc(-z / std::numbers::sqrt2);
+    const double below = normal_probability(z);
     const double density = std::exp(-0.5 * z * z) * std::numbers::inv_sqrtpi / std::numbers::sqrt2;
     return {level_gray - knee_gray * (z * below + density), below, 1.0 - below, -density};
 }

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/distributions.h"
+
 namespace etalon {
 namespace {
 
@@ -19,7 +21,7 @@ public:
     StepTable() {
         for (int i = 0; i <= 2 * far_away * a_sigma + 1; ++i) {
             const double x = static_cast<double>(i) / a_sigma - far_away;
-            steps_.push_back({0.5 * std::erfc(-x / std::numbers::sqrt2),
+            steps_.push_back({normal_probability(x),
                               std::exp(-0.5 * x * x) / std::sqrt(2.0 * std::numbers::pi)});
         }
     }

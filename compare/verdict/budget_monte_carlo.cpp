@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "compare/verdict/length_error.h"
+#include "core/distributions.h"
 #include "core/errors.h"
 #include "core/random.h"
 
@@ -51,13 +52,12 @@ private:
     double noise_power_ = 0.0;
 };
 
-// The square root of degrees of freedom over chi-square (Wilson and Hilferty's approximation): a
-// normal deviate times it is one of Student's distribution.
+// The square root of degrees of freedom over chi-square: a normal deviate times it is one of
+// Student's distribution.
 double student_scale(RandomStream& random, double degrees_of_freedom) {
     if (!std::isfinite(degrees_of_freedom))
         return 1.0;
-    const double c = 2.0 / (9.0 * degrees_of_freedom);
-    return std::pow(std::max(0.1, 1.0 - c + random.normal() * std::sqrt(c)), -1.5);
+    return 1.0 / std::sqrt(std::max(1e-3, reduced_chi_square(random.normal(), degrees_of_freedom)));
 }
 
 double deviate(RandomStream& random, Distribution distribution) {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "compare/verdict/uncertainty_budget.h"
+#include "core/distributions.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -119,8 +120,7 @@ void find_rest(const Eigen::VectorXd& residual, const QuadraticForm& form, Field
 }  // namespace
 
 double chi_square_limit(double degrees_of_freedom) {
-    const double c = 2.0 / (9.0 * degrees_of_freedom);
-    return std::pow(1.0 - c + limit_sigmas * std::sqrt(c), 3);
+    return reduced_chi_square(limit_sigmas, degrees_of_freedom);
 }
 
 FieldRest field_rest(const SmoothField& field, std::span<const FieldSample> samples,

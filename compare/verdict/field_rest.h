@@ -31,9 +31,8 @@ struct FieldRest {
 
 // `samples` are those that the field was fitted to, `noise` one for each. The expectation of the
 // residuals' power for given noise, and its variance, follow from the fit's own weights (quadratic
-// forms of normal deviates); the limit is Wilson and Hilferty's (PNAS 17, 1931). Throws
-// NumericalError when the sizes do not agree or a covariance is not finite and positive.
-// A millisecond for 60 samples, with the square of their number.
+// forms of normal deviates). Throws NumericalError when the sizes do not agree or a covariance is
+// not finite and positive. A millisecond for 60 samples, with the square of their number.
 FieldRest field_rest(const SmoothField& field, std::span<const FieldSample> samples,
                      std::span<const SampleNoise> noise);
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/distributions.h"
 #include "core/errors.h"
-#include "core/student_t.h"
 
 namespace etalon {
 namespace {

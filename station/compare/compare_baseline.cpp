@@ -7,8 +7,8 @@
 #include <map>
 
 #include "compare/verdict/pose_bias.h"
+#include "core/distributions.h"
 #include "core/strict_reader.h"
-#include "core/student_t.h"
 #include "core/text.h"
 #include "report/csv.h"
 

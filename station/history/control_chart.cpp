@@ -3,31 +3,15 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numbers>
 
+#include "core/distributions.h"
 #include "core/errors.h"
-#include "core/student_t.h"
 
 namespace etalon {
 namespace {
 
-// The z with P(Z > z) = upper_tail of the standard normal distribution, by Newton's method on the
-// logarithm of the tail, which is nearly a parabola. 1e-300 < upper_tail <= 0.5.
-double normal_quantile(double upper_tail) {
-    double z = 0.0;
-    for (int i = 0; i < 60; ++i) {
-        const double tail = 0.5 * std::erfc(z / std::numbers::sqrt2);
-        const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
-        const double step = std::log(tail / upper_tail) * tail / density;
-        z += step;
-        if (std::abs(step) < 1e-14 * (1.0 + z))
-            break;
-    }
-    return z;
-}
-
-// Normal with the tail probability of Student's t. Beyond 1e-13 the tail is lost in rounding: such
-// a value counts as 7.35 deviations, far outside of any limit.
+// Normal with the tail probability of Student's t. A tail below 1e-13
+// counts as 7.35 deviations, far outside of any limit.
 double normal_from_student(double t, int degrees_of_freedom) {
     constexpr double smallest = 1e-13;
     const double tail = student_t_probability(-std::abs(t), degrees_of_freedom);

@@ -9,7 +9,7 @@
 #include <cstdio>
 
 #include "calib/intrinsics/camera_fit.h"
-#include "core/student_t.h"
+#include "core/distributions.h"
 #include "tests/calib/synthetic_views.h"
 
 namespace etalon {

@@ -1,4 +1,4 @@
-#include "core/student_t.h"
+#include "core/distributions.h"
 
 #include <gtest/gtest.h>
 
@@ -54,6 +54,35 @@ TEST(StudentT, RefusesWhatHasNoQuantile) {
     EXPECT_THROW(student_t_quantile(0.7, 5), NumericalError);
     EXPECT_THROW(student_t_quantile(std::nan(""), 5), NumericalError);
     EXPECT_THROW(student_t_quantile(0.1, 0), NumericalError);
+}
+
+TEST(Normal, QuantilesUndoProbabilities) {
+    for (const double z : {-1.3, 0.2, 2.7, 7.35})
+        EXPECT_NEAR(normal_quantile(normal_probability(-z)), z, 1e-12);
+}
+
+// With two degrees of freedom chi-square is exponential, with one a square of a normal value.
+TEST(ChiSquare, HasTheClosedFormsOfOneAndTwoDegreesOfFreedom) {
+    for (const double z : {-3.1, 0.0, 1.7, 4.75}) {
+        EXPECT_NEAR(reduced_chi_square(z, 2.0), -std::log(normal_probability(-z)), 1e-12);
+        const double one = normal_quantile(0.5 * normal_probability(-z));
+        EXPECT_NEAR(reduced_chi_square(z, 1.0), one * one, 1e-11);
+    }
+}
+
+// F with two degrees above is (1 + 2 f / n)^(-n / 2); with one it is the square of Student's t.
+TEST(Fisher, HasTheClosedFormOfTwoDegreesAboveAndIsStudentsSquareWithOne) {
+    EXPECT_NEAR(fisher_tail(3.7, 2.0, 9.0), std::pow(1.0 + 2.0 * 3.7 / 9.0, -4.5), 1e-14);
+    EXPECT_NEAR(fisher_tail(2.3 * 2.3, 1.0, 7.0), 2.0 * student_t_probability(-2.3, 7), 1e-14);
+    EXPECT_EQ(fisher_tail(0.0, 3.0, 5.0), 1.0);
+}
+
+// Of ten tosses 1 and 11 of 1024 ways have no head and at most one.
+TEST(Coin, QuantileIsTheLargestCountWithinTheTail) {
+    EXPECT_EQ(coin_quantile(0.5 / 1024.0, 10), 0u);
+    EXPECT_EQ(coin_quantile(10.9 / 1024.0, 10), 0u);
+    EXPECT_EQ(coin_quantile(11.1 / 1024.0, 10), 1u);
+    EXPECT_EQ(coin_quantile(56.1 / 1024.0, 10), 2u);
 }
 
 }  // namespace

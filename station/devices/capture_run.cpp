@@ -6,7 +6,7 @@
 #include "capture/frame/frame_average.h"
 #include "core/errors.h"
 #include "core/text.h"
-#include "station/record/run_json.h"
+#include "station/record/record_json.h"
 #include "station/record/run_record.h"
 
 namespace etalon {
@@ -127,6 +127,26 @@ CaptureResult capture_frames(Camera& camera, const CaptureRequest& request, Cloc
     result.duration_s = std::chrono::duration<double>(clock.now() - start).count();
     record.finish(result, averager);
     return result;
+}
+
+std::string capture_json(const CaptureResult& result) {
+    RecordJson camera = device_json(result.camera);
+    camera["settings"] = settings_json(result.settings);
+    add_counters(camera, result.statistics);
+    camera["remarks"] = result.remarks;
+    RecordJson json = {{"etalon", "capture/1"},
+                       {"started_utc", result.started_utc},
+                       {"duration_s", result.duration_s},
+                       {"reason", result.reason},
+                       {"camera", camera},
+                       {"frames_asked", result.asked},
+                       {"frames_complete", result.complete}};
+    if (result.noise)
+        json["noise_dn"] = *result.noise;
+    if (result.mean)
+        json["mean_dn"] = *result.mean;
+    json["software"] = software_json(software_versions());
+    return text_of(json, 2) + "\n";
 }
 
 }  // namespace etalon

@@ -42,4 +42,7 @@ CaptureResult capture_frames(Camera& camera, const CaptureRequest& request, Cloc
                              const std::stop_token& stop,
                              const std::function<void(const Frame&)>& seen);
 
+// `etalon: capture/1`, indented, keys in a fixed order. Also what --json prints.
+std::string capture_json(const CaptureResult& result);
+
 }  // namespace etalon

@@ -11,6 +11,7 @@
 #include "core/json_entry.h"
 #include "core/sha256.h"
 #include "station/qualify/run_analysis.h"
+#include "station/qualify/run_results.h"
 #include "station/qualify/visited_pose.h"
 #include "station/record/run_events.h"
 #include "station/record/run_record.h"

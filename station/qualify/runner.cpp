@@ -12,6 +12,7 @@
 #include "core/version.h"
 #include "stage/motion/guarded_stage.h"
 #include "station/qualify/run_analysis.h"
+#include "station/qualify/run_results.h"
 #include "station/qualify/visited_pose.h"
 #include "station/record/run_events.h"
 #include "station/record/run_record.h"

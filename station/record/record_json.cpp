@@ -41,4 +41,11 @@ void add_counters(RecordJson& camera, const CaptureStatistics& counts) {
     camera["reconnects"] = counts.reconnects;
 }
 
+RecordJson software_json(std::span<const SoftwareVersion> software) {
+    RecordJson list;
+    for (const SoftwareVersion& item : software)
+        list[item.name] = item.version;
+    return list;
+}
+
 }  // namespace etalon

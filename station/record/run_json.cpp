@@ -144,13 +144,6 @@ Json attachments_json(const std::vector<Attachment>& attachments) {
     return list;
 }
 
-Json software_json(const std::vector<SoftwareVersion>& software) {
-    Json list;
-    for (const SoftwareVersion& item : software)
-        list[item.name] = item.version;
-    return list;
-}
-
 // poses.csv, a group of columns at a time.
 using Row = std::vector<std::string>;
 
@@ -265,26 +258,6 @@ std::string run_json(const QualifyResult& result) {
     run["software"] = software_json(result.software);
     run["attachments"] = attachments_json(result.attachments);
     return text_of(run, 2) + "\n";
-}
-
-std::string capture_json(const CaptureResult& result) {
-    Json camera = device_json(result.camera);
-    camera["settings"] = settings_json(result.settings);
-    add_counters(camera, result.statistics);
-    camera["remarks"] = result.remarks;
-    Json json = {{"etalon", "capture/1"},
-                 {"started_utc", result.started_utc},
-                 {"duration_s", result.duration_s},
-                 {"reason", result.reason},
-                 {"camera", camera},
-                 {"frames_asked", result.asked},
-                 {"frames_complete", result.complete}};
-    if (result.noise)
-        json["noise_dn"] = *result.noise;
-    if (result.mean)
-        json["mean_dn"] = *result.mean;
-    json["software"] = software_json(software_versions());
-    return text_of(json, 2) + "\n";
 }
 
 std::string poses_csv(const QualifyResult& result) {

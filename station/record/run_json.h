@@ -7,16 +7,12 @@
 
 #include <string>
 
-#include "station/devices/capture_run.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {
 
 // `etalon: run/1`, indented, keys in a fixed order. Also what --json prints.
 std::string run_json(const QualifyResult& result);
-
-// `etalon: capture/1`, the same of `etalon capture`.
-std::string capture_json(const CaptureResult& result);
 
 // One row per visited pose. Linear axes in mm, rotary axes in deg; poses as rotation vector (rad)
 // and translation (mm); biases in mm (camera frame) and mrad (marker frame).

@@ -50,11 +50,6 @@ FrameRecord frame_record(const Frame& frame, Instant start);
 void make_record_folders(const std::filesystem::path& folder,
                          std::initializer_list<const char*> parts);
 
-// Replaces everything that follows from the measurements: poses.csv, convergence.csv, junit.xml,
-// report.html, and run.json with the hashes of all other files, which it sets in the result. Throws
-// ConfigError when one cannot be written.
-void write_results(QualifyResult& result);
-
 class RunRecord {
 public:
     // Makes the folder with its parents and these parts. Throws ConfigError as above, or when one

@@ -33,13 +33,6 @@ std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
 std::vector<StagePhoto> read_record_photos(const std::filesystem::path& record,
                                            const std::vector<Axis>& axes);
 
-// Each axis at several places of its interval, the others in the middle of theirs: what the stage
-// can do there, for require_full_motion() (calib/registration/stage_motion.h). One interval per
-// axis, mm or rad, within its soft limits; without intervals all of its travel.
-std::vector<Rigid> stage_reach(const std::vector<Axis>& axes,
-                               std::span<const PlanRequest::Interval> intervals);
-std::vector<Rigid> stage_reach(const std::vector<Axis>& axes);
-
 struct RegisteredPhoto {
     std::filesystem::path photo;
     std::string failure;  // why it takes no part; empty when it does

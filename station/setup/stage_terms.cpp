@@ -176,4 +176,26 @@ std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,
     return maps;
 }
 
+std::vector<Rigid> stage_reach(const std::vector<Axis>& axes,
+                               std::span<const PlanRequest::Interval> intervals) {
+    std::vector<double> middle;
+    for (const PlanRequest::Interval& interval : intervals)
+        middle.push_back(0.5 * (interval.low + interval.high));
+    std::vector<Rigid> reach = {base_from_carriage(axes, middle)};
+    for (std::size_t i = 0; i < intervals.size(); ++i)
+        for (const double share : {0.1, 0.35, 0.6, 0.85}) {  // no two half a turn apart
+            std::vector<double> there = middle;
+            there[i] = intervals[i].low + share * (intervals[i].high - intervals[i].low);
+            reach.push_back(base_from_carriage(axes, there));
+        }
+    return reach;
+}
+
+std::vector<Rigid> stage_reach(const std::vector<Axis>& axes) {
+    std::vector<PlanRequest::Interval> travel;
+    for (const Axis& axis : axes)
+        travel.push_back({axis.low, axis.high});
+    return stage_reach(axes, travel);
+}
+
 }  // namespace etalon

@@ -7,6 +7,7 @@
 
 #include "compare/verdict/qualification.h"
 #include "stage/axes/axes.h"
+#include "station/setup/plan.h"
 
 namespace etalon {
 
@@ -33,5 +34,12 @@ std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> 
 std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,
                                                   const std::vector<StageVisit>& visits,
                                                   const Rigid& carriage_from_marker);
+
+// Each axis at several places of its interval, the others in the middle of theirs: what the stage
+// can do there, for require_full_motion() (calib/registration/stage_motion.h). One interval per
+// axis, mm or rad, within its soft limits; without intervals all of its travel.
+std::vector<Rigid> stage_reach(const std::vector<Axis>& axes,
+                               std::span<const PlanRequest::Interval> intervals);
+std::vector<Rigid> stage_reach(const std::vector<Axis>& axes);
 
 }  // namespace etalon

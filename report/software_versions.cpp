@@ -14,7 +14,7 @@ std::vector<SoftwareVersion> software_versions() {
         {"OpenCV", cv::getVersionString()},
         {"Eigen",
          fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
-        {"Boost", ETALON_BOOST_VERSION},
+        {"Ceres Solver", ETALON_CERES_VERSION},
         {"AprilTag", ETALON_APRILTAG_VERSION},
         {"oneTBB", ETALON_TBB_VERSION},
         {"libmodbus", ETALON_MODBUS_VERSION},

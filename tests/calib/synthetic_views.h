@@ -8,6 +8,8 @@
 
 namespace etalon::test {
 
+const cv::Size image_size(640, 480);  // of calibration_truth()
+
 inline CameraModel calibration_truth() {
     return camera_with(640, 480, {541.0, 533.0, 331.0, 243.0},
                        {.k1 = -0.27, .k2 = 0.09, .p1 = 0.0012, .p2 = -0.0007, .k3 = -0.02});

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "compare/detect/calibration_target.h"
-#include "rendered_tags.h"
+#include "tests/compare/rendered_tags.h"
 
 namespace etalon::test {
 

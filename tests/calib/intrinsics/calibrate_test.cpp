@@ -18,7 +18,7 @@ const CalibrationOptions quick{.leave_one_out = false, .resamples = 0};
 
 std::string error_of(const std::vector<CalibrationView>& views) {
     try {
-        calibrate_camera(views, image_size, quick);
+        calibrate_camera(views, test::image_size, quick);
     } catch (const NumericalError& error) {
         return error.what();
     }
@@ -28,8 +28,9 @@ std::string error_of(const std::vector<CalibrationView>& views) {
 // OpenCV takes single precision pixels: 3e-5 px of rounding at 500 px.
 TEST(Calibrate, FindsTheCameraThatMadeTheViews) {
     const CameraModel truth = test::calibration_truth();
-    const auto calibration = calibrate_camera(test::synthetic_views(truth, 7, 0.0, 1), image_size,
-                                              {.model = "standard", .resamples = 0});
+    const auto calibration =
+        calibrate_camera(test::synthetic_views(truth, 7, 0.0, 1), test::image_size,
+                         {.model = "standard", .resamples = 0});
     const CameraModel& found = calibration.camera;
     EXPECT_EQ(found.width, 640);
     EXPECT_EQ(found.height, 480);
@@ -54,7 +55,7 @@ TEST(Calibrate, FindsTheCameraThatMadeTheViews) {
 // points - parameters, where each point gives two residuals: undone here.
 TEST(Calibrate, FormalDeviationsAreOpenCvsWithResidualsCountedInXAndY) {
     const auto views = test::synthetic_views(test::calibration_truth(), 8, 0.3, 5);
-    const auto calibration = calibrate_camera(views, image_size, quick);
+    const auto calibration = calibrate_camera(views, test::image_size, quick);
     std::vector<std::vector<cv::Point3f>> points;
     std::vector<std::vector<cv::Point2f>> pixels;
     double count = 0;
@@ -68,8 +69,8 @@ TEST(Calibrate, FormalDeviationsAreOpenCvsWithResidualsCountedInXAndY) {
         count += view.pixels.size();
     }
     cv::Mat k, d, r, t, of_intrinsics, of_extrinsics, per_view;
-    const double rms = cv::calibrateCamera(points, pixels, image_size, k, d, r, t, of_intrinsics,
-                                           of_extrinsics, per_view);
+    const double rms = cv::calibrateCamera(points, pixels, test::image_size, k, d, r, t,
+                                           of_intrinsics, of_extrinsics, per_view);
     const double parameters = 9 + 6 * 8;
     const double factor = std::sqrt((count - parameters) / (2 * count - parameters));
     ASSERT_EQ(calibration.deviations.size(), 9u);
@@ -85,7 +86,7 @@ TEST(Calibrate, FormalDeviationsAreOpenCvsWithResidualsCountedInXAndY) {
 TEST(Calibrate, CovarianceHasTheLargestDeviationsOnItsDiagonal) {
     const auto views = test::synthetic_views(test::calibration_truth(), 6, 0.3, 3);
     const auto calibration =
-        calibrate_camera(views, image_size, {.model = "standard", .leave_one_out = false});
+        calibrate_camera(views, test::image_size, {.model = "standard", .leave_one_out = false});
     const ParameterCovariance& covariance = *calibration.camera.covariance;
     EXPECT_EQ(covariance.order,
               (std::vector<std::string>{"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"}));
@@ -108,7 +109,7 @@ TEST(Calibrate, LeavingAViewOutExposesTheOneThatIsWrong) {
     for (std::size_t i = 0; i < views[4].pixels.size(); i += 2)
         views[4].pixels[i].x() += 0.9;  // short of an outlier
     const auto calibration =
-        calibrate_camera(views, image_size, {.model = "radial", .resamples = 0});
+        calibrate_camera(views, test::image_size, {.model = "radial", .resamples = 0});
     EXPECT_EQ(calibration.points_left_out(), 0u);
     for (std::size_t i = 0; i < views.size(); ++i) {
         const CalibratedView& view = calibration.views[i];
@@ -124,9 +125,9 @@ TEST(Calibrate, GivesTheSameBitsForEveryNumberOfThreads) {
     const int before = cv::getNumThreads();
     const CalibrationOptions options{.resamples = 10};
     cv::setNumThreads(1);
-    const auto one = calibrate_camera(views, image_size, options);
+    const auto one = calibrate_camera(views, test::image_size, options);
     cv::setNumThreads(3);
-    const auto three = calibrate_camera(views, image_size, options);
+    const auto three = calibrate_camera(views, test::image_size, options);
     cv::setNumThreads(before);
     EXPECT_EQ(one.camera.intrinsics.fx, three.camera.intrinsics.fx);
     EXPECT_EQ(one.camera.covariance->matrix, three.camera.covariance->matrix);
@@ -134,8 +135,8 @@ TEST(Calibrate, GivesTheSameBitsForEveryNumberOfThreads) {
 }
 
 TEST(Calibrate, ThreeViewsHaveNoLeaveOneOut) {
-    const auto calibration =
-        calibrate_camera(test::synthetic_views(test::calibration_truth(), 3, 0.1, 2), image_size);
+    const auto calibration = calibrate_camera(
+        test::synthetic_views(test::calibration_truth(), 3, 0.1, 2), test::image_size);
     EXPECT_FALSE(calibration.leave_one_out_rms_px);
     EXPECT_FALSE(calibration.advice.advised);
     EXPECT_FALSE(calibration.deviations[0].bootstrap);
@@ -145,7 +146,7 @@ TEST(Calibrate, ThreeViewsHaveNoLeaveOneOut) {
 
 TEST(Calibrate, RefusesAModelThatIsNone) {
     const auto views = test::synthetic_views(test::calibration_truth(), 4, 0.1, 2);
-    EXPECT_THROW(calibrate_camera(views, image_size, {.model = "fisheye"}), ConfigError);
+    EXPECT_THROW(calibrate_camera(views, test::image_size, {.model = "fisheye"}), ConfigError);
 }
 
 TEST(Calibrate, NamesTheViewThatCannotBeUsed) {

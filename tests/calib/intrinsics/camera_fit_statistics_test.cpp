@@ -67,7 +67,7 @@ public:
     Calibrated calibrate(int run) const {
         const auto observed = noisy(run);
         const CameraFit fit =
-            fit_camera(observed, image_size, model_, {.start = CameraStart{truth_, poses_}});
+            fit_camera(observed, test::image_size, model_, {.start = CameraStart{truth_, poses_}});
         EXPECT_TRUE(fit.converged) << run;
         const Eigen::MatrixXd covariance =
             fit.variance *
@@ -215,7 +215,8 @@ TEST(CameraFitStatistics, StatedCovariancesAreWhatNoiseDoes) {
 TEST(CameraFitStatistics, TheStartDoesNotMatter) {
     const Experiment experiment;
     for (int run = 0; run < 20; ++run) {
-        const CameraFit fit = fit_camera(experiment.noisy(run), image_size, experiment.model());
+        const CameraFit fit =
+            fit_camera(experiment.noisy(run), test::image_size, experiment.model());
         const Calibrated warm = experiment.calibrate(run);
         const Eigen::VectorXd cold = parameters_of(fit.camera, experiment.model()) -
                                      parameters_of(test::calibration_truth(), experiment.model());

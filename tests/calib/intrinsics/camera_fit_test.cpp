@@ -26,7 +26,8 @@ std::string error_of(const std::function<void()>& action) {
 
 std::string fit_error(const std::vector<CalibrationView>& views,
                       const CameraFitOptions& options = {}) {
-    return error_of([&] { fit_camera(views, image_size, calibration_model("standard"), options); });
+    return error_of(
+        [&] { fit_camera(views, test::image_size, calibration_model("standard"), options); });
 }
 
 double largest_difference_in_u(const CameraFit& fit, const Eigen::VectorXd& other,
@@ -123,7 +124,7 @@ TEST(CameraFit, FindsTheCameraThatMadeTheViews) {
     const CameraModel truth = test::calibration_truth();
     const auto views = test::synthetic_views(truth, 7, 0.0, 1);
     const CalibrationModel& model = calibration_model("standard");
-    const CameraFit fit = fit_camera(views, image_size, model);
+    const CameraFit fit = fit_camera(views, test::image_size, model);
     EXPECT_TRUE(fit.converged);
     EXPECT_LT(std::sqrt(fit.variance), 1e-11);
     EXPECT_LT((parameters_of(fit.camera, model) - parameters_of(truth, model)).norm(), 1e-9);
@@ -147,10 +148,10 @@ TEST(CameraFit, EndsWhereOpenCvEnds) {
     cv::Mat k, d;
     std::vector<cv::Mat> r, t;
     const double rms =
-        cv::calibrateCamera(points, pixels, image_size, k, d, r, t, 0,
+        cv::calibrateCamera(points, pixels, test::image_size, k, d, r, t, 0,
                             {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 300, 1e-15});
     const CalibrationModel& model = calibration_model("standard");
-    const CameraFit fit = fit_camera(views, image_size, model);
+    const CameraFit fit = fit_camera(views, test::image_size, model);
     Eigen::VectorXd opencv(9);
     opencv << k.at<double>(0, 0), k.at<double>(1, 1), k.at<double>(0, 2), k.at<double>(1, 2),
         d.at<double>(0), d.at<double>(1), d.at<double>(2), d.at<double>(3), d.at<double>(4);
@@ -166,7 +167,7 @@ TEST(CameraFit, EndsWhereOpenCvEnds) {
 TEST(CameraFit, InverseInformationIsThatOfTheWholeJacobianByDifferences) {
     const auto views = test::synthetic_views(test::calibration_truth(), 5, 0.2, 3);
     const CalibrationModel& model = calibration_model("standard");
-    const CameraFit fit = fit_camera(views, image_size, model);
+    const CameraFit fit = fit_camera(views, test::image_size, model);
     const int rows = 2 * 54 * 5, columns = 9 + 30;
     const auto residuals = [&](const CameraModel& camera, int view, const Rigid& pose) {
         const Projector projector(camera);
@@ -209,7 +210,7 @@ TEST(CameraFit, InverseInformationIsThatOfTheWholeJacobianByDifferences) {
 TEST(CameraFit, ScoresCancelAtTheMinimum) {
     const auto views = test::synthetic_views(test::calibration_truth(), 6, 0.2, 4);
     const CalibrationModel& model = calibration_model("standard");
-    const CameraFit fit = fit_camera(views, image_size, model);
+    const CameraFit fit = fit_camera(views, test::image_size, model);
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(9), sizes = sum;
     double squares = 0.0;
     for (const ViewEquations& view :
@@ -235,8 +236,8 @@ TEST(CameraFit, WeighsPointsByTheirSigma) {
         twice[2].pixels.push_back(twice[2].pixels[i]);
     }
     const CalibrationModel& model = calibration_model("standard");
-    const CameraFit a = fit_camera(once, image_size, model);
-    const CameraFit b = fit_camera(twice, image_size, model);
+    const CameraFit a = fit_camera(once, test::image_size, model);
+    const CameraFit b = fit_camera(twice, test::image_size, model);
     EXPECT_LT(largest_difference_in_u(a, parameters_of(b.camera, model), once, model), 1e-6);
 }
 
@@ -247,14 +248,14 @@ TEST(CameraFit, HubersFunctionLeavesOutliersWhereTheyAre) {
     auto views = clean;
     for (int i = 0; i < 10; ++i)
         views[i % 7].pixels[5 * i + 3] += Eigen::Vector2d(15.0, -4.0);
-    const CameraFit expected = fit_camera(clean, image_size, model);
+    const CameraFit expected = fit_camera(clean, test::image_size, model);
     const auto off = [&](double huber) {
-        const CameraFit fit = fit_camera(views, image_size, model, {.huber = huber});
+        const CameraFit fit = fit_camera(views, test::image_size, model, {.huber = huber});
         return largest_difference_in_u(expected, parameters_of(fit.camera, model), clean, model);
     };
     EXPECT_GT(off(0.0), 10.0);
     EXPECT_LT(off(0.2), 3.0);
-    const CameraFit robust = fit_camera(views, image_size, model, {.huber = 0.2});
+    const CameraFit robust = fit_camera(views, test::image_size, model, {.huber = 0.2});
     EXPECT_GT(robust.residuals_px[3][18].norm(), 14.0);
 }
 
@@ -265,7 +266,7 @@ TEST(CameraFit, StartsFromAStartAndKeepsWhatIsNotFree) {
     for (int i = 0; i < 6; ++i)
         poses.push_back(test::synthetic_pose(i));
     truth.intrinsics.fx += 3.0;
-    const CameraFit fit = fit_camera(views, image_size, calibration_model("radial"),
+    const CameraFit fit = fit_camera(views, test::image_size, calibration_model("radial"),
                                      {.start = CameraStart{truth, poses}});
     EXPECT_EQ(fit.camera.distortion.k3, -0.02);
     EXPECT_EQ(fit.camera.distortion.p1, 0.0012);
@@ -356,12 +357,12 @@ TEST(CalibrationStart, AMirroredPoseTiltsTheOtherWay) {
 TEST(CalibrationStart, IsNearTheCamera) {
     const CameraModel webcam = test::calibration_truth();
     const CameraStart start =
-        calibration_start(test::synthetic_views(webcam, 8, 0.2, 3), image_size);
+        calibration_start(test::synthetic_views(webcam, 8, 0.2, 3), test::image_size);
     EXPECT_NEAR(start.camera.intrinsics.fx, 541.0, 27.0);
     CameraModel tall = webcam;
     tall.intrinsics.fy = 280.0;
     const CameraStart of_tall =
-        calibration_start(test::synthetic_views(tall, 8, 0.2, 3), image_size);
+        calibration_start(test::synthetic_views(tall, 8, 0.2, 3), test::image_size);
     EXPECT_NEAR(of_tall.camera.intrinsics.fx / of_tall.camera.intrinsics.fy, 541.0 / 280.0, 0.15);
 }
 

@@ -80,8 +80,8 @@ double left_out_by_opencv(const std::vector<CalibrationView>& views, std::size_t
     const cv::TermCriteria until(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 200, 1e-15);
     cv::Mat k, d, r, t;
     std::vector<cv::Mat> rotations, translations;
-    cv::calibrateCamera(other_points, other_pixels, image_size, k, d, rotations, translations, 0,
-                        until);
+    cv::calibrateCamera(other_points, other_pixels, test::image_size, k, d, rotations, translations,
+                        0, until);
     cv::solvePnP(points[left_out], pixels[left_out], k, d, r, t);
     cv::solvePnPRefineLM(points[left_out], pixels[left_out], k, d, r, t, until);
     std::vector<cv::Point2f> projected;
@@ -97,7 +97,7 @@ double left_out_by_opencv(const std::vector<CalibrationView>& views, std::size_t
 // 54 points of 0.3 px noise: 10 px^2 a view. OpenCV's single precision leaves 1e-4 of that.
 TEST(ModelAdvice, LeavesOutAsOpenCvWould) {
     const auto views = test::synthetic_views(test::calibration_truth(), 6, 0.3, 4);
-    const auto scores = score_models(views, image_size, {{calibration_model("standard")}});
+    const auto scores = score_models(views, test::image_size, {{calibration_model("standard")}});
     ASSERT_EQ(scores[0].left_out_squares.size(), 6u);
     double sum = 0.0;
     for (std::size_t v = 0; v < views.size(); ++v) {
@@ -117,7 +117,8 @@ TEST(ModelAdvice, AdvisesTheModelThatTheLensHas) {
     int right = 0;
     for (int seed = 0; seed < 12; ++seed) {
         const auto views = test::synthetic_views(truth, 7, 0.2, 300 + seed);
-        const ModelAdvice advice = compare_models(score_models(views, image_size, models), views);
+        const ModelAdvice advice =
+            compare_models(score_models(views, test::image_size, models), views);
         ASSERT_TRUE(advice.advised);
         right += advice.models[*advice.advised].model == "radial";
         EXPECT_NE(advice.models[*advice.advised].model, "pinhole");
@@ -127,11 +128,11 @@ TEST(ModelAdvice, AdvisesTheModelThatTheLensHas) {
 
 TEST(ModelAdvice, SaysWhyAModelHasNoScore) {
     auto views = test::synthetic_views(test::calibration_truth(), 3, 0.2, 4);
-    const auto three = score_models(views, image_size, {{calibration_model("radial")}});
+    const auto three = score_models(views, test::image_size, {{calibration_model("radial")}});
     EXPECT_TRUE(three[0].fit);
     EXPECT_FALSE(three[0].leave_one_out_rms_px);
     views.assign(5, views[0]);
-    const auto alike = score_models(views, image_size, {{calibration_model("radial")}});
+    const auto alike = score_models(views, test::image_size, {{calibration_model("radial")}});
     EXPECT_FALSE(alike[0].fit);
     EXPECT_FALSE(alike[0].failure.empty());
 }

@@ -115,8 +115,8 @@ TEST(CrossValidation, HalvesDifferAsMuchAsTheirCovariancesSay) {
     double ratio = 0.0, robust = 0.0;
     for (int run = 0; run < runs; ++run) {
         const auto views = test::synthetic_views(test::calibration_truth(), 8, 0.2, 500 + run);
-        const auto halves =
-            cross_validate(views, image_size, model, fit_camera(views, image_size, model));
+        const auto halves = cross_validate(views, test::image_size, model,
+                                           fit_camera(views, test::image_size, model));
         EXPECT_EQ(halves.views[0], 4u);
         EXPECT_EQ(halves.views[1], 4u);
         ratio += std::pow(halves.rms_px / halves.expected_formal_px, 2) / runs;
@@ -129,8 +129,8 @@ TEST(CrossValidation, HalvesDifferAsMuchAsTheirCovariancesSay) {
 TEST(CrossValidation, NeedsSixViews) {
     const auto views = test::synthetic_views(test::calibration_truth(), 5, 0.2, 1);
     const CalibrationModel& model = calibration_model("radial");
-    const CameraFit fit = fit_camera(views, image_size, model);
-    EXPECT_THROW(cross_validate(views, image_size, model, fit), NumericalError);
+    const CameraFit fit = fit_camera(views, test::image_size, model);
+    EXPECT_THROW(cross_validate(views, test::image_size, model, fit), NumericalError);
 }
 
 }  // namespace

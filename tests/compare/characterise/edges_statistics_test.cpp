@@ -13,8 +13,8 @@
 #include "compare/characterise/defocus_estimate.h"
 #include "compare/characterise/point_spread_estimate.h"
 #include "compare/characterise/slanted_edge.h"
-#include "edge_scenes.h"
 #include "sim/spread/diffraction.h"
+#include "tests/compare/edges/edge_scenes.h"
 
 namespace etalon {
 namespace {

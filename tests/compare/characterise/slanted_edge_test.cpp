@@ -7,7 +7,7 @@
 
 #include "core/errors.h"
 #include "core/random.h"
-#include "edge_scenes.h"
+#include "tests/compare/edges/edge_scenes.h"
 
 namespace etalon {
 namespace {

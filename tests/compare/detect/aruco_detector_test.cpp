@@ -3,7 +3,7 @@
 
 #include "compare/detect/detector_adaptors.h"
 #include "compare/make_detector.h"
-#include "rendered_tags.h"
+#include "tests/compare/rendered_tags.h"
 
 namespace etalon {
 namespace {

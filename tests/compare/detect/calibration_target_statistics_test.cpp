@@ -8,8 +8,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/errors.h"
-#include "rendered_targets.h"
 #include "sim/marker/marker_print.h"
+#include "tests/compare/rendered_targets.h"
 
 namespace etalon {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "compare/make_detector.h"
 #include "core/errors.h"
-#include "rendered_targets.h"
+#include "tests/compare/rendered_targets.h"
 
 namespace etalon {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "compare/detect/detector_adaptors.h"
 #include "core/errors.h"
-#include "rendered_tags.h"
+#include "tests/compare/rendered_tags.h"
 
 namespace etalon {
 namespace {

@@ -10,7 +10,7 @@
 #include "compare/characterise/point_spread_estimate.h"
 #include "compare/edges/edge_response.h"
 #include "core/errors.h"
-#include "edge_scenes.h"
+#include "tests/compare/edges/edge_scenes.h"
 
 namespace etalon {
 namespace {

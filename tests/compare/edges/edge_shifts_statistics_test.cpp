@@ -11,7 +11,7 @@
 
 #include "compare/edges/edge_summary.h"
 #include "core/errors.h"
-#include "edge_scenes.h"
+#include "tests/compare/edges/edge_scenes.h"
 
 namespace etalon {
 namespace {

@@ -1,4 +1,4 @@
-#include "adversarial_photos.h"
+#include "tests/compare/match/adversarial_photos.h"
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -176,7 +176,7 @@ Radiance with_glare(const TrueScene& scene, double sigma_px, double peak) {
 }
 
 Radiance moved(const TrueScene& scene, double path_px) {
-    Motion motion;
+    MotionDuringExposure motion;
     motion.exposure_s = 0.01;
     motion.velocity.tail<3>() = sideways(scene, path_px) / motion.exposure_s;
     RenderOptions options;

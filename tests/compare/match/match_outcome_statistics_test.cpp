@@ -9,8 +9,8 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
-#include "adversarial_photos.h"
 #include "core/random.h"
+#include "tests/compare/match/adversarial_photos.h"
 
 namespace etalon {
 namespace {

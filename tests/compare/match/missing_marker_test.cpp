@@ -3,9 +3,9 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "adversarial_photos.h"
 #include "compare/make_detector.h"
 #include "compare/match/match_outcome.h"
+#include "tests/compare/match/adversarial_photos.h"
 
 namespace etalon {
 namespace {

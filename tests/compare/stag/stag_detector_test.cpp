@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/make_detector.h"
-#include "rendered_tags.h"
+#include "tests/compare/rendered_tags.h"
 #include "tests/compare/stag/stag_judgement.h"
 
 namespace etalon {

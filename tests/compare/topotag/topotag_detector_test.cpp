@@ -5,7 +5,7 @@
 #include "compare/detect/detector_adaptors.h"
 #include "compare/make_detector.h"
 #include "core/median.h"
-#include "rendered_tags.h"
+#include "tests/compare/rendered_tags.h"
 #include "tests/evidence/topotag_study.h"
 
 namespace etalon {

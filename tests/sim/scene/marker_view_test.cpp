@@ -9,9 +9,9 @@
 #include "calib/camera/projector.h"
 #include "core/errors.h"
 #include "core/units.h"
-#include "edge_scenes.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/tiles/lens_average.h"
+#include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {

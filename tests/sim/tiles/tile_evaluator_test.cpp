@@ -5,10 +5,10 @@
 #include <cmath>
 
 #include "bench/benchmark_scenes.h"
-#include "edge_scenes.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/sampling_bound.h"
 #include "sim/tiles/tile_samples.h"
+#include "tests/sim/edge_scenes.h"
 
 namespace etalon {
 namespace {

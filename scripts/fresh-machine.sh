@@ -2,7 +2,8 @@
 # Proof that a bare machine is enough: makes a minimal Debian 12 root in FOLDER (which must not
 # exist), clones the committed state of this project into it, and runs ./demo.sh and ./test.sh there
 # with a stock machine's socket buffers, as somebody would who has nothing but git and a shell.
-# Prints the time of each step. Needs root, debootstrap, 6 GB; takes about half an hour.
+# Prints the time of each step, without a compiler cache. Needs root, debootstrap, 6 GB; takes about
+# half an hour.
 #
 #     scripts/fresh-machine.sh FOLDER [COMMAND...]        default: ./demo.sh, then ./test.sh
 set -euo pipefail
@@ -45,6 +46,6 @@ sysctl -qw net.core.rmem_max=212992
 
 timed "clone" git clone -q "$project" "$root/etalon"
 for command in "$@"; do
-    timed "$command" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root \
+    timed "$command" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root CCACHE_DISABLE=1 \
         chroot "$root" sh -c "cd /etalon && $command"
 done

@@ -9,5 +9,6 @@
 
 #include "compare/detect/detector.h"
 #include "compare/detect/photo_pose.h"
+#include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
 #include "etalon/render.h"

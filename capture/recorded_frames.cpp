@@ -50,10 +50,11 @@ std::vector<RecordedFrame> images_in(const fs::path& folder) {
 
 FrameStatus status_named(const std::string& word) {
     for (const FrameStatus status :
-         {FrameStatus::complete, FrameStatus::short_frame, FrameStatus::corrupt, FrameStatus::lost})
+         {FrameStatus::complete, FrameStatus::short_frame, FrameStatus::corrupt, FrameStatus::lost,
+          FrameStatus::timed_out})
         if (word == name(status))
             return status;
-    return FrameStatus::timed_out;
+    throw ConfigError({}, "no frame has the status " + word);
 }
 
 CaptureSettings recorded_settings(const json& event) {

@@ -187,7 +187,7 @@ TEST_F(FilesCameraTest, LeavesOutTheEndOfARecordWhoseImagesWereNotWritten) {
 TEST_F(FilesCameraTest, NamesTheLineOfADamagedRecord) {
     for (const std::string& damage :
          {std::string("not JSON\n"), frame_line("../else.png", "complete", 1),
-          std::string("{\"event\":\"frame\"}\n")}) {
+          frame_line("", "complte", 1), std::string("{\"event\":\"frame\"}\n")}) {
         std::ofstream(folder_ / "events.jsonl")
             << frame_line("a.png", "complete", 1) << damage << frame_line("b.png", "complete", 2);
         try {

@@ -1,8 +1,9 @@
 #include "compare/expect/rendered_corners.h"
-#include "compare/make_detector.h"
 
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
+
+#include "compare/make_detector.h"
 
 namespace etalon {
 namespace {

@@ -1,9 +1,10 @@
 #include "stage/axes/axes.h"
-#include "core/units.h"
 
 #include <fmt/format.h>
 
 #include <cmath>
+
+#include "core/units.h"
 
 namespace etalon {
 namespace {

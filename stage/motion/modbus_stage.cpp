@@ -1,5 +1,4 @@
 #include "stage/motion/modbus_stage.h"
-#include "core/units.h"
 
 #include <fmt/format.h>
 
@@ -7,6 +6,8 @@
 #include <cmath>
 #include <set>
 #include <utility>
+
+#include "core/units.h"
 
 namespace etalon {
 namespace {

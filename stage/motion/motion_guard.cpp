@@ -1,5 +1,4 @@
 #include "stage/motion/motion_guard.h"
-#include "core/units.h"
 
 #include <fmt/format.h>
 
@@ -7,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+
+#include "core/units.h"
 
 namespace etalon {
 namespace {

@@ -1,7 +1,5 @@
 #include "station/register/stage_registration.h"
 
-#include "station/setup/stage_terms.h"
-
 #include <fmt/format.h>
 
 #include <cmath>
@@ -15,6 +13,7 @@
 #include "core/text.h"
 #include "core/units.h"
 #include "stage/axes/kinematics.h"
+#include "station/setup/stage_terms.h"
 
 namespace etalon {
 namespace {

@@ -6,7 +6,6 @@ find_package(Threads REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(OpenCV 4.5 REQUIRED COMPONENTS core imgproc imgcodecs calib3d features2d ximgproc)
 find_package(OpenCV 4.5 QUIET OPTIONAL_COMPONENTS aruco objdetect)
-find_package(Ceres REQUIRED)
 find_package(Boost 1.74 REQUIRED CONFIG)   # Boost.Math, headers only
 find_package(OpenSSL REQUIRED)
 find_package(yaml-cpp REQUIRED)

@@ -5,8 +5,12 @@
 // is a frame with a status.
 #pragma once
 
+#include <optional>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
+#include <utility>
+#include <variant>
 
 namespace etalon {
 
@@ -55,6 +59,36 @@ class NumericalError : public Error {
 public:
     using Error::Error;
 };
+
+// A value, or the cause why there is none.
+template <class T>
+struct Attempted {
+    std::optional<T> value;
+    std::string cause;
+
+    explicit operator bool() const { return value.has_value(); }
+    T& operator*() { return *value; }
+    T* operator->() { return &*value; }
+};
+
+// What a computation returns, or why it has no trustworthy result, where its caller can go on
+// without: one photograph of many, one model of several. Of a computation that returns nothing,
+// whether it went well.
+template <class Computation>
+auto attempted(Computation&& computation) {
+    using Value = std::invoke_result_t<Computation>;
+    using Kept = std::conditional_t<std::is_void_v<Value>, std::monostate, Value>;
+    try {
+        if constexpr (std::is_void_v<Value>) {
+            std::forward<Computation>(computation)();
+            return Attempted<Kept>{std::monostate{}, {}};
+        } else {
+            return Attempted<Kept>{std::forward<Computation>(computation)(), {}};
+        }
+    } catch (const NumericalError& error) {
+        return Attempted<Kept>{std::nullopt, error.what()};
+    }
+}
 
 // The run was stopped on request (a signal). Exit code 130.
 class Interrupted : public Error {

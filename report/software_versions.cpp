@@ -1,5 +1,6 @@
 #include "report/software_versions.h"
 
+#include <Eigen/Core>
 #include <fmt/format.h>
 
 #include <opencv2/core.hpp>
@@ -15,7 +16,7 @@ std::vector<SoftwareVersion> software_versions() {
         {"OpenCV", cv::getVersionString()},
         {"Eigen",
          fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
-        {"Ceres Solver", ETALON_CERES_VERSION},
+        {"Boost", ETALON_BOOST_VERSION},
         {"AprilTag", ETALON_APRILTAG_VERSION},
         {"oneTBB", ETALON_TBB_VERSION},
         {"libmodbus", ETALON_MODBUS_VERSION},

@@ -247,24 +247,24 @@ void StudyWorker::evaluate_marker(const std::vector<std::size_t>& detectors, con
     const Marker& marker = study.detectors[detectors.front()].marker;
     std::array<std::optional<RenderedPart>, 2> radiance;  // through the lens, without it
     for (const StudyOptics::Imaging& imaging : optics_.imagings()) {
-        CodeImage image;
-        try {
+        auto image = attempted([&] {
             auto& part = radiance[imaging.sharp ? 1 : 0];
             if (!part) {
                 const Stopwatch watch(times_.render);
                 part = optics_.radiance(marker, pose, imaging.sharp);
             }
             const Stopwatch watch(times_.sensor);
-            image = optics_.image(*part, marker, pose, imaging);
-        } catch (const NumericalError& error) {
+            return optics_.image(*part, marker, pose, imaging);
+        });
+        if (!image) {
             for (const std::size_t variant : imaging.variants)
                 for (const std::size_t detector : detectors)
                     findings[variant * study.detectors.size() + detector] =
-                        failed(fmt::format("not rendered: {}", error.what()));
+                        failed(fmt::format("not rendered: {}", image.cause));
             continue;
         }
         for (const std::size_t detector : detectors)
-            judge_image(image, imaging, detector, pose, findings);
+            judge_image(*image, imaging, detector, pose, findings);
     }
 }
 
@@ -329,21 +329,20 @@ StudyFinding StudyWorker::judge_photometric(const CodeImage& image, const Detect
                       sighting.corners->pixels);
     if (!start)
         return failed(no_pose);
-    try {
-        const PhotometricPose pose =
-            optics_.photometric(variant, detector)
-                ->find(image, start->camera_from_marker, detector_error_px);
-        const auto angle = [&](const Rigid& one) {
-            return one.rotation.angularDistance(truth.rotation);
-        };
-        const bool flip =
-            pose.other && angle(pose.other->camera_from_marker) < angle(pose.camera_from_marker);
-        StudyFinding finding;
-        finding.error = detected_error(pose.camera_from_marker, truth, flip);
-        return finding;
-    } catch (const NumericalError& error) {
-        return failed(error.what());
-    }
+    auto pose = attempted([&] {
+        return optics_.photometric(variant, detector)
+            ->find(image, start->camera_from_marker, detector_error_px);
+    });
+    if (!pose)
+        return failed(pose.cause);
+    const auto angle = [&](const Rigid& one) {
+        return one.rotation.angularDistance(truth.rotation);
+    };
+    const bool flip =
+        pose->other && angle(pose->other->camera_from_marker) < angle(pose->camera_from_marker);
+    StudyFinding finding;
+    finding.error = detected_error(pose->camera_from_marker, truth, flip);
+    return finding;
 }
 
 StudyFinding StudyWorker::judge_external(const CodeImage& image, std::size_t variant,

@@ -147,13 +147,13 @@ void refuse_folds(const CameraModel& camera, std::span<const Rigid> poses,
 CalibratedView rejected_view(const CameraModel& camera, const CalibrationView& view) {
     CalibratedView rejected;
     rejected.left_out.assign(view.pixels.size(), true);
-    try {
+    const auto residuals = attempted([&] {
         const Rigid pose = fit_view_pose(camera, view);
         rejected.residuals_px = view_residuals(camera, pose, view);
         rejected.camera_from_target = pose;
-    } catch (const NumericalError&) {
+    });
+    if (!residuals)
         return rejected;
-    }
     rejected.rms_px = view_rms(sum_of_squares(rejected.residuals_px), view);
     rejected.left_out_rms_px = rejected.rms_px;
     return rejected;
@@ -223,11 +223,7 @@ std::optional<CrossValidation> halves_of(std::span<const CalibrationView> views,
                                          const CameraFit& fit) {
     if (views.size() < least_cross_validation_views)
         return std::nullopt;
-    try {
-        return cross_validate(views, image_size, model, fit);
-    } catch (const NumericalError&) {
-        return std::nullopt;
-    }
+    return attempted([&] { return cross_validate(views, image_size, model, fit); }).value;
 }
 
 // Views are known to the caller as they were given.

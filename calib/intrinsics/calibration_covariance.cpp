@@ -60,11 +60,11 @@ std::optional<Eigen::VectorXd> resampled(std::span<const CalibrationView> views,
         drawn.push_back(weighted(views[i], counts[i]));
         start.camera_from_target.push_back(fit.camera_from_target[i]);
     }
-    try {
-        return parameters_of(fit_camera(drawn, image_size, model, {.start = start}).camera, model);
-    } catch (const NumericalError&) {
-        return std::nullopt;
-    }
+    return attempted([&] {
+               return parameters_of(fit_camera(drawn, image_size, model, {.start = start}).camera,
+                                    model);
+           })
+        .value;
 }
 
 }  // namespace

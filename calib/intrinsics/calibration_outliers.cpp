@@ -53,13 +53,11 @@ Residuals best_robust_residuals(std::span<const CalibrationView> views, cv::Size
     std::optional<Residuals> best;
     std::string failure;
     for (const CalibrationModel& model : models) {
-        try {
-            Residuals residuals = robust_residuals(views, image_size, model);
-            if (!best || robust_scale(residuals) < robust_scale(*best))
-                best = std::move(residuals);
-        } catch (const NumericalError& error) {
-            failure = error.what();
-        }
+        auto residuals = attempted([&] { return robust_residuals(views, image_size, model); });
+        if (!residuals)
+            failure = residuals.cause;
+        else if (!best || robust_scale(*residuals) < robust_scale(*best))
+            best = std::move(*residuals);
     }
     if (!best)
         throw NumericalError(failure);

@@ -24,12 +24,11 @@ ModelScore fitted_score(std::span<const CalibrationView> views, cv::Size image_s
     ModelScore score;
     score.model = model.name;
     score.parameters = static_cast<int>(model.parameters.size());
-    try {
-        score.fit = fit_camera(views, image_size, model);
-    } catch (const NumericalError& error) {
-        score.failure = error.what();
+    auto fit = attempted([&] { return fit_camera(views, image_size, model); });
+    score.fit = std::move(fit.value);
+    score.failure = fit.cause;
+    if (!score.fit)
         return score;
-    }
     double squares = 0.0;
     for (const auto& residuals : score.fit->residuals_px)
         squares += sum_of_squares(residuals);
@@ -44,39 +43,35 @@ std::vector<Element> without(std::span<const Element> all, std::size_t left_out)
     return rest;
 }
 
-struct ViewLeftOut {
-    double squares = 0.0;
-    std::string failure;  // empty: none
-};
+// The sum of squares of a view's residuals.
+using ViewLeftOut = Attempted<double>;
 
 // The search starts from the fit to all views, which is near.
 ViewLeftOut leave_out(std::span<const CalibrationView> views, cv::Size image_size,
                       const CalibrationModel& model, const CameraFit& all, std::size_t view) {
-    try {
+    return attempted([&] {
         const std::vector<Rigid> poses =
             without(std::span<const Rigid>(all.camera_from_target), view);
         const CameraModel camera = fit_camera(without(views, view), image_size, model,
                                               {.start = CameraStart{all.camera, poses}})
                                        .camera;
         const Rigid pose = fit_view_pose(camera, views[view]);
-        return {sum_of_squares(view_residuals(camera, pose, views[view])), ""};
-    } catch (const NumericalError& error) {
-        return {0.0, error.what()};
-    }
+        return sum_of_squares(view_residuals(camera, pose, views[view]));
+    });
 }
 
 void set_left_out(ModelScore& score, std::span<const ViewLeftOut> left_out,
                   std::span<const CalibrationView> views) {
     double sum = 0.0;
     for (std::size_t i = 0; i < left_out.size(); ++i) {
-        if (!left_out[i].failure.empty()) {
-            score.failure = left_out[i].failure;
+        if (!left_out[i]) {
+            score.failure = left_out[i].cause;
             score.failed_view = i;
             score.left_out_squares.clear();
             return;
         }
-        score.left_out_squares.push_back(left_out[i].squares);
-        sum += left_out[i].squares;
+        score.left_out_squares.push_back(*left_out[i].value);
+        sum += *left_out[i].value;
     }
     score.leave_one_out_rms_px = rms(sum, views);
 }

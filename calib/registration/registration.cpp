@@ -1,6 +1,5 @@
 #include "calib/registration/registration.h"
 
-#include <ceres/sized_cost_function.h>
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
@@ -85,49 +84,22 @@ std::optional<PointDerivatives> point_derivatives(const Projector& projector,
 
 // ---------------------------------------------------------------------------------------- solver
 
-// One point in one pose: two residuals in standard deviations.
-class PointCost final : public ceres::SizedCostFunction<2, 7, 7> {
-public:
-    PointCost(const Projector& projector, const RegistrationPose& pose,
-              const Eigen::Vector3d& p_marker, const Eigen::Vector2d& pixel)
-        : projector_(projector), pose_(pose), p_marker_(p_marker), pixel_(pixel) {}
-
-    // False, which makes Ceres take a shorter step, where the point has no projection.
-    bool Evaluate(double const* const* parameters, double* residuals,
-                  double** jacobians) const override {
-        const std::optional<PointDerivatives> point = point_derivatives(
-            projector_, p_marker_, {read_parameters(parameters[0]), read_parameters(parameters[1])},
-            pose_.base_from_carriage);
-        if (!point)
-            return false;
-        Eigen::Map<Eigen::Vector2d> residual(residuals);
-        residual = (point->pixel - pixel_) / pose_.sigma_px;
-        if (jacobians && jacobians[0])
-            put(point->by_x, jacobians[0]);
-        if (jacobians && jacobians[1])
-            put(point->by_y, jacobians[1]);
-        return true;
-    }
-
-private:
-    void put(const Matrix2x6& derivative, double* jacobian) const {
-        Eigen::Map<Eigen::Matrix<double, 2, 7, Eigen::RowMajor>> j(jacobian);
-        j << derivative / pose_.sigma_px, Eigen::Vector2d::Zero();
-    }
-
-    const Projector& projector_;
-    const RegistrationPose& pose_;
-    Eigen::Vector3d p_marker_;
-    Eigen::Vector2d pixel_;
-};
-
-XY minimised(const Projector& projector, const Points& points, Poses poses, const XY& start,
-             double huber_threshold) {
-    return minimised(start, huber_threshold, [&](const AddResidual& add) {
-        for (const RegistrationPose& pose : poses)
-            for (std::size_t i = 0; i < points.size(); ++i)
-                add(new PointCost(projector, pose, points[i], pose.pixels[i]));
-    });
+// Two rows a point, in standard deviations; nothing where a point has no projection.
+std::optional<Linearised> linearised(const Projector& projector, const Points& points, Poses poses,
+                                     const XY& xy) {
+    const Eigen::Index rows = 2 * std::ssize(points) * std::ssize(poses);
+    Linearised all{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 12)};
+    Eigen::Index row = 0;
+    for (const RegistrationPose& pose : poses)
+        for (std::size_t i = 0; i < points.size(); ++i, row += 2) {
+            const auto point = point_derivatives(projector, points[i], xy, pose.base_from_carriage);
+            if (!point)
+                return std::nullopt;
+            all.residuals.segment<2>(row) = (point->pixel - pose.pixels[i]) / pose.sigma_px;
+            all.jacobian.middleRows<2>(row) << point->by_x / pose.sigma_px,
+                point->by_y / pose.sigma_px;
+        }
+    return all;
 }
 
 // ------------------------------------------------------------------------------------- residuals
@@ -169,7 +141,9 @@ RobustSolution robust_solution(const Projector& projector, const Points& points,
     for (int round = 0; round < 3; ++round) {  // the threshold settles
         solution.huber_threshold =
             huber_threshold(residual_lengths(projector, points, poses, solution.xy));
-        solution.xy = minimised(projector, points, poses, solution.xy, solution.huber_threshold);
+        solution.xy =
+            minimised(solution.xy, {.group = 2, .huber = solution.huber_threshold},
+                      [&](const XY& at) { return linearised(projector, points, poses, at); });
     }
     return solution;
 }
@@ -190,14 +164,10 @@ void summarize_residuals(const std::vector<double>& lengths, Poses poses, double
 
 RegistrationJacobian whole_jacobian(const Projector& projector, const Points& points, Poses poses,
                                     const XY& xy) {
-    const Eigen::Index rows = 2 * std::ssize(points);
-    RegistrationJacobian jacobian(rows * std::ssize(poses), 12);
-    for (std::size_t i = 0; i < poses.size(); ++i)
-        jacobian.middleRows(static_cast<Eigen::Index>(i) * rows, rows) =
-            registration_jacobian(projector, points, xy.camera_from_base,
-                                  poses[i].base_from_carriage, xy.carriage_from_marker) /
-            poses[i].sigma_px;
-    return jacobian;
+    const auto all = linearised(projector, points, poses, xy);
+    if (!all)
+        throw NumericalError("registration: a marker point has no projection");
+    return all->jacobian;
 }
 
 }  // namespace

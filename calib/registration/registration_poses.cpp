@@ -1,4 +1,3 @@
-#include <ceres/sized_cost_function.h>
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
@@ -59,29 +58,6 @@ struct WeightedPose {
     Matrix6d whitening;
 };
 
-class PoseCost final : public ceres::SizedCostFunction<6, 7, 7> {
-public:
-    explicit PoseCost(const WeightedPose& weighted) : weighted_(weighted) {}
-
-    bool Evaluate(double const* const* parameters, double* residuals,
-                  double** jacobians) const override {
-        const Difference found = difference(
-            weighted_.pose, {read_parameters(parameters[0]), read_parameters(parameters[1])});
-        Eigen::Map<Vector6d> residual(residuals);
-        residual = weighted_.whitening * found.value;
-        const Matrix6x12 slope = weighted_.whitening * found.slope;
-        for (int block = 0; block < 2; ++block)
-            if (jacobians && jacobians[block]) {
-                Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>> j(jacobians[block]);
-                j << slope.middleCols<6>(6 * block), Vector6d::Zero();
-            }
-        return true;
-    }
-
-private:
-    const WeightedPose& weighted_;
-};
-
 std::vector<WeightedPose> weighted_poses(std::span<const MeasuredPose> poses,
                                          const Rigid& nominal) {
     require_enough_poses(poses.size());
@@ -120,12 +96,17 @@ double pose_huber_threshold(std::vector<double> lengths) {
     return 4.08 * std::max(*middle / 2.313, 1e-6);
 }
 
-RegistrationJacobian jacobian_at(const std::vector<WeightedPose>& poses, const XY& xy) {
-    RegistrationJacobian jacobian(6 * std::ssize(poses), 12);
-    for (std::size_t i = 0; i < poses.size(); ++i)
-        jacobian.middleRows<6>(6 * static_cast<Eigen::Index>(i)) =
-            poses[i].whitening * difference(poses[i].pose, xy).slope;
-    return jacobian;
+// In standard deviations.
+Linearised linearised(const std::vector<WeightedPose>& poses, const XY& xy) {
+    const Eigen::Index rows = 6 * std::ssize(poses);
+    Linearised all{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 12)};
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+        const Difference one = difference(poses[i].pose, xy);
+        const auto row = 6 * static_cast<Eigen::Index>(i);
+        all.residuals.segment<6>(row) = poses[i].whitening * one.value;
+        all.jacobian.middleRows<6>(row) = poses[i].whitening * one.slope;
+    }
+    return all;
 }
 
 }  // namespace
@@ -140,13 +121,12 @@ Registration register_stage_on_poses(std::span<const MeasuredPose> given,
     double threshold = 0.0;
     for (int round = 0; round < 3; ++round) {  // the threshold settles
         threshold = pose_huber_threshold(distances(poses, xy));
-        xy = minimised(xy, threshold, [&](const AddResidual& add) {
-            for (const WeightedPose& pose : poses)
-                add(new PoseCost(pose));
-        });
+        xy = minimised(xy, {.group = 6, .huber = threshold},
+                       [&](const XY& at) { return linearised(poses, at); });
     }
-    Registration result = with_freedoms_fixed(xy, motion, nominal_carriage_from_marker,
-                                              [&](const XY& at) { return jacobian_at(poses, at); });
+    Registration result =
+        with_freedoms_fixed(xy, motion, nominal_carriage_from_marker,
+                            [&](const XY& at) { return linearised(poses, at).jacobian; });
     for (const double distance :
          distances(poses, {result.camera_from_base, result.carriage_from_marker})) {
         result.reduced_squares += distance * distance;

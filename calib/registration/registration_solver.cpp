@@ -1,10 +1,8 @@
 #include "calib/registration/registration_solver.h"
 
-#include <ceres/ceres.h>
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <array>
 
 #include "core/errors.h"
 
@@ -76,44 +74,6 @@ Eigen::Quaterniond nearest_rotation(const Eigen::Matrix3d& m) {
         svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose()));
 }
 
-// A Rigid as Ceres sees it: quaternion x y z w, then translation; its tangent is our left
-// perturbation. The cost functions give derivatives by that tangent in their first six columns, so
-// the manifold's own Jacobian is the identity above a zero row.
-class LeftPerturbation final : public ceres::Manifold {
-public:
-    int AmbientSize() const override { return 7; }
-    int TangentSize() const override { return 6; }
-
-    bool Plus(const double* x, const double* delta, double* result) const override {
-        write(left_perturbed(read_parameters(x), Eigen::Map<const Vector6d>(delta)), result);
-        return true;
-    }
-    bool PlusJacobian(const double*, double* jacobian) const override {
-        Eigen::Map<Eigen::Matrix<double, 7, 6, Eigen::RowMajor>> j(jacobian);
-        j.setZero();
-        j.topRows<6>().setIdentity();
-        return true;
-    }
-    bool Minus(const double* y, const double* x, double* delta) const override {
-        Eigen::Map<Vector6d> result(delta);
-        result = left_difference(read_parameters(x), read_parameters(y));
-        return true;
-    }
-    bool MinusJacobian(const double*, double* jacobian) const override {
-        Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>> j(jacobian);
-        j.setZero();
-        j.leftCols<6>().setIdentity();
-        return true;
-    }
-
-    static void write(const Rigid& transform, double* x) {
-        Eigen::Map<Eigen::Vector4d> rotation(x);
-        Eigen::Map<Eigen::Vector3d> translation(x + 4);
-        rotation = transform.rotation.coeffs();
-        translation = transform.translation;
-    }
-};
-
 // Where the marker is on average, base frame.
 Eigen::Vector3d middle_of(std::span<const Rigid> stage, const XY& xy) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -173,34 +133,16 @@ StageMotion required_motion(std::span<const PosePair> poses) {
     return motion;
 }
 
-Rigid read_parameters(const double* x) {
-    return {Eigen::Quaterniond(x[3], x[0], x[1], x[2]).normalized(), {x[4], x[5], x[6]}};
-}
-
-XY minimised(const XY& start, double huber_threshold,
-             const std::function<void(const AddResidual&)>& add_residuals) {
-    std::array<double, 7> x{}, y{};
-    LeftPerturbation::write(start.camera_from_base, x.data());
-    LeftPerturbation::write(start.carriage_from_marker, y.data());
-    ceres::Problem problem;
-    problem.AddParameterBlock(x.data(), 7, new LeftPerturbation);
-    problem.AddParameterBlock(y.data(), 7, new LeftPerturbation);
-    add_residuals([&](ceres::CostFunction* cost) {
-        problem.AddResidualBlock(cost, new ceres::HuberLoss(huber_threshold), x.data(), y.data());
-    });
-    ceres::Solver::Options options;
-    options.linear_solver_type = ceres::DENSE_QR;
-    options.num_threads = 1;
-    options.max_num_iterations = 200;
-    options.function_tolerance = 1e-15;
-    options.gradient_tolerance = 1e-12;
-    options.parameter_tolerance = 1e-13;
-    options.logging_type = ceres::SILENT;
-    ceres::Solver::Summary summary;
-    ceres::Solve(options, &problem, &summary);
-    if (summary.termination_type != ceres::CONVERGENCE)
-        throw NumericalError("registration did not converge: " + summary.message);
-    return {read_parameters(x.data()), read_parameters(y.data())};
+XY minimised(const XY& start, const LeastSquaresRule& rule,
+             const std::function<std::optional<Linearised>(const XY&)>& linearised) {
+    const auto moved = [](const XY& xy, const Eigen::VectorXd& step) {
+        return std::optional(XY{left_perturbed(xy.camera_from_base, step.head<6>()),
+                                left_perturbed(xy.carriage_from_marker, step.tail<6>())});
+    };
+    const auto found = least_squares(start, rule, linearised, moved);
+    if (!found || !found->converged)
+        throw NumericalError("registration did not converge");
+    return found->place.unknowns;
 }
 
 Registration with_freedoms_fixed(

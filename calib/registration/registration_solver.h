@@ -1,18 +1,15 @@
-// What registrations on corners and on poses share: the linear seed, and minimising over X and Y
-// with Ceres.
+// What registrations on corners and on poses share: the linear seed, and minimising over X and Y.
 //
 // Internal to calib/registration; the method is described there.
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 
 #include "calib/registration/registration_gauge.h"
 #include "calib/registration/stage_motion.h"
-
-namespace ceres {
-class CostFunction;
-}
+#include "core/least_squares.h"
 
 namespace etalon {
 
@@ -33,17 +30,10 @@ void require_enough_poses(std::size_t poses);
 // Throws NumericalError for a stage that did not move, or fewer than 4 distinct poses.
 StageMotion required_motion(std::span<const PosePair> poses);
 
-// How the parameters of a cost function look: quaternion x y z w, then translation. X is the first
-// block, Y the second. Derivatives are by our left perturbation, in the first six of seven columns.
-Rigid read_parameters(const double* x);
-
-// Adds a cost function of (X, Y), which is then owned by the problem.
-using AddResidual = std::function<void(ceres::CostFunction*)>;
-
-// Levenberg-Marquardt with Huber's loss, single-threaded. Throws NumericalError when it does not
-// converge.
-XY minimised(const XY& start, double huber_threshold,
-             const std::function<void(const AddResidual&)>& add_residuals);
+// `linearised` gives twelve derivatives, by the left perturbations of X and Y. Throws
+// NumericalError when the steps do not converge.
+XY minimised(const XY& start, const LeastSquaresRule& rule,
+             const std::function<std::optional<Linearised>(const XY&)>& linearised);
 
 // X and Y moved along the freedoms to the prior, with covariance, rank and names. `jacobian_at`
 // gives the derivatives at `motion.without_noise`, in standard deviations. Throws what

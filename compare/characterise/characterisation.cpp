@@ -25,11 +25,8 @@ namespace {
 // Runs one measurement; what it cannot use is noted and the others go on.
 void attempt(Characterisation& result, const std::string& quantity,
              const std::function<void()>& measure) {
-    try {
-        measure();
-    } catch (const NumericalError& error) {
-        result.not_measured.push_back({quantity, error.what(), true});
-    }
+    if (const auto measured = attempted(measure); !measured)
+        result.not_measured.push_back({quantity, measured.cause, true});
 }
 
 void measure_black(const CharacteriseInput& input, Characterisation& result) {

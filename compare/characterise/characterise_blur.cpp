@@ -67,14 +67,11 @@ void measure_defocus(const std::vector<StraightEdge>& edges, Characterisation& r
                       result.camera.projection == Projection::telecentric
                           ? "the camera is telecentric"
                           : "the camera file gives no pixel pitch");
-    try {
-        const DefocusEstimate defocus = estimate_defocus(edges, result.camera);
-        if (!defocus.is_determined)
-            return refuse(result, "focus distance and f-number", defocus.undetermined);
-        result.defocus = defocus;
-    } catch (const NumericalError& error) {
-        refuse(result, "focus distance and f-number", error.what());
-    }
+    auto defocus = attempted([&] { return estimate_defocus(edges, result.camera); });
+    if (!defocus || !defocus->is_determined)
+        return refuse(result, "focus distance and f-number",
+                      defocus ? defocus->undetermined : defocus.cause);
+    result.defocus = *defocus;
 }
 
 void write_gaussian(Characterisation& result, double sigma, double uncertainty) {
@@ -189,12 +186,12 @@ void measure_modulation(const CharacteriseInput& input,
     const std::vector<StraightEdge> edges = edges_of(input, poses, result.camera, selection);
     std::string last_error = "no edge of the target is 16 px long and wide at 2 to 30 degrees";
     for (const StraightEdge* edge : modulation_edges(edges, result.camera)) {
-        try {
+        auto slanted = attempted([&] { return slanted_edge(*edge); });
+        if (slanted)
             result.modulation.push_back({input.photos[static_cast<std::size_t>(edge->photo)].name,
-                                         edge->centre_px, slanted_edge(*edge)});
-        } catch (const NumericalError& error) {
-            last_error = error.what();
-        }
+                                         edge->centre_px, *slanted});
+        else
+            last_error = slanted.cause;
     }
     if (result.modulation.empty())
         return refuse(result, "MTF", last_error);

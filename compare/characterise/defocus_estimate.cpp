@@ -292,14 +292,13 @@ DefocusEstimate estimate_defocus(std::span<const StraightEdge> whole_edges,
     model.lower = Eigen::Vector3d(1e-6, -std::numeric_limits<double>::max(), 0.0).head(parameters);
     model.transfer = [&](const StraightEdge& edge, const Eigen::VectorXd& p,
                          const Eigen::ArrayXd& f) { return transfer_of(edge, setting, p, f); };
-    EdgeFit fit;
-    try {
-        fit = fit_within_clearance(edges, model, setting, estimate);
-    } catch (const NumericalError& error) {  // an aperture that vanishes: focus is then anywhere
+    auto fitted = attempted([&] { return fit_within_clearance(edges, model, setting, estimate); });
+    if (!fitted) {  // an aperture that vanishes: focus is then anywhere
         estimate.undetermined =
-            fmt::format("focus distance and f-number: {} ({})", error.what(), depths(whole_edges));
+            fmt::format("focus distance and f-number: {} ({})", fitted.cause, depths(whole_edges));
         return estimate;
     }
+    const EdgeFit& fit = *fitted;
     estimate.reduced_chi_square = fit.reduced_chi_square;
     estimate.edges = fit.used_edges;
     estimate.pixels = fit.pixels;

@@ -6,18 +6,16 @@
 // order that is not its own, and gains nothing over it.
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <limits>
 #include <opencv2/calib3d.hpp>
 
 #include "compare/detect/detector.h"
+#include "core/least_squares.h"
 
 namespace etalon {
 namespace {
 
 using Points = std::vector<Eigen::Vector3d>;
 using Pixels = std::vector<Eigen::Vector2d>;
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 template <class Vectors>
 bool all_finite(const Vectors& vectors) {
@@ -73,82 +71,47 @@ std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& p
     return poses;
 }
 
-// Normal equations of the pixel residuals for a left perturbation of the pose.
-struct Linearised {
-    Matrix6d information = Matrix6d::Zero();  // J^T J
-    Vector6d gradient = Vector6d::Zero();     // J^T r
-    double cost = infinity;                   // sum of squares, px^2; infinite: a point is unseen
-};
-
-Linearised linearise(const Projector& projector, const Points& points, const Pixels& pixels,
-                     const Rigid& camera_from_marker) {
-    Linearised result;
-    double cost = 0;
+// The pixels' residuals, px, for a left perturbation of the pose; nothing when one is unseen.
+std::optional<Linearised> linearised(const Projector& projector, const Points& points,
+                                     const Pixels& pixels, const Rigid& camera_from_marker) {
+    Linearised all{Eigen::VectorXd(2 * std::ssize(points)),
+                   Eigen::MatrixXd(2 * std::ssize(points), 6)};
     for (std::size_t i = 0; i < points.size(); ++i) {
         const Eigen::Vector3d arm = camera_from_marker.rotation * points[i];
         const auto seen = projector.project_with_jacobian(arm + camera_from_marker.translation);
         if (!seen)
-            return {};
-        Eigen::Matrix3d minus_cross;  // -[arm]_x: d (Exp(d) arm) / d d at 0
-        minus_cross << 0, arm.z(), -arm.y(), -arm.z(), 0, arm.x(), arm.y(), -arm.x(), 0;
-        Eigen::Matrix<double, 2, 6> jacobian;
-        jacobian << seen->jacobian * minus_cross, seen->jacobian;
-        const Eigen::Vector2d residual = seen->pixel - pixels[i];
-        result.information += jacobian.transpose() * jacobian;
-        result.gradient += jacobian.transpose() * residual;
-        cost += residual.squaredNorm();
+            return std::nullopt;
+        const auto row = 2 * static_cast<Eigen::Index>(i);
+        all.residuals.segment<2>(row) = seen->pixel - pixels[i];
+        all.jacobian.middleRows<2>(row) << -seen->jacobian * cross_matrix(arm), seen->jacobian;
     }
-    if (std::isfinite(cost))
-        result.cost = cost;
-    return result;
+    return all.residuals.allFinite() ? std::optional(all) : std::nullopt;
 }
 
-struct Refined {
-    Rigid camera_from_marker;
-    Linearised at;
-};
+using Refined = Fitted<Rigid>;
 
-Vector6d damped_step(const Linearised& at, double damping) {
-    Matrix6d damped = at.information;
-    damped.diagonal() *= 1.0 + damping;
-    return -damped.ldlt().solve(at.gradient);
-}
-
-// Where a step leads; nothing when it is not finite or a point is not seen from there.
-std::optional<Refined> moved(const Projector& projector, const Points& points, const Pixels& pixels,
-                             const Rigid& from, const Vector6d& delta) {
-    if (!delta.allFinite())
-        return std::nullopt;
-    const Rigid there = left_perturbed(from, delta);
-    Refined state{there, linearise(projector, points, pixels, there)};
-    return state.at.cost < infinity ? std::optional(state) : std::nullopt;
-}
-
-// Levenberg and Marquardt's method until a step promises less than 1e-14 of the cost, or none
-// lowers it any more. Such a last step is taken in full and unseen: what it does to the cost is
-// lost in rounding, but not what it does to the pose, which so does not depend on the start.
-// Nothing when a point cannot be seen from the start.
+// Nothing when a point cannot be seen from the start. The last step, which promises next to
+// nothing, is taken in full and unseen: what it does to the loss is lost in rounding, but not what
+// it does to the pose, which so does not depend on the start.
 std::optional<Refined> refine(const Projector& projector, const Points& points,
                               const Pixels& pixels, const Rigid& start) {
-    constexpr int max_iterations = 200;
-    constexpr double max_damping = 1e8;
-    Refined state{start, linearise(projector, points, pixels, start)};
-    if (state.at.cost == infinity)
+    const LeastSquaresRule rule;
+    const auto equations = [&](const Rigid& at) {
+        return linearised(projector, points, pixels, at);
+    };
+    const auto moved = [](const Rigid& from, const Eigen::VectorXd& step) {
+        return std::optional(left_perturbed(from, step));
+    };
+    const auto found = least_squares(start, rule, equations, moved);
+    if (!found)
         return std::nullopt;
-    double damping = 1e-4;
-    for (int i = 0; i < max_iterations && damping < max_damping; ++i) {
-        const Vector6d delta = damped_step(state.at, damping);
-        const bool is_last = -state.at.gradient.dot(delta) <= 1e-14 * state.at.cost;
-        const auto next = moved(projector, points, pixels, state.camera_from_marker,
-                                is_last ? damped_step(state.at, 0.0) : delta);
-        const bool is_better = next && next->at.cost < state.at.cost;
-        if (next && (is_last || is_better))
-            state = *next;
-        if (is_last)
-            break;
-        damping = is_better ? std::max(damping * 0.1, 1e-12) : damping * 10.0;
-    }
-    return state;
+    const Refined& place = found->place;
+    const Eigen::VectorXd last = damped_step(place.at, 0.0, rule).step;
+    if (!found->converged || !last.allFinite())
+        return place;
+    const Rigid end = left_perturbed(place.unknowns, last);
+    const auto there = equations(end);
+    return there ? Refined{end, *there, robust_loss(*there, rule)} : place;
 }
 
 // (J^T J)^-1 with rows and columns scaled to unit diagonal first, so that rad and mm compare;
@@ -174,15 +137,15 @@ bool usable(const Points& points_mm, const Pixels& pixels) {
 }
 
 double rms_px(const Refined& pose, const Points& points) {
-    return std::sqrt(pose.at.cost / static_cast<double>(points.size()));
+    return std::sqrt(2.0 * pose.loss() / static_cast<double>(points.size()));
 }
 
 // Without the other solution.
 std::optional<PoseEstimate> estimate_of(const Refined& pose, const Points& points) {
-    const auto covariance = covariance_per_px2(pose.at.information);
+    const auto covariance = covariance_per_px2(pose.at.jacobian.transpose() * pose.at.jacobian);
     if (!covariance)
         return std::nullopt;
-    return PoseEstimate{pose.camera_from_marker, rms_px(pose, points), {}, 0.0, *covariance};
+    return PoseEstimate{pose.unknowns, rms_px(pose, points), {}, 0.0, *covariance};
 }
 
 // Both starts can end in one minimum, for instance with strong perspective.
@@ -204,14 +167,14 @@ std::optional<PoseEstimate> estimate_pose(const Projector& projector, const Poin
         if (const auto refined = refine(projector, points_mm, pixels, start))
             found.push_back(*refined);
     std::stable_sort(found.begin(), found.end(),
-                     [](const Refined& a, const Refined& b) { return a.at.cost < b.at.cost; });
+                     [](const Refined& a, const Refined& b) { return a.loss() < b.loss(); });
     if (found.empty())
         return std::nullopt;
 
     std::optional<PoseEstimate> estimate = estimate_of(found[0], points_mm);
     if (estimate && found.size() > 1 &&
-        !same_pose(found[0].camera_from_marker, found[1].camera_from_marker)) {
-        estimate->alternative = found[1].camera_from_marker;
+        !same_pose(found[0].unknowns, found[1].unknowns)) {
+        estimate->alternative = found[1].unknowns;
         estimate->alternative_rms_px = rms_px(found[1], points_mm);
     }
     return estimate;

@@ -7,6 +7,8 @@
 #include <numbers>
 #include <vector>
 
+#include "core/least_squares.h"
+
 namespace etalon {
 namespace {
 
@@ -102,24 +104,6 @@ Modelled model(const Parameters& p, const Eigen::Vector2d& place) {
     return result;
 }
 
-struct Normal {
-    Eigen::Matrix<double, 9, 9> matrix = Eigen::Matrix<double, 9, 9>::Zero();
-    Parameters rhs = Parameters::Zero();
-    double cost = 0.0;
-};
-
-Normal normal_equations(const std::vector<Sample>& samples, const Parameters& p) {
-    Normal normal;
-    for (const Sample& sample : samples) {
-        const Modelled modelled = model(p, sample.place);
-        const double residual = sample.value - modelled.value;
-        normal.matrix += sample.weight * modelled.gradient * modelled.gradient.transpose();
-        normal.rhs += sample.weight * residual * modelled.gradient;
-        normal.cost += sample.weight * residual * residual;
-    }
-    return normal;
-}
-
 // Mean and contrast from the darkest and the brightest pixel: right wherever the guess is.
 void guess_levels(const std::vector<Sample>& samples, Parameters& p) {
     const auto [dark, bright] =
@@ -129,47 +113,41 @@ void guess_levels(const std::vector<Sample>& samples, Parameters& p) {
     p[contrast] = -0.5 * (bright->value - dark->value);
 }
 
-using Fixed = std::initializer_list<int>;
+using Held = std::initializer_list<int>;
 
-void hold(const Fixed& fixed, Normal& normal) {
-    for (const int i : fixed) {
-        normal.matrix.row(i).setZero();
-        normal.matrix.col(i).setZero();
-        normal.matrix(i, i) = 1.0;
-        normal.rhs[i] = 0.0;
+// Rows weighted by the samples' weights; no derivatives by what is held.
+Linearised linearised(const std::vector<Sample>& samples, const Held& held, const Parameters& p) {
+    Linearised all{Eigen::VectorXd(std::ssize(samples)), Eigen::MatrixXd(std::ssize(samples), 9)};
+    for (Eigen::Index i = 0; i < all.residuals.size(); ++i) {
+        const Sample& sample = samples[static_cast<std::size_t>(i)];
+        const Modelled modelled = model(p, sample.place);
+        const double weight = std::sqrt(sample.weight);
+        all.residuals[i] = weight * (modelled.value - sample.value);
+        all.jacobian.row(i) = weight * modelled.gradient.transpose();
     }
+    for (const int i : held)
+        all.jacobian.col(i).setZero();
+    return all;
 }
 
-// Levenberg and Marquardt's method, with some parameters held. Returns the weighted sum of squares.
-double fit(const std::vector<Sample>& samples, double radius, const Fixed& fixed, Parameters& p) {
-    constexpr int most_steps = 40;
-    constexpr double small_step_px = 1e-5, longest_step_px = 1.5;
-    double damping = 1e-3;
-    Normal normal = normal_equations(samples, p);
-    hold(fixed, normal);
-    for (int i = 0; i < most_steps; ++i) {
-        Eigen::Matrix<double, 9, 9> damped = normal.matrix;
-        damped.diagonal() += damping * (normal.matrix.diagonal().array() + 1e-9).matrix();
-        const Parameters step = damped.ldlt().solve(normal.rhs);
-        Parameters tried = p + step;
-        tried[log_blur] = std::clamp(tried[log_blur], std::log(sharpest_px), std::log(radius));
-        if (!tried.allFinite())
-            break;
-        const Normal there = normal_equations(samples, tried);
-        if (there.cost > normal.cost || step.head<2>().norm() > longest_step_px) {
-            damping *= 10.0;
-            if (damping > 1e6)
-                break;
-            continue;
-        }
-        p = tried;
-        normal = there;
-        hold(fixed, normal);
-        damping = std::max(damping * 0.1, 1e-9);
-        if (step.head<2>().norm() < small_step_px)
-            break;
-    }
-    return normal.cost;
+// With some parameters held. Returns the weighted sum of squares.
+double fit(const std::vector<Sample>& samples, double radius, const Held& held, Parameters& p) {
+    // A step that gains less than this part moves the crossing by some 1e-5 px.
+    const LeastSquaresRule rule{
+        {.first_damping = 1e-3, .max_damping = 1e6, .max_tries = 40, .enough_part = 1e-7}};
+    constexpr double max_step_px = 1.5;
+    const auto equations = [&](const Parameters& at) {
+        return std::optional(linearised(samples, held, at));
+    };
+    const auto moved = [&](const Parameters& from, const Eigen::VectorXd& step) {
+        Parameters next = from + step;
+        next[log_blur] = std::clamp(next[log_blur], std::log(sharpest_px), std::log(radius));
+        return next.allFinite() && step.head<2>().norm() <= max_step_px ? std::optional(next)
+                                                                        : std::nullopt;
+    };
+    const auto found = least_squares(p, rule, equations, moved);
+    p = found->place.unknowns;
+    return 2.0 * found->place.loss();
 }
 
 bool is_crossing(const Parameters& p, const Parameters& start, double rms) {

@@ -96,7 +96,7 @@ PhotoPlace fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& ca
         if (round > 0 && std::abs(scale / place.noise_scale - 1.0) < settled)
             break;
         place = steps.at(place.state, scale);
-        steps.descend(place, {.damping = 1e-3, .enough_gain = 1e-3, .slack = 0.0});
+        steps.descend(place, {.first_damping = 1e-3, .enough_gain = 1e-3});
     }
     return place;
 }

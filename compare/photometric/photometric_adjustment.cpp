@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "core/errors.h"
+#include "core/least_squares.h"
 
 namespace etalon {
 namespace {
@@ -147,43 +148,27 @@ private:
         return at(std::make_shared<const PhotometricCamera>(camera), std::move(states));
     }
 
-    // A step that leads where nothing can be rendered is no better than one that raises the loss.
-    std::optional<Place> tried(const Place& place, const AdjustmentStep& step) const {
-        try {
-            Place next = moved(place, step);
-            if (next.loss() < place.loss())
-                return next;
-        } catch (const NumericalError&) {
-        }
-        return std::nullopt;
-    }
-
-    // A gain of 3e-4 by photograph is some hundredths of a standard deviation.
+    // A gain of 3e-4 by photograph is some hundredths of a standard deviation. A step that leads
+    // where nothing can be rendered is no better than one that raises the loss.
     void minimise(Place& place) {
-        constexpr int max_tries = 60;
-        constexpr double max_damping = 1e6;
-        const double enough = 3e-4 * static_cast<double>(photos_.size());
+        const auto count = static_cast<double>(photos_.size());
+        const DescentRule rule{.first_damping = 1e-3, .max_damping = 1e6, .max_tries = 60,
+                               .enough_gain = 3e-4 * count};
         constexpr double rounding = 1e-2;  // by photograph: the renderer's own steps hide less
-        converged_ = false;
-        double damping = 1e-3;
-        for (int i = 0; i < max_tries && damping < max_damping; ++i) {
-            const AdjustmentStep step = step_at(place, damping);
+        const auto determined_step = [&](const Place& from, double damping) {
+            AdjustmentStep step = step_at(from, damping);
             if (!std::isfinite(step.predicted_gain))
                 throw NumericalError("the photographs do not determine pose and photometric model");
-            if (damping <= 1e-2 && step.predicted_gain < enough) {
-                converged_ = true;
-                return;
-            }
-            if (std::optional<Place> next = tried(place, step)) {
-                place = std::move(*next);
-                damping = std::max(0.1 * damping, 1e-9);
-                ++iterations_;
-                continue;
-            }
-            damping = std::max(10.0 * damping, 1e-3);
-        }
+            return step;
+        };
+        const auto tried = [&](const Place& from, const AdjustmentStep& step) {
+            return attempted([&] { return moved(from, step); }).value;
+        };
+        auto descent = damped_descent(std::move(place), rule, determined_step, tried);
+        place = std::move(descent.place);
+        iterations_ += descent.steps;
         converged_ =
-            step_at(place, 0.0).predicted_gain < rounding * static_cast<double>(photos_.size());
+            descent.converged || step_at(place, 0.0).predicted_gain < rounding * count;
     }
 
     std::span<const PhotoOfMarker> photos_;

@@ -37,7 +37,7 @@ struct Solution {
     // Huber's loss at this noise, to a tenth of a standard deviation.
     void find_minimum(double noise_scale) {
         place = steps.at(place.state, noise_scale);
-        steps.descend(place, {.damping = 1e-3, .enough_gain = 0.005, .slack = 1.0});
+        steps.descend(place, {.first_damping = 1e-3, .enough_gain = 0.005, .slack = 1.0});
     }
 
     // A step of a hundredth of a standard deviation promises half of its square. The renderer's own
@@ -45,7 +45,7 @@ struct Solution {
     void settle(double noise_scale) {
         steps.render_gradient(place.state);
         place = steps.at(place.state, noise_scale);
-        converged = steps.descend(place, {.damping = 0.0, .enough_gain = 5e-5, .slack = 0.1});
+        converged = steps.descend(place, {.first_damping = 0.0, .enough_gain = 5e-5, .slack = 0.1});
     }
 
     double loss() const { return place.equations.loss; }
@@ -58,11 +58,7 @@ struct Solution {
 // Nothing where the start cannot be rendered or leads nowhere.
 std::optional<Solution> solution_from(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                       const PhotometricTerms& terms, const PhotoState& start) {
-    try {
-        return Solution(photo, camera, terms, start);
-    } catch (const NumericalError&) {
-        return std::nullopt;
-    }
+    return attempted([&] { return Solution(photo, camera, terms, start); }).value;
 }
 
 // The noise was found with rough renderings and gradients: once more at the minimum itself.

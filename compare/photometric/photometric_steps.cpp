@@ -2,20 +2,19 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
-#include <optional>
 
 #include "core/errors.h"
 
 namespace etalon {
 namespace {
 
-struct DampedStep {
+struct PhotoStep {
     Eigen::VectorXd delta;
     double predicted_gain;  // half of score . delta: how much the loss should fall
 };
 
 // Scaled to a unit diagonal, so that rad, mm and gray compare.
-DampedStep step_of(const PhotoEquations& equations, double damping) {
+PhotoStep step_of(const PhotoEquations& equations, double damping) {
     const Eigen::VectorXd scale =
         equations.information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     Eigen::MatrixXd scaled = scale.asDiagonal() * equations.information * scale.asDiagonal();
@@ -69,28 +68,22 @@ void PhotometricSteps::render_gradient(const PhotoState& state) {
     rendered_ = state.camera_from_marker;
 }
 
-bool PhotometricSteps::descend(PhotoPlace& place, const DescentRule& rule) {
-    constexpr int max_steps = 25;
-    constexpr double next_to_none = 1e-3;
-    double damping = rule.damping;
-    for (int i = 0; i < max_steps && damping <= rule.max_damping; ++i) {
-        const DampedStep step = step_of(place.equations, damping);
-        if (step.predicted_gain < rule.enough_gain && damping <= rule.damping)
-            return true;
-        std::optional<PhotoPlace> next;
-        try {
-            next = at(stepped(place.state, terms_, step.delta), place.noise_scale);
-        } catch (const NumericalError&) {
-            // Where nothing can be rendered it is no better than where the loss is higher.
-        }
-        if (next && next->equations.loss < place.equations.loss + rule.slack) {
-            place = std::move(*next);
-            damping = damping > next_to_none ? 0.1 * damping : rule.damping;
-        } else {
-            damping = std::max(10.0 * damping, 10.0 * next_to_none);
-        }
-    }
-    return step_of(place.equations, 0.0).predicted_gain < rule.enough_gain;
+bool PhotometricSteps::descend(PhotoPlace& place, DescentRule rule) {
+    rule.max_tries = std::min(rule.max_tries, 25);
+    rule.max_damping = std::min(rule.max_damping, 1e3);
+    // Where nothing can be rendered it is no better than where the loss is higher.
+    const auto tried = [&](const PhotoPlace& from, const PhotoStep& step) {
+        return attempted([&] {
+                   return at(stepped(from.state, terms_, step.delta), from.noise_scale);
+               })
+            .value;
+    };
+    const auto step_at = [](const PhotoPlace& from, double damping) {
+        return step_of(from.equations, damping);
+    };
+    auto descent = damped_descent(std::move(place), rule, step_at, tried);
+    place = std::move(descent.place);
+    return descent.converged || step_of(place.equations, 0.0).predicted_gain < rule.enough_gain;
 }
 
 double noise_scale_of(const PhotoPlace& place, bool knows_noise) {
@@ -109,7 +102,7 @@ PhotoPlace approached(PhotometricSteps& steps, const PhotoState& start) {
     PhotoPlace place = steps.at(start, std::max(rms, least));
     const double enough = std::max(1.0, 0.02 * place.equations.loss);
     steps.descend(place,
-                  {.damping = 1e-3, .enough_gain = enough, .slack = 0.0, .max_damping = 1.0});
+                  {.first_damping = 1e-3, .max_damping = 1.0, .enough_gain = enough});
     return place;
 }
 

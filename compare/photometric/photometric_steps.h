@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "compare/photometric/photometric_equations.h"
+#include "core/least_squares.h"
 
 namespace etalon {
 
@@ -17,14 +18,8 @@ struct PhotoPlace {
     PhotoState state;
     PhotoEquations equations;  // there
     double noise_scale = 1.0;  // that they were made with
-};
 
-// What the steps of a descent obey; losses and gains are in units of the loss.
-struct DescentRule {
-    double damping;            // of the first step, relative to the information
-    double enough_gain;        // converged where the next step promises less
-    double slack;              // a loss that rises by less is not taken as a rise
-    double max_damping = 1e3;  // beyond, no better place is near
+    double loss() const { return equations.loss; }
 };
 
 // Another noise scale or photometric model takes no new rendering. Refers to photograph and camera,
@@ -40,9 +35,9 @@ public:
     // From now on all equations have the gradient of this state: five renderings.
     void render_gradient(const PhotoState& state);
 
-    // Moves the place; whether it converged. Throws NumericalError where the pixels do not
-    // determine the unknowns.
-    bool descend(PhotoPlace& place, const DescentRule& rule);
+    // Moves the place; whether it converged. At most 25 tries, and damping to 1000 where the rule
+    // allows more. Throws NumericalError where the pixels do not determine the unknowns.
+    bool descend(PhotoPlace& place, DescentRule rule);
 
     int renderings() const { return renderings_; }
 

@@ -31,12 +31,10 @@ TwinPhysics::TwinPhysics(const CameraModel& true_camera, TwinScene scene, Render
 Radiance TwinPhysics::radiance(const Rigid& base_from_carriage) const {
     const Rigid camera_from_marker =
         scene_.camera_from_base * base_from_carriage * scene_.carriage_from_marker;
-    try {
-        const Scene seen{{{scene_.marker, camera_from_marker}}, scene_.background};
-        return renderer_.render(seen, options_).radiance;
-    } catch (const NumericalError&) {
-        return Radiance(camera().height, camera().width, CV_32FC1, cv::Scalar(scene_.background));
-    }
+    const Scene seen{{{scene_.marker, camera_from_marker}}, scene_.background};
+    if (auto radiance = attempted([&] { return renderer_.render(seen, options_).radiance; }))
+        return *radiance;
+    return Radiance(camera().height, camera().width, CV_32FC1, cv::Scalar(scene_.background));
 }
 
 CodeImage TwinPhysics::expose(const Radiance& radiance, double exposure,

@@ -96,11 +96,11 @@ Found find_in(const std::filesystem::path& photo, const CodeImage& image, const 
     if (!start.camera_from_marker)
         return found;
     const double before = process_cpu_ms();
-    try {
-        found.pose = detector.find(image, *start.camera_from_marker, start_error_px);
-    } catch (const NumericalError& error) {
-        found.failure = error.what();
-    }
+    auto pose = attempted(
+        [&] { return detector.find(image, *start.camera_from_marker, start_error_px); });
+    if (pose)
+        found.pose = *pose;
+    found.failure = pose.cause;
     found.cpu_ms = process_cpu_ms() - before;
     return found;
 }

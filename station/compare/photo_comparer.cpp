@@ -112,11 +112,9 @@ void PhotoComparer::match(const CodeImage& image, const std::filesystem::path& f
 ResidualProfiles PhotoComparer::compare(const CodeImage& image, const std::filesystem::path& folder,
                                         std::size_t number, ComparedPhoto& photo) const {
     ResidualProfiles profiles = empty_profiles_;
-    try {
-        match(image, folder, number, photo, profiles);
-    } catch (const NumericalError& error) {
-        photo.failure = error.what();
-    }
+    const auto matched = attempted([&] { match(image, folder, number, photo, profiles); });
+    if (!matched)
+        photo.failure = matched.cause;
     if (photo.has_figures())
         return profiles;
     // The pictures may show why; numbers would only be taken for some.

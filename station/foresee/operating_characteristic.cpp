@@ -51,17 +51,18 @@ public:
 
 private:
     std::optional<double> value_at(const std::string& name, double size) const {
-        try {
-            RunTruth truth = simulator_.as_told();
-            error_.apply(truth, size);
+        RunTruth truth = simulator_.as_told();
+        error_.apply(truth, size);
+        // Nothing where the error is so large that the marker leaves the image, say.
+        auto qualified = attempted([&] {
             QualificationInput input = simulator_.exact(truth);
             input.known_signatures = &signatures_;
-            for (const JudgedQuantity& quantity : judged(qualify(input)))
+            return judged(qualify(input));
+        });
+        if (qualified)
+            for (const JudgedQuantity& quantity : *qualified)
                 if (quantity.name == name)
                     return quantity.value;
-        } catch (const NumericalError&) {
-            // so large that the marker leaves the image, say
-        }
         return std::nullopt;
     }
 
@@ -228,13 +229,12 @@ private:
     CharacteristicPoint at(const RunTruth& truth, double size) {
         std::vector<RunResult> results(static_cast<std::size_t>(request_.runs));
         tbb::parallel_for(std::size_t{0}, results.size(), [&](std::size_t run) {
-            try {
+            const auto qualified = attempted([&] {
                 QualificationInput input = simulator_.draw(truth, request_.seed, run);
                 input.known_signatures = &signatures_;
                 results[run] = result_of(qualify(input), quantities_);
-            } catch (const NumericalError&) {
-                results[run].refused = true;
-            }
+            });
+            results[run].refused = !qualified;
         });
         if (request_.progress)
             request_.progress(++done_, all_);

@@ -49,5 +49,5 @@ fi
 
 build_etalon "$target"
 echo "== testing"
-ctest --test-dir build/release --output-on-failure --no-tests=error -j "$(nproc)" \
+ctest --test-dir build/release --output-on-failure --no-tests=error -j "$(($(nproc) * 4))" \
     "${chosen[@]}" "$@"

@@ -4,4 +4,4 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 cmake --preset tsan >/dev/null
 cmake --build build/tsan --target unit_tests
-ctest --test-dir build/tsan -L unit --output-on-failure --no-tests=error -j "$(nproc)"
+ctest --test-dir build/tsan -L unit --output-on-failure --no-tests=error -j "$(($(nproc) * 4))"

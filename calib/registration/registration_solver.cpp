@@ -139,7 +139,10 @@ XY minimised(const XY& start, const LeastSquaresRule& rule,
         return std::optional(XY{left_perturbed(xy.camera_from_base, step.head<6>()),
                                 left_perturbed(xy.carriage_from_marker, step.tail<6>())});
     };
-    const auto found = least_squares(start, rule, linearised, moved);
+    // A gain of 1e-16 is 1e-8 of a standard deviation; rounding alone promises 1e-20.
+    LeastSquaresRule until = rule;
+    until.descent.enough_gain = 1e-16;
+    const auto found = least_squares(start, until, linearised, moved);
     if (!found || !found->converged)
         throw NumericalError("registration did not converge");
     return found->place.unknowns;

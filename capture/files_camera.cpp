@@ -21,7 +21,7 @@ public:
     FilesCamera(const fs::path& folder, Clock& clock)
         : clock_(clock),
           name_("camera files:" + folder.string()),
-          frames_(recorded_frames(folder)) {
+          recorded_(recorded_frames(folder)) {
         identity_.uri = "files:" + folder.string();
     }
 
@@ -33,8 +33,8 @@ public:
     CaptureStatistics statistics() const override { return statistics_; }
 
 private:
-    CaptureSettings recorded(int bits) const;
-    CodeImage image_of(const RecordedFrame& recorded) const;
+    CaptureSettings settings_of_recording(int bits) const;
+    CodeImage image_of(const FrameRecord& frame) const;
     [[noreturn]] void fail(const std::string& request, const std::string& cause) const {
         throw DeviceError(name_, request, cause);
     }
@@ -42,7 +42,7 @@ private:
     Clock& clock_;
     std::string name_;  // for errors
     CameraIdentity identity_;
-    std::vector<RecordedFrame> frames_;
+    RecordedFrames recorded_;
     std::size_t next_ = 0;
     std::optional<CaptureSettings> settings_;
     bool armed_ = false;
@@ -51,14 +51,14 @@ private:
 
 // What is known of the recording: from its log, and from its first image. A plain image file does
 // not say how many of its bits are used, so `bits` is believed; 0 means all.
-CaptureSettings FilesCamera::recorded(int bits) const {
-    const auto first = std::find_if(frames_.begin(), frames_.end(),
-                                    [](const RecordedFrame& f) { return !f.path.empty(); });
-    if (first == frames_.end())
+CaptureSettings FilesCamera::settings_of_recording(int bits) const {
+    const auto first = std::ranges::find_if(
+        recorded_.frames, [](const FrameRecord& frame) { return !frame.file.empty(); });
+    if (first == recorded_.frames.end())
         fail("configure", "no frame of the recording is complete");
-    const CodeImage image = read_image(first->path);
+    const CodeImage image = read_image(recorded_.folder / first->file);
     CaptureSettings settings = first->settings;
-    if (!first->has_settings)
+    if (!recorded_.are_logged)
         settings.bits = bits == 0 ? image.bits : bits;
     settings.width = image.pixels.cols;
     settings.height = image.pixels.rows;
@@ -74,7 +74,7 @@ CaptureSettings FilesCamera::configure(const CaptureSettings& wanted) {
     if (armed_)
         fail("configure", "the camera is armed");
     settings_.reset();
-    const CaptureSettings actual = recorded(wanted.bits);
+    const CaptureSettings actual = settings_of_recording(wanted.bits);
     CaptureSettings comparable = wanted;
     if (wanted.gain_db == 0.0)  // a recording's own
         comparable.gain_db = actual.gain_db;
@@ -90,11 +90,12 @@ void FilesCamera::arm() {
     armed_ = true;
 }
 
-CodeImage FilesCamera::image_of(const RecordedFrame& recorded) const {
-    CodeImage image{read_image(recorded.path).pixels, settings_->bits};
+CodeImage FilesCamera::image_of(const FrameRecord& frame) const {
+    const fs::path path = recorded_.folder / frame.file;
+    CodeImage image{read_image(path).pixels, settings_->bits};
     if (image.pixels.cols != settings_->width || image.pixels.rows != settings_->height ||
         !bits_fit_depth(settings_->bits, image.pixels.depth()) || exceeds_full_scale(image))
-        fail("take a frame", fmt::format("{} is not {}x{} with {} bits", recorded.path.string(),
+        fail("take a frame", fmt::format("{} is not {}x{} with {} bits", path.string(),
                                          settings_->width, settings_->height, settings_->bits));
     return image;
 }
@@ -103,20 +104,19 @@ Frame FilesCamera::frame_after(Instant t, int, std::stop_token stop) {
     if (!armed_)
         fail("take a frame", "the camera is not armed");
     wait_until_after(clock_, t, stop);
-    if (next_ == frames_.size())
-        fail("take a frame", fmt::format("all {} images were shown", frames_.size()));
+    if (next_ == recorded_.frames.size())
+        fail("take a frame", fmt::format("all {} images were shown", recorded_.frames.size()));
 
-    const RecordedFrame& recorded = frames_[next_];
+    const FrameRecord& recorded = recorded_.frames[next_];
     Frame frame;
-    if (!recorded.path.empty())
+    if (!recorded.file.empty())
         frame.image = image_of(recorded);
     frame.status = recorded.status;
-    frame.status_detail =
-        recorded.has_settings ? recorded.status_detail : recorded.path.filename().string();
-    frame.id = recorded.id;
+    frame.status_detail = recorded.status_detail;
+    frame.id = recorded.device_id;
     frame.exposure_start = clock_.now();
     frame.time_source = TimeSource::recording;
-    frame.settings = recorded.has_settings ? recorded.settings : *settings_;
+    frame.settings = recorded_.are_logged ? recorded.settings : *settings_;
     frame.settings.format = settings_->format;
     ++next_;
     ++(frame.status == FrameStatus::complete ? statistics_.delivered : statistics_.rejected);

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <fstream>
-#include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "core/errors.h"
@@ -13,7 +11,6 @@ namespace etalon {
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::json;
 
 bool is_image_name(const fs::path& path) {
     std::string extension = path.extension().string();
@@ -24,7 +21,7 @@ bool is_image_name(const fs::path& path) {
 }
 
 // The folder's images in the order of their names; hidden files are none.
-std::vector<RecordedFrame> images_in(const fs::path& folder) {
+std::vector<FrameRecord> images_in(const fs::path& folder) {
     std::error_code error;
     std::vector<fs::path> paths;
     fs::directory_iterator entries(folder, error);
@@ -38,100 +35,59 @@ std::vector<RecordedFrame> images_in(const fs::path& folder) {
     if (paths.empty())
         throw ConfigError({folder.string()}, "holds no PNG, TIFF or JPEG image");
     std::sort(paths.begin(), paths.end());
-    std::vector<RecordedFrame> frames;
+    std::vector<FrameRecord> frames;
     for (const fs::path& path : paths) {
-        RecordedFrame frame;
-        frame.path = path;
-        frame.id = frames.size() + 1;
+        FrameRecord frame;
+        frame.file = frame.status_detail = path.filename().string();
+        frame.status = FrameStatus::complete;
+        frame.device_id = frames.size() + 1;
         frames.push_back(frame);
     }
     return frames;
 }
 
-FrameStatus status_named(const std::string& word) {
-    for (const FrameStatus status :
-         {FrameStatus::complete, FrameStatus::short_frame, FrameStatus::corrupt, FrameStatus::lost,
-          FrameStatus::timed_out})
-        if (word == name(status))
-            return status;
-    throw ConfigError({}, "no frame has the status " + word);
-}
-
-CaptureSettings recorded_settings(const json& event) {
-    CaptureSettings settings;
-    settings.width = event.at("width");
-    settings.height = event.at("height");
-    settings.bits = event.at("bits");
-    settings.exposure = std::chrono::microseconds(event.at("exposure_us").get<long long>());
-    settings.gain_db = event.at("gain_db");
-    settings.format = event.value("format", "");
-    return settings;
-}
-
 // A file outside the record's folder is none of it.
-fs::path inside(const fs::path& folder, const std::string& file) {
-    const fs::path relative = fs::path(file).lexically_normal();
-    if (relative.is_absolute() || (!relative.empty() && *relative.begin() == ".."))
-        throw ConfigError({}, "the frame " + file + " lies outside the record");
-    return folder / relative;
-}
-
-RecordedFrame frame_of(const json& event, const fs::path& folder) {
-    RecordedFrame frame;
-    frame.status = status_named(event.at("status"));
-    frame.status_detail = event.at("status_detail");
-    frame.id = event.at("device_id");
-    frame.settings = recorded_settings(event.at("settings"));
-    frame.has_settings = true;
-    if (frame.status == FrameStatus::complete)
-        frame.path = inside(folder, event.at("file"));
+FrameRecord frame_inside(const JsonEntry& line) {
+    FrameRecord frame = read_frame_record(line);
+    if (frame.status != FrameStatus::complete)
+        frame.file.clear();
+    const fs::path file = fs::path(frame.file).lexically_normal();
+    if (file.is_absolute() || (!file.empty() && *file.begin() == ".."))
+        line.at("file").fail("the frame " + frame.file + " lies outside the record");
     return frame;
 }
 
 // A frame is logged before its image is on the disk: where that was full or the machine went down,
 // the images of the last ones are missing.
-void leave_out_unwritten_end(std::vector<RecordedFrame>& frames) {
-    const auto written = [](const RecordedFrame& frame) {
+void leave_out_unwritten_end(const fs::path& folder, std::vector<FrameRecord>& frames) {
+    const auto written = [&](const FrameRecord& frame) {
         std::error_code ignored;
-        return !frame.path.empty() && fs::exists(frame.path, ignored);
+        return !frame.file.empty() && fs::exists(folder / frame.file, ignored);
     };
     const auto after_the_last = std::find_if(frames.rbegin(), frames.rend(), written).base();
-    const auto first_missing =
-        std::find_if(after_the_last, frames.end(),
-                     [](const RecordedFrame& frame) { return !frame.path.empty(); });
+    const auto first_missing = std::find_if(
+        after_the_last, frames.end(), [](const FrameRecord& frame) { return !frame.file.empty(); });
     frames.erase(first_missing, frames.end());
 }
 
-// The log's last line may be half there when the machine went down; a line before it may not.
-std::vector<RecordedFrame> frames_in_log(const fs::path& folder, const fs::path& log) {
-    std::ifstream lines(log);
-    std::vector<RecordedFrame> frames;
-    std::string line;
-    for (int number = 1; std::getline(lines, line); ++number) {
-        try {
-            const json event = json::parse(line);
-            if (event.at("event") == "frame")
-                frames.push_back(frame_of(event, folder));
-        } catch (const json::exception& error) {
-            if (lines.peek() == std::ifstream::traits_type::eof())
-                break;
-            throw ConfigError({log.string(), number}, error.what());
-        } catch (const ConfigError& error) {
-            throw ConfigError({log.string(), number}, error.what());
-        }
-    }
-    leave_out_unwritten_end(frames);
+std::vector<FrameRecord> frames_in_log(const fs::path& folder) {
+    std::vector<FrameRecord> frames;
+    read_log(folder, [&](const JsonEntry& line) {
+        if (line.at("event").text() == "frame")
+            frames.push_back(frame_inside(line));
+    });
+    leave_out_unwritten_end(folder, frames);
     if (frames.empty())
-        throw ConfigError({log.string()}, "lists no frame whose image is there");
+        throw ConfigError({(folder / log_file).string()}, "lists no frame whose image is there");
     return frames;
 }
 
 }  // namespace
 
-std::vector<RecordedFrame> recorded_frames(const fs::path& folder) {
-    const fs::path log = folder / "events.jsonl";
+RecordedFrames recorded_frames(const fs::path& folder) {
     std::error_code ignored;
-    return fs::is_regular_file(log, ignored) ? frames_in_log(folder, log) : images_in(folder);
+    const bool are_logged = fs::is_regular_file(folder / log_file, ignored);
+    return {folder, are_logged ? frames_in_log(folder) : images_in(folder), are_logged};
 }
 
 }  // namespace etalon

@@ -4,26 +4,23 @@
 #pragma once
 
 #include <filesystem>
-#include <string>
 #include <vector>
 
-#include "core/image.h"
+#include "core/frame_log.h"
 
 namespace etalon {
 
-struct RecordedFrame {
-    std::filesystem::path path;  // empty unless the frame is complete
-    FrameStatus status = FrameStatus::complete;
-    std::string status_detail;
-    std::uint64_t id = 0;  // the device's counter, or the image's number from 1
-    // As recorded; of plain images nothing is known but what the file says.
-    CaptureSettings settings;
-    bool has_settings = false;
+struct RecordedFrames {
+    std::filesystem::path folder;
+    // At least one. Of plain images the file is the only thing that is known; they are numbered
+    // from 1.
+    std::vector<FrameRecord> frames;
+    bool are_logged = false;
 };
 
 // A run's frames are those that its events.jsonl lists; without such a file all PNG, TIFF and JPEG
 // images count, hidden ones excepted. Throws ConfigError, with the line of the log, when the folder
 // or its log cannot be read or holds no frame.
-std::vector<RecordedFrame> recorded_frames(const std::filesystem::path& folder);
+RecordedFrames recorded_frames(const std::filesystem::path& folder);
 
 }  // namespace etalon

@@ -68,7 +68,7 @@ private:
         if (!corners)
             return std::nullopt;
         const PoseBias bias = pose_bias(projector_, seen_points_mm(request_.scene.marker, *corners),
-                                        camera_from_marker, corners->pixels, std::nullopt);
+                                        camera_from_marker, corners->pixels, {});
         return bias.b2 ? std::optional(bias) : std::nullopt;
     }
 

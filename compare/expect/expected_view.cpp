@@ -55,7 +55,7 @@ ExpectedExposures::ExpectedExposures(const ExpectedView& view, const Rigid& came
 }
 
 std::optional<DetectedCorners> ExpectedExposures::without_noise(Detector& detector) const {
-    return detector.detect(sensor_.expose(whole_)).corners;
+    return detector.detect(without_noise()).corners;
 }
 
 std::optional<DetectedCorners> ExpectedExposures::with_noise(Detector& detector,

@@ -59,7 +59,8 @@ public:
     // Throws what Renderer::render throws. `view` must outlive it.
     ExpectedExposures(const ExpectedView& view, const Rigid& camera_from_marker);
 
-    // The marker in the whole image without noise.
+    // The whole image without noise, and the marker in it.
+    CodeImage without_noise() const { return sensor_.expose(whole_); }
     std::optional<DetectedCorners> without_noise(Detector& detector) const;
 
     // With the noise that the calibration states. Only the marker's area is exposed and searched:

@@ -33,12 +33,12 @@ AcceptanceCondition checked(std::string name, bool is_met, double value, double 
 
 // ---------------------------------------------------------------------------------- coverage
 
-AcceptanceCondition volume_coverage(const Qualification& result) {
+AcceptanceCondition volume_coverage(const std::vector<Pose>& poses) {
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-    for (const QualifiedPose& pose : result.poses)
-        centre += pose.bias.predicted.translation / static_cast<double>(result.poses.size());
+    for (const Pose& pose : poses)
+        centre += pose.bias.predicted.translation / static_cast<double>(poses.size());
     std::array<int, 8> planned{}, used{};
-    for (const QualifiedPose& pose : result.poses) {
+    for (const Pose& pose : poses) {
         if (!pose.hold_out)
             continue;
         const Eigen::Vector3d from_centre = pose.bias.predicted.translation - centre;
@@ -76,14 +76,14 @@ AcceptanceCondition residuals(const Qualification& result) {
 // ------------------------------------------------------------------------------------- drift
 
 // When each used hold-out pose was taken; empty when a time is missing.
-std::vector<double> hold_out_times(const QualificationInput& input, const Qualification& result) {
+std::vector<double> hold_out_times(const std::vector<Pose>& poses) {
     std::vector<double> times;
-    for (std::size_t i = 0; i < input.poses.size(); ++i) {
-        if (!result.poses[i].hold_out || !result.poses[i].used)
+    for (const Pose& pose : poses) {
+        if (!pose.is_judged())
             continue;
-        if (!input.poses[i].time_s)
+        if (!pose.settled_s)
             return {};
-        times.push_back(*input.poses[i].time_s);
+        times.push_back(*pose.settled_s);
     }
     return times;
 }
@@ -124,7 +124,7 @@ Drift fitted_drift(const SmoothField& field, std::span<const FieldSample> sample
 AcceptanceCondition drift(const QualificationInput& input, const Qualification& result,
                           std::span<const FieldSample> samples) {
     const char* title = "drift over the run";
-    const std::vector<double> times = hold_out_times(input, result);
+    const std::vector<double> times = hold_out_times(input.poses);
     if (times.empty())
         return not_checked(title, "the poses carry no times");
     if (times.size() != samples.size())
@@ -149,38 +149,28 @@ struct RepeatedPair {
 
 // Both at the same target: camera model, detector and stage errors other than random ones are alike
 // and drop out.
-std::vector<RepeatedPair> repeated_pairs(const QualificationInput& input,
-                                         const Qualification& result) {
-    double stage_mm2 = 0.0;
-    for (const DeclaredRepeatability& each : input.repeatability)
-        stage_mm2 += std::pow(each.marker_mm.value_or(0.0), 2);
-    const auto noise_of = [&](std::size_t i) -> Eigen::Matrix3d {
-        return input.poses[i].corner_noise->variance_px2 *
-                   result.poses[i].bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
-               stage_mm2 / 3.0 * Eigen::Matrix3d::Identity();
-    };
-    const auto usable = [&](std::size_t i) {
-        return result.poses[i].bias.b2 && input.poses[i].corner_noise;
-    };
+std::vector<RepeatedPair> repeated_pairs(const QualificationInput& input) {
+    const auto usable = [](const Pose& pose) { return pose.bias.b2 && pose.corner_noise; };
     std::vector<RepeatedPair> pairs;
     for (std::size_t i = 0; i < input.poses.size(); ++i) {
-        const auto& before = input.poses[i].repeats;
-        if (!before)
+        const Pose& pose = input.poses[i];
+        if (!pose.repeats)
             continue;
-        if (*before >= i)
+        if (*pose.repeats >= i)
             throw NumericalError(fmt::format(
-                "acceptance: pose {} repeats pose {}, which is not before it", i, *before));
-        if (usable(i) && usable(*before))
-            pairs.push_back({result.poses[i].bias.b2->translation_mm -
-                                 result.poses[*before].bias.b2->translation_mm,
-                             noise_of(i) + noise_of(*before)});
+                "acceptance: pose {} repeats pose {}, which is not before it", i, *pose.repeats));
+        const Pose& before = input.poses[*pose.repeats];
+        if (usable(pose) && usable(before))
+            pairs.push_back(
+                {pose.bias.b2->translation_mm - before.bias.b2->translation_mm,
+                 position_covariance(input, pose) + position_covariance(input, before)});
     }
     return pairs;
 }
 
-AcceptanceCondition repeatability(const QualificationInput& input, const Qualification& result) {
+AcceptanceCondition repeatability(const QualificationInput& input) {
     const char* title = "repeatability";
-    const std::vector<RepeatedPair> pairs = repeated_pairs(input, result);
+    const std::vector<RepeatedPair> pairs = repeated_pairs(input);
     if (pairs.empty())
         return not_checked(title, "no pose was visited twice with frames that tell the noise");
     double sum = 0.0;
@@ -216,8 +206,18 @@ const char* name(State state) {
 std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput& input,
                                                        const Qualification& result,
                                                        std::span<const FieldSample> samples) {
-    return {volume_coverage(result), residuals(result), drift(input, result, samples),
-            repeatability(input, result)};
+    return {volume_coverage(input.poses), residuals(result), drift(input, result, samples),
+            repeatability(input)};
+}
+
+Eigen::Matrix3d position_covariance(const QualificationInput& input, const Pose& pose,
+                                    double times) {
+    double stage_mm2 = 0.0;
+    for (const DeclaredRepeatability& each : input.repeatability)
+        stage_mm2 += std::pow(each.marker_mm.value_or(0.0), 2);
+    return times * pose.corner_noise->variance_px2 *
+               pose.bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
+           stage_mm2 / 3.0 * Eigen::Matrix3d::Identity();
 }
 
 }  // namespace etalon

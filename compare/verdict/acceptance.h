@@ -11,6 +11,7 @@
 
 namespace etalon {
 
+struct Pose;
 struct QualificationInput;
 struct Qualification;
 
@@ -35,5 +36,10 @@ const char* name(AcceptanceCondition::State state);  // "met", "NOT MET", "not c
 std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput& input,
                                                        const Qualification& result,
                                                        std::span<const FieldSample> samples);
+
+// What noise makes of a pose's measured position: that of its frames, of which there are `times` as
+// much as in the photographs, and of the stage as declared. The pose has corner noise and B2.
+Eigen::Matrix3d position_covariance(const QualificationInput& input, const Pose& pose,
+                                    double times = 1.0);
 
 }  // namespace etalon

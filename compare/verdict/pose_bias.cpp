@@ -74,12 +74,11 @@ double largest_move_px(const Projector& projector, const Points& points,
 }
 
 std::optional<PoseEstimate> estimate_near(const Projector& projector, const Points& points,
-                                          const std::optional<Pixels>& corners,
-                                          const Rigid& predicted) {
-    if (!corners)
+                                          const Pixels& corners, const Rigid& predicted) {
+    if (corners.empty())
         return std::nullopt;
-    require_corners(*corners, points.size());
-    return estimate_pose_near(projector, points, *corners, predicted);
+    require_corners(corners, points.size());
+    return estimate_pose_near(projector, points, corners, predicted);
 }
 
 }  // namespace
@@ -113,9 +112,8 @@ BiasCorrectedRegistration register_bias_corrected(const Projector& projector,
 }
 
 PoseBias pose_bias(const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
-                   const Rigid& predicted,
-                   const std::optional<std::vector<Eigen::Vector2d>>& photo_corners,
-                   const std::optional<std::vector<Eigen::Vector2d>>& render_corners) {
+                   const Rigid& predicted, const std::vector<Eigen::Vector2d>& photo_corners,
+                   const std::vector<Eigen::Vector2d>& render_corners) {
     PoseBias bias;
     bias.predicted = predicted;
     bias.photo = estimate_near(projector, points_mm, photo_corners, predicted);

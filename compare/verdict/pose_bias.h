@@ -59,10 +59,9 @@ struct PoseBias {
 };
 
 // A planar marker has two local solutions; the one nearer to `predicted` is taken in both images,
-// so that a flip is never compared with a non-flip.
+// so that a flip is never compared with a non-flip. No corners: not detected.
 PoseBias pose_bias(const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
-                   const Rigid& predicted,
-                   const std::optional<std::vector<Eigen::Vector2d>>& photo_corners,
-                   const std::optional<std::vector<Eigen::Vector2d>>& render_corners);
+                   const Rigid& predicted, const std::vector<Eigen::Vector2d>& photo_corners,
+                   const std::vector<Eigen::Vector2d>& render_corners);
 
 }  // namespace etalon

@@ -15,15 +15,15 @@ namespace {
 void require_usable(const QualificationInput& input) {
     if (!input.camera || !input.render_and_detect)
         throw NumericalError("qualification: a camera and a way to render are needed");
-    for (const QualificationPose& pose : input.poses) {
+    for (const Pose& pose : input.poses) {
         if (!vector_from_rigid(pose.base_from_carriage).allFinite())
             throw NumericalError("qualification: a stage position is not finite");
-        if (!pose.corners)
+        if (!pose.is_detected())
             continue;
-        if (pose.corners->size() != input.points_mm.size())
+        if (pose.corners.size() != input.points_mm.size())
             throw NumericalError(fmt::format("qualification: {} corners for a marker of {} points",
-                                             pose.corners->size(), input.points_mm.size()));
-        for (const Eigen::Vector2d& corner : *pose.corners)
+                                             pose.corners.size(), input.points_mm.size()));
+        for (const Eigen::Vector2d& corner : pose.corners)
             if (!corner.allFinite())
                 throw NumericalError("qualification: a corner is not finite");
         if (pose.photometric &&
@@ -34,15 +34,11 @@ void require_usable(const QualificationInput& input) {
 }
 
 void count_detections(const QualificationInput& input, Qualification& result) {
-    for (const QualificationPose& pose : input.poses) {
-        QualifiedPose qualified;
-        qualified.hold_out = pose.hold_out;
-        qualified.detected = pose.corners.has_value();
-        DetectionCounts& counts = result.detection;
+    DetectionCounts& counts = result.detection;
+    for (const Pose& pose : input.poses) {
         (pose.hold_out ? counts.hold_out : counts.training) += 1;
-        if (qualified.detected)
+        if (pose.is_detected())
             (pose.hold_out ? counts.hold_out_detected : counts.training_detected) += 1;
-        result.poses.push_back(std::move(qualified));
     }
     if (result.detection.rate() < 1.0)
         result.reasons.push_back(fmt::format("the marker was detected in {:.1f} % of the poses",
@@ -95,18 +91,17 @@ void require_motion_of(const std::vector<RegistrationPose>& training,
 }
 
 // Registers on the training poses with a pose estimate; false when there are too few of them.
-bool registered(const QualificationInput& input, const Projector& projector,
-                Qualification& result) {
+bool registered(QualificationInput& input, const Projector& projector, Qualification& result) {
     std::vector<RegistrationPose> training;
     std::vector<std::size_t> indices;
     for (std::size_t i = 0; i < input.poses.size(); ++i) {
-        const QualificationPose& pose = input.poses[i];
-        if (pose.hold_out || !pose.corners)
+        const Pose& pose = input.poses[i];
+        if (pose.hold_out || !pose.is_detected())
             continue;
-        const auto estimate = estimate_pose(projector, input.points_mm, *pose.corners);
+        const auto estimate = estimate_pose(projector, input.points_mm, pose.corners);
         if (!estimate)
             continue;
-        training.push_back({pose.base_from_carriage, estimate->camera_from_marker, *pose.corners});
+        training.push_back({pose.base_from_carriage, estimate->camera_from_marker, pose.corners});
         indices.push_back(i);
     }
     if (std::ssize(training) < min_training_poses)
@@ -117,29 +112,28 @@ bool registered(const QualificationInput& input, const Projector& projector,
                                 input.nominal_carriage_from_marker, input.render_and_detect);
     for (std::size_t& used : result.registration->used) {
         used = indices[used];
-        result.poses[used].used = true;
+        input.poses[used].used = true;
     }
     return std::ssize(result.registration->used) >= min_training_poses;
 }
 
 // Biases of all poses; only hold-out poses are rendered. Returns how many hold-out poses have B3.
-int find_biases(const QualificationInput& input, const Projector& projector,
-                Qualification& result) {
+int find_biases(QualificationInput& input, const Projector& projector,
+                const Registration& registration) {
     int usable = 0;
-    for (std::size_t i = 0; i < input.poses.size(); ++i) {
-        const QualificationPose& pose = input.poses[i];
-        const Rigid predicted =
-            result.registration->registration.camera_from_marker(pose.base_from_carriage);
+    for (Pose& pose : input.poses) {
+        const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
         std::optional<std::vector<Eigen::Vector2d>> rendered;
         if (pose.hold_out)
-            rendered = input.render_and_detect(predicted);
-        QualifiedPose& qualified = result.poses[i];
-        qualified.bias = pose_bias(projector, input.points_mm, predicted, pose.corners, rendered);
+            rendered = input.render_hold_out ? input.render_hold_out(pose, predicted)
+                                             : input.render_and_detect(predicted);
+        pose.bias = pose_bias(projector, input.points_mm, predicted, pose.corners,
+                              rendered.value_or(std::vector<Eigen::Vector2d>{}));
         if (pose.photometric)
-            qualified.bias.b4 = pose_error(pose.photometric->camera_from_marker, predicted);
+            pose.bias.b4 = pose_error(pose.photometric->camera_from_marker, predicted);
         if (pose.hold_out) {
-            qualified.used = qualified.bias.b3.has_value();
-            usable += qualified.used ? 1 : 0;
+            pose.used = pose.bias.b3.has_value();
+            usable += pose.used ? 1 : 0;
         }
     }
     return usable;
@@ -180,53 +174,42 @@ FieldSample rotation_sample(const PoseBias& bias) {
     return sample;
 }
 
-std::vector<FieldSample> position_samples(const Qualification& result) {
+template <class Sample>
+std::vector<FieldSample> samples_of(const std::vector<Pose>& poses, Sample sample) {
     std::vector<FieldSample> samples;
-    for (const QualifiedPose& pose : result.poses)
-        if (pose.hold_out && pose.used)
-            samples.push_back(position_sample(pose.bias, pose.bias.b3->translation_mm,
-                                              pose.bias.photo->covariance_per_px2));
+    for (const Pose& pose : poses)
+        if (pose.is_judged())
+            samples.push_back(sample(pose.bias));
     return samples;
 }
 
-std::vector<FieldSample> rotation_samples(const Qualification& result) {
-    std::vector<FieldSample> samples;
-    for (const QualifiedPose& pose : result.poses)
-        if (pose.hold_out && pose.used)
-            samples.push_back(rotation_sample(pose.bias));
-    return samples;
+std::vector<FieldSample> position_samples(const std::vector<Pose>& poses) {
+    return samples_of(poses, [](const PoseBias& bias) {
+        return position_sample(bias, bias.b3->translation_mm, bias.photo->covariance_per_px2);
+    });
 }
 
-std::vector<FieldSample> photometric_samples(const QualificationInput& input,
-                                             const Qualification& result) {
+std::vector<FieldSample> photometric_samples(const std::vector<Pose>& poses) {
     std::vector<FieldSample> samples;
-    for (std::size_t i = 0; i < input.poses.size(); ++i)
-        if (const PoseBias& bias = result.poses[i].bias; input.poses[i].hold_out && bias.b4)
-            samples.push_back(position_sample(bias, bias.b4->translation_mm,
-                                              input.poses[i].photometric->covariance));
+    for (const Pose& pose : poses)
+        if (pose.hold_out && pose.bias.b4)
+            samples.push_back(position_sample(pose.bias, pose.bias.b4->translation_mm,
+                                              pose.photometric->covariance));
     return samples;
 }
 
 // What the frames of each used hold-out pose say about its position, with the declared stage noise
 // on top. Nothing when a pose has no repeated frames or they show no noise.
-std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input,
-                                                       const Qualification& result) {
-    double stage_mm2 = 0.0;
-    for (const DeclaredRepeatability& each : input.repeatability)
-        stage_mm2 += std::pow(each.marker_mm.value_or(0.0), 2);
+std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input) {
     std::vector<SampleNoise> noise;
-    for (std::size_t i = 0; i < input.poses.size(); ++i) {
-        const QualifiedPose& pose = result.poses[i];
-        if (!pose.hold_out || !pose.used)
+    for (const Pose& pose : input.poses) {
+        if (!pose.is_judged())
             continue;
-        const auto& corners = input.poses[i].corner_noise;
-        if (!corners)
+        if (!pose.corner_noise)
             return std::nullopt;
         SampleNoise one;
-        one.covariance = (1.0 + input.render_noise_ratio) * corners->variance_px2 *
-                             pose.bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
-                         stage_mm2 / 3.0 * Eigen::Matrix3d::Identity();
-        one.degrees_of_freedom = corners->degrees_of_freedom;
+        one.covariance = position_covariance(input, pose, 1.0 + input.render_noise_ratio);
+        one.degrees_of_freedom = pose.corner_noise->degrees_of_freedom;
         if (!(one.covariance.trace() > 0.0))
             return std::nullopt;  // frames alike to the last bit say nothing about noise
         noise.push_back(one);
@@ -234,25 +217,26 @@ std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput&
     return noise;
 }
 
-std::vector<Eigen::Vector3d> volume_of(const Qualification& result) {
+std::vector<Eigen::Vector3d> volume_of(const std::vector<Pose>& poses) {
     std::vector<Eigen::Vector3d> volume;
-    for (const QualifiedPose& pose : result.poses)
+    for (const Pose& pose : poses)
         volume.push_back(pose.bias.predicted.translation);
     return volume;
 }
 
 void fit_fields(const QualificationInput& input, Qualification& result) {
-    const std::vector<Eigen::Vector3d> volume = volume_of(result);
+    const std::vector<Eigen::Vector3d> volume = volume_of(input.poses);
     const NoiseDraws draws(input.seed);
-    const std::vector<FieldSample> positions = position_samples(result);
+    const std::vector<FieldSample> positions = position_samples(input.poses);
     result.position_field = fit_smooth_field(positions, FieldBasis::position);
     result.position_summary = summarize(*result.position_field, volume, draws);
-    result.rotation_field = fit_smooth_field(rotation_samples(result), FieldBasis::linear);
+    result.rotation_field =
+        fit_smooth_field(samples_of(input.poses, rotation_sample), FieldBasis::linear);
     result.rotation_summary = summarize(*result.rotation_field, volume, draws);
     result.lengths = length_errors(*result.position_field, positions, draws);
-    if (const auto noise = position_noise(input, result))
+    if (const auto noise = position_noise(input))
         result.position_rest = field_rest(*result.position_field, positions, *noise);
-    const std::vector<FieldSample> photometric = photometric_samples(input, result);
+    const std::vector<FieldSample> photometric = photometric_samples(input.poses);
     if (std::ssize(photometric) < min_hold_out_poses)
         return;
     PhotometricField field;
@@ -273,10 +257,10 @@ SignatureChain chain_of(const QualificationInput& input, const Projector& projec
                          registration.carriage_from_marker,
                          {},
                          {}};
-    for (std::size_t i = 0; i < result.poses.size(); ++i)
-        if (result.poses[i].used) {
-            chain.base_from_carriage.push_back(input.poses[i].base_from_carriage);
-            chain.hold_out.push_back(input.poses[i].hold_out);
+    for (const Pose& pose : input.poses)
+        if (pose.used) {
+            chain.base_from_carriage.push_back(pose.base_from_carriage);
+            chain.hold_out.push_back(pose.hold_out);
         }
     return chain;
 }
@@ -285,8 +269,7 @@ SignatureChain chain_of(const QualificationInput& input, const Projector& projec
 bool take_known_signatures(const QualificationInput& input, Qualification& result) {
     if (!input.known_signatures || input.known_signatures->empty())
         return false;
-    const auto used = std::count_if(result.poses.begin(), result.poses.end(),
-                                    [](const QualifiedPose& p) { return p.hold_out && p.used; });
+    const auto used = std::ranges::count_if(input.poses, &Pose::is_judged);
     if (input.known_signatures->front().after.size() != 3 * used)
         return false;
     result.signatures = *input.known_signatures;
@@ -307,12 +290,12 @@ void find_signatures(const QualificationInput& input, const SignatureChain& chai
         if (term.is_linear_scale)
             linear_scale.push_back(errors.size());
         errors.push_back({term.error.name, term.error.unit, term.error.size, {}});
-        for (std::size_t i = 0; i < result.poses.size(); ++i)
-            if (result.poses[i].used)
+        for (std::size_t i = 0; i < input.poses.size(); ++i)
+            if (input.poses[i].used)
                 errors.back().base_from_carriage.push_back(term.error.base_from_carriage[i]);
     }
     HoldOutNoise noise;
-    for (const FieldSample& sample : position_samples(result)) {
+    for (const FieldSample& sample : position_samples(input.poses)) {
         noise.along_mm.push_back(result.position_field->scale_along * sample.sigma_along);
         noise.across_mm.push_back(result.position_field->scale_across * sample.sigma_across);
     }
@@ -405,7 +388,7 @@ void judge_all(Qualification& result) {
 
 // A PASS is accepted only from a run that is what its uncertainty takes it for.
 void require_conditions(const QualificationInput& input, Qualification& result) {
-    result.conditions = acceptance_conditions(input, result, position_samples(result));
+    result.conditions = acceptance_conditions(input, result, position_samples(input.poses));
     for (const AcceptanceCondition& condition : result.conditions) {
         if (condition.state != AcceptanceCondition::State::not_met)
             continue;
@@ -417,8 +400,8 @@ void require_conditions(const QualificationInput& input, Qualification& result) 
 
 void add_monte_carlo(const QualificationInput& input, std::span<const FieldInput> inputs,
                      Qualification& result) {
-    const std::vector<Eigen::Vector3d> volume = volume_of(result);
-    const auto samples = position_samples(result);
+    const std::vector<Eigen::Vector3d> volume = volume_of(input.poses);
+    const auto samples = position_samples(input.poses);
     const MonteCarloUncertainty b3 =
         monte_carlo_uncertainty(*result.position_field, samples, volume, inputs, input.seed);
     for (std::vector<JudgedQuantity>* list : {&result.quantities, &result.reported})
@@ -442,15 +425,15 @@ std::string why_not_pass(const JudgedQuantity& quantity) {
                        why.empty() ? "" : ", ", why);
 }
 
-void explain_verdict(Qualification& result) {
+void explain_verdict(const QualificationInput& input, Qualification& result) {
     if (result.verdict == Outcome::pass)
         return;
     for (const JudgedQuantity& quantity : result.quantities)
         if (quantity.outcome != Outcome::pass)
             result.reasons.push_back(why_not_pass(quantity));
     std::vector<double> observed;
-    for (const QualifiedPose& pose : result.poses)
-        if (pose.hold_out && pose.used) {
+    for (const Pose& pose : input.poses)
+        if (pose.is_judged()) {
             const Eigen::Vector3d field =
                 result.position_field->at(pose.bias.predicted.translation);
             observed.insert(observed.end(), field.begin(), field.end());
@@ -470,8 +453,12 @@ double DetectionCounts::rate() const {
     return all > 0 ? static_cast<double>(training_detected + hold_out_detected) / all : 0.0;
 }
 
-Qualification qualify(const QualificationInput& input) {
+Qualification qualify(QualificationInput& input) {
     require_usable(input);
+    for (Pose& pose : input.poses) {
+        pose.used = false;
+        pose.bias = {};
+    }
     const Projector projector(*input.camera);
     Qualification result;
     list_quantities(input.limits, result);
@@ -485,20 +472,20 @@ Qualification qualify(const QualificationInput& input) {
         result.detection.hold_out_detected < min_hold_out_poses ||
         !registered(input, projector, result))
         return skipped(std::move(result), too_few);
-    if (find_biases(input, projector, result) < min_hold_out_poses)
+    if (find_biases(input, projector, result.registration->registration) < min_hold_out_poses)
         return skipped(std::move(result),
                        "too few hold-out poses whose render is detected as well");
     fit_fields(input, result);
     const SignatureChain chain = chain_of(input, projector, result);
     find_signatures(input, chain, result);
-    QualificationBudget budget = qualification_budget(input, result, position_samples(result),
+    QualificationBudget budget = qualification_budget(input, result, position_samples(input.poses),
                                                       calibration_signatures(chain));
     result.budget = std::move(budget.rows);
     judge_all(result);
     require_conditions(input, result);
     if (input.monte_carlo)
         add_monte_carlo(input, budget.inputs, result);
-    explain_verdict(result);
+    explain_verdict(input, result);
     return result;
 }
 

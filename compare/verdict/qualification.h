@@ -2,8 +2,8 @@
 // the fields that are judged, their uncertainty budget, error signatures and the verdict.
 //
 //     QualificationInput  what a run measured and what its station declares
-//     qualify()           one pure function; renders through a callback, touches no device or file
-//     Qualification       everything that the report and the record show
+//     qualify()           one function; renders through a callback, touches no device or file
+//     Qualification       everything that the report and the record show beside the poses
 //
 // Method: docs/metrology.md.
 #pragma once
@@ -20,37 +20,12 @@
 #include "compare/verdict/field_rest.h"
 #include "compare/verdict/length_error.h"
 #include "compare/verdict/limits_file.h"
-#include "compare/verdict/pose_bias.h"
+#include "compare/verdict/pose.h"
 #include "compare/verdict/smooth_field.h"
 #include "compare/verdict/uncertainty_budget.h"
 #include "compare/verdict/verdict.h"
 
 namespace etalon {
-
-// How far repeated frames leave a corner apart: of one coordinate of the mean over the frames.
-struct CornerNoise {
-    double variance_px2 = 0.0;
-    double degrees_of_freedom = 0.0;  // (frames - 1) x coordinates
-};
-
-// A pose that was read from the photographs' pixels (compare/photometric/photometric_pose.h).
-struct PhotometricReading {
-    Rigid camera_from_marker;
-    Matrix6d covariance;  // left perturbation, rot, trans
-};
-
-struct QualificationPose {
-    Rigid base_from_carriage;  // from the axes' read-back positions
-    bool hold_out = false;     // decided before anything is solved
-    // Corners in the photo, mean over the pose's frames; nothing when the marker was not detected.
-    std::optional<std::vector<Eigen::Vector2d>> corners;
-
-    // What follows may be left out; what cannot be said without it is then SKIPPED or not checked.
-    std::optional<CornerNoise> corner_noise = {};        // nothing: a single frame
-    std::optional<PhotometricReading> photometric = {};  // of hold-out poses
-    std::optional<double> time_s = {};                   // of the exposure, since the run began
-    std::optional<std::size_t> repeats = {};  // the earlier pose that has the same target
-};
 
 // A standard uncertainty that the station declares, with the stage error it belongs to.
 struct DeclaredStageTerm {
@@ -87,7 +62,10 @@ struct DeclaredTemperature {
 struct QualificationInput {
     const CameraModel* camera = nullptr;     // the calibration under test
     std::vector<Eigen::Vector3d> points_mm;  // of the marker, as its detector reports them
-    std::vector<QualificationPose> poses;
+    // What was measured of each; qualify() adds what it finds. Corner noise, photometric poses,
+    // times and repeats may be left out: what cannot be said without one is then SKIPPED or not
+    // checked.
+    std::vector<Pose> poses;
     Rigid nominal_carriage_from_marker;  // as mounted by design: fixes the gauge freedoms only
     // Transforms that show what the plan's volume lets the stage do
     // (calib/registration/stage_motion.h); training poses that move less are degenerate. Empty: not
@@ -95,6 +73,10 @@ struct QualificationInput {
     std::vector<Rigid> stage_reach;
     RenderAndDetect render_and_detect;  // called once per training pose and round, then once per
                                         // hold-out pose; may throw Interrupted
+    // In its place for hold-out poses, for those who keep their renders; empty: the same.
+    std::function<std::optional<std::vector<Eigen::Vector2d>>(const Pose& hold_out,
+                                                              const Rigid& camera_from_marker)>
+        render_hold_out = {};
     // Variance by noise of the corners that it finds, in units of that of a pose's mean corners in
     // the photographs.
     double render_noise_ratio = 0.0;
@@ -119,13 +101,6 @@ struct QualificationInput {
     bool monte_carlo = false;
 };
 
-struct QualifiedPose {
-    bool hold_out = false;
-    bool detected = false;  // in the photo
-    bool used = false;      // in the registration (training) or in the field (hold-out)
-    PoseBias bias;          // of training poses B2 alone, for the record; never judged
-};
-
 struct DetectionCounts {
     int training = 0, training_detected = 0, hold_out = 0, hold_out_detected = 0;
     double rate() const;  // of all poses; 0 when there are none
@@ -148,7 +123,6 @@ struct Qualification {
     std::vector<std::string> reasons;  // why the verdict is not PASS, one sentence each
 
     DetectionCounts detection;
-    std::vector<QualifiedPose> poses;  // in the order of the input
 
     // Nothing where the run did not get as far: too few detected poses.
     std::optional<BiasCorrectedRegistration> registration;
@@ -172,9 +146,13 @@ struct Qualification {
 inline constexpr int min_training_poses = 8;
 inline constexpr int min_hold_out_poses = 15;
 
-// Throws NumericalError for inconsistent or non-finite input, a stage that did not move, and a
+// Judges input.poses: sets `used` and `bias` of each, and reads the rest alone. Throws
+// NumericalError for inconsistent or non-finite input, a stage that did not move, and a
 // registration that does not converge; whatever render_and_detect throws passes through.
 // Single-threaded; its cost is that of the renders.
-Qualification qualify(const QualificationInput& input);
+Qualification qualify(QualificationInput& input);
+inline Qualification qualify(QualificationInput&& input) {
+    return qualify(input);  // the judgement alone
+}
 
 }  // namespace etalon

@@ -215,16 +215,16 @@ private:
             eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
         double shift = 0.0, turn = 0.0, largest_shift = 0.0, largest_turn = 0.0;
         std::vector<Eigen::Matrix<double, 3, 12>> hold_out;
-        for (std::size_t i = 0; i < input_.poses.size(); ++i) {
+        for (const Pose& pose : input_.poses) {
             const Eigen::Matrix<double, 6, 12> ways =
-                moved_by_registration(input_.poses[i].base_from_carriage) * factor;
+                moved_by_registration(pose.base_from_carriage) * factor;
             const double turned = ways.topRows<3>().squaredNorm();
             const double shifted = ways.bottomRows<3>().squaredNorm();
             turn += turned / static_cast<double>(input_.poses.size());
             shift += shifted / static_cast<double>(input_.poses.size());
             largest_turn = std::max(largest_turn, turned);
             largest_shift = std::max(largest_shift, shifted);
-            if (result_.poses[i].hold_out && result_.poses[i].used)
+            if (pose.is_judged())
                 hold_out.emplace_back(ways.bottomRows<3>());
         }
         Eigen::MatrixXd shifts(3 * std::ssize(hold_out), 12);
@@ -246,7 +246,7 @@ private:
     void add_detector_bias() {
         double squares = 0.0;
         int count = 0;
-        for (const QualifiedPose& pose : result_.poses)
+        for (const Pose& pose : input_.poses)
             if (pose.hold_out && pose.bias.b1) {
                 squares += pose.bias.b1->translation_mm.squaredNorm();
                 ++count;

@@ -131,7 +131,8 @@ class Study {
 public:
     Study(const RunSimulator& simulator, const CharacteristicRequest& request)
         : simulator_(simulator), request_(request) {
-        const Qualification told = qualify(simulator.draw(simulator.as_told(), request.seed, 0));
+        QualificationInput input = simulator.draw(simulator.as_told(), request.seed, 0);
+        const Qualification told = qualify(input);
         signatures_ = told.signatures;
         for (const JudgedQuantity& quantity : judged(told))
             quantities_.push_back({quantity.name, quantity.unit, quantity.limit});

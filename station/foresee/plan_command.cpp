@@ -85,7 +85,7 @@ double least_field_mm(const ErrorSignature& signature) {
 }
 
 void print_plan(const StudiedPlan& studied) {
-    const auto hold_out = std::ranges::count(studied.plan.poses, true, &PlannedPose::hold_out);
+    const auto hold_out = std::ranges::count(studied.plan.poses, true, &Pose::hold_out);
     fmt::print("plan of {}: {} poses, {} to register and {} to judge, {} frames each\n",
                studied.station.id, studied.plan.poses.size(),
                std::ssize(studied.plan.poses) - hold_out, hold_out, studied.station.plan.frames);
@@ -157,7 +157,7 @@ Json json_of(const ErrorSignature& one) {
 
 Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
     const DetectorStudy& study = studied.simulator->study();
-    const auto hold_out = std::ranges::count(studied.plan.poses, true, &PlannedPose::hold_out);
+    const auto hold_out = std::ranges::count(studied.plan.poses, true, &Pose::hold_out);
     Json quantities = Json::array(), errors = Json::array();
     for (const ExpectedQuantity& one : forecast.quantities) {
         Json budget = Json::object();

@@ -28,16 +28,19 @@ void require_camera_mount(const StationFile& station) {
             "translation_mm of the stage's base before the camera, as drawn");
 }
 
-// Positions as they will be read: the targets, with the declared noise of the mean of the readings
-// (one after settling and one after each frame).
-std::vector<StageVisit> planned_visits(const StationFile& station, const Plan& plan) {
+// The poses as they will be read: at the targets, with the declared noise of the mean of the
+// readings (one after settling and one after each frame).
+std::vector<Pose> planned_visits(const StationFile& station, const Plan& plan) {
     std::vector<double> uncertainty;
     for (const Axis& axis : station.stage.axes)
         uncertainty.push_back(axis.read_noise.value_or(0.0) / std::sqrt(station.plan.frames + 1.0));
-    std::vector<StageVisit> visits;
-    for (const PlannedPose& pose : plan.poses)
-        visits.push_back({pose.target, uncertainty});
-    return visits;
+    std::vector<Pose> poses = plan.poses;
+    for (Pose& pose : poses) {
+        pose.read_back = pose.target;
+        pose.read_back_uncertainty = uncertainty;
+        pose.base_from_carriage = base_from_carriage(station.stage.axes, pose.target);
+    }
+    return poses;
 }
 
 // Where a stage error of this size leaves the carriage: left perturbation of its pose.
@@ -71,7 +74,7 @@ double bow(const Eigen::Vector3d& point) {
 }
 
 // The shift is that from the told poses, whatever else the truth has already.
-InjectedError stage_injection(const StageError& error, const std::vector<QualificationPose>& told) {
+InjectedError stage_injection(const StageError& error, const std::vector<Pose>& told) {
     std::vector<Vector6d> shifts;
     for (std::size_t i = 0; i < told.size(); ++i)
         shifts.push_back(stage_shift(told[i].base_from_carriage, error, i, 1.0));
@@ -171,7 +174,7 @@ Corners seen(const RunTruth& truth, const Rigid& base_from_carriage,
 std::vector<Rigid> expected_poses(const StationFile& station, const Plan& plan) {
     require_camera_mount(station);
     std::vector<Rigid> poses;
-    for (const PlannedPose& pose : plan.poses)
+    for (const Pose& pose : plan.poses)
         poses.push_back(expected_pose(station, pose.target));
     return poses;
 }
@@ -194,13 +197,6 @@ RunSimulator::RunSimulator(const StationFile& station, const Plan& plan, Detecto
     if (study_.poses.size() != plan_.poses.size())
         throw NumericalError(fmt::format("simulated run: a study of {} poses for a plan of {}",
                                          study_.poses.size(), plan_.poses.size()));
-    for (std::size_t i = 0; i < plan_.poses.size(); ++i) {
-        const PlannedPose& planned = plan_.poses[i];
-        QualificationPose pose{base_from_carriage(station_.stage.axes, planned.target),
-                               planned.hold_out, std::nullopt};
-        pose.repeats = visited_before(plan_, i);
-        declared_.poses.push_back(pose);
-    }
 }
 
 // Half the lost motion up where an axis came from above, half down where it came from below; an
@@ -227,7 +223,7 @@ RunTruth RunSimulator::as_told() const {
                    station_.carriage_from_marker_nominal,
                    {},
                    station_.marker.points_mm};
-    for (const QualificationPose& pose : declared_.poses)
+    for (const Pose& pose : declared_.poses)
         truth.base_from_carriage.push_back(pose.base_from_carriage);
     return truth;
 }
@@ -306,7 +302,7 @@ Vector6d RunSimulator::drawn_shift(const Draws& draws, std::size_t pose,
 
 // Sets the pose's corners and what its frames tell of their noise.
 void RunSimulator::photograph(const RunTruth& truth, const Draws* draws, std::size_t index,
-                              QualificationPose& pose) const {
+                              Pose& pose) const {
     const auto& statistics = study_.poses[index];
     if (!statistics)
         return;

@@ -85,8 +85,7 @@ private:
     std::optional<Corners> render(const Rigid& camera_from_marker,
                                   const std::optional<Draws>& draws) const;
     Vector6d drawn_shift(const Draws& draws, std::size_t pose, RandomStream& random) const;
-    void photograph(const RunTruth& truth, const Draws* draws, std::size_t index,
-                    QualificationPose& pose) const;
+    void photograph(const RunTruth& truth, const Draws* draws, std::size_t index, Pose& pose) const;
     QualificationInput input(const RunTruth& truth, const Draws* draws) const;
 
     StationFile station_;

@@ -27,12 +27,6 @@ struct ReportArguments {
     bool json = false;
 };
 
-void announce(const StationFile& station, Progress& progress) {
-    const Plan plan = plan_of(station);
-    progress.note(fmt::format("{}: {} poses, about {} and the analysis", station.id,
-                              plan.poses.size(), duration_text(plan.expected_duration)));
-}
-
 void announce(const RecordedRun& recorded, Progress& progress) {
     const QualifyResult& result = recorded.result;
     progress.note(fmt::format("{}: begun {}, {} of {} poses are there", result.station.id,
@@ -94,7 +88,6 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
 QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                     const std::stop_token& stop) {
     const StationFile station = read_station(arguments.station);
-    announce(station, progress);
     return run_qualification(station, arguments.out, openers(station, clock), clock, progress,
                              stop);
 }

@@ -179,11 +179,11 @@ void add_unseen(HtmlPage& page, const Qualification& analysis) {
 }
 
 // Mean and standard deviation of one component of one bias over the hold-out poses.
-std::vector<std::string> bias_row(const std::string& label, const Qualification& analysis,
+std::vector<std::string> bias_row(const std::string& label, const std::vector<Pose>& poses,
                                   std::optional<PoseError> PoseBias::*bias,
                                   Eigen::Vector3d PoseError::*part, int axis, double unit) {
     std::vector<double> values;
-    for (const QualifiedPose& pose : analysis.poses)
+    for (const Pose& pose : poses)
         if (const auto& error = pose.bias.*bias; pose.hold_out && error)
             values.push_back(((*error).*part)(axis) / unit);
     if (values.size() < 2)
@@ -200,7 +200,7 @@ std::vector<std::string> bias_row(const std::string& label, const Qualification&
             fmt::format("{}", values.size())};
 }
 
-void add_biases(HtmlPage& page, const Qualification& analysis) {
+void add_biases(HtmlPage& page, const std::vector<Pose>& poses) {
     page.add_heading("Pose biases on the hold-out poses");
     page.add_paragraph(
         "B1 is what the detector does to a perfect image: detector(render) - truth. B2 compares "
@@ -215,11 +215,11 @@ void add_biases(HtmlPage& page, const Qualification& analysis) {
         {"B1", &PoseBias::b1}, {"B2", &PoseBias::b2}, {"B3", &PoseBias::b3}, {"B4", &PoseBias::b4}};
     for (const auto& [label, bias] : biases) {
         for (int axis = 0; axis < 3; ++axis)
-            rows.push_back(bias_row(fmt::format("{} t{} / mm", label, "xyz"[axis]), analysis, bias,
+            rows.push_back(bias_row(fmt::format("{} t{} / mm", label, "xyz"[axis]), poses, bias,
                                     &PoseError::translation_mm, axis, 1.0));
         for (int axis = 0; axis < 3; ++axis)
-            rows.push_back(bias_row(fmt::format("{} r{} / mrad", label, "xyz"[axis]), analysis,
-                                    bias, &PoseError::rotation_rad, axis, mrad));
+            rows.push_back(bias_row(fmt::format("{} r{} / mrad", label, "xyz"[axis]), poses, bias,
+                                    &PoseError::rotation_rad, axis, mrad));
     }
     page.add_table({"component", "mean", "standard deviation", "largest", "poses"}, rows);
 }
@@ -307,7 +307,7 @@ void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected
 // ---- photographs against renders ------------------------------------------------------------
 
 struct Extreme {
-    std::size_t pose;
+    const Pose* pose;
     std::string label;
 };
 
@@ -325,23 +325,16 @@ std::vector<Extreme> poses_to_show(const QualifyResult& result) {
          [](const PoseBias& b) { return b.b3 ? b.b3->translation_mm.norm() : -1e300; }}};
     std::vector<Extreme> shown;
     for (const Wanted& each : wanted) {
-        std::optional<std::size_t> best;
-        double highest = 0.0;
-        for (std::size_t i = 0; i < result.poses.size(); ++i) {
-            const QualifiedPose& pose = result.analysis->poses[i];
-            if (!pose.hold_out || !pose.detected || result.poses[i].render_file.empty())
-                continue;
-            const double score = each.score(pose.bias);
-            if (!best || score > highest) {
-                best = i;
-                highest = score;
-            }
-        }
-        const auto same = [&](const Extreme& other) { return best && other.pose == *best; };
-        if (const auto twin = std::find_if(shown.begin(), shown.end(), same); twin != shown.end())
+        const Pose* best = nullptr;
+        for (const Pose& pose : result.poses)
+            if (!pose.render_file.empty() &&
+                (!best || each.score(pose.bias) > each.score(best->bias)))
+                best = &pose;
+        const auto twin = std::ranges::find(shown, best, &Extreme::pose);
+        if (twin != shown.end())
             twin->label += std::string(", ") + each.label;
         else if (best)
-            shown.push_back({*best, each.label});
+            shown.push_back({best, each.label});
     }
     return shown;
 }
@@ -376,13 +369,13 @@ cv::Mat comparison_strip(const cv::Mat& photo_gray, const cv::Mat& render_gray, 
 
 HtmlPage::Figure pose_figure(const QualifyResult& result, const Extreme& shown) {
     constexpr double gain = 4.0;
-    const PoseRecord& pose = result.poses[shown.pose];
+    const Pose& pose = *shown.pose;
     const std::string caption = fmt::format(
         "Pose {} ({}): photograph, render, and their difference enlarged {:.0f} times (red: the "
         "photograph is brighter, cyan: the render is).",
         pose.index, shown.label, gain);
     try {
-        const CodeImage photo = recorded_photo(result, pose);
+        const CodeImage photo = recorded_photo(result, *first_whole(pose));
         const CodeImage render = read_image(result.folder / pose.render_file);
         const cv::Rect crop = marker_crop(pose.corners, photo.pixels.size());
         const cv::Mat strip = comparison_strip(gray_of({photo.pixels(crop), photo.bits}),
@@ -437,7 +430,7 @@ void add_analysis(HtmlPage& page, const QualifyResult& result) {
     add_bias_plots(page, result);
     add_pictures(page, result);
     add_unseen(page, analysis);
-    add_biases(page, analysis);
+    add_biases(page, result.poses);
     add_run_expectation(page, result);
     add_budget(page, analysis);
     if (analysis.registration)

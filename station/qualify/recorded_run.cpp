@@ -3,13 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <fstream>
+#include <limits>
 
 #include "compare/make_detector.h"
 #include "core/errors.h"
-#include "core/json_entry.h"
-#include "core/sha256.h"
 #include "station/qualify/run_analysis.h"
 #include "station/qualify/run_results.h"
 #include "station/qualify/visited_pose.h"
@@ -21,27 +18,6 @@ namespace etalon {
 namespace {
 
 using Path = std::filesystem::path;
-
-constexpr long long most = std::numeric_limits<int>::max();
-
-template <class Enum, std::size_t N>
-Enum word_of(const JsonEntry& entry, const std::array<Enum, N>& values) {
-    const std::string word = entry.text();
-    const auto found =
-        std::find_if(values.begin(), values.end(), [&](Enum value) { return word == name(value); });
-    if (found == values.end())
-        entry.fail(fmt::format("there is no '{}'", word));
-    return *found;
-}
-
-constexpr std::array frame_statuses = {FrameStatus::complete, FrameStatus::short_frame,
-                                       FrameStatus::corrupt, FrameStatus::lost,
-                                       FrameStatus::timed_out};
-constexpr std::array time_sources = {TimeSource::request, TimeSource::device_clock,
-                                     TimeSource::driver_start, TimeSource::driver_end,
-                                     TimeSource::recording};
-constexpr std::array run_outcomes = {RunOutcome::pass, RunOutcome::fail, RunOutcome::inconclusive,
-                                     RunOutcome::error, RunOutcome::aborted};
 
 std::vector<InputFile> read_inputs(const JsonEntry& list) {
     std::vector<InputFile> inputs;
@@ -62,6 +38,7 @@ Plan read_plan(const JsonEntry& entry, std::size_t axes) {
         pose.require_keys({"target", "hold_out"});
         plan.poses.push_back({pose.at("target").numbers(axes), pose.at("hold_out").flag()});
     }
+    number_poses(plan.poses);
     return plan;
 }
 
@@ -71,40 +48,13 @@ CameraIdentity read_identity(const JsonEntry& entry) {
             entry.at("serial").text()};
 }
 
-CaptureSettings read_settings(const JsonEntry& entry) {
-    entry.require_keys({"width", "height", "bits", "format", "exposure_us", "gain_db",
-                        "black_level", "trigger", "controls"});
-    CaptureSettings settings;
-    settings.width = static_cast<int>(entry.at("width").integer(0, most));
-    settings.height = static_cast<int>(entry.at("height").integer(0, most));
-    settings.bits = static_cast<int>(entry.at("bits").integer(0, 16));
-    settings.format = entry.at("format").text();
-    settings.exposure = std::chrono::microseconds(entry.at("exposure_us").integer(0, most));
-    settings.gain_db = entry.at("gain_db").number();
-    if (!entry.at("black_level").is_null())
-        settings.black_level = entry.at("black_level").number();
-    settings.trigger = entry.at("trigger").text();
-    const JsonEntry controls = entry.at("controls");
-    if (!controls.is_null())
-        for (const std::string& key : controls.keys())
-            settings.controls[key] = controls.at(key.c_str()).number();
-    return settings;
-}
-
 CaptureStatistics read_counters(const JsonEntry& entry) {
-    entry.require_keys({"frames_delivered", "frames_rejected", "frames_skipped", "missing_packets",
-                        "resent_packets", "underruns", "reconnects"});
-    const auto count = [&](const char* key) {
-        return static_cast<long>(entry.at(key).integer(0, std::numeric_limits<long>::max()));
-    };
     CaptureStatistics counts;
-    counts.delivered = count("frames_delivered");
-    counts.rejected = count("frames_rejected");
-    counts.skipped = count("frames_skipped");
-    counts.missing_packets = count("missing_packets");
-    counts.resent_packets = count("resent_packets");
-    counts.underruns = count("underruns");
-    counts.reconnects = count("reconnects");
+    for (const CounterField& field : counter_fields)
+        counts.*field.count =
+            static_cast<long>(entry.at(field.name).integer(0, std::numeric_limits<long>::max()));
+    if (entry.keys().size() != std::size(counter_fields))
+        entry.fail("has a key that is no counter");
     return counts;
 }
 
@@ -114,31 +64,19 @@ public:
     explicit LogReader(RecordedRun& run) : run_(run), result_(run.result) {}
 
     void read() {
-        const Path path = result_.folder / log_file;
-        std::ifstream file(path, std::ios::binary);
-        if (!file)
-            throw ConfigError({path.string()}, "cannot be read: is this the folder of a run?");
-        std::string text;
-        for (int line = 1; std::getline(file, text) && is_whole(file, text); ++line) {
-            const SourcePlace place{path.string(), line, ""};
-            take(JsonEntry(text, place));
-            run_.whole_bytes += text.size() + 1;
-        }
+        const LogLength length =
+            read_log(result_.folder, [this](const JsonEntry& line) { take(line); });
+        run_.whole_bytes = length.whole_bytes;
+        if (length.broken_bytes > 0)
+            run_.dropped.push_back(fmt::format("the last line of the log is not whole: {} bytes",
+                                               length.broken_bytes));
         if (result_.sessions.empty())
-            throw ConfigError({path.string()}, "is empty: nothing was measured");
+            throw ConfigError({(result_.folder / log_file).string()},
+                              "is empty: nothing was measured");
         drop_frames_without_pose();
     }
 
 private:
-    // getline() meets the end of the file only where the line has no end of its own.
-    bool is_whole(const std::ifstream& file, const std::string& text) {
-        if (!file.eof())
-            return true;
-        run_.dropped.push_back(
-            fmt::format("the last line of the log is not whole: {} bytes", text.size()));
-        return false;
-    }
-
     void drop_frames_without_pose() {
         if (!frames_.empty())
             run_.dropped.push_back(
@@ -160,7 +98,7 @@ private:
         else if (event == "camera configured")
             result_.settings = read_settings(line.at("settings"));
         else if (event == "frame")
-            take_frame(line, t);
+            take_frame(line);
         else if (event == "pose")
             take_pose(line, t);
         else if (event == "remark")
@@ -203,31 +141,18 @@ private:
         result_.reason = unfinished_run;
     }
 
-    void take_frame(const JsonEntry& line, double t) {
-        line.require_keys({"t", "event", "pose", "file", "sha256", "status", "status_detail",
-                           "device_id", "exposure_start_uncertainty_s", "time_source",
-                           "device_time_ns", "settings", "detection", "corners"});
-        const auto pose = static_cast<int>(line.at("pose").integer(0, most));
+    void take_frame(const JsonEntry& line) {
+        const FrameRecord frame = read_frame_record(line);
+        const auto pose =
+            static_cast<int>(line.at("pose").integer(0, std::numeric_limits<int>::max()));
         if (!frames_.empty() && pose != in_flight_)
             line.at("pose").fail("begins before the pose in flight is done");
         in_flight_ = pose;
-        FrameRecord frame;
-        frame.status = word_of(line.at("status"), frame_statuses);
-        frame.file = line.at("file").text();
-        frame.sha256 = line.at("sha256").text();
         const bool complete = frame.status == FrameStatus::complete;
         const std::string expected =
             complete ? frame_file(pose, static_cast<int>(frames_.size())) : "";
         if (frame.file != expected)
             line.at("file").fail(fmt::format("must be '{}', not '{}'", expected, frame.file));
-        frame.status_detail = line.at("status_detail").text();
-        frame.device_id = line.at("device_id").whole();
-        frame.exposure_start_s = t;
-        frame.exposure_start_uncertainty_s =
-            line.at("exposure_start_uncertainty_s").number(non_negative);
-        frame.time_source = word_of(line.at("time_source"), time_sources);
-        frame.device_time_ns = line.at("device_time_ns").whole();
-        frame.settings = read_settings(line.at("settings"));
         frames_.push_back(frame);
     }
 
@@ -236,10 +161,7 @@ private:
                            "read_back_deviation", "base_from_carriage",
                            "base_from_carriage_uncertainty", "approach", "move_start_s",
                            "settled_s", "detections", "corners", "camera"});
-        PoseRecord pose;
-        const auto planned = static_cast<long long>(result_.plan.poses.size());
-        pose.index = static_cast<int>(line.at("pose").integer(0, planned - 1));
-        pose.planned = planned_pose(line, pose.index);
+        Pose pose = planned_pose(line);
         pose.readings = read_readings(line.at("readings"));
         for (const JsonEntry& side : line.at("approach").items())
             pose.approach.push_back(static_cast<int>(side.integer(-1, 1)));
@@ -249,20 +171,19 @@ private:
         pose.settled_s = line.at("settled_s").number(non_negative);
         pose.done_s = t;
         pose.frames = frames_of(line, pose.index);
-        pose.counters = read_counters(line.at("camera"));
         average_readings(pose, result_.station.stage.axes);
-        result_.sessions.back().counters = pose.counters;
+        result_.sessions.back().counters = read_counters(line.at("camera"));
         ++result_.sessions.back().poses;
         result_.poses.push_back(pose);
         frames_.clear();
     }
 
-    PlannedPose planned_pose(const JsonEntry& line, int index) const {
-        const auto visited = std::find_if(result_.poses.begin(), result_.poses.end(),
-                                          [&](const PoseRecord& p) { return p.index == index; });
-        if (visited != result_.poses.end())
+    Pose planned_pose(const JsonEntry& line) const {
+        const auto poses = static_cast<long long>(result_.plan.poses.size());
+        const auto index = static_cast<std::size_t>(line.at("pose").integer(0, poses - 1));
+        const Pose& planned = result_.plan.poses[index];
+        if (std::ranges::find(result_.poses, planned.index, &Pose::index) != result_.poses.end())
             line.at("pose").fail(fmt::format("pose {} was visited before", index));
-        PlannedPose planned = result_.plan.poses[static_cast<std::size_t>(index)];
         if (line.at("commanded").numbers(axes()) != planned.target ||
             line.at("hold_out").flag() != planned.hold_out)
             line.at("pose").fail(fmt::format("pose {} is not the one of the plan", index));
@@ -289,11 +210,10 @@ private:
     }
 
     void take_end(const JsonEntry& line, const std::string& event) {
-        const auto found = std::find_if(run_outcomes.begin(), run_outcomes.end(),
-                                        [&](RunOutcome outcome) { return event == name(outcome); });
-        if (found == run_outcomes.end())
+        const std::optional<RunOutcome> outcome = run_outcome_named(event);
+        if (!outcome)
             return;  // for people
-        result_.outcome = *found;
+        result_.outcome = *outcome;
         result_.reason = line.at("detail").text();
     }
 
@@ -310,35 +230,18 @@ private:
     int in_flight_ = 0;
 };
 
-CodeImage recorded_frame(const QualifyResult& result, const FrameRecord& frame) {
-    const Path path = result.folder / frame.file;
-    const std::string found = sha256_of_file(path);
-    if (found != frame.sha256)
-        throw ConfigError({path.string()},
-                          fmt::format("is not the frame that was taken: its SHA-256 is {}, not {}",
-                                      found, frame.sha256));
-    CodeImage image = read_image(path);
-    const CameraModel& camera = result.station.camera.model;
-    if (image.pixels.size() != cv::Size(camera.width, camera.height))
-        throw ConfigError({path.string()},
-                          fmt::format("has {}x{} pixels, the calibration {}x{}", image.pixels.cols,
-                                      image.pixels.rows, camera.width, camera.height));
-    image.bits = result.settings.bits;
-    return image;
-}
-
 void detect_again(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
     const StationFile& station = result.station;
     const auto detector = make_detector(station.detector, station.marker, station.detector);
     if (!result.poses.empty())
         progress.begin("reading", static_cast<int>(result.poses.size()),
                        result.poses.size() * std::chrono::milliseconds(50));
-    for (PoseRecord& pose : result.poses) {
+    for (Pose& pose : result.poses) {
         if (stop.stop_requested())
             throw Interrupted();
         for (FrameRecord& frame : pose.frames)
             if (frame.status == FrameStatus::complete)
-                detect_frame(*detector, recorded_frame(result, frame), frame);
+                detect_frame(*detector, recorded_photo(result, frame), frame);
         average_corners(pose);
         progress.step();
     }

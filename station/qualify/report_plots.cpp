@@ -22,8 +22,7 @@ struct HoldOut {
 HoldOut hold_out_biases(const QualifyResult& result) {
     const Qualification& analysis = *result.analysis;
     HoldOut poses;
-    for (std::size_t i = 0; i < analysis.poses.size(); ++i) {
-        const QualifiedPose& pose = analysis.poses[i];
+    for (const Pose& pose : result.poses) {
         if (!pose.hold_out || !pose.bias.b3)
             continue;
         const Eigen::Vector3d p = pose.bias.predicted.translation, b = pose.bias.b3->translation_mm;
@@ -32,7 +31,7 @@ HoldOut hold_out_biases(const QualifyResult& result) {
                                           : Eigen::Vector3d::Constant(std::nan(""));
         const std::string note =
             fmt::format("pose {}: B3 = ({:.3f}, {:.3f}, {:.3f}) mm at ({:.0f}, {:.0f}, {:.0f}) mm",
-                        result.poses[i].index, b.x(), b.y(), b.z(), p.x(), p.y(), p.z());
+                        pose.index, b.x(), b.y(), b.z(), p.x(), p.y(), p.z());
         poses.biases.add(p.head<2>(), b.head<2>(), note);
         poses.field.add(p.head<2>(), field.head<2>());
         for (int axis = 0; axis < 3; ++axis) {
@@ -93,12 +92,11 @@ void add_bias_plots(HtmlPage& page, const QualifyResult& result) {
 
 void add_residual_summary(HtmlPage& page, const QualifyResult& result) {
     Series residuals;
-    for (const PoseRecord& each : result.poses)
+    for (const Pose& each : result.poses)
         if (each.residual)
-            residuals.add(
-                each.index, each.residual->scored.rms_gray,
-                fmt::format("pose {}: RMS {:.2f}, p99 {:.2f} gray", each.index,
-                            each.residual->scored.rms_gray, each.residual->scored.p99_gray));
+            residuals.add(each.index, each.residual->rms_gray,
+                          fmt::format("pose {}: RMS {:.2f}, p99 {:.2f} gray", each.index,
+                                      each.residual->rms_gray, each.residual->p99_gray));
     if (residuals.empty())
         return;
     page.add_paragraph(fmt::format(

@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
+#include <opencv2/imgcodecs.hpp>
 
 #include "compare/expect/rendered_corners.h"
 #include "compare/photometric/photo_match.h"
 #include "core/errors.h"
-#include "core/image_writer.h"
-#include "station/qualify/measured_poses.h"
+#include "core/text.h"
+#include "station/qualify/photometric_poses.h"
 #include "station/register/qualification_input.h"
 
 namespace etalon {
@@ -19,68 +21,57 @@ void throw_if_stopped(const std::stop_token& stop) {
         throw Interrupted();
 }
 
-std::vector<StageVisit> visits_of(const std::vector<PoseRecord>& poses) {
-    std::vector<StageVisit> visits;
-    for (const PoseRecord& pose : poses)
-        visits.push_back({pose.read_back, pose.read_back_uncertainty});
-    return visits;
-}
+// Of the hold-out poses by their index, as PNG: what the judgement has rendered is not rendered
+// again, and a marker before a plain background takes little room.
+using Renders = std::map<int, std::string>;
 
-QualificationInput measured_input(QualifyResult& result, const std::stop_token& stop) {
-    QualificationInput input = declared_input(result.station, visits_of(result.poses));
-    input.poses = measured_poses(result, result.remarks, stop);
-    input.monte_carlo = true;
-    return input;
+std::string png_of(const CodeImage& image) {
+    std::vector<unsigned char> bytes;
+    cv::imencode(".png", image.pixels, bytes);
+    return {bytes.begin(), bytes.end()};
 }
 
 // On the scale of the renders: the marker's white is `white_level`.
-PoseRecord::Residual residual_of(const CodeImage& photo, const StationFile& station,
-                                 const ComparedArea& area, const PhotometricCamera& camera,
-                                 const Rigid& camera_from_marker) {
+PhotoResidual residual_of(const CodeImage& photo, const StationFile& station,
+                          const ComparedArea& area, const PhotometricCamera& camera,
+                          const Rigid& camera_from_marker) {
     CellGrid marker = station.marker.grid;
     marker.cells = cv::Mat(marker.cells * station.white_level);  // not in the station's own cells
     const PhotoOfMarker seen{gray_of(photo), marker,
                              pixel_uses(camera.projector(), camera_from_marker, area), pixel_fitted,
                              station.background * station.white_level};
     const PixelDifference difference = fit_photometry(seen, camera, camera_from_marker).difference;
-    return {difference.model, difference.scored};
+    return {difference.scored.rms_gray, difference.scored.p99_gray, difference.model.psf_sigma_px};
 }
 
-// Each hold-out photograph against the render at its registered pose; the renders are kept, for
-// people and for re-analysis.
-void compare_with_renders(QualifyResult& result, const ExpectedView& view, Progress& progress,
-                          const std::stop_token& stop) {
-    const Qualification& analysis = *result.analysis;
+// Each hold-out photograph against the calibration at its registered pose. The renders are kept,
+// for people and for re-analysis.
+void compare_photos(QualifyResult& result, const Renders& renders, Progress& progress,
+                    const std::stop_token& stop) {
     const StationFile& station = result.station;
-    ImageWriter renders;
     const PhotometricCamera camera(station.camera.model);
     const ComparedArea area = compared_area(station.marker, {}, station.marker.spec);
-    for (std::size_t i = 0; i < analysis.poses.size(); ++i) {
-        if (!analysis.poses[i].hold_out || !analysis.poses[i].used)
+    for (Pose& pose : result.poses) {
+        if (!pose.is_judged())
             continue;
         throw_if_stopped(stop);
-        PoseRecord& pose = result.poses[i];
-        const Rigid& camera_from_marker = analysis.poses[i].bias.predicted;
         pose.render_file = fmt::format("renders/{:04}.png", pose.index);
-        renders.write(result.folder / pose.render_file, view.at(camera_from_marker));
+        write_text(result.folder / pose.render_file, renders.at(pose.index));
         try {
-            pose.residual = residual_of(recorded_photo(result, pose), station, area, camera,
-                                        camera_from_marker);
+            pose.residual = residual_of(recorded_photo(result, *first_whole(pose)), station, area,
+                                        camera, pose.bias.predicted);
         } catch (const NumericalError& error) {
             result.remarks.push_back(
                 fmt::format("pose {} has no pixel difference: {}", pose.index, error.what()));
         }
         progress.step();
     }
-    renders.flush();
 }
 
-// Three rounds over the training poses at most; hold-out poses are rendered to judge and to keep.
-int expected_renders(const QualificationInput& input) {
-    const auto hold_out =
-        std::count_if(input.poses.begin(), input.poses.end(),
-                      [](const QualificationPose& pose) { return pose.hold_out; });
-    return 3 * static_cast<int>(input.poses.size()) - static_cast<int>(hold_out);
+// Three rounds over the training poses at most; hold-out poses are rendered to judge, and compared.
+int expected_steps(const std::vector<Pose>& poses) {
+    const auto hold_out = std::ranges::count(poses, true, &Pose::hold_out);
+    return static_cast<int>(3 * std::ssize(poses) - hold_out);
 }
 
 }  // namespace
@@ -88,18 +79,29 @@ int expected_renders(const QualificationInput& input) {
 void analyse_run(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
     const StationFile& station = result.station;
     const RenderedCorners rendered(expected_scene(station), station.plan.frames, station.plan.seed);
-    QualificationInput input = measured_input(result, stop);
-    input.render_and_detect =
-        [&](const Rigid& camera_from_marker) -> std::optional<std::vector<Eigen::Vector2d>> {
+    read_photometric_poses(result, stop);
+    QualificationInput input = declared_input(station, result.poses);
+    input.monte_carlo = true;
+    input.render_and_detect = [&](const Rigid& camera_from_marker) {
         throw_if_stopped(stop);
         auto corners = rendered.at(camera_from_marker);
         progress.step();
         return corners;
     };
-    const int renders = expected_renders(input);
-    progress.begin("analysing", renders, renders * std::chrono::milliseconds(200));
+    Renders renders;
+    input.render_hold_out = [&](const Pose& pose, const Rigid& camera_from_marker) {
+        throw_if_stopped(stop);
+        const ExpectedExposures exposures(rendered.view(), camera_from_marker);
+        auto corners = rendered.in(exposures);
+        renders[pose.index] = png_of(exposures.without_noise());
+        progress.step();
+        return corners;
+    };
+    const int steps = expected_steps(result.poses);
+    progress.begin("analysing", steps, steps * std::chrono::milliseconds(200));
     result.analysis = qualify(input);
-    compare_with_renders(result, rendered.view(), progress, stop);
+    result.poses = std::move(input.poses);
+    compare_photos(result, renders, progress, stop);
     progress.end();
 }
 

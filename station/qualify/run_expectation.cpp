@@ -8,15 +8,14 @@ namespace etalon {
 namespace {
 
 // Of the frames of one pose, as poses.
-std::optional<SixErrors> noise_of(const PoseRecord& pose, const Rigid& predicted,
-                                  const std::vector<Eigen::Vector3d>& points_mm,
+std::optional<SixErrors> noise_of(const Pose& pose, const std::vector<Eigen::Vector3d>& points_mm,
                                   const Projector& projector) {
+    const Rigid& predicted = pose.bias.predicted;
     ErrorSpread spread;
     for (const FrameRecord& frame : pose.frames) {
         if (frame.corners.empty())
             continue;
-        const PoseBias bias =
-            pose_bias(projector, points_mm, predicted, frame.corners, std::nullopt);
+        const PoseBias bias = pose_bias(projector, points_mm, predicted, frame.corners, {});
         if (bias.b2)
             spread.add(components_of(*bias.b2, predicted));
     }
@@ -31,18 +30,16 @@ Expectation run_expectation(const QualifyResult& result) {
         return expectation;
     const Projector projector(result.station.camera.model);
     expectation.frames = result.station.plan.frames;
-    for (std::size_t i = 0; i < result.analysis->poses.size(); ++i) {
-        const QualifiedPose& qualified = result.analysis->poses[i];
-        if (!qualified.hold_out)
+    for (const Pose& pose : result.poses) {
+        if (!pose.hold_out)
             continue;
-        const Rigid& predicted = qualified.bias.predicted;
-        ExpectedPose pose{predicted, place_of(projector, predicted)};
-        if (qualified.bias.b1)
-            pose.bias = components_of(*qualified.bias.b1, predicted);
-        pose.noise =
-            noise_of(result.poses.at(i), predicted, result.station.marker.points_mm, projector);
-        pose.detections = result.poses[i].detections;
-        expectation.poses.push_back(pose);
+        const Rigid& predicted = pose.bias.predicted;
+        ExpectedPose expected{predicted, place_of(projector, predicted)};
+        if (pose.bias.b1)
+            expected.bias = components_of(*pose.bias.b1, predicted);
+        expected.noise = noise_of(pose, result.station.marker.points_mm, projector);
+        expected.detections = pose.detections;
+        expectation.poses.push_back(expected);
     }
     fit_maps(expectation, result.station.plan.seed);
     return expectation;

@@ -25,7 +25,7 @@ void attach_all(QualifyResult& result) {
         attach(result, file);
     for (const InputFile& input : result.station.inputs)
         result.attachments.push_back({input.copy, input.sha256});
-    for (const PoseRecord& pose : result.poses) {
+    for (const Pose& pose : result.poses) {
         for (const FrameRecord& frame : pose.frames)
             if (!frame.file.empty())
                 result.attachments.push_back({frame.file, frame.sha256});

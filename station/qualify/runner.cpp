@@ -86,7 +86,7 @@ Frame take_frame(const Run& run, Camera& camera, Instant after) {
 }
 
 // Calls `after_each` after every frame.
-std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, PoseRecord& pose,
+std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, Pose& pose,
                                const std::function<void()>& after_each) {
     std::vector<Frame> frames;
     Instant after = settled;
@@ -132,15 +132,13 @@ void rest(const Run& run, Stage& stage, Duration time) {
     }
 }
 
-PoseRecord visit(const Run& run, int index, const std::vector<double>& from, Camera& camera,
-                 Stage& stage, Detector& detector) {
+// Takes a pose of the plan and returns it visited and seen.
+Pose visit(const Run& run, Pose pose, const std::vector<double>& from, Camera& camera, Stage& stage,
+           Detector& detector) {
     run.throw_if_stopped();
-    PoseRecord pose;
-    pose.index = index;
-    pose.planned = run.result.plan.poses.at(static_cast<std::size_t>(index));
-    pose.approach = approach(run.result.station.stage.axes, from, pose.planned.target);
+    pose.approach = approach(run.result.station.stage.axes, from, pose.target);
     pose.move_start_s = run.now_s();
-    stage.move(pose.planned.target, run.stop);
+    stage.move(pose.target, run.stop);
     rest(run, stage, run.result.station.plan.settle);
     run.throw_if_stopped();
     const Instant settled = run.clock.now();
@@ -153,20 +151,17 @@ PoseRecord visit(const Run& run, int index, const std::vector<double>& from, Cam
         if (frames[i].status == FrameStatus::complete)
             detect_frame(detector, frames[i].image, pose.frames[i]);
     average_corners(pose);
-    pose.counters = camera.statistics();
-    pose.done_s = run.now_s();
     return pose;
 }
 
-void keep(const Run& run, PoseRecord pose) {
-    QualifyResult& result = run.result;
-    run.record.log_pose(pose);
-    result.sessions.back().counters = pose.counters;
-    ++result.sessions.back().poses;
-    result.statistics = total_counters(result.sessions);
-    result.duration_s = pose.done_s;
-    result.poses.push_back(std::move(pose));
-    run.record.write(result);
+// The log alone: the other files follow from it, when the run ends or by `etalon report`.
+void keep(const Run& run, Pose pose, const CaptureStatistics& counters) {
+    pose.done_s = run.now_s();
+    run.record.log_pose(pose, counters);
+    RunSession& session = run.result.sessions.back();
+    session.counters = counters;
+    ++session.poses;
+    run.result.poses.push_back(std::move(pose));
 }
 
 // All poses of a run must be taken alike.
@@ -192,14 +187,11 @@ void prepare(const Run& run, Camera& camera, Stage& stage) {
 }
 
 // The poses of the plan that have not been visited, in its order.
-std::vector<int> missing_poses(const QualifyResult& result) {
-    std::vector<bool> visited(result.plan.poses.size());
-    for (const PoseRecord& pose : result.poses)
-        visited[static_cast<std::size_t>(pose.index)] = true;
-    std::vector<int> missing;
-    for (std::size_t i = 0; i < visited.size(); ++i)
-        if (!visited[i])
-            missing.push_back(static_cast<int>(i));
+std::vector<Pose> missing_poses(const QualifyResult& result) {
+    std::vector<Pose> missing;
+    std::ranges::copy_if(result.plan.poses, std::back_inserter(missing), [&](const Pose& pose) {
+        return std::ranges::find(result.poses, pose.index, &Pose::index) == result.poses.end();
+    });
     return missing;
 }
 
@@ -207,16 +199,16 @@ void visit_missing(const Run& run, Camera& camera, Stage& stage) {
     const QualifyResult& result = run.result;
     const auto detector =
         make_detector(result.station.detector, result.station.marker, result.station.detector);
-    const std::vector<int> missing = missing_poses(result);
+    const std::vector<Pose> missing = missing_poses(result);
     std::vector<double> from;
     for (const AxisStatus& axis : stage.status())
         from.push_back(axis.position);
     run.progress.begin("measuring", static_cast<int>(missing.size()),
                        result.plan.expected_duration * missing.size() / result.plan.poses.size());
-    for (const int index : missing) {
-        PoseRecord pose = visit(run, index, from, camera, stage, *detector);
+    for (const Pose& planned : missing) {
+        Pose pose = visit(run, planned, from, camera, stage, *detector);
         from = pose.read_back;
-        keep(run, std::move(pose));
+        keep(run, std::move(pose), camera.statistics());
         run.progress.step();
     }
     run.progress.end();
@@ -269,9 +261,8 @@ void measure(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Sta
 }
 
 void log_analysis(const Run& run) {
-    const std::vector<PoseRecord>& poses = run.result.poses;
-    const auto hold_out = std::count_if(
-        poses.begin(), poses.end(), [](const PoseRecord& pose) { return pose.planned.hold_out; });
+    const std::vector<Pose>& poses = run.result.poses;
+    const auto hold_out = std::ranges::count(poses, true, &Pose::hold_out);
     run.log("analysis", fmt::format("{} poses, {} of them hold-out", poses.size(), hold_out));
 }
 
@@ -344,15 +335,14 @@ void require_unfinished(const RecordedRun& recorded) {
                                       name(outcome)));
 }
 
-void require_same_plan(const QualifyResult& result) {
-    const Plan plan = plan_of(result.station);
-    const auto same = [](const PlannedPose& a, const PlannedPose& b) {
-        return a.target == b.target && a.hold_out == b.hold_out;
-    };
-    if (!std::equal(plan.poses.begin(), plan.poses.end(), result.plan.poses.begin(),
-                    result.plan.poses.end(), same))
-        throw ConfigError({result.folder.string()},
-                          "this build of etalon plans other poses than the one that began the run");
+// The plan is the record's. Nothing has moved yet: a target where the axes may not go is refused
+// now rather than on the way.
+void require_allowed_plan(const QualifyResult& result) {
+    const StationStage& stage = result.station.stage;
+    for (const Pose& pose : result.plan.poses)
+        require_allowed(
+            stage.axes, stage.rules, pose.target,
+            {(result.folder / log_file).string(), 1, fmt::format("plan.poses[{}]", pose.index)});
 }
 
 void require_recorded_camera(const QualifyResult& result, const CameraIdentity& camera) {
@@ -381,6 +371,9 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
     result.plan = plan_of(station);
     result.folder = folder;
     result.software = software_versions();
+    progress.note(fmt::format("{}: {} poses, about {} and the analysis", station.id,
+                              result.plan.poses.size(),
+                              duration_text(result.plan.expected_duration)));
     require_new_folder(folder);
     std::unique_ptr<Camera> camera = open.camera();
     std::unique_ptr<Stage> stage = guarded(station, open);
@@ -402,7 +395,7 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
 QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& open, Clock& clock,
                                    Progress& progress, std::stop_token stop) {
     require_unfinished(recorded);
-    require_same_plan(recorded.result);
+    require_allowed_plan(recorded.result);
     QualifyResult result = recorded.result;
     std::unique_ptr<Camera> camera;
     std::unique_ptr<Stage> stage;

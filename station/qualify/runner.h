@@ -37,7 +37,7 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
 // anew. The record gets a further session.
 //
 // Throws before anything has moved or was written: ConfigError for a run that came to its end, a
-// plan that this build makes otherwise, another camera than the record's, and what the openers
+// plan with a target that is not allowed, another camera than the record's, and what the openers
 // throw. Settings of the camera that differ from the record's end the run as an ERROR.
 QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& open, Clock& clock,
                                    Progress& progress, std::stop_token stop);

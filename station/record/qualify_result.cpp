@@ -2,64 +2,59 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "core/errors.h"
 #include "core/exit_codes.h"
+#include "core/sha256.h"
 
 namespace etalon {
 
+namespace {
+
+// In the order of RunOutcome.
+struct OutcomeWord {
+    const char* name;
+    int exit_code;
+};
+constexpr OutcomeWord outcome_words[] = {{"PASS", ExitCode::pass},
+                                         {"FAIL", ExitCode::fail},
+                                         {"INCONCLUSIVE", ExitCode::inconclusive},
+                                         {"ERROR", ExitCode::run_error},
+                                         {"ABORTED", ExitCode::interrupted}};
+
+}  // namespace
+
 const char* name(RunOutcome outcome) {
-    switch (outcome) {
-        case RunOutcome::pass:
-            return "PASS";
-        case RunOutcome::fail:
-            return "FAIL";
-        case RunOutcome::inconclusive:
-            return "INCONCLUSIVE";
-        case RunOutcome::error:
-            return "ERROR";
-        case RunOutcome::aborted:
-            return "ABORTED";
-    }
-    return "ERROR";
+    return outcome_words[static_cast<std::size_t>(outcome)].name;
 }
 
 int exit_code(RunOutcome outcome) {
-    switch (outcome) {
-        case RunOutcome::pass:
-            return ExitCode::pass;
-        case RunOutcome::fail:
-            return ExitCode::fail;
-        case RunOutcome::inconclusive:
-            return ExitCode::inconclusive;
-        case RunOutcome::error:
-            return ExitCode::run_error;
-        case RunOutcome::aborted:
-            return ExitCode::interrupted;
-    }
-    return ExitCode::run_error;
+    return outcome_words[static_cast<std::size_t>(outcome)].exit_code;
+}
+
+std::optional<RunOutcome> run_outcome_named(const std::string& name) {
+    const auto found = std::ranges::find(outcome_words, name, &OutcomeWord::name);
+    if (found == std::end(outcome_words))
+        return std::nullopt;
+    return static_cast<RunOutcome>(found - std::begin(outcome_words));
 }
 
 CaptureStatistics total_counters(const std::vector<RunSession>& sessions) {
     CaptureStatistics total;
-    for (const RunSession& session : sessions) {
-        total.delivered += session.counters.delivered;
-        total.rejected += session.counters.rejected;
-        total.missing_packets += session.counters.missing_packets;
-        total.resent_packets += session.counters.resent_packets;
-        total.underruns += session.counters.underruns;
-        total.skipped += session.counters.skipped;
-        total.reconnects += session.counters.reconnects;
-    }
+    for (const RunSession& session : sessions)
+        for (const CounterField& field : counter_fields)
+            total.*field.count += session.counters.*field.count;
     return total;
 }
 
 std::optional<double> mean_residual_gray(const QualifyResult& result) {
     double sum = 0.0;
     int count = 0;
-    for (const PoseRecord& pose : result.poses) {
+    for (const Pose& pose : result.poses) {
         if (!pose.residual)
             continue;
-        sum += pose.residual->scored.rms_gray;
+        sum += pose.residual->rms_gray;
         ++count;
     }
     if (count == 0)
@@ -67,13 +62,25 @@ std::optional<double> mean_residual_gray(const QualifyResult& result) {
     return sum / count;
 }
 
-CodeImage recorded_photo(const QualifyResult& result, const PoseRecord& pose) {
-    const auto whole = std::find_if(pose.frames.begin(), pose.frames.end(),
-                                    [](const FrameRecord& frame) { return !frame.file.empty(); });
-    if (whole == pose.frames.end())
-        throw ConfigError({result.folder.string()},
-                          fmt::format("pose {} has no whole photograph", pose.index));
-    CodeImage photo = read_image(result.folder / whole->file);
+const FrameRecord* first_whole(const Pose& pose) {
+    const auto whole = std::ranges::find_if(
+        pose.frames, [](const FrameRecord& frame) { return !frame.file.empty(); });
+    return whole == pose.frames.end() ? nullptr : &*whole;
+}
+
+CodeImage recorded_photo(const QualifyResult& result, const FrameRecord& frame) {
+    const std::filesystem::path path = result.folder / frame.file;
+    const std::string found = sha256_of_file(path);
+    if (found != frame.sha256)
+        throw ConfigError({path.string()},
+                          fmt::format("is not the frame that was taken: its SHA-256 is {}, not {}",
+                                      found, frame.sha256));
+    CodeImage photo = read_image(path);
+    const CameraModel& camera = result.station.camera.model;
+    if (photo.pixels.size() != cv::Size(camera.width, camera.height))
+        throw ConfigError({path.string()},
+                          fmt::format("has {}x{} pixels, the calibration {}x{}", photo.pixels.cols,
+                                      photo.pixels.rows, camera.width, camera.height));
     photo.bits = result.settings.bits;
     return photo;
 }

@@ -32,13 +32,8 @@ RecordJson inputs_json(std::span<const InputFile> inputs) {
 }
 
 void add_counters(RecordJson& camera, const CaptureStatistics& counts) {
-    camera["frames_delivered"] = counts.delivered;
-    camera["frames_rejected"] = counts.rejected;
-    camera["frames_skipped"] = counts.skipped;
-    camera["missing_packets"] = counts.missing_packets;
-    camera["resent_packets"] = counts.resent_packets;
-    camera["underruns"] = counts.underruns;
-    camera["reconnects"] = counts.reconnects;
+    for (const CounterField& field : counter_fields)
+        camera[field.name] = counts.*field.count;
 }
 
 RecordJson software_json(std::span<const SoftwareVersion> software) {

@@ -15,10 +15,16 @@ RecordJson corners_json(const std::vector<Eigen::Vector2d>& pixels) {
 
 RecordJson planned_json(const Plan& plan) {
     RecordJson poses = RecordJson::array();
-    for (const PlannedPose& pose : plan.poses)
+    for (const Pose& pose : plan.poses)
         poses.push_back({{"target", pose.target}, {"hold_out", pose.hold_out}});
     return {{"expected_duration_s", std::chrono::duration<double>(plan.expected_duration).count()},
             {"poses", poses}};
+}
+
+RecordJson counters_json(const CaptureStatistics& counts) {
+    RecordJson counters;
+    add_counters(counters, counts);
+    return counters;
 }
 
 std::string line_of(const RecordJson& json) {
@@ -69,34 +75,29 @@ std::string frame_event(int pose_index, const FrameRecord& frame) {
                     {"corners", corners_json(frame.corners)}});
 }
 
-std::string pose_event(const PoseRecord& record) {
-    const Vector6d uncertainty = record.stage.covariance.diagonal().cwiseSqrt();
-    RecordJson counters;
-    add_counters(counters, record.counters);
-    return line_of({{"t", record.done_s},
+std::string pose_event(const Pose& pose, const CaptureStatistics& counts) {
+    const Vector6d uncertainty = pose.stage_covariance.diagonal().cwiseSqrt();
+    return line_of({{"t", pose.done_s},
                     {"event", "pose"},
-                    {"pose", record.index},
-                    {"hold_out", record.planned.hold_out},
-                    {"commanded", record.planned.target},
-                    {"readings", record.readings},
-                    {"read_back", record.read_back},
-                    {"read_back_deviation", record.read_back_deviation},
-                    {"base_from_carriage", pose_numbers(record.stage.base_from_carriage)},
+                    {"pose", pose.index},
+                    {"hold_out", pose.hold_out},
+                    {"commanded", pose.target},
+                    {"readings", pose.readings},
+                    {"read_back", pose.read_back},
+                    {"read_back_deviation", pose.read_back_deviation},
+                    {"base_from_carriage", pose_numbers(pose.base_from_carriage)},
                     {"base_from_carriage_uncertainty", numbers_json(uncertainty)},
-                    {"approach", record.approach},
-                    {"move_start_s", record.move_start_s},
-                    {"settled_s", record.settled_s},
-                    {"detections", record.detections},
-                    {"corners", corners_json(record.corners)},
-                    {"camera", counters}});
+                    {"approach", pose.approach},
+                    {"move_start_s", pose.move_start_s},
+                    {"settled_s", pose.settled_s.value_or(0.0)},
+                    {"detections", pose.detections},
+                    {"corners", corners_json(pose.corners)},
+                    {"camera", counters_json(counts)}});
 }
 
 std::string released_event(double time_s, const CaptureStatistics& counts) {
-    RecordJson line = {{"t", time_s}, {"event", "camera released"}};
-    RecordJson counters;
-    add_counters(counters, counts);
-    line["camera"] = counters;
-    return line_of(line);
+    return line_of(
+        {{"t", time_s}, {"event", "camera released"}, {"camera", counters_json(counts)}});
 }
 
 }  // namespace etalon

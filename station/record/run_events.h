@@ -1,6 +1,6 @@
 // The lines of a record's log, events.jsonl: one JSON object each, written here and read back by
-// station/qualify/recorded_run.h. The log, the frames and the copies of the inputs are the record;
-// every other file follows from them.
+// core/frame_log.h and station/qualify/recorded_run.h. The log, the frames and the copies of the
+// inputs are the record; every other file follows from them.
 //
 //     run                first line: the inputs and the plan
 //     session            the program was started: a run that was resumed has several
@@ -28,7 +28,7 @@ std::string run_event(const QualifyResult& result);
 std::string session_event(const RunSession& session, const CameraIdentity& camera);
 std::string settings_event(double time_s, const CaptureSettings& settings);
 std::string frame_event(int pose, const FrameRecord& frame);
-std::string pose_event(const PoseRecord& pose);
+std::string pose_event(const Pose& pose, const CaptureStatistics& counts);
 std::string released_event(double time_s, const CaptureStatistics& counts);
 
 }  // namespace etalon

@@ -115,8 +115,7 @@ Json plan_json(const StationFile& station, const Plan& plan) {
         volume[station.stage.axes[i].name] = {station.plan.volume[i].low * unit,
                                               station.plan.volume[i].high * unit};
     }
-    const auto hold_out = std::count_if(plan.poses.begin(), plan.poses.end(),
-                                        [](const PlannedPose& p) { return p.hold_out; });
+    const auto hold_out = std::ranges::count(plan.poses, true, &Pose::hold_out);
     return {{"volume", volume},
             {"poses", plan.poses.size()},
             {"hold_out", hold_out},
@@ -184,46 +183,39 @@ Row csv_header(const std::vector<Axis>& axes) {
 }
 
 // Photograph minus render, of hold-out poses.
-void add_residual(Row& row, const std::optional<PoseRecord::Residual>& residual) {
-    row.push_back(residual ? exact(residual->scored.rms_gray) : "");
-    row.push_back(residual ? exact(residual->scored.p99_gray) : "");
-    row.push_back(residual ? exact(residual->model.psf_sigma_px) : "");
+void add_residual(Row& row, const std::optional<PhotoResidual>& residual) {
+    row.push_back(residual ? exact(residual->rms_gray) : "");
+    row.push_back(residual ? exact(residual->p99_gray) : "");
+    row.push_back(residual ? exact(residual->psf_sigma_px) : "");
 }
 
-void add_analysis_columns(Row& row, const QualifiedPose* qualified) {
-    if (!qualified) {
-        row.resize(row.size() + 1 + 3 * 6 + 4 * 6);
-        return;
-    }
-    row.emplace_back(qualified->used ? "1" : "0");
-    add_six(row, qualified->bias.photo);
-    add_six(row, qualified->bias.render);
-    const Vector6d predicted = vector_from_rigid(qualified->bias.predicted);
+void add_analysis_columns(Row& row, const Pose& pose) {
+    row.emplace_back(pose.used ? "1" : "0");
+    add_six(row, pose.bias.photo);
+    add_six(row, pose.bias.render);
+    const Vector6d predicted = vector_from_rigid(pose.bias.predicted);
     for (int i = 0; i < 6; ++i)
         row.push_back(exact(predicted[i]));
-    add_bias(row, qualified->bias.b1);
-    add_bias(row, qualified->bias.b2);
-    add_bias(row, qualified->bias.b3);
-    add_bias(row, qualified->bias.b4);
+    for (const auto bias : {&PoseBias::b1, &PoseBias::b2, &PoseBias::b3, &PoseBias::b4})
+        add_bias(row, pose.bias.*bias);
 }
 
-Row csv_row(const PoseRecord& record, const std::vector<Axis>& axes,
-            const QualifiedPose* qualified) {
-    Row row = {std::to_string(record.index), record.planned.hold_out ? "hold-out" : "training"};
+Row csv_row(const Pose& pose, const std::vector<Axis>& axes, bool is_analysed) {
+    Row row = {std::to_string(pose.index), pose.hold_out ? "hold-out" : "training"};
+    for (const auto* positions : {&pose.target, &pose.read_back, &pose.read_back_deviation})
+        for (std::size_t i = 0; i < axes.size(); ++i)
+            row.push_back(exact((*positions)[i] * unit_of(axes[i])));
     for (std::size_t i = 0; i < axes.size(); ++i)
-        row.push_back(exact(record.planned.target[i] * unit_of(axes[i])));
-    for (std::size_t i = 0; i < axes.size(); ++i)
-        row.push_back(exact(record.read_back[i] * unit_of(axes[i])));
-    for (std::size_t i = 0; i < axes.size(); ++i)
-        row.push_back(exact(record.read_back_deviation[i] * unit_of(axes[i])));
-    for (std::size_t i = 0; i < axes.size(); ++i)
-        row.push_back(std::to_string(record.approach[i]));
-    row.push_back(std::to_string(record.frames.size()));
-    row.push_back(std::to_string(record.detections));
-    for (const double time_s : {record.move_start_s, record.settled_s, record.done_s})
+        row.push_back(std::to_string(pose.approach[i]));
+    row.push_back(std::to_string(pose.frames.size()));
+    row.push_back(std::to_string(pose.detections));
+    for (const double time_s : {pose.move_start_s, pose.settled_s.value_or(0.0), pose.done_s})
         row.push_back(fmt::format("{:.6f}", time_s));
-    add_analysis_columns(row, qualified);
-    add_residual(row, record.residual);
+    if (is_analysed)
+        add_analysis_columns(row, pose);
+    else
+        row.resize(row.size() + 1 + 3 * 6 + 4 * 6);
+    add_residual(row, pose.residual);
     return row;
 }
 
@@ -263,10 +255,9 @@ std::string run_json(const QualifyResult& result) {
 std::string poses_csv(const QualifyResult& result) {
     const std::vector<Axis>& axes = result.station.stage.axes;
     std::string csv = fmt::format("{}\n", fmt::join(csv_header(axes), ","));
-    for (std::size_t i = 0; i < result.poses.size(); ++i) {
-        const QualifiedPose* qualified = result.analysis ? &result.analysis->poses.at(i) : nullptr;
-        csv += fmt::format("{}\n", fmt::join(csv_row(result.poses[i], axes, qualified), ","));
-    }
+    for (const Pose& pose : result.poses)
+        csv +=
+            fmt::format("{}\n", fmt::join(csv_row(pose, axes, result.analysis.has_value()), ","));
     return csv;
 }
 

@@ -64,20 +64,6 @@ std::optional<double> utc_seconds(const std::string& utc) {
     return static_cast<double>(timegm(&time));
 }
 
-FrameRecord frame_record(const Frame& frame, Instant start) {
-    FrameRecord record;
-    record.status = frame.status;
-    record.status_detail = frame.status_detail;
-    record.device_id = frame.id;
-    record.exposure_start_s = std::chrono::duration<double>(frame.exposure_start - start).count();
-    record.exposure_start_uncertainty_s =
-        std::chrono::duration<double>(frame.exposure_start_uncertainty).count();
-    record.time_source = frame.time_source;
-    record.device_time_ns = frame.device_time_ns;
-    record.settings = frame.settings;
-    return record;
-}
-
 RunRecord::RunRecord(const std::filesystem::path& folder, std::initializer_list<const char*> parts)
     : folder_(made(folder, parts)), events_(folder / log_file, std::ios::binary | std::ios::app) {
     if (!events_)
@@ -108,14 +94,14 @@ void RunRecord::log_frame(int pose, const FrameRecord& frame) {
     append(frame_event(pose, frame));
 }
 
-void RunRecord::log_pose(PoseRecord& pose) {
+void RunRecord::log_pose(Pose& pose, const CaptureStatistics& counts) {
     images_.flush();
     for (FrameRecord& frame : pose.frames) {
         if (!frame.file.empty())
             frame.sha256 = sha256_of_file(folder_ / frame.file);
         append(frame_event(pose.index, frame));
     }
-    append(pose_event(pose));
+    append(pose_event(pose, counts));
 }
 
 void RunRecord::write(const QualifyResult& result) {

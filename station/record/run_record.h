@@ -30,9 +30,6 @@
 
 namespace etalon {
 
-// The log, in a record's folder. Whoever writes to the record holds a FileLock on it.
-inline constexpr const char* log_file = "events.jsonl";
-
 // Throws ConfigError unless a record could go there: nothing is there, or an empty folder.
 void require_new_folder(const std::filesystem::path& folder);
 
@@ -41,9 +38,6 @@ std::string utc_now();
 
 // Such a time in seconds since 1970; nothing for what is none.
 std::optional<double> utc_seconds(const std::string& utc);
-
-// A frame as it goes into the log; times count from `start`.
-FrameRecord frame_record(const Frame& frame, Instant start);
 
 // Makes these parts of a folder, with its parents, unless they are there. Throws ConfigError when
 // one cannot be made.
@@ -68,7 +62,7 @@ public:
     void log_state(double time_s, const std::string& state, const std::string& detail);
     void log_frame(int pose, const FrameRecord& frame);
     // The pose with its frames, when these are written; sets the hashes of their files.
-    void log_pose(PoseRecord& pose);
+    void log_pose(Pose& pose, const CaptureStatistics& counts);
     // A line of station/record/run_events.h.
     void log(const std::string& line) { append(line); }
 

@@ -16,8 +16,7 @@ double render_edge_bound_px(const StationFile& station) {
 
 }  // namespace
 
-QualificationInput declared_input(const StationFile& station,
-                                  const std::vector<StageVisit>& visits) {
+QualificationInput declared_input(const StationFile& station, std::vector<Pose> poses) {
     const std::vector<Axis>& axes = station.stage.axes;
     const Rigid& mount = station.carriage_from_marker_nominal;
     QualificationInput input;
@@ -32,9 +31,10 @@ QualificationInput declared_input(const StationFile& station,
     input.limits = station.limits;
     input.seed = station.plan.seed;
     input.stage_reach = stage_reach(axes, station.plan.volume);
-    input.stage_terms = declared_stage_terms(axes, visits);
-    input.repeatability = declared_repeatability(axes, visits, mount);
-    input.error_maps = declared_error_maps(axes, visits, mount);
+    input.stage_terms = declared_stage_terms(axes, poses);
+    input.repeatability = declared_repeatability(axes, poses, mount);
+    input.error_maps = declared_error_maps(axes, poses, mount);
+    input.poses = std::move(poses);
     return input;
 }
 

@@ -10,10 +10,8 @@
 
 namespace etalon {
 
-// Everything but what was measured: `poses` is empty and `render_and_detect` is unset. `visits` are
-// the poses' axis positions, one per pose that will be added, in their order. The result points to
-// the station's camera: the station must outlive it.
-QualificationInput declared_input(const StationFile& station,
-                                  const std::vector<StageVisit>& visits);
+// For these poses, of which the positions are there. `render_and_detect` is unset. The result
+// points to the station's camera: the station must outlive it.
+QualificationInput declared_input(const StationFile& station, std::vector<Pose> poses);
 
 }  // namespace etalon

@@ -31,8 +31,8 @@ std::vector<double> target_of(const PlanRequest& request, const std::vector<doub
     return target;
 }
 
-std::vector<PlannedPose> sampled_poses(const PlanRequest& request, std::span<const Axis> axes,
-                                       const MotionRules& rules, const TargetFilter& is_useful) {
+std::vector<Pose> sampled_poses(const PlanRequest& request, std::span<const Axis> axes,
+                                const MotionRules& rules, const TargetFilter& is_useful) {
     const long hold_out = std::lround(request.hold_out * request.poses);
     const long training = request.poses - hold_out;
     if (hold_out < 1 || training < 1)
@@ -43,12 +43,12 @@ std::vector<PlannedPose> sampled_poses(const PlanRequest& request, std::span<con
     if (dimensions_of(request) == 0)
         throw ConfigError(request.place, "no axis moves");
     const HaltonSequence sequence(dimensions_of(request), request.seed);
-    std::vector<PlannedPose> poses;
+    std::vector<Pose> poses;
     const long last = max_points_per_pose * request.poses;
     for (long i = 0; i < last && poses.size() < static_cast<std::size_t>(request.poses); ++i) {
         const auto target = target_of(request, sequence.point(static_cast<std::uint64_t>(i)));
         if (is_clear(axes, rules, target) && (!is_useful || is_useful(target)))
-            poses.push_back({target, static_cast<long>(poses.size()) >= training});
+            poses.push_back({target, std::ssize(poses) >= training});
     }
     if (poses.size() < static_cast<std::size_t>(request.poses))
         throw ConfigError(request.place, fmt::format("hardly any of it is clear of forbidden boxes "
@@ -72,7 +72,7 @@ SourcePlace place_of(const PlanRequest& request, std::size_t pose) {
 }
 
 void require_all_within_limits(const PlanRequest& request, std::span<const Axis> axes,
-                               const std::vector<PlannedPose>& poses) {
+                               const std::vector<Pose>& poses) {
     for (std::size_t i = 0; i < poses.size(); ++i)
         require_within_limits(axes, poses[i].target, place_of(request, i));
 }
@@ -84,7 +84,7 @@ double seconds(Duration duration) {
 // Travel times between all poses; row n is the way from where homing is expected to end.
 class TravelTable {
 public:
-    TravelTable(std::span<const Axis> axes, const std::vector<PlannedPose>& poses)
+    TravelTable(std::span<const Axis> axes, const std::vector<Pose>& poses)
         : count_(poses.size()), seconds_((count_ + 1) * count_) {
         const std::vector<double> home = home_position(axes);
         for (std::size_t from = 0; from <= count_; ++from)
@@ -148,9 +148,9 @@ std::vector<std::size_t> short_path(const TravelTable& travel) {
 }
 
 // Of the hold-out poses, evenly along the path, in reverse.
-void add_repeats(const PlanRequest& request, std::vector<PlannedPose>& path) {
-    std::vector<PlannedPose> judging;
-    std::ranges::copy_if(path, std::back_inserter(judging), &PlannedPose::hold_out);
+void add_repeats(const PlanRequest& request, std::vector<Pose>& path) {
+    std::vector<Pose> judging;
+    std::ranges::copy_if(path, std::back_inserter(judging), &Pose::hold_out);
     const std::size_t count = static_cast<std::size_t>(request.repeats);
     if (count > judging.size())
         throw ConfigError(request.place,
@@ -175,12 +175,13 @@ Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
     if (request.volume.size() != axes.size())
         throw ConfigError(request.place, fmt::format("{} intervals for {} axes",
                                                      request.volume.size(), axes.size()));
-    const std::vector<PlannedPose> poses = sampled_poses(request, axes, rules, is_useful);
+    const std::vector<Pose> poses = sampled_poses(request, axes, rules, is_useful);
     require_all_within_limits(request, axes, poses);
     Plan plan;
     for (const std::size_t next : short_path(TravelTable(axes, poses)))
         plan.poses.push_back(poses[next]);
     add_repeats(request, plan.poses);
+    number_poses(plan.poses);
     std::vector<double> at = home_position(axes);
     const Duration per_pose = request.settle + request.frames * (exposure + frame_overhead);
     for (std::size_t i = 0; i < plan.poses.size(); ++i) {
@@ -194,11 +195,13 @@ Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
     return plan;
 }
 
-std::optional<std::size_t> visited_before(const Plan& plan, std::size_t pose) {
-    for (std::size_t i = 0; i < pose; ++i)
-        if (plan.poses[i].target == plan.poses.at(pose).target)
-            return i;
-    return std::nullopt;
+void number_poses(std::vector<Pose>& poses) {
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+        poses[i].index = static_cast<int>(i);
+        const auto same = std::ranges::find(poses, poses[i].target, &Pose::target);
+        const auto first = static_cast<std::size_t>(same - poses.begin());
+        poses[i].repeats = first < i ? std::optional(first) : std::nullopt;
+    }
 }
 
 Rigid expected_pose(const StationFile& station, const std::vector<double>& target) {

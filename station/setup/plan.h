@@ -15,6 +15,7 @@
 #include <span>
 #include <vector>
 
+#include "compare/verdict/pose.h"
 #include "core/clock.h"
 #include "stage/axes/axes.h"
 #include "stage/motion/motion_guard.h"
@@ -22,13 +23,8 @@
 
 namespace etalon {
 
-struct PlannedPose {
-    std::vector<double> target;  // per axis, mm or rad
-    bool hold_out = false;
-};
-
 struct Plan {
-    std::vector<PlannedPose> poses;  // in the order of the run
+    std::vector<Pose> poses;  // in the order of the run
     // How the stage gets to each pose from the one before, to the first from where homing is
     // expected to end (0, or the limit nearest to it). A run plans anew from what it reads.
     std::vector<std::vector<MotionSegment>> legs;
@@ -55,8 +51,8 @@ Plan plan_of(const StationFile& station);
 // camera_from_marker at a target as drawn; the station must state its camera_mount.
 Rigid expected_pose(const StationFile& station, const std::vector<double>& target);
 
-// The earlier pose with the same target.
-std::optional<std::size_t> visited_before(const Plan& plan, std::size_t pose);
+// Sets each pose's place in the plan, and which earlier one it repeats.
+void number_poses(std::vector<Pose>& poses);
 
 // Time to go from one position to another with all axes moving together at their speeds.
 Duration travel_time(std::span<const Axis> axes, std::span<const double> from,

@@ -16,24 +16,24 @@ constexpr double lean_rad = 1e-4;
 constexpr double shift_mm = 1e-2;
 
 // The stage at each visit with one of its axes changed as it is then.
-using Change = std::function<void(Axis&, const StageVisit&)>;
-std::vector<Rigid> transforms(std::span<const Axis> axes, const std::vector<StageVisit>& visits,
+using Change = std::function<void(Axis&, const Pose&)>;
+std::vector<Rigid> transforms(std::span<const Axis> axes, const std::vector<Pose>& poses,
                               std::size_t changed, const Change& change) {
     std::vector<Rigid> all;
-    for (const StageVisit& visit : visits) {
+    for (const Pose& pose : poses) {
         std::vector<Axis> wrong(axes.begin(), axes.end());
-        change(wrong[changed], visit);
-        all.push_back(base_from_carriage(wrong, visit.position));
+        change(wrong[changed], pose);
+        all.push_back(base_from_carriage(wrong, pose.read_back));
     }
     return all;
 }
 
 DeclaredStageTerm scale_term(std::span<const Axis> axes, std::size_t axis,
-                             const std::vector<StageVisit>& visits) {
+                             const std::vector<Pose>& poses) {
     DeclaredStageTerm term;
     term.error = {"stage scale " + axes[axis].name, "1", relative_size,
-                  transforms(axes, visits, axis, [axis](Axis& wrong, const StageVisit& visit) {
-                      wrong.zero -= relative_size * (visit.position.at(axis) - wrong.zero);
+                  transforms(axes, poses, axis, [axis](Axis& wrong, const Pose& pose) {
+                      wrong.zero -= relative_size * (pose.read_back.at(axis) - wrong.zero);
                   })};
     term.is_linear_scale = axes[axis].kind == Axis::Kind::linear;
     term.in_budget = true;
@@ -43,11 +43,11 @@ DeclaredStageTerm scale_term(std::span<const Axis> axes, std::size_t axis,
 
 // The second axis leans towards the first one.
 DeclaredStageTerm squareness_term(std::span<const Axis> axes, std::size_t first, std::size_t second,
-                                  const std::vector<StageVisit>& visits) {
+                                  const std::vector<Pose>& poses) {
     const Eigen::Vector3d towards = axes[first].direction;
     DeclaredStageTerm term;
     term.error = {"stage squareness " + axes[first].name + axes[second].name, "rad", lean_rad,
-                  transforms(axes, visits, second, [&](Axis& wrong, const StageVisit&) {
+                  transforms(axes, poses, second, [&](Axis& wrong, const Pose&) {
                       wrong.direction = (wrong.direction + lean_rad * towards).normalized();
                   })};
     return term;
@@ -60,7 +60,7 @@ std::array<Eigen::Vector3d, 2> ways_across(const Axis& axis) {
 
 // `change` makes the axis wrong by `size` in one of the two ways across its direction.
 void add_both_ways(std::vector<DeclaredStageTerm>& terms, std::span<const Axis> axes,
-                   std::size_t axis, const std::vector<StageVisit>& visits, const StageError& kind,
+                   std::size_t axis, const std::vector<Pose>& poses, const StageError& kind,
                    double uncertainty,
                    const std::function<void(Axis&, const Eigen::Vector3d&)>& change) {
     const std::array<const char*, 2> names = {", 1st way", ", 2nd way"};
@@ -70,7 +70,7 @@ void add_both_ways(std::vector<DeclaredStageTerm>& terms, std::span<const Axis> 
         term.error = kind;
         term.error.name += " " + axes[axis].name + names[i];
         term.error.base_from_carriage = transforms(
-            axes, visits, axis, [&](Axis& wrong, const StageVisit&) { change(wrong, ways[i]); });
+            axes, poses, axis, [&](Axis& wrong, const Pose&) { change(wrong, ways[i]); });
         term.in_budget = true;
         term.standard_uncertainty = uncertainty;
         terms.push_back(term);
@@ -78,27 +78,27 @@ void add_both_ways(std::vector<DeclaredStageTerm>& terms, std::span<const Axis> 
 }
 
 void add_direction_terms(std::vector<DeclaredStageTerm>& terms, std::span<const Axis> axes,
-                         std::size_t axis, const std::vector<StageVisit>& visits) {
+                         std::size_t axis, const std::vector<Pose>& poses) {
     if (axes[axis].direction_uncertainty)
-        add_both_ways(terms, axes, axis, visits, {"stage direction", "rad", lean_rad, {}},
+        add_both_ways(terms, axes, axis, poses, {"stage direction", "rad", lean_rad, {}},
                       *axes[axis].direction_uncertainty,
                       [](Axis& wrong, const Eigen::Vector3d& across) {
                           wrong.direction = (wrong.direction + lean_rad * across).normalized();
                       });
     if (axes[axis].point_uncertainty)
-        add_both_ways(terms, axes, axis, visits, {"stage point", "mm", shift_mm, {}},
+        add_both_ways(terms, axes, axis, poses, {"stage point", "mm", shift_mm, {}},
                       *axes[axis].point_uncertainty,
                       [](Axis& wrong, const Eigen::Vector3d& across) {
                           wrong.point_mm += shift_mm * across;
                       });
 }
 
-std::vector<double> middle(const std::vector<StageVisit>& visits) {
-    std::vector<double> low = visits.front().position, high = low;
-    for (const StageVisit& visit : visits)
+std::vector<double> middle(const std::vector<Pose>& poses) {
+    std::vector<double> low = poses.front().read_back, high = low;
+    for (const Pose& pose : poses)
         for (std::size_t i = 0; i < low.size(); ++i) {
-            low[i] = std::min(low[i], visit.position[i]);
-            high[i] = std::max(high[i], visit.position[i]);
+            low[i] = std::min(low[i], pose.read_back[i]);
+            high[i] = std::max(high[i], pose.read_back[i]);
         }
     for (std::size_t i = 0; i < low.size(); ++i)
         low[i] = (low[i] + high[i]) / 2.0;
@@ -115,40 +115,40 @@ double marker_shift(std::span<const Axis> axes, const std::vector<double>& q, st
 }
 
 // Root mean square over the visits.
-double reading_uncertainty(const std::vector<StageVisit>& visits, std::size_t axis) {
+double reading_uncertainty(const std::vector<Pose>& poses, std::size_t axis) {
     double sum = 0.0;
-    for (const StageVisit& visit : visits)
-        sum += std::pow(visit.uncertainty.at(axis), 2);
-    return std::sqrt(sum / static_cast<double>(visits.size()));
+    for (const Pose& pose : poses)
+        sum += std::pow(pose.read_back_uncertainty.at(axis), 2);
+    return std::sqrt(sum / static_cast<double>(poses.size()));
 }
 
 }  // namespace
 
 std::vector<DeclaredStageTerm> declared_stage_terms(std::span<const Axis> axes,
-                                                    const std::vector<StageVisit>& visits) {
+                                                    const std::vector<Pose>& poses) {
     std::vector<DeclaredStageTerm> terms;
     for (std::size_t i = 0; i < axes.size(); ++i)
-        terms.push_back(scale_term(axes, i, visits));
+        terms.push_back(scale_term(axes, i, poses));
     for (std::size_t i = 0; i < axes.size(); ++i)
         for (std::size_t j = i + 1; j < axes.size(); ++j)
             if (axes[i].kind == Axis::Kind::linear && axes[j].kind == Axis::Kind::linear)
-                terms.push_back(squareness_term(axes, i, j, visits));
+                terms.push_back(squareness_term(axes, i, j, poses));
     for (std::size_t i = 0; i < axes.size(); ++i)
-        add_direction_terms(terms, axes, i, visits);
+        add_direction_terms(terms, axes, i, poses);
     return terms;
 }
 
 std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> axes,
-                                                          const std::vector<StageVisit>& visits,
+                                                          const std::vector<Pose>& poses,
                                                           const Rigid& carriage_from_marker) {
     std::vector<DeclaredRepeatability> terms;
-    if (visits.empty())
+    if (poses.empty())
         return terms;
-    const std::vector<double> q = middle(visits);
+    const std::vector<double> q = middle(poses);
     for (std::size_t i = 0; i < axes.size(); ++i) {
         DeclaredRepeatability term{axes[i].name, std::nullopt};
         if (const auto approach = approach_deviation(axes[i])) {
-            const double size = std::hypot(*approach, reading_uncertainty(visits, i));
+            const double size = std::hypot(*approach, reading_uncertainty(poses, i));
             term.marker_mm = marker_shift(axes, q, i, size, carriage_from_marker);
         }
         terms.push_back(term);
@@ -157,17 +157,17 @@ std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> 
 }
 
 std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,
-                                                  const std::vector<StageVisit>& visits,
+                                                  const std::vector<Pose>& poses,
                                                   const Rigid& carriage_from_marker) {
     std::vector<DeclaredErrorMap> maps;
-    for (std::size_t i = 0; i < axes.size() && !visits.empty(); ++i) {
+    for (std::size_t i = 0; i < axes.size() && !poses.empty(); ++i) {
         if (!axes[i].errors)
             continue;
         DeclaredErrorMap map{axes[i].name};
-        for (const StageVisit& visit : visits) {
-            const double size = axes[i].errors->at(visit.position[i]).value().uncertainty;
-            const double shift = marker_shift(axes, visit.position, i, size, carriage_from_marker);
-            map.marker_rms_mm += shift * shift / static_cast<double>(visits.size());
+        for (const Pose& pose : poses) {
+            const double size = axes[i].errors->at(pose.read_back[i]).value().uncertainty;
+            const double shift = marker_shift(axes, pose.read_back, i, size, carriage_from_marker);
+            map.marker_rms_mm += shift * shift / static_cast<double>(poses.size());
             map.marker_max_mm = std::max(map.marker_max_mm, shift);
         }
         map.marker_rms_mm = std::sqrt(map.marker_rms_mm);

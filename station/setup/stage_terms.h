@@ -1,5 +1,6 @@
 // What the station declares about its stage, in the words of the analysis: each axis' scale,
 // direction, point, repeatability and error map, and the squareness of each pair of linear axes.
+// Of the poses only the positions read back count, with their standard uncertainties.
 #pragma once
 
 #include <span>
@@ -11,28 +12,23 @@
 
 namespace etalon {
 
-// The axes at one pose, as read back: mm or rad, with the standard uncertainty of the reading.
-struct StageVisit {
-    std::vector<double> position, uncertainty;
-};
-
 // Per axis its scale about its zero, relative ("stage scale x", declared or unknown); per pair of
 // linear axes their squareness ("stage squareness xy", rad: a signature only); and per axis whose
 // direction or point has a declared uncertainty, two terms each for the two ways in which it can be
 // off ("stage direction x, 1st way", rad; "stage point rz, 2nd way", mm).
 std::vector<DeclaredStageTerm> declared_stage_terms(std::span<const Axis> axes,
-                                                    const std::vector<StageVisit>& visits);
+                                                    const std::vector<Pose>& poses);
 
 // Per axis, how far its repeatability, its backlash and its reading leave the marker's centre
 // apart, with the marker mounted as designed and every axis in the middle of what was visited.
 std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> axes,
-                                                          const std::vector<StageVisit>& visits,
+                                                          const std::vector<Pose>& poses,
                                                           const Rigid& carriage_from_marker);
 
 // Per axis with an error map, how far the map's uncertainty leaves the marker's centre apart, RMS
 // over the visits and at most.
 std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,
-                                                  const std::vector<StageVisit>& visits,
+                                                  const std::vector<Pose>& poses,
                                                   const Rigid& carriage_from_marker);
 
 // Each axis at several places of its interval, the others in the middle of theirs: what the stage

@@ -124,9 +124,12 @@ TEST_F(FilesCameraTest, RefusesAFolderWithoutImagesAndAMissingOne) {
 
 // A line of events.jsonl as a run writes it (docs/files.md).
 std::string frame_line(const std::string& file, const std::string& status, int id) {
-    return R"({"t":1.5,"event":"frame","pose":0,"file":")" + file + R"(","status":")" + status +
-           R"(","status_detail":"as recorded","device_id":)" + std::to_string(id) +
-           R"(,"settings":{"width":7,"height":5,"bits":12,"exposure_us":7000,"gain_db":3.0}})"
+    return R"({"t":1.5,"event":"frame","pose":0,"file":")" + file + R"(","sha256":"","status":")" +
+           status + R"(","status_detail":"as recorded","device_id":)" + std::to_string(id) +
+           R"(,"exposure_start_uncertainty_s":0,"time_source":"device clock","device_time_ns":0)"
+           R"(,"settings":{"width":7,"height":5,"bits":12,"format":"","exposure_us":7000)"
+           R"(,"gain_db":3.0,"black_level":null,"trigger":"","controls":{}})"
+           R"(,"detection":"","corners":[]})"
            "\n";
 }
 
@@ -185,9 +188,11 @@ TEST_F(FilesCameraTest, LeavesOutTheEndOfARecordWhoseImagesWereNotWritten) {
 }
 
 TEST_F(FilesCameraTest, NamesTheLineOfADamagedRecord) {
+    std::string unknown_key = frame_line("", "lost", 1);
+    unknown_key.replace(unknown_key.find("gain_db"), 7, "gain");
     for (const std::string& damage :
          {std::string("not JSON\n"), frame_line("../else.png", "complete", 1),
-          frame_line("", "complte", 1), std::string("{\"event\":\"frame\"}\n")}) {
+          frame_line("", "complte", 1), std::string("{\"event\":\"frame\"}\n"), unknown_key}) {
         std::ofstream(folder_ / "events.jsonl")
             << frame_line("a.png", "complete", 1) << damage << frame_line("b.png", "complete", 2);
         try {

@@ -102,9 +102,12 @@ private:
         settings_.exposure = 7000us;
         std::ofstream log(folder_ / "events.jsonl");
         for (int i = 0; i < recorded_frames_in_rig; ++i)
-            log << R"({"event":"frame","file":")" << file(i)
-                << R"(","status":"complete","status_detail":"","device_id":)" << 65530 + i
-                << R"(,"settings":{"width":17,"height":11,"exposure_us":7000,"gain_db":0,"bits":)"
+            log << R"({"t":0,"event":"frame","pose":)" << i << R"(,"file":")" << file(i)
+                << R"(","sha256":"","status":"complete","status_detail":"","device_id":)"
+                << 65530 + i << R"(,"exposure_start_uncertainty_s":0,"time_source":"request")"
+                << R"(,"device_time_ns":0,"detection":"","corners":[])"
+                << R"(,"settings":{"width":17,"height":11,"exposure_us":7000,"gain_db":0)"
+                << R"(,"format":"","black_level":null,"trigger":"","controls":{},"bits":)"
                 << settings_.bits << "}}\n";
     }
 

@@ -184,12 +184,10 @@ TEST(RunExpectation, TakesBiasAndNoiseFromTheRun) {
     for (const Rigid& pose : volume_poses(request.scene.camera, request.scene.marker.grid, 25, 4,
                                           {160.0, 260.0, 40.0 * deg})) {
         const Eigen::Vector3d sight = pose.translation.normalized();
-        QualifiedPose qualified;
-        qualified.hold_out = true;
-        qualified.bias.predicted = pose;
-        qualified.bias.b1 = PoseError{0.3 * sight, {0.0, 0.0, 2e-3}};
-        result.analysis->poses.push_back(qualified);
-        PoseRecord record;
+        Pose record;
+        record.hold_out = true;
+        record.bias.predicted = pose;
+        record.bias.b1 = PoseError{0.3 * sight, {0.0, 0.0, 2e-3}};
         for (const double side : {-0.01, 0.01}) {
             Rigid moved = pose;
             moved.translation += side * sight.cross(Eigen::Vector3d(0, 0, 1)).normalized();

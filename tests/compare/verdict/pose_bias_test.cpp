@@ -63,7 +63,7 @@ TEST(PoseBias, KeepsTheDetectorTheStageAndTheCameraApart) {
 TEST(PoseBias, LeavesOutWhatWasNotDetected) {
     const SimulatedRun run = demo_run();
     const Projector projector(run.camera);
-    const PoseBias bias = pose_bias(projector, run.points_mm, camera_from_marker, std::nullopt,
+    const PoseBias bias = pose_bias(projector, run.points_mm, camera_from_marker, {},
                                     corners_at(run.camera, run.points_mm, camera_from_marker));
     EXPECT_TRUE(bias.b1);
     EXPECT_FALSE(bias.b2 || bias.b3);
@@ -83,7 +83,7 @@ TEST(PoseBias, TellsTheSolutionsOfABoardApartByTheirRotation) {
     const auto estimate = estimate_pose(Projector(camera), board, corners);
     ASSERT_TRUE(estimate && estimate->alternative);
     const Rigid predicted{truth.rotation, estimate->alternative->translation};
-    const PoseBias bias = pose_bias(Projector(camera), board, predicted, corners, std::nullopt);
+    const PoseBias bias = pose_bias(Projector(camera), board, predicted, corners, {});
     ASSERT_TRUE(bias.b2);
     EXPECT_LT(bias.b2->rotation_rad.norm(), 1e-6) << "0.8 rad for the other solution";
 }

@@ -178,11 +178,13 @@ inline QualificationInput input_of(const SimulatedRun& run, std::uint64_t seed) 
     input.points_mm = run.points_mm;
     const std::vector<std::vector<double>> all = positions(run, run.plan_seed.value_or(seed));
     for (std::size_t i = 0; i < all.size(); ++i) {
-        QualificationPose pose{base_from_carriage(run.axes, all[i]),
-                               static_cast<int>(i) >= run.training, photo(run, all[i], seed, i)};
+        Pose pose;
+        pose.hold_out = static_cast<int>(i) >= run.training;
+        pose.base_from_carriage = base_from_carriage(run.axes, all[i]);
+        pose.corners = photo(run, all[i], seed, i);
         if (run.noise_px > 0.0)
             pose.corner_noise = CornerNoise{run.noise_px * run.noise_px, 16.0};
-        pose.time_s = 2.0 * static_cast<double>(i);
+        pose.settled_s = 2.0 * static_cast<double>(i);
         if (pose.hold_out)
             pose.photometric = reading(run, all[i], seed, i);
         input.poses.push_back(pose);

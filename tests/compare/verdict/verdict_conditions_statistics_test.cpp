@@ -57,12 +57,13 @@ TEST(BiasedDetector, LeavesNoTraceInB3NorB4) {
     const double least_b1_mm[] = {9.9, 5.0, 0.2};  // 2 % of 300 mm and more; half a pixel at 300 mm
     for (int i = 0; i < 3; ++i) {
         run.detector = detectors[i];
-        const Qualification result = qualify(input_of(run, 1));
+        QualificationInput input = input_of(run, 1);
+        const Qualification result = qualify(input);
         EXPECT_EQ(result.verdict, Outcome::pass) << i;
         ASSERT_EQ(result.quantities.size(), 4u);
         for (const JudgedQuantity& each : result.quantities)
             EXPECT_LT(each.value, each.expanded_uncertainty) << i << " " << each.name;
-        for (const QualifiedPose& pose : result.poses)
+        for (const Pose& pose : input.poses)
             if (pose.hold_out) {
                 EXPECT_GT(pose.bias.b1->translation_mm.norm(), least_b1_mm[i]) << i;
             }
@@ -87,7 +88,7 @@ TEST(PhotometricField, IsSkippedWithoutPhotometricPoses) {
     SimulatedRun run = demo_run();
     run.limits.b4_position_field_rms_mm = 0.16;
     QualificationInput input = input_of(run, 1);
-    for (QualificationPose& pose : input.poses)
+    for (Pose& pose : input.poses)
         pose.photometric.reset();
     const Qualification result = qualify(input);
     EXPECT_EQ(result.verdict, Outcome::inconclusive);
@@ -185,7 +186,7 @@ TEST(Conditions, WithholdPassWhenACornerOfTheVolumeWasNotSeen) {
     int lost = 0;
     for (std::size_t i = 0; i < all.size(); ++i)
         if (input.poses[i].hold_out && all[i][0] > 0 && all[i][1] > 0 && all[i][2] > 0) {
-            input.poses[i].corners.reset();
+            input.poses[i].corners.clear();
             ++lost;
         }
     ASSERT_GT(lost, 1);
@@ -199,7 +200,7 @@ TEST(Conditions, WithholdPassWhenACornerOfTheVolumeWasNotSeen) {
 TEST(Conditions, WithholdPassWhenTheResidualsAreLargerThanTheStatedNoise) {
     const SimulatedRun run = demo_run();
     QualificationInput input = input_of(run, 1);
-    for (QualificationPose& pose : input.poses)
+    for (Pose& pose : input.poses)
         pose.corner_noise->variance_px2 /= 9.0;
     for (DeclaredRepeatability& each : input.repeatability)
         each.marker_mm = 0.0;  // so that the corners' noise is all that is stated

@@ -80,7 +80,7 @@ TEST_F(RecordOfARun, IsReadBackAsItWasMeasured) {
         EXPECT_EQ(is.poses[i].read_back_uncertainty, was.poses[i].read_back_uncertainty);
         EXPECT_EQ(is.poses[i].approach, was.poses[i].approach);
         EXPECT_EQ(is.poses[i].settled_s, was.poses[i].settled_s);
-        EXPECT_EQ(is.poses[i].planned.hold_out, was.poses[i].planned.hold_out);
+        EXPECT_EQ(is.poses[i].hold_out, was.poses[i].hold_out);
         EXPECT_EQ(is.poses[i].frames[1].exposure_start_s, was.poses[i].frames[1].exposure_start_s);
         EXPECT_EQ(is.poses[i].frames[1].sha256, was.poses[i].frames[1].sha256);
     }
@@ -155,14 +155,34 @@ TEST_F(RecordOfARun, IsRefusedByAnotherCamera) {
     EXPECT_EQ(mocks.moves, 0);
 }
 
-// A pose that was not visited yet stands otherwise in the log's plan than this build makes it.
-TEST_F(RecordOfARun, IsRefusedWhenThePlanIsAnother) {
+// The log's last planned pose, not visited yet, with one more digit before its last number.
+TEST_F(RecordOfARun, IsGoneOnWithByItsOwnPlanAndRefusedWhereTheAxesMayNotGo) {
     std::string text = log_until("\"event\":\"pose\"", 6);
     const auto at = text.find("],\"hold_out\":", text.find('\n') - 40);
     ASSERT_NE(at, std::string::npos);
-    text.insert(at, "e-1");  // a tenth of it
-    write_text(mocks.record() / "events.jsonl", text);
-    EXPECT_THAT(refusal_of([&] { mocks.resume(); }), HasSubstr("plans other poses"));
+    std::string smaller = text, larger = text;
+    smaller.insert(at, "e-1");
+    write_text(mocks.record() / "events.jsonl", smaller);
+    EXPECT_EQ(mocks.resume().poses.size(), 25u);
+    larger.insert(at, "e9");
+    write_text(mocks.record() / "events.jsonl", larger);
+    mocks.moves = 0;
+    EXPECT_THAT(refusal_of([&] { mocks.resume(); }), HasSubstr("events.jsonl:1: plan.poses[24]"));
+    EXPECT_EQ(mocks.moves, 0);
+}
+
+// Between two lines of the log a program may have been killed, with the other files as they stood
+// when it began.
+TEST_F(RecordOfARun, IsReportedFromTheLogAloneWhereItWasKilled) {
+    const auto poses_csv = mocks.record() / "poses.csv";
+    const std::string header = read_text(poses_csv).substr(0, read_text(poses_csv).find('\n') + 1);
+    write_text(mocks.record() / "events.jsonl", log_until("\"event\":\"pose\"", 6));
+    write_text(poses_csv, header);
+    const QualifyResult again = analyse_record(mocks.read(), mocks.progress, {});
+    EXPECT_EQ(again.outcome, RunOutcome::error);
+    EXPECT_EQ(again.reason, unfinished_run);
+    EXPECT_EQ(split(read_text(poses_csv), '\n').size(), 1u + 7u + 1u);
+    EXPECT_EQ(mocks.run_file()["poses_visited"], 7);
 }
 
 TEST_F(RecordOfARun, EndsWhenTheCameraHasOtherSettingsThanBefore) {

@@ -75,16 +75,16 @@ TEST(RunRecord, KnowsTheTimesThatItWrites) {
 TEST(RunRecord, LogsAPoseOnlyWhenItsFramesAreWritten) {
     const TemporaryFolder folder;
     RunRecord record(folder / "run");
-    PoseRecord pose;
+    Pose pose;
     pose.index = 3;
-    pose.planned.target = {7, -5};
+    pose.target = {7, -5};
     pose.read_back = {7.001, -5.002};
     pose.read_back_deviation = {0.003, 0.0};
-    pose.stage.base_from_carriage.translation = {7.5, -5.5, 0};
-    pose.stage.covariance(3, 3) = 25;
+    pose.base_from_carriage.translation = {7.5, -5.5, 0};
+    pose.stage_covariance(3, 3) = 25;
     pose.corners = {{1.25, 2.5}};
     record.images().write(folder / "run/frames/0003_0.png", image_of(9));
-    record.log_pose(pose);
+    record.log_pose(pose, {});
     EXPECT_TRUE(std::filesystem::exists(folder / "run/frames/0003_0.png"));
     const Json event = Json::parse(read_text(folder / "run/events.jsonl"));
     EXPECT_EQ(event["pose"], 3);
@@ -101,10 +101,8 @@ QualifyResult result_of(const TemporaryFolder& folder) {
     result.plan = make_plan(result.station.plan, result.station.stage.axes, {});
     result.started_utc = "2026-03-07T14:05:09Z";
     result.software = software_versions();
-    PoseRecord pose;
-    pose.index = 0;
-    pose.planned = result.plan.poses.front();
-    pose.planned.target = {7, -5, 3, 0.5};
+    Pose pose = result.plan.poses.front();
+    pose.target = {7, -5, 3, 0.5};
     pose.read_back = {7.25, -5, 3, 0.5};
     pose.read_back_deviation = {0.125, 0, 0, 0};
     pose.approach = {1, -1, 0, 1};
@@ -149,7 +147,6 @@ TEST(RunJson, GivesEachQuantityItsUnitLimitUncertaintyAndOutcome) {
     unseen.name = "constant pose offset";
     unseen.detectable_size = std::numeric_limits<double>::infinity();
     analysis.signatures = {unseen};
-    analysis.poses.resize(1);
     result.analysis = analysis;
     const Json run = Json::parse(run_json(result));
     const Json& first = run["measurements"][0];
@@ -176,7 +173,6 @@ TEST(RunJson, SaysWhatTheRegistrationCouldHardlySee) {
     corrected.registration.weak = {weak};
     result.analysis.emplace();
     result.analysis->registration = corrected;
-    result.analysis->poses.resize(1);
     const Json registration = Json::parse(run_json(result))["registration"];
     EXPECT_EQ(registration["motion"], "turns about one axis, base z");
     ASSERT_EQ(registration["badly_determined"].size(), 1u);
@@ -194,9 +190,7 @@ TEST(PosesCsv, HasAsManyFieldsInEachRowAsInItsHeader) {
     for (const bool analysed : {false, true}) {
         if (analysed) {
             result.analysis.emplace();
-            result.analysis->poses.resize(1);
-            result.analysis->poses[0].bias.b3 =
-                PoseError{{0.5, 0.25, 0.125}, {0.001, 0.002, 0.003}};
+            result.poses[0].bias.b3 = PoseError{{0.5, 0.25, 0.125}, {0.001, 0.002, 0.003}};
         }
         const auto lines = split(poses_csv(result), '\n');
         ASSERT_EQ(lines.size(), 3u);

@@ -91,19 +91,18 @@ TEST(StageRegistration, AQualificationOfDegenerateTrainingPosesIsRefused) {
     PhotographedStation set;
     const StationFile station = set.station();
     const Projector projector(station.camera.model);
-    std::vector<StageVisit> visits;
-    for (int i = 0; i < 30; ++i)  // half of them hold-out
-        visits.push_back({{0.0, 0.0, 2.0 * i, 0.0}, std::vector<double>(4, 0.0)});
-    QualificationInput input = declared_input(station, visits);
-    for (const StageVisit& visit : visits) {
-        const Rigid stage = base_from_carriage(station.stage.axes, visit.position);
-        std::vector<Eigen::Vector2d> corners;
+    std::vector<Pose> poses(30);
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+        Pose& pose = poses[i];
+        pose.hold_out = i % 2 == 1;
+        pose.read_back = {0.0, 0.0, 2.0 * static_cast<double>(i), 0.0};
+        pose.read_back_uncertainty.assign(4, 0.0);
+        pose.base_from_carriage = base_from_carriage(station.stage.axes, pose.read_back);
+        const Rigid truth = true_x * pose.base_from_carriage * station.carriage_from_marker_nominal;
         for (const Eigen::Vector3d& point : station.marker.points_mm)
-            corners.push_back(
-                projector.project(true_x * stage * station.carriage_from_marker_nominal * point)
-                    .value());
-        input.poses.push_back({stage, input.poses.size() % 2 == 1, corners});
+            pose.corners.push_back(projector.project(truth * point).value());
     }
+    QualificationInput input = declared_input(station, poses);
     input.render_and_detect = [](const Rigid&) { return std::nullopt; };
     EXPECT_THAT(error_text<NumericalError>([&] { qualify(input); }),
                 testing::AllOf(HasSubstr("degenerate plan"), HasSubstr("one line, base z")));

@@ -24,7 +24,14 @@ std::vector<Axis> xy_rz() {
     return axes;
 }
 
-const std::vector<StageVisit> visits = {{{70, -50, 0.0}, {0, 0, 0}}, {{-30, 20, 1.2}, {0, 0, 0}}};
+Pose visited(const std::vector<double>& position) {
+    Pose pose;
+    pose.read_back = position;
+    pose.read_back_uncertainty.assign(position.size(), 0.0);
+    return pose;
+}
+
+const std::vector<Pose> visits = {visited({70, -50, 0.0}), visited({-30, 20, 1.2})};
 
 const DeclaredStageTerm& named(const std::vector<DeclaredStageTerm>& terms,
                                const std::string& name) {
@@ -82,7 +89,7 @@ TEST(StageTerms, DirectionAndPointCanBeOffInTwoWays) {
     EXPECT_TRUE(first.in_budget);
     EXPECT_EQ(first.standard_uncertainty, 50e-6);
     const auto moved = [&](const DeclaredStageTerm& term, std::size_t pose) -> Eigen::Vector3d {
-        const Rigid straight = base_from_carriage(axes, visits[pose].position);
+        const Rigid straight = base_from_carriage(axes, visits[pose].read_back);
         return (term.error.base_from_carriage[pose].translation - straight.translation) /
                term.error.size;
     };
@@ -103,7 +110,7 @@ TEST(StageTerms, RepeatabilityHoldsTheBacklashAndTheReading) {
     auto axes = xy_rz();
     axes[0].backlash = 0.006;  // half of it up or down: 3 um beside the repeatability's 4
     auto read = visits;
-    read[0].uncertainty[0] = read[1].uncertainty[0] = 0.012;
+    read[0].read_back_uncertainty[0] = read[1].read_back_uncertainty[0] = 0.012;
     const auto terms = declared_repeatability(axes, read, {});
     EXPECT_NEAR(*terms[0].marker_mm, 0.013, 1e-12);
 }

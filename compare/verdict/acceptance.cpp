@@ -131,7 +131,7 @@ AcceptanceCondition drift(const QualificationInput& input, const Qualification& 
         throw NumericalError("acceptance: times and samples do not agree");
     const Drift found = fitted_drift(*result.position_field, samples, times);
     const double size = found.first_to_last_mm.norm(),
-                 limit = input.limits.b3_position_field_rms_mm;
+                 limit = input.limits.b3_position_field_rms_mm.value();
     if (!std::isfinite(size) || !std::isfinite(found.uncertainty_mm))
         return not_checked(title, "the poses' order does not let drift be told from the field");
     return checked(title, size - found.uncertainty_mm <= limit, size, limit, "mm",

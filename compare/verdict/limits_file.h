@@ -20,22 +20,11 @@
 
 namespace etalon {
 
-// The judged quantities by name, in the order of reports.
-namespace quantity {
-inline constexpr const char* position_rms = "b3_position_field_rms_mm";
-inline constexpr const char* position_max = "b3_position_field_max_mm";
-inline constexpr const char* rotation_rms = "b3_rotation_field_rms_mrad";
-inline constexpr const char* rotation_max = "b3_rotation_field_max_mrad";
-inline constexpr const char* rest_rms = "b3_position_rest_rms_mm";
-inline constexpr const char* length_max = "b3_length_error_max_mm";
-inline constexpr const char* photometric_rms = "b4_position_field_rms_mm";
-inline constexpr const char* photometric_max = "b4_position_field_max_mm";
-}  // namespace quantity
-
+// All > 0. The first two are there in every limits file.
 struct Limits {
     std::string id;
-    double b3_position_field_rms_mm = 0.0;  // > 0, as all of them
-    double b3_position_field_max_mm = 0.0;
+    std::optional<double> b3_position_field_rms_mm = {};
+    std::optional<double> b3_position_field_max_mm = {};
     std::optional<double> b3_rotation_field_rms_mrad = {};
     std::optional<double> b3_rotation_field_max_mrad = {};
     std::optional<double> b3_position_rest_rms_mm = {};

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "calib/registration/stage_motion.h"
+#include "compare/verdict/judged_quantities.h"
 #include "compare/verdict/qualification_budget.h"
 #include "core/errors.h"
 
@@ -47,22 +48,15 @@ void count_detections(const QualificationInput& input, Qualification& result) {
 
 // All quantities in the documented order: those with a limit are judged, the others reported.
 void list_quantities(const Limits& limits, Qualification& result) {
-    const auto add = [&](const char* name, const char* unit, const std::optional<double>& limit) {
+    for (const QuantityKind& kind : quantity_kinds()) {
+        const std::optional<double>& limit = limits.*kind.limit;
         JudgedQuantity quantity;
-        quantity.name = name;
-        quantity.unit = unit;
+        quantity.name = kind.name;
+        quantity.unit = kind.unit;
         quantity.limit = limit.value_or(0.0);
         quantity.reason = limit ? "" : "the limits have none for it";
         (limit ? result.quantities : result.reported).push_back(quantity);
-    };
-    add(quantity::position_rms, "mm", limits.b3_position_field_rms_mm);
-    add(quantity::position_max, "mm", limits.b3_position_field_max_mm);
-    add(quantity::rotation_rms, "mrad", limits.b3_rotation_field_rms_mrad);
-    add(quantity::rotation_max, "mrad", limits.b3_rotation_field_max_mrad);
-    add(quantity::rest_rms, "mm", limits.b3_position_rest_rms_mm);
-    add(quantity::length_max, "mm", limits.b3_length_error_max_mm);
-    add(quantity::photometric_rms, "mm", limits.b4_position_field_rms_mm);
-    add(quantity::photometric_max, "mm", limits.b4_position_field_max_mm);
+    }
     result.risk = family_risk(result.quantities);
 }
 
@@ -299,52 +293,23 @@ void find_signatures(const QualificationInput& input, const SignatureChain& chai
         noise.along_mm.push_back(result.position_field->scale_along * sample.sigma_along);
         noise.across_mm.push_back(result.position_field->scale_across * sample.sigma_across);
     }
-    result.signatures =
-        error_signatures(chain, errors, linear_scale, noise, input.limits.b3_position_field_rms_mm);
+    result.signatures = error_signatures(chain, errors, linear_scale, noise,
+                                         input.limits.b3_position_field_rms_mm.value());
 }
 
 // ----------------------------------------------------------------------------------- verdict
 
-struct Measured {
-    double value = 0.0;
-    std::string missing;  // why there is no value; empty when there is one
-};
-
-Measured measured(const Qualification& result, const std::string& name) {
-    constexpr double mrad = 1e-3;
-    const auto photometric = [&](double FieldSummary::*figure) {
-        return result.photometric ? Measured{result.photometric->position_summary.*figure, ""}
-                                  : Measured{0.0, "too few hold-out poses have a photometric pose"};
-    };
-    if (name == quantity::position_rms)
-        return {result.position_summary.rms, ""};
-    if (name == quantity::position_max)
-        return {result.position_summary.max, ""};
-    if (name == quantity::rotation_rms)
-        return {result.rotation_summary.rms / mrad, ""};
-    if (name == quantity::rotation_max)
-        return {result.rotation_summary.max / mrad, ""};
-    if (name == quantity::length_max)
-        return {result.lengths->field_max_mm, ""};
-    if (name == quantity::photometric_rms)
-        return photometric(&FieldSummary::rms);
-    if (name == quantity::photometric_max)
-        return photometric(&FieldSummary::max);
-    if (!result.position_rest)
-        return {0.0, "the noise is not known: it takes two frames per pose that differ"};
-    return {result.position_rest->rms, ""};
-}
-
 // Value and U; false, with the reason, when the run has no value.
 bool measure(JudgedQuantity& quantity, const Qualification& result) {
-    const Measured found = measured(result, quantity.name);
-    if (!found.missing.empty()) {
-        quantity.reason = found.missing;
+    const QuantityKind& kind = quantity_kind(quantity.name);
+    const auto found = kind.measured(result);
+    if (!found) {
+        quantity.reason = kind.missing;
         return false;
     }
     const CombinedUncertainty uncertainty = combined(result.budget, quantity.name);
     quantity.measured = true;
-    quantity.value = found.value;
+    quantity.value = found->value;
     quantity.expanded_uncertainty = uncertainty.expanded;
     quantity.coverage_factor = uncertainty.coverage_factor;
     quantity.degrees_of_freedom = uncertainty.degrees_of_freedom;
@@ -405,14 +370,9 @@ void add_monte_carlo(const QualificationInput& input, std::span<const FieldInput
     const MonteCarloUncertainty b3 =
         monte_carlo_uncertainty(*result.position_field, samples, volume, inputs, input.seed);
     for (std::vector<JudgedQuantity>* list : {&result.quantities, &result.reported})
-        for (JudgedQuantity& quantity : *list) {
-            if (quantity.name == quantity::position_rms)
-                quantity.monte_carlo_uncertainty = b3.rms;
-            if (quantity.name == quantity::position_max)
-                quantity.monte_carlo_uncertainty = b3.max;
-            if (quantity.name == quantity::length_max)
-                quantity.monte_carlo_uncertainty = b3.length_max;
-        }
+        for (JudgedQuantity& quantity : *list)
+            if (const auto figure = quantity_kind(quantity.name).monte_carlo)
+                quantity.monte_carlo_uncertainty = b3.*figure;
 }
 
 std::string why_not_pass(const JudgedQuantity& quantity) {

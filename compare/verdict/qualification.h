@@ -115,9 +115,9 @@ struct PhotometricField {
 
 struct Qualification {
     Outcome verdict = Outcome::inconclusive;
-    // Those that have a limit, in the order of compare/verdict/limits_file.h, and those that have
-    // none: they are SKIPPED with a limit of 0, and their value and U are there where they were
-    // measured.
+    // Those that have a limit, in the order of compare/verdict/judged_quantities.h, and those that
+    // have none: they are SKIPPED with a limit of 0, and their value and U are there where they
+    // were measured.
     std::vector<JudgedQuantity> quantities, reported;
     FamilyRisk risk;                   // of the judged ones together
     std::vector<std::string> reasons;  // why the verdict is not PASS, one sentence each

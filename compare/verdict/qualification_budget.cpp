@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "compare/verdict/error_signatures.h"
+#include "compare/verdict/judged_quantities.h"
 #include "compare/verdict/length_error.h"
 #include "core/errors.h"
 
@@ -39,10 +40,32 @@ BudgetRow declared(std::string source, std::string unit, const std::optional<dou
 }
 
 // The sensitivity that gives this contribution at the row's own standard uncertainty.
-void contribute(BudgetRow& row, const char* quantity, double contribution) {
+void contribute(BudgetRow& row, const std::string& quantity, double contribution) {
     const double size = row.standard_uncertainty.value_or(0.0);
     if (size > 0.0)
         row.sensitivity[quantity] = contribution / size;
+}
+
+// Of the part of U that the photographs' noise makes.
+void contribute_noise(BudgetRow& row, const Qualification& result,
+                      std::initializer_list<const char*> quantities) {
+    for (const char* name : quantities)
+        contribute(row, name,
+                   quantity_kind(name).measured(result)->noise_uncertainty / field_coverage_factor);
+}
+
+// What moves positions counts in the fields of B3 and B4 alike.
+std::map<std::string, double> by_position(double rms, double max, double length) {
+    return {{quantity::position_rms, rms},
+            {quantity::position_max, max},
+            {quantity::photometric_rms, rms},
+            {quantity::photometric_max, max},
+            {quantity::length_max, length}};
+}
+
+void contribute_positions(BudgetRow& row, double rms, double max, double length) {
+    for (const auto& [name, contribution] : by_position(rms, max, length))
+        contribute(row, name, contribution);
 }
 
 // Hold-out errors per unit of an input.
@@ -108,15 +131,10 @@ private:
     }
 
     void set_sensitivity(BudgetRow& row, const Effect& effect) const {
-        const double rms = rms_norm(effect.position_mm), max = max_norm(effect.position_mm);
-        row.sensitivity = {
-            {quantity::position_rms, rms},
-            {quantity::position_max, max},
-            {quantity::photometric_rms, rms},
-            {quantity::photometric_max, max},
-            {quantity::rotation_rms, rms_norm(effect.rotation_rad) / mrad},
-            {quantity::rotation_max, max_norm(effect.rotation_rad) / mrad},
-            {quantity::length_max, lengthened(effect.position_mm).cwiseAbs().maxCoeff()}};
+        row.sensitivity = by_position(rms_norm(effect.position_mm), max_norm(effect.position_mm),
+                                      lengthened(effect.position_mm).cwiseAbs().maxCoeff());
+        row.sensitivity[quantity::rotation_rms] = rms_norm(effect.rotation_rad) / mrad;
+        row.sensitivity[quantity::rotation_max] = max_norm(effect.rotation_rad) / mrad;
     }
 
     void add_effect(BudgetRow row, const Effect& effect) {
@@ -144,25 +162,20 @@ private:
         const SmoothField& field = *result_.position_field;
         BudgetRow row = noise_row("image noise", "mm", field.residual_along, field);
         row.basis += ", along the line of sight";
-        const double k = field_coverage_factor;
-        contribute(row, quantity::position_rms, result_.position_summary.rms_uncertainty / k);
-        contribute(row, quantity::position_max, result_.position_summary.max_uncertainty / k);
-        contribute(row, quantity::length_max, result_.lengths->field_max_uncertainty_mm / k);
+        contribute_noise(row, result_,
+                         {quantity::position_rms, quantity::position_max, quantity::length_max});
         budget_.rows.push_back(row);
 
         const SmoothField& turns = *result_.rotation_field;
         row = noise_row("image noise, rotations", "mrad",
                         std::max(turns.residual_along, turns.residual_across) / mrad, turns);
-        contribute(row, quantity::rotation_rms,
-                   result_.rotation_summary.rms_uncertainty / mrad / k);
-        contribute(row, quantity::rotation_max,
-                   result_.rotation_summary.max_uncertainty / mrad / k);
+        contribute_noise(row, result_, {quantity::rotation_rms, quantity::rotation_max});
         budget_.rows.push_back(row);
 
         if (const auto& rest = result_.position_rest) {
             row = noise_row("image noise, rest", "mm", rest->noise_rms, field);
             row.basis = "repeated frames and declared repeatability";
-            contribute(row, quantity::rest_rms, rest->rms_uncertainty / k);
+            contribute_noise(row, result_, {quantity::rest_rms});
             budget_.rows.push_back(row);
         }
         if (const auto& photometric = result_.photometric) {
@@ -170,10 +183,7 @@ private:
                 noise_row("image noise, photometric poses", "mm",
                           photometric->position_field.residual_along, photometric->position_field);
             row.basis += ", along the line of sight";
-            contribute(row, quantity::photometric_rms,
-                       photometric->position_summary.rms_uncertainty / k);
-            contribute(row, quantity::photometric_max,
-                       photometric->position_summary.max_uncertainty / k);
+            contribute_noise(row, result_, {quantity::photometric_rms, quantity::photometric_max});
             budget_.rows.push_back(row);
         }
     }
@@ -231,13 +241,10 @@ private:
         for (std::size_t i = 0; i < hold_out.size(); ++i)
             shifts.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = hold_out[i];
 
-        for (const char* name : {quantity::position_rms, quantity::photometric_rms})
-            contribute(row, name, std::sqrt(shift));
-        for (const char* name : {quantity::position_max, quantity::photometric_max})
-            contribute(row, name, std::sqrt(largest_shift));
+        contribute_positions(row, std::sqrt(shift), std::sqrt(largest_shift),
+                             lengthened(shifts).rowwise().norm().maxCoeff());
         contribute(row, quantity::rotation_rms, std::sqrt(turn) / mrad);
         contribute(row, quantity::rotation_max, std::sqrt(largest_turn) / mrad);
-        contribute(row, quantity::length_max, lengthened(shifts).rowwise().norm().maxCoeff());
         budget_.inputs.push_back({shifts, row.distribution, row.degrees_of_freedom});
         budget_.rows.push_back(std::move(row));
     }
@@ -270,11 +277,7 @@ private:
         const double samples = field.samples;
         const double coefficients = static_cast<double>(field.coefficients.size()) / 3.0;
         const double rms = 1.0 / std::sqrt(samples), max = std::sqrt(coefficients / samples);
-        row.sensitivity = {{quantity::position_rms, rms},
-                           {quantity::position_max, max},
-                           {quantity::photometric_rms, rms},
-                           {quantity::photometric_max, max},
-                           {quantity::length_max, std::sqrt(2.0) * max}};
+        row.sensitivity = by_position(rms, max, std::sqrt(2.0) * max);
         // It is taken out of the rest as noise: with its value unknown the rest is too large.
         budget_.rows.push_back(std::move(row));
     }
@@ -284,11 +287,7 @@ private:
         BudgetRow row = declared("stage error map " + map.axis, "mm", map.marker_rms_mm);
         row.basis = "the map's own uncertainties";
         const double max = checked(row.source, map.marker_max_mm);
-        for (const char* name : {quantity::position_rms, quantity::photometric_rms})
-            contribute(row, name, map.marker_rms_mm);
-        for (const char* name : {quantity::position_max, quantity::photometric_max})
-            contribute(row, name, max);
-        contribute(row, quantity::length_max, 2.0 * max);
+        contribute_positions(row, map.marker_rms_mm, max, 2.0 * max);
         const auto rows = lengthening_.cols();
         budget_.inputs.push_back(
             {Eigen::VectorXd::Constant(rows, map.marker_rms_mm / std::sqrt(3.0))});

@@ -11,19 +11,8 @@
 namespace etalon {
 
 const char* name(Outcome outcome) {
-    switch (outcome) {
-        case Outcome::pass:
-            return "PASS";
-        case Outcome::fail:
-            return "FAIL";
-        case Outcome::inconclusive:
-            return "INCONCLUSIVE";
-        case Outcome::not_observable:
-            return "NOT_OBSERVABLE";
-        case Outcome::skipped:
-            return "SKIPPED";
-    }
-    return "UNKNOWN";
+    constexpr const char* names[] = {"PASS", "FAIL", "INCONCLUSIVE", "NOT_OBSERVABLE", "SKIPPED"};
+    return names[static_cast<std::size_t>(outcome)];
 }
 
 Outcome decide(double value, double expanded_uncertainty, double limit) {
@@ -55,12 +44,6 @@ FamilyRisk family_risk(std::span<const JudgedQuantity> quantities) {
     risk.each = risk.wrong_pass = 1.0 - coverage_probability;
     risk.wrong_fail = std::min(1.0, risk.judged * risk.each);
     return risk;
-}
-
-int exit_code(Outcome verdict) {
-    if (verdict == Outcome::pass)
-        return 0;
-    return verdict == Outcome::fail ? 1 : 2;
 }
 
 }  // namespace etalon

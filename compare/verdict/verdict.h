@@ -59,7 +59,4 @@ struct FamilyRisk {
 };
 FamilyRisk family_risk(std::span<const JudgedQuantity> quantities);
 
-// Process exit code of a verdict: 0, 1, and 2 for everything that is neither PASS nor FAIL.
-int exit_code(Outcome verdict);
-
 }  // namespace etalon

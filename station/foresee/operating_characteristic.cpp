@@ -205,7 +205,7 @@ private:
         std::vector<double> sizes;
         for (const CharacteristicQuantity& quantity : quantities_) {
             const double start = signature.size *
-                                 simulator_.station().limits.b3_position_field_rms_mm /
+                                 *simulator_.station().limits.b3_position_field_rms_mm /
                                  signature.after_rms_mm;
             result.limit_size.push_back(search.size_at(quantity.name, quantity.limit, start));
             for (const double multiple : characteristic_multiples)

@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
 #include "compare/match/overlay.h"
 #include "compare/photometric/photometric_model.h"
+#include "compare/verdict/judged_quantities.h"
 #include "core/errors.h"
 #include "core/text.h"
 #include "report/html.h"
@@ -28,22 +28,6 @@ std::string number(double value) {
 
 std::string joined(const std::vector<std::string>& parts, const std::string& separator) {
     return fmt::format("{}", fmt::join(parts, separator));
-}
-
-// A judged quantity in words; its name in the limits file where there are none.
-std::string in_words(const std::string& name) {
-    static const std::map<std::string, const char*> words = {
-        {quantity::position_rms, "Position bias, RMS of the field over the volume"},
-        {quantity::position_max, "Position bias, largest value of the field in the volume"},
-        {quantity::rotation_rms, "Rotation bias, RMS of the field over the volume"},
-        {"b3_rotation_field_max_mrad", "Rotation bias, largest value of the field in the volume"},
-        {quantity::rest_rms, "Position bias, RMS of what the field leaves, without noise"},
-        {quantity::length_max, "Length error, largest that the field makes between two poses"},
-        {quantity::photometric_rms, "Position bias of photometric poses (B4), RMS of the field"},
-        {quantity::photometric_max,
-         "Position bias of photometric poses (B4), largest value of the field"}};
-    const auto found = words.find(name);
-    return found == words.end() ? name : found->second;
 }
 
 // A relative number in percent, a coefficient as it is, any other with its unit.
@@ -71,9 +55,10 @@ std::string deciding_sentence(const QualifyResult& result) {
     if (!deciding)
         return joined(result.analysis->reasons, " ");
     return fmt::format("{}: {} {} with U = {} {} (k = {:.2f}) against a limit of {} {}.",
-                       in_words(deciding->name), significant(deciding->value, 2), deciding->unit,
-                       significant(deciding->expanded_uncertainty, 2), deciding->unit,
-                       deciding->coverage_factor, number(deciding->limit), deciding->unit);
+                       quantity_kind(deciding->name).words, significant(deciding->value, 2),
+                       deciding->unit, significant(deciding->expanded_uncertainty, 2),
+                       deciding->unit, deciding->coverage_factor, number(deciding->limit),
+                       deciding->unit);
 }
 
 void add_summary(HtmlPage& page, const QualifyResult& result) {
@@ -118,7 +103,7 @@ std::string note_of(const JudgedQuantity& quantity) {
 
 std::vector<std::string> quantity_row(const JudgedQuantity& each, bool is_judged) {
     const auto figure = [&](double value) { return each.measured ? significant(value, 2) : dash; };
-    return {in_words(each.name),
+    return {quantity_kind(each.name).words,
             figure(each.value),
             figure(each.expanded_uncertainty),
             figure(each.coverage_factor),

@@ -5,6 +5,7 @@
 
 #include <limits>
 
+#include "compare/verdict/judged_quantities.h"
 #include "core/errors.h"
 #include "tests/compare/verdict/simulated_run.h"
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "compare/verdict/judged_quantities.h"
 #include "compare/verdict/qualification.h"
 #include "core/errors.h"
 #include "tests/compare/verdict/simulated_run.h"

@@ -46,13 +46,6 @@ TEST(Verdict, FailsWhenAnythingFailsAndPassesOnlyWhenEverythingPasses) {
     EXPECT_EQ(combine({}), inconclusive);
 }
 
-TEST(Verdict, BecomesTheExitCode) {
-    EXPECT_EQ(exit_code(Outcome::pass), 0);
-    EXPECT_EQ(exit_code(Outcome::fail), 1);
-    EXPECT_EQ(exit_code(Outcome::inconclusive), 2);
-    EXPECT_EQ(exit_code(Outcome::skipped), 2);
-}
-
 // Three judged: any of them may let a good camera fail, all of them must let a bad one pass.
 TEST(Verdict, StatesWhatItRisksOverAllQuantities) {
     const FamilyRisk risk = family_risk(std::vector<JudgedQuantity>(3));

@@ -1,0 +1,84 @@
+#include "compare/verdict/judged_quantities.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "compare/verdict/qualification.h"
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+using Found = std::optional<MeasuredQuantity>;
+using Analysis = Qualification;
+using Monte = MonteCarloUncertainty;
+
+constexpr const char* no_noise = "the noise is not known: it takes two frames per pose that differ";
+constexpr const char* no_photometric = "too few hold-out poses have a photometric pose";
+
+Found rms_of(const FieldSummary& field, double unit = 1.0) {
+    return MeasuredQuantity{field.rms / unit, field.rms_uncertainty / unit};
+}
+
+Found max_of(const FieldSummary& field, double unit = 1.0) {
+    return MeasuredQuantity{field.max / unit, field.max_uncertainty / unit};
+}
+
+Found rest_of(const Analysis& a) {
+    if (!a.position_rest)
+        return std::nullopt;
+    return MeasuredQuantity{a.position_rest->rms, a.position_rest->rms_uncertainty};
+}
+
+Found length_of(const Analysis& a) {
+    return MeasuredQuantity{a.lengths->field_max_mm, a.lengths->field_max_uncertainty_mm};
+}
+
+constexpr double milli = 1e-3;
+
+constexpr QuantityKind kinds[] = {
+    {quantity::position_rms, "mm", "Position bias, RMS of the field over the volume",
+     &Limits::b3_position_field_rms_mm,
+     [](const Analysis& a) { return rms_of(a.position_summary); }, "", &Monte::rms, true},
+    {quantity::position_max, "mm", "Position bias, largest value of the field in the volume",
+     &Limits::b3_position_field_max_mm,
+     [](const Analysis& a) { return max_of(a.position_summary); }, "", &Monte::max, true},
+    {quantity::rotation_rms, "mrad", "Rotation bias, RMS of the field over the volume",
+     &Limits::b3_rotation_field_rms_mrad,
+     [](const Analysis& a) { return rms_of(a.rotation_summary, milli); }},
+    {quantity::rotation_max, "mrad", "Rotation bias, largest value of the field in the volume",
+     &Limits::b3_rotation_field_max_mrad,
+     [](const Analysis& a) { return max_of(a.rotation_summary, milli); }},
+    {quantity::rest_rms, "mm", "Position bias, RMS of what the field leaves, without noise",
+     &Limits::b3_position_rest_rms_mm, rest_of, no_noise},
+    {quantity::length_max, "mm", "Length error, largest that the field makes between two poses",
+     &Limits::b3_length_error_max_mm, length_of, "", &Monte::length_max},
+    {quantity::photometric_rms, "mm", "Position bias of photometric poses (B4), RMS of the field",
+     &Limits::b4_position_field_rms_mm,
+     [](const Analysis& a) {
+         return a.photometric ? rms_of(a.photometric->position_summary) : Found();
+     },
+     no_photometric},
+    {quantity::photometric_max, "mm",
+     "Position bias of photometric poses (B4), largest value of the field",
+     &Limits::b4_position_field_max_mm,
+     [](const Analysis& a) {
+         return a.photometric ? max_of(a.photometric->position_summary) : Found();
+     },
+     no_photometric}};
+
+}  // namespace
+
+std::span<const QuantityKind> quantity_kinds() {
+    return kinds;
+}
+
+const QuantityKind& quantity_kind(const std::string& name) {
+    const auto found = std::ranges::find(kinds, name, &QuantityKind::name);
+    if (found == std::end(kinds))
+        throw NumericalError(fmt::format("there is no judged quantity '{}'", name));
+    return *found;
+}
+
+}  // namespace etalon

@@ -192,15 +192,8 @@ AcceptanceCondition repeatability(const QualificationInput& input) {
 }  // namespace
 
 const char* name(State state) {
-    switch (state) {
-        case State::met:
-            return "met";
-        case State::not_met:
-            return "NOT MET";
-        case State::not_checked:
-            break;
-    }
-    return "not checked";
+    constexpr const char* names[] = {"met", "NOT MET", "not checked"};
+    return names[static_cast<std::size_t>(state)];
 }
 
 std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput& input,

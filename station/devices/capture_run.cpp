@@ -7,6 +7,7 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "station/record/record_json.h"
+#include "station/record/run_events.h"
 #include "station/record/run_record.h"
 
 namespace etalon {
@@ -22,7 +23,8 @@ public:
 
     void log(Instant now, const std::string& event, const std::string& detail) {
         if (record_)
-            record_->log_state(std::chrono::duration<double>(now - start_).count(), event, detail);
+            record_->log(
+                state_event(std::chrono::duration<double>(now - start_).count(), event, detail));
     }
 
     void add(int number, const Frame& frame) {
@@ -33,7 +35,7 @@ public:
             entry.file = fmt::format("frames/{:06}.png", number);
             record_->images().write(record_->folder() / entry.file, frame.image);
         }
-        record_->log_frame(number, entry);
+        record_->log(frame_event(number, entry));
     }
 
     // What cannot be written any more is the reason, unless there is one. capture.json comes last,

@@ -77,7 +77,7 @@ std::pair<double, double> relative_uncertainty(const OperatingCharacteristic& re
 }
 
 void print_quantity(const OperatingCharacteristic& result, std::size_t k) {
-    const CharacteristicQuantity& quantity = result.quantities[k];
+    const JudgedQuantity& quantity = result.quantities[k];
     const auto [without, at_limit] = relative_uncertainty(result, k);
     fmt::print("\n{}: limit {:.4g} {}, U / limit {:.3f}, at 1x {:.3f} at most\n", quantity.name,
                quantity.limit, quantity.unit, without, at_limit);

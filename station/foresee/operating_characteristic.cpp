@@ -73,28 +73,19 @@ private:
 
 // ------------------------------------------------------------------------------------ one point
 
-struct QuantityResult {
-    Outcome outcome = Outcome::inconclusive;
-    double value = 0.0, uncertainty = 0.0;
-};
-
 struct RunResult {
     bool refused = false;
     Outcome verdict = Outcome::inconclusive;
-    std::vector<QuantityResult> quantities;
+    std::vector<JudgedQuantity> quantities;
 };
 
-RunResult result_of(const Qualification& analysis,
-                    const std::vector<CharacteristicQuantity>& quantities) {
+RunResult result_of(const Qualification& analysis, const std::vector<JudgedQuantity>& quantities) {
     RunResult result;
     result.verdict = analysis.verdict;
-    for (const CharacteristicQuantity& wanted : quantities) {
+    for (const JudgedQuantity& wanted : quantities) {
         const auto found =
             std::ranges::find(analysis.quantities, wanted.name, &JudgedQuantity::name);
-        QuantityResult one;
-        if (found != analysis.quantities.end())
-            one = {found->outcome, found->value, found->expanded_uncertainty};
-        result.quantities.push_back(one);
+        result.quantities.push_back(found == analysis.quantities.end() ? JudgedQuantity{} : *found);
     }
     return result;
 }
@@ -118,10 +109,10 @@ CharacteristicPoint summed(double size, const std::vector<RunResult>& results,
         count(result.verdict, point.verdict);
         for (std::size_t k = 0; k < quantities; ++k) {
             QuantityOutcomes& sum = point.quantities[k];
-            const QuantityResult one = result.refused ? QuantityResult{} : result.quantities[k];
+            const JudgedQuantity one = result.refused ? JudgedQuantity{} : result.quantities[k];
             count(one.outcome, sum.counts);
             sum.mean_value += one.value / static_cast<double>(results.size());
-            sum.mean_uncertainty += one.uncertainty / static_cast<double>(results.size());
+            sum.mean_uncertainty += one.expanded_uncertainty / static_cast<double>(results.size());
         }
     }
     return point;
@@ -134,8 +125,7 @@ public:
         QualificationInput input = simulator.draw(simulator.as_told(), request.seed, 0);
         const Qualification told = qualify(input);
         signatures_ = told.signatures;
-        for (const JudgedQuantity& quantity : judged(told))
-            quantities_.push_back({quantity.name, quantity.unit, quantity.limit});
+        quantities_ = judged(told);
         if (quantities_.empty())
             throw NumericalError(
                 fmt::format("operating characteristic: a run without any error is not judged: {}",
@@ -203,7 +193,7 @@ private:
             return result;
         const LimitSearch search(simulator_, signatures_, error);
         std::vector<double> sizes;
-        for (const CharacteristicQuantity& quantity : quantities_) {
+        for (const JudgedQuantity& quantity : quantities_) {
             const double start = signature.size *
                                  *simulator_.station().limits.b3_position_field_rms_mm /
                                  signature.after_rms_mm;
@@ -245,7 +235,7 @@ private:
     const RunSimulator& simulator_;
     const CharacteristicRequest& request_;
     Signatures signatures_;
-    std::vector<CharacteristicQuantity> quantities_;
+    std::vector<JudgedQuantity> quantities_;
     int done_ = 0, all_ = 1;
 };
 

@@ -55,13 +55,8 @@ struct ErrorCharacteristic {
     std::vector<CharacteristicPoint> points;
 };
 
-struct CharacteristicQuantity {
-    std::string name, unit;
-    double limit = 0.0;
-};
-
 struct OperatingCharacteristic {
-    std::vector<CharacteristicQuantity> quantities;  // judged by a run of this station
+    std::vector<JudgedQuantity> quantities;  // as a run of this station without any error has them
     CharacteristicPoint without_error;
     std::vector<ErrorCharacteristic> errors;
     int runs = 0;  // per point

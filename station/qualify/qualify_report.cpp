@@ -386,17 +386,17 @@ void add_pictures(HtmlPage& page, const QualifyResult& result) {
 // ---- the run --------------------------------------------------------------------------------
 
 void add_run(HtmlPage& page, const QualifyResult& result) {
+    const CaptureStatistics counters = result.statistics();
     page.add_heading("The run");
-    page.add_facts(
-        {{"Started", result.started_utc},
-         {"Camera address", result.camera.uri},
-         {"Frames delivered", fmt::format("{}", result.statistics.delivered)},
-         {"Frames rejected and triggered again", fmt::format("{}", result.statistics.rejected)},
-         {"Packets missed", fmt::format("{}", result.statistics.missing_packets)},
-         {"Exposure", fmt::format("{} µs", result.settings.exposure.count())},
-         {"Gain", fmt::format("{} dB", number(result.settings.gain_db))},
-         {"Image", fmt::format("{} x {} px, {} bit", result.settings.width, result.settings.height,
-                               result.settings.bits)}});
+    page.add_facts({{"Started", result.started_utc},
+                    {"Camera address", result.camera.uri},
+                    {"Frames delivered", fmt::format("{}", counters.delivered)},
+                    {"Frames rejected and triggered again", fmt::format("{}", counters.rejected)},
+                    {"Packets missed", fmt::format("{}", counters.missing_packets)},
+                    {"Exposure", fmt::format("{} µs", result.settings.exposure.count())},
+                    {"Gain", fmt::format("{} dB", number(result.settings.gain_db))},
+                    {"Image", fmt::format("{} x {} px, {} bit", result.settings.width,
+                                          result.settings.height, result.settings.bits)}});
     for (const std::string& remark : result.remarks)
         page.add_paragraph(remark);
     TableRows inputs;

@@ -256,7 +256,6 @@ RecordedRun read_record(const Path& folder, Progress& progress, const std::stop_
     run.result.software = software_versions();
     LogReader(run).read();
     run.result.duration_s = run.end_s;
-    run.result.statistics = total_counters(run.result.sessions);
     detect_again(run.result, progress, stop);
     return run;
 }
@@ -269,8 +268,6 @@ QualifyResult analyse_record(RecordedRun recorded, Progress& progress,
         try {
             make_record_folders(result.folder, {"renders"});
             analyse_run(result, progress, stop);
-            result.outcome = outcome_of(result.analysis->verdict);
-            result.reason.clear();
         } catch (const NumericalError& error) {
             result.outcome = RunOutcome::error;
             result.reason = error.what();

@@ -74,6 +74,12 @@ int expected_steps(const std::vector<Pose>& poses) {
     return static_cast<int>(3 * std::ssize(poses) - hold_out);
 }
 
+RunOutcome outcome_of(Outcome verdict) {
+    if (verdict == Outcome::pass)
+        return RunOutcome::pass;
+    return verdict == Outcome::fail ? RunOutcome::fail : RunOutcome::inconclusive;
+}
+
 }  // namespace
 
 void analyse_run(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
@@ -102,13 +108,9 @@ void analyse_run(QualifyResult& result, Progress& progress, const std::stop_toke
     result.analysis = qualify(input);
     result.poses = std::move(input.poses);
     compare_photos(result, renders, progress, stop);
+    result.outcome = outcome_of(result.analysis->verdict);
+    result.reason.clear();
     progress.end();
-}
-
-RunOutcome outcome_of(Outcome verdict) {
-    if (verdict == Outcome::pass)
-        return RunOutcome::pass;
-    return verdict == Outcome::fail ? RunOutcome::fail : RunOutcome::inconclusive;
 }
 
 }  // namespace etalon

@@ -11,16 +11,13 @@
 
 namespace etalon {
 
-// Sets result.analysis from the poses' corners and positions, then compares each hold-out
-// photograph with its render: sets their residuals and render files, writes the renders into the
-// record's folder, and adds a remark for each that could not be compared.
+// Judges the poses by their corners and positions, then compares each hold-out photograph with its
+// render: sets their residuals and render files, writes the renders into the record's folder, and
+// adds a remark for each that could not be compared. Sets the analysis, and the outcome last.
 //
 // Throws what qualify() throws, Interrupted when a stop was requested, and ConfigError when a
 // photograph of the record cannot be read or a render not be written. Its cost is that of the
 // renders.
 void analyse_run(QualifyResult& result, Progress& progress, const std::stop_token& stop);
-
-// How a run with this verdict ended.
-RunOutcome outcome_of(Outcome verdict);
 
 }  // namespace etalon

@@ -35,7 +35,7 @@ struct Run {
     }
     double now_s() const { return seconds_until(clock.now()); }
     void log(const std::string& state, const std::string& detail = "") const {
-        record.log_state(now_s(), state, detail);
+        record.log(state_event(now_s(), state, detail));
     }
     void remark(const std::string& text) const {
         if (std::find(result.remarks.begin(), result.remarks.end(), text) != result.remarks.end())
@@ -237,7 +237,6 @@ void release_camera(const Run& run, Camera& camera) {
     camera.disarm();
     RunSession& session = run.result.sessions.back();
     session.counters = camera.statistics();
-    run.result.statistics = total_counters(run.result.sessions);
     run.record.log(released_event(run.now_s(), session.counters));
     for (const std::string& remark : camera.remarks())
         run.remark(remark);
@@ -275,8 +274,6 @@ void carry_out(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<S
             measure(run, std::move(camera), std::move(stage));
         log_analysis(run);
         analyse_run(result, run.progress, run.stop);
-        result.outcome = outcome_of(result.analysis->verdict);
-        result.reason.clear();
     } catch (const Interrupted& error) {
         result.outcome = RunOutcome::aborted;
         result.reason = error.what();
@@ -302,7 +299,9 @@ void close_record(const Run& run) {
         }
     };
     result.duration_s = run.now_s();
-    attempt([&] { run.record.log_state(result.duration_s, name(result.outcome), result.reason); });
+    attempt([&] {
+        run.record.log(state_event(result.duration_s, name(result.outcome), result.reason));
+    });
     attempt([&] { run.record.write(result); });
     attempt([&] { write_results(result); });
     if (result.outcome != measured)

@@ -21,9 +21,9 @@ struct DeviceOpeners {
     std::function<std::unique_ptr<Stage>()> stage;
 };
 
-// Runs on the calling thread, which owns both devices throughout. The result says how the run
-// ended: ERROR with the reason when a device, the disk or a computation failed, ABORTED when `stop`
-// was requested.
+// Runs on the calling thread, which owns both devices throughout. `progress` is told the plan and
+// how far it is. The result says how the run ended: ERROR with the reason when a device, the disk
+// or a computation failed, ABORTED when `stop` was requested.
 //
 // Throws only before anything has moved or was written: ConfigError for a plan outside the soft
 // limits, an unusable folder, or a device whose serial number is not the calibration's; what the

@@ -40,7 +40,7 @@ std::optional<RunOutcome> run_outcome_named(const std::string& name) {
     return static_cast<RunOutcome>(found - std::begin(outcome_words));
 }
 
-CaptureStatistics total_counters(const std::vector<RunSession>& sessions) {
+CaptureStatistics QualifyResult::statistics() const {
     CaptureStatistics total;
     for (const RunSession& session : sessions)
         for (const CounterField& field : counter_fields)

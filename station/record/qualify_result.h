@@ -47,9 +47,6 @@ inline constexpr CounterField counter_fields[] = {
     {"underruns", &CaptureStatistics::underruns},
     {"reconnects", &CaptureStatistics::reconnects}};
 
-// Sum over the sessions. Of one that was killed, the counters are those after its last pose.
-CaptureStatistics total_counters(const std::vector<RunSession>& sessions);
-
 // A file of the record, by content; the path is in the record's folder.
 struct Attachment {
     std::string path, sha256;
@@ -62,7 +59,6 @@ struct QualifyResult {
     double duration_s = 0.0;
     CameraIdentity camera;             // as the device says
     CaptureSettings settings;          // in force
-    CaptureStatistics statistics;      // of the whole run
     std::vector<std::string> remarks;  // what limited the devices here, one line each
     std::vector<RunSession> sessions;  // at least one; `started_utc` is the first one's
     std::vector<Pose> poses;           // visited ones only
@@ -73,6 +69,9 @@ struct QualifyResult {
     std::vector<SoftwareVersion> software;
     std::filesystem::path folder;         // of the record
     std::vector<Attachment> attachments;  // when all other files of the record are written
+
+    // Of the whole run: the sessions' counters, of one that was killed those after its last pose.
+    CaptureStatistics statistics() const;
 };
 
 // Mean over the hold-out poses of the RMS of photograph minus render, in gray = code value / full

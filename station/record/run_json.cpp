@@ -28,7 +28,7 @@ Json camera_json(const QualifyResult& result) {
     camera["uri"] = result.station.camera.uri;
     camera["calibrated_serial"] = result.station.camera.model.serial;
     camera["settings"] = settings_json(result.settings);
-    add_counters(camera, result.statistics);
+    add_counters(camera, result.statistics());
     camera["remarks"] = result.remarks;
     return camera;
 }

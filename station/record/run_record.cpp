@@ -78,7 +78,7 @@ RunRecord::RunRecord(const std::filesystem::path& folder, std::uintmax_t whole_b
     make_record_folders(folder, {"frames", "renders"});
 }
 
-void RunRecord::append(const std::string& line) {
+void RunRecord::log(const std::string& line) {
     errno = 0;
     events_ << line << '\n' << std::flush;
     if (!events_)
@@ -86,22 +86,14 @@ void RunRecord::append(const std::string& line) {
                           "cannot be written: " + std::generic_category().message(errno));
 }
 
-void RunRecord::log_state(double time_s, const std::string& state, const std::string& detail) {
-    append(state_event(time_s, state, detail));
-}
-
-void RunRecord::log_frame(int pose, const FrameRecord& frame) {
-    append(frame_event(pose, frame));
-}
-
 void RunRecord::log_pose(Pose& pose, const CaptureStatistics& counts) {
     images_.flush();
     for (FrameRecord& frame : pose.frames) {
         if (!frame.file.empty())
             frame.sha256 = sha256_of_file(folder_ / frame.file);
-        append(frame_event(pose.index, frame));
+        log(frame_event(pose.index, frame));
     }
-    append(pose_event(pose, counts));
+    log(pose_event(pose, counts));
 }
 
 void RunRecord::write(const QualifyResult& result) {

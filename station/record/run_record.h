@@ -58,20 +58,15 @@ public:
     const std::filesystem::path& folder() const { return folder_; }
     ImageWriter& images() { return images_; }
 
-    // One line of the log; seconds since the run began. Flushed before it returns.
-    void log_state(double time_s, const std::string& state, const std::string& detail);
-    void log_frame(int pose, const FrameRecord& frame);
+    // A line of station/record/run_events.h. Flushed before it returns.
+    void log(const std::string& line);
     // The pose with its frames, when these are written; sets the hashes of their files.
     void log_pose(Pose& pose, const CaptureStatistics& counts);
-    // A line of station/record/run_events.h.
-    void log(const std::string& line) { append(line); }
 
     // Replace run.json and poses.csv by what is known now.
     void write(const QualifyResult& result);
 
 private:
-    void append(const std::string& line);
-
     std::filesystem::path folder_;
     std::ofstream events_;
     ImageWriter images_;

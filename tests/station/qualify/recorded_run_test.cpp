@@ -72,8 +72,8 @@ TEST_F(RecordOfARun, IsReadBackAsItWasMeasured) {
     EXPECT_EQ(is.started_utc, was.started_utc);
     EXPECT_EQ(is.duration_s, was.duration_s);
     EXPECT_EQ(is.camera.serial, "CAM-7");
-    EXPECT_EQ(is.statistics.rejected, 1);
-    EXPECT_EQ(is.statistics.delivered, was.statistics.delivered);
+    EXPECT_EQ(is.statistics().rejected, 1);
+    EXPECT_EQ(is.statistics().delivered, was.statistics().delivered);
     ASSERT_EQ(is.poses.size(), was.poses.size());
     for (std::size_t i = 0; i < is.poses.size(); ++i) {
         EXPECT_EQ(is.poses[i].read_back, was.poses[i].read_back);
@@ -233,7 +233,7 @@ TEST_F(RecordOfARun, CountsItsTimeOnWhereItIsGoneOnWith) {
     ASSERT_EQ(result.sessions.size(), 2u);
     EXPECT_GE(result.sessions[1].start_s, before);
     EXPECT_GE(result.poses[7].move_start_s, result.poses[6].done_s);
-    EXPECT_EQ(result.statistics.delivered, 50);
+    EXPECT_EQ(result.statistics().delivered, 50);
 }
 
 // With the marker in the pictures: everything that an analysis computes.

@@ -76,7 +76,7 @@ TEST(Runner, TakesUpACameraThatWasGoneForAWhile) {
     };
     const QualifyResult result = mocks.run();
     EXPECT_NE(result.outcome, RunOutcome::error) << result.reason;
-    EXPECT_EQ(result.statistics.reconnects, 1);
+    EXPECT_EQ(result.statistics().reconnects, 1);
     EXPECT_EQ(mocks.events("camera lost").size(), 1u);
     EXPECT_EQ(mocks.events("camera reconnected").size(), 1u);
     EXPECT_EQ(mocks.run_file()["camera"]["reconnects"], 1);

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/image_writer.h"
+#include "station/record/run_events.h"
 #include "station/record/run_json.h"
 #include "tests/station/stations.h"
 
@@ -59,7 +60,7 @@ TEST(RunRecord, RefusesAFolderThatHoldsSomething) {
 TEST(RunRecord, HasEachLineOfTheLogOnDiskAtOnce) {
     const TemporaryFolder folder;
     RunRecord record(folder / "run");
-    record.log_state(1.5, "homed", "all \"axes\"\n");
+    record.log(state_event(1.5, "homed", "all \"axes\"\n"));
     const std::string log = read_text(folder / "run/events.jsonl");
     EXPECT_EQ(std::count(log.begin(), log.end(), '\n'), 1);
     EXPECT_EQ(Json::parse(log)["detail"], "all \"axes\"\n");

@@ -223,8 +223,11 @@ StabilityOutcome confounded(const CameraModel& camera, const Rigid& x, const Rig
                             const std::string& one, const std::string& two) {
     const Projector projector(camera);
     const std::vector<Rigid> poses = stage_poses(xyz, training + hold_out);
-    SignatureChain chain{projector, tag, x, y, poses, std::vector<bool>(training, false)};
-    chain.hold_out.resize(poses.size(), true);
+    SignatureChain chain{projector, tag, x, y, {}};
+    for (const Rigid& pose : poses) {
+        chain.poses.push_back({.hold_out = chain.poses.size() >= training});
+        chain.poses.back().base_from_carriage = pose;
+    }
     const std::vector<StageError> scales = {scale_error(0, poses), scale_error(1, poses),
                                             scale_error(2, poses)};
     const std::vector<std::size_t> linear = {0, 1, 2};

@@ -65,8 +65,8 @@ Eigen::VectorXd moved_inwards(const Eigen::VectorXd& square, double by_px) {
 class NamedErrors {
 public:
     explicit NamedErrors(const SignatureChain& chain) : chain_(chain) {
-        for (const Rigid& base_from_carriage : chain.base_from_carriage)
-            truth_.push_back(chain.camera_from_base * base_from_carriage *
+        for (const Pose& pose : chain.poses)
+            truth_.push_back(chain.camera_from_base * pose.base_from_carriage *
                              chain.carriage_from_marker);
     }
 
@@ -176,14 +176,14 @@ public:
     explicit LinearChain(const SignatureChain& chain) : chain_(chain) {
         const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
         Eigen::MatrixXd training(0, 12);
-        for (std::size_t i = 0; i < chain.base_from_carriage.size(); ++i) {
+        for (std::size_t i = 0; i < chain.poses.size(); ++i) {
             pose_solvers_.emplace_back(pose_jacobian(i));
-            if (chain.hold_out[i])
+            if (chain.poses[i].hold_out)
                 continue;
             training.conservativeResize(training.rows() + rows, 12);
-            training.bottomRows(rows) =
-                registration_jacobian(chain.projector, chain.points_mm, chain.camera_from_base,
-                                      chain.base_from_carriage[i], chain.carriage_from_marker);
+            training.bottomRows(rows) = registration_jacobian(
+                chain.projector, chain.points_mm, chain.camera_from_base,
+                chain.poses[i].base_from_carriage, chain.carriage_from_marker);
         }
         unscale_ = training.colwise().norm().cwiseInverse();
         // The predicted poses do not depend on the freedoms: the shortest solution will do.
@@ -196,14 +196,14 @@ public:
                    ErrorSignature& signature) const {
         std::vector<double> training;
         for (std::size_t i = 0; i < displacement.size(); ++i)
-            if (!chain_.hold_out[i])
+            if (!chain_.poses[i].hold_out)
                 training.insert(training.end(), displacement[i].begin(), displacement[i].end());
         const Eigen::VectorXd solution = registration_.solve(Eigen::Map<const Eigen::VectorXd>(
             training.data(), static_cast<Eigen::Index>(training.size())));
         const Vector12d xy = unscale_.cwiseProduct(solution);
         std::vector<double> before, after, rotation;
         for (std::size_t i = 0; i < displacement.size(); ++i) {
-            if (!chain_.hold_out[i])
+            if (!chain_.poses[i].hold_out)
                 continue;
             const Vector6d seen = pose_solvers_[i].solve(displacement[i]);
             const Eigen::Vector3d shift = seen.tail<3>();
@@ -222,7 +222,8 @@ public:
 private:
     // d pixels / d left perturbation of camera_from_marker.
     Eigen::Matrix<double, Eigen::Dynamic, 6> pose_jacobian(std::size_t i) const {
-        const Rigid camera_from_carriage = chain_.camera_from_base * chain_.base_from_carriage[i];
+        const Rigid camera_from_carriage =
+            chain_.camera_from_base * chain_.poses[i].base_from_carriage;
         return registration_jacobian(chain_.projector, chain_.points_mm,
                                      camera_from_carriage * chain_.carriage_from_marker, Rigid{},
                                      Rigid{})
@@ -231,7 +232,7 @@ private:
 
     // What X and Y moved by `xy` do to the marker's origin, camera frame.
     Eigen::Vector3d predicted_shift(std::size_t i, const Vector12d& xy) const {
-        const Rigid& base_from_carriage = chain_.base_from_carriage[i];
+        const Rigid& base_from_carriage = chain_.poses[i].base_from_carriage;
         const Eigen::Vector3d from_base =
             chain_.camera_from_base.rotation *
             (base_from_carriage * chain_.carriage_from_marker.translation);
@@ -243,8 +244,8 @@ private:
     // And to the marker's rotation.
     Eigen::Vector3d predicted_turn(std::size_t i, const Vector12d& xy) const {
         return xy.head<3>() +
-               chain_.camera_from_base.rotation *
-                   (chain_.base_from_carriage[i].rotation * Eigen::Vector3d(xy.segment<3>(6)));
+               chain_.camera_from_base.rotation * (chain_.poses[i].base_from_carriage.rotation *
+                                                   Eigen::Vector3d(xy.segment<3>(6)));
     }
 
     using PoseSolver = Eigen::ColPivHouseholderQR<Eigen::Matrix<double, Eigen::Dynamic, 6>>;
@@ -262,12 +263,12 @@ double information(const SignatureChain& chain, const Eigen::VectorXd& field,
                    const HoldOutNoise& noise) {
     double sum = 0.0;
     Eigen::Index k = 0;
-    for (std::size_t i = 0; i < chain.base_from_carriage.size(); ++i) {
-        if (!chain.hold_out[i])
+    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
+        if (!chain.poses[i].hold_out)
             continue;
-        const Eigen::Vector3d sight =
-            (chain.camera_from_base * chain.base_from_carriage[i] * chain.carriage_from_marker)
-                .translation.normalized();
+        const Eigen::Vector3d sight = (chain.camera_from_base * chain.poses[i].base_from_carriage *
+                                       chain.carriage_from_marker)
+                                          .translation.normalized();
         const Eigen::Vector3d error = field.segment<3>(3 * k);
         const double along = sight.dot(error);
         const auto n = static_cast<std::size_t>(k);
@@ -340,10 +341,10 @@ ErrorSignature isotropic_scale(std::span<const ErrorSignature> stage,
 void require_usable(const SignatureChain& chain, std::span<const StageError> stage_errors,
                     std::span<const std::size_t> linear_scale, const HoldOutNoise& noise) {
     const auto hold_out =
-        static_cast<std::size_t>(std::count(chain.hold_out.begin(), chain.hold_out.end(), true));
-    bool usable = chain.hold_out.size() == chain.base_from_carriage.size() && hold_out > 0 &&
-                  hold_out < chain.hold_out.size() && noise.along_mm.size() == hold_out &&
-                  noise.across_mm.size() == hold_out && chain.points_mm.size() >= 3;
+        static_cast<std::size_t>(std::ranges::count(chain.poses, true, &Pose::hold_out));
+    bool usable = hold_out > 0 && hold_out < chain.poses.size() &&
+                  noise.along_mm.size() == hold_out && noise.across_mm.size() == hold_out &&
+                  chain.points_mm.size() >= 3;
     for (const std::size_t index : linear_scale)
         usable = usable && index < stage_errors.size();
     for (const auto* levels : {&noise.along_mm, &noise.across_mm})
@@ -422,7 +423,7 @@ std::vector<ErrorSignature> error_signatures(const SignatureChain& chain,
     const NamedErrors named(chain);
     std::vector<ErrorSignature> signatures;
     for (const NamedError& error : named.all(stage_errors))
-        signatures.push_back(signature_of(error, linear, chain.base_from_carriage.size()));
+        signatures.push_back(signature_of(error, linear, chain.poses.size()));
     if (linear_scale.size() >= 2) {
         const auto stage = std::span(signatures).last(stage_errors.size());
         signatures.push_back(isotropic_scale(stage, linear_scale));
@@ -460,7 +461,7 @@ std::vector<ErrorSignature> calibration_signatures(const SignatureChain& chain) 
                                 [&](CameraModel& c, double by) {
                                     set_parameters(c, stated, values + by * step);
                                 }}),
-            linear, chain.base_from_carriage.size());
+            linear, chain.poses.size());
         for (Eigen::VectorXd* field :
              {&signature.before, &signature.after, &signature.rotation_after})
             *field /= small;

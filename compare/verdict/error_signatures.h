@@ -16,16 +16,17 @@
 
 #include "calib/camera/projector.h"
 #include "calib/registration/registration.h"
+#include "compare/verdict/pose.h"
 
 namespace etalon {
 
-// The run as the signatures need it: geometry only. X and Y are the registered ones.
+// The run as the signatures need it: geometry only. X and Y are the registered ones. Of the poses
+// only where the stage was and which are held out counts.
 struct SignatureChain {
     const Projector& projector;  // the calibration under test
     std::vector<Eigen::Vector3d> points_mm;
     Rigid camera_from_base, carriage_from_marker;
-    std::vector<Rigid> base_from_carriage;  // per pose, from read-back positions
-    std::vector<bool> hold_out;             // per pose
+    std::vector<Pose> poses;
 };
 
 // A stage error: where the carriage would truly stand at each read-back position.

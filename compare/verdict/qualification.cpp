@@ -249,13 +249,8 @@ SignatureChain chain_of(const QualificationInput& input, const Projector& projec
                          input.points_mm,
                          registration.camera_from_base,
                          registration.carriage_from_marker,
-                         {},
                          {}};
-    for (const Pose& pose : input.poses)
-        if (pose.used) {
-            chain.base_from_carriage.push_back(pose.base_from_carriage);
-            chain.hold_out.push_back(pose.hold_out);
-        }
+    std::ranges::copy_if(input.poses, std::back_inserter(chain.poses), &Pose::used);
     return chain;
 }
 

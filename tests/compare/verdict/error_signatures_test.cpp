@@ -20,10 +20,10 @@ struct Study {
     Study() {
         const auto all = positions(run, run.plan_seed.value());
         SignatureChain chain{
-            projector, run.points_mm, run.camera_from_base, run.carriage_from_marker, {}, {}};
+            projector, run.points_mm, run.camera_from_base, run.carriage_from_marker, {}};
         for (std::size_t i = 0; i < all.size(); ++i) {
-            chain.base_from_carriage.push_back(base_from_carriage(run.axes, all[i]));
-            chain.hold_out.push_back(static_cast<int>(i) >= run.training);
+            chain.poses.push_back({.hold_out = static_cast<int>(i) >= run.training});
+            chain.poses.back().base_from_carriage = base_from_carriage(run.axes, all[i]);
         }
         for (std::size_t k = 0; k < 3; ++k)
             stage_errors.push_back(scale_term(run, all, k).error);

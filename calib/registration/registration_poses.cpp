@@ -47,10 +47,10 @@ Difference difference(const MeasuredPose& pose, const XY& xy) {
 
 // Takes a difference to standard deviations: L^-1 with covariance = L L^T.
 Matrix6d whitening_of(const Matrix6d& covariance) {
-    const Eigen::LLT<Matrix6d> root(covariance);
+    const Eigen::LLT<Eigen::MatrixXd> root(covariance);
     if (!covariance.allFinite() || root.info() != Eigen::Success)
         throw NumericalError("registration: the covariance of a pose is not positive definite");
-    return root.matrixL().solve(Matrix6d::Identity());
+    return root.matrixL().solve(Eigen::MatrixXd::Identity(6, 6));
 }
 
 struct WeightedPose {

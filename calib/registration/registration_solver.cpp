@@ -67,7 +67,7 @@ private:
 };
 
 Eigen::Quaterniond nearest_rotation(const Eigen::Matrix3d& m) {
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
     const Eigen::Matrix3d product = svd.matrixU() * svd.matrixV().transpose();
     const double sign = product.determinant() < 0.0 ? -1.0 : 1.0;
     return Eigen::Quaterniond(Eigen::Matrix3d(

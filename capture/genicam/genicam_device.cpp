@@ -115,9 +115,19 @@ void GenicamDevice::open(const std::string& id, const CameraLink& link) {
         fail("open", "it is controlled by another program");
 }
 
+// The heartbeat thread of a GigE device is asked, not listened to: while it emits a signal it holds
+// the device, and if everyone else lets go meanwhile, it would have to wait for its own end.
 void GenicamDevice::watch_control() {
+    if (arv_camera_is_gv_device(camera()))
+        return;
     g_signal_connect_data(arv_camera_get_device(camera()), "control-lost", G_CALLBACK(control_lost),
                           new LostFlag(lost_), drop_flag, GConnectFlags(0));
+}
+
+bool GenicamDevice::lost() const {
+    return *lost_ ||
+           (arv_camera_is_gv_device(camera()) &&
+            !arv_gv_device_is_controller(ARV_GV_DEVICE(arv_camera_get_device(camera()))));
 }
 
 void GenicamDevice::read_identity(const std::string& id) {

@@ -56,7 +56,7 @@ public:
     const CameraIdentity& identity() const { return identity_; }
     const std::vector<std::string>& remarks() const { return remarks_; }
 
-    bool lost() const { return *lost_; }
+    bool lost() const;
     void lose() { *lost_ = true; }
 
     [[noreturn]] void fail(const std::string& request, const std::string& cause) const;
@@ -99,7 +99,7 @@ private:
     CameraIdentity identity_;
     std::vector<std::string> remarks_;
     std::unique_ptr<ArvCamera, UnrefObject> camera_;
-    // Set by the library's heartbeat thread, which may outlive this object.
+    // Set here, or by a thread of the library, which may outlive this object.
     std::shared_ptr<std::atomic<bool>> lost_ = std::make_shared<std::atomic<bool>>(false);
 };
 

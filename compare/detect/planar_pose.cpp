@@ -9,6 +9,7 @@
 #include <opencv2/calib3d.hpp>
 
 #include "compare/detect/detector.h"
+#include "core/information.h"
 #include "core/least_squares.h"
 
 namespace etalon {
@@ -30,7 +31,7 @@ Eigen::Vector3d principal_spreads(const Points& points) {
     Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
     for (const Eigen::Vector3d& point : points)
         scatter += (point - mean) * (point - mean).transpose() / static_cast<double>(points.size());
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter, Eigen::EigenvaluesOnly);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scatter, Eigen::EigenvaluesOnly);
     return solver.eigenvalues().reverse().cwiseMax(0.0).cwiseSqrt();
 }
 
@@ -114,23 +115,6 @@ std::optional<Refined> refine(const Projector& projector, const Points& points,
     return there ? Refined{end, *there, robust_loss(*there, rule)} : place;
 }
 
-// (J^T J)^-1 with rows and columns scaled to unit diagonal first, so that rad and mm compare;
-// nothing when a direction is unseen.
-std::optional<Matrix6d> covariance_per_px2(const Matrix6d& information) {
-    const Vector6d diagonal = information.diagonal();
-    if (!diagonal.allFinite() || !(diagonal.array() > 0).all())
-        return std::nullopt;
-    const Vector6d scale = diagonal.cwiseSqrt().cwiseInverse();
-    const Matrix6d scaled = scale.asDiagonal() * information * scale.asDiagonal();
-    const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(scaled);
-    if (solver.info() != Eigen::Success || solver.eigenvalues()[0] < 1e-12)
-        return std::nullopt;
-    const Matrix6d inverse = solver.eigenvectors() *
-                             solver.eigenvalues().cwiseInverse().asDiagonal() *
-                             solver.eigenvectors().transpose();
-    return scale.asDiagonal() * inverse * scale.asDiagonal();
-}
-
 bool usable(const Points& points_mm, const Pixels& pixels) {
     return points_mm.size() >= 4 && pixels.size() == points_mm.size() && all_finite(points_mm) &&
            all_finite(pixels) && span_a_plane(points_mm);
@@ -142,7 +126,8 @@ double rms_px(const Refined& pose, const Points& points) {
 
 // Without the other solution.
 std::optional<PoseEstimate> estimate_of(const Refined& pose, const Points& points) {
-    const auto covariance = covariance_per_px2(pose.at.jacobian.transpose() * pose.at.jacobian);
+    const auto covariance =
+        inverse_of_information(pose.at.jacobian.transpose() * pose.at.jacobian);
     if (!covariance)
         return std::nullopt;
     return PoseEstimate{pose.unknowns, rms_px(pose, points), {}, 0.0, *covariance};

@@ -8,6 +8,7 @@
 
 #include "compare/edges/edge_blur_models.h"
 #include "core/errors.h"
+#include "core/information.h"
 
 namespace etalon {
 namespace {
@@ -84,18 +85,17 @@ WidthMinimum minimum_of(std::span<const Width> widths, double Width::*width) {
         design.row(i) /= one.deviation_px2;
         right[i] = one.*width / one.deviation_px2;
     }
-    const Eigen::Matrix3d information = design.transpose() * design;
-    const Eigen::FullPivLU<Eigen::Matrix3d> solver(information);
+    const auto inverse = inverse_of_information(design.transpose() * design);
     const std::string depths =
         fmt::format("between {:.1f} and {:.1f} mm", 1.0 / range.nearest, 1.0 / range.farthest);
-    if (!(scale > 0.0) || !solver.isInvertible()) {
+    if (!(scale > 0.0) || !inverse) {
         minimum.undetermined = "the edges are all at one depth";
         return minimum;
     }
-    const Eigen::Vector3d c = solver.solve(design.transpose() * right);
+    const Eigen::Vector3d c = *inverse * (design.transpose() * right);
     const double chi_square =
         (right - design * c).squaredNorm() / static_cast<double>(widths.size() - 3);
-    const Eigen::Matrix3d covariance = std::max(1.0, chi_square) * solver.inverse();
+    const Eigen::Matrix3d covariance = std::max(1.0, chi_square) * *inverse;
     const double place = -0.5 * c[1] / c[2];  // in units of the range
     const Eigen::Vector3d by_c(0.0, -0.5 / c[2], 0.5 * c[1] / (c[2] * c[2]));
     const double uncertainty = std::sqrt(by_c.dot(covariance * by_c));

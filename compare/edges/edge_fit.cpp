@@ -8,6 +8,7 @@
 
 #include "compare/edges/edge_response.h"
 #include "core/errors.h"
+#include "core/information.h"
 
 namespace etalon {
 namespace {
@@ -351,14 +352,11 @@ bool mark_outliers(std::span<const StraightEdge> edges, const Sums& sums, EdgeFi
     return fit.outlying_edges > 0;
 }
 
-// In units that make the diagonal 1: parameters may be of very different size.
 MatrixXd inverse_of(const MatrixXd& information) {
-    const VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
-    const MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-    const MatrixXd inverse = scale.asDiagonal() * MatrixXd(scaled.inverse()) * scale.asDiagonal();
-    if (!inverse.allFinite() || !(inverse.diagonal().minCoeff() > 0.0))
+    const auto inverse = inverse_of_information(information, 0.0);
+    if (!inverse || !inverse->allFinite())
         throw NumericalError("edge fit: the edges do not determine the blur");
-    return 0.5 * (inverse + inverse.transpose());
+    return *inverse;
 }
 
 // How many times larger than the formal covariance the scatter of the edges' scores says it is, on

@@ -12,6 +12,7 @@
 
 #include "compare/edges/grid_edges.h"
 #include "core/errors.h"
+#include "core/information.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {
@@ -328,10 +329,10 @@ public:
     bool solve(EdgeShift& edge) {
         constexpr int most_steps = 8;
         constexpr double settled = 0.01;  // of a deviation
+        constexpr double rounding = 1e-8;
         for (int step = 0; step < most_steps; ++step) {
             evaluate();
-            const Eigen::Matrix4d information = rows_.transpose() * rows_;
-            const auto inverse = inverted(information);
+            const auto inverse = inverse_of_information(rows_.transpose() * rows_, rounding);
             if (!inverse)
                 return false;
             covariance_ = *inverse;
@@ -351,20 +352,6 @@ public:
     }
 
 private:
-    static std::optional<Eigen::Matrix4d> inverted(const Eigen::Matrix4d& information) {
-        constexpr double least = 1e-8;  // of a unit diagonal: what is left is rounding
-        const Eigen::Vector4d scale = information.diagonal().cwiseSqrt().cwiseInverse();
-        if (!scale.allFinite())
-            return {};
-        const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(
-            scale.asDiagonal() * information * scale.asDiagonal());
-        if (!(solver.eigenvalues()[0] > least))
-            return {};
-        return scale.asDiagonal() * solver.eigenvectors() *
-               solver.eigenvalues().cwiseInverse().asDiagonal() *
-               solver.eigenvectors().transpose() * scale.asDiagonal();
-    }
-
     // Rows and residuals, both over the noise, at the unknowns.
     void evaluate() {
         const auto weights = interpolant_.weights(unknowns_[0]);

@@ -144,7 +144,7 @@ std::optional<ShiftVector> vector_of(std::span<const EdgeShift> edges) {
         right += edge.shift_px / std::sqrt(variance_of(edge)) * row;
         found.position_px += edge.middle_px / static_cast<double>(edges.size());
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(information);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(information);
     if (!(solver.eigenvalues()[0] > least_ratio * solver.eigenvalues()[1]))
         return {};
     found.shift_px = information.inverse() * right;

@@ -4,24 +4,19 @@
 
 #include "compare/photometric/photometric_steps.h"
 #include "core/errors.h"
+#include "core/information.h"
 
 namespace etalon {
 namespace {
 
-// The pose's part of the inverse, rows and columns scaled to a unit diagonal first.
+// The pose's part of the inverse.
 Matrix6d pose_covariance(const Eigen::MatrixXd& information) {
-    constexpr double least = 1e-13;  // of the largest eigenvalue: beyond, only rounding is left
-    const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scale.asDiagonal() * information *
-                                                                scale.asDiagonal());
-    const Eigen::VectorXd& values = solver.eigenvalues();
-    if (!scale.allFinite() || solver.info() != Eigen::Success ||
-        !(values[0] > least * values[values.size() - 1]))
+    constexpr double rounding = 1e-13;  // of the largest eigenvalue, which is at most their number
+    const auto inverse = inverse_of_information(
+        information, rounding * static_cast<double>(information.rows()));
+    if (!inverse)
         throw NumericalError("the photograph does not determine pose and photometric model");
-    const Eigen::MatrixXd inverse = scale.asDiagonal() * solver.eigenvectors() *
-                                    values.cwiseInverse().asDiagonal() *
-                                    solver.eigenvectors().transpose() * scale.asDiagonal();
-    return inverse.topLeftCorner<6, 6>();
+    return inverse->topLeftCorner<6, 6>();
 }
 
 // The minimum that a start leads to, found as far as it is needed.

@@ -116,7 +116,7 @@ Drift fitted_drift(const SmoothField& field, std::span<const FieldSample> sample
     const Eigen::Matrix3d covariance = Eigen::Matrix3d(weighted * freed).inverse();
     return {
         covariance * (weighted * residual),
-        field_coverage_factor * std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance)
+        field_coverage_factor * std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(covariance)
                                               .eigenvalues()
                                               .maxCoeff())};
 }
@@ -175,10 +175,10 @@ AcceptanceCondition repeatability(const QualificationInput& input) {
         return not_checked(title, "no pose was visited twice with frames that tell the noise");
     double sum = 0.0;
     for (const RepeatedPair& pair : pairs) {
-        const Eigen::LDLT<Eigen::Matrix3d> solver(pair.covariance);
+        const Eigen::LDLT<Eigen::MatrixXd> solver(pair.covariance);
         if (!solver.isPositive() || !(pair.covariance.determinant() > 0.0))
             return not_checked(title, "frames that are alike to the last bit tell no noise");
-        sum += pair.difference_mm.dot(solver.solve(pair.difference_mm));
+        sum += pair.difference_mm.dot(solver.solve(Eigen::VectorXd(pair.difference_mm)));
     }
     const double freedom = 3.0 * static_cast<double>(pairs.size());
     const double ratio = sum / freedom, limit = chi_square_limit(freedom);

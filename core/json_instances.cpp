@@ -1,0 +1,2 @@
+#define ETALON_INSTANTIATE
+#include "core/json_instances.h"

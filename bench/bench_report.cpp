@@ -48,6 +48,29 @@ std::vector<const BenchScene*> all_scenes(const BenchResult& result) {
     return scenes;
 }
 
+std::vector<BenchRow> all_rows(const BenchResult& result) {
+    std::vector<BenchRow> rows;
+    for (const BenchScene* scene : all_scenes(result))
+        rows.insert(rows.end(), scene->rows.begin(), scene->rows.end());
+    return rows;
+}
+
+// The figures of a row, by their names in files.
+struct RowFigure {
+    const char* name;
+    double (*of)(const BenchRow&);
+};
+constexpr std::array<RowFigure, 8> row_figures{{
+    {"cpu_ms", [](const BenchRow& row) { return row.cpu_ms; }},
+    {"rms", [](const BenchRow& row) { return row.error.rms_gray; }},
+    {"p99", [](const BenchRow& row) { return row.error.p99_gray; }},
+    {"max", [](const BenchRow& row) { return row.error.max_gray; }},
+    {"edge_shift_px", [](const BenchRow& row) { return row.error.edge_shift_px; }},
+    {"ns_per_pixel", [](const BenchRow& row) { return row.ns_per_pixel; }},
+    {"corrected_rms", [](const BenchRow& row) { return row.error.corrected_rms_gray(); }},
+    {"reference_se", [](const BenchRow& row) { return row.error.reference_rms_gray; }},
+}};
+
 // How much longer than the published method's row; NaN without one.
 double ratio_to_published(const BenchScene& scene, const BenchRow& row) {
     const BenchRow* published = scene.row("published", published_setting);
@@ -118,16 +141,16 @@ std::vector<BenchCheck> bench_checks(const BenchResult& result) {
 }
 
 std::string bench_csv(const BenchResult& result) {
-    std::string text =
-        "scene,method,setting,cpu_ms,rms,p99,max,edge_shift_px,ns_per_pixel,corrected_rms,"
-        "reference_se\n";
-    for (const BenchScene* scene : all_scenes(result))
-        for (const BenchRow& row : scene->rows)
-            text += fmt::format(
-                "{},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}\n", row.scene,
-                row.method, row.setting, row.cpu_ms, row.error.rms_gray, row.error.p99_gray,
-                row.error.max_gray, row.error.edge_shift_px, row.ns_per_pixel,
-                row.error.corrected_rms_gray(), row.error.reference_rms_gray);
+    std::string text = "scene,method,setting";
+    for (const RowFigure& figure : row_figures)
+        text += fmt::format(",{}", figure.name);
+    text += "\n";
+    for (const BenchRow& row : all_rows(result)) {
+        text += fmt::format("{},{},{}", row.scene, row.method, row.setting);
+        for (const RowFigure& figure : row_figures)
+            text += fmt::format(",{:.6g}", figure.of(row));
+        text += "\n";
+    }
     return text;
 }
 
@@ -157,21 +180,24 @@ SvgPlot panel(const BenchScene& scene) {
                                                            {"published-linearised", Ink::orange},
                                                            {"qmc", Ink::gray}};
     for (const auto& [method, ink] : methods) {
-        std::vector<double> times, errors;
-        std::vector<std::string> notes;
+        Series curve;
         for (const BenchRow& row : scene.rows)
-            if (row.method == method) {
-                times.push_back(row.cpu_ms);
-                errors.push_back(row.error.rms_gray);
-                notes.push_back(fmt::format("{}: {:.3g} ms, {:.3g} gray", row_name(row), row.cpu_ms,
-                                            row.error.rms_gray));
-            }
-        plot.add_line(times, errors, ink, "");
-        plot.add_points(times, errors, ink, method, notes);
+            if (row.method == method)
+                curve.add(row.cpu_ms, row.error.rms_gray,
+                          fmt::format("{}: {:.3g} ms, {:.3g} gray", row_name(row), row.cpu_ms,
+                                      row.error.rms_gray));
+        plot.add_curve(curve, ink, method);
     }
     plot.add_level(scene.default_row().error.reference_rms_gray, Ink::gray,
                    "the reference's own standard error");
     return plot;
+}
+
+ordered_json row_json(const BenchRow& row) {
+    ordered_json json = {{"scene", row.scene}, {"method", row.method}, {"setting", row.setting}};
+    for (const RowFigure& figure : row_figures)
+        json[figure.name] = figure.of(row);
+    return json;
 }
 
 ordered_json throughput_json(const Throughput& t) {
@@ -207,20 +233,7 @@ std::string bench_plot(const std::vector<BenchScene>& scenes) {
 }
 
 std::string bench_json(const BenchResult& result) {
-    ordered_json json = {{"etalon", "bench/1"}, {"rows", ordered_json::array()}};
-    for (const BenchScene* scene : all_scenes(result))
-        for (const BenchRow& row : scene->rows)
-            json["rows"].push_back({{"scene", row.scene},
-                                    {"method", row.method},
-                                    {"setting", row.setting},
-                                    {"cpu_ms", row.cpu_ms},
-                                    {"rms", row.error.rms_gray},
-                                    {"p99", row.error.p99_gray},
-                                    {"max", row.error.max_gray},
-                                    {"edge_shift_px", row.error.edge_shift_px},
-                                    {"ns_per_pixel", row.ns_per_pixel},
-                                    {"corrected_rms", row.error.corrected_rms_gray()},
-                                    {"reference_se", row.error.reference_rms_gray}});
+    ordered_json json = {{"etalon", "bench/1"}, {"rows", json_list(all_rows(result), row_json)}};
     for (const BenchScene& scene : result.scenes)
         json["scenes"].push_back({{"scene", scene.name},
                                   {"cache_ms", scene.cache_ms},

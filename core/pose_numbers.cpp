@@ -24,4 +24,15 @@ std::string pose_columns(const Rigid& transform) {
                        v[4], v[5]);
 }
 
+std::string deviation_columns(const Vector6d& deviations) {
+    const Vector6d& v = deviations;
+    return fmt::format("{:9.1e} {:9.1e} {:9.1e} {:9.4f} {:9.4f} {:9.4f}", v[0], v[1], v[2], v[3],
+                       v[4], v[5]);
+}
+
+std::string pose_heading() {
+    return fmt::format("{:>9} {:>9} {:>9} {:>9} {:>9} {:>9}", "rx rad", "ry", "rz", "tx mm", "ty",
+                       "tz");
+}
+
 }  // namespace etalon

@@ -128,23 +128,27 @@ void HtmlPage::add_facts(const Facts& facts) {
 }
 
 void HtmlPage::add_table(const std::vector<std::string>& header, const TableRows& rows) {
+    body_ += table_html(header, rows) + "\n";
+}
+
+std::string table_html(const std::vector<std::string>& header, const TableRows& rows) {
     const std::vector<bool> numeric = numeric_columns(header.size(), rows);
-    body_ += "<div class=\"scroll\"><table><thead><tr>";
+    std::string text = "<div class=\"scroll\"><table><thead><tr>";
     for (std::size_t i = 0; i < header.size(); ++i)
-        body_ +=
+        text +=
             fmt::format("<th{}>{}</th>", numeric[i] ? " class=\"n\"" : "", escape_html(header[i]));
-    body_ += "</tr></thead><tbody>";
+    text += "</tr></thead><tbody>";
     for (const auto& row : rows) {
-        body_ += "<tr>";
+        text += "<tr>";
         for (std::size_t i = 0; i < row.size(); ++i) {
             const bool outcome = row[i] == "PASS" || row[i] == "FAIL";
             const std::string css = i < numeric.size() && numeric[i] ? "n" : outcome ? row[i] : "";
-            body_ += fmt::format("<td{}>{}</td>", css.empty() ? "" : " class=\"" + css + "\"",
-                                 escape_html(row[i]));
+            text += fmt::format("<td{}>{}</td>", css.empty() ? "" : " class=\"" + css + "\"",
+                                escape_html(row[i]));
         }
-        body_ += "</tr>";
+        text += "</tr>";
     }
-    body_ += "</tbody></table></div>\n";
+    return text + "</tbody></table></div>";
 }
 
 void HtmlPage::add_software(const std::vector<SoftwareVersion>& software) {
@@ -157,9 +161,12 @@ void HtmlPage::add_software(const std::vector<SoftwareVersion>& software) {
 void HtmlPage::add_figures(const Figures& figures) {
     body_ += "<div class=\"figures\">";
     for (const Figure& figure : figures)
-        body_ += fmt::format("<figure>{}<figcaption>{}</figcaption></figure>", figure.html,
-                             escape_html(figure.caption));
+        body_ += figure_html(figure.html, escape_html(figure.caption));
     body_ += "</div>\n";
+}
+
+std::string figure_html(const std::string& html, const std::string& caption_html) {
+    return fmt::format("<figure>{}<figcaption>{}</figcaption></figure>", html, caption_html);
 }
 
 void HtmlPage::begin_details(const std::string& summary) {

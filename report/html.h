@@ -55,6 +55,10 @@ private:
     std::string title_, subtitle_, style_, body_;
 };
 
+// What add_table() and add_figures() add, for pages that put it into elements of their own.
+std::string table_html(const std::vector<std::string>& header, const TableRows& rows);
+std::string figure_html(const std::string& html, const std::string& caption_html);
+
 // An <img> with the picture inside it, as PNG (lossless) or as JPEG of the given quality; `alt`
 // says what is seen. The picture is shown without smoothing when it is enlarged.
 std::string embedded_png(const cv::Mat& picture, const std::string& alt);

@@ -5,7 +5,10 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <span>
 #include <string>
+
+#include "report/software_versions.h"
 
 namespace etalon {
 
@@ -14,5 +17,20 @@ std::string text_of(const nlohmann::ordered_json& json, int indent = 2);
 
 // null without a value; nlohmann writes NaN and infinity as null by itself.
 nlohmann::ordered_json optional_number(const std::optional<double>& value);
+
+// An array of what `json_of` makes of each.
+template <class List, class Function, class Json = nlohmann::ordered_json>
+Json json_list(const List& list, Function json_of) {
+    Json array = Json::array();
+    for (const auto& each : list)
+        array.push_back(json_of(each));
+    return array;
+}
+
+nlohmann::ordered_json software_json(std::span<const SoftwareVersion> software);
+
+// The first entry in which two objects differ, its path inside; empty if none does.
+std::string first_difference(const nlohmann::ordered_json& there,
+                             const nlohmann::ordered_json& asked);
 
 }  // namespace etalon

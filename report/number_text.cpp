@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace etalon {
@@ -20,6 +21,12 @@ std::string significant(double value, int digits, const char* missing) {
 
 std::string significant(const std::optional<double>& value, int digits, const char* missing) {
     return value ? significant(*value, digits, missing) : missing;
+}
+
+int decimals_of(double uncertainty) {
+    if (!(uncertainty > 0.0))
+        return 6;
+    return std::clamp(1 - static_cast<int>(std::floor(std::log10(uncertainty))), 0, 12);
 }
 
 std::string counted(std::size_t count, const std::string& noun) {

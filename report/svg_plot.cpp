@@ -14,24 +14,21 @@ namespace {
 
 constexpr double left = 62, right = 14, bottom = 44;  // margins, px; the upper one is the legend's
 
+// By ink: the class of the page's style sheet (report/html.cpp), and the colour of a file without a
+// page.
+struct InkStyle {
+    const char *css_class, *colour;
+};
+constexpr std::array<InkStyle, 7> ink_styles{{{"blue", "#0072b2"},
+                                              {"orange", "#e69f00"},
+                                              {"green", "#009e73"},
+                                              {"red", "#d55e00"},
+                                              {"purple", "#aa4f8b"},
+                                              {"sky", "#3f9fd8"},
+                                              {"gray", "#8a949b"}}};
+
 const char* css_class(Ink ink) {
-    switch (ink) {
-        case Ink::blue:
-            return "blue";
-        case Ink::orange:
-            return "orange";
-        case Ink::green:
-            return "green";
-        case Ink::red:
-            return "red";
-        case Ink::purple:
-            return "purple";
-        case Ink::sky:
-            return "sky";
-        case Ink::gray:
-            return "gray";
-    }
-    return "gray";
+    return ink_styles.at(static_cast<std::size_t>(ink)).css_class;
 }
 
 // The step of 1, 2 or 5 times a power of ten that gives at most `most` ticks.
@@ -88,14 +85,9 @@ std::string stand_alone_style() {
     std::string style =
         "<style>.plot{font:12px 'DejaVu Sans',Arial,sans-serif}.plot text{fill:#222}"
         ".plot .grid{stroke:#ddd}.plot .axis{stroke:#888;fill:none}.plot .area{opacity:.2}";
-    for (const auto& [ink, colour] :
-         {std::pair(Ink::blue, "#0072b2"), std::pair(Ink::orange, "#e69f00"),
-          std::pair(Ink::green, "#009e73"), std::pair(Ink::red, "#d55e00"),
-          std::pair(Ink::purple, "#aa4f8b"), std::pair(Ink::sky, "#3f9fd8"),
-          std::pair(Ink::gray, "#8a949b")})
-        style +=
-            fmt::format(".{0} .mark,.{0} .area{{fill:{1}}}.{0} .stroke{{stroke:{1};fill:none}}",
-                        css_class(ink), colour);
+    for (const auto& [name, colour] : ink_styles)
+        style += fmt::format(
+            ".{0} .mark,.{0} .area{{fill:{1}}}.{0} .stroke{{stroke:{1};fill:none}}", name, colour);
     return style + "</style><rect width='100%' height='100%' fill='#fff'/>";
 }
 
@@ -174,8 +166,8 @@ struct SvgPlot::Frame {
     void equalise_scales();
 };
 
-SvgPlot::SvgPlot(std::string x_label, std::string y_label)
-    : x_label_(std::move(x_label)), y_label_(std::move(y_label)) {}
+SvgPlot::SvgPlot(std::string x_label, std::string y_label, int width, int height)
+    : x_label_(std::move(x_label)), y_label_(std::move(y_label)), width_(width), height_(height) {}
 
 void SvgPlot::set_size(int width, int height) {
     width_ = width;
@@ -240,6 +232,11 @@ void SvgPlot::add_line(const Series& series, Ink ink, const std::string& name) {
     add_line(series.xs, series.ys, ink, name);
 }
 
+void SvgPlot::add_curve(const Series& series, Ink ink, const std::string& name) {
+    add_line(series, ink, "");
+    add_points(series, ink, name);
+}
+
 void SvgPlot::add_band(const Series& series, Ink ink, const std::string& name) {
     add_band(series.xs, series.lows, series.highs, ink, name);
 }
@@ -254,7 +251,8 @@ void SvgPlot::add_arrows(const Arrows& arrows, double magnification, Ink ink,
     layers_.push_back(std::move(layer));
 }
 
-void SvgPlot::add_image_border(int width, int height) {
+void SvgPlot::show_image(int width, int height) {
+    image_axes_ = true;
     const double x = width - 0.5, y = height - 0.5;
     add_line(std::array{-0.5, x, x, -0.5, -0.5}, std::array{-0.5, -0.5, y, y, -0.5}, Ink::gray, "");
 }

@@ -45,9 +45,8 @@ struct Arrows {
 
 class SvgPlot {
 public:
-    SvgPlot(std::string x_label, std::string y_label);
-
     // Size in CSS pixels; the picture scales with the page.
+    SvgPlot(std::string x_label, std::string y_label, int width = 640, int height = 320);
     void set_size(int width, int height);
     // Equal scales on both axes (maps), y growing downwards as in an image.
     void set_image_axes();
@@ -73,10 +72,12 @@ public:
     void add_points(const Series& series, Ink ink, const std::string& name);
     void add_line(const Series& series, Ink ink, const std::string& name);
     void add_band(const Series& series, Ink ink, const std::string& name);
+    // A line and its points.
+    void add_curve(const Series& series, Ink ink, const std::string& name);
     // Each as long as `magnification` times its own length.
     void add_arrows(const Arrows& arrows, double magnification, Ink ink, const std::string& name);
-    // The border of an image of this size, which makes the plot show all of it.
-    void add_image_border(int width, int height);
+    // Image axes, and the border of an image of this size, so that the plot shows all of it.
+    void show_image(int width, int height);
     // A dashed line across the plot with a label, for limits.
     void add_level(double y, Ink ink, const std::string& label);
 
@@ -111,7 +112,7 @@ private:
     std::string legend() const;
 
     std::string x_label_, y_label_;
-    int width_ = 640, height_ = 320;
+    int width_, height_;
     bool image_axes_ = false, log_x_ = false, log_y_ = false;
     std::optional<std::pair<double, double>> y_range_;
     std::vector<std::string> categories_;

@@ -21,20 +21,20 @@ constexpr const char* kind = "study-record/1";
 constexpr const char* file_name = "study.json";
 
 ordered_json json_of(const StudyDescription& description) {
-    ordered_json detectors = ordered_json::array(), axes = ordered_json::array();
-    for (const auto& one : description.detectors)
-        detectors.push_back(
-            {{"name", one.name}, {"detector", one.detector}, {"marker", one.marker}});
-    for (const StudyAxis& axis : description.axes)
-        axes.push_back({{"name", axis.name}, {"unit", axis.unit}});
+    const auto detector_json = [](const StudyDescription::DetectorEntry& one) -> ordered_json {
+        return {{"name", one.name}, {"detector", one.detector}, {"marker", one.marker}};
+    };
+    const auto axis_json = [](const StudyAxis& axis) -> ordered_json {
+        return {{"name", axis.name}, {"unit", axis.unit}};
+    };
     return {{"etalon", kind},
             {"id", description.id},
             {"camera", description.camera},
             {"poses", description.poses},
             {"volume", description.volume},
-            {"detectors", detectors},
+            {"detectors", json_list(description.detectors, detector_json)},
             {"variants", description.variants},
-            {"axes", axes},
+            {"axes", json_list(description.axes, axis_json)},
             {"made_from", ordered_json::parse(description.made_from)},
             {"shard", {description.shard.index, description.shard.count}}};
 }
@@ -56,18 +56,6 @@ StudyDescription description_of(const ordered_json& json) {
     if (shard.index < 1 || shard.index > shard.count || description.rows_per_pose() == 0)
         throw ConfigError({file_name}, "describes no study");
     return description;
-}
-
-// The first entry of the two that differs, its path inside; empty if none does.
-std::string first_difference(const ordered_json& there, const ordered_json& asked) {
-    for (const auto& [key, value] : asked.items())
-        if (!there.contains(key))
-            return key;
-        else if (there[key] != value && value.is_object() && there[key].is_object())
-            return key + "." + first_difference(there[key], value);
-        else if (there[key] != value)
-            return key;
-    return there.size() == asked.size() ? "" : "number of entries";
 }
 
 std::string camera_words(const CameraModel& camera) {

@@ -27,10 +27,8 @@ void draw(SvgPlot& plot, const std::vector<Series>& curves,
           std::span<const BinnedDetector> detectors) {
     for (std::size_t i = 0; i < curves.size(); ++i)
         plot.add_band(curves[i], inks[i % inks.size()], "");
-    for (std::size_t i = 0; i < curves.size(); ++i) {
-        plot.add_line(curves[i], inks[i % inks.size()], detectors[i].name);
-        plot.add_points(curves[i], inks[i % inks.size()], "");
-    }
+    for (std::size_t i = 0; i < curves.size(); ++i)
+        plot.add_curve(curves[i], inks[i % inks.size()], detectors[i].name);
 }
 
 Series rate_curve(const BinnedDetector& detector) {
@@ -76,8 +74,7 @@ bool spans_a_decade(const std::vector<Series>& curves) {
 }  // namespace
 
 SvgPlot detection_rate_plot(const std::string& axis, std::span<const BinnedDetector> detectors) {
-    SvgPlot plot(axis, "detected / %");
-    plot.set_size(plot_width, plot_height);
+    SvgPlot plot(axis, "detected / %", plot_width, plot_height);
     plot.set_y_range(0.0, 103.0);
     std::vector<Series> curves;
     for (const BinnedDetector& detector : detectors)
@@ -89,8 +86,8 @@ SvgPlot detection_rate_plot(const std::string& axis, std::span<const BinnedDetec
 SvgPlot median_error_plot(const std::string& axis, std::size_t measure,
                           std::span<const BinnedDetector> detectors) {
     const MeasureName& name = error_measures.at(measure);
-    SvgPlot plot(axis, fmt::format("median |{} error| / {}", name.name, name.unit));
-    plot.set_size(plot_width, plot_height);
+    SvgPlot plot(axis, fmt::format("median |{} error| / {}", name.name, name.unit), plot_width,
+                 plot_height);
     std::vector<Series> curves;
     for (const BinnedDetector& detector : detectors)
         curves.push_back(median_curve(detector, measure));

@@ -17,6 +17,7 @@
 #include "station/calibrate/calibration_report.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
+#include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {
@@ -169,8 +170,7 @@ void print_words(const CalibrationRun& run, const std::filesystem::path& report)
     fmt::print("model {}\n", calibration.model.name);
     if (run.refinement)
         fmt::print("photometric refinement {}\n", run.refinement->in_words());
-    if (!report.empty())
-        fmt::print("report {}\n", (report / "report.html").string());
+    print_report(report);
 }
 
 }  // namespace

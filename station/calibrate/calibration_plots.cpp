@@ -15,10 +15,8 @@ namespace {
 constexpr int map_width = 560, map_height = 440;
 
 SvgPlot image_plot(const CameraModel& camera) {
-    SvgPlot plot("x / px", "y / px");
-    plot.set_size(map_width, map_height);
-    plot.set_image_axes();
-    plot.add_image_border(camera.width, camera.height);
+    SvgPlot plot("x / px", "y / px", map_width, map_height);
+    plot.show_image(camera.width, camera.height);
     return plot;
 }
 
@@ -76,12 +74,9 @@ HtmlPage::Figure model_figure(const CameraCalibration& calibration) {
             left_out.add(score.parameters, *error,
                          fmt::format("{}: {:.4f} px left out", score.model, *error));
     }
-    SvgPlot plot("free parameters of the camera", "error / px");
-    plot.set_size(map_width, map_height);
-    plot.add_line(fitted, Ink::gray, "");
-    plot.add_points(fitted, Ink::gray, "in the fit");
-    plot.add_line(left_out, Ink::blue, "");
-    plot.add_points(left_out, Ink::blue, "on photos left out");
+    SvgPlot plot("free parameters of the camera", "error / px", map_width, map_height);
+    plot.add_curve(fitted, Ink::gray, "in the fit");
+    plot.add_curve(left_out, Ink::blue, "on photos left out");
     return {plot.svg(),
             "Error of each model, those left out of the picture that are far worse. More "
             "parameters always fit better; where the blue line turns up, they follow the photos "
@@ -100,8 +95,7 @@ HtmlPage::Figure deviation_figure(const CameraCalibration& calibration) {
         if (each.bootstrap)
             bootstrap.add(i + 0.12, *each.bootstrap / each.formal);
     }
-    SvgPlot plot("", "standard deviation / formal one");
-    plot.set_size(map_width, map_height);
+    SvgPlot plot("", "standard deviation / formal one", map_width, map_height);
     plot.add_bars(names, std::vector<double>(names.size(), 1.0), Ink::gray);
     plot.add_points(robust, Ink::blue, "cluster-robust");
     plot.add_points(bootstrap, Ink::orange, "bootstrap");
@@ -118,8 +112,7 @@ HtmlPage::Figure photo_figure(const CalibrationRun& run) {
         left_out.push_back(view.left_out_rms_px.value_or(0.0));
     }
     const std::vector<std::string> labels = short_labels(run.photos);
-    SvgPlot plot("photo", "error / px");
-    plot.set_size(map_width, map_height);
+    SvgPlot plot("photo", "error / px", map_width, map_height);
     plot.add_bars(labels, left_out, Ink::orange);
     plot.add_bars(labels, fitted, Ink::blue);
     return {plot.svg(),
@@ -187,8 +180,8 @@ HtmlPage::Figure radial_figure(const CalibrationRun& run) {
         if (counts[ring] >= least_for_a_mean)
             ring_means.add((static_cast<double>(ring) + 0.5) / rings * corner,
                            sums[ring] / counts[ring]);
-    SvgPlot plot("distance from the principal point / px", "outward residual / px");
-    plot.set_size(map_width, map_height);
+    SvgPlot plot("distance from the principal point / px", "outward residual / px", map_width,
+                 map_height);
     plot.add_points(radial, Ink::blue, "corner");
     plot.add_line(ring_means, Ink::orange, "mean of a ring");
     return {plot.svg(),

@@ -7,11 +7,11 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "core/pose_numbers.h"
 #include "core/text.h"
 #include "report/csv.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
-#include "report/software_versions.h"
 
 namespace etalon {
 namespace {
@@ -180,26 +180,22 @@ ordered_json parameters_json(const CameraCalibration& calibration) {
     return json;
 }
 
-ordered_json models_json(const CalibrationRun& run) {
-    ordered_json json = ordered_json::array();
-    for (const ModelScore& score : run.calibration.advice.models) {
-        ordered_json entry = {{"model", score.model}, {"parameters", score.parameters}};
-        if (score.fit) {
-            entry["rms_px"] = score.rms_px;
-            entry["condition_number"] = score.fit->condition_number;
-        }
-        if (score.leave_one_out_rms_px) {
-            entry["leave_one_out_rms_px"] = *score.leave_one_out_rms_px;
-            entry["above_best_px2"] = score.above_best;
-            entry["above_best_standard_error_px2"] = score.above_best_error;
-        }
-        if (!score.failure.empty())
-            entry["failure"] = score.failure;
-        if (score.failed_view)
-            entry["photo_not_predicted"] = run.photos[*score.failed_view];
-        entry["overfits"] = score.overfits;
-        json.push_back(entry);
+ordered_json model_json(const CalibrationRun& run, const ModelScore& score) {
+    ordered_json json = {{"model", score.model}, {"parameters", score.parameters}};
+    if (score.fit) {
+        json["rms_px"] = score.rms_px;
+        json["condition_number"] = score.fit->condition_number;
     }
+    if (score.leave_one_out_rms_px) {
+        json["leave_one_out_rms_px"] = *score.leave_one_out_rms_px;
+        json["above_best_px2"] = score.above_best;
+        json["above_best_standard_error_px2"] = score.above_best_error;
+    }
+    if (!score.failure.empty())
+        json["failure"] = score.failure;
+    if (score.failed_view)
+        json["photo_not_predicted"] = run.photos[*score.failed_view];
+    json["overfits"] = score.overfits;
     return json;
 }
 
@@ -231,9 +227,8 @@ ordered_json photos_json(const CalibrationRun& run) {
                               {"corners", view.left_out.size()},
                               {"corners_left_out", count_left_out(view)}};
         if (view.camera_from_target) {
-            const Vector6d pose = vector_from_rigid(*view.camera_from_target);
             entry["rms_px"] = view.rms_px;
-            entry["camera_from_target"] = std::vector<double>(pose.begin(), pose.end());
+            entry["camera_from_target"] = pose_numbers(*view.camera_from_target);
         }
         if (view.left_out_rms_px)
             entry["left_out_rms_px"] = *view.left_out_rms_px;
@@ -257,17 +252,10 @@ ordered_json refinement_json(const PhotometricRefinement& refinement) {
             {"value", values[parameter_index(deviation.name)]},
             {"standard_deviation",
              {{"formal", deviation.formal}, {"cluster_robust", deviation.cluster_robust}}}};
-    json["photos"] = ordered_json::array();
-    for (const RefinedPhoto& photo : refinement.photos)
-        json["photos"].push_back({{"corners_rms_gray", photo.corners_rms_gray},
-                                  {"refined_rms_gray", photo.refined_rms_gray}});
-    return json;
-}
-
-ordered_json software_json() {
-    ordered_json json;
-    for (const SoftwareVersion& each : software_versions())
-        json[each.name] = each.version;
+    json["photos"] = json_list(refinement.photos, [](const RefinedPhoto& photo) {
+        return ordered_json{{"corners_rms_gray", photo.corners_rms_gray},
+                            {"refined_rms_gray", photo.refined_rms_gray}};
+    });
     return json;
 }
 
@@ -278,10 +266,7 @@ std::string short_name(const std::string& photo) {
 }
 
 std::string with_uncertainty(double value, double deviation) {
-    if (!(deviation > 0.0))
-        return exact(value);
-    const int decimals = 1 - static_cast<int>(std::floor(std::log10(deviation)));
-    return fmt::format("{:.{}f}", value, std::clamp(decimals, 0, 12));
+    return deviation > 0.0 ? fixed(value, decimals_of(deviation)) : exact(value);
 }
 
 const ModelScore& chosen_score(const CameraCalibration& calibration) {
@@ -334,7 +319,8 @@ std::string calibration_json(const CalibrationRun& run) {
     json["corners_left_out"] = calibration.points_left_out();
     json["photos_left_out"] = calibration.views.size() - photos_used(calibration);
     json["parameters"] = parameters_json(calibration);
-    json["models"] = models_json(run);
+    json["models"] = json_list(run.calibration.advice.models,
+                               [&](const auto& score) { return model_json(run, score); });
     json["projection_uncertainty"] = uncertainty_json(calibration.uncertainty);
     if (calibration.halves)
         json["halves"] = halves_json(*calibration.halves);
@@ -343,29 +329,32 @@ std::string calibration_json(const CalibrationRun& run) {
     json["photos"] = photos_json(run);
     json["photos_without_target"] = run.without_target;
     json["remarks"] = calibration_remarks(run);
-    json["software"] = software_json();
+    json["software"] = software_json(software_versions());
     return text_of(json);
 }
 
 void write_corners_csv(const std::filesystem::path& path, const CalibrationRun& run) {
-    std::string text = "photo,id,x_mm,y_mm,x_px,y_px,residual_x_px,residual_y_px,left_out\n";
+    CsvTable table;
+    const auto point = [&](const char* x, const char* y, const std::optional<Eigen::Vector2d>& at) {
+        table.number(x, at ? std::optional(at->x()) : std::nullopt);
+        table.number(y, at ? std::optional(at->y()) : std::nullopt);
+    };
     for (std::size_t v = 0; v < run.views.size(); ++v) {
         const CalibrationView& view = run.views[v];
+        const CalibratedView& calibrated = run.calibration.views[v];
         for (std::size_t i = 0; i < view.pixels.size(); ++i) {
-            const CalibratedView& calibrated = run.calibration.views[v];
-            const std::string residual =
-                calibrated.camera_from_target
-                    ? fmt::format("{},{}", exact(calibrated.residuals_px[i].x()),
-                                  exact(calibrated.residuals_px[i].y()))
-                    : ",";  // no pose, no residuals
-            text += fmt::format("{},{},{},{},{},{},{},{}\n", csv_text(run.photos[v]),
-                                view.ids.empty() ? static_cast<int>(i) : view.ids[i],
-                                exact(view.points_mm[i].x()), exact(view.points_mm[i].y()),
-                                exact(view.pixels[i].x()), exact(view.pixels[i].y()), residual,
-                                calibrated.left_out[i] ? 1 : 0);
+            table.text("photo", run.photos[v]);
+            table.number("id", view.ids.empty() ? static_cast<double>(i) : view.ids[i]);
+            point("x_mm", "y_mm", view.points_mm[i].head<2>());
+            point("x_px", "y_px", view.pixels[i]);
+            point("residual_x_px", "residual_y_px",
+                  calibrated.camera_from_target ? std::optional(calibrated.residuals_px[i])
+                                                : std::nullopt);  // no pose, no residuals
+            table.number("left_out", calibrated.left_out[i] ? 1 : 0);
+            table.end_row();
         }
     }
-    write_text(path, text);
+    write_text(path, table.finish());
 }
 
 }  // namespace etalon

@@ -16,6 +16,7 @@
 #include "station/calibrate/characterise_report.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
+#include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {
@@ -143,15 +144,55 @@ ordered_json values_json(const Characterisation& result) {
     return json;
 }
 
+ordered_json json_of(const TransferCandidate& candidate) {
+    return {{"kind", word(candidate.kind)},
+            {"chi_square", candidate.chi_square},
+            {"degrees_of_freedom", candidate.degrees_of_freedom},
+            {"bic", candidate.information_criterion}};
+}
+
+ordered_json json_of(const NoiseLevel& level) {
+    return {{"signal_dn", level.signal_dn},
+            {"variance_dn2", level.variance_dn2},
+            {"standard_uncertainty_dn2", level.standard_uncertainty_dn2},
+            {"used", level.is_used}};
+}
+
+ordered_json json_of(const NotMeasured& missing) {
+    return {{"quantity", missing.quantity},
+            {"reason", missing.reason},
+            {"refused", missing.was_refused}};
+}
+
+ordered_json json_of(const ModulationRow& row) {
+    return {row.cycles_per_px, row.modulation, row.standard_uncertainty};
+}
+
+ordered_json json_of(const std::optional<BlurWidth>& zone) {
+    return zone ? ordered_json{{"sigma_px", zone->sigma_px},
+                               {"standard_uncertainty", zone->standard_uncertainty_px},
+                               {"edges", zone->edges}}
+                : ordered_json(nullptr);
+}
+
+ordered_json json_of(const EdgeModulation& at) {
+    return {{"photo", at.photo},
+            {"centre_px", {at.centre_px.x(), at.centre_px.y()}},
+            {"angle_deg", at.edge.angle_deg},
+            {"mtf50_cycles_per_px", at.edge.mtf50_cycles_per_px},
+            {"at_nyquist", at.edge.at_nyquist},
+            {"rows",
+             json_list(at.edge.modulation, [](const ModulationRow& row) { return json_of(row); })}};
+}
+
+template <class List>
+ordered_json list_of(const List& list) {
+    return json_list(list, [](const auto& each) { return json_of(each); });
+}
+
 ordered_json transfer_json(const TransferEstimate& estimate) {
-    ordered_json candidates = ordered_json::array();
-    for (const TransferCandidate& candidate : estimate.candidates)
-        candidates.push_back({{"kind", word(candidate.kind)},
-                              {"chi_square", candidate.chi_square},
-                              {"degrees_of_freedom", candidate.degrees_of_freedom},
-                              {"bic", candidate.information_criterion}});
     ordered_json json = {{"kind", word(estimate.transfer.kind)},
-                         {"candidates", candidates},
+                         {"candidates", list_of(estimate.candidates)},
                          {"lowest_code", estimate.lowest_code},
                          {"highest_code", estimate.highest_code},
                          {"saturation_code", estimate.saturation_code}};
@@ -161,12 +202,6 @@ ordered_json transfer_json(const TransferEstimate& estimate) {
 }
 
 ordered_json photon_transfer_json(const PhotonTransfer& photon) {
-    ordered_json levels = ordered_json::array();
-    for (const NoiseLevel& level : photon.levels)
-        levels.push_back({{"signal_dn", level.signal_dn},
-                          {"variance_dn2", level.variance_dn2},
-                          {"standard_uncertainty_dn2", level.standard_uncertainty_dn2},
-                          {"used", level.is_used}});
     return {{"reduced_chi_square", photon.reduced_chi_square},
             {"degrees_of_freedom", photon.degrees_of_freedom},
             {"covariance_gain_read_noise", photon.covariance(0, 1)},
@@ -174,7 +209,7 @@ ordered_json photon_transfer_json(const PhotonTransfer& photon) {
             {"shift_px", photon.shift_px},
             {"noise_correlation", photon.noise_correlation},
             {"saturation_code", photon.saturation_code},
-            {"levels", levels}};
+            {"levels", list_of(photon.levels)}};
 }
 
 ordered_json illumination_json(const Characterisation& result) {
@@ -192,46 +227,11 @@ ordered_json illumination_json(const Characterisation& result) {
             {"farthest_radius", estimate.farthest_radius}};
 }
 
-ordered_json modulation_json(const Characterisation& result) {
-    ordered_json json = ordered_json::array();
-    for (const EdgeModulation& at : result.modulation) {
-        ordered_json rows = ordered_json::array();
-        for (const ModulationRow& row : at.edge.modulation)
-            rows.push_back({row.cycles_per_px, row.modulation, row.standard_uncertainty});
-        json.push_back({{"photo", at.photo},
-                        {"centre_px", {at.centre_px.x(), at.centre_px.y()}},
-                        {"angle_deg", at.edge.angle_deg},
-                        {"mtf50_cycles_per_px", at.edge.mtf50_cycles_per_px},
-                        {"at_nyquist", at.edge.at_nyquist},
-                        {"rows", rows}});
-    }
-    return json;
-}
-
-ordered_json zones_json(const PointSpreadEstimate& spread) {
-    ordered_json json = ordered_json::array();
-    for (const auto& zone : spread.zones)
-        json.push_back(zone ? ordered_json{{"sigma_px", zone->sigma_px},
-                                           {"standard_uncertainty", zone->standard_uncertainty_px},
-                                           {"edges", zone->edges}}
-                            : ordered_json(nullptr));
-    return json;
-}
-
-ordered_json not_measured_json(const Characterisation& result) {
-    ordered_json json = ordered_json::array();
-    for (const NotMeasured& missing : result.not_measured)
-        json.push_back({{"quantity", missing.quantity},
-                        {"reason", missing.reason},
-                        {"refused", missing.was_refused}});
-    return json;
-}
-
 void print_json(const CharacteriseArguments& arguments, const Characterisation& result) {
     ordered_json json = {
         {"etalon", "characterisation/1"}, {"camera", arguments.out.string()},
         {"target", arguments.target},     {"photos_with_target", result.photos_with_target},
-        {"values", values_json(result)},  {"not_measured", not_measured_json(result)},
+        {"values", values_json(result)},  {"not_measured", list_of(result.not_measured)},
         {"remarks", result.remarks}};
     if (result.transfer)
         json["transfer"] = transfer_json(*result.transfer);
@@ -240,8 +240,8 @@ void print_json(const CharacteriseArguments& arguments, const Characterisation& 
     if (result.illumination)
         json["illumination"] = illumination_json(result);
     if (result.point_spread)
-        json["psf_zones"] = zones_json(*result.point_spread);
-    json["modulation"] = modulation_json(result);
+        json["psf_zones"] = list_of(result.point_spread->zones);
+    json["modulation"] = list_of(result.modulation);
     std::puts(text_of(json).c_str());
 }
 
@@ -260,8 +260,7 @@ int run_characterise(const CharacteriseArguments& arguments) {
     } else {
         print_words(result);
         fmt::print("camera {}\n", arguments.out.string());
-        if (!arguments.report.empty())
-            fmt::print("report {}\n", (arguments.report / "report.html").string());
+        print_report(arguments.report);
     }
     return result.was_anything_refused() ? ExitCode::inconclusive : 0;
 }

@@ -15,13 +15,6 @@
 namespace etalon {
 namespace {
 
-// Decimals that show two digits of U.
-int decimals_of(double expanded) {
-    if (!(expanded > 0.0))
-        return 6;
-    return std::clamp(1 - static_cast<int>(std::floor(std::log10(expanded))), 0, 9);
-}
-
 void add_values(HtmlPage& page, const Characterisation& result) {
     page.add_heading("What was measured");
     TableRows rows;

@@ -20,7 +20,6 @@ struct DetectArguments {
     bool json = false;
 };
 int run_detect(const DetectArguments& arguments);
-int run_photometric_detect(const DetectArguments& arguments);
 
 struct CompareArguments {
     std::filesystem::path camera, out;

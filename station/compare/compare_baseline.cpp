@@ -1,10 +1,12 @@
 #include "station/compare/compare_baseline.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include "compare/verdict/pose_bias.h"
 #include "core/distributions.h"
@@ -31,19 +33,12 @@ Rigid pose_of(const Value& fit) {
     return rigid_from_vector(Eigen::Map<const Vector6d>(pose.data()));
 }
 
-void read_calibrated(const Value& fit, PhotoSummary& photo) {
-    photo.camera_from_marker = pose_of(fit);
-    photo.residual_gray = fit.at("scored").at("rms_gray").number(believable);
-    photo.psf_sigma_px = figure(fit.at("photometric_model"), "psf_sigma_px");
+void read_fit(const Value& fit, std::optional<Rigid>& pose, std::optional<double>& residual_gray,
+              std::optional<double>& edge_shift_px) {
+    pose = pose_of(fit);
+    residual_gray = fit.at("scored").at("rms_gray").number(believable);
     if (const auto edges = fit.find("edges"))
-        photo.edge_shift_px = figure(*edges, "shift_rms_px");
-}
-
-void read_refined(const Value& fit, PhotoSummary& photo) {
-    photo.refined_from_marker = pose_of(fit);
-    photo.refined_residual_gray = fit.at("scored").at("rms_gray").number(believable);
-    if (const auto edges = fit.find("edges"))
-        photo.refined_edge_shift_px = figure(*edges, "shift_rms_px");
+        edge_shift_px = figure(*edges, "shift_rms_px");
 }
 
 PhotoSummary read_photo_summary(const Value& entry) {
@@ -52,10 +47,13 @@ PhotoSummary read_photo_summary(const Value& entry) {
     if (photo.name.empty())
         entry.at("photo").fail("names no file");
     photo.outcome = entry.at("outcome").text();
-    if (const auto calibrated = entry.find("calibrated"))
-        read_calibrated(*calibrated, photo);
-    if (const auto refined = entry.find("refined"))
-        read_refined(*refined, photo);
+    if (const auto fit = entry.find("calibrated")) {
+        read_fit(*fit, photo.camera_from_marker, photo.residual_gray, photo.edge_shift_px);
+        photo.psf_sigma_px = figure(fit->at("photometric_model"), "psf_sigma_px");
+    }
+    if (const auto fit = entry.find("refined"))
+        read_fit(*fit, photo.refined_from_marker, photo.refined_residual_gray,
+                 photo.refined_edge_shift_px);
     return photo;
 }
 
@@ -124,10 +122,7 @@ std::vector<Samples> pose_samples(const std::string& what, std::optional<Rigid> 
 }
 
 double mean(const std::vector<double>& values) {
-    double sum = 0.0;
-    for (const double value : values)
-        sum += value;
-    return sum / static_cast<double>(values.size());
+    return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
 // Bonferroni: each of `quantities` intervals misses with a probability of (1 - confidence) /
@@ -165,13 +160,6 @@ std::vector<PairedChange> paired_changes(const std::vector<PhotoPair>& pairs) {
 }
 
 // ---- words ----------------------------------------------------------------------------------
-
-std::string joined(const std::vector<std::string>& names) {
-    std::string text;
-    for (const std::string& name : names)
-        text += (text.empty() ? "" : ", ") + name;
-    return text;
-}
 
 std::string text_line(const PairedChange& change) {
     const std::string interval =
@@ -261,12 +249,11 @@ BaselineChange compare_with_baseline(const ComparisonSummary& earlier, const Com
 std::string baseline_text(const BaselineChange& change) {
     std::string text =
         fmt::format("since {}: {} photos paired\n", change.folder.string(), change.pairs.size());
-    if (!change.only_now.empty())
-        text += "  only now: " + joined(change.only_now) + "\n";
-    if (!change.only_earlier.empty())
-        text += "  only then: " + joined(change.only_earlier) + "\n";
-    if (!change.ambiguous.empty())
-        text += "  not paired, two of a name: " + joined(change.ambiguous) + "\n";
+    for (const auto& [what, names] :
+         {std::pair("only now", &change.only_now), std::pair("only then", &change.only_earlier),
+          std::pair("not paired, two of a name", &change.ambiguous)})
+        if (!names->empty())
+            text += fmt::format("  {}: {}\n", what, fmt::join(*names, ", "));
     for (const PairedChange& quantity : change.quantities)
         text += text_line(quantity);
     return text;

@@ -13,6 +13,7 @@
 #include "station/compare/edge_plots.h"
 #include "station/compare/photo_comparer.h"
 #include "station/shell/command.h"
+#include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {
@@ -125,13 +126,6 @@ std::vector<ComparedPhoto> find_poses(const CompareArguments& arguments, const J
     return photos;
 }
 
-void create_folder(const std::filesystem::path& folder) {
-    std::error_code error;
-    std::filesystem::create_directories(folder, error);
-    if (error)
-        throw ConfigError({"--out"}, folder.string() + " cannot be made: " + error.message());
-}
-
 [[noreturn]] void fail_without_photos(const Comparison& comparison) {
     const ComparedPhoto& first = comparison.photos.front();
     throw NumericalError(fmt::format("none of {} photographs could be compared ({}: {})",
@@ -160,7 +154,7 @@ void compare_all(const CompareArguments& arguments, const Job& job, Comparison& 
         fail_without_photos(comparison);
     const PhotoComparer comparer(job.marker, job.area, job.camera,
                                  depth_range(comparison.photos, job.area));
-    create_folder(arguments.out);
+    make_out_folder(arguments.out);
     comparison.profiles = comparer.empty_profiles();
     for (std::size_t i = 0; i < comparison.photos.size(); ++i) {
         ComparedPhoto& photo = comparison.photos[i];
@@ -209,11 +203,9 @@ void print_more(const Comparison& comparison) {
     fmt::print("matched {} of {} photos\n", comparison.matched(), comparison.photos.size());
     if (const auto refined = comparison.refined_mean_rms_gray())
         fmt::print("residual at the refined poses {:.1f} gray\n", *refined);
-    const auto before = comparison.edges(&ComparedPhoto::calibrated, true);
-    const auto after = comparison.edges(&ComparedPhoto::refined, true);
-    if (!before.empty() && !after.empty())
+    if (const auto edges = comparison.edge_summaries())
         fmt::print("edge shift {:.3f} px, {:.3f} px at the refined poses\n",
-                   edge_summary(before).shift.rms_px, edge_summary(after).shift.rms_px);
+                   edges->first.shift.rms_px, edges->second.shift.rms_px);
 }
 
 void print_result(const CompareArguments& arguments, const Comparison& comparison) {
@@ -226,7 +218,7 @@ void print_result(const CompareArguments& arguments, const Comparison& compariso
         return;
     }
     fmt::print("mean residual {:.1f} gray over {} photos\n", comparison.mean_rms_gray(), compared);
-    fmt::print("report {}\n", (arguments.out / "report.html").string());
+    print_report(arguments.out);
     print_more(comparison);
     if (comparison.baseline)
         fmt::print("{}", baseline_text(*comparison.baseline));

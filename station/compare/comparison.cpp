@@ -19,6 +19,17 @@ double mean_over(const Comparison& comparison, Function value) {
     return sum / static_cast<double>(std::max<std::size_t>(comparison.compared(), 1));
 }
 
+// Pose, residual and edge shift of a fit, if there is one.
+void summarise_fit(const std::optional<ComparedFit>& fit, std::optional<Rigid>& pose,
+                   std::optional<double>& residual_gray, std::optional<double>& edge_shift_px) {
+    if (!fit)
+        return;
+    pose = fit->camera_from_marker;
+    residual_gray = fit->scored.rms_gray;
+    if (fit->edge_summary.edges > 0)
+        edge_shift_px = fit->edge_summary.shift.rms_px;
+}
+
 }  // namespace
 
 const char* ComparedPhoto::outcome() const {
@@ -118,6 +129,18 @@ std::vector<EdgeShift> Comparison::edges(std::optional<ComparedFit> ComparedPhot
     return all;
 }
 
+double Comparison::mean_psf_sigma_px() const {
+    return mean_over(*this, [](const auto& photo) { return photo.calibrated->model.psf_sigma_px; });
+}
+
+std::optional<std::pair<EdgeSummary, EdgeSummary>> Comparison::edge_summaries() const {
+    const std::vector<EdgeShift> before = edges(&ComparedPhoto::calibrated, true);
+    const std::vector<EdgeShift> after = edges(&ComparedPhoto::refined, true);
+    if (before.empty() || after.empty())
+        return std::nullopt;
+    return std::pair(edge_summary(before), edge_summary(after));
+}
+
 std::vector<std::string> blind_spots(const Comparison& comparison) {
     std::vector<std::string> spots;
     const CameraModel& camera = comparison.camera;
@@ -175,19 +198,12 @@ ComparisonSummary summary_of(const Comparison& comparison) {
         PhotoSummary entry;
         entry.name = photo.photo.filename().string();
         entry.outcome = photo.outcome();
-        if (photo.calibrated) {
-            entry.camera_from_marker = photo.calibrated->camera_from_marker;
-            entry.residual_gray = photo.calibrated->scored.rms_gray;
+        summarise_fit(photo.calibrated, entry.camera_from_marker, entry.residual_gray,
+                      entry.edge_shift_px);
+        summarise_fit(photo.refined, entry.refined_from_marker, entry.refined_residual_gray,
+                      entry.refined_edge_shift_px);
+        if (photo.calibrated)
             entry.psf_sigma_px = photo.calibrated->model.psf_sigma_px;
-            if (photo.calibrated->edge_summary.edges > 0)
-                entry.edge_shift_px = photo.calibrated->edge_summary.shift.rms_px;
-        }
-        if (photo.refined) {
-            entry.refined_from_marker = photo.refined->camera_from_marker;
-            entry.refined_residual_gray = photo.refined->scored.rms_gray;
-            if (photo.refined->edge_summary.edges > 0)
-                entry.refined_edge_shift_px = photo.refined->edge_summary.shift.rms_px;
-        }
         summary.photos.push_back(entry);
     }
     return summary;

@@ -96,9 +96,12 @@ struct Comparison {
     double mean_rms_gray() const;  // of the scored half, at the poses under test
     // The same at the photometric poses; nothing unless every compared photograph has one.
     std::optional<double> refined_mean_rms_gray() const;
+    double mean_psf_sigma_px() const;  // fitted, at the poses under test
     // Of all compared photographs that have this fit: of the scored half, or of both.
     std::vector<EdgeShift> edges(std::optional<ComparedFit> ComparedPhoto::*fit,
                                  bool only_scored) const;
+    // Of the scored half, at the poses under test and at the refined ones; nothing without edges.
+    std::optional<std::pair<EdgeSummary, EdgeSummary>> edge_summaries() const;
 };
 
 // What this comparison could not have seen, for its user: sentences.

@@ -6,15 +6,12 @@
 
 #include "core/text.h"
 #include "report/html.h"
+#include "report/number_text.h"
 #include "station/compare/comparison_pictures.h"
 #include "station/compare/edge_plots.h"
 
 namespace etalon {
 namespace {
-
-std::string figure_html(const std::string& content, const std::string& caption) {
-    return "<figure>" + content + "<figcaption>" + caption + "</figcaption></figure>";
-}
 
 // A picture that fills the card's width when it is chosen.
 std::string zoomable(const std::string& content) {
@@ -85,30 +82,24 @@ std::string defocus_line(const ComparedPhoto& photo) {
 }
 
 std::string parameters_html(const ComparedPhoto& photo) {
-    if (photo.calibrated->parameters.empty())
+    const std::vector<MatchParameter>& parameters = photo.calibrated->parameters;
+    if (parameters.empty())
         return "";
-    std::string text =
-        "<details><summary>Photometric parameters</summary><div class=\"scroll\"><table>"
-        "<thead><tr><th>parameter</th><th class=\"n\">pose under test</th><th "
-        "class=\"n\">σ</th><th class=\"n\">refined pose</th><th class=\"n\">σ</th><th>unit</th>"
-        "<th>from</th></tr></thead><tbody>";
-    const auto cells = [](const MatchParameter* parameter) {
-        if (!parameter)
-            return std::string("<td class=\"n\">–</td><td class=\"n\">–</td>");
-        return fmt::format(
-            "<td class=\"n\">{:.4g}</td><td class=\"n\">{}</td>", parameter->value,
-            parameter->deviation ? fmt::format("{:.2g}", *parameter->deviation) : "–");
-    };
-    for (std::size_t i = 0; i < photo.calibrated->parameters.size(); ++i) {
-        const MatchParameter& parameter = photo.calibrated->parameters[i];
+    TableRows rows;
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        const MatchParameter& one = parameters[i];
         const MatchParameter* refined = photo.refined && i < photo.refined->parameters.size()
                                             ? &photo.refined->parameters[i]
                                             : nullptr;
-        text += fmt::format("<tr><td>{}</td>{}{}<td>{}</td><td>{}</td></tr>",
-                            escape_html(parameter.name), cells(&parameter), cells(refined),
-                            escape_html(parameter.unit), name(parameter.source));
+        rows.push_back({one.name, significant(one.value, 4), significant(one.deviation, 2),
+                        refined ? significant(refined->value, 4) : dash,
+                        refined ? significant(refined->deviation, 2) : dash, one.unit,
+                        name(one.source)});
     }
-    return text + "</tbody></table></div></details>";
+    return "<details><summary>Photometric parameters</summary>" +
+           table_html({"parameter", "pose under test", "σ", "refined pose", "σ", "unit", "from"},
+                      rows) +
+           "</details>";
 }
 
 std::string significance_caption(const ComparedFit& fit) {

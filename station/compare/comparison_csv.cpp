@@ -10,31 +10,6 @@
 namespace etalon {
 namespace {
 
-// A table by columns, so that a cell cannot lose its heading.
-class CsvTable {
-public:
-    void text(const std::string& column, const std::string& value) {
-        if (is_first_row_)
-            header_ += (header_.empty() ? "" : ",") + column;
-        row_ += (row_is_empty_ ? "" : ",") + csv_text(value);
-        row_is_empty_ = false;
-    }
-    void number(const std::string& column, const std::optional<double>& value) {
-        text(column, value ? exact(*value) : std::string());
-    }
-    void end_row() {
-        rows_ += row_ + "\n";
-        row_.clear();
-        row_is_empty_ = true;
-        is_first_row_ = false;
-    }
-    std::string finish() const { return header_ + "\n" + rows_; }
-
-private:
-    std::string header_, row_, rows_;
-    bool is_first_row_ = true, row_is_empty_ = true;
-};
-
 std::string joined_names(const Findings& findings) {
     std::string text;
     for (const Finding& finding : findings)
@@ -42,28 +17,25 @@ std::string joined_names(const Findings& findings) {
     return text;
 }
 
-// What `take` gives of a fit; nothing where there is no fit.
-template <class Function>
-std::optional<double> of(const std::optional<ComparedFit>& fit, Function take) {
-    return fit ? std::optional<double>(take(*fit)) : std::nullopt;
+// A cell of what `take` gives of `from`; empty where that is missing.
+template <class Type, class Function>
+void add_figure(const std::string& column, const Type* from, Function take, CsvTable& table) {
+    table.number(column, from ? std::optional<double>(take(*from)) : std::nullopt);
 }
 
 void add_fit(const std::string& prefix, const std::optional<ComparedFit>& fit, CsvTable& table) {
-    constexpr const char* pose[] = {"rx", "ry", "rz", "tx", "ty", "tz"};
-    for (int i = 0; i < 6; ++i)
-        table.number(prefix + pose[i], of(fit, [i](const ComparedFit& f) {
-                         return vector_from_rigid(f.camera_from_marker)[i];
-                     }));
-    table.number(prefix + "rms_gray", of(fit, [](const auto& f) { return f.scored.rms_gray; }));
-    table.number(prefix + "mean_gray", of(fit, [](const auto& f) { return f.scored.mean_gray; }));
-    table.number(prefix + "p99_gray", of(fit, [](const auto& f) { return f.scored.p99_gray; }));
-    table.number(prefix + "worst_gray", of(fit, [](const auto& f) { return f.scored.worst_gray; }));
-    table.number(prefix + "scored_pixels", of(fit, [](const auto& f) { return f.scored.pixels; }));
-    table.number(prefix + "fitted_rms_gray",
-                 of(fit, [](const auto& f) { return f.fitted.rms_gray; }));
+    table.pose(prefix, fit ? std::optional(fit->camera_from_marker) : std::nullopt);
+    const auto number = [&](const char* column, auto take) {
+        add_figure(prefix + column, fit ? &*fit : nullptr, take, table);
+    };
+    number("rms_gray", [](const ComparedFit& f) { return f.scored.rms_gray; });
+    number("mean_gray", [](const ComparedFit& f) { return f.scored.mean_gray; });
+    number("p99_gray", [](const ComparedFit& f) { return f.scored.p99_gray; });
+    number("worst_gray", [](const ComparedFit& f) { return f.scored.worst_gray; });
+    number("scored_pixels", [](const ComparedFit& f) { return f.scored.pixels; });
+    number("fitted_rms_gray", [](const ComparedFit& f) { return f.fitted.rms_gray; });
     table.number(prefix + "significant", fit ? fit->scored.significant : std::nullopt);
-    table.number(prefix + "psf_sigma_px",
-                 of(fit, [](const auto& f) { return f.model.psf_sigma_px; }));
+    number("psf_sigma_px", [](const ComparedFit& f) { return f.model.psf_sigma_px; });
 }
 
 // Figures of edges, of the scored half; nothing where there are no edges.
@@ -71,8 +43,7 @@ void add_edge_summary(const std::string& prefix, const std::optional<ComparedFit
                       CsvTable& table) {
     const EdgeSummary* summary = fit && fit->edge_summary.edges > 0 ? &fit->edge_summary : nullptr;
     const auto number = [&](const char* column, auto take) {
-        table.number(prefix + column,
-                     summary ? std::optional<double>(take(*summary)) : std::nullopt);
+        add_figure(prefix + column, summary, take, table);
     };
     number("edges", [](const EdgeSummary& s) { return s.edges; });
     number("edges_beyond_range", [](const EdgeSummary& s) { return s.beyond_range; });
@@ -112,16 +83,6 @@ void add_edge(const EdgeShift& edge, CsvTable& table) {
     table.number("reduced_chi_square", edge.reduced_chi_square);
 }
 
-void add_edges(const std::string& photo, const std::string& pose, const ComparedFit& fit,
-               CsvTable& table) {
-    for (const EdgeShift& edge : fit.edges) {
-        table.text("photo", photo);
-        table.text("pose", pose);
-        add_edge(edge, table);
-        table.end_row();
-    }
-}
-
 void add_pose_deviations(const ComparedPhoto& photo, CsvTable& table) {
     constexpr const char* components[] = {"rx", "ry", "rz", "tx", "ty", "tz"};
     for (int i = 0; i < 6; ++i)
@@ -146,18 +107,29 @@ void add_profile(const std::string& what, const std::string& pose, const Residua
     }
 }
 
-void add_parameters(const std::string& photo, const std::string& pose, const ComparedFit& fit,
-                    CsvTable& table) {
-    for (const MatchParameter& parameter : fit.parameters) {
-        table.text("photo", photo);
-        table.text("pose", pose);
-        table.text("parameter", parameter.name);
-        table.number("value", parameter.value);
-        table.number("deviation", parameter.deviation);
-        table.text("unit", parameter.unit);
-        table.text("source", name(parameter.source));
-        table.end_row();
-    }
+void add_parameter(const MatchParameter& parameter, CsvTable& table) {
+    table.text("parameter", parameter.name);
+    table.number("value", parameter.value);
+    table.number("deviation", parameter.deviation);
+    table.text("unit", parameter.unit);
+    table.text("source", name(parameter.source));
+}
+
+// A row for each of these items of each fit: photograph and pose, then what `add` adds.
+template <class Item>
+std::string rows_of_fits(const Comparison& comparison, std::vector<Item> ComparedFit::*items,
+                         void (*add)(const Item&, CsvTable&)) {
+    CsvTable table;
+    for (const ComparedPhoto& photo : comparison.photos)
+        for (const auto& [pose, fit] :
+             {std::pair("calibrated", &photo.calibrated), std::pair("refined", &photo.refined)})
+            for (const Item& item : *fit ? (**fit).*items : std::vector<Item>()) {
+                table.text("photo", photo.photo.string());
+                table.text("pose", pose);
+                add(item, table);
+                table.end_row();
+            }
+    return table.finish();
 }
 
 }  // namespace
@@ -183,25 +155,11 @@ std::string comparison_csv(const Comparison& comparison) {
 }
 
 std::string photometry_csv(const Comparison& comparison) {
-    CsvTable table;
-    for (const ComparedPhoto& photo : comparison.photos) {
-        if (photo.calibrated)
-            add_parameters(photo.photo.string(), "calibrated", *photo.calibrated, table);
-        if (photo.refined)
-            add_parameters(photo.photo.string(), "refined", *photo.refined, table);
-    }
-    return table.finish();
+    return rows_of_fits(comparison, &ComparedFit::parameters, add_parameter);
 }
 
 std::string edges_csv(const Comparison& comparison) {
-    CsvTable table;
-    for (const ComparedPhoto& photo : comparison.photos) {
-        if (photo.calibrated)
-            add_edges(photo.photo.string(), "calibrated", *photo.calibrated, table);
-        if (photo.refined)
-            add_edges(photo.photo.string(), "refined", *photo.refined, table);
-    }
-    return table.finish();
+    return rows_of_fits(comparison, &ComparedFit::edges, add_edge);
 }
 
 std::string profiles_csv(const Comparison& comparison) {

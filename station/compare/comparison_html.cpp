@@ -29,14 +29,6 @@ std::string verdict_sentence(const Comparison& comparison) {
     return text;
 }
 
-double mean_blur(const Comparison& comparison) {
-    double sum = 0.0;
-    for (const ComparedPhoto& photo : comparison.photos)
-        if (photo.has_figures())
-            sum += photo.calibrated->model.psf_sigma_px;
-    return sum / static_cast<double>(std::max<std::size_t>(comparison.compared(), 1));
-}
-
 void add_summary(HtmlPage& page, const Comparison& comparison) {
     page.add_verdict(fmt::format("{:.1f} gray", comparison.mean_rms_gray()),
                      verdict_sentence(comparison));
@@ -44,14 +36,13 @@ void add_summary(HtmlPage& page, const Comparison& comparison) {
                     fmt::format("{} of {}", comparison.matched(), comparison.photos.size())}};
     if (const auto refined = comparison.refined_mean_rms_gray())
         facts.emplace_back("at the refined poses", fmt::format("{:.1f} gray", *refined));
-    const auto before = comparison.edges(&ComparedPhoto::calibrated, true);
-    const auto after = comparison.edges(&ComparedPhoto::refined, true);
-    if (!before.empty() && !after.empty())
+    if (const auto edges = comparison.edge_summaries())
         facts.emplace_back("edge shift, refined",
-                           fmt::format("{:.3f} → {:.3f} px", edge_summary(before).shift.rms_px,
-                                       edge_summary(after).shift.rms_px));
+                           fmt::format("{:.3f} → {:.3f} px", edges->first.shift.rms_px,
+                                       edges->second.shift.rms_px));
     if (!comparison.camera.lens)
-        facts.emplace_back("fitted blur σ, mean", fmt::format("{:.2f} px", mean_blur(comparison)));
+        facts.emplace_back("fitted blur σ, mean",
+                           fmt::format("{:.2f} px", comparison.mean_psf_sigma_px()));
     facts.emplace_back("poses under test", source_of_poses(comparison));
     page.add_facts(facts);
 }

@@ -6,18 +6,12 @@
 
 #include "core/pose_numbers.h"
 #include "report/json_text.h"
-#include "report/software_versions.h"
 #include "station/compare/comparison_report.h"
 
 namespace etalon {
 namespace {
 
 using nlohmann::ordered_json;
-
-template <class Vector>
-std::vector<double> numbers(const Vector& v) {
-    return {v.data(), v.data() + v.size()};
-}
 
 ordered_json statistics_json(const ResidualStatistics& statistics) {
     ordered_json json = {{"pixels", statistics.pixels},
@@ -69,8 +63,8 @@ ordered_json fit_json(const ComparedFit& fit) {
          {{"deviation_gray", fit.noise_gray},
           {"source", fit.noise_source == NoiseSource::camera ? "camera" : "residuals"}}},
         {"photometric_model",
-         {{"black_gray", numbers(fit.model.black)},
-          {"white_gray", numbers(fit.model.white)},
+         {{"black_gray", numbers_of(fit.model.black)},
+          {"white_gray", numbers_of(fit.model.white)},
           {"psf_sigma_px", fit.model.psf_sigma_px},
           {"psf_anisotropy_px2", fit.model.psf_anisotropy_px2},
           {"tone", fit.model.tone}}}};
@@ -79,22 +73,14 @@ ordered_json fit_json(const ComparedFit& fit) {
                                                    {"knee_gray", fit.model.saturation->knee_gray}};
     if (fit.edge_summary.edges > 0)
         json["edges"] = edges_json(fit.edge_summary);
-    json["parameters"] = ordered_json::array();
-    for (const MatchParameter& parameter : fit.parameters)
-        json["parameters"].push_back(parameter_json(parameter));
+    json["parameters"] = json_list(fit.parameters, parameter_json);
     return json;
 }
 
-ordered_json findings_json(const Findings& findings) {
-    ordered_json json = ordered_json::array();
-    for (const Finding& finding : findings)
-        json.push_back({{"name", finding.name},
-                        {"value", finding.value},
-                        {"limit", finding.limit},
-                        {"unit", finding.unit},
-                        {"refusal", finding.is_refusal},
-                        {"sentence", finding.sentence}});
-    return json;
+ordered_json finding_json(const Finding& finding) {
+    return {{"name", finding.name},          {"value", finding.value},
+            {"limit", finding.limit},        {"unit", finding.unit},
+            {"refusal", finding.is_refusal}, {"sentence", finding.sentence}};
 }
 
 void add_detection(const PoseEstimate& estimate, ordered_json& json) {
@@ -110,7 +96,7 @@ void add_refinement(const ComparedPhoto& photo, ordered_json& json) {
     json["refined"] = fit_json(*photo.refined);
     json["refined"]["converged"] = photo.photometric->converged;
     json["refined"]["covariance"] = row_numbers(photo.photometric->covariance);
-    json["pose_change"] = numbers(
+    json["pose_change"] = numbers_of(
         left_difference(photo.calibrated->camera_from_marker, photo.refined->camera_from_marker));
 }
 
@@ -133,7 +119,7 @@ ordered_json photo_json(const ComparedPhoto& photo) {
     ordered_json json = {{"photo", photo.photo.string()}, {"outcome", photo.outcome()}};
     if (!photo.failure.empty())
         json["failure"] = photo.failure;
-    json["findings"] = findings_json(photo.findings);
+    json["findings"] = json_list(photo.findings, finding_json);
     if (photo.estimate)
         add_detection(*photo.estimate, json);
     if (!photo.calibrated)
@@ -163,32 +149,30 @@ ordered_json profile_json(const ResidualProfile& profile) {
 
 // Of all photographs; every single edge is in edges.csv.
 void add_edges(const Comparison& comparison, ordered_json& json) {
-    constexpr bool only_scored = true;
-    const auto before = comparison.edges(&ComparedPhoto::calibrated, only_scored);
-    const auto after = comparison.edges(&ComparedPhoto::refined, only_scored);
-    if (before.empty() || after.empty())
-        return;
-    json["edges"] = {{"calibrated", edges_json(edge_summary(before))},
-                     {"refined", edges_json(edge_summary(after))},
-                     {"file", "edges.csv"}};
+    if (const auto edges = comparison.edge_summaries())
+        json["edges"] = {{"calibrated", edges_json(edges->first)},
+                         {"refined", edges_json(edges->second)},
+                         {"file", "edges.csv"}};
+}
+
+ordered_json change_json(const PairedChange& quantity) {
+    ordered_json json = {{"quantity", quantity.quantity}, {"unit", quantity.unit},
+                         {"pairs", quantity.pairs},       {"earlier", quantity.earlier},
+                         {"now", quantity.now},           {"change", quantity.mean}};
+    if (quantity.half_width)
+        json["half_width"] = *quantity.half_width;
+    return json;
 }
 
 ordered_json baseline_json(const BaselineChange& change) {
-    ordered_json json = {
-        {"folder", change.folder.string()},    {"serial_numbers_known", change.serials_known},
-        {"pairs", change.pairs.size()},        {"only_now", change.only_now},
-        {"only_earlier", change.only_earlier}, {"ambiguous", change.ambiguous},
-        {"confidence", baseline_confidence}};
-    json["quantities"] = ordered_json::array();
-    for (const PairedChange& quantity : change.quantities) {
-        ordered_json entry = {{"quantity", quantity.quantity}, {"unit", quantity.unit},
-                              {"pairs", quantity.pairs},       {"earlier", quantity.earlier},
-                              {"now", quantity.now},           {"change", quantity.mean}};
-        if (quantity.half_width)
-            entry["half_width"] = *quantity.half_width;
-        json["quantities"].push_back(entry);
-    }
-    return json;
+    return {{"folder", change.folder.string()},
+            {"serial_numbers_known", change.serials_known},
+            {"pairs", change.pairs.size()},
+            {"only_now", change.only_now},
+            {"only_earlier", change.only_earlier},
+            {"ambiguous", change.ambiguous},
+            {"confidence", baseline_confidence},
+            {"quantities", json_list(change.quantities, change_json)}};
 }
 
 }  // namespace
@@ -210,9 +194,8 @@ std::string comparison_json(const Comparison& comparison) {
     if (comparison.is_chessboard)
         json["score_margin_squares"] = {comparison.margin.x, comparison.margin.y};
     json["not_seen"] = blind_spots(comparison);
-    json["photos"] = ordered_json::array();
-    for (const ComparedPhoto& photo : comparison.photos)
-        json["photos"].push_back(photo_json(photo));
+    json["photos"] =
+        json_list(comparison.photos, [](const ComparedPhoto& photo) { return photo_json(photo); });
     const ResidualProfiles& profiles = comparison.profiles;
     json["profiles"] = {{"radius_px", profile_json(profiles.radius)},
                         {"refined_radius_px", profile_json(profiles.refined_radius)},
@@ -221,8 +204,7 @@ std::string comparison_json(const Comparison& comparison) {
     add_edges(comparison, json);
     if (comparison.baseline)
         json["baseline"] = baseline_json(*comparison.baseline);
-    for (const SoftwareVersion& version : software_versions())
-        json["software"][version.name] = version.version;
+    json["software"] = software_json(software_versions());
     return text_of(json);
 }
 

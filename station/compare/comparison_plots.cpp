@@ -54,10 +54,8 @@ void draw_profile(SvgPlot& plot, const ResidualProfile& profile, Ink ink, const 
             series.add(profile.middle(i), *rms,
                        fmt::format("{:.0f} {}: {:.2f} gray, {:.0f} pixels", profile.middle(i), unit,
                                    *rms, profile.pixels[i]));
-    if (series.empty())
-        return;
-    plot.add_line(series, ink, "");
-    plot.add_points(series, ink, name);
+    if (!series.empty())
+        plot.add_curve(series, ink, name);
 }
 
 double largest_rms(const ResidualProfile& profile) {

@@ -89,10 +89,8 @@ ComparisonPlot field_plot(const std::vector<ShiftVector>& field, const CameraMod
                                vector.position_px.x(), vector.position_px.y(), vector.shift_px.x(),
                                vector.shift_px.y(), std::sqrt(vector.covariance_px2(0, 0)),
                                std::sqrt(vector.covariance_px2(1, 1)), vector.edges));
-    SvgPlot plot("x / px", "y / px");
-    plot.set_size(640, 480);
-    plot.set_image_axes();
-    plot.add_image_border(camera.width, camera.height);
+    SvgPlot plot("x / px", "y / px", 640, 480);
+    plot.show_image(camera.width, camera.height);
     plot.add_arrows(arrows, magnification, Ink::blue,
                     fmt::format("photograph minus rendering × {:.0f}", magnification));
     return {file, plot.svg(),
@@ -119,8 +117,7 @@ Series shifts_of(const std::vector<EdgeBin>& binned) {
 // Adds the series; returns where its band ends.
 double draw(SvgPlot& plot, const Series& series, Ink ink, const std::string& name) {
     plot.add_band(series, ink, "");
-    plot.add_line(series, ink, "");
-    plot.add_points(series, ink, name);
+    plot.add_curve(series, ink, name);
     return series.empty() ? 0.0 : *std::max_element(series.highs.begin(), series.highs.end());
 }
 

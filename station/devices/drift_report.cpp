@@ -56,14 +56,6 @@ Json jump_json(const DriftJump& jump) {
             {"rotation_urad", rotation_urad(jump.movement, jump.radius_px)}};
 }
 
-template <class List, class Function>
-Json json_list(const List& list, Function to_json) {
-    Json result = Json::array();
-    for (const auto& each : list)
-        result.push_back(to_json(each));
-    return result;
-}
-
 long frames_without_target(const DriftMonitor& monitor) {
     return std::count_if(monitor.frames().begin(), monitor.frames().end(),
                          [](const DriftFrame& frame) { return !frame.seen; });

@@ -1,18 +1,16 @@
 // `etalon expect`: the pose errors to be expected of a camera, a marker and a detector.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <cstdio>
-#include <mutex>
 
 #include "calib/files/camera_file.h"
 #include "core/errors.h"
-#include "core/progress.h"
 #include "core/text.h"
 #include "core/units.h"
 #include "station/foresee/commands.h"
 #include "station/foresee/expectation_report.h"
 #include "station/shell/command.h"
+#include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {
@@ -74,15 +72,10 @@ void print_text(const Expectation& expectation) {
 
 int run_expect(const ExpectArguments& arguments) {
     const ExpectationRequest request = request_of(arguments);
-    SteadyClock clock;
-    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    StderrProgress progress;
     progress.begin("rendering", request.poses,
                    request.poses * (request.frames + 2) * std::chrono::milliseconds(10));
-    std::mutex mutex;
-    const Expectation expectation = expect_errors(request, [&] {
-        const std::lock_guard lock(mutex);
-        progress.step();
-    });
+    const Expectation expectation = expect_errors(request, [&] { progress.count(); });
     progress.end();
     if (!arguments.out.empty())
         write_expectation(request, expectation, arguments.out);
@@ -90,8 +83,8 @@ int run_expect(const ExpectArguments& arguments) {
         fmt::print("{}", expectation_json(request, expectation));
     else
         print_text(expectation);
-    if (!arguments.out.empty() && !arguments.json)
-        fmt::print("report {}\n", (arguments.out / "report.html").string());
+    if (!arguments.json)
+        print_report(arguments.out);
     return 0;
 }
 

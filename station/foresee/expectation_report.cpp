@@ -5,13 +5,14 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
 #include "core/pose_numbers.h"
 #include "core/text.h"
 #include "core/units.h"
+#include "report/csv.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
+#include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {
@@ -31,17 +32,12 @@ std::string place_text(const MarkerPlace& place) {
                        place.tilt_rad * deg_per_rad);
 }
 
-std::vector<std::size_t> detected_poses(const Expectation& expectation) {
-    std::vector<std::size_t> indices;
-    for (std::size_t i = 0; i < expectation.poses.size(); ++i)
-        if (expectation.poses[i].bias)
-            indices.push_back(i);
-    return indices;
-}
-
 const MarkerPlace& worst_place(const Expectation& expectation, std::size_t component) {
-    const std::size_t worst = (*expectation.bias_maps)[component].worst();
-    return expectation.poses[detected_poses(expectation)[worst]].place;
+    std::vector<const MarkerPlace*> mapped;
+    for (const ExpectedPose& pose : expectation.poses)
+        if (pose.bias)
+            mapped.push_back(&pose.place);
+    return *mapped[(*expectation.bias_maps)[component].worst()];
 }
 
 // ---- Plots
@@ -82,13 +78,21 @@ double exponential(double value) {
     return std::exp(value);
 }
 
+// Where the poses that have `value` are along the abscissa.
+std::vector<double> places_of(const Expectation& expectation, const Abscissa& along,
+                              std::optional<SixErrors> ExpectedPose::*value) {
+    std::vector<double> xs;
+    for (const ExpectedPose& pose : expectation.poses)
+        if (pose.*value)
+            xs.push_back(along.of(pose.place));
+    return xs;
+}
+
 std::string bias_plot(const Expectation& expectation, std::size_t component,
                       const Abscissa& along) {
     const ErrorComponent& named = error_components[component];
     SvgPlot plot(along.label, fmt::format("B1 {}, {}", named.name, named.unit));
-    std::vector<double> xs;
-    for (const std::size_t i : detected_poses(expectation))
-        xs.push_back(along.of(expectation.poses[i].place));
+    const std::vector<double> xs = places_of(expectation, along, &ExpectedPose::bias);
     plot.add_points(xs, expectation.biases(static_cast<int>(component)), Ink::gray, "pose");
     add_average(plot, (*expectation.bias_maps)[component], along, xs, itself, Ink::blue);
     return plot.svg();
@@ -98,10 +102,7 @@ std::string noise_plot(const Expectation& expectation, std::size_t component,
                        const Abscissa& along) {
     const ErrorComponent& named = error_components[component];
     SvgPlot plot(along.label, fmt::format("noise {}, {}", named.name, named.unit));
-    std::vector<double> xs;
-    for (const ExpectedPose& pose : expectation.poses)
-        if (pose.noise)
-            xs.push_back(along.of(pose.place));
+    const std::vector<double> xs = places_of(expectation, along, &ExpectedPose::noise);
     plot.add_points(xs, expectation.noises(static_cast<int>(component)), Ink::gray, "pose");
     add_average(plot, (*expectation.noise_maps)[component], along, xs, exponential, Ink::orange);
     return plot.svg();
@@ -162,18 +163,19 @@ ordered_json component_json(const Expectation& expectation, std::size_t k) {
 }
 
 ordered_json pose_json(const ExpectedPose& pose) {
-    ordered_json json = {{"camera_from_marker", pose_numbers(pose.camera_from_marker)},
-                         {"place", place_json(pose.place)},
-                         {"bias", pose.bias ? ordered_json(*pose.bias) : ordered_json()},
-                         {"noise", pose.noise ? ordered_json(*pose.noise) : ordered_json()},
-                         {"detections", pose.detections},
-                         {"flips", pose.flips}};
-    return json;
+    return {{"camera_from_marker", pose_numbers(pose.camera_from_marker)},
+            {"place", place_json(pose.place)},
+            {"bias", pose.bias ? ordered_json(*pose.bias) : ordered_json()},
+            {"noise", pose.noise ? ordered_json(*pose.noise) : ordered_json()},
+            {"detections", pose.detections},
+            {"flips", pose.flips}};
 }
 
-void add_six(std::string& line, const std::optional<SixErrors>& six) {
+void add_six(CsvTable& table, const std::string& group, const std::optional<SixErrors>& six) {
+    constexpr const char* columns[] = {"sight_mm",  "outwards_mm", "around_mm",
+                                       "turn_mrad", "tilt_mrad",   "across_mrad"};
     for (std::size_t k = 0; k < 6; ++k)
-        line += "," + (six ? exact((*six)[k]) : std::string());
+        table.number(group + columns[k], six ? std::optional((*six)[k]) : std::nullopt);
 }
 
 }  // namespace
@@ -248,40 +250,29 @@ std::string expectation_json(const ExpectationRequest& request, const Expectatio
                          {"flip_rate", expectation.flip_rate()}};
     for (std::size_t k = 0; k < 6; ++k)
         json["components"].push_back(component_json(expectation, k));
-    json["pose_list"] = ordered_json::array();
-    for (const ExpectedPose& pose : expectation.poses)
-        json["pose_list"].push_back(pose_json(pose));
+    json["pose_list"] = json_list(expectation.poses, pose_json);
     return text_of(json) + "\n";
 }
 
 std::string expectation_csv(const Expectation& expectation) {
-    std::string text = "rx,ry,rz,tx,ty,tz,depth_mm,radius_px,tilt_deg,detections,flips";
-    for (const char* group : {"bias_", "noise_"})
-        for (const char* column :
-             {"sight_mm", "outwards_mm", "around_mm", "turn_mrad", "tilt_mrad", "across_mrad"})
-            text += std::string(",") + group + column;
-    text += "\n";
+    CsvTable table;
     for (const ExpectedPose& pose : expectation.poses) {
-        std::string line;
-        for (const double number : pose_numbers(pose.camera_from_marker))
-            line += exact(number) + ",";
-        line +=
-            fmt::format("{},{},{},{},{}", exact(pose.place.depth_mm), exact(pose.place.radius_px),
-                        exact(pose.place.tilt_rad * deg_per_rad), pose.detections, pose.flips);
-        add_six(line, pose.bias);
-        add_six(line, pose.noise);
-        text += line + "\n";
+        table.pose("", pose.camera_from_marker);
+        table.number("depth_mm", pose.place.depth_mm);
+        table.number("radius_px", pose.place.radius_px);
+        table.number("tilt_deg", pose.place.tilt_rad * deg_per_rad);
+        table.number("detections", pose.detections);
+        table.number("flips", pose.flips);
+        add_six(table, "bias_", pose.bias);
+        add_six(table, "noise_", pose.noise);
+        table.end_row();
     }
-    return text;
+    return table.finish();
 }
 
 void write_expectation(const ExpectationRequest& request, const Expectation& expectation,
                        const std::filesystem::path& folder) {
-    std::error_code error;
-    std::filesystem::create_directories(folder, error);
-    if (error)
-        throw ConfigError({"--out"},
-                          fmt::format("{} cannot be made: {}", folder.string(), error.message()));
+    make_out_folder(folder);
     HtmlPage page("Expected pose errors", request.scene.marker.spec);
     page.add_facts(
         {{"marker", request.scene.marker.spec},

@@ -1,21 +1,20 @@
 // `etalon oc`: how often this station's plan gives which verdict.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <unistd.h>
 
 #include <cctype>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "core/clock.h"
 #include "core/errors.h"
-#include "core/progress.h"
 #include "core/text.h"
+#include "report/json_text.h"
 #include "report/svg_plot.h"
 #include "station/foresee/commands.h"
 #include "station/foresee/operating_characteristic.h"
 #include "station/foresee/studied_plan.h"
 #include "station/shell/command.h"
+#include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {
@@ -138,20 +137,18 @@ Json json_of(const ErrorCharacteristic& error, const OperatingCharacteristic& re
     entry["outcome"] = error.observable ? "OBSERVABLE" : "NOT_OBSERVABLE";
     if (!error.observable)
         entry["reason"] = error.reason;
-    Json sizes = Json::object(), points = Json::array();
+    Json sizes = Json::object();
     for (std::size_t k = 0; k < error.limit_size.size(); ++k)
-        sizes[result.quantities[k].name] =
-            error.limit_size[k] ? Json(*error.limit_size[k]) : Json(nullptr);
-    for (const CharacteristicPoint& point : error.points)
-        points.push_back(json_of(point, result));
+        sizes[result.quantities[k].name] = optional_number(error.limit_size[k]);
     entry["limit_size"] = sizes;
-    entry["points"] = points;
+    entry["points"] =
+        json_list(error.points, [&](const auto& point) { return json_of(point, result); });
     return entry;
 }
 
 Json json_of(const StudiedPlan& studied, const OperatingCharacteristic& result) {
     const DetectorStudy& study = studied.simulator->study();
-    Json quantities = Json::array(), errors = Json::array();
+    Json quantities = Json::array();
     for (std::size_t k = 0; k < result.quantities.size(); ++k) {
         const auto [without, at_limit] = relative_uncertainty(result, k);
         quantities.push_back({{"name", result.quantities[k].name},
@@ -160,8 +157,6 @@ Json json_of(const StudiedPlan& studied, const OperatingCharacteristic& result) 
                               {"uncertainty_over_limit", without},
                               {"uncertainty_over_limit_at_1x", at_limit}});
     }
-    for (const ErrorCharacteristic& error : result.errors)
-        errors.push_back(json_of(error, result));
     return {{"etalon", "operating-characteristic/1"},
             {"station", studied.station.id},
             {"poses", studied.plan.poses.size()},
@@ -174,7 +169,8 @@ Json json_of(const StudiedPlan& studied, const OperatingCharacteristic& result) 
               {"noisy_frames", study.frames}}},
             {"quantities", quantities},
             {"without_error", json_of(result.without_error, result)},
-            {"errors", errors}};
+            {"errors",
+             json_list(result.errors, [&](const auto& error) { return json_of(error, result); })}};
 }
 
 // Shares of PASS and FAIL of one quantity over the size of the error, in its 1x.
@@ -220,8 +216,7 @@ void write_files(const std::filesystem::path& folder, const Json& json,
 
 int run_oc(const OcArguments& arguments) {
     const StudiedPlan studied = study_plan(arguments.station, frames_of_study);
-    SteadyClock clock;
-    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    StderrProgress progress;
     CharacteristicRequest request;
     request.runs = arguments.runs;
     request.errors = arguments.errors;

@@ -9,6 +9,7 @@
 
 #include "core/errors.h"
 #include "core/progress.h"
+#include "report/json_text.h"
 #include "station/foresee/commands.h"
 #include "station/foresee/studied_plan.h"
 #include "station/shell/command.h"
@@ -158,7 +159,7 @@ Json json_of(const ErrorSignature& one) {
 Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
     const DetectorStudy& study = studied.simulator->study();
     const auto hold_out = std::ranges::count(studied.plan.poses, true, &Pose::hold_out);
-    Json quantities = Json::array(), errors = Json::array();
+    Json quantities = Json::array();
     for (const ExpectedQuantity& one : forecast.quantities) {
         Json budget = Json::object();
         for (const auto& [source, contribution] : one.contributions)
@@ -170,8 +171,6 @@ Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
                               {"uncertainty_over_limit", one.uncertainty / one.limit},
                               {"standard_uncertainty_of_inputs", budget}});
     }
-    for (const ErrorSignature& one : forecast.signatures)
-        errors.push_back(json_of(one));
     return {{"etalon", "plan-forecast/1"},
             {"station", studied.station.id},
             {"poses", studied.plan.poses.size()},
@@ -183,7 +182,8 @@ Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
             {"bias_px", study.bias_px},
             {"simulated_runs", forecast.runs},
             {"quantities", quantities},
-            {"errors", errors}};
+            {"errors", json_list(forecast.signatures,
+                                 [](const ErrorSignature& one) { return json_of(one); })}};
 }
 
 int run_plan(const PlanArguments& arguments) {

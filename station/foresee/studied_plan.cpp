@@ -1,16 +1,13 @@
 #include "station/foresee/studied_plan.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
 
 #include "compare/expect/expected_view.h"
-#include "core/clock.h"
 #include "core/errors.h"
-#include "core/progress.h"
+#include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {
@@ -32,16 +29,11 @@ StudiedPlan study_plan(const std::filesystem::path& path, int noisy_frames) {
     studied.plan = plan_of(station);
     require_noise(station);
     const std::vector<Rigid> poses = expected_poses(station, studied.plan);
-    SteadyClock clock;
-    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    StderrProgress progress;
     progress.begin("rendering", static_cast<int>(poses.size()),
                    poses.size() * noisy_frames * std::chrono::milliseconds(12));
-    std::mutex mutex;
-    DetectorStudy study =
-        study_detector(expected_scene(station), poses, noisy_frames, station.plan.seed, [&] {
-            const std::lock_guard lock(mutex);
-            progress.step();
-        });
+    DetectorStudy study = study_detector(expected_scene(station), poses, noisy_frames,
+                                         station.plan.seed, [&] { progress.count(); });
     progress.end();
     studied.simulator =
         std::make_unique<const RunSimulator>(station, studied.plan, std::move(study));

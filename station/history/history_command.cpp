@@ -3,6 +3,7 @@
 #include "station/history/commands.h"
 #include "station/history/run_history.h"
 #include "station/shell/command.h"
+#include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {
@@ -37,8 +38,7 @@ int run_history(const HistoryArguments& arguments) {
     } else {
         fmt::print("{}", history_text(runs, charts));
         print_alarms(charts);
-        if (!arguments.out.empty())
-            fmt::print("report {}\n", (arguments.out / "report.html").string());
+        print_report(arguments.out);
     }
     const bool drifts = std::any_of(charts.begin(), charts.end(),
                                     [](const QuantityHistory& chart) { return chart.drifts(); });

@@ -6,13 +6,13 @@
 #include "report/svg_plot.h"
 #include "station/history/run_history.h"
 #include "station/record/record_json.h"
-#include "station/record/run_record.h"
+#include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {
 
 std::string number(const std::optional<double>& value, int digits) {
-    return value ? fmt::format("{:.{}g}", *value, digits) : "-";
+    return significant(value, digits, "-");
 }
 
 std::string method_text() {
@@ -79,16 +79,15 @@ RecordJson run_entry(const HistoricRun& run, const ChartedRun& charted) {
 }
 
 RecordJson chart_entry(std::span<const HistoricRun> runs, const QuantityHistory& history) {
-    RecordJson list = RecordJson::array();
-    for (const ChartedRun& charted : history.runs)
-        list.push_back(run_entry(runs[charted.run], charted));
     return {{"camera", history.camera},
             {"station", history.station},
             {"marker", history.marker},
             {"quantity", history.quantity},
             {"unit", history.unit},
             {"drifts", history.drifts()},
-            {"runs", list}};
+            {"runs", json_list(history.runs, [&](const ChartedRun& charted) {
+                 return run_entry(runs[charted.run], charted);
+             })}};
 }
 
 // ---- pictures
@@ -120,8 +119,7 @@ Columns columns_of(std::span<const HistoricRun> runs, const QuantityHistory& his
 SvgPlot value_plot(const Columns& columns, const QuantityHistory& history) {
     SvgPlot plot("run", title_of(history));
     plot.add_band(columns.values, Ink::gray, "U");
-    plot.add_line(columns.values, Ink::blue, "value");
-    plot.add_points(columns.values, Ink::blue, "");
+    plot.add_curve(columns.values, Ink::blue, "value");
     if (!columns.new_calibrations.empty())
         plot.add_points(columns.new_calibrations, Ink::orange, "new calibration");
     if (const auto limit = history.runs.back().quantity.limit)
@@ -131,8 +129,7 @@ SvgPlot value_plot(const Columns& columns, const QuantityHistory& history) {
 
 SvgPlot drift_plot(const Columns& columns) {
     SvgPlot plot("run", "EWMA of Q");
-    plot.add_line(columns.ewma, Ink::orange, "EWMA");
-    plot.add_points(columns.ewma, Ink::orange, "");
+    plot.add_curve(columns.ewma, Ink::orange, "EWMA");
     plot.add_level(drift_limit, Ink::red, "alarm");
     plot.add_level(-drift_limit, Ink::red, "alarm");
     return plot;
@@ -170,21 +167,20 @@ std::string history_text(std::span<const HistoricRun> runs,
 
 std::string history_json(std::span<const HistoricRun> runs,
                          std::span<const QuantityHistory> charts) {
-    RecordJson list = RecordJson::array();
-    for (const QuantityHistory& history : charts)
-        list.push_back(chart_entry(runs, history));
     return text_of({{"etalon", "history/1"},
                     {"method", method_text()},
                     {"runs", runs.size()},
-                    {"charts", list}},
-                   2) +
+                    {"charts", json_list(charts,
+                                         [&](const QuantityHistory& history) {
+                                             return chart_entry(runs, history);
+                                         })}}) +
            "\n";
 }
 
 void write_history_report(std::span<const HistoricRun> runs,
                           std::span<const QuantityHistory> charts,
                           const std::filesystem::path& folder) {
-    make_record_folders(folder, {""});
+    make_out_folder(folder);
     HtmlPage page("Cameras over time", fmt::format("{} runs", runs.size()));
     page.add_paragraph(method_text() +
                        " A new calibration begins a new baseline, of which the first two runs only "

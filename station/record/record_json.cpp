@@ -36,11 +36,4 @@ void add_counters(RecordJson& camera, const CaptureStatistics& counts) {
         camera[field.name] = counts.*field.count;
 }
 
-RecordJson software_json(std::span<const SoftwareVersion> software) {
-    RecordJson list;
-    for (const SoftwareVersion& item : software)
-        list[item.name] = item.version;
-    return list;
-}
-
 }  // namespace etalon

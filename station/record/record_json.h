@@ -16,7 +16,6 @@ using RecordJson = nlohmann::ordered_json;  // keys in the order in which they a
 
 RecordJson settings_json(const CaptureSettings& settings);
 RecordJson device_json(const CameraIdentity& camera);
-RecordJson software_json(std::span<const SoftwareVersion> software);
 RecordJson inputs_json(std::span<const InputFile> inputs);
 
 // The camera's counters go into the record of whatever it was used for.

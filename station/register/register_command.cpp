@@ -29,10 +29,7 @@ using nlohmann::ordered_json;
 
 void print_transform(const char* name, const Rigid& transform, const Vector6d& deviations) {
     fmt::print("{:<21}{}\n", name, pose_columns(transform));
-    fmt::print("{:<21}", "  +-");
-    const Vector6d& d = deviations;
-    fmt::print("{:9.1e} {:9.1e} {:9.1e} {:9.4f} {:9.4f} {:9.4f}\n", d[0], d[1], d[2], d[3], d[4],
-               d[5]);
+    fmt::print("{:<21}{}\n", "  +-", deviation_columns(deviations));
 }
 
 void print_freedoms(const StageRegistration& result) {
@@ -73,8 +70,7 @@ void print_text(const StationFile& station, const StageRegistration& result) {
     fmt::print("motion: {}\n", registration.motion);
     fmt::print("rank {} of 12, condition number {:.3g}\n", registration.rank,
                registration.condition_number);
-    fmt::print("{:<21}{:>9} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "", "rx rad", "ry", "rz", "tx mm",
-               "ty", "tz");
+    fmt::print("{:<21}{}\n", "", pose_heading());
     print_transform("camera_from_base", registration.camera_from_base, result.deviations.head<6>());
     print_transform("carriage_from_marker", registration.carriage_from_marker,
                     result.deviations.tail<6>());
@@ -83,49 +79,32 @@ void print_text(const StationFile& station, const StageRegistration& result) {
     print_residuals(result, station.marker.points_mm.size());
 }
 
-template <class Vector>
-std::vector<double> numbers(const Vector& vector) {
-    return {vector.begin(), vector.end()};
+ordered_json json_of(const GaugeFreedom& freedom) {
+    return {{"name", freedom.name}, {"direction", numbers_of(freedom.direction)}};
 }
 
-ordered_json freedoms_json(const Registration& registration) {
-    ordered_json list = ordered_json::array();
-    for (const GaugeFreedom& freedom : registration.freedoms)
-        list.push_back({{"name", freedom.name}, {"direction", numbers(freedom.direction)}});
-    return list;
+ordered_json json_of(const WeakDirection& weak, double scale) {
+    return {{"name", weak.name},
+            {"direction", numbers_of(weak.direction)},
+            {"deviation", scale * weak.deviation},
+            {"unit", weak.is_shift() ? "mm" : "rad"},
+            {"worth_photographs", weak.worth_poses}};
 }
 
-ordered_json weak_json(const StageRegistration& result) {
-    ordered_json list = ordered_json::array();
-    for (const WeakDirection& weak : result.registration.weak)
-        list.push_back({{"name", weak.name},
-                        {"direction", numbers(weak.direction)},
-                        {"deviation", result.scale * weak.deviation},
-                        {"unit", weak.is_shift() ? "mm" : "rad"},
-                        {"worth_photographs", weak.worth_poses}});
-    return list;
-}
-
-ordered_json photos_json(const StageRegistration& result) {
-    ordered_json list = ordered_json::array();
-    for (const RegisteredPhoto& photo : result.photos) {
-        ordered_json row = {{"photo", photo.photo.string()}};
-        if (photo.failure.empty()) {
-            row["difference_mm"] = numbers(photo.residual.translation_mm);
-            row["difference_rad"] = numbers(photo.residual.rotation_rad);
-        } else {
-            row["failure"] = photo.failure;
-        }
-        list.push_back(row);
-    }
-    return list;
+ordered_json json_of(const RegisteredPhoto& photo) {
+    if (!photo.failure.empty())
+        return {{"photo", photo.photo.string()}, {"failure", photo.failure}};
+    return {{"photo", photo.photo.string()},
+            {"difference_mm", numbers_of(photo.residual.translation_mm)},
+            {"difference_rad", numbers_of(photo.residual.rotation_rad)}};
 }
 
 void print_json(const StationFile& station, const StageRegistration& result) {
     const Registration& registration = result.registration;
     std::vector<std::vector<double>> covariance;
     for (int k = 0; k < 12; ++k)
-        covariance.push_back(numbers(result.scale * result.scale * registration.covariance.row(k)));
+        covariance.push_back(
+            numbers_of(result.scale * result.scale * registration.covariance.row(k)));
     const ordered_json json = {
         {"etalon", "registration/1"},
         {"station", station.id},
@@ -136,18 +115,20 @@ void print_json(const StationFile& station, const StageRegistration& result) {
         {"camera_from_base", pose_numbers(registration.camera_from_base)},
         {"carriage_from_marker", pose_numbers(registration.carriage_from_marker)},
         {"carriage_from_marker_nominal", pose_numbers(station.carriage_from_marker_nominal)},
-        {"deviations", numbers(result.deviations)},
+        {"deviations", numbers_of(result.deviations)},
         {"covariance", covariance},
         {"rank", registration.rank},
         {"condition_number", registration.condition_number},
-        {"freedoms", freedoms_json(registration)},
-        {"badly_determined", weak_json(result)},
+        {"freedoms",
+         json_list(registration.freedoms, [](const auto& one) { return json_of(one); })},
+        {"badly_determined",
+         json_list(registration.weak, [&](const auto& one) { return json_of(one, result.scale); })},
         {"residual_rms_px",
          result.rounds > 0 ? ordered_json(registration.residual_rms_px) : ordered_json()},
         {"reduced_squares", registration.reduced_squares},
         {"down_weighted", registration.down_weighted_points},
         {"bias_correction_rounds", result.rounds},
-        {"photos", photos_json(result)}};
+        {"photos", json_list(result.photos, [](const auto& one) { return json_of(one); })}};
     std::puts(text_of(json).c_str());
 }
 

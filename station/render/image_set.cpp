@@ -30,14 +30,6 @@ void make_set_folder(const std::filesystem::path& folder) {
         refuse(folder, "is not empty and holds no image set");
 }
 
-// The first setting that is not the same in both; empty if all are.
-std::string first_difference(const ordered_json& there, const ordered_json& asked) {
-    for (const auto& [key, value] : asked.items())
-        if (!there.contains(key) || there[key] != value)
-            return key;
-    return there.size() == asked.size() ? "" : "number of settings";
-}
-
 void check_same(const std::filesystem::path& folder, const ordered_json& settings) {
     const ordered_json there =
         ordered_json::parse(read_text(folder / settings_file), nullptr, /*allow_exceptions=*/false);

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/errors.h"
+#include "core/pose_numbers.h"
 #include "report/json_text.h"
-#include "sim/scene/pose_file.h"
 #include "station/render/commands.h"
 #include "station/render/render_plan_text.h"
 #include "station/render/render_view.h"
@@ -34,10 +34,7 @@ std::vector<Rigid> read_placement(const RenderArguments& arguments) {
         throw ConfigError({"--pose"},
                           fmt::format("{} for {} markers: each needs one, or --poses a file",
                                       arguments.poses.size(), arguments.markers.size()));
-    std::vector<Rigid> camera_from_marker;
-    for (const std::string& pose : arguments.poses)
-        camera_from_marker.push_back(parse_pose(pose, "--pose"));
-    return camera_from_marker;
+    return parse_poses(arguments.poses);
 }
 
 // Here a marker that cannot be seen is a slip in what was typed.
@@ -54,11 +51,9 @@ Scene place_markers(const ViewRenderer& renderer, const RenderArguments& argumen
 ordered_json markers_json(const RenderArguments& arguments,
                           const std::vector<Rigid>& camera_from_marker) {
     ordered_json markers = ordered_json::array();
-    for (std::size_t i = 0; i < camera_from_marker.size(); ++i) {
-        const Vector6d v = vector_from_rigid(camera_from_marker[i]);
+    for (std::size_t i = 0; i < camera_from_marker.size(); ++i)
         markers.push_back({{"marker", arguments.markers[i]},
-                           {"camera_from_marker", std::vector<double>(v.data(), v.data() + 6)}});
-    }
+                           {"camera_from_marker", pose_numbers(camera_from_marker[i])}});
     return markers;
 }
 

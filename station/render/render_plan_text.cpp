@@ -5,6 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/text.h"
+#include "report/json_text.h"
+#include "station/render/render_view.h"
 
 namespace etalon {
 namespace {
@@ -15,19 +17,9 @@ constexpr std::size_t columns = 80;
 constexpr std::size_t indent = 16;  // of everything but a row's name
 
 const char* short_name(RenderMethod method) {
-    switch (method) {
-        case RenderMethod::exact_lens:
-            return "E";
-        case RenderMethod::exact_area:
-            return "C";
-        case RenderMethod::reference:
-            return "reference";
-        case RenderMethod::wave:
-            return "wave";
-        case RenderMethod::automatic:
-            break;
-    }
-    return "auto";
+    const auto at =
+        std::ranges::find(method_words, method, &std::pair<const char*, RenderMethod>::second);
+    return at == method_words.end() ? "wave" : at->first;
 }
 
 // A row of the table: its name, and text broken into as many lines as it needs.
@@ -107,22 +99,23 @@ std::string plan_table(const RenderPlan& plan) {
 }
 
 std::string plan_json(const RenderPlan& plan) {
-    ordered_json used = ordered_json::array(), left_out = ordered_json::array();
-    for (const TileUse& use : added_up(plan.used))
-        used.push_back({{"method", short_name(use.method)},
-                        {"k", use.points_per_pixel_side},
-                        {"lens_points", use.lens_points},
-                        {"tiles", use.tiles}});
-    for (const LeftOut& left : largest_of_each(plan.left_out))
-        left_out.push_back({{"what", name_of(left.what)}, {"why", left.why}, {"gray", left.gray}});
+    const auto use_json = [](const TileUse& use) -> ordered_json {
+        return {{"method", short_name(use.method)},
+                {"k", use.points_per_pixel_side},
+                {"lens_points", use.lens_points},
+                {"tiles", use.tiles}};
+    };
+    const auto left_json = [](const LeftOut& left) -> ordered_json {
+        return {{"what", name_of(left.what)}, {"why", left.why}, {"gray", left.gray}};
+    };
     const ordered_json json{{"summary", plan.describe()},
                             {"tolerance_gray", plan.tolerance_gray},
                             {"sampling_gray", plan.sampling_gray},
                             {"blur_radius_px", {plan.min_blur_radius_px, plan.max_blur_radius_px}},
                             {"tail_reach_px", plan.tail_reach_px},
-                            {"tiles", used},
+                            {"tiles", json_list(added_up(plan.used), use_json)},
                             {"uniform_tiles", plan.uniform_tiles},
-                            {"left_out", left_out},
+                            {"left_out", json_list(largest_of_each(plan.left_out), left_json)},
                             {"instructions", plan.instructions}};
     return json.dump();
 }

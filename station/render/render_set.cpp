@@ -8,6 +8,7 @@
 
 #include "calib/camera/camera_hash.h"
 #include "core/errors.h"
+#include "core/pose_numbers.h"
 #include "core/sha256.h"
 #include "core/text.h"
 #include "core/version.h"
@@ -22,11 +23,6 @@ namespace {
 
 using nlohmann::ordered_json;
 
-std::vector<double> numbers(const Rigid& transform) {
-    const Vector6d v = vector_from_rigid(transform);
-    return {v.data(), v.data() + 6};
-}
-
 std::vector<Rigid> scene_from_markers(const RenderArguments& arguments) {
     if (arguments.poses.empty() && arguments.markers.size() == 1)
         return {Rigid{}};
@@ -35,10 +31,7 @@ std::vector<Rigid> scene_from_markers(const RenderArguments& arguments) {
                           fmt::format("{} for {} markers: with --poses each of several markers "
                                       "needs one, where it is in the scene",
                                       arguments.poses.size(), arguments.markers.size()));
-    std::vector<Rigid> placed;
-    for (const std::string& pose : arguments.poses)
-        placed.push_back(parse_pose(pose, "--pose"));
-    return placed;
+    return parse_poses(arguments.poses);
 }
 
 // Content only: the same picture under another name is the same.
@@ -51,7 +44,7 @@ ordered_json marker_settings(const Marker& marker, const Rigid& scene_from_marke
             {"corner_mm", {grid.corner_mm.x(), grid.corner_mm.y()}},
             {"cell_mm", {grid.cell_mm.x(), grid.cell_mm.y()}},
             {"sha256", sha256(bytes)},
-            {"scene_from_marker", numbers(scene_from_marker)}};
+            {"scene_from_marker", pose_numbers(scene_from_marker)}};
 }
 
 ordered_json background_settings(const std::string& text) {
@@ -66,7 +59,7 @@ std::string poses_text(const std::filesystem::path& path, const std::vector<Rigi
         return read_text(path);
     std::string text = "rx,ry,rz,tx,ty,tz\n";
     for (const Rigid& pose : poses)
-        text += fmt::format("{}\n", fmt::join(numbers(pose), ","));
+        text += fmt::format("{}\n", fmt::join(pose_numbers(pose), ","));
     return text;
 }
 
@@ -169,7 +162,7 @@ private:
     }
 
     MadeImage make(std::size_t i) const {
-        ordered_json line{{"image", i}, {"camera_from_scene", numbers(poses_[i])}};
+        ordered_json line{{"image", i}, {"camera_from_scene", pose_numbers(poses_[i])}};
         try {
             const View view = renderer_.render(renderer_.scene(camera_from_markers(i)));
             const std::string file = set_.file_name(i);

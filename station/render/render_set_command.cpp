@@ -1,6 +1,5 @@
 // `etalon render --poses`: an image set.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <chrono>
 #include <cstdio>
@@ -9,6 +8,7 @@
 #include "core/errors.h"
 #include "report/json_text.h"
 #include "station/render/render_set.h"
+#include "station/shell/command_output.h"
 #include "station/shell/signals.h"
 
 namespace etalon {
@@ -40,11 +40,11 @@ int run_render_set(const RenderArguments& arguments) {
     if (arguments.explain)
         throw ConfigError({"--explain"},
                           "with --poses every image's plan is in the folder's images.jsonl");
-    const SteadyClock clock;
-    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
-    const Instant began = clock.now();
+    StderrProgress progress;
+    const auto began = std::chrono::steady_clock::now();
     const SetResult result = render_set(arguments, stop.get_token(), progress);
-    const double seconds = std::chrono::duration<double>(clock.now() - began).count();
+    const double seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
     print_summary(arguments, result, seconds);
     if (!result.complete)
         throw Interrupted();

@@ -9,19 +9,15 @@
 #include "core/text.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/scene_render.h"
+#include "sim/scene/pose_file.h"
 
 namespace etalon {
 namespace {
 
 RenderMethod method_of(const std::string& word) {
-    if (word == "auto")
-        return RenderMethod::automatic;
-    if (word == "E")
-        return RenderMethod::exact_lens;
-    if (word == "C")
-        return RenderMethod::exact_area;
-    if (word == "reference")
-        return RenderMethod::reference;
+    for (const auto& [name, method] : method_words)
+        if (word == name)
+            return method;
     throw ConfigError({"--method"}, "'" + word + "' is not one of auto, E, C, reference");
 }
 
@@ -113,6 +109,13 @@ CodeImage read_background_file(const std::string& path) {
 }
 
 }  // namespace
+
+std::vector<Rigid> parse_poses(const std::vector<std::string>& poses) {
+    std::vector<Rigid> parsed;
+    for (const std::string& pose : poses)
+        parsed.push_back(parse_pose(pose, "--pose"));
+    return parsed;
+}
 
 std::string View::describe() const {
     if (plan)

@@ -1,10 +1,12 @@
 // One view as `etalon render` was asked for it: what a single image and an image set share.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "sim/marker/marker.h"
@@ -15,6 +17,13 @@
 
 namespace etalon {
 
+// What --method may name. The wave method is a point spread's, not asked for by name.
+inline constexpr std::array<std::pair<const char*, RenderMethod>, 4> method_words{
+    {{"auto", RenderMethod::automatic},
+     {"E", RenderMethod::exact_lens},
+     {"C", RenderMethod::exact_area},
+     {"reference", RenderMethod::reference}}};
+
 // An image and how it was made.
 struct View {
     Radiance radiance;               // before the sensor, exposure included
@@ -24,6 +33,9 @@ struct View {
 
     std::string describe() const;  // one line for people
 };
+
+// Those of --pose.
+std::vector<Rigid> parse_poses(const std::vector<std::string>& poses);
 
 // One per command. render() and write() are safe from every thread.
 class ViewRenderer {

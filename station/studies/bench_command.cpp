@@ -9,6 +9,7 @@
 #include "core/text.h"
 #include "sim/scene/bench_poses.h"
 #include "station/shell/command.h"
+#include "station/shell/command_output.h"
 #include "station/studies/commands.h"
 
 namespace etalon {
@@ -78,13 +79,6 @@ void write_files(const std::filesystem::path& folder, const BenchResult& result)
     write_text(folder / "table.md", bench_markdown(result));
     write_text(folder / "bench.svg", bench_plot(result.scenes));
     write_text(folder / "bench.json", bench_json(result) + "\n");
-}
-
-void make_out_folder(const std::filesystem::path& folder) {
-    std::error_code failure;
-    std::filesystem::create_directories(folder, failure);
-    if (failure)
-        throw ConfigError({"--out"}, fmt::format("{}: {}", folder.string(), failure.message()));
 }
 
 // Returns whether all were reached.

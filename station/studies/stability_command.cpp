@@ -6,6 +6,7 @@
 
 #include "bench/stability/stability_case.h"
 #include "core/errors.h"
+#include "report/json_text.h"
 #include "station/shell/command.h"
 #include "station/studies/commands.h"
 
@@ -51,11 +52,8 @@ nlohmann::ordered_json json_of(const Row& row) {
 }
 
 void print_json(const std::vector<Row>& rows, std::size_t failed) {
-    nlohmann::ordered_json cases = nlohmann::ordered_json::array();
-    for (const Row& row : rows)
-        cases.push_back(json_of(row));
     const nlohmann::ordered_json result = {
-        {"cases", cases}, {"count", rows.size()}, {"failed", failed}};
+        {"cases", json_list(rows, json_of)}, {"count", rows.size()}, {"failed", failed}};
     std::puts(result.dump(1).c_str());
 }
 

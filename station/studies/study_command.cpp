@@ -1,16 +1,16 @@
 // `etalon study`: detectors compared on rendered poses; and `etalon study merge`.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
-#include "core/clock.h"
 #include "core/cpu_time.h"
 #include "core/errors.h"
 #include "core/text.h"
 #include "report/json_text.h"
 #include "station/shell/command.h"
+#include "station/shell/command_output.h"
 #include "station/shell/signals.h"
 #include "station/studies/commands.h"
 #include "study/study_report.h"
@@ -39,17 +39,12 @@ std::string rate(double part, double whole) {
     return fmt::format("{:.1f} %", whole > 0.0 ? 100.0 * part / whole : 0.0);
 }
 
-double sum(const std::vector<double>& values) {
-    double total = 0.0;
-    for (const double value : values)
-        total += value;
-    return total;
-}
-
 // CPU time by purpose. Not part of the results: another run takes other times.
 std::string times_text(const StudyRun& run, const StudyFile& study) {
+    const std::vector<double>& detectors = run.times.detectors;
     const double rest = run.cpu_ms - run.times.render - run.times.sensor -
-                        sum(run.times.detectors) - run.times.estimate;
+                        std::accumulate(detectors.begin(), detectors.end(), 0.0) -
+                        run.times.estimate;
     std::string text = fmt::format(
         "\n{} poses in {:.1f} s: {:.2f} ms of CPU time a pose, peak memory {:.0f} MiB\n"
         "  rendering {}, sensor {}, corners to poses {}, all else {}\n",
@@ -102,8 +97,7 @@ int run_study_command(const StudyArguments& arguments) {
     const StudyShard shard = arguments.shard.empty() ? StudyShard{} : parse_shard(arguments.shard);
     const StudyOptics optics(study, study_variants(study, ablations_of(arguments.ablate)));
     StudyRecord record(arguments.out, describe(study, arguments.study, optics.variants(), shard));
-    SteadyClock clock;
-    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    StderrProgress progress;
     const StudyRun run = run_study(optics, shard, record, stop.get_token(), progress);
     if (!run.complete) {
         fmt::print(stderr, "{} of {} poses are done; the same command goes on\n",
@@ -116,9 +110,10 @@ int run_study_command(const StudyArguments& arguments) {
         finish(arguments.out, arguments.json);
     if (!arguments.json && run.poses > 0)
         fmt::print("{}", times_text(run, study));
-    if (!arguments.json)
-        fmt::print("{} {}\n", shard.is_all() ? "report" : "shard",
-                   (arguments.out / (shard.is_all() ? "report.html" : "results.csv")).string());
+    if (!arguments.json && shard.is_all())
+        print_report(arguments.out);
+    else if (!arguments.json)
+        fmt::print("shard {}\n", (arguments.out / "results.csv").string());
     return 0;
 }
 
@@ -126,7 +121,7 @@ int run_study_merge(const StudyMergeArguments& arguments) {
     merge_shards(arguments.shards, arguments.out);
     finish(arguments.out, arguments.json);
     if (!arguments.json)
-        fmt::print("report {}\n", (arguments.out / "report.html").string());
+        print_report(arguments.out);
     return 0;
 }
 

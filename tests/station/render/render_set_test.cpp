@@ -160,7 +160,7 @@ TEST_F(RenderSet, RefusesAFolderMadeWithOtherArgumentsAndNamesTheFirst) {
     refuses([](Arguments& a) { a.poses = {"0,0,0,0,0,1"}; }, "'markers'");
     arguments_ = good;
     write_text(folder_ / "poses.csv", std::string(poses) + "0,0,0,1,2,300\n");
-    EXPECT_THAT(complaint(), HasSubstr("'poses'"));
+    EXPECT_THAT(complaint(), HasSubstr("'poses.sha256'"));
     write_text(folder_ / "poses.csv", poses);
     // The same name, other cells.
     write_image(folder_ / "cells.png", {cv::Mat(2, 3, CV_8UC1, cv::Scalar(70)), 8});

@@ -13,10 +13,10 @@ Eigen::Quaterniond rotation_from_roll_pitch_yaw(const Eigen::Vector3d& angles) {
 }
 
 Eigen::Vector3d roll_pitch_yaw(const Eigen::Quaterniond& rotation) {
-    constexpr double least_cosine = 1e-7;  // of the pitch; below, rounding decides roll and yaw
+    constexpr double min_cosine = 1e-7;  // of the pitch; below, rounding decides roll and yaw
     const Eigen::Matrix3d r = rotation.toRotationMatrix();
     const double cosine = std::hypot(r(2, 1), r(2, 2)), pitch = std::atan2(-r(2, 0), cosine);
-    if (cosine < least_cosine)
+    if (cosine < min_cosine)
         return {0.0, pitch, std::atan2(-r(0, 1), r(1, 1))};
     return {std::atan2(r(2, 1), r(2, 2)), pitch, std::atan2(r(1, 0), r(0, 0))};
 }

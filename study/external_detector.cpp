@@ -28,7 +28,7 @@ namespace {
 using Steady = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
-constexpr std::size_t longest_answer = 65536;  // bytes
+constexpr std::size_t max_answer = 65536;  // bytes
 
 // Waits until the socket may be used; false when the time is over.
 bool wait_for(int socket, short events, Steady::time_point deadline) {
@@ -200,8 +200,8 @@ ExternalAnswer ExternalDetector::receive(Deadline deadline) {
     std::string line;
     std::array<char, 4096> part{};
     while (line.find('\n') == std::string::npos) {
-        if (line.size() > longest_answer)
-            return failed(fmt::format("the answer is longer than {} bytes", longest_answer));
+        if (line.size() > max_answer)
+            return failed(fmt::format("the answer is longer than {} bytes", max_answer));
         if (!wait_for(socket_, POLLIN, deadline))
             return failed(fmt::format("no answer within {} ms", time_out_.count()));
         const ssize_t count = recv(socket_, part.data(), part.size(), MSG_DONTWAIT);

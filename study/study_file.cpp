@@ -16,7 +16,7 @@
 namespace etalon {
 namespace {
 
-constexpr int most_poses = 10'000'000;
+constexpr int max_poses = 10'000'000;
 
 // [low, high], or one number that is both.
 Interval read_interval(const Value& value, Range range = any_number, double unit = 1.0) {
@@ -68,7 +68,7 @@ StudyPoses read_study_poses(const StrictFile& file, const Value& section) {
         poses.count = static_cast<int>(poses.listed.size());
         return poses;
     }
-    poses.count = section.at("count").integer(1, most_poses);
+    poses.count = section.at("count").integer(1, max_poses);
     poses.volume = read_volume(section);
     poses.sequence = read_sequence(section);
     return poses;

@@ -37,7 +37,7 @@ std::string with_interval(const std::optional<Share>& share) {
 
 // The most frequent ones by name, the rest in one line.
 void add_failures(HtmlPage& page, const StudyResults& results) {
-    constexpr std::size_t most_reasons = 4;
+    constexpr std::size_t max_reasons = 4;
     TableRows rows;
     for (std::size_t i = 0; i < results.failures.size(); ++i) {
         std::vector<std::pair<std::string, std::size_t>> reasons(results.failures[i].begin(),
@@ -45,9 +45,9 @@ void add_failures(HtmlPage& page, const StudyResults& results) {
         std::ranges::stable_sort(
             reasons, [](const auto& one, const auto& two) { return one.second > two.second; });
         std::size_t others = 0;
-        for (std::size_t k = most_reasons; k < reasons.size(); ++k)
+        for (std::size_t k = max_reasons; k < reasons.size(); ++k)
             others += reasons[k].second;
-        reasons.resize(std::min(reasons.size(), most_reasons));
+        reasons.resize(std::min(reasons.size(), max_reasons));
         if (others > 0)
             reasons.emplace_back("others, see results.csv", others);
         for (const auto& [reason, poses] : reasons)
@@ -105,7 +105,7 @@ void add_sizes(HtmlPage& page, const StudyResults& results, const StudySummary& 
     page.add_paragraph(fmt::format(
         "No 95 % quantile is given of fewer than {} poses. \"From 60\" and \"all\" hold the poses "
         "of the classes above them once more.",
-        least_quantile_values));
+        min_quantile_values));
 }
 
 void add_errors(HtmlPage& page, const StudyDescription& description,

@@ -31,7 +31,7 @@ double quantile_95(std::vector<double> values) {
 void judge_corners(SizeClass& one, std::vector<double> corners_px) {
     if (corners_px.empty())
         return;
-    if (corners_px.size() >= least_quantile_values)
+    if (corners_px.size() >= min_quantile_values)
         one.corner_quantile_px = quantile_95(corners_px);
     one.median_corner_px = median_estimate(corners_px);
 }

@@ -25,7 +25,7 @@ struct SizeClass {
 };
 
 // The quantile needs this many values: below, it is the largest of them.
-inline constexpr std::size_t least_quantile_values = 20;
+inline constexpr std::size_t min_quantile_values = 20;
 
 // Below 25 px, 25 to 40, 40 to 60, 60 to 100, from 100; then, over some of these, from 60 and all.
 // An entry per pose in each argument (NumericalError otherwise). 0.2 us a pose.

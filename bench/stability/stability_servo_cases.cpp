@@ -15,7 +15,7 @@ namespace {
 using Complex = std::complex<long double>;
 
 constexpr double bound = 1e-12;  // of a step of 1
-constexpr double shortest_s = 1e-9, longest_s = 1e6;
+constexpr double min_s = 1e-9, max_s = 1e6;
 
 std::array<Complex, 2> pole_pair(double frequency_hz, double damping) {
     const long double w = 2.0L * std::numbers::pi_v<long double> * frequency_hz, z = damping;
@@ -46,7 +46,7 @@ StabilityOutcome in_one_step(const ServoParameters& parameters) {
     const Servo servo(parameters);
     double worst = 0.0, worst_at = 0.0;
     for (int i = 0; i <= times; ++i) {
-        const double t = shortest_s * std::pow(longest_s / shortest_s, double(i) / times);
+        const double t = min_s * std::pow(max_s / min_s, double(i) / times);
         const auto state = servo.advance(servo.at_rest(0.0), Motion(1.0), 0.0, t);
         const double error = std::abs(servo.carriage(state) - step_response(parameters, t));
         if (!(error <= worst)) {
@@ -54,9 +54,8 @@ StabilityOutcome in_one_step(const ServoParameters& parameters) {
             worst_at = t;
         }
     }
-    return {
-        worst <= bound, worst, bound,
-        fmt::format("steps of {} s to {} s, the worst {:.2g} s", shortest_s, longest_s, worst_at)};
+    return {worst <= bound, worst, bound,
+            fmt::format("steps of {} s to {} s, the worst {:.2g} s", min_s, max_s, worst_at)};
 }
 
 // A whole move with limited jerk and the ringing after it: by how many steps does not matter, and

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr int direction_count = 256;
-constexpr double largest_radius = 1e6;  // tangent of a ray 0.2" short of a right angle
+constexpr double max_radius = 1e6;  // tangent of a ray 0.2" short of a right angle
 constexpr double march_ratio = 1.05;
 
 struct RadiusInterval {
@@ -51,7 +51,7 @@ RadiusInterval interesting_radii(const Distortion& d) {
             radii.low = std::min(radii.low, std::exp(log_radius) / margin);
             radii.high = std::max(radii.high, std::exp(log_radius) * margin);
         }
-    return {std::max(radii.low, 1e-150), std::min(radii.high, largest_radius)};
+    return {std::max(radii.low, 1e-150), std::min(radii.high, max_radius)};
 }
 
 // First radius at which 1 + k4 s + k5 s^2 + k6 s^3 (s = r^2) is zero; infinity if it never is.

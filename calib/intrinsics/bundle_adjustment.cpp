@@ -292,17 +292,17 @@ public:
     }
 
 private:
-    static constexpr Scalar least_lambda = 1e-6, most_lambda = 1e12;
+    static constexpr Scalar min_lambda = 1e-6, max_lambda = 1e12;
 
     bool improve_damped(BundleSolution<Scalar>& at, const std::vector<Matrix<Scalar>>& triangles,
                         const Scales<Scalar>& scales) {
         acceleration_.forget();
-        for (; lambda_ < most_lambda; lambda_ *= 10) {
+        for (; lambda_ < max_lambda; lambda_ *= 10) {
             const Vector<Scalar> step = solve(triangles, scales, lambda_);
             const Vector<Scalar> motion = motion_of(triangles, step);
             const Scalar promised = 2 * residuals_of(triangles).dot(motion) - motion.squaredNorm();
             if (take(at, step, promised)) {
-                lambda_ = std::max(least_lambda, lambda_ / 10);
+                lambda_ = std::max(min_lambda, lambda_ / 10);
                 return true;
             }
         }
@@ -312,10 +312,10 @@ private:
     // Takes a step that brings a quarter of the promised decrease. Below its own rounding nothing
     // can be told from the cost, and the step is taken as it is.
     bool take(BundleSolution<Scalar>& at, const Vector<Scalar>& step, Scalar promised) {
-        constexpr Scalar least_gain = 0.25, told = 1e3 * std::numeric_limits<Scalar>::epsilon();
+        constexpr Scalar min_gain = 0.25, told = 1e3 * std::numeric_limits<Scalar>::epsilon();
         const Bundle<Scalar> moved = moved_by(at.bundle, step, options_.free);
         const auto cost = bundle_cost(views_, moved, options_.huber);
-        if (!cost || (promised > told * at.cost && !(at.cost - *cost > least_gain * promised)))
+        if (!cost || (promised > told * at.cost && !(at.cost - *cost > min_gain * promised)))
             return false;
         at.bundle = moved;
         at.cost = *cost;

@@ -47,11 +47,11 @@ void refuse_many_outliers(std::span<const CalibrationView> views, const CornerMa
             of_views.push_back(fmt::format("view {}: {} of {}", i, in_view, left_out[i].size()));
     }
     const std::size_t all = point_count(views);
-    if (static_cast<double>(count) > largest_outlier_share * static_cast<double>(all))
+    if (static_cast<double>(count) > max_outlier_share * static_cast<double>(all))
         throw NumericalError(
             fmt::format("{} of {} points do not fit the others, more than {:.0f} % ({}); take "
                         "those views away, or look at what is wrong with them",
-                        count, all, 100.0 * largest_outlier_share, fmt::join(of_views, ", ")));
+                        count, all, 100.0 * max_outlier_share, fmt::join(of_views, ", ")));
 }
 
 std::vector<CalibrationModel> candidates(const CalibrationOptions& options) {
@@ -186,11 +186,11 @@ std::optional<Eigen::MatrixXd> bootstrap_covariance(std::span<const CalibrationV
                                                     cv::Size image_size,
                                                     const CalibrationModel& model,
                                                     const CameraFit& fit, int resamples) {
-    constexpr double largest_share_without_result = 0.05;
-    if (resamples < 2 || views.size() < least_bootstrap_views)
+    constexpr double max_share_without_result = 0.05;
+    if (resamples < 2 || views.size() < min_bootstrap_views)
         return std::nullopt;
     const Bootstrap bootstrap = bootstrap_calibrations(views, image_size, model, fit, resamples);
-    if (bootstrap.without_result > largest_share_without_result * resamples)
+    if (bootstrap.without_result > max_share_without_result * resamples)
         return std::nullopt;
     return bootstrap.covariance(views.size());
 }
@@ -221,7 +221,7 @@ std::vector<ParameterDeviation> deviations_of(const CalibrationModel& model,
 std::optional<CrossValidation> halves_of(std::span<const CalibrationView> views,
                                          cv::Size image_size, const CalibrationModel& model,
                                          const CameraFit& fit) {
-    if (views.size() < least_cross_validation_views)
+    if (views.size() < min_cross_validation_views)
         return std::nullopt;
     return attempted([&] { return cross_validate(views, image_size, model, fit); }).value;
 }
@@ -263,10 +263,10 @@ bool CameraCalibration::overfits() const {
 
 CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv::Size image_size,
                                    const CalibrationOptions& options) {
-    if (views.size() < least_views)
+    if (views.size() < min_views)
         throw NumericalError(fmt::format("{} views, three are needed", views.size()));
     for (std::size_t i = 0; i < views.size(); ++i)
-        check_view(views[i], i, least_points);
+        check_view(views[i], i, min_view_points);
 
     Selection selection = select(views, image_size, options);
     const std::vector<CalibrationView>& used = selection.kept.views;

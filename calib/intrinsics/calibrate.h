@@ -76,7 +76,7 @@ struct CalibrationOptions {
 // warning.
 inline constexpr double suspicious_deviation_ratio = 1.5;
 // Of all points, more than this share of outliers is refused.
-inline constexpr double largest_outlier_share = 0.1;
+inline constexpr double max_outlier_share = 0.1;
 
 // Needs three views of at least six points each that are not collinear, and
 // different orientations. Throws ConfigError for an unknown model;

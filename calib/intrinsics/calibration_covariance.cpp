@@ -28,14 +28,14 @@ using Multiplicities = std::vector<int>;
 // How often each of n views comes up in n draws with replacement.
 Multiplicities drawn_views(std::size_t n, std::uint64_t seed, int resample) {
     constexpr std::uint32_t stream = 1;
-    constexpr int least_different = 3;
+    constexpr int min_different = 3;
     RandomStream random(seed, stream, static_cast<std::uint64_t>(resample));
     for (;;) {
         Multiplicities counts(n, 0);
         for (std::size_t draw = 0; draw < n; ++draw)
             ++counts[static_cast<std::size_t>(random.uniform() * static_cast<double>(n))];
         if (std::count_if(counts.begin(), counts.end(), [](int count) { return count > 0; }) >=
-            least_different)
+            min_different)
             return counts;
     }
 }

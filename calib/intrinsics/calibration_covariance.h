@@ -54,7 +54,7 @@ struct Bootstrap {
 };
 
 inline constexpr int bootstrap_resamples = 400;  // sd uncertain by 1 / sqrt(2 * 399) = 3.5 %
-inline constexpr std::size_t least_bootstrap_views = 6;
+inline constexpr std::size_t min_bootstrap_views = 6;
 
 // `fit` is that of all views and the start of every search. Resamples with less than three
 // different views are drawn again. Some 0.5 s for 13 views of 54 points; on all cores, with the

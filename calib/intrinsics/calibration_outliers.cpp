@@ -12,7 +12,7 @@ namespace {
 
 using Residuals = std::vector<std::vector<Eigen::Vector2d>>;
 
-constexpr double least_view_points = 6.0;
+constexpr double min_view_points = 6.0;
 
 double robust_scale(std::span<const std::vector<Eigen::Vector2d>> residuals) {
     std::vector<double> sizes;
@@ -70,7 +70,7 @@ std::vector<bool> longer_than(std::span<const Eigen::Vector2d> residuals, double
         longer.push_back(residual.norm() > limit);
     const auto size = static_cast<double>(longer.size());
     const auto count = static_cast<double>(std::count(longer.begin(), longer.end(), true));
-    if (count >= outlier_view_corners * size || (count > 0.0 && size - count < least_view_points))
+    if (count >= outlier_view_corners * size || (count > 0.0 && size - count < min_view_points))
         longer.assign(longer.size(), true);
     return longer;
 }
@@ -108,7 +108,7 @@ CornerMask find_outlier_corners(std::span<const CalibrationView> views, cv::Size
             continue;
         }
         const double larger = std::max(scale, robust_scale({&*of_plane, 1}));
-        mask.push_back(longer_than(*of_plane, std::max(outlier_scales * larger, least_outlier_px)));
+        mask.push_back(longer_than(*of_plane, std::max(outlier_scales * larger, min_outlier_px)));
         ++of_plane;
     }
     return mask;
@@ -120,7 +120,7 @@ std::vector<std::size_t> find_outlier_views(std::span<const double> rms_px,
     const double left_out = median({left_out_rms_px.begin(), left_out_rms_px.end()});
     std::vector<std::size_t> found;
     for (std::size_t i = 0; i < rms_px.size(); ++i)
-        if (rms_px[i] > std::max(outlier_view_factor * of_fit, least_outlier_px) &&
+        if (rms_px[i] > std::max(outlier_view_factor * of_fit, min_outlier_px) &&
             left_out_rms_px[i] > outlier_view_factor * left_out)
             found.push_back(i);
     return found;

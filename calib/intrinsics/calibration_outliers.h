@@ -24,7 +24,7 @@
 namespace etalon {
 
 inline constexpr double outlier_scales = 6.0;
-inline constexpr double least_outlier_px = 0.1;  // shorter residuals are never outliers
+inline constexpr double min_outlier_px = 0.1;  // shorter residuals are never outliers
 inline constexpr double outlier_view_corners = 0.25;
 inline constexpr double outlier_view_factor = 3.0;
 inline constexpr double no_plane_misfit =

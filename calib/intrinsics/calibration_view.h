@@ -23,7 +23,7 @@ struct CalibrationView {
 };
 
 // What a calibration takes at least.
-inline constexpr std::size_t least_views = 3, least_points = 6;
+inline constexpr std::size_t min_views = 3, min_view_points = 6;
 
 // Points of all views.
 std::size_t point_count(std::span<const CalibrationView> views);

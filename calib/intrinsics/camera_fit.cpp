@@ -14,7 +14,7 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t least_pose_points = 4;
+constexpr std::size_t min_pose_points = 4;
 
 using Views = std::vector<BundleView<double>>;
 using Solution = BundleSolution<double>;
@@ -37,10 +37,10 @@ void check_input(std::span<const CalibrationView> views, cv::Size size,
                  const CalibrationModel& model) {
     if (size.width <= 0 || size.height <= 0)
         throw NumericalError(fmt::format("no image has {} x {} px", size.width, size.height));
-    if (views.size() < least_views)
+    if (views.size() < min_views)
         throw NumericalError(fmt::format("{} views, three are needed", views.size()));
     for (std::size_t i = 0; i < views.size(); ++i)
-        check_view(views[i], i, least_points);
+        check_view(views[i], i, min_view_points);
     const std::size_t unknowns = model.parameters.size() + 6 * views.size();
     const std::size_t observations = 2 * point_count(views);
     if (observations < unknowns)
@@ -108,9 +108,9 @@ bool choose_mirrored_poses(const Views& views, Bundle<double>& bundle, double hu
 // Adjusts until no mirrored pose fits better.
 std::optional<Solution> adjust_with_mirrored(const Views& views, const Bundle<double>& start,
                                              const BundleOptions& options) {
-    constexpr int most_rounds = 4;
+    constexpr int max_rounds = 4;
     auto solution = adjust_bundle(views, start, options);
-    for (int round = 0; solution && round < most_rounds; ++round) {
+    for (int round = 0; solution && round < max_rounds; ++round) {
         if (!choose_mirrored_poses(views, solution->bundle, options.huber))
             break;
         solution = adjust_bundle(views, solution->bundle, options);
@@ -173,7 +173,7 @@ ScaledTriangle scaled_triangle(std::span<const ViewEquations> equations,
 }
 
 std::string combination_of(const Eigen::VectorXd& direction, const CalibrationModel& model) {
-    constexpr double least_part = 0.1;
+    constexpr double min_part = 0.1;
     std::vector<int> order(direction.size());
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(),
@@ -182,7 +182,7 @@ std::string combination_of(const Eigen::VectorXd& direction, const CalibrationMo
     std::string words;
     for (const int i : order) {
         const double part = sign * direction[i];
-        if (std::abs(part) >= least_part)
+        if (std::abs(part) >= min_part)
             words += words.empty() ? fmt::format("{:.2f} {}", part, model.parameters[i])
                                    : fmt::format(" {} {:.2f} {}", part < 0.0 ? '-' : '+',
                                                  std::abs(part), model.parameters[i]);
@@ -198,9 +198,9 @@ WeakestDirection weakest_direction(const ScaledTriangle& scaled, const Calibrati
 }
 
 Eigen::MatrixXd inverse_information(const ScaledTriangle& scaled, const CalibrationModel& model) {
-    constexpr double most_condition = 1e11;  // leaves five digits of a step, of a deviation too
+    constexpr double max_condition = 1e11;  // leaves five digits of a step, of a deviation too
     const WeakestDirection weakest = weakest_direction(scaled, model);
-    if (!(weakest.condition_number < most_condition))
+    if (!(weakest.condition_number < max_condition))
         throw NumericalError(
             fmt::format("these views do not determine the camera: {} is free (condition number "
                         "{:.2g}); views of different tilt, or a simpler model, are needed",
@@ -232,16 +232,16 @@ double typical_sigma(std::span<const CalibrationView> views) {
 // than 0.1 px.
 void check_focal_lengths(std::span<const CalibrationView> views, const CameraFit& fit,
                          const CalibrationModel& model, const ScaledTriangle& scaled) {
-    constexpr double least_noise_px = 0.1, largest_share = 0.1;
+    constexpr double min_noise_px = 0.1, max_share = 0.1;
     const Eigen::MatrixXd inverse = inverse_information(scaled, model);
-    const double noise = std::max(std::sqrt(fit.variance), least_noise_px / typical_sigma(views));
+    const double noise = std::max(std::sqrt(fit.variance), min_noise_px / typical_sigma(views));
     for (std::size_t i = 0; i < model.parameters.size(); ++i) {
         const std::string& name = model.parameters[i];
         if (name != "fx" && name != "fy")
             continue;
         const double value = parameters_of(fit.camera, model)[i];
         const double deviation = noise * std::sqrt(inverse(i, i));
-        if (!(deviation < largest_share * value))
+        if (!(deviation < max_share * value))
             throw NumericalError(fmt::format(
                 "these views do not determine the focal length: {} {:.5g} with a standard "
                 "deviation of {:.2g} px; views of different tilt are needed, weakest is {}",
@@ -323,7 +323,7 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
 
 Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view) {
     check_camera(camera, {}, 0);
-    check_view(view, 0, least_pose_points);
+    check_view(view, 0, min_pose_points);
     const auto start =
         pose_from_homography(view.points_mm, roughly_undistorted(camera, view.pixels));
     if (!start)

@@ -89,9 +89,9 @@ ProjectionDifference projection_difference(const CameraModel& second, const Imag
 
 CrossValidation cross_validate(std::span<const CalibrationView> views, cv::Size image_size,
                                const CalibrationModel& model, const CameraFit& fit) {
-    if (views.size() < least_cross_validation_views)
+    if (views.size() < min_cross_validation_views)
         throw NumericalError(fmt::format("{} views, {} are needed for two halves", views.size(),
-                                         least_cross_validation_views));
+                                         min_cross_validation_views));
     const Half first = calibrated_half(views, 0, image_size, model, fit);
     const Half second = calibrated_half(views, 1, image_size, model, fit);
     const Eigen::MatrixXd formal = first.formal + second.formal;

@@ -20,7 +20,7 @@
 
 namespace etalon {
 
-inline constexpr std::size_t least_cross_validation_views = 6;
+inline constexpr std::size_t min_cross_validation_views = 6;
 
 struct CrossValidation {
     std::array<std::size_t, 2> views{};  // in each half

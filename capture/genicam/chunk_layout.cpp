@@ -7,8 +7,8 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t tag_bytes = 8;         // id and length
-constexpr std::size_t chunks_at_most = 256;  // devices have about twenty
+constexpr std::size_t tag_bytes = 8;     // id and length
+constexpr std::size_t max_chunks = 256;  // devices have about twenty
 
 std::uint32_t number(std::span<const std::uint8_t> bytes, std::endian order) {
     std::uint32_t value = 0;
@@ -32,8 +32,8 @@ std::string split_payload(std::span<const std::uint8_t> payload, std::size_t ima
     while (end != 0 && end != image_bytes) {
         if (end < tag_bytes)
             return fmt::format("{} bytes are left over before its chunks", end);
-        if (parts.chunks.size() == chunks_at_most)
-            return fmt::format("it has more than {} chunks", chunks_at_most);
+        if (parts.chunks.size() == max_chunks)
+            return fmt::format("it has more than {} chunks", max_chunks);
         const std::size_t before = end - tag_bytes;
         const std::uint32_t id = number(payload.subspan(before, 4), order);
         const std::size_t length = number(payload.subspan(before + 4, 4), order);

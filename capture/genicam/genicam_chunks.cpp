@@ -17,8 +17,8 @@ constexpr const char* gain_feature = "ChunkGain";
 constexpr const char* time_feature = "ChunkTimestamp";
 constexpr const char* frame_id_feature = "ChunkFrameID";
 
-constexpr int links_at_most = 8;              // from a feature to its register
-constexpr std::uint64_t bytes_at_most = 256;  // of a value's chunk
+constexpr int max_links = 8;              // from a feature to its register
+constexpr std::uint64_t max_bytes = 256;  // of a value's chunk
 
 // ---- where a value comes from ----------------------------------------------------------------
 
@@ -71,7 +71,7 @@ std::optional<ChunkField::Source> register_source(ArvGcNode* node) {
     ErrorSlot no_address, no_length;
     const guint64 address = arv_gc_register_get_address(ARV_GC_REGISTER(node), no_address.out());
     const guint64 length = arv_gc_register_get_length(ARV_GC_REGISTER(node), no_length.out());
-    if (!id || no_address || no_length || address > bytes_at_most || length > bytes_at_most)
+    if (!id || no_address || no_length || address > max_bytes || length > max_bytes)
         return std::nullopt;
     return ChunkField::Source{*id, static_cast<std::size_t>(address + length)};
 }
@@ -113,7 +113,7 @@ std::optional<ChunkField> chunk_field(const GenicamDevice& device, const std::st
         arv_device_get_feature(arv_camera_get_device(device.camera()), feature.c_str());
     ChunkField field{feature, {}};
     if (!node || (!ARV_IS_GC_INTEGER(node) && !ARV_IS_GC_FLOAT(node)) ||
-        !collect_sources(node, links_at_most, field.sources) || field.sources.empty())
+        !collect_sources(node, max_links, field.sources) || field.sources.empty())
         return std::nullopt;
     field.whole = ARV_IS_GC_INTEGER(node);
     if (feature == time_feature)

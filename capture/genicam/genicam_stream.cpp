@@ -19,7 +19,7 @@ constexpr microseconds packet_timeout = milliseconds(20);    // then a packet is
 constexpr microseconds frame_retention = milliseconds(200);  // then a frame is given up
 constexpr int buffers = 4;
 constexpr milliseconds look_around{20};  // while waiting: how often a stop or a loss is noticed
-constexpr std::uint64_t skipped_at_most = 1'000'000;  // exposures between two that were sent
+constexpr std::uint64_t max_skipped = 1'000'000;  // exposures between two that were sent
 
 std::span<const std::uint8_t> bytes_of(ArvBuffer* buffer) {
     std::size_t received = 0;
@@ -221,7 +221,7 @@ std::string GenicamStream::frame_id_fault(std::uint64_t id, std::uint64_t chunk_
     const std::uint64_t sent = frames_between(last->id, id);
     const bool advanced = frame_id_advanced(last->in_chunk, chunk_id);
     const std::uint64_t taken = advanced ? frames_between(last->in_chunk, chunk_id) : 0;
-    if (!advanced || taken < sent || taken - sent > skipped_at_most)
+    if (!advanced || taken < sent || taken - sent > max_skipped)
         return fmt::format("its chunks are of another frame: {} after {}, with {} frames between",
                            chunk_id, last->in_chunk, sent);
     skipped_ += static_cast<long>(taken - sent);

@@ -21,7 +21,7 @@ using std::chrono::milliseconds;
 
 constexpr int settling_frames = 20;  // a pipeline delays settings by 2 to 10 frames
 constexpr int warm_up_frames = UsbDelay::frames_on_their_way + 1;
-constexpr int most_stale_frames = 40;  // in a row, of a camera whose frames all seem old
+constexpr int max_stale_frames = 40;  // in a row, of a camera whose frames all seem old
 constexpr milliseconds stop_patience{2000};
 constexpr milliseconds reopen_pause{250};
 
@@ -413,7 +413,7 @@ Frame LibcameraCamera::fresh_frame(Instant t, std::stop_token stop) {
     waiting_since_ = clock_.now();
     expected_.reset();
     Frame none;
-    for (int stale = 0; stale < most_stale_frames; ++stale) {
+    for (int stale = 0; stale < max_stale_frames; ++stale) {
         const auto raw = device_->next(link_.frame_timeout, stop);
         if (!raw) {
             if (device_->disconnected() || device_->is_silently_gone())
@@ -426,7 +426,7 @@ Frame LibcameraCamera::fresh_frame(Instant t, std::stop_token stop) {
         ++statistics_.rejected;
     }
     none.status_detail = fmt::format(
-        "{} frames came, none of them begun after the moment asked for", most_stale_frames);
+        "{} frames came, none of them begun after the moment asked for", max_stale_frames);
     return none;
 }
 

@@ -17,8 +17,8 @@ namespace etalon {
 namespace {
 
 constexpr std::uint32_t big_endian_bit = 1u << 31;
-constexpr double longest_period_s = 3600.0;  // between frames; more is no answer
-constexpr double highest_rate_hz = 1e5;
+constexpr double max_period_s = 3600.0;  // between frames; more is no answer
+constexpr double max_rate_hz = 1e5;
 constexpr std::chrono::milliseconds run_limit{1200};  // twice (stream, file) within 3 s
 
 // A field of fixed size that the driver need not end with a zero.
@@ -266,7 +266,7 @@ Duration V4l2Device::frame_period() {
     if (ask(VIDIOC_G_PARM, &answer) != 0)
         return {};
     const double period_s = seconds(answer.parm.capture.timeperframe);
-    if (period_s > longest_period_s)
+    if (period_s > max_period_s)
         return {};
     return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(period_s));
 }
@@ -278,7 +278,7 @@ std::optional<double> V4l2Device::frame_rate() {
 
 void V4l2Device::set_frame_rate(double hz) {
     const std::string what = fmt::format("set {} to {}", frame_rate_name, hz);
-    if (!(hz >= 1.0 / longest_period_s && hz <= highest_rate_hz))
+    if (!(hz >= 1.0 / max_period_s && hz <= max_rate_hz))
         fail(what, "that is no frame rate");
     v4l2_streamparm wanted{};
     wanted.type = buffer_type();

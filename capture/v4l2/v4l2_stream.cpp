@@ -17,7 +17,7 @@ namespace {
 
 constexpr unsigned wanted_buffers = 4;
 constexpr std::int64_t latest_second = 5'000'000'000;  // of a stamp, 158 years from any epoch
-constexpr unsigned least_buffers = 2;                  // one for the driver, one for us
+constexpr unsigned min_buffers = 2;                    // one for the driver, one for us
 
 // A v4l2_buffer that carries its planes where the device is multi-planar.
 struct BufferRequest {
@@ -73,9 +73,9 @@ void V4l2Stream::allocate() {
     request.type = device_.buffer_type();
     request.memory = V4L2_MEMORY_MMAP;
     device_.require(VIDIOC_REQBUFS, &request, "ask for buffers");
-    if (request.count < least_buffers)
+    if (request.count < min_buffers)
         device_.fail("ask for buffers", fmt::format("the driver gives {}, at least {} are needed",
-                                                    request.count, least_buffers));
+                                                    request.count, min_buffers));
     for (unsigned i = 0; i < std::min(request.count, wanted_buffers); ++i) {
         map(i);
         give_back({.index = i});

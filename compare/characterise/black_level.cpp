@@ -11,8 +11,8 @@
 namespace etalon {
 namespace {
 
-constexpr double most_at_floor = 1e-3;
-constexpr double most_fixed_pattern = 0.03;  // of full scale
+constexpr double max_at_floor = 1e-3;
+constexpr double max_fixed_pattern = 0.03;  // of full scale
 
 // Sums over the frames of each pixel's code and its square, less the first frame's (so that nothing
 // cancels).
@@ -61,7 +61,7 @@ void refuse_floor(std::span<const CodeImage> frames) {
     double share = 0.0;
     for (const CodeImage& frame : frames)
         share = std::max(share, share_at_floor(frame));
-    if (share > most_at_floor)
+    if (share > max_at_floor)
         throw NumericalError(fmt::format(
             "black level: {:.3g} % of a dark photo's pixels are at code 0, where it is cut off: "
             "raise the camera's black level",
@@ -78,7 +78,7 @@ void refuse_drift(const BlackLevel& black) {
 }
 
 void refuse_light(const BlackLevel& black, int full_scale) {
-    if (black.fixed_pattern_dn > most_fixed_pattern * full_scale)
+    if (black.fixed_pattern_dn > max_fixed_pattern * full_scale)
         throw NumericalError(fmt::format(
             "black level: the dark photos show a picture (pixels' means differ by {:.3g} "
             "DN RMS): is the lens covered?",

@@ -13,7 +13,7 @@ namespace etalon {
 namespace {
 
 constexpr double mtf_half_width_px = 12.0;
-constexpr std::size_t most_mtf_edges = 9;  // one a zone of the image
+constexpr std::size_t max_mtf_edges = 9;  // one a zone of the image
 
 std::vector<StraightEdge> edges_of(const CharacteriseInput& input,
                                    const std::vector<std::optional<Rigid>>& poses,
@@ -162,7 +162,7 @@ int zone_of(const CameraModel& camera, const Eigen::Vector2d& pixel) {
 // use.
 std::vector<const StraightEdge*> modulation_edges(const std::vector<StraightEdge>& edges,
                                                   const CameraModel& camera) {
-    std::vector<const StraightEdge*> longest(most_mtf_edges, nullptr);
+    std::vector<const StraightEdge*> longest(max_mtf_edges, nullptr);
     for (const StraightEdge& edge : edges) {
         const double tangent =
             edge.normal.cwiseAbs().minCoeff() / edge.normal.cwiseAbs().maxCoeff();

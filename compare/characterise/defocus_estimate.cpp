@@ -18,12 +18,12 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t least_edges_for_defocus = 12;
-constexpr int least_edges_a_side = 4;
-constexpr double least_blur_px = 0.5;
+constexpr std::size_t min_edges_for_defocus = 12;
+constexpr int min_edges_a_side = 4;
+constexpr double min_blur_px = 0.5;
 constexpr double piece_length_px = 10.0;
-constexpr std::size_t least_pixels_of_a_piece = 40;  // several for each of a piece's own parameters
-constexpr double largest_relative_uncertainty = 0.2;  // of the aperture
+constexpr std::size_t min_pixels_of_a_piece = 40;  // several for each of a piece's own parameters
+constexpr double max_relative_uncertainty = 0.2;   // of the aperture
 
 // What does not depend on the edges. Depths in units of `depth_scale` (1/mm): numbers near 1.
 struct Setting {
@@ -83,9 +83,9 @@ void require_usable(std::span<const StraightEdge> edges, const CameraModel& came
         throw NumericalError("defocus: the pixel pitch is needed");
     if (spread == FocusSpread::diffraction && (!camera.lens || !(camera.lens->wavelength_nm > 0.0)))
         throw NumericalError("defocus: the diffraction pattern needs a wavelength");
-    if (edges.size() < least_edges_for_defocus)
+    if (edges.size() < min_edges_for_defocus)
         throw NumericalError(fmt::format("defocus: {} edges, at least {} are needed", edges.size(),
-                                         least_edges_for_defocus));
+                                         min_edges_for_defocus));
 }
 
 Setting setting_of(std::span<const StraightEdge> edges, const CameraModel& camera,
@@ -132,7 +132,7 @@ std::vector<StraightEdge> in_pieces(std::span<const StraightEdge> edges) {
         const double length = (last - first) / count + 1e-9;
         for (int i = 0; i < count; ++i) {
             StraightEdge piece = piece_of(edge, first + i * length, first + (i + 1) * length);
-            if (piece.pixels.size() >= least_pixels_of_a_piece)
+            if (piece.pixels.size() >= min_pixels_of_a_piece)
                 pieces.push_back(std::move(piece));
         }
     }
@@ -190,7 +190,7 @@ void count_sides(std::span<const StraightEdge> edges, const EdgeFit& fit, const 
         const double radius = std::sqrt(
             blur_of(edges[i], setting, fit.parameters[0], fit.parameters[1]).radius_squared);
         estimate.largest_blur_px = std::max(estimate.largest_blur_px, radius);
-        if (radius > least_blur_px)
+        if (radius > min_blur_px)
             ++(edges[i].depth_term / setting.depth_scale > fit.parameters[1]
                    ? estimate.edges_nearer
                    : estimate.edges_farther);
@@ -209,16 +209,16 @@ double reach_px(const StraightEdge& edge, const EdgeFit& fit, const Setting& set
 // out and the others fitted again.
 EdgeFit fit_within_clearance(std::vector<StraightEdge>& edges, const BlurModel& model,
                              const Setting& setting, DefocusEstimate& estimate) {
-    constexpr int most_rounds = 4;
+    constexpr int max_rounds = 4;
     EdgeFit fit = fit_edges(edges, model);
-    for (int round = 0; round < most_rounds; ++round) {
+    for (int round = 0; round < max_rounds; ++round) {
         const auto removed = std::erase_if(edges, [&](const StraightEdge& edge) {
             return reach_px(edge, fit, setting) > edge.clearance_px;
         });
         if (removed == 0)
             break;
         estimate.too_blurred += static_cast<int>(removed);
-        if (edges.size() < least_edges_for_defocus)
+        if (edges.size() < min_edges_for_defocus)
             throw NumericalError(fmt::format(
                 "no thin lens fits; the best one leaves {} edges clear of the next", edges.size()));
         fit = fit_edges(edges, model);
@@ -230,16 +230,16 @@ EdgeFit fit_within_clearance(std::vector<StraightEdge>& edges, const BlurModel& 
 std::string objection(std::span<const StraightEdge> edges, const EdgeFit& fit,
                       const DefocusEstimate& estimate) {
     const double aperture = fit.parameters[0], uncertainty = std::sqrt(fit.covariance(0, 0));
-    if (fit.is_at_bound[0] || uncertainty > largest_relative_uncertainty * aperture)
+    if (fit.is_at_bound[0] || uncertainty > max_relative_uncertainty * aperture)
         return fmt::format(
             "focus distance and f-number: the blur hardly changes {} (largest disk radius {:.2f} "
             "px)",
             depths(edges), estimate.largest_blur_px);
-    if (estimate.edges_nearer < least_edges_a_side || estimate.edges_farther < least_edges_a_side)
+    if (estimate.edges_nearer < min_edges_a_side || estimate.edges_farther < min_edges_a_side)
         return fmt::format(
             "focus distance and f-number: {} edges are nearer than the plane of focus and {} "
             "farther by a blur over {} px, {} are needed on both sides; the target was {}",
-            estimate.edges_nearer, estimate.edges_farther, least_blur_px, least_edges_a_side,
+            estimate.edges_nearer, estimate.edges_farther, min_blur_px, min_edges_a_side,
             depths(edges));
     return {};
 }
@@ -275,9 +275,9 @@ DefocusEstimate estimate_defocus(std::span<const StraightEdge> whole_edges,
                                  const CameraModel& camera, FocusSpread spread) {
     require_usable(whole_edges, camera, spread);
     std::vector<StraightEdge> edges = in_pieces(whole_edges);
-    if (edges.size() < least_edges_for_defocus)
+    if (edges.size() < min_edges_for_defocus)
         throw NumericalError(fmt::format("defocus: {} pieces of edges, at least {} are needed",
-                                         edges.size(), least_edges_for_defocus));
+                                         edges.size(), min_edges_for_defocus));
     const Setting setting = setting_of(edges, camera, spread);
     DefocusEstimate estimate;
     const auto start = start_of(edges, setting);

@@ -17,13 +17,13 @@
 namespace etalon {
 namespace {
 
-constexpr double most_clipped_of_a_patch = 1e-3;
-constexpr double most_contrast = 20.0;
+constexpr double max_clipped_of_a_patch = 1e-3;
+constexpr double max_contrast = 20.0;
 constexpr int blocks_across = 40;
-constexpr int least_white_patches = 20, least_patches_of_a_photo = 4;
-constexpr double least_radius = 0.6;
-constexpr double most_residual = 0.05;
-constexpr double most_corner_uncertainty = 0.025;
+constexpr int min_white_patches = 20, min_patches_of_a_photo = 4;
+constexpr double min_radius = 0.6;
+constexpr double max_residual = 0.05;
+constexpr double max_corner_uncertainty = 0.025;
 constexpr int illumination_rounds = 20;
 
 // Radiance and its uncertainty from a code value's.
@@ -43,12 +43,12 @@ WhitePatch linear_patch(const CameraModel& camera, double mean, double uncertain
 
 void check_flat(const CodeImage& flat, const std::string& name, int saturation) {
     const double high = share_at_saturation(flat, saturation), low = share_at_floor(flat);
-    if (high > most_clipped_of_a_patch)
+    if (high > max_clipped_of_a_patch)
         throw NumericalError(
             fmt::format("illumination: {}: {:.3g} % of the pixels are saturated: "
                         "expose less",
                         name, 100.0 * high));
-    if (low > most_clipped_of_a_patch)
+    if (low > max_clipped_of_a_patch)
         throw NumericalError(
             fmt::format("illumination: {}: {:.3g} % of the pixels are at code 0: "
                         "expose more, or raise the black level",
@@ -59,7 +59,7 @@ void check_contrast(const std::vector<WhitePatch>& patches, const std::string& n
     const auto [least, most] =
         std::minmax_element(patches.begin(), patches.end(),
                             [](const auto& a, const auto& b) { return a.radiance < b.radiance; });
-    if (!(most->radiance < most_contrast * least->radiance))
+    if (!(most->radiance < max_contrast * least->radiance))
         throw NumericalError(
             fmt::format("illumination: {}: is no photo of a uniform field: the light falls from "
                         "{:.3g} to {:.3g} of full scale",
@@ -185,14 +185,14 @@ std::vector<WhitePatch> usable(std::span<const WhitePatch> given) {
         ++count[patch.photo];
     std::vector<WhitePatch> patches;
     for (WhitePatch patch : given) {
-        if (count[patch.photo] < least_patches_of_a_photo)
+        if (count[patch.photo] < min_patches_of_a_photo)
             continue;
         patch.photo = number.emplace(patch.photo, static_cast<int>(number.size())).first->second;
         patches.push_back(patch);
     }
-    if (patches.size() < least_white_patches)
+    if (patches.size() < min_white_patches)
         throw NumericalError(fmt::format("illumination: {} even white parts; {} are needed",
-                                         patches.size(), least_white_patches));
+                                         patches.size(), min_white_patches));
     return patches;
 }
 
@@ -208,11 +208,11 @@ void check_reach(IlluminationEstimate& estimate, const Falloff& falloff) {
     for (const Row& row : falloff.rows())
         estimate.farthest_radius =
             std::max(estimate.farthest_radius, std::sqrt(row.squared_radius));
-    if (estimate.farthest_radius < least_radius)
+    if (estimate.farthest_radius < min_radius)
         throw NumericalError(fmt::format(
             "illumination: white parts reach {:.2f} of the way to the image's corners; {:.1f} are "
             "needed",
-            estimate.farthest_radius, least_radius));
+            estimate.farthest_radius, min_radius));
 }
 
 void take_residuals(const std::vector<WhitePatch>& patches, const Falloff& falloff,
@@ -232,7 +232,7 @@ void take_residuals(const std::vector<WhitePatch>& patches, const Falloff& fallo
             std::max(estimate.steepest_plane, 2.0 * plane.tail<2>().norm() / std::abs(plane(0)));
     }
     estimate.residual_rms = std::sqrt(square / static_cast<double>(patches.size()));
-    if (!(estimate.residual_rms < most_residual))
+    if (!(estimate.residual_rms < max_residual))
         throw NumericalError(
             fmt::format("illumination: the white parts scatter by {:.2g} % about any falloff: the "
                         "field is not uniform, or shadows lie on it",
@@ -322,7 +322,7 @@ IlluminationEstimate estimate_illumination(std::span<const WhitePatch> given,
     estimate.at_corner_standard_uncertainty = standard_uncertainty_at(estimate, corner);
 
     // With less any falloff would fit, and the simplest one would be chosen without evidence.
-    if (estimate.at_corner_standard_uncertainty > most_corner_uncertainty)
+    if (estimate.at_corner_standard_uncertainty > max_corner_uncertainty)
         throw NumericalError(fmt::format(
             "illumination: the white parts tell the falloff in the corner to {:.2f} +- {:.2f} only "
             "(k = 2): flats, or the target in more places up to the corners",

@@ -12,7 +12,7 @@
 namespace etalon {
 namespace {
 
-constexpr int most_pieces = 12;
+constexpr int max_pieces = 12;
 constexpr int reweighting_rounds = 12;  // of reweighting; the weights settle to 1e-6 in five
 
 double longest_exposure(const std::vector<ExposedPatch>& observed) {
@@ -155,7 +155,7 @@ InverseCurve fit_inverse_curve(const std::vector<ExposedPatch>& observed) {
     for (const ExposedPatch& o : observed)
         end = std::max(end, o.code);
     std::vector<InverseCurve> curves;
-    for (int pieces = 1; pieces <= most_pieces; ++pieces) {
+    for (int pieces = 1; pieces <= max_pieces; ++pieces) {
         InverseCurve curve(pieces, end);
         curve.fit(observed);
         if (curve.rises())

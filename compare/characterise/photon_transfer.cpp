@@ -17,15 +17,15 @@ namespace etalon {
 namespace {
 
 constexpr int bins = 64;
-constexpr double least_pixels_of_a_level = 100.0;  // of a level
-constexpr double most_clipped_of_a_level = 1e-4;   // of a level's pixels
-constexpr double least_code_variance = 0.24;       // DN^2, EMVA 1288: below, rounding rules
-constexpr double most_drift_of_a_level = 0.02, most_shift_px = 0.25;
-constexpr double most_changed = 1e-3;  // share of pixels
-constexpr double most_noise = 0.15;    // of full scale
-constexpr double most_correlation = 0.05;
-constexpr double most_gain_uncertainty = 0.2;  // relative
-constexpr double most_misfit = 0.1;            // relative
+constexpr double min_pixels_of_a_level = 100.0;  // of a level
+constexpr double max_clipped_of_a_level = 1e-4;  // of a level's pixels
+constexpr double min_code_variance = 0.24;       // DN^2, EMVA 1288: below, rounding rules
+constexpr double max_drift_of_a_level = 0.02, max_shift_px = 0.25;
+constexpr double max_changed = 1e-3;  // share of pixels
+constexpr double max_noise = 0.15;    // of full scale
+constexpr double max_correlation = 0.05;
+constexpr double max_gain_uncertainty = 0.2;  // relative
+constexpr double max_misfit = 0.1;            // relative
 
 // Sums over the pixels of one level.
 struct Bin {
@@ -79,7 +79,7 @@ std::vector<double> median_variances(const ViewNoise& noise, const cv::Mat& use,
             continue;
         const double many = static_cast<double>(variances[i].size());
         medians[i] = median(std::move(variances[i])) / reduced_chi_square(0.0, degrees_of_freedom);
-        if (many > share && std::sqrt(medians[i]) > most_noise * scale.range())
+        if (many > share && std::sqrt(medians[i]) > max_noise * scale.range())
             throw NumericalError(fmt::format(
                 "repeats: pixels differ by {:.3g} DN RMS where the signal is about {:.3g} DN: more "
                 "than any noise; they do not show the same view",
@@ -116,11 +116,11 @@ cv::Mat changed_pixels(const ViewNoise& noise, const cv::Mat& use, const LevelSc
 }
 
 void refuse_change(const ViewNoise& noise) {
-    if (noise.brightness_drift > most_drift_of_a_level)
+    if (noise.brightness_drift > max_drift_of_a_level)
         throw NumericalError(fmt::format(
             "repeats: brightness drifts by {:.2g} %: the light is not steady (over {:.0f} %)",
-            100.0 * noise.brightness_drift, 100.0 * most_drift_of_a_level));
-    if (noise.shift_px > most_shift_px)
+            100.0 * noise.brightness_drift, 100.0 * max_drift_of_a_level));
+    if (noise.shift_px > max_shift_px)
         throw NumericalError(
             fmt::format("repeats: the view moved by {:.2g} px between them", noise.shift_px));
 }
@@ -142,7 +142,7 @@ void add_view(const RepeatedView& view, const SensorModel& sensor, const LevelSc
     cv::Mat even = use & smooth;
     const cv::Mat changed = changed_pixels(noise, even, scale, medians, degrees_of_freedom);
     const double share = cv::countNonZero(changed) / std::max(1.0, double(cv::countNonZero(even)));
-    if (share > most_changed)
+    if (share > max_changed)
         throw NumericalError(fmt::format(
             "repeats: {:.3g} % of the pixels changed by more than noise: they do not show the same "
             "view",
@@ -197,7 +197,7 @@ Measured measured(double signal, double variance, double pixels, double degrees_
     result.level = {signal, variance - result.rounding_dn2, 0.0, 0.0, pixels, false};
     result.level.standard_uncertainty_dn2 =
         std::sqrt(result.weight_variance(result.level.variance_dn2));
-    result.level.is_used = code_variance >= least_code_variance;
+    result.level.is_used = code_variance >= min_code_variance;
     return result;
 }
 
@@ -212,12 +212,12 @@ std::vector<Measured> measured_levels(const std::vector<Bin>& levels, const Leve
                                   2.0 / std::max(relative * relative, 1e-12), slope));
     }
     for (const Bin& bin : levels) {
-        if (bin.pixels < least_pixels_of_a_level)
+        if (bin.pixels < min_pixels_of_a_level)
             continue;
         const double signal = bin.signal / bin.pixels;
         result.push_back(measured(signal, bin.variance / bin.pixels, bin.pixels,
                                   bin.degrees_of_freedom, scale.slope(signal)));
-        if (bin.clipped > most_clipped_of_a_level * bin.pixels)
+        if (bin.clipped > max_clipped_of_a_level * bin.pixels)
             result.back().level.is_used = false;
     }
     return result;
@@ -264,7 +264,7 @@ void refuse_misfit(const std::vector<NoiseLevel>& levels) {
     for (const NoiseLevel& level : levels) {
         const double off = std::abs(level.variance_dn2 - level.model_dn2);
         if (level.is_used &&
-            off > most_misfit * level.model_dn2 + 4.0 * level.standard_uncertainty_dn2)
+            off > max_misfit * level.model_dn2 + 4.0 * level.standard_uncertainty_dn2)
             throw NumericalError(fmt::format(
                 "photon transfer: the noise at a signal of {:.4g} DN has the variance {:.4g} DN^2, "
                 "not the {:.4g} of read and photon noise: transfer curve or black level are not "
@@ -277,7 +277,7 @@ void refuse_misfit(const std::vector<NoiseLevel>& levels) {
 // Gain g = 1/b and read noise sqrt(a)/b from the line a + b s.
 void take_gain(const StraightLine& line, PhotonTransfer& result) {
     const double b = line.value(1), u_b = std::sqrt(line.covariance(1, 1));
-    if (!(b > 0.0) || !(u_b < most_gain_uncertainty * b))
+    if (!(b > 0.0) || !(u_b < max_gain_uncertainty * b))
         throw NumericalError(fmt::format(
             "photon transfer: the variance rises by {:.3g} +- {:.3g} DN^2 per DN of signal "
             "(k = 1), which determines no gain: more photos, or darker and brighter parts",
@@ -326,7 +326,7 @@ PhotonTransfer measure_photon_transfer(std::span<const RepeatedView> views,
     std::vector<Bin> sums(bins);
     for (const RepeatedView& view : views)
         add_view(view, sensor, scale, camera, result, sums);
-    if (std::abs(result.noise_correlation) > most_correlation)
+    if (std::abs(result.noise_correlation) > max_correlation)
         throw NumericalError(
             fmt::format("repeats: the noise of neighbouring pixels is correlated ({:.2f}): these "
                         "are not raw pixels "

@@ -16,7 +16,7 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t least_edges_for_sigma = 4, least_edges_for_profile = 8;
+constexpr std::size_t min_edges_for_sigma = 4, min_edges_for_profile = 8;
 constexpr double profile_bin_px = 0.25;
 constexpr double profile_significance = 0.001;
 
@@ -135,12 +135,12 @@ Mean largest_excess(std::span<const EdgeSpreadRow> rows, double sign) {
 }
 
 Sharpening sharpening_of(std::span<const EdgeSpreadRow> rows) {
-    constexpr double least_excess = 0.01, sigmas = 4.0;
+    constexpr double min_excess = 0.01, sigmas = 4.0;
     const Mean over = largest_excess(rows, 1.0), under = largest_excess(rows, -1.0);
     Sharpening result{over.value, over.standard_uncertainty, under.value,
                       under.standard_uncertainty, false};
     for (const Mean& excess : {over, under})
-        if (excess.is_known && excess.value - sigmas * excess.standard_uncertainty > least_excess)
+        if (excess.is_known && excess.value - sigmas * excess.standard_uncertainty > min_excess)
             result.is_detected = true;
     return result;
 }
@@ -148,8 +148,8 @@ Sharpening sharpening_of(std::span<const EdgeSpreadRow> rows) {
 // Knots in steps of the blur's own width; no farther out than the edges' pixels.
 std::vector<double> profile_radii(double sigma_px, double reach_px) {
     constexpr double multiples[] = {1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 10.0, 13.0};
-    constexpr double least_step_px = 0.3, steps_per_sigma = 0.6, room_px = 1.0;
-    const double step = std::max(least_step_px, steps_per_sigma * sigma_px);
+    constexpr double min_step_px = 0.3, steps_per_sigma = 0.6, room_px = 1.0;
+    const double step = std::max(min_step_px, steps_per_sigma * sigma_px);
     std::vector<double> radii;
     for (const double multiple : multiples)
         if (multiple * step <= reach_px - room_px || radii.size() < 2)
@@ -211,7 +211,7 @@ void estimate_zones(std::span<const StraightEdge> edges, const CameraModel& came
     for (const StraightEdge& edge : edges)
         by_zone[zone_of(edge, camera)].push_back(edge);
     for (std::size_t zone = 0; zone < by_zone.size(); ++zone)
-        if (by_zone[zone].size() >= least_edges_for_sigma)
+        if (by_zone[zone].size() >= min_edges_for_sigma)
             estimate.zones[zone] = width_of(fit_edges(by_zone[zone], model));
 }
 
@@ -246,9 +246,9 @@ std::pair<double, double> MeasuredSpread::modulation(double cycles_per_px) const
 
 PointSpreadEstimate estimate_point_spread(std::span<const StraightEdge> edges,
                                           const CameraModel& camera) {
-    if (edges.size() < least_edges_for_sigma)
+    if (edges.size() < min_edges_for_sigma)
         throw NumericalError(fmt::format("point spread: {} edges, at least {} are needed",
-                                         edges.size(), least_edges_for_sigma));
+                                         edges.size(), min_edges_for_sigma));
     const Aperture pinhole{camera.projection, 0.0, 0.0, Eigen::Vector2d::Zero()};
     const Aperture aperture = camera.lens ? aperture_of(camera) : pinhole;
     const BlurModel gaussian = gaussian_blur(aperture, 0.0);
@@ -258,7 +258,7 @@ PointSpreadEstimate estimate_point_spread(std::span<const StraightEdge> edges,
     estimate_zones(edges, camera, gaussian, estimate);
     estimate.edge_spread = mean_profile(edges, gaussian_fit, gaussian);
     estimate.sharpening = sharpening_of(estimate.edge_spread);
-    if (edges.size() >= least_edges_for_profile) {
+    if (edges.size() >= min_edges_for_profile) {
         EdgeFit measured_fit;
         const BlurModel alone = gaussian_blur(pinhole, 0.0);
         const EdgeFit alone_fit = fit_edges(edges, alone);

@@ -20,8 +20,8 @@ using Eigen::ArrayXd;
 using std::numbers::pi;
 
 constexpr double edge_bin_px = 0.25;
-constexpr int least_side_px = 16;
-constexpr double least_half_width_px = 7.0;
+constexpr int min_side_px = 16;
+constexpr double min_half_width_px = 7.0;
 
 struct Sample {
     double distance_px, along_px, radiance;
@@ -45,8 +45,8 @@ Level level_beside(std::span<const Sample> samples, double sign, double half_wid
     for (const Sample& sample : samples)
         if (sign * sample.distance_px > 0.6 * half_width)
             side.push_back(&sample);
-    constexpr std::size_t least_pixels = 20;
-    if (side.size() < least_pixels)
+    constexpr std::size_t min_pixels = 20;
+    if (side.size() < min_pixels)
         throw NumericalError(fmt::format("slanted edge: {} pixels beside it", side.size()));
     const auto n = static_cast<Eigen::Index>(side.size());
     Eigen::MatrixXd design(n, 3);
@@ -191,8 +191,8 @@ void find_half(SlantedEdge& edge) {
 void transform(std::span<const Sample> samples, double half_width, SlantedEdge& edge) {
     const Level dark = level_beside(samples, -1.0, half_width);
     const Level light = level_beside(samples, 1.0, half_width);
-    constexpr double least_contrast_in_noise = 5.0;
-    if (!(light.level - dark.level > least_contrast_in_noise * std::max(light.noise, dark.noise)))
+    constexpr double min_contrast_in_noise = 5.0;
+    if (!(light.level - dark.level > min_contrast_in_noise * std::max(light.noise, dark.noise)))
         throw NumericalError(
             fmt::format("slanted edge: levels {:.4f} and {:.4f} with noise {:.4f} and {:.4f}",
                         dark.level, light.level, dark.noise, light.noise));
@@ -214,7 +214,7 @@ void transform(std::span<const Sample> samples, double half_width, SlantedEdge& 
 // The rectangle turned so that the edge runs down it, light on the right.
 Eigen::MatrixXd upright(const LinearPhoto& photo, const cv::Rect& region) {
     const cv::Rect image({0, 0}, photo.radiance.size());
-    if (region.width < least_side_px || region.height < least_side_px || (region & image) != region)
+    if (region.width < min_side_px || region.height < min_side_px || (region & image) != region)
         throw NumericalError(fmt::format("slanted edge: no region {} x {} px at ({}, {})",
                                          region.width, region.height, region.x, region.y));
     if (cv::countNonZero(photo.clipped(region)) > 0)
@@ -314,7 +314,7 @@ SlantedEdge slanted_edge(const LinearPhoto& photo, const cv::Rect& region) {
             samples.push_back({cosine * (static_cast<double>(x) - at),
                                static_cast<double>(y) - middle, pixels(y, x)});
     }
-    if (half_width < least_half_width_px)
+    if (half_width < min_half_width_px)
         throw NumericalError(fmt::format(
             "slanted edge: it comes within {:.1f} px of the region's side", half_width));
     std::erase_if(samples, [&](const Sample& s) { return std::abs(s.distance_px) > half_width; });
@@ -335,7 +335,7 @@ SlantedEdge slanted_edge(const StraightEdge& edge) {
         half = std::max(half, std::abs(distance));
     }
     const double half = std::min(half_width[0], half_width[1]) - 0.5;
-    if (half < least_half_width_px)
+    if (half < min_half_width_px)
         throw NumericalError(fmt::format("slanted edge: the band reaches {:.1f} px from it", half));
     std::erase_if(samples, [&](const Sample& s) { return std::abs(s.distance_px) > half; });
     SlantedEdge result;

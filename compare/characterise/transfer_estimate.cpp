@@ -17,11 +17,11 @@
 namespace etalon {
 namespace {
 
-constexpr int least_times = 4;
-constexpr double least_time_range = 4.0;
-constexpr int least_patches = 4, most_patches = 100;
-constexpr double most_drift = 0.01;
-constexpr double least_top = 0.5;  // of full scale, that must be seen
+constexpr int min_times = 4;
+constexpr double min_time_range = 4.0;
+constexpr int min_patches = 4, max_patches = 100;
+constexpr double max_drift = 0.01;
+constexpr double min_top = 0.5;  // of full scale, that must be seen
 constexpr int table_intervals = 128;
 
 void check_times(std::span<const ExposedPhoto> photos) {
@@ -32,12 +32,12 @@ void check_times(std::span<const ExposedPhoto> photos) {
                                              photo.name, photo.exposure_us));
         times.insert(photo.exposure_us);
     }
-    if (times.size() < least_times || *times.rbegin() < least_time_range * *times.begin())
+    if (times.size() < min_times || *times.rbegin() < min_time_range * *times.begin())
         throw NumericalError(fmt::format(
             "exposures: {} different times over a factor of {:.3g}; {} over a factor of {:.0f} are "
             "needed",
-            times.size(), times.empty() ? 0.0 : *times.rbegin() / *times.begin(), least_times,
-            least_time_range));
+            times.size(), times.empty() ? 0.0 : *times.rbegin() / *times.begin(), min_times,
+            min_time_range));
 }
 
 // Of a mosaic only the green pixels of every second row: one curve needs one colour.
@@ -103,14 +103,14 @@ std::vector<cv::Rect> chosen_patches(std::span<const ExposedPhoto> photos, int s
     });
     std::vector<cv::Rect> patches;
     const std::size_t many = by_irradiance.size();
-    const std::size_t wanted = std::min<std::size_t>(many, most_patches);
+    const std::size_t wanted = std::min<std::size_t>(many, max_patches);
     for (std::size_t i = 0; i < wanted; ++i)
         patches.push_back(by_irradiance[(2 * i + 1) * many / (2 * wanted)].second);
-    if (patches.size() < least_patches)
+    if (patches.size() < min_patches)
         throw NumericalError(
             fmt::format("exposures: {} uniform parts in the scene; {} are needed (a blurred or far "
                         "target, a gray wall)",
-                        patches.size(), least_patches));
+                        patches.size(), min_patches));
     return patches;
 }
 
@@ -132,7 +132,7 @@ std::optional<double> light_drift(std::span<const ExposedPhoto> photos,
         if (values.size() > 1 && *least > 0.0)
             drift = std::max(drift.value_or(0.0), (*most - *least) / *most);
     }
-    if (drift.value_or(0.0) > most_drift)
+    if (drift.value_or(0.0) > max_drift)
         throw NumericalError(
             fmt::format("exposures: photos of equal exposure time differ by {:.2g} %: the light is "
                         "not steady",
@@ -265,11 +265,11 @@ TransferEstimate estimate_transfer(std::span<const ExposedPhoto> given, const Se
                                                  [](auto& a, auto& b) { return a.code < b.code; });
     estimate.lowest_code = low->code;
     estimate.highest_code = high->code;
-    if (estimate.highest_code < least_top)
+    if (estimate.highest_code < min_top)
         throw NumericalError(
             fmt::format("exposures: the brightest parts reach {:.0f} % of full scale without "
                         "clipping; {:.0f} % are needed",
-                        100.0 * estimate.highest_code, 100.0 * least_top));
+                        100.0 * estimate.highest_code, 100.0 * min_top));
 
     const InverseCurve curve = fit_inverse_curve(observed);
     estimate.candidates = {known_curve(Transfer::Kind::linear, observed),

@@ -1,4 +1,4 @@
-// The least_white squares of a target as samples of the light that falls into the image.
+// The min_white squares of a target as samples of the light that falls into the image.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -12,8 +12,8 @@ namespace etalon {
 namespace {
 
 constexpr double inside_px = 4.0, inside_cell = 0.25;
-constexpr int least_pixels_of_a_cell = 9;
-constexpr float least_white = 0.5f;
+constexpr int min_pixels_of_a_cell = 9;
+constexpr float min_white = 0.5f;
 
 struct CellSums {
     double pixels = 0.0, radiance = 0.0, square = 0.0, x = 0.0, y = 0.0;
@@ -74,7 +74,7 @@ cv::Rect bounding_box(const Projector& projector, const Marker& marker,
 
 // Nothing of a cell that is clipped or hardly seen.
 std::optional<WhitePatch> patch_of(const CellSums& cell, int photo, double full_scale) {
-    if (cell.is_clipped || cell.pixels < least_pixels_of_a_cell)
+    if (cell.is_clipped || cell.pixels < min_pixels_of_a_cell)
         return std::nullopt;
     WhitePatch patch;
     patch.photo = photo;
@@ -107,7 +107,7 @@ std::vector<WhitePatch> white_cell_patches(const CodeImage& image, const Project
             const int row = static_cast<int>(std::floor(place.y()));
             // The outermost cells are the margin, of which prints have more or less.
             if (column < 1 || row < 1 || column + 1 >= grid.columns() || row + 1 >= grid.rows() ||
-                grid.cells.at<float>(row, column) < least_white)
+                grid.cells.at<float>(row, column) < min_white)
                 continue;
             const Eigen::Vector2d within(place.x() - column, place.y() - row);
             const double border = within.cwiseMin(Eigen::Vector2d::Ones() - within).minCoeff();

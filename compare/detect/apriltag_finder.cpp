@@ -96,8 +96,8 @@ ApriltagFinder::ApriltagFinder(const std::string& family, int border_cells,
 ApriltagFinder::~ApriltagFinder() = default;
 
 std::vector<FoundTag> ApriltagFinder::find(cv::Mat image) {
-    constexpr int smallest_tag = 8;  // px; the library's tiles need this much, too
-    const double smallest_side = smallest_tag * handles_->finder->quad_decimate;
+    constexpr int min_tag = 8;  // px; the library's tiles need this much, too
+    const double smallest_side = min_tag * handles_->finder->quad_decimate;
     if (image.cols < smallest_side || image.rows < smallest_side)
         return {};
     image_u8_t view{image.cols, image.rows, static_cast<int32_t>(image.step), image.data};

@@ -78,9 +78,9 @@ double library_offset_px_of(ArucoRefinement refinement) {
 
 std::vector<FoundTag> find_aruco_tags(const cv::Mat& image, const std::string& dictionary,
                                       ArucoRefinement refinement) {
-    constexpr int smallest_tag = 8;  // px
+    constexpr int min_tag = 8;  // px
     const int number = dictionary_number(dictionary);
-    if (image.cols < smallest_tag || image.rows < smallest_tag)
+    if (image.cols < min_tag || image.rows < min_tag)
         return {};
     std::vector<Quad> quads;
     std::vector<int> ids;

@@ -124,7 +124,7 @@ std::optional<CalibrationView> observe(const CalibrationTarget& target, const Co
         view.pixels.push_back(point.pixel);
         view.ids.push_back(point.id);
     }
-    if (view.pixels.size() < least_points || !spread_over_the_plane(view))
+    if (view.pixels.size() < min_view_points || !spread_over_the_plane(view))
         return std::nullopt;
     return view;
 }

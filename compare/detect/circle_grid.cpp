@@ -48,8 +48,8 @@ void choose_first(std::vector<cv::Point2f>& centres, bool asymmetric, int rows) 
 }
 
 std::vector<cv::Point2f> find_blobs(const Marker& board, const cv::Mat& image) {
-    constexpr int smallest_px = 16;
-    if (std::min(image.cols, image.rows) < smallest_px)
+    constexpr int min_px = 16;
+    if (std::min(image.cols, image.rows) < min_px)
         return {};
     cv::Mat stretched;
     cv::normalize(image, stretched, 0, 255, cv::NORM_MINMAX, CV_8U);
@@ -145,20 +145,20 @@ std::optional<Eigen::Vector2d> centroid_offset(const cv::Mat& pixels, const Circ
                        moment += darkness * place;
                        pixels_inside += 1.0;
                    });
-    constexpr double least_darkness = 0.05;
-    if (!(mass > least_darkness * pixels_inside))
+    constexpr double min_darkness = 0.05;
+    if (!(mass > min_darkness * pixels_inside))
         return std::nullopt;
     return Eigen::Vector2d(moment / mass);
 }
 
 std::optional<Eigen::Vector2d> centroid(const cv::Mat& pixels, const CircleWindow& window,
                                         const Eigen::Vector2d& start) {
-    constexpr int most_steps = 20;
+    constexpr int max_steps = 20;
     constexpr double settled_px = 1e-4;
     const double largest_shift =
         0.5 * window.inside_mm * window.px_per_mm.jacobiSvd().singularValues()[1];
     Eigen::Vector2d centre = start;
-    for (int i = 0; i < most_steps; ++i) {
+    for (int i = 0; i < max_steps; ++i) {
         const auto offset = centroid_offset(pixels, window, centre);
         if (!offset || (centre + *offset - start).norm() > largest_shift)
             return std::nullopt;

@@ -12,8 +12,8 @@
 namespace etalon {
 namespace {
 
-constexpr double sharpest_px = 0.1, least_contrast = 0.02, worst_misfit = 0.25;
-constexpr double largest_turn = 0.52;  // 30 degrees
+constexpr double sharpest_px = 0.1, min_contrast = 0.02, worst_misfit = 0.25;
+constexpr double max_turn = 0.52;  // 30 degrees
 
 // Centre, angles of the edges, log of the blur, then what is linear: brightness, gradient,
 // contrast.
@@ -151,10 +151,10 @@ double fit(const std::vector<Sample>& samples, double radius, const Held& held, 
 }
 
 bool is_crossing(const Parameters& p, const Parameters& start, double rms) {
-    return p.allFinite() && p[contrast] <= -least_contrast &&
+    return p.allFinite() && p[contrast] <= -min_contrast &&
            rms <= worst_misfit * std::abs(p[contrast]) &&
-           std::abs(p[angle_1] - start[angle_1]) < largest_turn &&
-           std::abs(p[angle_2] - start[angle_2]) < largest_turn;
+           std::abs(p[angle_1] - start[angle_1]) < max_turn &&
+           std::abs(p[angle_2] - start[angle_2]) < max_turn;
 }
 
 // Angles such that both steps are positive in the quadrant between the edges.
@@ -184,9 +184,9 @@ std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const Saddle
     Eigen::Vector2d centre = guess.pixel;
     const Parameters start = start_of(guess);
     Parameters p = start;
-    constexpr int most_windows = 6;
+    constexpr int max_windows = 6;
     constexpr double settled_px = 0.05;  // the window fades: its place no longer matters
-    for (int i = 0; i < most_windows; ++i) {
+    for (int i = 0; i < max_windows; ++i) {
         const std::vector<Sample> samples = window_around(pixels, centre, radius);
         if (samples.empty())
             return std::nullopt;

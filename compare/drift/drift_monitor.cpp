@@ -49,13 +49,13 @@ DriftPlan drift_plan(cv::Size image, Minutes interval, Minutes longest) {
     plan.block = std::max(plan.block, interval);
     const double blocks = std::floor(longest / plan.block);
     plan.judgements =
-        std::max(1, static_cast<int>(windows.size() * std::max(0.0, blocks - fewest_blocks + 1)));
+        std::max(1, static_cast<int>(windows.size() * std::max(0.0, blocks - min_blocks + 1)));
     return plan;
 }
 
 void DriftMonitor::add(Minutes time, const TargetPoints& points) {
     frames_.push_back({.time = time, .part = static_cast<int>(jumps_.size())});
-    if (points.size() >= fewest_points)
+    if (points.size() >= min_target_points)
         look({time, points});
 }
 

@@ -109,7 +109,7 @@ void find_worst(DriftRate& rate, const Eigen::Matrix4d& covariance,
 std::optional<DriftRate> estimate_drift(std::span<const DriftBlock> blocks,
                                         const TargetReference& reference, cv::Size image,
                                         double chance_of_error) {
-    if (blocks.size() < fewest_blocks || !(blocks.back().time > blocks.front().time))
+    if (blocks.size() < min_blocks || !(blocks.back().time > blocks.front().time))
         return std::nullopt;
     const Lines lines = fit_lines(blocks);
     const auto freedoms = static_cast<int>(blocks.size()) - 2;

@@ -49,12 +49,12 @@ struct DriftRate {
     }
 };
 
-inline constexpr std::size_t fewest_blocks = 15;
+inline constexpr std::size_t min_blocks = 15;
 
 // `chance_of_error` is how likely a drift that is as large as the limit or larger may be called
 // below it: bound < limit for a true worst drift >= limit has at most this probability, since the
 // true worst corner alone would need an error of U in one direction. Nothing for fewer than
-// fewest_blocks blocks or blocks at one time. Times must rise.
+// min_blocks blocks or blocks at one time. Times must rise.
 std::optional<DriftRate> estimate_drift(std::span<const DriftBlock> blocks,
                                         const TargetReference& reference, cv::Size image,
                                         double chance_of_error);

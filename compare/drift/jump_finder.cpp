@@ -10,9 +10,9 @@ namespace etalon {
 namespace {
 
 constexpr std::size_t half = 5;  // frames before and after
-constexpr std::size_t fewest_steps = 20, most_steps = 300;
+constexpr std::size_t min_steps = 20, max_steps = 300;
 constexpr double chance_of_false_jump = 1e-7;  // per frame and component
-constexpr double smallest_jump_px = 0.01;
+constexpr double min_jump_px = 0.01;
 
 // Of normal values: standard deviation of the difference of two medians of five over that of the
 // difference of two values. The variance of a median of five is 0.2868 (Teichroew 1956).
@@ -54,15 +54,14 @@ double JumpFinder::noise_of_difference(int component_index) const {
 }
 
 bool JumpFinder::is_jump(const Movement& difference) const {
-    if (steps_.size() < fewest_steps || differences_.size() < half)
+    if (steps_.size() < min_steps || differences_.size() < half)
         return false;
     const int freedoms = static_cast<int>(median_efficiency * static_cast<double>(steps_.size()));
     for (int i = 0; i < 4; ++i) {
         const double by_drift = median(component(differences_, i));
         const double size = std::abs(difference[i] - by_drift);
-        if (size > smallest_jump_px &&
-            size >
-                student_t_quantile(0.5 * chance_of_false_jump, freedoms) * noise_of_difference(i))
+        if (size > min_jump_px && size > student_t_quantile(0.5 * chance_of_false_jump, freedoms) *
+                                             noise_of_difference(i))
             return true;
     }
     return false;
@@ -83,7 +82,7 @@ TargetJump JumpFinder::largest_step() const {
 
 std::optional<TargetJump> JumpFinder::add(const Movement& movement) {
     if (!recent_.empty())
-        push(steps_, movement - recent_.back(), most_steps);
+        push(steps_, movement - recent_.back(), max_steps);
     push(recent_, movement, 2 * half);
     if (recent_.size() < 2 * half)
         return std::nullopt;
@@ -92,7 +91,7 @@ std::optional<TargetJump> JumpFinder::add(const Movement& movement) {
         medians(std::span(frames).last(half)) - medians(std::span(frames).first(half));
     if (is_jump(difference))
         return largest_step();
-    push(differences_, difference, most_steps);
+    push(differences_, difference, max_steps);
     return std::nullopt;
 }
 

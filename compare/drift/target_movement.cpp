@@ -11,14 +11,14 @@
 namespace etalon {
 namespace {
 
-constexpr double smallest_radius_px = 1e-3;
+constexpr double min_radius_px = 1e-3;
 
 }  // namespace
 
 TargetReference::TargetReference(TargetPoints points) : points_(std::move(points)) {
-    if (points_.size() < fewest_points)
-        throw NumericalError(
-            fmt::format("a target with {} points: {} are needed", points_.size(), fewest_points));
+    if (points_.size() < min_target_points)
+        throw NumericalError(fmt::format("a target with {} points: {} are needed", points_.size(),
+                                         min_target_points));
     const auto count = static_cast<double>(points_.size());
     for (const auto& [id, pixel] : points_)
         centre_ += pixel / count;
@@ -26,7 +26,7 @@ TargetReference::TargetReference(TargetPoints points) : points_(std::move(points
     for (const auto& [id, pixel] : points_)
         squares += (pixel - centre_).squaredNorm();
     radius_ = std::sqrt(squares / count);
-    if (!(radius_ > smallest_radius_px) || !std::isfinite(radius_))
+    if (!(radius_ > min_radius_px) || !std::isfinite(radius_))
         throw NumericalError("a target whose points are all in one place");
 }
 
@@ -42,7 +42,7 @@ std::optional<TargetReference::Look> TargetReference::look(const TargetPoints& p
     for (const auto& [id, pixel] : points)
         if (const auto first = points_.find(id); first != points_.end())
             displacements.emplace_back(id, pixel - first->second);
-    if (displacements.size() < fewest_points || 2 * displacements.size() < points_.size())
+    if (displacements.size() < min_target_points || 2 * displacements.size() < points_.size())
         return std::nullopt;
     const auto rows = static_cast<Eigen::Index>(2 * displacements.size());
     Eigen::MatrixX4d design(rows, 4);

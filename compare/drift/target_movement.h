@@ -12,7 +12,7 @@
 namespace etalon {
 
 // Of a target that is to be followed.
-inline constexpr std::size_t fewest_points = 4;
+inline constexpr std::size_t min_target_points = 4;
 
 // Pixel by the point's index on the target.
 using TargetPoints = std::map<int, Eigen::Vector2d>;

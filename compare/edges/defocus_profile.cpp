@@ -33,7 +33,7 @@ Variance variance_of(const StraightEdge& edge) {
 // Both lists are in the grid's order; each may lack edges that the other has.
 std::vector<Width> widths_of(std::span<const StraightEdge> photo,
                              std::span<const StraightEdge> rendering) {
-    constexpr double least_deviation_px2 = 1e-4;  // the measurement's own errors
+    constexpr double min_deviation_px2 = 1e-4;  // the measurement's own errors
     std::vector<Width> widths;
     std::size_t next = 0;
     for (const StraightEdge& edge : photo) {
@@ -45,7 +45,7 @@ std::vector<Width> widths_of(std::span<const StraightEdge> photo,
         next = static_cast<std::size_t>(same - rendering.begin()) + 1;
         const Variance measured = variance_of(edge);
         widths.push_back({edge.depth_term, measured.value,
-                          std::max(measured.deviation, least_deviation_px2),
+                          std::max(measured.deviation, min_deviation_px2),
                           variance_of(*same).value});
     }
     return widths;
@@ -64,12 +64,12 @@ InverseDepths inverse_depths(std::span<const Width> widths) {
 
 // The lowest point of the weighted least-squares parabola through (inverse depth, width).
 WidthMinimum minimum_of(std::span<const Width> widths, double Width::*width) {
-    constexpr std::size_t least_edges = 12;
-    constexpr double largest_uncertainty = 0.1;  // of the range of inverse depths
+    constexpr std::size_t min_edges = 12;
+    constexpr double max_uncertainty = 0.1;  // of the range of inverse depths
     WidthMinimum minimum;
-    if (widths.size() < least_edges) {
+    if (widths.size() < min_edges) {
         minimum.undetermined =
-            fmt::format("{} edges, at least {} are needed", widths.size(), least_edges);
+            fmt::format("{} edges, at least {} are needed", widths.size(), min_edges);
         return minimum;
     }
     const InverseDepths range = inverse_depths(widths);
@@ -100,7 +100,7 @@ WidthMinimum minimum_of(std::span<const Width> widths, double Width::*width) {
     const Eigen::Vector3d by_c(0.0, -0.5 / c[2], 0.5 * c[1] / (c[2] * c[2]));
     const double uncertainty = std::sqrt(by_c.dot(covariance * by_c));
     if (!(c[2] > 3.0 * std::sqrt(covariance(2, 2))) || !(std::abs(place) < 1.0) ||
-        !(uncertainty < 2.0 * largest_uncertainty)) {
+        !(uncertainty < 2.0 * max_uncertainty)) {
         minimum.undetermined = "the edges' width has no least value " + depths;
         return minimum;
     }

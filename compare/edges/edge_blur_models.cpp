@@ -13,7 +13,7 @@ namespace {
 using std::numbers::pi;
 
 constexpr double start_variance_px2 = 0.3;
-constexpr double finest_step = 1.0 / 256.0;  // cycles per px, of the tabulated transfers
+constexpr double min_step = 1.0 / 256.0;  // cycles per px, of the tabulated transfers
 
 // Gauss and Legendre's rule with 5 points on [0, 1].
 constexpr std::array<std::pair<double, double>, 5> gauss_legendre_pairs = {
@@ -99,12 +99,12 @@ Eigen::MatrixXd SlopingDisks::density_by_part() const {
 BlurModel SlopingDisks::model() const {
     const auto n = static_cast<Eigen::Index>(radii_.size());
     constexpr double room = 1.5;  // for pixels that are not square
-    const auto rows = static_cast<Eigen::Index>(room * highest_frequency / finest_step) + 2;
+    const auto rows = static_cast<Eigen::Index>(room * max_frequency / min_step) + 2;
     auto table = std::make_shared<Eigen::MatrixXd>(rows, n);
     for (Eigen::Index i = 0; i < rows; ++i)
         for (Eigen::Index k = 0; k < n; ++k)
             (*table)(i, k) =
-                transfer(static_cast<std::size_t>(k), static_cast<double>(i) * finest_step);
+                transfer(static_cast<std::size_t>(k), static_cast<double>(i) * min_step);
     BlurModel model;
     model.start = Eigen::VectorXd::Constant(n, 1.0 / static_cast<double>(n));
     model.lower = Eigen::VectorXd::Zero(n);
@@ -114,7 +114,7 @@ BlurModel SlopingDisks::model() const {
         BlurModel::Transfer result{Eigen::ArrayXd(),
                                    Eigen::MatrixXd(frequencies.size(), parameters.size())};
         for (Eigen::Index i = 0; i < frequencies.size(); ++i) {
-            const double at = frequencies[i] * edge.px_per_pitch / finest_step;
+            const double at = frequencies[i] * edge.px_per_pitch / min_step;
             const auto cell = std::min(static_cast<Eigen::Index>(at), table->rows() - 2);
             const double part = std::min(at - static_cast<double>(cell), 1.0);
             result.derivative.row(i) =

@@ -27,9 +27,9 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 constexpr double gradient_prior = 0.01, shift_prior_px = 1.0, turn_prior = 0.05;
 constexpr double shift_room_px = 3.0;
 
-constexpr int most_iterations = 50;
+constexpr int max_iterations = 50;
 constexpr double outlier_ratio = 4.0;
-constexpr int least_clusters = 8;
+constexpr int min_clusters = 8;
 
 Vector6 vector_of(const FittedEdge& edge) {
     return (Vector6() << edge.dark, edge.step, edge.gradient_across, edge.gradient_along,
@@ -313,7 +313,7 @@ Sums iterate(const Problem& problem, std::span<const StraightEdge> edges, const 
              EdgeFit& fit) {
     constexpr double converged = 1e-9;  // of chi-square
     Sums sums = sum_up(problem, edges, fit);
-    for (int iteration = 0; iteration < most_iterations; ++iteration) {
+    for (int iteration = 0; iteration < max_iterations; ++iteration) {
         require_information(sums);
         const VectorXd room = lower - fit.parameters;
         const VectorXd step = BoundedQuadratic(sums.information, sums.score, room).solve();
@@ -332,7 +332,7 @@ Sums iterate(const Problem& problem, std::span<const StraightEdge> edges, const 
         if (gain <= converged * sums.chi_square)
             return sums;
     }
-    throw NumericalError(fmt::format("edge fit: no convergence in {} steps", most_iterations));
+    throw NumericalError(fmt::format("edge fit: no convergence in {} steps", max_iterations));
 }
 
 // Marks the edges that do not fit; true when there are any.
@@ -364,7 +364,7 @@ MatrixXd inverse_of(const MatrixXd& information) {
 double scatter_ratio(const Sums& sums, const EdgeFit& fit, const MatrixXd& covariance,
                      const MatrixXd& inverse) {
     const auto m = static_cast<int>(inverse.rows());
-    if (fit.used_edges < std::max(least_clusters, 2 * m))
+    if (fit.used_edges < std::max(min_clusters, 2 * m))
         return 1.0;
     MatrixXd scores = MatrixXd::Zero(m, m);
     for (std::size_t i = 0; i < sums.edges.size(); ++i)

@@ -65,8 +65,8 @@ AiryTransfer airy_transfer(double f_lambda_n) {
 EdgeResponse::EdgeResponse(double reach_px) {
     if (!(reach_px > 0.0 && reach_px <= 100.0))
         throw NumericalError(fmt::format("no edge profile reaches {} px", reach_px));
-    const auto panels = static_cast<Eigen::Index>(std::ceil(highest_frequency * reach_px)) + 4;
-    const double width = highest_frequency / static_cast<double>(panels);
+    const auto panels = static_cast<Eigen::Index>(std::ceil(max_frequency * reach_px)) + 4;
+    const double width = max_frequency / static_cast<double>(panels);
     frequencies_.resize(8 * panels);
     Eigen::ArrayXd weights(8 * panels);
     for (Eigen::Index panel = 0; panel < panels; ++panel)

@@ -3,7 +3,7 @@
 //     E(d) = 1/2 + integral over f > 0 of T(f) sin(2 pi f d) / (pi f) df
 //     L(d) = E'(d) = integral over f > 0 of 2 T(f) cos(2 pi f d) df
 //
-// T is real and even: point-symmetric blur only. It is taken to vanish beyond `highest_frequency`;
+// T is real and even: point-symmetric blur only. It is taken to vanish beyond `max_frequency`;
 // of a pixel box alone that leaves 5e-4 of the contrast out at an edge along the pixels, of a box
 // with a Gaussian of sigma >= 0.2 px nothing.
 #pragma once
@@ -12,7 +12,7 @@
 
 namespace etalon {
 
-inline constexpr double highest_frequency = 5.0;  // cycles per px
+inline constexpr double max_frequency = 5.0;  // cycles per px
 
 // Transfer of a square pixel along a unit direction in the image: sinc(f nx) sinc(f ny).
 Eigen::ArrayXd pixel_transfer(const Eigen::ArrayXd& cycles_per_px, const Eigen::Vector2d& normal);

@@ -127,11 +127,11 @@ public:
         const double clearance =
             blur_reach_px(projector_.camera(), depth, psf_sigma_px_) + tangential_px;
         const double usable = length - 2.0 * clearance;
-        if (usable < least_length_px) {
+        if (usable < min_length_px) {
             ++too_small;
             return;
         }
-        const double most = std::max(length / edge.cells(), least_piece_px);
+        const double most = std::max(length / edge.cells(), min_piece_px);
         const int pieces = std::max(1, static_cast<int>(std::ceil(usable / most - 1e-9)));
         // Perspective is even enough along a run of cells to divide it evenly.
         const double keep = clearance / length * edge.cells();
@@ -146,7 +146,7 @@ public:
     }
 
 private:
-    static constexpr double least_length_px = 3.0, least_piece_px = 12.0, least_half_width_px = 2.0;
+    static constexpr double min_length_px = 3.0, min_piece_px = 12.0, min_half_width_px = 2.0;
     static constexpr double tangential_px = 0.6;  // how far crossings move in the displaced places
 
     const Rigid& pose() const { return rendered_.poses[places / 2]; }
@@ -176,7 +176,7 @@ private:
         band.half_width =
             std::min(std::abs(half_cell) * std::min(edge.reach_before, edge.reach_after),
                      blur_reach_px(projector_.camera(), band.depth_mm, psf_sigma_px_) + 2.0);
-        if (!(band.half_width >= least_half_width_px) || !band.tangent.allFinite())
+        if (!(band.half_width >= min_half_width_px) || !band.tangent.allFinite())
             return {};
         for (int place = 0; place < places; ++place) {
             const auto moved = projector_.project(rendered_.poses[static_cast<std::size_t>(place)] *
@@ -327,10 +327,10 @@ public:
 
     // False when the pixels do not determine the unknowns.
     bool solve(EdgeShift& edge) {
-        constexpr int most_steps = 8;
+        constexpr int max_steps = 8;
         constexpr double settled = 0.01;  // of a deviation
         constexpr double rounding = 1e-8;
-        for (int step = 0; step < most_steps; ++step) {
+        for (int step = 0; step < max_steps; ++step) {
             evaluate();
             const auto inverse = inverse_of_information(rows_.transpose() * rows_, rounding);
             if (!inverse)
@@ -439,8 +439,8 @@ void require_usable(const PhotoOfMarker& photo, const PhotometricCamera& camera,
 
 EdgeShifts edge_shifts(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                        const PhotoState& state) {
-    constexpr float least_contrast = 0.1f;  // of radiance, between the cells
-    constexpr std::size_t least_pixels = 16;
+    constexpr float min_contrast = 0.1f;  // of radiance, between the cells
+    constexpr std::size_t min_pixels = 16;
     require_usable(photo, camera, state);
     const RenderedPlaces rendered = rendered_places(photo, camera, state);
     const Photometry photometry(state.photometry, camera);
@@ -450,7 +450,7 @@ EdgeShifts edge_shifts(const PhotoOfMarker& photo, const PhotometricCamera& came
     result.noise_is_known = camera.knows_noise();
     std::vector<Band> bands;
     for (const GridEdge& edge : grid_edges(photo.grid))
-        if (edge.contrast >= least_contrast)
+        if (edge.contrast >= min_contrast)
             finder.add_pieces(edge, bands, result.too_small);
         else
             ++result.faint;
@@ -459,7 +459,7 @@ EdgeShifts edge_shifts(const PhotoOfMarker& photo, const PhotometricCamera& came
         const EdgePixels found = pixels_of(band, photo, rendered, photometry, camera);
         if (found.pixels.empty())
             continue;  // outside the image or the compared area
-        if (found.pixels.size() < least_pixels) {
+        if (found.pixels.size() < min_pixels) {
             ++result.too_small;
             continue;
         }

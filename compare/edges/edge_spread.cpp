@@ -101,7 +101,7 @@ public:
             return;
         }
         describe(*frame, found);
-        if (found.pixels.size() < least_pixels || found.length_px < selection_.least_length_px)
+        if (found.pixels.size() < min_pixels || found.length_px < selection_.least_length_px)
             ++result.too_small;
         else if (contrast(found) < selection_.least_contrast)
             ++result.faint;
@@ -110,7 +110,7 @@ public:
     }
 
 private:
-    static constexpr std::size_t least_pixels = 40;  // several for each of an edge's parameters
+    static constexpr std::size_t min_pixels = 40;  // several for each of an edge's parameters
 
     std::optional<EdgeFrame> frame_of(const GridEdge& edge, const LineInImage& line) const {
         const Eigen::Vector2d middle = edge.at(0.5 * (edge.first + edge.last + 1));

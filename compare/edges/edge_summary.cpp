@@ -15,10 +15,10 @@ namespace etalon {
 namespace {
 
 // The rendering's own errors: no edge is known better, however little noise there is.
-constexpr double least_deviation_px = 1e-4;
+constexpr double min_deviation_px = 1e-4;
 
 double variance_of(const EdgeShift& edge) {
-    const double deviation = std::max(edge.shift_deviation_px, least_deviation_px);
+    const double deviation = std::max(edge.shift_deviation_px, min_deviation_px);
     return deviation * deviation;
 }
 
@@ -90,7 +90,7 @@ void set_means(std::span<const EdgeShift> edges, EdgeSummary& summary) {
         shifts.push_back(edge.shift_px);
         shift_variances.push_back(variance_of(edge) + excess);
         blurs.push_back(edge.blur_variance_px2);
-        const double deviation = std::max(edge.blur_deviation_px2, least_deviation_px);
+        const double deviation = std::max(edge.blur_deviation_px2, min_deviation_px);
         blur_variances.push_back(deviation * deviation);
         sizes.push_back(std::abs(edge.shift_px));
         chi_squares.push_back(edge.reduced_chi_square);
@@ -130,10 +130,10 @@ std::vector<EdgeShift> edges_within_range(std::span<const EdgeShift> edges) {
 
 // Nothing where the directions of the edges do not determine a vector.
 std::optional<ShiftVector> vector_of(std::span<const EdgeShift> edges) {
-    constexpr std::size_t least_edges = 4;
+    constexpr std::size_t min_edges = 4;
     // Of the normal equations' eigenvalues: edges of one direction, seen in perspective, have 0.
-    constexpr double least_ratio = 0.05;
-    if (edges.size() < least_edges)
+    constexpr double min_ratio = 0.05;
+    if (edges.size() < min_edges)
         return {};
     Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
     Eigen::Vector2d right = Eigen::Vector2d::Zero();
@@ -145,7 +145,7 @@ std::optional<ShiftVector> vector_of(std::span<const EdgeShift> edges) {
         found.position_px += edge.middle_px / static_cast<double>(edges.size());
     }
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(information);
-    if (!(solver.eigenvalues()[0] > least_ratio * solver.eigenvalues()[1]))
+    if (!(solver.eigenvalues()[0] > min_ratio * solver.eigenvalues()[1]))
         return {};
     found.shift_px = information.inverse() * right;
     found.edges = static_cast<int>(edges.size());

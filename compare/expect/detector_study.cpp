@@ -113,13 +113,13 @@ void summarize(DetectorStudy& study) {
 
 DetectorStudy study_detector(const ExpectedScene& scene, std::span<const Rigid> camera_from_marker,
                              int frames, std::uint64_t seed, const std::function<void()>& step) {
-    constexpr int least_frames = 8;
+    constexpr int min_frames = 8;
     const auto& sensor = scene.camera.sensor;
     if (!sensor || !(sensor->gain_e_per_dn > 0.0))
         throw NumericalError("detector study: the camera declares no sensor noise");
-    if (frames < least_frames)
+    if (frames < min_frames)
         throw NumericalError(fmt::format("detector study: {} frames a pose, at least {} are needed",
-                                         frames, least_frames));
+                                         frames, min_frames));
     const NoisyPose study(scene, frames, seed);
     DetectorStudy result;
     result.frames = frames;

@@ -10,7 +10,7 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t most_groups = 500;
+constexpr std::size_t max_groups = 500;
 constexpr std::size_t bootstrap_draws = 999;  // 2.5 % of bootstrap_draws + 1 is the whole number 25
 constexpr std::uint32_t shuffle_stream = 410, draw_stream = 411;
 
@@ -118,7 +118,7 @@ ErrorStatistics one_measure(const Sums& total, std::span<const Sums> drawn, doub
 
 MeasureStatistics moment_statistics(std::span<const ErrorRow> rows, std::uint64_t seed) {
     const ErrorRow mean = means(rows);
-    std::vector<Sums> groups(std::min(rows.size(), most_groups));
+    std::vector<Sums> groups(std::min(rows.size(), max_groups));
     const std::vector<std::uint32_t> group = shuffled_groups(rows.size(), groups.size(), seed);
     for (std::size_t i = 0; i < rows.size(); ++i)
         groups[group[i]].add_row(rows[i], mean);
@@ -126,7 +126,7 @@ MeasureStatistics moment_statistics(std::span<const ErrorRow> rows, std::uint64_
     for (const Sums& sums : groups)
         total.add(sums);
     std::vector<Sums> drawn;
-    if (rows.size() >= least_bootstrap_values)
+    if (rows.size() >= min_bootstrap_values)
         drawn = drawn_sums(groups, seed);
     MeasureStatistics statistics;
     for (std::size_t k = 0; k < error_measure_count; ++k)

@@ -89,7 +89,7 @@ struct ErrorStatistics {
 using MeasureStatistics = std::array<ErrorStatistics, error_measure_count>;
 
 // Bootstrap intervals need this many values; intervals of medians need 6.
-inline constexpr std::size_t least_bootstrap_values = 20;
+inline constexpr std::size_t min_bootstrap_values = 20;
 
 struct PoseStatistics {
     std::size_t poses = 0;                 // that were asked about

@@ -36,14 +36,14 @@ cv::Mat flat_places(const cv::Mat& predicted, const cv::Mat& contrast) {
 
 // Means over windows, of the used pixels among them; 0 where fewer than a sixth are used.
 cv::Mat window_means(const cv::Mat& values, const cv::Mat& used, int side) {
-    constexpr double least_share = 1.0 / 6.0;
+    constexpr double min_share = 1.0 / 6.0;
     cv::Mat weight, sum, count;
     used.convertTo(weight, CV_32F, 1.0 / 255.0);
     cv::boxFilter(values.mul(weight), sum, CV_32F, {side, side}, {-1, -1}, true,
                   cv::BORDER_CONSTANT);
     cv::boxFilter(weight, count, CV_32F, {side, side}, {-1, -1}, true, cv::BORDER_CONSTANT);
     cv::Mat means = sum / cv::max(count, 0.01f);
-    means.setTo(0.0f, count < least_share);
+    means.setTo(0.0f, count < min_share);
     return means;
 }
 

@@ -16,23 +16,23 @@ namespace etalon {
 namespace {
 
 // The limits; docs/match-outcome.md has the reasons.
-constexpr double least_explained = 0.5;       // of the cells' variance, by any pattern
-constexpr double most_clipped = 0.05;         // of the light cells' samples
-constexpr double hopelessly_clipped = 0.5;    // their median is no level any more
-constexpr double least_contrast_gray = 20.0;  // 8-bit steps are 5 % of it
-constexpr double most_blur_cells = 0.35;      // sigma: a cell's middle misses its level by 15 %
-constexpr double most_covered = 0.25;         // of the contrast, in a window
-constexpr double bright_part = 0.3;           // of a covered area, for it to be called glare
+constexpr double min_explained = 0.5;       // of the cells' variance, by any pattern
+constexpr double max_clipped = 0.05;        // of the light cells' samples
+constexpr double hopelessly_clipped = 0.5;  // their median is no level any more
+constexpr double min_contrast_gray = 20.0;  // 8-bit steps are 5 % of it
+constexpr double max_blur_cells = 0.35;     // sigma: a cell's middle misses its level by 15 %
+constexpr double max_covered = 0.25;        // of the contrast, in a window
+constexpr double bright_part = 0.3;         // of a covered area, for it to be called glare
 // Of 26 photographs of a printed board (hand-held, JPEG at quality 50) the largest were 0.041 px,
 // 0.066 px, 2.5 px, 0.01, 4.0 gray and 0.034: what good work leaves, times 1.1 or more. A lens that
 // is an ideal Gaussian looks sharpened by 0.14, after JPEG at quality 50 by 0.25.
-constexpr double most_rows_px = 0.06, most_calibration_px = 0.09;
-constexpr double most_smear_px = 3.0;
-constexpr double most_sharpening = 0.3;
-constexpr double most_block_step_gray = 4.5;
-constexpr double most_rest = 0.06;            // RMS residual, of the contrast
-constexpr double most_rest_over_noise = 2.0;  // where the camera's noise is known
-constexpr double most_blur_difference = 0.2;  // px^2, where the camera's file gives the blur
+constexpr double max_rows_px = 0.06, max_calibration_px = 0.09;
+constexpr double max_smear_px = 3.0;
+constexpr double max_sharpening = 0.3;
+constexpr double max_block_step_gray = 4.5;
+constexpr double max_rest = 0.06;            // RMS residual, of the contrast
+constexpr double max_rest_over_noise = 2.0;  // where the camera's noise is known
+constexpr double max_blur_difference = 0.2;  // px^2, where the camera's file gives the blur
 
 // Not from a pile-up of equal codes below full scale: in a noise-free rendering white is one.
 constexpr double saturation = 0.99 * 255.0;
@@ -49,7 +49,7 @@ Finding not_in_image(double visible) {
 Finding marker_not_there(const PatternScore& score) {
     return {"marker_not_there",
             score.explained,
-            least_explained,
+            min_explained,
             "",
             fmt::format("the marker is not where the pose says, or covered: its pattern explains "
                         "{:.0f} % of what is seen there",
@@ -60,7 +60,7 @@ Finding marker_not_there(const PatternScore& score) {
 Finding low_contrast(double contrast_gray) {
     return {"low_contrast",
             contrast_gray,
-            least_contrast_gray,
+            min_contrast_gray,
             "gray",
             fmt::format("white and black are only {:.1f} gray values apart", contrast_gray),
             true};
@@ -69,7 +69,7 @@ Finding low_contrast(double contrast_gray) {
 Finding saturated(double clipped) {
     return {"saturated",
             100.0 * clipped,
-            100.0 * most_clipped,
+            100.0 * max_clipped,
             "%",
             fmt::format("{:.0f} % of the light cells are at the end of the scale: expose less",
                         100.0 * clipped),
@@ -123,9 +123,9 @@ Findings pattern_findings(const Marker& marker, const ShownPattern& shown) {
         return {not_in_image(shown.visible)};
     const bool another =
         shown.is_another() && 1.0 - shown.best.explained < 0.5 * (1.0 - expected.explained);
-    if (another && shown.best.explained > least_explained)
+    if (another && shown.best.explained > min_explained)
         return {other_pattern(marker, shown)};
-    if (expected.explained < least_explained)
+    if (expected.explained < min_explained)
         return {marker_not_there(expected)};
     if (expected.contrast_gray < 0)
         return {negative(marker, expected)};
@@ -139,7 +139,7 @@ Findings pattern_findings(const Marker& marker, const ShownPattern& shown) {
                         true}};
     if (shown.clipped_white > hopelessly_clipped)
         return {saturated(shown.clipped_white)};
-    if (expected.contrast_gray < least_contrast_gray)
+    if (expected.contrast_gray < min_contrast_gray)
         return {low_contrast(expected.contrast_gray)};
     if (shown.visible < 1.0)
         return {not_in_image(shown.visible)};
@@ -158,7 +158,7 @@ double blur_sigma_px(const CameraModel& camera, const PhotoState& state) {
 }
 
 Findings blur_findings(double sigma_px, double cell_px) {
-    const double limit = std::min(most_blur_cells * cell_px, 0.99 * max_psf_sigma_px);
+    const double limit = std::min(max_blur_cells * cell_px, 0.99 * max_psf_sigma_px);
     if (sigma_px <= limit)
         return {};
     return {{"out_of_focus", sigma_px, limit, "px",
@@ -172,7 +172,7 @@ Finding covered(const CoveredAreas& areas) {
     const bool glare = areas.bright_share > bright_part;
     return {glare ? "glare" : "occluded",
             100.0 * areas.largest,
-            100.0 * most_covered,
+            100.0 * max_covered,
             "%",
             glare ? fmt::format("a reflection (or something bright) on {:.1f} % of the marker",
                                 100.0 * areas.share)
@@ -189,7 +189,7 @@ Finding smeared(const ModeFit& fit, const PhotometricModel& photometry) {
     const double direction = 0.5 * std::atan2(fit.values[1], along_x);
     return {"motion_blur",
             std::sqrt(12.0 * anisotropy),
-            most_smear_px,
+            max_smear_px,
             "px",
             fmt::format("blurred along one direction ({:.0f} degrees from x towards y) as if moved "
                         "by {:.1f} px during the exposure; astigmatism would look the same",
@@ -202,7 +202,7 @@ Finding of_mode(const ModeFit& fit, const PhotometricModel& photometry) {
         case ResidualMode::rows:
             return {"skewed",
                     fit.size_px,
-                    most_rows_px,
+                    max_rows_px,
                     "px",
                     fmt::format("rows are displaced in proportion to their place, edges by {:.2f} "
                                 "px: moved under a rolling shutter, or the calibration's pixel "
@@ -212,7 +212,7 @@ Finding of_mode(const ModeFit& fit, const PhotometricModel& photometry) {
         case ResidualMode::calibration:
             return {"calibration_mismatch",
                     fit.size_px,
-                    most_calibration_px,
+                    max_calibration_px,
                     "px",
                     fmt::format("edges are off by {:.2f} px in a way that another focal length, "
                                 "centre or distortion explains: another camera's calibration, "
@@ -224,7 +224,7 @@ Finding of_mode(const ModeFit& fit, const PhotometricModel& photometry) {
         case ResidualMode::sharpening:
             return {"sharpened",
                     fit.values[0],
-                    most_sharpening,
+                    max_sharpening,
                     "",
                     fmt::format("edges overshoot as if the camera had sharpened by {:.0f} %",
                                 100.0 * fit.values[0]),
@@ -233,7 +233,7 @@ Finding of_mode(const ModeFit& fit, const PhotometricModel& photometry) {
             return {
                 "blur_differs",
                 fit.values[0],
-                most_blur_difference,
+                max_blur_difference,
                 "px^2",
                 fmt::format("{} than the camera's file says, by a variance of {:.2f} px^2: "
                             "another focus or aperture",
@@ -293,9 +293,9 @@ Findings mode_findings(const ResidualModes& modes, const PhotometricModel& photo
 Findings compression_findings(const BlockSteps& steps) {
     constexpr double clearly = 1.25;  // above what noise alone makes of the ratio
     const double excess = steps.excess_gray();
-    if (excess <= most_block_step_gray || steps.across_gray < clearly * steps.inside_gray)
+    if (excess <= max_block_step_gray || steps.across_gray < clearly * steps.inside_gray)
         return {};
-    return {{"compressed", excess, most_block_step_gray, "gray",
+    return {{"compressed", excess, max_block_step_gray, "gray",
              fmt::format("blocks of 8 x 8 px differ by {:.1f} gray where the marker is flat: "
                          "compress less",
                          excess),
@@ -305,16 +305,16 @@ Findings compression_findings(const BlockSteps& steps) {
 // The net under the named tests: a residual that none of them explains.
 Findings rest_findings(const PhotometricCamera& camera, const PhotoMatch& match,
                        double contrast_gray) {
-    if (camera.knows_noise() && match.pose.noise_scale > most_rest_over_noise)
-        return {{"unexplained", match.pose.noise_scale, most_rest_over_noise, "",
+    if (camera.knows_noise() && match.pose.noise_scale > max_rest_over_noise)
+        return {{"unexplained", match.pose.noise_scale, max_rest_over_noise, "",
                  fmt::format("the residual is {:.1f} times the camera's noise, and nothing named "
                              "explains it",
                              match.pose.noise_scale),
                  false}};
     const double rest = match.refined.difference.scored.rms_gray / contrast_gray;
-    if (rest <= most_rest)
+    if (rest <= max_rest)
         return {};
-    return {{"unexplained", 100.0 * rest, 100.0 * most_rest, "%",
+    return {{"unexplained", 100.0 * rest, 100.0 * max_rest, "%",
              fmt::format("the residual is {:.1f} % of the contrast, and nothing named explains it",
                          100.0 * rest),
              false}};
@@ -350,10 +350,10 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
         findings.insert(findings.end(), more.begin(), more.end());
     };
     const CoveredAreas areas =
-        covered_areas(gray, difference, shown.cell_px / 3.0, most_covered, saturation);
+        covered_areas(gray, difference, shown.cell_px / 3.0, max_covered, saturation);
     if (areas.share > 0)
         findings.push_back(covered(areas));
-    else if (shown.clipped_white > most_clipped)
+    else if (shown.clipped_white > max_clipped)
         findings.push_back(saturated(shown.clipped_white));
     add(mode_findings(
         ResidualModes(difference, (difference.use != pixel_outside) & (areas.pixels == 0), camera,

@@ -12,8 +12,8 @@
 namespace etalon {
 namespace {
 
-constexpr double least_range_gray = 20.0;  // as of the contrast in match_outcome.cpp
-constexpr double most_saturated = 0.5;     // of the image: a white wall beside the marker is well
+constexpr double min_range_gray = 20.0;  // as of the contrast in match_outcome.cpp
+constexpr double max_saturated = 0.5;    // of the image: a white wall beside the marker is well
 
 // Between the darkest and the lightest per cent of the pixels.
 double range_gray(const CodeImage& photo) {
@@ -53,15 +53,15 @@ Findings examine_missing_marker(const CodeImage& photo, Detector& detector) {
     if (photo.pixels.empty())
         return {};
     const double range = range_gray(photo);
-    if (range < least_range_gray)
-        return {{"low_contrast", range, least_range_gray, "gray",
+    if (range < min_range_gray)
+        return {{"low_contrast", range, min_range_gray, "gray",
                  fmt::format("the whole photograph spans {:.0f} gray values: empty, dark or "
                              "without contrast",
                              range),
                  true}};
     const double clipped = share_at_saturation(photo, photo.full_scale());
-    if (clipped > most_saturated)
-        return {{"saturated", 100.0 * clipped, 100.0 * most_saturated, "%",
+    if (clipped > max_saturated)
+        return {{"saturated", 100.0 * clipped, 100.0 * max_saturated, "%",
                  fmt::format("{:.0f} % of the photograph is at the end of the scale: expose less",
                              100.0 * clipped),
                  true}};

@@ -13,7 +13,7 @@ namespace etalon {
 namespace {
 
 constexpr double huber_threshold = 3.0;
-constexpr double smallest_eigenvalue = 1e-9;  // of a direction that is determined
+constexpr double min_eigenvalue = 1e-9;  // of a direction that is determined
 
 // Columns of the regression.
 constexpr int dark_at = 0, light_at = 6, tone_at = 12;
@@ -59,10 +59,10 @@ Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& matrix, double least) {
 
 void require_alike(const PixelDifference& difference, const cv::Mat& counted, const cv::Size& size,
                    double noise_scale) {
-    constexpr int least_pixels = 4 * column_count;
+    constexpr int min_pixels = 4 * column_count;
     if (difference.predicted.size() != size || difference.residual.size() != size ||
         counted.size() != size || counted.type() != CV_8UC1 || !(noise_scale > 0) ||
-        cv::countNonZero(counted) < least_pixels)
+        cv::countNonZero(counted) < min_pixels)
         throw NumericalError(fmt::format(
             "no modes from {} pixels of {} x {} px, a prediction of {} x {} px and noise scale {}",
             cv::countNonZero(counted), counted.cols, counted.rows, difference.predicted.cols,
@@ -76,8 +76,12 @@ double robust_chi_square(const Eigen::VectorXd& values, const Eigen::MatrixXd& i
     if (blocks <= parameters + 10.0)
         return formal;
     const Eigen::MatrixXd covariance = inverse * scatter * inverse * blocks / (blocks - parameters);
-    return values.dot(pseudo_inverse(covariance, smallest_eigenvalue * covariance.trace()) *
-                      values);
+    return values.dot(pseudo_inverse(covariance, min_eigenvalue * covariance.trace()) * values);
+}
+
+void require_finite(const Eigen::MatrixXd& information, const Eigen::VectorXd& score) {
+    if (!information.allFinite() || !score.allFinite())
+        throw NumericalError("a pixel of the photograph or its rendering is not finite");
 }
 
 }  // namespace
@@ -190,8 +194,7 @@ ResidualModes::ResidualModes(const PixelDifference& difference, const cv::Mat& c
             score_ += block.score;
             blocks_.push_back(std::move(block));
         }
-    if (!information_.allFinite() || !score_.allFinite())
-        throw NumericalError("a pixel of the photograph or its rendering is not finite");
+    require_finite(information_, score_);
 }
 
 ResidualModes::Columns ResidualModes::columns_of(ResidualMode mode) const {
@@ -245,13 +248,13 @@ ModeFit ResidualModes::fit(ResidualMode mode, const std::vector<ResidualMode>& k
     const Eigen::MatrixXd scaled = scale.asDiagonal() * information_ * scale.asDiagonal();
     const Eigen::VectorXd score = scale.cwiseProduct(score_);
     const Eigen::MatrixXd others_inverse =
-        pseudo_inverse(part(scaled, others, others), smallest_eigenvalue);
+        pseudo_inverse(part(scaled, others, others), min_eigenvalue);
     const Eigen::MatrixXd imitation = others_inverse * part(scaled, others, own);
     const Eigen::MatrixXd information =
         part(scaled, own, own) - imitation.transpose() * part(scaled, others, own);
     const Eigen::VectorXd own_score =
         Eigen::VectorXd(score(own)) - imitation.transpose() * Eigen::VectorXd(score(others));
-    const Eigen::MatrixXd inverse = pseudo_inverse(information, smallest_eigenvalue);
+    const Eigen::MatrixXd inverse = pseudo_inverse(information, min_eigenvalue);
     const Eigen::VectorXd values = inverse * own_score;
     const double explained = own_score.dot(values);
 

@@ -92,8 +92,8 @@ void sample_cell(const cv::Mat& gray, double saturation_gray, const Projector& p
 
 CellSamples sample_cells(const cv::Mat& gray, double saturation_gray, const Projector& projector,
                          const CellGrid& grid, const ComparedArea& area, const Rigid& pose) {
-    constexpr int most_per_side = 64;
-    const int step = std::max(1, std::max(grid.rows(), grid.columns()) / most_per_side);
+    constexpr int max_per_side = 64;
+    const int step = std::max(1, std::max(grid.rows(), grid.columns()) / max_per_side);
     CellSamples samples;
     for (int row = 0; row < grid.rows(); row += step)
         for (int column = 0; column < grid.columns(); column += step)
@@ -207,10 +207,10 @@ void try_positions(const Scorer& scorer, const cv::Mat& cells, int id, bool mirr
 }
 
 void try_other_ids(const Scorer& scorer, const Marker& marker, ShownPattern& shown) {
-    constexpr int most_ids = 5000;
+    constexpr int max_ids = 5000;
     const bool apriltag = marker.kind == Marker::Kind::apriltag;
     const int ids = apriltag ? apriltag_count(marker.family) : aruco_count(marker.family);
-    if (ids > most_ids)
+    if (ids > max_ids)
         return;
     for (int id = 0; id < ids; ++id) {
         const TagPattern pattern =
@@ -230,7 +230,7 @@ ShownPattern shown_pattern(const cv::Mat& photo_gray, double saturation_gray,
                            const Projector& projector, const Marker& marker,
                            const ComparedArea& area, const Rigid& camera_from_marker) {
     constexpr double well_explained = 0.9;
-    constexpr std::size_t least_cells = 12;  // beside six terms of light and three of the pattern
+    constexpr std::size_t min_cells = 12;  // beside six terms of light and three of the pattern
     const CameraModel& camera = projector.camera();
     if (photo_gray.type() != CV_32FC1 || photo_gray.size() != cv::Size(camera.width, camera.height))
         throw NumericalError(fmt::format("photograph {} x {} px for a camera of {} x {}",
@@ -245,7 +245,7 @@ ShownPattern shown_pattern(const cv::Mat& photo_gray, double saturation_gray,
     shown.cell_px = samples.cell_px;
     shown.white_gray = samples.white_gray;
     shown.clipped_white = samples.clipped_white;
-    if (samples.cells.size() < least_cells)
+    if (samples.cells.size() < min_cells)
         return shown;
     const Scorer scorer(samples.cells);
     scorer.expect(marker.grid.cells, shown);

@@ -103,10 +103,10 @@ PhotoPlace fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& ca
 
 // Whether enough pixels are so bright that a camera may have clipped them.
 bool shows_saturation(const PhotoOfMarker& photo) {
-    constexpr double bright_gray = 230.0, least_share = 0.05;
+    constexpr double bright_gray = 230.0, min_share = 0.05;
     const cv::Mat fitted = photo.use == photo.fitted;
     const int bright = cv::countNonZero((photo.gray > bright_gray) & fitted);
-    return bright > least_share * cv::countNonZero(fitted);
+    return bright > min_share * cv::countNonZero(fitted);
 }
 
 }  // namespace

@@ -96,10 +96,10 @@ private:
 
     // New noise scales from the residuals; returns the largest relative change.
     double rescale(const Place& place) {
-        constexpr double least_gray = 0.2;  // rounding to 8 bits: 1 / sqrt(12), and a little less
+        constexpr double min_gray = 0.2;  // rounding to 8 bits: 1 / sqrt(12), and a little less
         double change = 0.0;
         for (std::size_t i = 0; i < photos_.size(); ++i) {
-            const double least = place.camera->knows_noise() ? 1.0 : least_gray;
+            const double least = place.camera->knows_noise() ? 1.0 : min_gray;
             const double scale =
                 std::max(1.4826 * place.equations[i].median_size * scales_[i], least);
             const bool first = iterations_ == 0;
@@ -152,7 +152,9 @@ private:
     // where nothing can be rendered is no better than one that raises the loss.
     void minimise(Place& place) {
         const auto count = static_cast<double>(photos_.size());
-        const DescentRule rule{.first_damping = 1e-3, .max_damping = 1e6, .max_tries = 60,
+        const DescentRule rule{.first_damping = 1e-3,
+                               .max_damping = 1e6,
+                               .max_tries = 60,
                                .enough_gain = 3e-4 * count};
         constexpr double rounding = 1e-2;  // by photograph: the renderer's own steps hide less
         const auto determined_step = [&](const Place& from, double damping) {
@@ -167,8 +169,7 @@ private:
         auto descent = damped_descent(std::move(place), rule, determined_step, tried);
         place = std::move(descent.place);
         iterations_ += descent.steps;
-        converged_ =
-            descent.converged || step_at(place, 0.0).predicted_gain < rounding * count;
+        converged_ = descent.converged || step_at(place, 0.0).predicted_gain < rounding * count;
     }
 
     std::span<const PhotoOfMarker> photos_;

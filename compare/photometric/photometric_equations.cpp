@@ -15,7 +15,7 @@ namespace etalon {
 namespace {
 
 constexpr double huber_threshold = 3.0;
-constexpr int least_pixels = 50;
+constexpr int min_pixels = 50;
 
 // The region with these pixels and what is blurred into them.
 cv::Rect rendered_region(const cv::Mat& pixels) {
@@ -189,8 +189,8 @@ void hold_what_is_fixed(const PhotometricModel& model, const PhotometricTerms& t
         hold(next++, model.tone, -1.0, 1.0);
     if (terms.saturation) {
         const Saturation& saturation = *model.saturation;
-        hold(next++, saturation.level_gray, least_saturation_gray, max_saturation_gray);
-        hold(next, saturation.knee_gray, least_knee_gray, max_knee_gray);
+        hold(next++, saturation.level_gray, min_saturation_gray, max_saturation_gray);
+        hold(next, saturation.knee_gray, min_knee_gray, max_knee_gray);
     }
 }
 
@@ -208,7 +208,7 @@ struct Levels {
 // radiance. (Blurred cells may be neither black nor white anywhere.)
 Levels levels_of(const cv::Mat& gray, const Radiance& radiance, const cv::Mat& used,
                  const LightCurve& curve) {
-    constexpr double least_deviation = 0.01;  // of full scale: without contrast there is no line
+    constexpr double min_deviation = 0.01;  // of full scale: without contrast there is no line
     double count = 0.0, seen_sum = 0.0, gray_sum = 0.0, squares = 0.0, products = 0.0;
     for (int y = 0; y < gray.rows; ++y)
         for (int x = 0; x < gray.cols; ++x) {
@@ -223,11 +223,22 @@ Levels levels_of(const cv::Mat& gray, const Radiance& radiance, const cv::Mat& u
             products += seen * value;
         }
     const double variance = squares / count - std::pow(seen_sum / count, 2);
-    if (!(variance > least_deviation * least_deviation))
+    if (!(variance > min_deviation * min_deviation))
         throw NumericalError("the marker's rendering has no contrast at this pose");
     const double slope = (products / count - seen_sum / count * gray_sum / count) / variance;
     const double black = (gray_sum - slope * seen_sum) / count;
     return {black, black + slope};
+}
+
+constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
+
+// The upper triangle, and what is known beside the pixels.
+void complete(PhotoEquations& equations, const PhotometricModel& photometry,
+              const PhotometricTerms& terms) {
+    equations.information = Eigen::MatrixXd(equations.information.selfadjointView<Eigen::Lower>());
+    if (terms.saturation)
+        add_known_saturation(*photometry.saturation, equations);
+    hold_what_is_fixed(photometry, terms, equations);
 }
 
 }  // namespace
@@ -283,9 +294,9 @@ void require_fitting(const PhotoOfMarker& photo, const PhotometricCamera& camera
 cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& camera) {
     require_fitting(photo, camera);
     const cv::Mat fitted = photo.use == photo.fitted;
-    if (cv::countNonZero(fitted) < least_pixels)
+    if (cv::countNonZero(fitted) < min_pixels)
         throw NumericalError(
-            fmt::format("fewer than {} pixels of the marker can be fitted", least_pixels));
+            fmt::format("fewer than {} pixels of the marker can be fitted", min_pixels));
     return rendered_region(fitted);
 }
 
@@ -303,7 +314,6 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                                const PhotoState& state, const PhotometricTerms& terms,
                                const RenderedGradient& rendered, const ImageMotion& motion,
                                double noise_scale) {
-    constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
     const BlurredRendering seen(rendered, state.photometry.psf_sigmas_px());
     const LightCurve curve = camera.curve(state.photometry);
     const cv::Rect& region = motion.region();
@@ -343,11 +353,8 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
         }
     edges.flush();
     flats.flush();
-    equations.information = Eigen::MatrixXd(equations.information.selfadjointView<Eigen::Lower>());
-    if (terms.saturation)
-        add_known_saturation(*state.photometry.saturation, equations);
-    hold_what_is_fixed(state.photometry, terms, equations);
-    if (equations.pixels < least_pixels || sizes.empty() || !std::isfinite(equations.loss))
+    complete(equations, state.photometry, terms);
+    if (equations.pixels < min_pixels || sizes.empty() || !std::isfinite(equations.loss))
         throw NumericalError(fmt::format("{} pixels of the marker can be fitted, with a loss of {}",
                                          equations.pixels, equations.loss));
     equations.median_size = median(std::move(sizes));
@@ -391,22 +398,22 @@ PhotoState stepped(const PhotoState& state, const PhotometricTerms& terms,
         model.tone = std::clamp(model.tone + step[at++], -1.0, 1.0);
     if (terms.saturation) {
         model.saturation->level_gray = std::clamp(model.saturation->level_gray + step[at],
-                                                  least_saturation_gray, max_saturation_gray);
+                                                  min_saturation_gray, max_saturation_gray);
         model.saturation->knee_gray =
-            std::clamp(model.saturation->knee_gray + step[at + 1], least_knee_gray, max_knee_gray);
+            std::clamp(model.saturation->knee_gray + step[at + 1], min_knee_gray, max_knee_gray);
     }
     return next;
 }
 
 PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                           const Rigid& camera_from_marker, const PhotometricTerms& terms) {
-    constexpr double typical_sigma_px = 0.75, least_gray = 0.0, full_gray = 255.0;
+    constexpr double typical_sigma_px = 0.75, min_gray = 0.0, full_gray = 255.0;
     constexpr int curve_rounds = 2;  // the levels say between which light the curve is taken
     require_fitting(photo, camera);
     const cv::Rect region = rendered_region(photo.use == photo.fitted);
     const Radiance radiance = camera.at_sensor(scene_of(photo, camera_from_marker), region);
     PhotoState state{camera_from_marker, {}};
-    state.photometry.black[0] = least_gray;
+    state.photometry.black[0] = min_gray;
     state.photometry.white[0] = full_gray;
     for (int round = 0; round < curve_rounds; ++round) {
         const Levels levels =

@@ -33,7 +33,7 @@ cv::Mat discrete_gaussian(double sigma_px) {
 }  // namespace
 
 LightCurve::LightCurve(const std::optional<Sensor>& sensor, const PhotometricModel& model) {
-    constexpr double least_contrast = 0.01;  // of full scale; below, the levels say nothing
+    constexpr double min_contrast = 0.01;  // of full scale; below, the levels say nothing
     if (!sensor || sensor->transfer.kind == Transfer::Kind::linear)
         return;
     transfer_ = sensor->transfer;
@@ -42,7 +42,7 @@ LightCurve::LightCurve(const std::optional<Sensor>& sensor, const PhotometricMod
         return decode(transfer_, (gray / 255.0 - black_level) / (1.0 - black_level));
     };
     const double dark = light_of(model.black[0]), light = light_of(model.white[0]);
-    if (light > dark + least_contrast) {
+    if (light > dark + min_contrast) {
         dark_ = dark;
         light_ = light;
     }

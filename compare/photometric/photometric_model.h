@@ -60,8 +60,8 @@ struct PhotometricModel {
 };
 
 inline constexpr double max_psf_sigma_px = 3.0;
-inline constexpr double least_saturation_gray = 225.0, max_saturation_gray = 265.0;
-inline constexpr double least_knee_gray = 0.5, max_knee_gray = 60.0;
+inline constexpr double min_saturation_gray = 225.0, max_saturation_gray = 265.0;
+inline constexpr double min_knee_gray = 0.5, max_knee_gray = 60.0;
 
 // 1, x, y, x^2, x y, y^2 of a pixel with x and y from -0.5 to 0.5 over the image.
 Vector6d level_terms(double x, double y, cv::Size size);

@@ -150,9 +150,9 @@ void require_usable(std::span<const CodeImage> photos, std::span<const Calibrati
         throw NumericalError(fmt::format("{} photographs, {} views and {} poses do not match",
                                          photos.size(), views.size(),
                                          corners.camera_from_target.size()));
-    if (photos.size() < least_refinement_photos)
+    if (photos.size() < min_refinement_photos)
         throw NumericalError(fmt::format("photometric refinement needs {} photographs, not {}",
-                                         least_refinement_photos, photos.size()));
+                                         min_refinement_photos, photos.size()));
 }
 
 }  // namespace

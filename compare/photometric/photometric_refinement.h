@@ -52,7 +52,7 @@ struct PhotometricRefinement {
 };
 
 inline constexpr int refinement_folds = 5;
-inline constexpr std::size_t least_refinement_photos = 6;
+inline constexpr std::size_t min_refinement_photos = 6;
 
 // `photos` and `views` belong together; `area` is the part of the target that is compared;
 // `corners` is fit_camera()'s result for all views with this model. The covariance takes

@@ -73,9 +73,8 @@ bool PhotometricSteps::descend(PhotoPlace& place, DescentRule rule) {
     rule.max_damping = std::min(rule.max_damping, 1e3);
     // Where nothing can be rendered it is no better than where the loss is higher.
     const auto tried = [&](const PhotoPlace& from, const PhotoStep& step) {
-        return attempted([&] {
-                   return at(stepped(from.state, terms_, step.delta), from.noise_scale);
-               })
+        return attempted(
+                   [&] { return at(stepped(from.state, terms_, step.delta), from.noise_scale); })
             .value;
     };
     const auto step_at = [](const PhotoPlace& from, double damping) {
@@ -87,10 +86,10 @@ bool PhotometricSteps::descend(PhotoPlace& place, DescentRule rule) {
 }
 
 double noise_scale_of(const PhotoPlace& place, bool knows_noise) {
-    constexpr double least_gray = 0.2;  // rounding to 8 bits: 1 / sqrt(12), and a little less
+    constexpr double min_gray = 0.2;  // rounding to 8 bits: 1 / sqrt(12), and a little less
     const double found = 1.4826 * place.equations.median_size * place.noise_scale;
     if (!knows_noise)
-        return std::max(found, least_gray);
+        return std::max(found, min_gray);
     const double median_error = 1.17 / std::sqrt(place.equations.pixels);
     return found < 1.0 + 3.0 * median_error ? 1.0 : found;
 }
@@ -101,8 +100,7 @@ PhotoPlace approached(PhotometricSteps& steps, const PhotoState& start) {
     const double rms = above_all * std::sqrt(first.equations.squares / first.equations.pixels);
     PhotoPlace place = steps.at(start, std::max(rms, least));
     const double enough = std::max(1.0, 0.02 * place.equations.loss);
-    steps.descend(place,
-                  {.first_damping = 1e-3, .max_damping = 1.0, .enough_gain = enough});
+    steps.descend(place, {.first_damping = 1e-3, .max_damping = 1.0, .enough_gain = enough});
     return place;
 }
 

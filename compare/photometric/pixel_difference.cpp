@@ -56,7 +56,7 @@ double clipping_gray(const PhotometricModel& model) {
 // 1.4826 times the median size of the fitted residuals of pixels that do not clip: their standard
 // deviation if they are normal, whatever a tenth of them is. Not below rounding to 8 bits.
 double deviation_of_residuals(const PixelDifference& difference) {
-    constexpr double least_gray = 0.289;
+    constexpr double min_gray = 0.289;
     const double clipping = clipping_gray(difference.model);
     std::vector<float> sizes;
     for (int y = 0; y < difference.use.rows; ++y)
@@ -68,7 +68,7 @@ double deviation_of_residuals(const PixelDifference& difference) {
         throw NumericalError("no pixel of the marker was fitted");
     const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
     std::nth_element(sizes.begin(), middle, sizes.end());
-    return std::max(1.4826 * static_cast<double>(*middle), least_gray);
+    return std::max(1.4826 * static_cast<double>(*middle), min_gray);
 }
 
 // The standard deviation of each pixel's noise.

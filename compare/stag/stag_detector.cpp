@@ -13,10 +13,10 @@ namespace {
 
 // The word stays the nearest one, however the marker is turned; and of random readings no more than
 // 4 (1 + 48 + 1128 + 17296 + 194580) / 2^48 = 3e-9 are taken for a marker's.
-constexpr int most_correctable_bits = 4;
+constexpr int max_correctable_bits = 4;
 
 int correctable_bits(const std::vector<StagCode>& codes, int id) {
-    return std::min(most_correctable_bits, (stag_separation(codes, id) - 1) / 2);
+    return std::min(max_correctable_bits, (stag_separation(codes, id) - 1) / 2);
 }
 
 class StagDetector final : public Detector {

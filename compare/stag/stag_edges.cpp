@@ -106,7 +106,7 @@ std::vector<StagEdge> stag_edges(StagCode code) {
 
 std::optional<MeasuredEdge> measure_edge(const cv::Mat& image, const StagView& view,
                                          const StagEdge& edge, double reach_px, double contrast) {
-    constexpr double least_reach_px = 1.0, sample_px = 0.5, corner_px = 2.0, little = 1e-3;
+    constexpr double min_reach_px = 1.0, sample_px = 0.5, corner_px = 2.0, little = 1e-3;
     const Eigen::Vector2d middle = view.pixel(edge.place);
     const Eigen::Vector2d tangent(-edge.to_light.y(), edge.to_light.x());
     const Eigen::Vector2d along = (view.pixel(edge.place + little * tangent) - middle) / little;
@@ -117,7 +117,7 @@ std::optional<MeasuredEdge> measure_edge(const cv::Mat& image, const StagView& v
         normal = -normal;
     const double room_px = normal.dot(across) * std::min(edge.dark_room, edge.light_room);
     const double reach = std::min(reach_px, 0.8 * room_px);
-    if (!(reach >= least_reach_px) || edge.room_along * along.norm() < corner_px + reach)
+    if (!(reach >= min_reach_px) || edge.room_along * along.norm() < corner_px + reach)
         return std::nullopt;
     const int steps = static_cast<int>(std::ceil(reach / sample_px));
     const double spacing = reach / steps;

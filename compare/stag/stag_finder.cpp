@@ -31,15 +31,15 @@ Quad upright(const Quad& seen, int quarters) {
 }
 
 // The publication allows 1.5; a marker at a distance of 1.5 sides tilted by 60 degrees has 1.9.
-constexpr double largest_depth_ratio = 2.0;
-constexpr double least_contrast = 0.05;  // of full scale
+constexpr double max_depth_ratio = 2.0;
+constexpr double min_contrast = 0.05;  // of full scale
 
 std::optional<Candidate> read(const cv::Mat& image, const Quad& quad, const Wanted& wanted) {
     const auto seen = homography_to(quad);
     if (!seen)
         return std::nullopt;
     const double ratio = depth_ratio(*seen);
-    if (!(ratio >= 1.0 && ratio <= largest_depth_ratio))
+    if (!(ratio >= 1.0 && ratio <= max_depth_ratio))
         return std::nullopt;
     const auto reading = read_stag_code(image, *seen);
     if (!reading || !(reading->contrast >= wanted.contrast))
@@ -86,7 +86,7 @@ FoundStag refined(const cv::Mat& image, const Candidate& candidate, const Wanted
 
 std::vector<FoundStag> find_stags(const CodeImage& image, std::span<const StagCode> words,
                                   int correctable_bits) {
-    const Wanted wanted{words, correctable_bits, least_contrast * image.full_scale()};
+    const Wanted wanted{words, correctable_bits, min_contrast * image.full_scale()};
     cv::Mat pixels;
     image.pixels.convertTo(pixels, CV_32F);
     std::vector<Candidate> candidates;

@@ -58,8 +58,8 @@ void cut(std::span<const cv::Point> chain, std::size_t first, double tolerance_p
 // The line with the least squared distances to the pixels, without the two next to each end, which
 // belong to the corner.
 std::optional<Line> fit_line(std::span<const cv::Point> pixels) {
-    constexpr std::size_t corner_pixels = 2, fewest_pixels = 4;
-    if (pixels.size() < fewest_pixels + 2 * corner_pixels)
+    constexpr std::size_t corner_pixels = 2, min_pixels = 4;
+    if (pixels.size() < min_pixels + 2 * corner_pixels)
         return std::nullopt;
     pixels = pixels.subspan(corner_pixels, pixels.size() - 2 * corner_pixels);
     Eigen::Vector2d mean = Eigen::Vector2d::Zero();
@@ -92,9 +92,9 @@ std::vector<Line> lines_of(const Chain& chain, double tolerance_px) {
 }
 
 std::optional<Eigen::Vector2d> intersection(const Line& a, const Line& b) {
-    constexpr double smallest_sine = 0.17;  // 10 degrees
+    constexpr double min_sine = 0.17;  // 10 degrees
     const double sine = cross(a.along, b.along);
-    if (std::abs(sine) < smallest_sine)
+    if (std::abs(sine) < min_sine)
         return std::nullopt;
     return a.from + a.along * (cross(b.from - a.from, b.along) / sine);
 }
@@ -145,8 +145,8 @@ std::optional<Quad> quad_of(std::span<const Line> lines) {
 
 // Edge Drawing begins and ends a closed curve anywhere, with a gap of a few pixels.
 bool is_closed(const Chain& chain) {
-    constexpr double largest_gap_px = 5.0;
-    return (vector_of(chain.back()) - vector_of(chain.front())).norm() <= largest_gap_px;
+    constexpr double max_gap_px = 5.0;
+    return (vector_of(chain.back()) - vector_of(chain.front())).norm() <= max_gap_px;
 }
 
 // The closed curve from the pixel that is farthest from its centre, a corner if it has corners,
@@ -188,8 +188,8 @@ void add_quads(std::vector<Line> lines, bool closed, std::vector<Quad>& quads) {
 }  // namespace
 
 std::vector<Quad> find_quads(const cv::Mat& image) {
-    constexpr int smallest_side_px = 16;  // what the library's own filters need
-    if (image.cols < smallest_side_px || image.rows < smallest_side_px)
+    constexpr int min_side_px = 16;  // what the library's own filters need
+    if (image.cols < min_side_px || image.rows < min_side_px)
         return {};
     const auto drawing = cv::ximgproc::createEdgeDrawing();
     drawing->params.PFmode = true;

@@ -77,8 +77,8 @@ std::optional<Solution> solve(const std::vector<Row>& rows, const StagView& view
     }
     const Parameters scale = information.diagonal().cwiseSqrt().cwiseInverse();
     const Eigen::LDLT<Information> factors(scale.asDiagonal() * information * scale.asDiagonal());
-    constexpr double smallest_pivot = 1e-9;
-    if (!scale.allFinite() || !(factors.vectorD().minCoeff() > smallest_pivot))
+    constexpr double min_pivot = 1e-9;
+    if (!scale.allFinite() || !(factors.vectorD().minCoeff() > min_pivot))
         return std::nullopt;
     Solution solution;
     solution.step = scale.cwiseProduct(factors.solve(scale.cwiseProduct(gradient)));
@@ -95,11 +95,11 @@ std::optional<Solution> solve(const std::vector<Row>& rows, const StagView& view
 
 // Tukey's weights for what a solution leaves of each edge: none for what covers the marker.
 void weigh(const Solution& solution, std::vector<Row>& rows) {
-    constexpr double tuning = 4.685, finest_px = 0.05;
+    constexpr double tuning = 4.685, min_px = 0.05;
     std::vector<double> rests;
     for (const Row& row : rows)
         rests.push_back(row.offset_px - row.derivative.dot(solution.step));
-    const double reach = tuning * std::max(finest_px, median_deviation(rests));
+    const double reach = tuning * std::max(min_px, median_deviation(rests));
     for (std::size_t i = 0; i < rows.size(); ++i) {
         const double part = rests[i] / reach;
         rows[i].weight = std::abs(part) < 1.0 ? std::pow(1.0 - part * part, 2) : 0.0;
@@ -108,14 +108,14 @@ void weigh(const Solution& solution, std::vector<Row>& rows) {
 
 std::optional<Solution> solve_robustly(std::vector<Row> rows, const StagView& view) {
     constexpr int rounds = 3;
-    constexpr double least_weight = 40.0;
+    constexpr double min_weight = 40.0;
     if (rows.empty())
         return std::nullopt;
     auto solution = solve(rows, view);
     for (int round = 0; solution && round < rounds; ++round) {
         weigh(*solution, rows);
         solution = solve(rows, view);
-        if (solution && solution->weight < least_weight)
+        if (solution && solution->weight < min_weight)
             return std::nullopt;
     }
     return solution;
@@ -151,28 +151,28 @@ double mean_side(const Quad& corners) {
 
 std::optional<StagRefinement> refine_stag(const cv::Mat& image, const Homography& start,
                                           StagCode code, double contrast) {
-    constexpr int most_rounds = 12, full_steps = 3;
-    constexpr double settled_px = 0.003, settled_part = 0.2, largest_shift = 0.15,
-                     largest_rms_px = 0.5, largest_sigma_px = 0.25;
+    constexpr int max_rounds = 12, full_steps = 3;
+    constexpr double settled_px = 0.003, settled_part = 0.2, max_shift = 0.15, max_rms_px = 0.5,
+                     max_sigma_px = 0.25;
     const std::vector<StagEdge> edges = stag_edges(code);
     StagView view(start, image.size());
     const Quad first = corners_of(view);
     const double side = mean_side(first), reach_px = std::clamp(0.08 * side, 2.0, 8.0);
-    for (int round = 0; round < most_rounds; ++round) {
+    for (int round = 0; round < max_rounds; ++round) {
         const auto solution = solve_robustly(measure(image, view, edges, reach_px, contrast), view);
         if (!solution)
             return std::nullopt;
         // Where an edge is measured depends on where it is expected: short steps end a to and fro.
         const StagView next = view.moved(solution->step * (round < full_steps ? 1.0 : 0.5));
         const Quad corners = corners_of(next);
-        if (!(largest_distance(corners, first) <= std::max(3.0, largest_shift * side)))
+        if (!(largest_distance(corners, first) <= std::max(3.0, max_shift * side)))
             return std::nullopt;
         const double shift = largest_distance(corners, corners_of(view));
         const double sigma = corner_sigma(next, *solution);
         view = next;
         if (shift > std::max(settled_px, settled_part * sigma))
             continue;
-        if (!(solution->rms_px <= largest_rms_px && sigma <= largest_sigma_px))
+        if (!(solution->rms_px <= max_rms_px && sigma <= max_sigma_px))
             return std::nullopt;
         return StagRefinement{corners, view.edge_shift_px(), solution->rms_px, sigma};
     }

@@ -37,14 +37,14 @@ cv::Mat dark_pixels(const cv::Mat& image) {
 
 // A black region, filled, with the dots in it. Smaller holes are specks.
 Blob node_of(const RegionTree& tree, int region) {
-    constexpr double least_share = 0.02;  // of a node's area; a dot has 1/9 of it without blur
+    constexpr double min_share = 0.02;  // of a node's area; a dot has 1/9 of it without blur
     Blob node{tree.regions()[region].area, tree.regions()[region].sum, {}};
     for (const int hole : tree.children(region)) {
         node.area += tree.regions()[hole].area;
         node.sum += tree.regions()[hole].sum;
     }
     for (const int hole : tree.children(region))
-        if (tree.regions()[hole].area > least_share * node.area)
+        if (tree.regions()[hole].area > min_share * node.area)
             node.dots.push_back(tree.regions()[hole].sum / tree.regions()[hole].area);
     return node;
 }
@@ -56,21 +56,21 @@ struct Candidate {
 
 // The nodes of a white region when there are as many as a tag of this order has.
 std::optional<Candidate> candidate_in(const RegionTree& tree, int region, int order) {
-    constexpr double smallest_area = 5.0, speck = 0.25, most_unlike = 8.0;
+    constexpr double min_area = 5.0, speck = 0.25, max_unlike = 8.0;
     const auto children = tree.children(region);
     const auto count = static_cast<std::size_t>(order * order - 1);
     if (children.size() < count)
         return std::nullopt;
     std::vector<Blob> nodes;
     for (const int child : children)
-        if (tree.regions()[child].area >= smallest_area)
+        if (tree.regions()[child].area >= min_area)
             nodes.push_back(node_of(tree, child));
     if (nodes.size() < count)
         return std::nullopt;
     std::sort(nodes.begin(), nodes.end(),
               [](const Blob& a, const Blob& b) { return a.area > b.area; });
     if ((nodes.size() > count && nodes[count].area > speck * nodes[count - 1].area) ||
-        nodes[0].area > most_unlike * nodes[count - 1].area)
+        nodes[0].area > max_unlike * nodes[count - 1].area)
         return std::nullopt;
     Candidate candidate;
     int baselines = 0;
@@ -248,14 +248,14 @@ cv::Mat half_of(const cv::Mat& image) {
 
 std::vector<FoundTopotag> find_topotags(const cv::Mat& eight_bit, const cv::Mat& pixels,
                                         const std::string& family) {
-    constexpr int smallest_side = 20;  // px, of an image that may hold a tag
+    constexpr int min_side = 20;  // px, of an image that may hold a tag
     const int order = topotag_order(family);
     std::vector<FoundTopotag> tags;
     if (eight_bit.empty())
         return tags;
     cv::Mat scaled;
     cv::resize(eight_bit, scaled, {}, 2.0, 2.0, cv::INTER_LINEAR);
-    for (double scale = 2.0; std::min(scaled.cols, scaled.rows) >= smallest_side; scale /= 2.0) {
+    for (double scale = 2.0; std::min(scaled.cols, scaled.rows) >= min_side; scale /= 2.0) {
         for (const Points& vertices : candidates_at(scaled, scale, order)) {
             if (is_known(tags, vertices))
                 continue;

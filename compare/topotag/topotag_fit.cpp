@@ -107,7 +107,7 @@ private:
 
 std::optional<WindowFit> fit_window(const cv::Mat& pixels, const Window& window,
                                     const TagView& view) {
-    constexpr double most_a_side = 32.0;  // pixels; of larger windows only every n-th
+    constexpr double max_a_side = 32.0;  // pixels; of larger windows only every n-th
     const auto area = pixels_of(window, view, pixels.size());
     const Eigen::Matrix2d cell_per_px =
         jacobian(view.cell_from_pixel, seen_at(view.pixel_from_cell, window.centre_cell));
@@ -117,7 +117,7 @@ std::optional<WindowFit> fit_window(const cv::Mat& pixels, const Window& window,
     const std::vector<TopotagShape> shapes =
         shapes_between(window.low_cell, window.high_cell, view.shapes, edges);
     const int stride =
-        static_cast<int>(std::ceil(std::max(area->width, area->height) / most_a_side));
+        static_cast<int>(std::ceil(std::max(area->width, area->height) / max_a_side));
     WindowEquations equations;
     for (int y = area->y; y < area->br().y; y += stride)
         for (int x = area->x; x < area->br().x; x += stride) {
@@ -199,8 +199,8 @@ void place_vertices(const Window& window, const TagView& view, const Eigen::Vect
 
 // Blur, step and how much is explained, of all windows together.
 void summarise(const std::vector<WindowFit>& fits, TopotagFit& result) {
-    constexpr double least_blur_px = 0.28;  // that of a pixel's box alone
-    constexpr double largest_growth = 0.5;
+    constexpr double min_blur_px = 0.28;  // that of a pixel's box alone
+    constexpr double max_growth = 0.5;
     std::vector<double> steps, growths, whites;
     double residual = 0.0, variance = 0.0;
     for (const WindowFit& fit : fits) {
@@ -210,8 +210,8 @@ void summarise(const std::vector<WindowFit>& fits, TopotagFit& result) {
         residual += fit.residual_square;
         variance += fit.variance;
     }
-    const double growth = std::clamp(median(growths), -largest_growth, largest_growth);
-    result.blur_px = std::max(least_blur_px, result.blur_px * std::exp(growth));
+    const double growth = std::clamp(median(growths), -max_growth, max_growth);
+    result.blur_px = std::max(min_blur_px, result.blur_px * std::exp(growth));
     result.white_growth_px = std::clamp(result.white_growth_px + median(whites), -1.0, 1.0);
     result.step = median(steps);
     result.explained = 1.0 - residual / variance;
@@ -220,12 +220,12 @@ void summarise(const std::vector<WindowFit>& fits, TopotagFit& result) {
 // Black nodes on white as strong as the others', and dots that are there or are not. A wrong bit
 // would need a dot that is wrong by 0.65, six and a half of the deviations that are let pass.
 bool looks_like_a_tag(const std::vector<WindowFit>& fits, const TopotagFit& tag) {
-    constexpr double least_explained = 0.8, least_step = 0.4;  // of the median
-    constexpr double most_doubt = 0.35, largest_dot_deviation = 0.1;
-    return tag.explained > least_explained &&
+    constexpr double min_explained = 0.8, min_step = 0.4;  // of the median
+    constexpr double max_doubt = 0.35, max_dot_deviation = 0.1;
+    return tag.explained > min_explained &&
            std::all_of(fits.begin(), fits.end(), [&](const WindowFit& fit) {
-               return fit.step > least_step * tag.step && std::abs(fit.dot) < most_doubt &&
-                      fit.dot_deviation < largest_dot_deviation;
+               return fit.step > min_step * tag.step && std::abs(fit.dot) < max_doubt &&
+                      fit.dot_deviation < max_dot_deviation;
            });
 }
 

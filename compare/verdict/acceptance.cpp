@@ -15,8 +15,8 @@ namespace {
 
 using State = AcceptanceCondition::State;
 
-constexpr double least_share = 0.5;
-constexpr int least_planned = 2;
+constexpr double min_share = 0.5;
+constexpr int min_planned = 2;
 
 AcceptanceCondition not_checked(std::string name, std::string why) {
     AcceptanceCondition condition;
@@ -50,12 +50,12 @@ AcceptanceCondition volume_coverage(const std::vector<Pose>& poses) {
     }
     double smallest = 1.0;
     for (std::size_t i = 0; i < planned.size(); ++i)
-        if (planned[i] >= least_planned)
+        if (planned[i] >= min_planned)
             smallest = std::min(smallest, static_cast<double>(used[i]) / planned[i]);
-    return checked("volume coverage", smallest >= least_share, smallest, least_share, "1",
+    return checked("volume coverage", smallest >= min_share, smallest, min_share, "1",
                    fmt::format("in the emptiest octant of the volume {:.0f} % of the hold-out "
                                "poses were used, {:.0f} % are needed",
-                               100.0 * smallest, 100.0 * least_share));
+                               100.0 * smallest, 100.0 * min_share));
 }
 
 // --------------------------------------------------------------------------------- residuals

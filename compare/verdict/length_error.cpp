@@ -9,7 +9,7 @@
 namespace etalon {
 namespace {
 
-constexpr double least_distance_mm = 1e-6;
+constexpr double min_distance_mm = 1e-6;
 
 Eigen::VectorXd pair_distances(std::span<const FieldSample> samples) {
     const auto n = static_cast<Eigen::Index>(samples.size());
@@ -47,7 +47,7 @@ PairLengthening pair_lengthening(std::span<const FieldSample> samples) {
             const Eigen::Vector3d way = samples[static_cast<std::size_t>(i)].position_mm -
                                         samples[static_cast<std::size_t>(k)].position_mm;
             // Repeated poses are no length.
-            if (!(way.norm() > least_distance_mm))
+            if (!(way.norm() > min_distance_mm))
                 continue;
             for (Eigen::Index axis = 0; axis < 3; ++axis) {
                 rows.insert(row, 3 * k + axis) = -way[axis] / way.norm();

@@ -16,9 +16,9 @@ namespace {
 
 constexpr double mrad = 1e-3;
 // The widest plausible values of what a station may leave undeclared.
-constexpr double widest_flatness = 0.01;  // of the distance from the marker's centre to its edge
-constexpr double widest_temperature_k = 5.0;
-constexpr double widest_expansion_per_k = 25e-6;  // aluminium has 23e-6
+constexpr double max_flatness = 0.01;  // of the distance from the marker's centre to its edge
+constexpr double max_temperature_k = 5.0;
+constexpr double max_expansion_per_k = 25e-6;  // aluminium has 23e-6
 
 constexpr const char* not_declared = "unknown: the station does not declare it";
 
@@ -303,7 +303,7 @@ private:
                 continue;
             BudgetRow row = declared(name, "mm", input_.marker_flatness_mm);
             if (!input_.marker_flatness_mm)
-                row.widest = widest_flatness * reach;
+                row.widest = max_flatness * reach;
             add_effect(std::move(row), effect_of(signature(name)));
         }
     }
@@ -314,8 +314,8 @@ private:
         BudgetRow row = declared("temperature", "K", std::nullopt);
         const Effect marker = effect_of(signature("marker print size"));
         if (!input_.temperature) {
-            row.widest = widest_temperature_k;
-            add_effect(std::move(row), marker * widest_expansion_per_k);
+            row.widest = max_temperature_k;
+            add_effect(std::move(row), marker * max_expansion_per_k);
             return;
         }
         const DeclaredTemperature& temperature = *input_.temperature;

@@ -17,9 +17,9 @@ constexpr double length_mm = 100.0;  // makes the basis functions comparable
 constexpr int min_samples = 10;
 constexpr double coverage = 0.977;  // one-sided, of that factor
 constexpr int draw_count = 2000;
-constexpr int most_coefficients = 15;
+constexpr int max_coefficients = 15;
 constexpr double huber_sigmas = 3.0;
-constexpr double least_scale = 1e-9;  // of exact data: keeps the weights finite
+constexpr double min_scale = 1e-9;  // of exact data: keeps the weights finite
 
 // One scalar observation: a sample's error along one direction.
 struct Rows {
@@ -105,7 +105,7 @@ void estimate_scales(SmoothField& field, const Rows& rows, const Eigen::VectorXd
             freedom += 1.0 - leverage[r];
         }
         (along ? field.scale_along : field.scale_across) =
-            std::max(std::sqrt(sum / freedom), least_scale);
+            std::max(std::sqrt(sum / freedom), min_scale);
         (along ? field.residual_along : field.residual_across) = std::sqrt(plain / freedom);
     }
 }
@@ -126,7 +126,7 @@ Eigen::VectorXd weights(SmoothField& field, const Rows& rows, const Eigen::Vecto
 
 Eigen::MatrixXd SmoothField::design(const Eigen::Vector3d& position_mm) const {
     const bool full = basis == FieldBasis::position;
-    Eigen::MatrixXd b = Eigen::MatrixXd::Zero(3, full ? most_coefficients : 12);
+    Eigen::MatrixXd b = Eigen::MatrixXd::Zero(3, full ? max_coefficients : 12);
     const Eigen::Vector3d q = (position_mm - centre_mm) / length_mm;
     b.leftCols<3>().setIdentity();
     for (int k = 0; k < 3; ++k)
@@ -216,7 +216,7 @@ Eigen::MatrixXd covariance_factor(const SmoothField& field) {
     return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
 
-NoiseDraws::NoiseDraws(std::uint64_t seed) : deviates(most_coefficients, draw_count) {
+NoiseDraws::NoiseDraws(std::uint64_t seed) : deviates(max_coefficients, draw_count) {
     for (int i = 0; i < draw_count; ++i) {
         RandomStream random(seed, 0, static_cast<std::uint64_t>(i));
         for (double& value : deviates.col(i))

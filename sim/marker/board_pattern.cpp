@@ -214,7 +214,7 @@ double nearest_circle_mm(CircleLayout layout, double spacing) {
 
 BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double spacing,
                              double diameter) {
-    constexpr double cells_a_diameter = 128.0, fewest_cells_a_diameter = 24.0;
+    constexpr double cells_a_diameter = 128.0, min_cells_a_diameter = 24.0;
     constexpr double printable_cells = 3.9e6;  // as outlines: sim/marker/print_page.h
     const bool asymmetric = layout == CircleLayout::asymmetric;
     BoardPattern board;
@@ -229,10 +229,10 @@ BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double 
     const double most = std::sqrt(printable_cells / across / down);
     const double cell =
         spacing / std::floor(std::min(most, std::ceil(cells_a_diameter * spacing / diameter)));
-    if (!(diameter / cell >= fewest_cells_a_diameter))
+    if (!(diameter / cell >= min_cells_a_diameter))
         throw ConfigError({}, fmt::format("too many circles, or too small ones for their spacing, "
                                           "to be drawn with {} cells to a diameter",
-                                          fewest_cells_a_diameter));
+                                          min_cells_a_diameter));
     Drawing drawing =
         blank(Eigen::Vector2d(-spacing, -spacing),
               Eigen::Vector2d((across - 1.0) * spacing, (down - 1.0) * spacing), cell);

@@ -17,7 +17,7 @@ constexpr double margin_mm = 5.0;                          // what common printe
 constexpr double footer_mm = 12.0;                         // below the grid: gap, bar, gap, caption
 constexpr double bar_gap_mm = 3.0;                         // from the grid to the bar
 constexpr double bar_height_mm = 1.5;
-constexpr double largest_font_mm = 3.5;
+constexpr double max_font_mm = 3.5;
 constexpr double letter_width = 0.6;  // of the em, on average and generously
 constexpr std::size_t max_printed_cells = 4'000'000, max_corners = 2'000'000;
 
@@ -110,8 +110,8 @@ PrintPage lay_out_page(const Marker& marker, bool own_size) {
     page.scale_bar_mm = {margin_mm, footer_top + bar_gap_mm, bar_mm, bar_height_mm};
     page.caption = fmt::format("{}   (bar: {} mm)", marker.spec, bar_mm);
     page.caption_mm = {margin_mm, size.height - margin_mm - 1.0};
-    page.font_mm = std::min(largest_font_mm, (size.width - 2.0 * margin_mm) /
-                                                 (letter_width * double(page.caption.size())));
+    page.font_mm = std::min(
+        max_font_mm, (size.width - 2.0 * margin_mm) / (letter_width * double(page.caption.size())));
     return page;
 }
 

@@ -32,14 +32,14 @@ int distance_to_itself(StagCode code) {
 // Random words in the generator's fixed order; each that is far enough from those before it stays.
 std::vector<StagCode> rotation_safe_codes() {
     constexpr std::size_t count = 128;
-    constexpr int distance = 16, fewest_black = 18, most_black = 30;
+    constexpr int distance = 16, min_black = 18, max_black = 30;
     constexpr std::uint64_t key = 16;
     std::vector<StagCode> codes;
     for (std::uint32_t n = 0; codes.size() < count; ++n) {
         const auto words = philox(key, {n, 0, 0, 0});
         const StagCode code = (StagCode{words[1]} << 32 | words[0]) & all_bits;
         const int black = std::popcount(code);
-        if (black < fewest_black || black > most_black || distance_to_itself(code) < distance)
+        if (black < min_black || black > max_black || distance_to_itself(code) < distance)
             continue;
         if (std::all_of(codes.begin(), codes.end(), [&](StagCode other) {
                 return distance_over_turns(code, other) >= distance;

@@ -9,7 +9,7 @@
 namespace etalon {
 namespace {
 
-constexpr int most_parts = 10'000;
+constexpr int max_parts = 10'000;
 
 void check_motion(const MotionDuringExposure& motion) {
     if (!motion.velocity.allFinite() || !std::isfinite(motion.exposure_s) ||
@@ -83,11 +83,11 @@ double longest_path_px(const CameraModel& camera, const Scene& scene,
 
 int parts_of_exposure(double path_px, double contrast, double tolerance_gray) {
     const double parts = std::ceil(std::sqrt(255.0 * contrast * path_px / (4.0 * tolerance_gray)));
-    if (!(parts <= most_parts))
+    if (!(parts <= max_parts))
         throw NumericalError(
             fmt::format("a motion of {:.6g} px needs more than {} still images to keep within {} "
                         "gray",
-                        path_px, most_parts, tolerance_gray));
+                        path_px, max_parts, tolerance_gray));
     return std::max(1, static_cast<int>(parts));
 }
 

@@ -80,7 +80,7 @@ public:
                                 marker_from_camera.translation});
         }
         if (camera.lens && camera.lens->psf.kind == PointSpread::Kind::wave)
-            wave_.emplace(lambda_n_px(camera), largest_wave_blur_px);
+            wave_.emplace(lambda_n_px(camera), max_wave_blur_px);
         else if (camera.lens)
             spread_.emplace(camera);
     }

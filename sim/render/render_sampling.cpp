@@ -22,11 +22,11 @@ constexpr double share_of_rounding = 0.02;  // the filter's weights, single prec
 
 // More samples than these a side cost more than they are worth; a tolerance that needs them is
 // refused.
-constexpr int most_points = 32, most_boxes = 48;
+constexpr int max_points = 32, max_boxes = 48;
 // Up to these nothing else is worth a thought, if there is a spread.
 constexpr int few_points = 10;
 // Below this blur two rims lie within a sample, whatever k.
-constexpr double least_blur_for_points_px = 0.02;
+constexpr double min_blur_for_points_px = 0.02;
 // Where the plane of focus crosses the marker: from this blur on, 2 x 2 lens averages per box are
 // better than lens points.
 constexpr double mixed_from_px = 0.14;
@@ -150,22 +150,22 @@ private:
 
     Choice of_points(int most) const {
         const double blur = image_.blur.smallest_px;
-        if (blur < least_blur_for_points_px)
+        if (blur < min_blur_for_points_px)
             return {};
-        return least_k(fewest_points(), most, allowed(share_of_sampling),
+        return least_k(min_points(), most, allowed(share_of_sampling),
                        [&](int k) { return step_of_edges() * gray_of_points(k, blur); });
     }
     // The border of the valid region is sharp however blurred the marker is: points beside it are
     // means of their parts, and what the interpolant makes of such a step falls with k only.
     // Measured beside folds: 1.4 gray of a step of 33 with 1 point a side, 0.03 with 4.
-    int fewest_points() const {
+    int min_points() const {
         constexpr int at_border = 8;
         return image_.bend.curvature < UndistortionMap::Bend::most ? 1 : at_border;
     }
     // Blur disks much smaller than a sample's part cancel along an edge only, not at its end.
     double gray_of_points(int k, double blur_px) const {
-        constexpr double least_radius = 0.6;  // of samples
-        if (k * blur_px < least_radius)
+        constexpr double min_radius = 0.6;  // of samples
+        if (k * blur_px < min_radius)
             return std::numeric_limits<double>::infinity();
         // Where the undistortion bends, a sample stands for a part whose mean lies the sagitta off,
         // on an edge that blur makes as flat as 2 / (pi R). At the border of the valid region the
@@ -177,7 +177,7 @@ private:
     // Of a sharp edge across parts of 1 / k px.
     double gray_of_bend(int k) const { return 255.0 * image_.bend.curvature / (24.0 * k * k); }
     Choice of_boxes() const {
-        return least_k(fewest_boxes(), most_boxes, allowed(share_of_sampling),
+        return least_k(fewest_boxes(), max_boxes, allowed(share_of_sampling),
                        [&](int k) { return step_of_edges() * gray_of_boxes(k); });
     }
     bool needs_lens() const { return image_.blur.largest_px > chosen_.sampling.sharp_up_to_px; }
@@ -186,9 +186,9 @@ private:
     // centre: they need an undistortion that hardly bends, and no border of the valid region.
     Choice of_disks() const {
         const SharpenedSpread* sharpened = chosen_.with_spread ? filter_.sharpened() : nullptr;
-        constexpr double largest_curvature = 0.004;
+        constexpr double max_curvature = 0.004;
         if (sharpened == nullptr || (needs_lens() && disks_of_lens() == 0) ||
-            !image_.bend.is_polynomial || image_.bend.curvature > largest_curvature)
+            !image_.bend.is_polynomial || image_.bend.curvature > max_curvature)
             return {};
         const auto gray = [&](int k, bool is_thinned) {
             return step_of_edges() * bound_.of_disks(k, *sharpened,
@@ -198,9 +198,9 @@ private:
         if (const int k = options_.samples_per_side; k > 0)
             return {k, gray(k, false)};
         const double enough = allowed(share_of_sampling);
-        Choice thinned = least_k(1, most_boxes / 2, enough, [&](int k) { return gray(k, true); });
+        Choice thinned = least_k(1, max_boxes / 2, enough, [&](int k) { return gray(k, true); });
         thinned.is_thinned = true;
-        const Choice direct = least_k(1, thinned.k == 0 ? most_points : 2 * thinned.k, enough,
+        const Choice direct = least_k(1, thinned.k == 0 ? max_points : 2 * thinned.k, enough,
                                       [&](int k) { return gray(k, false); });
         const bool thin =
             thinned.k > 0 && (direct.k == 0 || cost_of_disks(thinned) < cost_of_disks(direct));
@@ -237,7 +237,7 @@ private:
     Choice nearly_enough() const {
         constexpr double let_pass = 3.0;
         Choice best;
-        for (const int k : {1, 2, 4, 9, 16, 24, 36, most_boxes}) {
+        for (const int k : {1, 2, 4, 9, 16, 24, 36, max_boxes}) {
             if (k < fewest_boxes())
                 continue;
             const double gray = step_of_edges() * gray_of_boxes(k);
@@ -267,12 +267,12 @@ private:
         const bool automatic = options_.method == RenderMethod::automatic;
         Choice points, boxes;
         if (automatic ? needs_lens() : options_.method == RenderMethod::exact_lens)
-            points = of_points(automatic ? few_points : most_points);
+            points = of_points(automatic ? few_points : max_points);
         if (options_.method != RenderMethod::exact_lens &&
             (points.k == 0 || !chosen_.with_spread)) {
             const Choice disks = automatic || !needs_lens() ? of_disks() : Choice{};
             if (automatic)
-                points = of_points(disks.k == 0 ? most_points : points_worth(disks));
+                points = of_points(disks.k == 0 ? max_points : points_worth(disks));
             if (points.k == 0 && disks.k > 0)
                 return take_disks(disks);
             boxes = of_boxes();
@@ -299,7 +299,7 @@ private:
 
     Choice forced(bool by_points) const {
         const int k = options_.samples_per_side;
-        const double blur = std::max(image_.blur.smallest_px, least_blur_for_points_px);
+        const double blur = std::max(image_.blur.smallest_px, min_blur_for_points_px);
         return {k, step_of_edges() *
                        (by_points ? bound_.of_points(k, blur, tangents()) : gray_of_boxes(k))};
     }
@@ -309,7 +309,7 @@ private:
             "{} cannot meet a tolerance of {:.3g} gray for a blur radius from {:.3g} px on with {} "
             "samples a pixel side",
             by_points ? "exact lens averages (E)" : "exact areas (C)", options_.tolerance_gray,
-            image_.blur.smallest_px, by_points ? most_points : most_boxes));
+            image_.blur.smallest_px, by_points ? max_points : max_boxes));
     }
 
     void take(const Choice& choice, RenderMethod method, SampleKind kind) {
@@ -338,7 +338,7 @@ private:
     // Grids of fewer points than the frame's own, each from the least blur on (in steps) at which
     // it is enough, down to the least blur of the frame.
     void add_coarser(int points_of_frame) {
-        if (options_.samples_per_side > 0 || image_.blur.largest_px < least_blur_for_points_px)
+        if (options_.samples_per_side > 0 || image_.blur.largest_px < min_blur_for_points_px)
             return;
         double blur = largest_blur_tried();
         for (const int k : coarse_samples) {
@@ -351,7 +351,7 @@ private:
     }
 
     double largest_blur_tried() const {
-        double blur = least_blur_for_points_px;
+        double blur = min_blur_for_points_px;
         while (blur * coarse_blur_step <= image_.blur.largest_px)
             blur *= coarse_blur_step;
         return blur;
@@ -362,7 +362,7 @@ private:
     double least_blur_of(int k, double& blur) const {
         const double gray = share_of_coarse * allowed(share_of_sampling);
         const double least =
-            std::max(image_.blur.smallest_px / coarse_blur_step, least_blur_for_points_px);
+            std::max(image_.blur.smallest_px / coarse_blur_step, min_blur_for_points_px);
         double from = std::numeric_limits<double>::infinity();
         for (; blur >= least && step_of_edges() * gray_of_tiles(k, blur) <= gray;
              blur /= coarse_blur_step)

@@ -283,12 +283,12 @@ public:
     // Evaluates what the region's pixels see of the marker; returns those that may differ from the
     // background.
     cv::Rect sample(const cv::Rect& region) {
-        constexpr double most_px = 1e5;
+        constexpr double max_px = 1e5;
         samples_.emplace(view_, cache_.map, sampled_tiles(region, cache_.filter.reach_px()),
                          chosen_.sampling, all_refined_);
         record(*samples_);
         const int reach = static_cast<int>(std::ceil(
-            std::min(std::max<double>(cache_.filter.reach_px(), plan().tail_reach_px), most_px)));
+            std::min(std::max<double>(cache_.filter.reach_px(), plan().tail_reach_px), max_px)));
         sources_ = cache_.tail.sources(*samples_, view_, outline_, grown(region, reach, reach));
         return sources_.empty() ? cv::Rect() : grown(sources_, reach, reach) & region;
     }

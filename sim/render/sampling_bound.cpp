@@ -226,12 +226,12 @@ namespace {
 // for a ring. At the corner of a box's profile that is the error of leaving the spread out.
 double mean_distance_to_one_side(const PointSpreadFunction& spread) {
     constexpr int rings = 2000;
-    constexpr double least_px = 1e-9;
-    const double ratio = std::pow(reach_of(spread) / least_px, 1.0 / rings);
-    double sum = 0.0, within = spread.energy_within(least_px);
+    constexpr double min_px = 1e-9;
+    const double ratio = std::pow(reach_of(spread) / min_px, 1.0 / rings);
+    double sum = 0.0, within = spread.energy_within(min_px);
     for (int ring = 0; ring < rings; ++ring) {
-        const double next = spread.energy_within(least_px * std::pow(ratio, ring + 1));
-        const double r = least_px * std::pow(ratio, ring + 0.5);
+        const double next = spread.energy_within(min_px * std::pow(ratio, ring + 1));
+        const double r = min_px * std::pow(ratio, ring + 0.5);
         sum += (next - within) * std::min(r, 1.0) / std::numbers::pi;
         within = next;
     }
@@ -257,14 +257,14 @@ std::vector<double> SamplingBound::line_spread(int bins_per_px) const {
         return {1.0};
     const double reach_px = reach_of(*spread_);
     constexpr int rings = 400;
-    constexpr double least_px = 1e-6;
-    const double ratio = std::pow(reach_px / least_px, 1.0 / rings);
+    constexpr double min_px = 1e-6;
+    const double ratio = std::pow(reach_px / min_px, 1.0 / rings);
     std::vector<double> bins(static_cast<std::size_t>(reach_px * bins_per_px) + 2, 0.0);
-    double within = spread_->energy_within(least_px);
+    double within = spread_->energy_within(min_px);
     bins[0] = within + 1.0 - spread_->energy_within(reach_px);
     for (int ring = 0; ring < rings; ++ring) {
-        const double r = least_px * std::pow(ratio, ring + 0.5);
-        const double next = spread_->energy_within(least_px * std::pow(ratio, ring + 1));
+        const double r = min_px * std::pow(ratio, ring + 0.5);
+        const double next = spread_->energy_within(min_px * std::pow(ratio, ring + 1));
         double below = 0.0;  // energy between -x and x, to be shared by the bins of both sides
         for (std::size_t b = 0; b < bins.size() && below < 1.0; ++b) {
             const double x = (static_cast<double>(b) + 0.5) / bins_per_px;
@@ -281,9 +281,9 @@ std::vector<double> SamplingBound::line_spread(int bins_per_px) const {
 // for wide blur. Where the disk is not much wider than a sample it has ripples, whose largest
 // counts.
 double SamplingBound::of_points(int k, double blur_radius_px, EdgeTangents tangents) const {
-    constexpr double widest_px = 12.0, bin = 1.08, no_ripples_from_samples = 3.0;
-    if (blur_radius_px > widest_px)
-        return of_points(k, widest_px, tangents) * std::pow(widest_px / blur_radius_px, 1.5);
+    constexpr double max_px = 12.0, bin = 1.08, no_ripples_from_samples = 3.0;
+    if (blur_radius_px > max_px)
+        return of_points(k, max_px, tangents) * std::pow(max_px / blur_radius_px, 1.5);
     const auto bin_of = [&](double blur) {
         return static_cast<int>(std::floor(std::log(blur) / std::log(bin)));
     };

@@ -17,16 +17,16 @@ double blur_radius_px(const MarkerView& view, const Projector& projector,
                       const Eigen::Vector2d& x) {
     const double radius =
         projector.camera().intrinsics.fx * view.aperture().radius_mm * std::abs(view.defocus(x));
-    return std::min(radius, largest_wave_blur_px);
+    return std::min(radius, max_wave_blur_px);
 }
 
 void check_blur(const MarkerView& view, const CameraModel& camera) {
     const double largest = blur_over_marker(view, camera.intrinsics).largest_px;
-    if (!(largest <= largest_wave_blur_px))
+    if (!(largest <= max_wave_blur_px))
         throw NumericalError(
             fmt::format("psf wave: the marker's blur radius of {:.4g} px is above {:.4g} "
                         "px; use psf: ideal, which is right there",
-                        largest, largest_wave_blur_px));
+                        largest, max_wave_blur_px));
 }
 
 // Box averages a pixel side, for a maximum of 0.1 gray: the areas under the pattern are sharp, so

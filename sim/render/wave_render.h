@@ -14,12 +14,12 @@
 namespace etalon {
 
 // For `psf: wave`. Throws NumericalError, naming the number, unless there is exactly one marker
-// (the defocus is its plane's) and its blur radius stays within largest_wave_blur_px.
+// (the defocus is its plane's) and its blur radius stays within max_wave_blur_px.
 void check_wave_scene(const Scene& scene, const CameraModel& camera);
 
 // The marker's difference from the background over a region of the image, linear radiance, CV_32FC1
 // of its size; 0 where a pixel has no ray. `filter` and `map` are of the camera that `view`
-// was made for, and its blur radius must not exceed largest_wave_blur_px (NumericalError). Sensor
+// was made for, and its blur radius must not exceed max_wave_blur_px (NumericalError). Sensor
 // points beside the marker, whose plane there is farther out of focus than that, see its tail as if
 // they were not.
 // What the tail's finite reach leaves out is at most half the tolerance.

@@ -13,9 +13,9 @@
 namespace etalon {
 namespace {
 
-constexpr double largest_angle = 2.0 * std::numbers::pi;
-constexpr std::uint64_t most_points_per_pose = 1000;
-constexpr std::uint64_t least_seen = 10;  // poses before which no rate is judged: 1 in 400 passes
+constexpr double max_angle = 2.0 * std::numbers::pi;
+constexpr std::uint64_t max_points_per_pose = 1000;
+constexpr std::uint64_t min_seen = 10;  // poses before which no rate is judged: 1 in 400 passes
 
 ConfigError refusal(const char* key, const std::string& why) {
     return ConfigError({"", 0, key}, why);
@@ -31,7 +31,7 @@ void check_interval(const char* axis, const Interval& interval) {
 
 void check_angle(const char* axis, const Interval& interval) {
     check_interval(axis, interval);
-    if (interval.low < -largest_angle || interval.high > largest_angle)
+    if (interval.low < -max_angle || interval.high > max_angle)
         throw refusal(axis, fmt::format("from {} to {} rad is more than a full turn: degrees?",
                                         interval.low, interval.high));
 }
@@ -94,10 +94,10 @@ std::vector<CellGrid> outermost(std::span<const CellGrid> grids) {
 // does not converge: the camera sees no such point.
 std::optional<Eigen::Vector3d> moved_to_pixel(const Projector& projector, Eigen::Vector3d p_camera,
                                               Eigen::Index axis, double pixel) {
-    constexpr int most_steps = 40;
+    constexpr int max_steps = 40;
     constexpr double tolerance_px = 1e-9;
     double step = 0.0;
-    for (int i = 0; i < most_steps; ++i) {
+    for (int i = 0; i < max_steps; ++i) {
         const Eigen::Vector3d moved = p_camera + step * Eigen::Vector3d::Unit(axis);
         const auto image = projector.project_with_jacobian(moved);
         if (!image) {
@@ -128,7 +128,7 @@ PoseSampler::PoseSampler(const CameraModel& camera, std::span<const CellGrid> gr
       sequence_(kind, dimensions_of(moves_, extra_dimensions), seed) {}
 
 PoseSampler::Sample PoseSampler::next() {
-    while (points_ < most_points_per_pose * std::max(seen_, least_seen)) {
+    while (points_ < max_points_per_pose * std::max(seen_, min_seen)) {
         if (auto found = sample(points_++)) {
             ++seen_;
             return std::move(*found);

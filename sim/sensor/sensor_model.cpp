@@ -33,9 +33,9 @@ double decode_rec709(double code) {
 }
 
 // Finer codes are computed pixel by pixel: the steps of 16 bits would take 0.1 s.
-constexpr int most_bits_of_steps = 12;
+constexpr int max_bits_of_steps = 12;
 
-constexpr int most_at_once = 256;  // pixels: 2 KiB of signals
+constexpr int max_at_once = 256;  // pixels: 2 KiB of signals
 
 // Full scale is 1. Limited so that a signal stays finite at any gain and 0 has no photon noise.
 SensorNoise noise_of(const Sensor& sensor, double range_dn) {
@@ -227,7 +227,7 @@ SensorModel::SensorModel(const CameraModel& camera)
     check(sensor_);
     full_scale_ = (1 << sensor_.bits) - 1;
     range_ = full_scale_ - sensor_.black_dn;
-    if (sensor_.transfer.kind != Transfer::Kind::linear && sensor_.bits <= most_bits_of_steps)
+    if (sensor_.transfer.kind != Transfer::Kind::linear && sensor_.bits <= max_bits_of_steps)
         steps_.emplace(sensor_.bits, [&](double radiance) { return code_of(radiance); });
     if (!camera.sensor)
         return;
@@ -258,9 +258,9 @@ bool SensorModel::expose_row(const float* radiance, const cv::Point& first, int 
     if (!all_finite(radiance, count))
         return false;
     const std::int64_t pixel = std::int64_t{first.y} * size_.width + first.x;
-    double signals[most_at_once];
-    for (int x = 0; x < count; x += most_at_once) {
-        const int n = std::min(most_at_once, count - x);
+    double signals[max_at_once];
+    for (int x = 0; x < count; x += max_at_once) {
+        const int n = std::min(max_at_once, count - x);
         for (int i = 0; i < n; ++i)
             signals[i] = response ? double(radiance[x + i]) * response[x + i] : radiance[x + i];
         if (noise)

@@ -9,7 +9,7 @@ namespace {
 constexpr double two_pi = 2.0 * std::numbers::pi;
 constexpr double disk_phase_at_cutoff = 2.6;
 constexpr double followed_cutoffs = 1.25;
-constexpr double least_scale_px = 0.04;
+constexpr double min_scale_px = 0.04;
 constexpr double steps_per_scale = 40.0;
 
 // Of a Gaussian the part beyond is below 1e-6.
@@ -38,7 +38,7 @@ double interpolated(const std::vector<double>& table, double place) {
 std::optional<SharpenedSpread> SharpenedSpread::of(const PointSpreadFunction& spread,
                                                    const std::function<double(double)>& window,
                                                    double reach_px) {
-    if (!spread.has_cutoff() || spread.scale_px() < least_scale_px)
+    if (!spread.has_cutoff() || spread.scale_px() < min_scale_px)
         return std::nullopt;
     SharpenedSpread result;
     result.disk_radius_px_ = disk_phase_at_cutoff / (two_pi * cutoff(spread));
@@ -78,7 +78,7 @@ std::optional<SharpenedSpread> SharpenedSpread::of(const PointSpreadFunction& sp
     const double r0 = result.disk_radius_px_;
     result.one_disk_gray_ =
         result.edge_change([&](double f) { return std::pow(two_pi * f, 4) * r0 * r0 / 192.0; });
-    for (int disks = 2; disks <= most_disks; ++disks) {
+    for (int disks = 2; disks <= max_disks; ++disks) {
         double& most = result.most_gray_[static_cast<std::size_t>(disks)];
         for (const double ratio : {1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0})
             most = std::max(most, result.gray_of_disks(disks, ratio * r0));
@@ -115,7 +115,7 @@ double SharpenedSpread::blur_of_one_disk_px(double gray) const {
 }
 
 int SharpenedSpread::disks_for_any_blur(double gray) const {
-    for (int count = 2; count <= most_disks; ++count)
+    for (int count = 2; count <= max_disks; ++count)
         if (most_gray_[static_cast<std::size_t>(count)] <= gray)
             return count;
     return 0;

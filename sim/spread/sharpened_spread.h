@@ -62,11 +62,11 @@ private:
     double edge_change(const std::function<double(double)>& transfer) const;
     double gray_of_disks(int count, double blur_px) const;
 
-    static constexpr int most_disks = 4;
+    static constexpr int max_disks = 4;
 
     double disk_radius_px_ = 0.0, reach_px_ = 0.0, table_step_px_ = 1.0;
-    double one_disk_gray_ = 0.0;                      // by the square of the blur radius
-    std::array<double, most_disks + 1> most_gray_{};  // of any blur, by the number of disks
+    double one_disk_gray_ = 0.0;                     // by the square of the blur radius
+    std::array<double, max_disks + 1> most_gray_{};  // of any blur, by the number of disks
     std::vector<Wave> waves_;
     std::vector<double> densities_, lines_;  // at -1, 0, 1 ... steps
 };

@@ -50,7 +50,7 @@ WaveFilter::WaveFilter(const CameraModel& camera)
     : lambda_n_px_(etalon::lambda_n_px(camera)),
       pitch_y_(camera.intrinsics.fx / camera.intrinsics.fy),
       ring_px_(std::max(1.0, 2.0 * lambda_n_px_)) {
-    WavePointSpread(lambda_n_px_, largest_wave_blur_px);  // refuses what is none
+    WavePointSpread(lambda_n_px_, max_wave_blur_px);  // refuses what is none
 }
 
 double WaveFilter::blur_step_px() const {

@@ -19,7 +19,7 @@ namespace etalon {
 class WaveFilter {
 public:
     // Throws NumericalError for a camera without a lens section, or lambda N_w too small for blur
-    // radii up to largest_wave_blur_px.
+    // radii up to max_wave_blur_px.
     explicit WaveFilter(const CameraModel& camera);
 
     double lambda_n_px() const { return lambda_n_px_; }

@@ -16,7 +16,7 @@ namespace {
 
 using std::numbers::pi;
 
-constexpr double largest_u = 1000.0;
+constexpr double max_u = 1000.0;
 constexpr double wave_step = 0.05;  // of the table, in v; |U|^2 has no period below pi
 
 // Sums of q^n J_n(v) over even and odd n with alternating signs, q <= 1:
@@ -97,11 +97,11 @@ double tail_shape(double u, double v) {
 WavePointSpread::WavePointSpread(double lambda_n_px, double blur_radius_px)
     : scale_(pi / lambda_n_px), blur_radius_px_(blur_radius_px), u_(scale_ * blur_radius_px) {
     if (!(lambda_n_px > 0.0) || !std::isfinite(lambda_n_px) || !(blur_radius_px >= 0.0) ||
-        !(u_ <= largest_u))
+        !(u_ <= max_u))
         throw NumericalError(
             fmt::format("psf wave: no pattern for the blur radius {:.6g} px with lambda N = {:.6g} "
                         "px: their ratio must be within 0..{:.0f}",
-                        blur_radius_px, lambda_n_px, largest_u / pi));
+                        blur_radius_px, lambda_n_px, max_u / pi));
     const int rows = static_cast<int>((1.5 * u_ + 200.0) / wave_step) + 1;
     for (int i = 0; i <= rows; ++i)  // one more than is used
         intensity_.push_back(wave_intensity(u_, i * wave_step));

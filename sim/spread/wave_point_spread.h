@@ -25,7 +25,7 @@
 namespace etalon {
 
 // The renderers go no farther; beyond some ten px of blur geometrical optics is right anyhow.
-inline constexpr double largest_wave_blur_px = 20.0;
+inline constexpr double max_wave_blur_px = 20.0;
 
 // |U|^2 for u, v >= 0, relative to the centre of the Airy pattern (u = v = 0: 1). Some us; absolute
 // error below 1e-12 for u and v up to 1000.

@@ -36,13 +36,13 @@ std::size_t length(std::ptrdiff_t n) {
 // Sets the outermost pairs of each row to zero that are too small to matter, and puts what they
 // hold into the middle. Returns each row's first pair that is left.
 std::vector<int> without_corners(cv::Mat& pairs) {
-    constexpr double least_of_light = 1e-5, least_of_kernel = 3e-4;
+    constexpr double min_of_light = 1e-5, min_of_kernel = 3e-4;
     std::vector<double> sizes;
     for (const double pair : cv::Mat_<double>(pairs))
         sizes.push_back(2.0 * std::abs(pair));
     std::sort(sizes.begin(), sizes.end());
     const double all = std::accumulate(sizes.begin(), sizes.end(), 0.0);
-    double allowed = std::min(least_of_light, least_of_kernel * all);
+    double allowed = std::min(min_of_light, min_of_kernel * all);
     std::size_t small = 0;
     while (small + 1 < sizes.size() && sizes[small] <= allowed)
         allowed -= sizes[small++];

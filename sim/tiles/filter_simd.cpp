@@ -103,10 +103,10 @@ HWY_INLINE void add_to(const FourRows& sums, float* out, std::ptrdiff_t stride) 
 template <bool wide>
 HWY_ATTR void add_four_rows(const MirroredKernel& kernel, const float* window,
                             std::ptrdiff_t stride, float* out, std::ptrdiff_t out_stride) {
-    constexpr int most_products = 1024;
+    constexpr int max_products = 1024;
     const RowSums zero{hn::Zero(Vector16()), hn::Zero(Vector16())};
     const int rows = kernel.rows + 3 * kernel.k;
-    const int band = std::max(1, most_products / std::max(1, kernel.pairs));
+    const int band = std::max(1, max_products / std::max(1, kernel.pairs));
     if (rows <= band) {
         FourRows sums{zero, zero, zero, zero};
         add_window<wide>(kernel, window, stride, sums);

@@ -110,7 +110,7 @@ struct Rings {
 
     Rings(const ImageFilter& image_filter, double reach_px, int finest)
         : filter(image_filter), first(finest), top(filter.first_ring() - 1) {
-        while (filter.radius_held(top + 1) < reach_px && top < SquareCorners::most_shift)
+        while (filter.radius_held(top + 1) < reach_px && top < SquareCorners::max_shift)
             ++top;
         if (top >= filter.first_ring())
             top = std::max(top, first);
@@ -146,10 +146,10 @@ void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, cons
                       double reach_px, int finest, const cv::Rect& region,
                       std::optional<float> background, cv::Mat& pixels,
                       const std::function<void(const cv::Rect&)>& done) const {
-    constexpr int finest_outside = 3;  // shift of the squares outside the samples
-    constexpr double most_px = 1e5;
-    const Rings rings(filter_, std::min(reach_px, most_px), finest);
-    const int reach = static_cast<int>(std::ceil(std::min(reach_px, most_px)));
+    constexpr int min_outside = 3;  // shift of the squares outside the samples
+    constexpr double max_px = 1e5;
+    const Rings rings(filter_, std::min(reach_px, max_px), finest);
+    const int reach = static_cast<int>(std::ceil(std::min(reach_px, max_px)));
     TailSources sources(samples, marker, corners_, seen_at & grown(region, reach, reach));
     cv::Rect reached = grown(sources.pixels(), reach, reach) & region;
     if (sources.pixels().empty() || rings.top < rings.first)
@@ -159,8 +159,8 @@ void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, cons
     if (reached.empty())
         return for_each_band(region, done);
     const Targets targets(sources.pixels(), reached, filter_.first_ring() + 3,
-                          std::max(rings.top, finest_outside));
-    sources.average(rings.sources(targets.squares), std::min(rings.first, finest_outside - 1));
+                          std::max(rings.top, min_outside));
+    sources.average(rings.sources(targets.squares), std::min(rings.first, min_outside - 1));
     cv::Mat coarser;
     // The sums of a band of a grid: those of the coarser grids, or the background, and its own.
     const auto add_band = [&](int shift, const cv::Rect& band, std::optional<float> base,

@@ -25,7 +25,7 @@ namespace etalon {
 // (0.5 us per square of an image and a margin). Safe from every thread.
 class SquareCorners {
 public:
-    static constexpr int most_shift = 20;
+    static constexpr int max_shift = 20;
 
     using Corners = std::array<Eigen::Vector2d, 4>;  // left to right, then down
 
@@ -48,7 +48,7 @@ private:
     const Table& table(int shift) const;
 
     const Projector& projector_;
-    mutable std::array<Table, most_shift + 1> tables_;
+    mutable std::array<Table, max_shift + 1> tables_;
 };
 
 // The pixels outside of which the marker is not, as far as they are within `limit`: of the image

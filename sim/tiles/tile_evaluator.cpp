@@ -19,7 +19,7 @@ Box box_around(const TilePolynomial& place, double reach) {
     return {place.centre - half, place.centre + half};
 }
 
-constexpr LensRule finest_rule{4, 24};
+constexpr LensRule min_rule{4, 24};
 
 // A disk reaches beyond its tile by less than this times its radius, whatever the tile's shape.
 constexpr double disk_reach = 1.25;
@@ -33,7 +33,7 @@ LensRule lens_rule(double blur_radius_px, double sharp_up_to_px) {
         return {1, 0};
     if (blur_radius_px < 0.04)
         return {2, 6};
-    return blur_radius_px < 0.2 ? LensRule{3, 12} : finest_rule;
+    return blur_radius_px < 0.2 ? LensRule{3, 12} : min_rule;
 }
 
 TilePositionsOf::TilePositionsOf(const Sampling& sampling) : samples(tile_px * sampling.k) {

@@ -9,7 +9,7 @@ namespace {
 
 using Kind = Step::Kind;
 
-constexpr std::chrono::milliseconds longest_stop{3000};  // it also holds up whoever gives up
+constexpr std::chrono::milliseconds max_stop{3000};  // it also holds up whoever gives up
 
 bool gives(const Step& step, Input input) {
     return (step.kind == Kind::set || step.kind == Kind::pulse) && step.input == input;
@@ -195,8 +195,8 @@ private:
             if (step.kind == Kind::require)
                 at.fail("may not require anything");
         }
-        if (time > longest_stop)
-            at.fail(fmt::format("may not take more than {} ms", longest_stop.count()));
+        if (time > max_stop)
+            at.fail(fmt::format("may not take more than {} ms", max_stop.count()));
     }
 
     void require_all_used(const Layers& root) const {

@@ -46,10 +46,10 @@ std::vector<std::string> short_labels(const std::vector<std::string>& photos) {
         --common;
     for (std::string& name : names)
         name = name.size() > common ? name.substr(common) : name;
-    constexpr std::size_t most_letters = 6;
+    constexpr std::size_t max_letters = 6;
     const bool fit =
         names.size() <= 30 && std::all_of(names.begin(), names.end(), [&](const std::string& name) {
-            return name.size() * names.size() <= most_letters * 14;
+            return name.size() * names.size() <= max_letters * 14;
         });
     if (!fit)
         for (std::size_t i = 0; i < names.size(); ++i)
@@ -175,9 +175,9 @@ HtmlPage::Figure radial_figure(const CalibrationRun& run) {
             sums[ring] += radial.ys.back();
             counts[ring] += 1.0;
         }
-    constexpr double least_for_a_mean = 8;
+    constexpr double min_for_a_mean = 8;
     for (std::size_t ring = 0; ring < rings; ++ring)
-        if (counts[ring] >= least_for_a_mean)
+        if (counts[ring] >= min_for_a_mean)
             ring_means.add((static_cast<double>(ring) + 0.5) / rings * corner,
                            sums[ring] / counts[ring]);
     SvgPlot plot("distance from the principal point / px", "outward residual / px", map_width,

@@ -94,7 +94,7 @@ void remark_on_deviations(const CalibrationRun& run, std::vector<std::string>& r
         remarks.push_back(fmt::format(
             "No bootstrap: it needs {} photos, and nearly every resample of them must determine "
             "the camera.",
-            least_bootstrap_views));
+            min_bootstrap_views));
 }
 
 void remark_on_image(const CalibrationRun& run, std::vector<std::string>& remarks) {
@@ -112,7 +112,7 @@ void remark_on_image(const CalibrationRun& run, std::vector<std::string>& remark
         remarks.push_back(
             fmt::format("No cross-validation: it needs {} photos, every second of "
                         "which must determine the camera.",
-                        least_cross_validation_views));
+                        min_cross_validation_views));
     else if (halves->rms_px >
              2.0 * std::max(halves->expected_formal_px, halves->expected_robust_px))
         remarks.push_back(fmt::format(

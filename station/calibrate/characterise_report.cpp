@@ -105,10 +105,10 @@ HtmlPage::Figure nonlinearity_plot(const TransferEstimate& estimate) {
 
 HtmlPage::Figure illumination_plot(const CameraModel& camera,
                                    const IlluminationEstimate& estimate) {
-    constexpr std::size_t most_points = 500;
+    constexpr std::size_t max_points = 500;
     Series white_parts, curve;
     // Odd, or every eighth of forty blocks a row would be the same ones.
-    const std::size_t every = (1 + estimate.used.size() / most_points) | 1;
+    const std::size_t every = (1 + estimate.used.size() / max_points) | 1;
     for (std::size_t i = 0; i < estimate.used.size(); i += every) {
         const WhitePatch& patch = estimate.used[i];
         white_parts.add(std::sqrt(illumination_radius_squared(camera, patch.centre_px)),

@@ -193,9 +193,9 @@ ComparisonSummary read_comparison(const std::filesystem::path& folder) {
     ComparisonSummary summary;
     if (const auto serial = root.find("serial"))
         summary.serial = serial->text();
-    constexpr int largest_side = 1 << 20;
-    summary.width = root.at("image").at("width").integer(1, largest_side);
-    summary.height = root.at("image").at("height").integer(1, largest_side);
+    constexpr int max_side = 1 << 20;
+    summary.width = root.at("image").at("width").integer(1, max_side);
+    summary.height = root.at("image").at("height").integer(1, max_side);
     summary.marker = root.at("marker").text();
     for (const Value& photo : root.at("photos").items())
         summary.photos.push_back(read_photo_summary(photo));

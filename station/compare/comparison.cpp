@@ -72,8 +72,8 @@ double ResidualProfile::middle(std::size_t step) const {
 }
 
 std::optional<double> ResidualProfile::rms(std::size_t step) const {
-    constexpr double least_pixels = 100;
-    if (pixels[step] < least_pixels)
+    constexpr double min_pixels = 100;
+    if (pixels[step] < min_pixels)
         return std::nullopt;
     return std::sqrt(squares[step] / pixels[step]);
 }

@@ -10,7 +10,7 @@
 namespace etalon {
 namespace {
 
-constexpr std::size_t widest_column = 30;  // a longer name pushes the rest of its line
+constexpr std::size_t max_column = 30;  // a longer name pushes the rest of its line
 constexpr const char* of_camera = "      ";
 constexpr const char* of_feature = "          ";
 
@@ -25,7 +25,7 @@ std::size_t column_width(const std::vector<Row>& rows, std::string Row::*column)
     std::size_t width = 0;
     for (const Row& row : rows)
         width = std::max(width, (row.*column).size());
-    return std::min(width, widest_column);
+    return std::min(width, max_column);
 }
 
 std::string rows_text(const std::vector<Row>& rows) {

@@ -29,14 +29,14 @@ DriftRequest drift_request(const CaptureArguments& arguments) {
     request.retries = arguments.retries;
     const double interval_s = arguments.interval_s.value_or(1.0);
     const double minutes = arguments.minutes.value_or(60.0);
-    constexpr double longest_min = 10'000.0;  // a week
-    constexpr int most_frames = 1'000'000;
+    constexpr double max_min = 10'000.0;  // a week
+    constexpr int max_frames = 1'000'000;
     const double frames = arguments.frames > 0 ? arguments.frames : 60.0 * minutes / interval_s + 1;
-    if (!(interval_s >= 1e-3) || frames * interval_s > 60.0 * longest_min || frames > most_frames)
+    if (!(interval_s >= 1e-3) || frames * interval_s > 60.0 * max_min || frames > max_frames)
         throw ConfigError({"--interval-s"},
                           fmt::format("must be 0.001 at least and make at most {} frames in {} "
                                       "minutes",
-                                      most_frames, longest_min));
+                                      max_frames, max_min));
     request.interval =
         std::chrono::duration_cast<Duration>(std::chrono::duration<double>(interval_s));
     request.frames = static_cast<int>(frames);

@@ -35,7 +35,7 @@ public:
     // size. Nothing when that does not settle, or the field cannot be had at such a size.
     std::optional<double> size_at(const std::string& quantity, double limit, double start) const {
         constexpr int max_steps = 20;
-        constexpr double close = 1e-3, longest_step = 4.0;
+        constexpr double close = 1e-3, max_step = 4.0;
         double size = start;
         for (int step = 0; step < max_steps; ++step) {
             const std::optional<double> value = value_at(quantity, size);
@@ -44,7 +44,7 @@ public:
             const double ratio = limit / *value;
             if (std::abs(ratio - 1.0) < close)
                 return size;
-            size *= std::clamp(ratio, 1.0 / longest_step, longest_step);
+            size *= std::clamp(ratio, 1.0 / max_step, max_step);
         }
         return std::nullopt;
     }

@@ -8,8 +8,8 @@
 namespace etalon {
 namespace {
 
-constexpr double detector_error_px = 0.5;   // how far a detector's corners may be off
-constexpr double least_log_likelihood = 3;  // below it the other planar solution is as good
+constexpr double detector_error_px = 0.5;  // how far a detector's corners may be off
+constexpr double min_log_likelihood = 3;   // below it the other planar solution is as good
 
 // Of a pose's frames: they see the same, with noise that is independent.
 PhotometricReading mean_of(const std::vector<PhotometricPose>& poses) {
@@ -27,7 +27,7 @@ PhotometricReading mean_of(const std::vector<PhotometricPose>& poses) {
 PhotometricPose unambiguous(const PhotometricPose& pose) {
     if (!pose.converged)
         throw NumericalError("the fit does not settle");
-    if (pose.other && pose.other->log_likelihood_ratio < least_log_likelihood)
+    if (pose.other && pose.other->log_likelihood_ratio < min_log_likelihood)
         throw NumericalError("both planar solutions match the photograph");
     return pose;
 }

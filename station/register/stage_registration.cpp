@@ -85,8 +85,8 @@ std::vector<StagePhoto> read_rows(const std::vector<std::string>& lines, const C
 
 // Of pose `number`; empty when none is whole.
 std::filesystem::path first_frame(const std::filesystem::path& record, const std::string& number) {
-    constexpr int most_frames = 1000;
-    for (int frame = 0; frame < most_frames; ++frame) {
+    constexpr int max_frames = 1000;
+    for (int frame = 0; frame < max_frames; ++frame) {
         const auto path = record / "frames" / fmt::format("{:0>4}_{}.png", number, frame);
         std::error_code ignored;
         if (std::filesystem::is_regular_file(path, ignored))

@@ -308,11 +308,11 @@ private:
             cv::flip(grid.cells, grid.cells, 1);
         if (covered) {
             // A strip from a side, over at least a whole row of nodes.
-            constexpr double least_cells = topotag_margin + topotag_frame + topotag_spacing + 0.5;
+            constexpr double min_cells = topotag_margin + topotag_frame + topotag_spacing + 0.5;
             const int cells = grid.cells.cols,
                       cell = cells / (topotag_white_side(topotag_order(family)) +
                                       2 * (topotag_margin + topotag_frame)),
-                      strip = static_cast<int>(draw.between(least_cells * cell, 0.6 * cells));
+                      strip = static_cast<int>(draw.between(min_cells * cell, 0.6 * cells));
             const cv::Rect part = draw.below(2) == 0 ? cv::Rect(0, 0, strip, cells)
                                                      : cv::Rect(0, cells - strip, cells, strip);
             grid.cells(part).setTo(cv::Scalar::all(draw.below(2)));

@@ -179,11 +179,11 @@ PlacedMarker place(const CameraModel& camera, Dice& dice, double side_px, double
 }
 
 bool is_before_lens(const PlacedMarker& marker) {
-    constexpr double least_mm = 20.0;  // more than an aperture's radius
+    constexpr double min_mm = 20.0;  // more than an aperture's radius
     const CellGrid& grid = marker.grid;
     for (const int u : {0, grid.columns()})
         for (const int v : {0, grid.rows()})
-            if (!((marker.camera_from_marker * grid.point_mm(u, v)).z() > least_mm))
+            if (!((marker.camera_from_marker * grid.point_mm(u, v)).z() > min_mm))
                 return false;
     return true;
 }

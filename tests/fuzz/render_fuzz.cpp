@@ -27,7 +27,7 @@
 namespace etalon::test {
 namespace {
 
-constexpr long longest_input_cpu_s = 300;  // not waiting time: it may run beside other work
+constexpr long max_input_cpu_s = 300;  // not waiting time: it may run beside other work
 constexpr int shown_violations = 200;
 
 volatile std::uint64_t current_seed = 0;
@@ -125,8 +125,7 @@ void fuzz_files(std::uint64_t seed, const std::filesystem::path& folder, Tally& 
 void fuzz(std::uint64_t seed, const std::filesystem::path& folder, KeptRenderer& kept,
           Tally& tally) {
     current_seed = seed;
-    const itimerval limit{.it_interval = {},
-                          .it_value = {.tv_sec = longest_input_cpu_s, .tv_usec = 0}};
+    const itimerval limit{.it_interval = {}, .it_value = {.tv_sec = max_input_cpu_s, .tv_usec = 0}};
     setitimer(ITIMER_PROF, &limit, nullptr);
     ++tally.inputs;
     try {

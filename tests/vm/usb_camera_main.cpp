@@ -16,7 +16,7 @@
 
 namespace {
 
-constexpr int default_sharpness = 3, most_sharpness = 7;
+constexpr int default_sharpness = 3, max_sharpness = 7;
 
 int run(const std::filesystem::path& twin_file, int sharpness) {
     const sigset_t signals = etalon::block_ending_signals();
@@ -44,7 +44,7 @@ int main(int argc, char** argv) {
     CLI::App app("A camera on the kernel's virtual USB port.");
     app.add_option("file", twin_file, "A twin.yaml: a stage, and what the camera sees of it");
     app.add_option("--sharpness", sharpness, "After power-up; 0 is neutral")
-        ->check(CLI::Range(0, most_sharpness));
+        ->check(CLI::Range(0, max_sharpness));
     CLI11_PARSE(app, argc, argv);
     try {
         return run(twin_file, sharpness);

@@ -19,10 +19,10 @@ namespace etalon {
 namespace {
 
 constexpr std::uint32_t submit = 1, unlink_request = 2, submit_answer = 3, unlink_answer = 4;
-constexpr int high_speed = 3;                   // enum usb_device_speed
-constexpr std::uint32_t port_free = 4;          // VDEV_ST_NULL
-constexpr std::uint32_t device_id = 0x10002;    // bus 1, device 2: any will do
-constexpr std::size_t longest_write = 1 << 16;  // from the host: settings, never data
+constexpr int high_speed = 3;                 // enum usb_device_speed
+constexpr std::uint32_t port_free = 4;        // VDEV_ST_NULL
+constexpr std::uint32_t device_id = 0x10002;  // bus 1, device 2: any will do
+constexpr std::size_t max_write = 1 << 16;    // from the host: settings, never data
 
 // All words are big-endian. Their meaning past the first five depends on the command.
 struct Header {
@@ -114,7 +114,7 @@ std::optional<UsbMessage> UsbPlug::receive() {
     transfer.length = ntohl(header.length);
     transfer.setup = setup_of(header);
     if (!transfer.to_host) {
-        if (transfer.length > longest_write)
+        if (transfer.length > max_write)
             return std::nullopt;
         transfer.data.resize(transfer.length);
         if (!read_all(transfer.data.data(), transfer.data.size()))

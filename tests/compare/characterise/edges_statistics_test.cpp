@@ -20,9 +20,9 @@ namespace etalon {
 namespace {
 
 constexpr int draws = 24;
-constexpr double most_mean = 1.2;      // 3.5 sqrt(1/24 + 0.1) is 1.3
-constexpr double most_square = 2.6;    // 1 + 3.1 sqrt(2/24) + 2/24 = 2.0, and 0.6 for the mean
-constexpr double least_square = 0.15;  // an uncertainty must not be a multiple of the scatter
+constexpr double max_mean = 1.2;     // 3.5 sqrt(1/24 + 0.1) is 1.3
+constexpr double max_square = 2.6;   // 1 + 3.1 sqrt(2/24) + 2/24 = 2.0, and 0.6 for the mean
+constexpr double min_square = 0.15;  // an uncertainty must not be a multiple of the scatter
 
 struct Pulls {
     double sum = 0.0, squares = 0.0;
@@ -40,9 +40,9 @@ struct Pulls {
 void expect_fair(const char* what, const Pulls& pulls) {
     std::printf("%-34s pulls: mean %6.2f, mean square %5.2f, n %d\n", what, pulls.mean(),
                 pulls.square(), pulls.count);
-    EXPECT_LT(std::abs(pulls.mean()), most_mean) << what;
-    EXPECT_LT(pulls.square(), most_square) << what;
-    EXPECT_GT(pulls.square(), least_square) << what;
+    EXPECT_LT(std::abs(pulls.mean()), max_mean) << what;
+    EXPECT_LT(pulls.square(), max_square) << what;
+    EXPECT_GT(pulls.square(), min_square) << what;
 }
 
 CodeImage draw(const test::EdgeScene& scene, const Radiance& radiance, int seed) {

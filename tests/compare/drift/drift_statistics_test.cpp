@@ -20,32 +20,32 @@ int stable_runs(SimulatedDrift drift, int runs) {
 
 // More than `of` with a chance of at most 5 % each: beyond this count with 1 % / 6 (six tests).
 // Binomial: 9 or more of 40 at 5 % have 0.0001.
-constexpr int runs = 40, most_by_chance = 8;
+constexpr int runs = 40, max_by_chance = 8;
 
 TEST(DriftStatistics, AShiftAtTheLimitIsNotCalledStable) {
     SimulatedDrift drift;
     drift.moved = test::shift_at(0.02);
-    EXPECT_LE(stable_runs(drift, runs), most_by_chance);
+    EXPECT_LE(stable_runs(drift, runs), max_by_chance);
 }
 
 TEST(DriftStatistics, AGrowthThatIsAtTheLimitInTheCornersIsNotCalledStable) {
     SimulatedDrift drift;
     drift.moved = test::growth_at(0.02);
-    EXPECT_LE(stable_runs(drift, runs), most_by_chance);
+    EXPECT_LE(stable_runs(drift, runs), max_by_chance);
 }
 
 TEST(DriftStatistics, ASmallTagAtTheLimitIsNotCalledStable) {
     SimulatedDrift drift;
     drift.target = test::grid_of_points(2, 2, 280, 200, 80);
     drift.moved = test::shift_at(0.02);
-    EXPECT_LE(stable_runs(drift, runs), most_by_chance);
+    EXPECT_LE(stable_runs(drift, runs), max_by_chance);
 }
 
 TEST(DriftStatistics, VibrationAtTheLimitIsNotCalledStable) {
     SimulatedDrift drift;
     drift.moved = test::shift_at(0.02);
     drift.shake_px = 0.05;
-    EXPECT_LE(stable_runs(drift, runs), most_by_chance);
+    EXPECT_LE(stable_runs(drift, runs), max_by_chance);
 }
 
 // With 54 points of 0.05 px a line over 5 min is known to 0.0013 px/min, times Student's 4.8 for

@@ -61,7 +61,7 @@ Plane plane_of(const std::vector<Eigen::Vector3d>& points_mm,
             Eigen::RowVector3d::Zero(), p, -q.y() * p;
         normal += rows.transpose() * rows;
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(normal);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen{Eigen::MatrixXd(normal)};
     const Eigen::Matrix3d transposed =
         Eigen::Map<const Eigen::Matrix3d>(eigen.eigenvectors().col(0).data());
     plane.homography = of_seen.matrix().inverse() * transposed.transpose();

@@ -24,7 +24,8 @@ bool are_collinear(const std::vector<Eigen::Vector3d>& points) {
         const Eigen::Vector2d arm = point.head<2>() - mean;
         scatter += arm * arm.transpose();
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scatter, Eigen::EigenvaluesOnly);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(Eigen::MatrixXd(scatter),
+                                                               Eigen::EigenvaluesOnly);
     return !(eigen.eigenvalues()[0] > 1e-12 * eigen.eigenvalues()[1]);
 }
 

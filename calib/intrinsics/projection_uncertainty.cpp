@@ -110,7 +110,8 @@ Eigen::MatrixXd best_rotation(const Eigen::MatrixXd& moved, const Eigen::MatrixX
     for (Eigen::Index i = 0; i < weights.size(); ++i)
         weights[i] = 1.0 / std::max(certain, deviations[i / 2]);
     const Eigen::MatrixXd weighted_rotation = weights.asDiagonal() * rotation;
-    return weighted_rotation.colPivHouseholderQr().solve(weights.asDiagonal() * moved);
+    return weighted_rotation.colPivHouseholderQr().solve(
+        Eigen::MatrixXd(weights.asDiagonal() * moved));
 }
 
 Eigen::MatrixXd less_best_rotation(const Eigen::MatrixXd& moved, const Eigen::MatrixXd& rotation,

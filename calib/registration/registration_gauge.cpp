@@ -259,8 +259,8 @@ Matrix12d constrained_covariance(const RegistrationJacobian& jacobian,
     }
     const Eigen::MatrixXd reduced = jacobian * unscale.asDiagonal() * z;
     const Eigen::MatrixXd information = reduced.transpose() * reduced;
-    const Eigen::MatrixXd inverse =
-        information.ldlt().solve(Eigen::MatrixXd::Identity(information.rows(), information.cols()));
+    const Eigen::MatrixXd inverse = information.ldlt().solve(
+        Eigen::MatrixXd(Eigen::MatrixXd::Identity(information.rows(), information.cols())));
     const Eigen::MatrixXd half = unscale.asDiagonal() * z;
     return half * inverse * half.transpose();
 }

@@ -46,7 +46,7 @@ bool spread_over_the_plane(const CalibrationView& view) {
     for (const Eigen::Vector3d& point : view.points_mm)
         scatter += (point.head<2>() - mean) * (point.head<2>() - mean).transpose();
     const Eigen::Vector2d eigenvalues =
-        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(scatter).eigenvalues();
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(Eigen::MatrixXd(scatter)).eigenvalues();
     return eigenvalues[0] > 1e-6 * eigenvalues[1];
 }
 

@@ -31,7 +31,8 @@ Eigen::Vector3d principal_spreads(const Points& points) {
     Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
     for (const Eigen::Vector3d& point : points)
         scatter += (point - mean) * (point - mean).transpose() / static_cast<double>(points.size());
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scatter, Eigen::EigenvaluesOnly);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(Eigen::MatrixXd(scatter),
+                                                                Eigen::EigenvaluesOnly);
     return solver.eigenvalues().reverse().cwiseMax(0.0).cwiseSqrt();
 }
 
@@ -126,8 +127,7 @@ double rms_px(const Refined& pose, const Points& points) {
 
 // Without the other solution.
 std::optional<PoseEstimate> estimate_of(const Refined& pose, const Points& points) {
-    const auto covariance =
-        inverse_of_information(pose.at.jacobian.transpose() * pose.at.jacobian);
+    const auto covariance = inverse_of_information(pose.at.jacobian.transpose() * pose.at.jacobian);
     if (!covariance)
         return std::nullopt;
     return PoseEstimate{pose.unknowns, rms_px(pose, points), {}, 0.0, *covariance};
@@ -157,8 +157,7 @@ std::optional<PoseEstimate> estimate_pose(const Projector& projector, const Poin
         return std::nullopt;
 
     std::optional<PoseEstimate> estimate = estimate_of(found[0], points_mm);
-    if (estimate && found.size() > 1 &&
-        !same_pose(found[0].unknowns, found[1].unknowns)) {
+    if (estimate && found.size() > 1 && !same_pose(found[0].unknowns, found[1].unknowns)) {
         estimate->alternative = found[1].unknowns;
         estimate->alternative_rms_px = rms_px(found[1], points_mm);
     }

@@ -79,9 +79,9 @@ double shape_drift(std::span<const DriftBlock> blocks, const TargetPoints& point
 
 // Standard deviation in the direction in which it is largest.
 double largest_deviation(const Eigen::Matrix2d& covariance) {
-    return std::sqrt(std::max(
-        0.0, Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(covariance, Eigen::EigenvaluesOnly)
-                 .eigenvalues()[1]));
+    return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(
+                                       Eigen::MatrixXd(covariance), Eigen::EigenvaluesOnly)
+                                       .eigenvalues()[1]));
 }
 
 void find_worst(DriftRate& rate, const Eigen::Matrix4d& covariance,

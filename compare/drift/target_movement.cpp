@@ -45,14 +45,14 @@ std::optional<TargetReference::Look> TargetReference::look(const TargetPoints& p
     if (displacements.size() < min_target_points || 2 * displacements.size() < points_.size())
         return std::nullopt;
     const auto rows = static_cast<Eigen::Index>(2 * displacements.size());
-    Eigen::MatrixX4d design(rows, 4);
+    Eigen::MatrixXd design(rows, 4);
     Eigen::VectorXd moved(rows);
     for (Eigen::Index i = 0; 2 * i < rows; ++i) {
         const auto& [id, displacement] = displacements[static_cast<std::size_t>(i)];
         design.middleRows<2>(2 * i) = at(points_.at(id));
         moved.segment<2>(2 * i) = displacement;
     }
-    const Eigen::ColPivHouseholderQR<Eigen::MatrixX4d> qr(design);
+    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(design);
     if (qr.rank() < 4 || !moved.allFinite())
         return std::nullopt;
     Look result;

@@ -57,9 +57,9 @@ Vector6 prior_weight(double step) {
 struct Reduced {
     MatrixXd information;  // of the shared parameters
     VectorXd score;
-    Eigen::LDLT<Matrix6> own;
+    Eigen::LDLT<MatrixXd> own;
     Vector6 own_score;
-    Eigen::Matrix<double, 6, Eigen::Dynamic> coupling;
+    MatrixXd coupling;
     double chi_square = 0.0, squared_residuals = 0.0;
 };
 
@@ -97,7 +97,7 @@ public:
         reduced.information = MatrixXd::Zero(m, m);
         reduced.score = VectorXd::Zero(m);
         reduced.own_score = Vector6::Zero();
-        reduced.coupling = Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, m);
+        reduced.coupling = MatrixXd::Zero(6, m);
         fitted.residuals.clear();
         VectorXd shared(m);
         for (const EdgePixel& pixel : edge.pixels) {
@@ -129,10 +129,10 @@ public:
         Vector6 told = current;  // of these the prior says nothing
         told.head<2>().setZero();
         reduced.chi_square += told.cwiseProduct(told).dot(prior);
-        reduced.own.compute(own);
-        const auto eliminated = reduced.own.solve(reduced.coupling);
+        reduced.own.compute(MatrixXd(own));
+        const MatrixXd eliminated = reduced.own.solve(reduced.coupling);
         reduced.information -= reduced.coupling.transpose() * eliminated;
-        reduced.score -= reduced.coupling.transpose() * reduced.own.solve(reduced.own_score);
+        reduced.score -= eliminated.transpose() * reduced.own_score;
         return reduced;
     }
 
@@ -209,7 +209,8 @@ private:
         if (indices.empty())
             return true;
         const VectorXd gradient = b_ - a_ * x_;
-        const VectorXd step = a_(indices, indices).ldlt().solve(gradient(indices));
+        const MatrixXd free = a_(indices, indices);
+        const VectorXd step = free.ldlt().solve(VectorXd(gradient(indices)));
         double part = 1.0;
         Eigen::Index blocking = -1;
         for (std::size_t i = 0; i < indices.size(); ++i) {
@@ -372,7 +373,7 @@ double scatter_ratio(const Sums& sums, const EdgeFit& fit, const MatrixXd& covar
             scores += sums.edges[i].score * sums.edges[i].score.transpose();
     const double n = fit.used_edges;
     const MatrixXd robust = inverse * scores * inverse * (n / (n - m));
-    return covariance.ldlt().solve(robust).trace() / m;
+    return MatrixXd(covariance.ldlt().solve(robust)).trace() / m;
 }
 
 // Covariance as the header says.

@@ -198,11 +198,11 @@ private:
 class PlaceInterpolant {
 public:
     explicit PlaceInterpolant(const Weights& displacements) {
-        Eigen::Matrix<double, places, places> powers;
+        Eigen::MatrixXd powers(places, places);
         powers.col(0).setOnes();
         for (int j = 1; j < places; ++j)
             powers.col(j) = powers.col(j - 1).cwiseProduct(displacements);
-        coefficients_ = powers.inverse();
+        coefficients_ = powers.partialPivLu().inverse();
     }
     // Of the values at the places: the weights that make R and its four derivatives at a
     // displacement.

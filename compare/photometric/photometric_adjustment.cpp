@@ -123,8 +123,8 @@ private:
             const Eigen::VectorXd scale =
                 information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
             const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-            step.camera =
-                scale.cwiseProduct(Eigen::VectorXd(scaled.ldlt().solve(scale.cwiseProduct(score))));
+            step.camera = scale.cwiseProduct(
+                Eigen::VectorXd(scaled.ldlt().solve(Eigen::VectorXd(scale.cwiseProduct(score)))));
         } else {
             step.camera.resize(0);
         }
@@ -203,8 +203,8 @@ ViewEquations camera_equations(const PhotoEquations& equations, std::size_t para
     // triangular. Scaled to a unit diagonal: the parameters' units differ by orders of magnitude.
     constexpr double rounding = 1e-12;
     const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt();
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
-        scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal());
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(Eigen::MatrixXd(
+        scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal()));
     const Eigen::VectorXd roots = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
     const Eigen::VectorXd inverse_roots =
         roots.unaryExpr([](double root) { return root > std::sqrt(rounding) ? 1.0 / root : 0.0; });

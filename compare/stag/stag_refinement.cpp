@@ -76,14 +76,17 @@ std::optional<Solution> solve(const std::vector<Row>& rows, const StagView& view
         gradient += row.weight * row.derivative * row.offset_px;
     }
     const Parameters scale = information.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::LDLT<Information> factors(scale.asDiagonal() * information * scale.asDiagonal());
+    const Eigen::LDLT<Eigen::MatrixXd> factors{
+        Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal())};
     constexpr double min_pivot = 1e-9;
     if (!scale.allFinite() || !(factors.vectorD().minCoeff() > min_pivot))
         return std::nullopt;
     Solution solution;
-    solution.step = scale.cwiseProduct(factors.solve(scale.cwiseProduct(gradient)));
-    solution.covariance =
-        scale.asDiagonal() * factors.solve(Information::Identity()) * scale.asDiagonal();
+    const Eigen::VectorXd step = factors.solve(Eigen::VectorXd(scale.cwiseProduct(gradient)));
+    const Eigen::MatrixXd inverse =
+        factors.solve(Eigen::MatrixXd(Eigen::MatrixXd::Identity(scale.size(), scale.size())));
+    solution.step = scale.cwiseProduct(step);
+    solution.covariance = scale.asDiagonal() * inverse * scale.asDiagonal();
     double squares = 0.0;
     for (const Row& row : rows) {
         solution.weight += row.weight;

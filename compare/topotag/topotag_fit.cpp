@@ -81,8 +81,9 @@ public:
     std::optional<WindowFit> solve() const {
         if (count_ < 2 * terms)
             return std::nullopt;
-        const auto solver = normal_.selfadjointView<Eigen::Lower>().ldlt();
-        const Terms found = solver.solve(right_), dot = solver.solve(Terms::Unit(terms - 1));
+        const Eigen::LDLT<Eigen::MatrixXd> solver{Eigen::MatrixXd(normal_)};
+        const Eigen::VectorXd found = solver.solve(Eigen::VectorXd(right_)),
+                              dot = solver.solve(Eigen::VectorXd(Terms::Unit(terms - 1)));
         if (!found.allFinite() || !dot.allFinite() || !(found[1] > 0.0))
             return std::nullopt;
         WindowFit fit;

@@ -114,11 +114,11 @@ Drift fitted_drift(const SmoothField& field, std::span<const FieldSample> sample
     const Eigen::MatrixXd weighted =
         times_blocks(freed.transpose(), sample_weights(field, samples));
     const Eigen::Matrix3d covariance = Eigen::Matrix3d(weighted * freed).inverse();
-    return {
-        covariance * (weighted * residual),
-        field_coverage_factor * std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(covariance)
-                                              .eigenvalues()
-                                              .maxCoeff())};
+    return {covariance * (weighted * residual),
+            field_coverage_factor * std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(
+                                                  Eigen::MatrixXd(covariance))
+                                                  .eigenvalues()
+                                                  .maxCoeff())};
 }
 
 AcceptanceCondition drift(const QualificationInput& input, const Qualification& result,
@@ -175,7 +175,7 @@ AcceptanceCondition repeatability(const QualificationInput& input) {
         return not_checked(title, "no pose was visited twice with frames that tell the noise");
     double sum = 0.0;
     for (const RepeatedPair& pair : pairs) {
-        const Eigen::LDLT<Eigen::MatrixXd> solver(pair.covariance);
+        const Eigen::LDLT<Eigen::MatrixXd> solver{Eigen::MatrixXd(pair.covariance)};
         if (!solver.isPositive() || !(pair.covariance.determinant() > 0.0))
             return not_checked(title, "frames that are alike to the last bit tell no noise");
         sum += pair.difference_mm.dot(solver.solve(Eigen::VectorXd(pair.difference_mm)));

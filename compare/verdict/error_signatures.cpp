@@ -198,8 +198,9 @@ public:
         for (std::size_t i = 0; i < displacement.size(); ++i)
             if (!chain_.poses[i].hold_out)
                 training.insert(training.end(), displacement[i].begin(), displacement[i].end());
-        const Eigen::VectorXd solution = registration_.solve(Eigen::Map<const Eigen::VectorXd>(
-            training.data(), static_cast<Eigen::Index>(training.size())));
+        const Eigen::VectorXd solution =
+            registration_.solve(Eigen::VectorXd(Eigen::Map<const Eigen::VectorXd>(
+                training.data(), static_cast<Eigen::Index>(training.size()))));
         const Vector12d xy = unscale_.cwiseProduct(solution);
         std::vector<double> before, after, rotation;
         for (std::size_t i = 0; i < displacement.size(); ++i) {
@@ -221,7 +222,7 @@ public:
 
 private:
     // d pixels / d left perturbation of camera_from_marker.
-    Eigen::Matrix<double, Eigen::Dynamic, 6> pose_jacobian(std::size_t i) const {
+    Eigen::MatrixXd pose_jacobian(std::size_t i) const {
         const Rigid camera_from_carriage =
             chain_.camera_from_base * chain_.poses[i].base_from_carriage;
         return registration_jacobian(chain_.projector, chain_.points_mm,
@@ -248,7 +249,7 @@ private:
                                                    Eigen::Vector3d(xy.segment<3>(6)));
     }
 
-    using PoseSolver = Eigen::ColPivHouseholderQR<Eigen::Matrix<double, Eigen::Dynamic, 6>>;
+    using PoseSolver = Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;
 
     const SignatureChain& chain_;
     std::vector<PoseSolver> pose_solvers_;
@@ -446,7 +447,7 @@ std::vector<ErrorSignature> calibration_signatures(const SignatureChain& chain) 
     // Directions of the correlation matrix: parameters have different units.
     const Eigen::VectorXd unscale = (deviation.array() > 0.0).select(deviation.cwiseInverse(), 0.0);
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
-        unscale.asDiagonal() * camera.covariance->matrix * unscale.asDiagonal());
+        Eigen::MatrixXd(unscale.asDiagonal() * camera.covariance->matrix * unscale.asDiagonal()));
     const LinearChain linear(chain);
     const NamedErrors named(chain);
     std::vector<ErrorSignature> signatures;

@@ -220,7 +220,7 @@ private:
 
         const Matrix12d covariance =
             registration.covariance * std::pow(registration.residual_rms_px, 2);
-        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
+        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen{Eigen::MatrixXd(covariance)};
         const Matrix12d factor =
             eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
         double shift = 0.0, turn = 0.0, largest_shift = 0.0, largest_turn = 0.0;

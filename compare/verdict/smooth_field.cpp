@@ -208,7 +208,8 @@ Eigen::MatrixXd estimator(const SmoothField& field, std::span<const FieldSample>
     // Columns to equal length: the coefficients' sizes differ by much.
     const Eigen::VectorXd unscale = normal.diagonal().cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd scaled = unscale.asDiagonal() * normal * unscale.asDiagonal();
-    return unscale.asDiagonal() * scaled.ldlt().solve(unscale.asDiagonal() * weighted);
+    return unscale.asDiagonal() *
+           scaled.ldlt().solve(Eigen::MatrixXd(unscale.asDiagonal() * weighted));
 }
 
 Eigen::MatrixXd covariance_factor(const SmoothField& field) {
@@ -251,10 +252,10 @@ void summarize_rms(const SmoothField& field, std::span<const Eigen::Vector3d> po
         const Eigen::MatrixXd design = field.design(position);
         power += design.transpose() * design / static_cast<double>(positions.size());
     }
-    const Eigen::VectorXd noise =
-        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(factor.transpose() * power * factor)
-            .eigenvalues()
-            .cwiseMax(0.0);
+    const Eigen::VectorXd noise = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(
+                                      Eigen::MatrixXd(factor.transpose() * power * factor))
+                                      .eigenvalues()
+                                      .cwiseMax(0.0);
     const double square = field.coefficients.dot(power * field.coefficients) - noise.sum();
     const double rms2 = std::max(0.0, square);
     const double k2 = field_coverage_factor * field_coverage_factor;

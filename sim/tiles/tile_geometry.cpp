@@ -94,8 +94,12 @@ void set_lens(const MarkerView& view, const TilePolynomial& place, const Eigen::
 Eigen::Matrix2d rounding(const Eigen::Matrix2d& blur_ellipse, double disk_px) {
     const Eigen::Matrix2d shape =
         blur_ellipse * blur_ellipse.transpose() + disk_px * disk_px * Eigen::Matrix2d::Identity();
-    return std::pow(shape.determinant(), 0.25) *
-           Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(shape).operatorInverseSqrt();
+    // Cayley and Hamilton: with s^2 the determinant and t^2 the trace + 2 s, the root is
+    // (shape + s) / t and its determinant s.
+    const double s = std::sqrt(shape.determinant()), t = std::sqrt(shape.trace() + 2.0 * s);
+    Eigen::Matrix2d inverse_root;
+    inverse_root << shape(1, 1) + s, -shape(0, 1), -shape(1, 0), shape(0, 0) + s;
+    return inverse_root / (t * std::sqrt(s));
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <filesystem>
 #include <fstream>
 #include <string>
 
@@ -35,7 +36,8 @@ void switch_loopback_on() {
 }
 
 void wait_for_the_common_network() {
-    const int lock = open("/tmp/etalon-loopback.lock", O_CREAT | O_RDWR | O_CLOEXEC, 0666);
+    const auto file = std::filesystem::temp_directory_path() / "etalon-loopback.lock";
+    const int lock = open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
     flock(lock, LOCK_EX);  // until the program ends
 }
 

@@ -4,7 +4,8 @@
 find_package(PkgConfig REQUIRED)
 find_package(Threads REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
-find_package(OpenCV 4.5 REQUIRED COMPONENTS core imgproc imgcodecs calib3d features2d ximgproc)
+find_package(OpenCV 4.5 REQUIRED COMPONENTS core imgproc imgcodecs calib3d ximgproc
+                         videoio)
 find_package(OpenCV 4.5 QUIET OPTIONAL_COMPONENTS aruco objdetect)
 find_package(Boost 1.74 REQUIRED CONFIG)   # Boost.Math, headers only
 find_package(OpenSSL REQUIRED)

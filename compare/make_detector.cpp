@@ -37,17 +37,14 @@ constexpr Maker makers[] = {
     {"aruco-apriltag", Marker::Kind::aruco, make_aruco<ArucoRefinement::apriltag>},
     {"topotag", Marker::Kind::topotag, make_topotag_detector},
     {"chessboard", Marker::Kind::chessboard, make_chessboard_detector},
-    {"charuco", Marker::Kind::charuco, make_charuco_detector},
+    {"charuco", Marker::Kind::charuco, make_board_detector},
+    {"aprilgrid", Marker::Kind::aprilgrid, make_board_detector},
+    {"circles", Marker::Kind::circles, make_board_detector},
+    {"circles", Marker::Kind::acircles, make_board_detector},
+    {"circles", Marker::Kind::hexcircles, make_board_detector},
+    {"squares", Marker::Kind::squares, make_board_detector},
     {"stag", Marker::Kind::stag, make_stag_detector},
 };
-
-[[noreturn]] void refuse(const Marker& marker, const std::string& place) {
-    if (marker.kind == Marker::Kind::bitmap)
-        throw ConfigError({place}, "no detector finds " + marker.spec + ": give its poses");
-    throw ConfigError({place}, marker.spec +
-                                   " is a target for `etalon calibrate --target`; poses are found "
-                                   "from single tags, chessboards and ChArUco boards");
-}
 
 [[noreturn]] void refuse(const std::string& name, const std::string& place) {
     std::vector<std::string> names;
@@ -67,9 +64,14 @@ std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& m
     const auto* maker = std::ranges::find_if(makers, [&](const Maker& one) {
         return is_auto ? one.kind == marker.kind : one.name == name;
     });
-    if (maker != std::end(makers))
-        return maker->make(marker, place);
-    is_auto ? refuse(marker, place) : refuse(name, place);
+    if (maker == std::end(makers) && is_auto)
+        throw ConfigError({place}, "no detector finds " + marker.spec + ": give its poses");
+    if (maker == std::end(makers))
+        refuse(name, place);
+    auto detector = maker->make(marker, place);
+    if (!is_auto && detector->name() != name)
+        throw ConfigError({place}, fmt::format("the {} detector cannot see {}", name, marker.spec));
+    return detector;
 }
 
 }  // namespace etalon

@@ -8,7 +8,8 @@
 
 namespace etalon {
 
-// A detector for this marker: "apriltag", "aruco", "topotag", "chessboard", "charuco" or "stag";
+// A detector for this marker: "apriltag", "aruco", "topotag", "chessboard", "charuco",
+// "aprilgrid", "circles", "squares" or "stag";
 // "auto" takes the one that belongs to the marker. ArUco's other ways to place corners, for studies
 // of their bias, are "aruco-none", "aruco-contour" and "aruco-apriltag". Options:
 // compare/detect/detector_adaptors.h. Throws ConfigError (at `place`) when there is no such

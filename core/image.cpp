@@ -1,9 +1,12 @@
 #include "core/image.h"
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <string_view>
 #include <system_error>
 
 #include "core/errors.h"
@@ -11,13 +14,28 @@
 namespace etalon {
 namespace {
 
+// ISO 23008-12: a box "ftyp" at the beginning with one of these brands.
+bool is_heif(const std::filesystem::path& path) {
+    std::array<char, 12> start{};
+    std::ifstream(path, std::ios::binary).read(start.data(), start.size());
+    const std::string_view box(&start[4], 4), brand(&start[8], 4);
+    constexpr std::array<std::string_view, 6> brands{"heic", "heix", "hevc",
+                                                     "mif1", "msf1", "avif"};
+    return box == "ftyp" && std::ranges::find(brands, brand) != brands.end();
+}
+
 cv::Mat read_any(const std::filesystem::path& path) {
     std::error_code ignored;
     if (!std::filesystem::exists(path, ignored))  // OpenCV would print a warning of its own
         throw ConfigError({path.string()}, "no such image");
+    if (is_heif(path))
+        throw ConfigError({path.string()}, "is HEIC, which is not read here: convert it to PNG, or "
+                                           "to JPEG of quality 95 (heif-convert)");
     cv::Mat image;
     try {
-        image = cv::imread(path.string(), cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR);
+        // As the sensor has it: whichever way up a viewer is told to show it, a camera is one.
+        image = cv::imread(path.string(), cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR |
+                                              cv::IMREAD_IGNORE_ORIENTATION);
     } catch (const cv::Exception& error) {
         throw ConfigError({path.string()}, "cannot be decoded: " + error.err);
     }

@@ -78,7 +78,9 @@ struct Frame {
 };
 
 // Reads and writes PNG and TIFF by the file's extension. An image is 8 or 16 bit, one channel; a
-// colour photograph is converted to luma (Rec. 601 weights, as OpenCV does).
+// colour photograph is converted to luma (Rec. 601 weights, as OpenCV does), transparency is
+// dropped, and a mark that says which way up to show it (EXIF) is not followed: pixels stay where
+// the sensor has them, and all photographs of a camera have one size.
 // Throws ConfigError with the path when it cannot be read or written.
 CodeImage read_image(const std::filesystem::path& path);
 void write_image(const std::filesystem::path& path, const CodeImage& image);

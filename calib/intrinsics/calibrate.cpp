@@ -61,11 +61,25 @@ std::vector<CalibrationModel> candidates(const CalibrationOptions& options) {
     return {named};
 }
 
+// Of models that were left out of and that are all in doubt.
+[[noreturn]] void refuse_all(const ModelAdvice& advice) {
+    std::string words;
+    for (const ModelScore& score : advice.models)
+        if (!score.doubt.empty())
+            words += fmt::format("{}{}: {}", words.empty() ? "" : "; ", score.model, score.doubt);
+    throw NumericalError("these photos support no model (" + words +
+                         "): more of them are needed, tilted more ways and nearer to the borders");
+}
+
 // What the advice, or the user, chose among the scored models.
 const ModelScore& chosen_score(const ModelAdvice& advice, const CalibrationOptions& options) {
     std::string name = options.model.value_or("standard");
     if (!options.model && advice.advised)
         name = advice.models[*advice.advised].model;
+    else if (!options.model && std::ranges::any_of(advice.models, [](const ModelScore& score) {
+                 return !score.doubt.empty();
+             }))
+        refuse_all(advice);
     const auto score = std::find_if(advice.models.begin(), advice.models.end(),
                                     [&](const ModelScore& each) { return each.model == name; });
     if (!score->fit)
@@ -95,6 +109,25 @@ std::vector<std::size_t> outlier_views(const KeptViews& kept, const ModelScore& 
     return find_outlier_views(fitted, left_out);
 }
 
+// A lens that none of the models follows leaves residuals that are alike around a point, and far
+// longer than those of neighbours differ.
+void refuse_foreign_lens(const ModelAdvice& advice, std::span<const CalibrationView> views) {
+    constexpr double min_misfit_px = 1.0, max_over_scatter = 5.0;
+    const ModelScore* closest = nullptr;
+    for (const ModelScore& score : advice.models)
+        if (score.fit && (!closest || score.rms_px < closest->rms_px))
+            closest = &score;
+    if (!closest)
+        return;
+    const double scatter = corner_scatter_px(views, closest->fit->residuals_px);
+    if (closest->rms_px > std::max(min_misfit_px, max_over_scatter * scatter))
+        throw NumericalError(
+            fmt::format("no model here fits this lens: {:.1f} px RMS at best ({}), where the "
+                        "points of one photo "
+                        "scatter by {:.2f} px; a fisheye?",
+                        closest->rms_px, closest->model, scatter));
+}
+
 // Models are compared on the points that fit, and what fits depends on the
 // model: until both stay.
 struct Selection {
@@ -117,6 +150,7 @@ Selection select(std::span<const CalibrationView> views, cv::Size image_size,
         selection.advice = compare_models(
             score_models(selection.kept.views, image_size, models, options.leave_one_out),
             selection.kept.views);
+        refuse_foreign_lens(selection.advice, selection.kept.views);
         const ModelScore& score = chosen_score(selection.advice, options);
         selection.chosen = static_cast<std::size_t>(&score - selection.advice.models.data());
         const std::vector<std::size_t> bad = outlier_views(selection.kept, score);
@@ -201,7 +235,8 @@ CalibrationCovariances covariances_of(std::span<const CalibrationView> views, cv
     const auto equations = view_equations(views, fit.camera, fit.camera_from_target, model);
     return {formal_covariance(equations, model, fit.variance),
             cluster_robust_covariance(equations, model),
-            bootstrap_covariance(views, image_size, model, fit, resamples)};
+            bootstrap_covariance(views, image_size, model, fit, resamples),
+            stated_covariance(equations, model, fit.variance)};
 }
 
 std::vector<ParameterDeviation> deviations_of(const CalibrationModel& model,
@@ -210,7 +245,8 @@ std::vector<ParameterDeviation> deviations_of(const CalibrationModel& model,
     for (std::size_t p = 0; p < model.parameters.size(); ++p) {
         const auto i = static_cast<Eigen::Index>(p);
         ParameterDeviation deviation{model.parameters[p], std::sqrt(covariances.formal(i, i)),
-                                     std::sqrt(covariances.cluster_robust(i, i)), std::nullopt};
+                                     std::sqrt(covariances.cluster_robust(i, i)), std::nullopt,
+                                     std::sqrt(covariances.stated(i, i))};
         if (covariances.bootstrap)
             deviation.bootstrap = std::sqrt((*covariances.bootstrap)(i, i));
         deviations.push_back(deviation);
@@ -283,11 +319,10 @@ CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv
     calibration.covariances =
         covariances_of(used, image_size, calibration.model, fit, options.resamples);
     calibration.deviations = deviations_of(calibration.model, calibration.covariances);
-    const Eigen::MatrixXd largest =
-        with_largest_deviations(calibration.covariances.formal, calibration.deviations);
-    calibration.camera.covariance = ParameterCovariance{calibration.model.parameters, largest};
+    const Eigen::MatrixXd& stated = calibration.covariances.stated;
+    calibration.camera.covariance = ParameterCovariance{calibration.model.parameters, stated};
     calibration.uncertainty =
-        projection_uncertainty(calibration.camera, calibration.model, largest, all_pixels(used));
+        projection_uncertainty(calibration.camera, calibration.model, stated, all_pixels(used));
     calibration.halves = halves_of(used, image_size, calibration.model, fit);
     calibration.advice = advice_on_given_views(std::move(selection));
     return calibration;

@@ -44,11 +44,11 @@ struct CalibratedView {
 struct CalibrationCovariances {
     Eigen::MatrixXd formal, cluster_robust;
     std::optional<Eigen::MatrixXd> bootstrap;
+    Eigen::MatrixXd stated;
 };
 
 struct CameraCalibration {
-    // With the covariance of the model's parameters: the formal correlations,
-    // scaled to the largest of the standard deviations.
+    // With the stated covariance of the model's parameters.
     CameraModel camera;
     CalibrationModel model;
     double rms_px = 0.0;                         // over the points that were used
@@ -72,7 +72,7 @@ struct CalibrationOptions {
     int resamples = bootstrap_resamples;  // 0: no bootstrap
 };
 
-// A ratio of the largest standard deviation to the formal one that is worth a
+// A ratio of the stated standard deviation to the formal one that is worth a
 // warning.
 inline constexpr double suspicious_deviation_ratio = 1.5;
 // Of all points, more than this share of outliers is refused.

@@ -23,6 +23,21 @@ Eigen::MatrixXd leverage_correction(const Eigen::MatrixXd& leverage) {
     return eigen.eigenvectors() * factors.asDiagonal() * eigen.eigenvectors().transpose();
 }
 
+// What the residuals of each view did to the parameters, a column each, in units of the root G of
+// the inverse information: with the view's own equations T d = z its leverage is T G G^T T^T and
+// its effect G^T T^T (I - leverage)^(-1/2) z.
+Eigen::MatrixXd view_effects(std::span<const ViewEquations> equations,
+                             const Eigen::MatrixXd& root) {
+    Eigen::MatrixXd effects(root.cols(), std::ssize(equations));
+    for (Eigen::Index i = 0; i < effects.cols(); ++i) {
+        const ViewEquations& view = equations[static_cast<std::size_t>(i)];
+        const Eigen::MatrixXd seen = view.triangle * root;
+        effects.col(i) =
+            seen.transpose() * (leverage_correction(seen * seen.transpose()) * view.rhs);
+    }
+    return effects;
+}
+
 using Multiplicities = std::vector<int>;
 
 // How often each of n views comes up in n draws with replacement.
@@ -69,12 +84,8 @@ std::optional<Eigen::VectorXd> resampled(std::span<const CalibrationView> views,
 
 }  // namespace
 
-double ParameterDeviation::largest() const {
-    return std::max({formal, cluster_robust, bootstrap.value_or(0.0)});
-}
-
 double ParameterDeviation::ratio() const {
-    return formal > 0.0 ? largest() / formal : 1.0;
+    return formal > 0.0 ? stated / formal : 1.0;
 }
 
 Eigen::MatrixXd formal_covariance(std::span<const ViewEquations> equations,
@@ -82,19 +93,32 @@ Eigen::MatrixXd formal_covariance(std::span<const ViewEquations> equations,
     return variance * inverse_information(equations, model);
 }
 
-// With the view's own equations T d = z and the inverse information C, its leverage is T C T^T and
-// what it did to the parameters C T^T (I - T C T^T)^(-1/2) z.
 Eigen::MatrixXd cluster_robust_covariance(std::span<const ViewEquations> equations,
                                           const CalibrationModel& model) {
-    const Eigen::MatrixXd inverse = inverse_information(equations, model);
-    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(inverse.rows(), inverse.cols());
-    for (const ViewEquations& view : equations) {
-        const Eigen::MatrixXd leverage = view.triangle * inverse * view.triangle.transpose();
-        const Eigen::VectorXd effect =
-            inverse * (view.triangle.transpose() * (leverage_correction(leverage) * view.rhs));
-        covariance += effect * effect.transpose();
-    }
-    return covariance;
+    const Eigen::MatrixXd root = inverse_information_root(equations, model);
+    const Eigen::MatrixXd effects = root * view_effects(equations, root);
+    return effects * effects.transpose();
+}
+
+// Of n views with effects x, in units of the formal deviations, S is the sum of x x^T; n x x^T
+// scatters about it, and its mean square distance from it over n is how wrong S itself is.
+Eigen::MatrixXd stated_covariance(std::span<const ViewEquations> equations,
+                                  const CalibrationModel& model, double variance) {
+    const Eigen::MatrixXd root = inverse_information_root(equations, model);
+    if (!(variance > 0.0))
+        return Eigen::MatrixXd::Zero(root.rows(), root.rows());
+    const Eigen::MatrixXd x = view_effects(equations, root) / std::sqrt(variance);
+    const double n = static_cast<double>(x.cols());
+    const Eigen::MatrixXd s = x * x.transpose(),
+                          identity = Eigen::MatrixXd::Identity(x.rows(), x.rows());
+    const double mean = s.trace() / static_cast<double>(x.rows());
+    const double distance = (s - mean * identity).squaredNorm();
+    double error = 0.0;
+    for (Eigen::Index i = 0; i < x.cols(); ++i)
+        error += (n * x.col(i) * x.col(i).transpose() - s).squaredNorm() / (n * n);
+    const double drawn = error < distance ? error / distance : 1.0;
+    const Eigen::MatrixXd shape = drawn * identity + (1.0 - drawn) / mean * s;
+    return variance * std::max(mean, 1.0) * (root * shape * root.transpose());
 }
 
 // The factor takes out that draws scatter about the mean of n views, not about the truth.
@@ -126,14 +150,6 @@ Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, cv::Siz
         else
             ++bootstrap.without_result;
     return bootstrap;
-}
-
-Eigen::MatrixXd with_largest_deviations(const Eigen::MatrixXd& formal,
-                                        std::span<const ParameterDeviation> deviations) {
-    Eigen::VectorXd scale(formal.rows());
-    for (Eigen::Index i = 0; i < scale.size(); ++i)
-        scale[i] = deviations[static_cast<std::size_t>(i)].ratio();
-    return scale.asDiagonal() * formal * scale.asDiagonal();
 }
 
 }  // namespace etalon

@@ -1,6 +1,6 @@
-// The covariance of calibrated parameters, three ways, because the usual one is too small on
-// photographs: it takes the errors of all points for independent, but those of one photo share its
-// blur, its light, its JPEG blocks and the bend of the board.
+// The covariance of calibrated parameters, because the usual one is too small on photographs: it
+// takes the errors of all points for independent, but those of one photo share its blur, its light,
+// its JPEG blocks and the bend of the board.
 //
 //  formal          variance of the residuals times the inverse information. Only this one assumes
 //                  independent points.
@@ -11,7 +11,17 @@
 //                  replacement (Efron, 1979); no linearisation.
 //
 // The two latter assume that views are independent, and need many of them to be exact themselves:
-// of n views a standard deviation is uncertain by about 1 / sqrt(2 (n - 1)), 20 % for 13.
+// of n views a standard deviation is uncertain by about 1 / sqrt(2 (n - 1)), 20 % for 13, and of
+// fewer views than parameters some combinations look certain that are not. What is stated is
+// therefore a fourth:
+//
+//  stated          in the units in which the formal covariance is the identity, the cluster-robust
+//                  one drawn towards a multiple of the identity, by as much as its own scatter from
+//                  view to view says (Ledoit and Wolf, J. Multivariate Analysis 88, 2004). The
+//                  multiple is the mean of its eigenvalues, one at least. So photos that share
+//                  errors widen it, and in the directions in which they do as far as they tell, but
+//                  correlations that keep a projection certain stay: deviations and correlations
+//                  are never from two sources.
 #pragma once
 
 #include <Eigen/Core>
@@ -27,15 +37,15 @@
 
 namespace etalon {
 
-// One standard deviation of a parameter, three ways.
+// One standard deviation of a parameter, four ways.
 struct ParameterDeviation {
     std::string name;  // "fx"
     double formal = 0.0;
     double cluster_robust = 0.0;
     std::optional<double> bootstrap;
+    double stated = 0.0;
 
-    double largest() const;
-    // Largest over formal; 1 when all are zero.
+    // Stated over formal; 1 when both are zero.
     double ratio() const;
 };
 
@@ -45,6 +55,8 @@ Eigen::MatrixXd formal_covariance(std::span<const ViewEquations> equations,
                                   const CalibrationModel& model, double variance);
 Eigen::MatrixXd cluster_robust_covariance(std::span<const ViewEquations> equations,
                                           const CalibrationModel& model);
+Eigen::MatrixXd stated_covariance(std::span<const ViewEquations> equations,
+                                  const CalibrationModel& model, double variance);
 
 struct Bootstrap {
     std::vector<Eigen::VectorXd> parameters;  // of each resample that has a calibration
@@ -62,9 +74,5 @@ inline constexpr std::size_t min_bootstrap_views = 6;
 Bootstrap bootstrap_calibrations(std::span<const CalibrationView> views, cv::Size image_size,
                                  const CalibrationModel& model, const CameraFit& fit,
                                  int resamples = bootstrap_resamples, std::uint64_t seed = 1);
-
-// The correlations of the formal covariance with the largest of the deviations.
-Eigen::MatrixXd with_largest_deviations(const Eigen::MatrixXd& formal,
-                                        std::span<const ParameterDeviation> deviations);
 
 }  // namespace etalon

@@ -3,6 +3,9 @@
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
 #include <set>
 
 #include "core/errors.h"
@@ -73,6 +76,28 @@ void check_view(const CalibrationView& view, std::size_t index, std::size_t need
     check_labels(view, index);
     if (are_collinear(view.points_mm))
         refuse_view(index, "the points are collinear");
+}
+
+double corner_scatter_px(std::span<const CalibrationView> views,
+                         std::span<const std::vector<Eigen::Vector2d>> residuals_px) {
+    constexpr std::size_t neighbours = 4;
+    double squares = 0.0, count = 0.0;
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        const auto& points = views[v].points_mm;
+        std::vector<std::size_t> order(points.size());
+        std::iota(order.begin(), order.end(), 0);
+        for (std::size_t i = 0; points.size() > neighbours && i < points.size(); ++i) {
+            std::ranges::partial_sort(
+                order, order.begin() + neighbours + 1, {},
+                [&](std::size_t k) { return (points[k] - points[i]).squaredNorm(); });
+            Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+            for (std::size_t k = 1; k <= neighbours; ++k)
+                mean += residuals_px[v][order[k]] / double(neighbours);
+            squares += (residuals_px[v][i] - mean).squaredNorm();
+            count += 1.0 + 1.0 / neighbours;
+        }
+    }
+    return count > 0.0 ? std::sqrt(squares / count) : 0.0;
 }
 
 }  // namespace etalon

@@ -25,6 +25,11 @@ struct CalibrationView {
 // What a calibration takes at least.
 inline constexpr std::size_t min_views = 3, min_view_points = 6;
 
+// How far points scatter about what a smooth model would leave, RMS of the distance in px: from how
+// each residual differs from the mean of its four nearest neighbours' on the target.
+double corner_scatter_px(std::span<const CalibrationView> views,
+                         std::span<const std::vector<Eigen::Vector2d>> residuals_px);
+
 // Points of all views.
 std::size_t point_count(std::span<const CalibrationView> views);
 

@@ -118,20 +118,27 @@ std::optional<Solution> adjust_with_mirrored(const Views& views, const Bundle<do
     return solution;
 }
 
-// From the start to the simplest distortion, which high orders need to begin with, then to all that
-// is free. A lens of 160 degrees, which the simplest distortion cannot follow, goes there at once.
+std::optional<Solution> better(std::optional<Solution> one, std::optional<Solution> other) {
+    const bool other_is_better = other && (!one || other->cost < one->cost);
+    return other_is_better ? std::move(other) : std::move(one);
+}
+
+// The models from the simplest distortion on to the one that is asked for, each from the solution
+// of the one before, so that none fits worse than a model that it contains; and each from the start
+// at once, for lenses of 160 degrees, which the simpler ones cannot follow.
 std::optional<Solution> adjust_in_stages(const Views& views, const Bundle<double>& start,
                                          const BundleOptions& options) {
-    constexpr int last_free = 5;  // k2
-    BundleOptions stage = options;
-    stage.most_iterations = 10;
-    std::erase_if(stage.free, [=](int parameter) { return parameter > last_free; });
-    const auto simple = adjust_with_mirrored(views, start, stage);
-    auto solution = simple ? adjust_with_mirrored(views, simple->bundle, options) : std::nullopt;
-    if (solution && solution->converged)
-        return solution;
-    const auto at_once = adjust_with_mirrored(views, start, options);
-    return !solution || (at_once && at_once->cost < solution->cost) ? at_once : solution;
+    std::optional<Solution> solution;
+    for (const CalibrationModel& model : calibration_models()) {
+        BundleOptions stage = options;
+        std::erase_if(stage.free, [&](int i) { return i >= model.parameters.size(); });
+        const auto from_simpler =
+            solution ? adjust_with_mirrored(views, solution->bundle, stage) : std::nullopt;
+        solution = better(from_simpler, adjust_with_mirrored(views, start, stage));
+        if (stage.free.size() == options.free.size())
+            break;
+    }
+    return solution;
 }
 
 std::optional<Solution> solve(std::span<const CalibrationView> views, cv::Size size,
@@ -197,7 +204,7 @@ WeakestDirection weakest_direction(const ScaledTriangle& scaled, const Calibrati
     return {combination_of(svd.matrixV().col(last), model), values[0] / values[last]};
 }
 
-Eigen::MatrixXd inverse_information(const ScaledTriangle& scaled, const CalibrationModel& model) {
+Eigen::MatrixXd inverse_root(const ScaledTriangle& scaled, const CalibrationModel& model) {
     constexpr double max_condition = 1e11;  // leaves five digits of a step, of a deviation too
     const WeakestDirection weakest = weakest_direction(scaled, model);
     if (!(weakest.condition_number < max_condition))
@@ -206,9 +213,13 @@ Eigen::MatrixXd inverse_information(const ScaledTriangle& scaled, const Calibrat
                         "{:.2g}); views of different tilt, or a simpler model, are needed",
                         weakest.combination, weakest.condition_number));
     const Eigen::Index size = scaled.triangle.cols();
-    Eigen::MatrixXd root =
+    const Eigen::MatrixXd root =
         scaled.triangle.triangularView<Eigen::Upper>().solve(Eigen::MatrixXd::Identity(size, size));
-    root = scaled.lengths.cwiseInverse().asDiagonal() * root;
+    return scaled.lengths.cwiseInverse().asDiagonal() * root;
+}
+
+Eigen::MatrixXd inverse_information(const ScaledTriangle& scaled, const CalibrationModel& model) {
+    const Eigen::MatrixXd root = inverse_root(scaled, model);
     return root * root.transpose();
 }
 
@@ -391,6 +402,11 @@ std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views
 Eigen::MatrixXd inverse_information(std::span<const ViewEquations> equations,
                                     const CalibrationModel& model) {
     return inverse_information(scaled_triangle(equations, model), model);
+}
+
+Eigen::MatrixXd inverse_information_root(std::span<const ViewEquations> equations,
+                                         const CalibrationModel& model) {
+    return inverse_root(scaled_triangle(equations, model), model);
 }
 
 WeakestDirection weakest_direction(std::span<const ViewEquations> equations,

@@ -94,6 +94,9 @@ std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views
 // when rank is lost.
 Eigen::MatrixXd inverse_information(std::span<const ViewEquations> equations,
                                     const CalibrationModel& model);
+// G, upper triangular up to the order of its rows, with G G^T that inverse.
+Eigen::MatrixXd inverse_information_root(std::span<const ViewEquations> equations,
+                                         const CalibrationModel& model);
 
 // The weakest combination of the parameters, each in units of the change that alone moves the
 // pixels by 1 px rms in total: "0.72 k1 - 0.55 k4 + 0.43 k2", largest first, parts below 0.1 left

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/intrinsics/calibration_covariance.h"
+#include "calib/intrinsics/cross_validation.h"
+#include "calib/intrinsics/projection_uncertainty.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -84,6 +87,45 @@ void for_each_index(std::size_t count, const Task& task) {
     });
 }
 
+// What the views say of the model's projection where their points are.
+void set_determinacy(ModelScore& score, std::span<const CalibrationView> views, cv::Size image_size,
+                     const CalibrationModel& model) {
+    const CameraFit& fit = *score.fit;
+    const auto deviation = attempted([&] {
+        const auto equations = view_equations(views, fit.camera, fit.camera_from_target, model);
+        return projection_uncertainty(fit.camera, model,
+                                      stated_covariance(equations, model, fit.variance),
+                                      all_pixels(views))
+            .worst_among_points(&PixelUncertainty::rotated);
+    });
+    score.projection_deviation_px = deviation.value;
+    if (views.size() >= min_cross_validation_views)
+        score.halves_px =
+            attempted([&] { return cross_validate(views, image_size, model, fit).rms_px; }).value;
+}
+
+std::string doubt_about(const ModelScore& score, double best_error_px) {
+    if (!score.projection_deviation_px)
+        return "its projection cannot be told";
+    if (*score.projection_deviation_px > max_projection_deviation * best_error_px)
+        return "its projection is not determined";
+    if (score.halves_px && *score.halves_px > max_halves_difference * best_error_px)
+        return "two halves of the photos disagree";
+    return "";
+}
+
+// The smallest leave-one-out error; of those without doubt only, if so asked.
+std::optional<std::size_t> best_of(const std::vector<ModelScore>& scores, bool without_doubt) {
+    std::optional<std::size_t> best;
+    for (std::size_t i = 0; i < scores.size(); ++i) {
+        const auto& error = scores[i].leave_one_out_rms_px;
+        if (error && (!without_doubt || scores[i].doubt.empty()) &&
+            (!best || *error < *scores[*best].leave_one_out_rms_px))
+            best = i;
+    }
+    return best;
+}
+
 // Sum over the views of how much more this model's left-out squares are than the best one's, and
 // the standard error of that sum, both over the number of points.
 void set_difference(ModelScore& score, const ModelScore& best,
@@ -127,28 +169,35 @@ std::vector<ModelScore> score_models(std::span<const CalibrationView> views, cv:
         if (scores[model].fit)
             left_out[i] = leave_out(views, image_size, models[model], *scores[model].fit, view);
     });
-    for (std::size_t i = 0; i < models.size(); ++i)
-        if (scores[i].fit)
-            set_left_out(scores[i], std::span(left_out).subspan(i * views.size(), views.size()),
-                         views);
+    for_each_index(models.size(), [&](std::size_t i) {
+        if (!scores[i].fit)
+            return;
+        set_left_out(scores[i], std::span(left_out).subspan(i * views.size(), views.size()), views);
+        set_determinacy(scores[i], views, image_size, models[i]);
+    });
     return scores;
 }
 
 ModelAdvice compare_models(std::vector<ModelScore> scores, std::span<const CalibrationView> views) {
     ModelAdvice advice{std::move(scores), std::nullopt, std::nullopt};
-    for (std::size_t i = 0; i < advice.models.size(); ++i) {
-        const auto& error = advice.models[i].leave_one_out_rms_px;
-        if (error && (!advice.best || *error < *advice.models[*advice.best].leave_one_out_rms_px))
-            advice.best = i;
-    }
+    const auto most_exact = best_of(advice.models, /*without_doubt=*/false);
+    if (!most_exact)
+        return advice;
+    const double smallest = *advice.models[*most_exact].leave_one_out_rms_px;
+    for (ModelScore& score : advice.models)
+        if (score.leave_one_out_rms_px)
+            score.doubt = doubt_about(score, smallest);
+    advice.best = best_of(advice.models, /*without_doubt=*/true);
     if (!advice.best)
         return advice;
+    const double best_error = *advice.models[*advice.best].leave_one_out_rms_px;
     for (std::size_t i = 0; i < advice.models.size(); ++i) {
         ModelScore& score = advice.models[i];
         if (!score.leave_one_out_rms_px)
             continue;
         set_difference(score, advice.models[*advice.best], views);
-        if (!advice.advised && score.above_best <= score.above_best_error)
+        if (!advice.advised && score.doubt.empty() && score.above_best <= score.above_best_error &&
+            *score.leave_one_out_rms_px <= max_above_best * best_error)
             advice.advised = i;
     }
     for (std::size_t i = *advice.advised + 1; i < advice.models.size(); ++i)

@@ -6,7 +6,12 @@
 // Stone, "Cross-validatory choice and assessment of statistical predictions" (1974). The advised
 // model is the simplest one whose error is within one standard error of the best (Breiman et al.,
 // "Classification and Regression Trees", 1984, 3.4.3), with the differences paired by view: a photo
-// that is hard for every model says nothing about which one is better.
+// that is hard for every model says nothing about which one is better. Few photos have large
+// standard errors, so that its error must not be more than a quarter above the best one's either.
+//
+// A model that predicts photos like the others may still say little of the lens between them. It is
+// not advised where the photos do not determine its projection, or where two halves of them
+// disagree about it.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -32,7 +37,15 @@ struct ModelScore {
     std::string failure;                     // why the fit or a left-out view is missing
     std::optional<std::size_t> failed_view;  // the view that is not predicted
 
-    // Set by compare_models(). How much the mean left-out square is above the best model's, and
+    // Where the points are and after the best rotation (calib/intrinsics/projection_uncertainty.h):
+    // the largest stated deviation, and the RMS difference of two halves' calibrations, which takes
+    // six views; px. Nothing where there is none.
+    std::optional<double> projection_deviation_px, halves_px;
+
+    // Set by compare_models(). Why it is not advised, however well it predicts: "its projection is
+    // not determined", "two halves of the photos disagree"; empty for the others.
+    std::string doubt = {};
+    // How much the mean left-out square is above the best model's, and
     // the standard error of that difference; px^2.
     double above_best = 0.0, above_best_error = 0.0;
     bool overfits = false;
@@ -40,13 +53,18 @@ struct ModelScore {
 
 struct ModelAdvice {
     std::vector<ModelScore> models;      // from the simplest on
-    std::optional<std::size_t> best;     // the smallest leave-one-out error
-    std::optional<std::size_t> advised;  // nothing when no view was left out
+    std::optional<std::size_t> best;     // the smallest leave-one-out error of those without doubt
+    std::optional<std::size_t> advised;  // nothing when no view was left out, or all are in doubt
 };
 
 // A richer model than the advised one overfits when it predicts worse by more than this share, or
 // by more than a standard error, or not at all.
 inline constexpr double overfit_share = 0.05;
+// The advised model's leave-one-out error over the best one's, at most.
+inline constexpr double max_above_best = 1.25;
+// A projection is not determined where it is less certain than this many points of one photo, and
+// halves disagree where they differ by more; both in units of the best leave-one-out error.
+inline constexpr double max_projection_deviation = 2.0, max_halves_difference = 4.0;
 
 // Fits and, with four views or more, leaves every view out under each of the models. A model that
 // cannot be fitted has a failure in place of a score; the views must be valid (check_view). About

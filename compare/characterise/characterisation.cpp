@@ -159,11 +159,12 @@ std::vector<std::optional<Rigid>> target_poses(const CharacteriseInput& input,
     std::vector<std::optional<Rigid>> poses;
     for (const NamedPhoto& photo : input.photos) {
         poses.emplace_back();
-        const auto view = observe(input.target, photo.image);
+        const auto [view, reason, shown_as] = observe(input.target, photo.image);
         const auto pose =
             view ? estimate_pose(projector, view->points_mm, view->pixels) : std::nullopt;
         if (!pose) {
-            result.remarks.push_back(photo.name + ": the target was not found: not used");
+            result.remarks.push_back(fmt::format("{}: the target was not found: not used{}{}",
+                                                 photo.name, reason.empty() ? "" : "; ", reason));
             continue;
         }
         if (pose->reprojection_rms_px > 2.0) {

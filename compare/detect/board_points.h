@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
+#include <string>
 #include <vector>
 
 #include "sim/marker/marker.h"
@@ -19,23 +20,36 @@ struct BoardPoint {
     Eigen::Vector2d pixel;
 };
 
+struct FoundBoard {
+    std::vector<BoardPoint> points = {};
+    std::string reason = {};  // why there are none, where something of the board is seen
+    // The name of the board that is seen, where that is another than the one looked for, with its
+    // points in the same places.
+    std::string shown_as = {};
+};
+
 struct BoardPhoto {
     cv::Mat pixels;     // CV_32FC1, full scale 1
     cv::Mat eight_bit;  // CV_8UC1, what the libraries expect
 };
 
-// Inner corners beside at least one marker that was read. compare/detect/charuco_corners.cpp
-std::vector<BoardPoint> find_charuco_corners(const Marker& board, const BoardPhoto& photo);
+// Inner corners beside at least one marker that was read, in whichever of the two layouts the
+// markers agree with. compare/detect/charuco_corners.cpp
+FoundBoard find_charuco_corners(const Marker& board, const BoardPhoto& photo);
 
 // Corners of the tags that were read. Blur and dark squares that touch at their corners would join
 // tags to one outline: they are looked for in copies with dark parts shrunk by one and two pixels,
 // too. compare/detect/tag_grid_corners.cpp
-std::vector<BoardPoint> find_tag_grid_corners(const Marker& board, const BoardPhoto& photo);
+FoundBoard find_tag_grid_corners(const Marker& board, const BoardPhoto& photo);
 
-// Centroids of the circles' images, all or none: of 1 - brightness / background, with the
-// background a plane through what is seen halfway to the neighbours. A circle's centre is NOT seen
-// at its image's centroid; compare/detect/calibration_target.h corrects for that.
-// compare/detect/circle_grid.cpp
-std::vector<BoardPoint> find_circle_centroids(const Marker& board, const BoardPhoto& photo);
+// Centroids of the circles' images; a quarter of them may be hidden. Of 1 - brightness /
+// background, with the background a plane through what is seen halfway to the neighbours. A
+// circle's centre is NOT seen at its image's centroid; compare/detect/calibration_target.h corrects
+// for that. compare/detect/circle_grid.cpp
+FoundBoard find_circle_centroids(const Marker& board, const BoardPhoto& photo);
+
+// Corners of dark squares on their own; a quarter of the squares may be hidden.
+// compare/detect/square_grid.cpp
+FoundBoard find_square_corners(const Marker& board, const BoardPhoto& photo);
 
 }  // namespace etalon

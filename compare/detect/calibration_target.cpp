@@ -16,16 +16,16 @@
 namespace etalon {
 namespace {
 
-std::vector<BoardPoint> find_chessboard_points(const Marker& board, const CodeImage& image) {
+FoundBoard find_chessboard_points(const Marker& board, const CodeImage& image) {
     const auto corners = find_chessboard_corners(image, board.columns, board.rows);
-    std::vector<BoardPoint> points;
+    FoundBoard found;
     for (std::size_t i = 0; corners && i < corners->pixels.size(); ++i)
         if (corners->refined[i])
-            points.push_back({static_cast<int>(i), corners->pixels[i]});
-    return points;
+            found.points.push_back({static_cast<int>(i), corners->pixels[i]});
+    return found;
 }
 
-std::vector<BoardPoint> find_points(const Marker& board, const CodeImage& image) {
+FoundBoard find_points(const Marker& board, const CodeImage& image) {
     if (board.kind == Marker::Kind::chessboard)
         return find_chessboard_points(board, image);
     BoardPhoto photo{{}, as_8_bit(image)};
@@ -34,6 +34,8 @@ std::vector<BoardPoint> find_points(const Marker& board, const CodeImage& image)
         return find_charuco_corners(board, photo);
     if (board.kind == Marker::Kind::aprilgrid)
         return find_tag_grid_corners(board, photo);
+    if (board.kind == Marker::Kind::squares)
+        return find_square_corners(board, photo);
     return find_circle_centroids(board, photo);
 }
 
@@ -99,13 +101,17 @@ CalibrationTarget parse_calibration_target(const std::string& spec, const std::s
             require(3, 3, "inner corners");
             return target;
         case Marker::Kind::charuco:
-            require(4, 3, "squares");
+            require(3, 3, "squares");
             return target;
         case Marker::Kind::aprilgrid:
             require(2, 2, "tags");
             return target;
+        case Marker::Kind::squares:
+            require(2, 2, "squares");
+            return target;
         case Marker::Kind::circles:
         case Marker::Kind::acircles:
+        case Marker::Kind::hexcircles:
             require(3, 3, "circles");
             return target;
         default:
@@ -115,23 +121,31 @@ CalibrationTarget parse_calibration_target(const std::string& spec, const std::s
     }
 }
 
-std::optional<CalibrationView> observe(const CalibrationTarget& target, const CodeImage& image) {
+ObservedTarget observe(const CalibrationTarget& target, const CodeImage& image) {
     if (image.pixels.empty())
-        return std::nullopt;
+        return {{}, "an empty image"};
+    const FoundBoard found = find_points(target.board, image);
+    if (found.points.empty())
+        return {{}, found.reason};
     CalibrationView view;
-    for (const BoardPoint& point : find_points(target.board, image)) {
+    for (const BoardPoint& point : found.points) {
         view.points_mm.push_back(target.board.points_mm[static_cast<std::size_t>(point.id)]);
         view.pixels.push_back(point.pixel);
         view.ids.push_back(point.id);
     }
-    if (view.pixels.size() < min_view_points || !spread_over_the_plane(view))
-        return std::nullopt;
-    return view;
+    const std::size_t enough = std::min(min_view_points, target.board.points_mm.size());
+    if (view.pixels.size() < enough || !spread_over_the_plane(view))
+        return {{},
+                fmt::format("only {} of its points are seen, of which none lies beside the "
+                            "line of the others, or fewer than {}",
+                            view.pixels.size(), enough)};
+    return {std::move(view), {}, found.shown_as};
 }
 
 bool has_circles(const CalibrationTarget& target) {
-    return target.board.kind == Marker::Kind::circles ||
-           target.board.kind == Marker::Kind::acircles;
+    const Marker::Kind kind = target.board.kind;
+    return kind == Marker::Kind::circles || kind == Marker::Kind::acircles ||
+           kind == Marker::Kind::hexcircles;
 }
 
 CalibrationView with_circle_centres(const CalibrationTarget& target,

@@ -2,7 +2,8 @@
 //
 //   chessboard:9x6@25mm               charuco:4X4_50:9x6@30mm/22mm
 //   circles:7x6@20mm/12mm             aprilgrid:36h11:6x5@40mm/12mm (Kalibr's)
-//   acircles:4x11@20mm/12mm
+//   acircles:4x11@20mm/12mm           squares:4x3@30mm/20mm
+//   hexcircles:28x24@12mm/10mm
 //
 // A target is a board of sim/marker/marker.h, which can be printed, placed in a scene and rendered;
 // here is what finds its points in photographs: in our pixel convention (docs/conventions.md), to
@@ -27,18 +28,28 @@ struct CalibrationTarget {
 
 // Throws ConfigError at `place` for what sim/marker/marker.h cannot parse and for a marker that is
 // no board with points enough to calibrate with: single tags, bitmaps, boards with less than 3x3
-// inner corners or circles, less than 2x2 tags, or less than 2x3 inner corners of a ChArUco board.
+// inner corners or circles, less than 2x2 tags, or less than 3x3 squares of a ChArUco board.
 CalibrationTarget parse_calibration_target(const std::string& spec, const std::string& place);
 
+// What a photograph shows of a target.
+struct ObservedTarget {
+    std::optional<CalibrationView> view;
+    std::string reason;  // why there is none, in words
+    // The board's name where it is drawn in the other of ChArUco's two layouts, which has its
+    // points in the same places.
+    std::string shown_as = {};
+};
+
 // The target's points in a photograph, each with its index into Marker::points_mm in `ids`; nothing
-// when less than six are seen, or only some in one line. Chessboards and circles must be whole in
-// the picture, but single points that dirt or glare hides are left out; ChArUco boards and AprilTag
-// grids may be seen in part. Points of other things in the picture are not taken for the target's.
-// Never throws for what an image holds. The same image gives the same result; safe from every
-// thread. 50 to 250 ms for 640x480 px, up to a second where there is no target.
+// when less than six are seen (four of a board of 3x3 squares), or only some in one line.
+// Chessboards and circles must be whole in the picture, but single points that dirt or glare hides
+// are left out; ChArUco boards and AprilTag grids may be seen in part. Points of other things in
+// the picture are not taken for the target's. Never throws for what an image holds. The same image
+// gives the same result; safe from every thread. 50 to 250 ms for 640x480 px, up to a second where
+// there is no target.
 //
 // Of circles these are the centroids of their images, which are not the images of their centres:
-std::optional<CalibrationView> observe(const CalibrationTarget& target, const CodeImage& image);
+ObservedTarget observe(const CalibrationTarget& target, const CodeImage& image);
 
 // Where the centres of the circles are seen, for a camera and pose that are known about: each
 // centroid less the distance from the projected centre to the centroid of the projected disk,

@@ -1,95 +1,60 @@
-// Circle grids: OpenCV's finder says which blob is which; the centroid is then taken from the
-// image.
+// Circle grids: the lattice that dark ellipses make says which circle is which; the centroid is
+// then taken from the image.
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
-#include <opencv2/calib3d.hpp>
-#include <opencv2/features2d.hpp>
-#include <opencv2/imgproc.hpp>
+#include <numbers>
 #include <optional>
 
 #include "compare/detect/board_points.h"
+#include "compare/detect/dark_shapes.h"
+#include "compare/detect/plane_view.h"
+#include "compare/detect/point_lattice.h"
+#include "core/median.h"
 #include "sim/marker/board_pattern.h"
 
 namespace etalon {
 namespace {
 
-cv::Ptr<cv::FeatureDetector> blob_finder(const cv::Mat& image, std::size_t circles) {
-    cv::SimpleBlobDetector::Params parameters;  // dark blobs
-    parameters.minThreshold = 20;
-    parameters.maxThreshold = 235;
-    parameters.thresholdStep = 12;
-    parameters.minDistBetweenBlobs = 3;
-    parameters.minArea = 12;
-    parameters.maxArea = static_cast<float>(image.total()) / static_cast<float>(circles);
-    parameters.minConvexity = 0.8f;
-    parameters.minInertiaRatio = 0.05f;
-    return cv::SimpleBlobDetector::create(parameters);
+CircleLayout layout_of(const Marker& board) {
+    return board.kind == Marker::Kind::hexcircles ? CircleLayout::hexagonal
+           : board.kind == Marker::Kind::acircles ? CircleLayout::asymmetric
+                                                  : CircleLayout::symmetric;
 }
 
-// Seen from the front the rows run clockwise into the columns. OpenCV may return the mirrored order
-// where the layout allows it: rows are then counted from the other side.
-void make_right_handed(std::vector<cv::Point2f>& centres, int columns, int rows) {
-    const cv::Point2f along = centres[columns - 1] - centres[0],
-                      down = centres[(rows - 1) * columns] - centres[0];
-    if (along.cross(down) >= 0.0)
-        return;
-    for (int row = 0; row < rows / 2; ++row)
-        std::swap_ranges(centres.begin() + row * columns, centres.begin() + (row + 1) * columns,
-                         centres.begin() + (rows - 1 - row) * columns);
+// Staggered rows are a lattice, too, with steps to the next row's circles right and left.
+std::vector<Eigen::Vector2i> lattice_places(const Marker& board) {
+    const CircleLayout layout = layout_of(board);
+    std::vector<Eigen::Vector2i> places = circle_places(layout, board.columns, board.rows);
+    if (layout != CircleLayout::symmetric)
+        for (Eigen::Vector2i& place : places)
+            place = {(place.x() + place.y()) / 2, (place.y() - place.x()) / 2};
+    return places;
 }
 
-// Where nothing tells one end from the other, the first circle is the one nearer to the image's
-// upper left.
-void choose_first(std::vector<cv::Point2f>& centres, bool asymmetric, int rows) {
-    const bool ends_differ = asymmetric && rows % 2 == 1;
-    const auto sum = [](const cv::Point2f& p) { return p.x + p.y; };
-    if (!ends_differ && sum(centres.back()) < sum(centres.front()))
-        std::reverse(centres.begin(), centres.end());
-}
+using Circles = std::vector<std::optional<DarkShape>>;
 
-std::vector<cv::Point2f> find_blobs(const Marker& board, const cv::Mat& image) {
-    constexpr int min_px = 16;
-    if (std::min(image.cols, image.rows) < min_px)
-        return {};
-    cv::Mat stretched;
-    cv::normalize(image, stretched, 0, 255, cv::NORM_MINMAX, CV_8U);
-    const bool asymmetric = board.kind == Marker::Kind::acircles;
-    const int layout = asymmetric ? cv::CALIB_CB_ASYMMETRIC_GRID : cv::CALIB_CB_SYMMETRIC_GRID;
-    const auto finder = blob_finder(stretched, board.points_mm.size());
-    std::vector<cv::Point2f> centres;
-    for (const int method : {0, static_cast<int>(cv::CALIB_CB_CLUSTERING)})
-        if (cv::findCirclesGrid(stretched, {board.columns, board.rows}, centres, layout | method,
-                                finder)) {
-            make_right_handed(centres, board.columns, board.rows);
-            choose_first(centres, asymmetric, board.rows);
-            return centres;
+std::optional<PlaneView> view_of(const Marker& board, const Circles& circles) {
+    std::vector<Eigen::Vector2d> mm, px;
+    for (std::size_t i = 0; i < circles.size(); ++i)
+        if (circles[i]) {
+            mm.push_back(board.points_mm[i].head<2>());
+            px.push_back(circles[i]->centre);
         }
-    return {};
+    return PlaneView::through(mm, px);
 }
 
-// The board as it is seen around its points: px and px/mm by one homography, to place windows with.
-struct BoardView {
-    Eigen::Matrix3d pixel_from_mm;
-
-    Eigen::Matrix2d px_per_mm(const Eigen::Vector2d& mm) const {
-        const Eigen::Vector3d there = pixel_from_mm * mm.homogeneous();
-        return (pixel_from_mm.topLeftCorner<2, 2>() -
-                there.hnormalized() * pixel_from_mm.bottomLeftCorner<1, 2>()) /
-               there.z();
-    }
-};
-
-std::optional<BoardView> view_of(const Marker& board, const std::vector<cv::Point2f>& centres) {
-    std::vector<cv::Point2f> mm;
-    for (const Eigen::Vector3d& point : board.points_mm)
-        mm.emplace_back(static_cast<float>(point.x()), static_cast<float>(point.y()));
-    const cv::Mat h = cv::findHomography(mm, centres, 0);
-    if (h.empty())
-        return std::nullopt;
-    BoardView view;
-    for (int i = 0; i < 9; ++i)
-        view.pixel_from_mm(i / 3, i % 3) = h.at<double>(i / 3, i % 3);
-    return view;
+// The diameter that the circles have where their spacing is the stated one.
+double seen_diameter_mm(const Marker& board, const PlaneView& view, const Circles& circles) {
+    std::vector<double> diameters;
+    for (std::size_t i = 0; i < circles.size(); ++i)
+        if (circles[i])
+            diameters.push_back(
+                2.0 *
+                std::sqrt(circles[i]->area_px2 / std::numbers::pi /
+                          std::abs(view.px_per_mm(board.points_mm[i].head<2>()).determinant())));
+    return median(std::move(diameters));
 }
 
 // Pixels of a disk on the board around a place in the image, with their distance from it in mm.
@@ -171,27 +136,31 @@ std::optional<Eigen::Vector2d> centroid(const cv::Mat& pixels, const CircleWindo
 
 }  // namespace
 
-std::vector<BoardPoint> find_circle_centroids(const Marker& board, const BoardPhoto& photo) {
-    const std::vector<cv::Point2f> blobs = find_blobs(board, photo.eight_bit);
-    if (blobs.size() != board.points_mm.size())
-        return {};
-    const auto view = view_of(board, blobs);
+FoundBoard find_circle_centroids(const Marker& board, const BoardPhoto& photo) {
+    constexpr double max_difference = 0.2;  // of the diameter; blurred dots of 5 px are 15 % wider
+    const auto [circles, reason] =
+        find_board_of(find_dark_ellipses, photo.eight_bit, lattice_places(board));
+    const auto view = circles.empty() ? std::nullopt : view_of(board, circles);
     if (!view)
-        return {};
-    const CircleLayout layout =
-        board.kind == Marker::Kind::circles ? CircleLayout::symmetric : CircleLayout::asymmetric;
-    const double radius = board.part_mm / 2.0,
-                 gap = nearest_circle_mm(layout, board.size_mm) - board.part_mm;
-    std::vector<BoardPoint> points;
-    for (std::size_t i = 0; i < blobs.size(); ++i) {
-        const CircleWindow window{view->px_per_mm(board.points_mm[i].head<2>()), radius + 0.5 * gap,
-                                  radius + 0.35 * gap, radius + 0.65 * gap};
-        if (!window.px_per_mm.allFinite())
-            return {};
-        if (const auto pixel = centroid(photo.pixels, window, {blobs[i].x, blobs[i].y}))
-            points.push_back({static_cast<int>(i), *pixel});
+        return {{}, reason};
+    const double diameter = board.part_mm, seen = seen_diameter_mm(board, *view, circles);
+    if (!(std::abs(seen - diameter) < max_difference * diameter))
+        return {{},
+                fmt::format("the circles are about {:.3g} mm wide where their spacing is {} mm, "
+                            "not {} mm",
+                            seen, board.size_mm, diameter)};
+    const double radius = diameter / 2.0,
+                 gap = nearest_circle_mm(layout_of(board), board.size_mm) - diameter;
+    FoundBoard result;
+    for (std::size_t i = 0; i < circles.size(); ++i) {
+        const Eigen::Vector2d mm = board.points_mm[i].head<2>();
+        const CircleWindow window{view->px_per_mm(mm), radius + 0.5 * gap, radius + 0.35 * gap,
+                                  radius + 0.65 * gap};
+        const Eigen::Vector2d start = circles[i] ? circles[i]->centre : view->at(mm);
+        if (const auto pixel = centroid(photo.pixels, window, start))
+            result.points.push_back({static_cast<int>(i), *pixel});
     }
-    return points;
+    return result;
 }
 
 }  // namespace etalon

@@ -15,12 +15,16 @@ std::vector<Eigen::Vector3d> seen_points_mm(const Marker& marker, const Detected
     return seen;
 }
 
+std::string drawn_otherwise(const std::string& shown_as) {
+    return "the board that is seen is " + shown_as + ": name it so";
+}
+
 Detection only_one(const std::vector<DetectedCorners>& found) {
     if (found.empty())
         return {{}, "marker not found"};
     if (found.size() > 1)
-        return {{}, fmt::format("marker {} is seen {} times", found[0].id, found.size())};
-    return {found[0], {}};
+        return {{}, fmt::format("marker {} is seen {} times", found[0].id, found.size()), found};
+    return {found[0]};
 }
 
 cv::Mat as_8_bit(const CodeImage& image) {

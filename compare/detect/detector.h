@@ -33,8 +33,16 @@ std::vector<Eigen::Vector3d> seen_points_mm(const Marker& marker, const Detected
 // What a detector makes of one image.
 struct Detection {
     std::optional<DetectedCorners> corners;
-    std::string reason;  // why there are none, in words: "marker not found"
+    std::string reason = {};  // why there are none, in words: "marker not found"
+    // All that look alike, where the marker is seen more than once; `corners` is empty then.
+    std::vector<DetectedCorners> several = {};
+    // The marker's name where a ChArUco board is seen in the other of its two layouts: its corners
+    // are where they were looked for, its squares and markers are not.
+    std::string shown_as = {};
 };
+
+// Why a marker that is drawn otherwise than it is named cannot be compared with its rendering.
+std::string drawn_otherwise(const std::string& shown_as);
 
 // Which detectors there are: compare/make_detector.h.
 class Detector {

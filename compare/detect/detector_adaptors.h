@@ -71,11 +71,11 @@ std::unique_ptr<Detector> make_aruco_detector(const Marker& marker, const std::s
 // The corner finder of compare/detect/chessboard_corners.h for a marker of kind chessboard.
 std::unique_ptr<Detector> make_chessboard_detector(const Marker& marker, const std::string& place);
 
-// The ChArUco corners that a calibration finds (compare/detect/calibration_target.h), at least six
-// of them: a board may be seen in part. Tags whose id is seen twice count as not seen, so that of
-// two boards alike nothing is found. ConfigError also for a board with fewer than 2x3 inner
-// corners.
-std::unique_ptr<Detector> make_charuco_detector(const Marker& marker, const std::string& place);
+// The points of a board that a calibration finds (compare/detect/calibration_target.h), which may
+// be seen in part: ChArUco, AprilTag grids, circles and squares. Tags whose id is seen twice count
+// as not seen, so that of two boards alike nothing is found. Of circles these are the centroids of
+// their images. ConfigError for every other marker, and for a board too small to calibrate with.
+std::unique_ptr<Detector> make_board_detector(const Marker& marker, const std::string& place);
 
 // For detect(): the only candidate; no corners when there is none, or more than one.
 Detection only_one(const std::vector<DetectedCorners>& found);

@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "calib/files/camera_file.h"
+#include "compare/detect/calibration_target.h"
 #include "core/errors.h"
 #include "core/strict_reader.h"
 #include "sim/scene/pose_file.h"
@@ -64,16 +65,46 @@ bool is_jpeg(const std::filesystem::path& photo) {
     return file.get() == 0xff && file.get() == 0xd8;
 }
 
+std::vector<PhotoPose> find_markers(const std::filesystem::path& photo, const CodeImage& image,
+                                    Detector& detector) {
+    const Detection seen = detector.detect(image);
+    if (seen.several.empty())
+        return {{photo, seen.reason, seen.corners, {}, seen.shown_as}};
+    std::vector<PhotoPose> all;
+    for (const DetectedCorners& corners : seen.several)
+        all.push_back({photo, {}, corners, {}});
+    return all;
+}
+
+PhotoPose with_pose(PhotoPose seen, const Projector& projector, const Marker& marker) {
+    if (!seen.corners)
+        return seen;
+    CalibrationView view{seen_points_mm(marker, *seen.corners), seen.corners->pixels};
+    seen.estimate = estimate_pose(projector, view.points_mm, view.pixels);
+    if (seen.estimate && has_circles({marker})) {
+        view = with_circle_centres({marker}, view, projector.camera(),
+                                   seen.estimate->camera_from_marker);
+        seen.corners->pixels = view.pixels;
+        seen.estimate = estimate_pose(projector, view.points_mm, view.pixels);
+    }
+    if (!seen.estimate)
+        seen.failure = "its corners determine no pose in front of the camera";
+    return seen;
+}
+
 PhotoPose find_marker(const std::filesystem::path& photo, const CodeImage& image,
                       Detector& detector, const Projector& projector, const Marker& marker) {
     const Detection seen = detector.detect(image);
-    PhotoPose result{photo, seen.reason, seen.corners, {}};
-    if (!result.corners)
+    return with_pose({photo, seen.reason, seen.corners, {}, seen.shown_as}, projector, marker);
+}
+
+PhotoPose find_as_drawn(const std::filesystem::path& photo, const CodeImage& image,
+                        Detector& detector, const Projector& projector, const Marker& marker) {
+    PhotoPose result = find_marker(photo, image, detector, projector, marker);
+    if (result.shown_as.empty())
         return result;
-    result.estimate =
-        estimate_pose(projector, seen_points_mm(marker, *result.corners), result.corners->pixels);
-    if (!result.estimate)
-        result.failure = "its corners determine no pose in front of the camera";
+    result.estimate.reset();
+    result.failure = drawn_otherwise(result.shown_as);
     return result;
 }
 

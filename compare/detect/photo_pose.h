@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "compare/detect/detector.h"
 
@@ -16,6 +17,7 @@ struct PhotoPose {
     std::string failure;                     // empty when there is a pose
     std::optional<DetectedCorners> corners;  // may be there without a pose
     std::optional<PoseEstimate> estimate;
+    std::string shown_as = {};  // as in Detection
 };
 
 // The camera for these photographs: a foreign calibration without an image size takes that of the
@@ -36,8 +38,20 @@ CodeImage read_photo(const std::filesystem::path& photo, const CameraModel& came
 // By the file's first two bytes, not by its name.
 bool is_jpeg(const std::filesystem::path& photo);
 
-// Detection and pose of one photograph; a marker that is not found is no error.
+// What is seen of the marker in one photograph, without poses: an entry for each that looks like
+// it, or one that says why there is none.
+std::vector<PhotoPose> find_markers(const std::filesystem::path& photo, const CodeImage& image,
+                                    Detector& detector);
+
+// With the pose from its corners, which of circles are put where their centres are seen.
+PhotoPose with_pose(PhotoPose seen, const Projector& projector, const Marker& marker);
+
+// Detection and pose of one photograph; a marker that is not found, or not once, is no error.
 PhotoPose find_marker(const std::filesystem::path& photo, const CodeImage& image,
                       Detector& detector, const Projector& projector, const Marker& marker);
+
+// For who renders the marker: one that is drawn otherwise than it is named has no pose.
+PhotoPose find_as_drawn(const std::filesystem::path& photo, const CodeImage& image,
+                        Detector& detector, const Projector& projector, const Marker& marker);
 
 }  // namespace etalon

@@ -70,7 +70,12 @@ struct Modelled {
     Parameters gradient;
 };
 
-Modelled model(const Parameters& p, const Eigen::Vector2d& place) {
+// From 0 to 1 in place of -1 to 1: for a pattern that is dark in one quadrant only.
+BlurredStep from_zero(const BlurredStep& step) {
+    return {0.5 * (1.0 + step.value), 0.5 * step.slope, 0.5 * step.by_blur};
+}
+
+Modelled model(const Parameters& p, const Eigen::Vector2d& place, bool is_lone) {
     const double gaussian = std::exp(p[log_blur]);
     const Eigen::Vector2d from_centre = place - p.head<2>();
     double along[2], by_log_blur[2];
@@ -84,6 +89,8 @@ Modelled model(const Parameters& p, const Eigen::Vector2d& place) {
         normal[i] = {-s, c};
         along[i] = c * from_centre.x() + s * from_centre.y();
         step[i] = blurred_step(normal[i].dot(from_centre), blur, longer);
+        if (is_lone)
+            step[i] = from_zero(step[i]);
         by_log_blur[i] = step[i].by_blur * gaussian * gaussian / blur;
     }
     const double product = step[0].value * step[1].value;
@@ -105,22 +112,23 @@ Modelled model(const Parameters& p, const Eigen::Vector2d& place) {
 }
 
 // Mean and contrast from the darkest and the brightest pixel: right wherever the guess is.
-void guess_levels(const std::vector<Sample>& samples, Parameters& p) {
+void guess_levels(const std::vector<Sample>& samples, bool is_lone, Parameters& p) {
     const auto [dark, bright] =
         std::minmax_element(samples.begin(), samples.end(),
                             [](const Sample& a, const Sample& b) { return a.value < b.value; });
-    p[brightness] = 0.5 * (bright->value + dark->value);
-    p[contrast] = -0.5 * (bright->value - dark->value);
+    p[brightness] = is_lone ? bright->value : 0.5 * (bright->value + dark->value);
+    p[contrast] = (is_lone ? -1.0 : -0.5) * (bright->value - dark->value);
 }
 
 using Held = std::initializer_list<int>;
 
 // Rows weighted by the samples' weights; no derivatives by what is held.
-Linearised linearised(const std::vector<Sample>& samples, const Held& held, const Parameters& p) {
+Linearised linearised(const std::vector<Sample>& samples, bool is_lone, const Held& held,
+                      const Parameters& p) {
     Linearised all{Eigen::VectorXd(std::ssize(samples)), Eigen::MatrixXd(std::ssize(samples), 9)};
     for (Eigen::Index i = 0; i < all.residuals.size(); ++i) {
         const Sample& sample = samples[static_cast<std::size_t>(i)];
-        const Modelled modelled = model(p, sample.place);
+        const Modelled modelled = model(p, sample.place, is_lone);
         const double weight = std::sqrt(sample.weight);
         all.residuals[i] = weight * (modelled.value - sample.value);
         all.jacobian.row(i) = weight * modelled.gradient.transpose();
@@ -131,13 +139,14 @@ Linearised linearised(const std::vector<Sample>& samples, const Held& held, cons
 }
 
 // With some parameters held. Returns the weighted sum of squares.
-double fit(const std::vector<Sample>& samples, double radius, const Held& held, Parameters& p) {
+double fit(const std::vector<Sample>& samples, double radius, bool is_lone, const Held& held,
+           Parameters& p) {
     // A step that gains less than this part moves the crossing by some 1e-5 px.
     const LeastSquaresRule rule{
         {.first_damping = 1e-3, .max_damping = 1e6, .max_tries = 40, .enough_part = 1e-7}};
     constexpr double max_step_px = 1.5;
     const auto equations = [&](const Parameters& at) {
-        return std::optional(linearised(samples, held, at));
+        return std::optional(linearised(samples, is_lone, held, at));
     };
     const auto moved = [&](const Parameters& from, const Eigen::VectorXd& step) {
         Parameters next = from + step;
@@ -193,10 +202,10 @@ std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const Saddle
         p.head<2>().setZero();
         if (i == 0) {
             // A guess some pixels off is met by a wide blur first, the rest as it was guessed.
-            guess_levels(samples, p);
-            fit(samples, radius, {angle_1, angle_2, gradient_x, gradient_y}, p);
+            guess_levels(samples, guess.is_lone, p);
+            fit(samples, radius, guess.is_lone, {angle_1, angle_2, gradient_x, gradient_y}, p);
         }
-        const double cost = fit(samples, radius, {}, p);
+        const double cost = fit(samples, radius, guess.is_lone, {}, p);
         double weights = 0.0;
         for (const Sample& sample : samples)
             weights += sample.weight;

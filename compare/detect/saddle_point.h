@@ -1,5 +1,6 @@
 // Where two straight edges between dark and bright squares cross, to a few thousandths of a pixel:
-// an inner corner of a chessboard, a ChArUco board, or a grid of tags with black squares between.
+// an inner corner of a chessboard, a ChArUco board, or a grid of tags with black squares between;
+// or where they end in each other, a corner of a dark square on its own.
 //
 // The pixels around are fitted with the product of two blurred steps, (1 + d . x) (b + a g(u1)
 // g(u2)): centre, the edges' directions, blur, the pattern's mean b and contrast a, the light's
@@ -21,6 +22,9 @@ struct SaddleGuess {
     Eigen::Vector2d pixel;
     Eigen::Vector2d edges[2];  // directions of the edges from the centre, any length
     double room_px = 0.0;      // to the nearest other edge
+    // Only that quadrant is dark, and a = 1/2 of its contrast multiplies (1 + g(u1)) (1 + g(u2)) /
+    // 2 instead. A tone curve moves such a corner, outwards or inwards, as it does the edges.
+    bool is_lone = false;
 };
 
 // `pixels`: CV_32FC1, full scale 1. Nothing where there is no such crossing: too little room (less

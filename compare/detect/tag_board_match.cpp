@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <opencv2/calib3d.hpp>
+
+#include "compare/detect/plane_view.h"
 
 namespace etalon {
 namespace {
@@ -13,40 +14,27 @@ Eigen::Vector2d centre_of(const std::array<Eigen::Vector2d, 4>& corners) {
     return 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]);
 }
 
-// Pixels from mm by least squares; nothing when the points do not determine it.
-std::optional<Eigen::Matrix3d> homography(const std::vector<cv::Point2d>& mm,
-                                          const std::vector<cv::Point2d>& px) {
-    const cv::Mat h = cv::findHomography(mm, px, 0);
-    if (h.empty())
-        return std::nullopt;
-    Eigen::Matrix3d matrix;
-    for (int row = 0; row < 3; ++row)
-        for (int column = 0; column < 3; ++column)
-            matrix(row, column) = h.at<double>(row, column);
-    return matrix;
-}
-
-std::optional<Eigen::Matrix3d> homography_of(const std::vector<const MatchedTag*>& tags) {
-    std::vector<cv::Point2d> mm, px;
-    for (const MatchedTag* tag : tags)
-        for (std::size_t i = 0; i < 4; ++i) {
-            mm.emplace_back(tag->placed.corners_mm[i].x(), tag->placed.corners_mm[i].y());
-            px.emplace_back(tag->found.corners[i].x(), tag->found.corners[i].y());
-        }
-    return homography(mm, px);
+std::optional<PlaneView> view_of(const std::vector<const MatchedTag*>& tags) {
+    std::vector<Eigen::Vector2d> mm, px;
+    for (const MatchedTag* tag : tags) {
+        mm.insert(mm.end(), tag->placed.corners_mm.begin(), tag->placed.corners_mm.end());
+        px.insert(px.end(), tag->found.corners.begin(), tag->found.corners.end());
+    }
+    return PlaneView::through(mm, px);
 }
 
 bool meets(const MatchedTag& from, const MatchedTag& other) {
-    const auto map = homography_of({&from});
-    if (!map)
+    const auto view = view_of({&from});
+    if (!view)
         return false;
     const auto& corners = other.found.corners;
     const double side =
         std::min((corners[2] - corners[0]).norm(), (corners[3] - corners[1]).norm()) *
         std::sqrt(0.5);
     for (std::size_t i = 0; i < 4; ++i) {
-        const Eigen::Vector3d there = *map * other.placed.corners_mm[i].homogeneous();
-        if (!(there.z() * map->operator()(2, 2) > 0) ||
+        const Eigen::Vector3d there =
+            view->pixel_from_mm * other.placed.corners_mm[i].homogeneous();
+        if (!(there.z() * view->pixel_from_mm(2, 2) > 0) ||
             !((there.hnormalized() - corners[i]).norm() < 0.5 * side))
             return false;
     }
@@ -119,14 +107,10 @@ std::optional<LocalView> local_view(const std::vector<MatchedTag>& tags,
     for (const MatchedTag& tag : tags)
         if ((centre_of(tag.placed.corners_mm) - point_mm).norm() < reach_mm)
             near.push_back(&tag);
-    const auto map = near.empty() ? std::nullopt : homography_of(near);
-    if (!map)
+    const auto plane = near.empty() ? std::nullopt : view_of(near);
+    if (!plane)
         return std::nullopt;
-    const Eigen::Vector3d there = *map * point_mm.homogeneous();
-    LocalView view;
-    view.pixel = there.hnormalized();
-    view.px_per_mm =
-        (map->topLeftCorner<2, 2>() - view.pixel * map->bottomLeftCorner<1, 2>()) / there.z();
+    const LocalView view{plane->at(point_mm), plane->px_per_mm(point_mm)};
     if (!view.pixel.allFinite() || !view.px_per_mm.allFinite())
         return std::nullopt;
     return view;

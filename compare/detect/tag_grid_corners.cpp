@@ -43,7 +43,7 @@ SaddleGuess guess_of(const LocalView& view, bool is_left, bool is_upper, double 
 
 }  // namespace
 
-std::vector<BoardPoint> find_tag_grid_corners(const Marker& board, const BoardPhoto& photo) {
+FoundBoard find_tag_grid_corners(const Marker& board, const BoardPhoto& photo) {
     const double tag = board.size_mm, gap = board.part_mm, pitch = tag + gap;
     const std::vector<MatchedTag> tags = read_tags(board, photo.eight_bit);
     // A tag's data begin behind its border, across the corner; the small square ends after a gap.
@@ -68,7 +68,7 @@ std::vector<BoardPoint> find_tag_grid_corners(const Marker& board, const BoardPh
     }
     std::sort(points.begin(), points.end(),
               [](const BoardPoint& a, const BoardPoint& b) { return a.id < b.id; });
-    return points;
+    return {std::move(points)};
 }
 
 }  // namespace etalon

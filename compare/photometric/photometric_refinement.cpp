@@ -133,15 +133,16 @@ void state_covariance(const PhotometricAdjustment& fit, const CalibrationModel& 
         freedom += photo.pixels - static_cast<double>(photo.score.size()) +
                    static_cast<double>(model.parameters.size());
     }
-    const Eigen::MatrixXd formal = formal_covariance(equations, model, squares / freedom);
-    const Eigen::MatrixXd robust = cluster_robust_covariance(equations, model);
+    const Eigen::MatrixXd formal = formal_covariance(equations, model, squares / freedom),
+                          robust = cluster_robust_covariance(equations, model),
+                          stated = stated_covariance(equations, model, squares / freedom);
     for (Eigen::Index i = 0; i < formal.rows(); ++i)
         result.deviations.push_back({model.parameters[static_cast<std::size_t>(i)],
                                      std::sqrt(formal(i, i)),
                                      std::sqrt(robust(i, i)),
-                                     {}});
-    result.camera.covariance =
-        ParameterCovariance{model.parameters, with_largest_deviations(formal, result.deviations)};
+                                     {},
+                                     std::sqrt(stated(i, i))});
+    result.camera.covariance = ParameterCovariance{model.parameters, stated};
 }
 
 void require_usable(std::span<const CodeImage> photos, std::span<const CalibrationView> views,

@@ -13,7 +13,7 @@ int main(int argc, char** argv) try {
     for (int i = 3; i < argc; ++i) {
         const etalon::CodeImage photo = etalon::read_image(argv[i]);
         size = photo.pixels.size();
-        if (auto view = etalon::observe(target, photo))
+        if (auto view = etalon::observe(target, photo).view)
             views.push_back(std::move(*view));
     }
 

@@ -33,12 +33,11 @@ struct Drawing {
     }
 };
 
-Drawing blank(const Eigen::Vector2d& low_mm, const Eigen::Vector2d& high_mm, double cell_mm) {
+Drawing blank(const Eigen::Vector2d& low_mm, const Eigen::Vector2d& high_mm,
+              const Eigen::Vector2d& cell_mm) {
     const Eigen::Vector2i size =
-        ((high_mm - low_mm) / cell_mm).array().round().matrix().cast<int>();
-    return {{cv::Mat(size.y(), size.x(), CV_32FC1, cv::Scalar::all(white)),
-             low_mm,
-             {cell_mm, cell_mm}}};
+        (high_mm - low_mm).cwiseQuotient(cell_mm).array().round().matrix().cast<int>();
+    return {{cv::Mat(size.y(), size.x(), CV_32FC1, cv::Scalar::all(white)), low_mm, cell_mm}};
 }
 
 int most_cells_a_period(double periods_across, double periods_down) {
@@ -95,6 +94,16 @@ std::vector<Eigen::Vector3d> point_grid(int columns, int rows, double spacing) {
     return points;
 }
 
+// The corners of squares that stand `period` apart, as a grid of 2 columns x 2 rows.
+std::vector<Eigen::Vector3d> corner_grid(int columns, int rows, double square, double period) {
+    std::vector<Eigen::Vector3d> points;
+    for (int row = 0; row < 2 * rows; ++row)
+        for (int column = 0; column < 2 * columns; ++column)
+            points.emplace_back(column / 2 * period + column % 2 * square,
+                                row / 2 * period + row % 2 * square, 0.0);
+    return points;
+}
+
 // The black square with its border of one cell, without what is around it.
 cv::Mat aruco_cells(const std::string& dictionary, int id) {
     const TagPattern pattern = aruco_pattern(dictionary, id);
@@ -132,20 +141,21 @@ BoardPattern chessboard_pattern(int columns, int rows, double square) {
     return board;
 }
 
-std::vector<BoardTag> charuco_tags(int columns, int rows, double square, double marker) {
+std::vector<BoardTag> charuco_tags(int columns, int rows, double square, double marker,
+                                   const CharucoLayout& layout) {
     std::vector<BoardTag> tags;
     const double margin = (square - marker) / 2.0;
     for (int row = 0; row < rows; ++row)
-        for (int column = 1 - row % 2; column < columns; column += 2)
+        for (int column = (row + (layout.white_corner ? 0 : 1)) % 2; column < columns; column += 2)
             tags.push_back(
-                {static_cast<int>(tags.size()),
+                {layout.first_id + static_cast<int>(tags.size()),
                  square_mm({(column - 1) * square + margin, (row - 1) * square + margin}, marker)});
     return tags;
 }
 
 BoardPattern charuco_pattern(const std::string& dictionary, int columns, int rows, double square,
-                             double marker) {
-    const std::vector<BoardTag> tags = charuco_tags(columns, rows, square, marker);
+                             double marker, const CharucoLayout& layout) {
+    const std::vector<BoardTag> tags = charuco_tags(columns, rows, square, marker, layout);
     const int tag_cells = aruco_cells(dictionary, 0).cols;
     const double margin = (square - marker) / 2.0, tag_cell = marker / tag_cells;
     std::vector<double> edges;
@@ -156,11 +166,11 @@ BoardPattern charuco_pattern(const std::string& dictionary, int columns, int row
     const double cell = square / count;
     const double around = std::round(margin / cell) * cell;  // the quiet zone of the outer markers
     const Eigen::Vector2d corner(-square - around, -square - around);
-    Drawing drawing =
-        blank(corner,
-              Eigen::Vector2d((columns - 1) * square + around, (rows - 1) * square + around), cell);
+    Drawing drawing = blank(
+        corner, Eigen::Vector2d((columns - 1) * square + around, (rows - 1) * square + around),
+        {cell, cell});
     for (int row = 0; row < rows; ++row)
-        for (int column = row % 2; column < columns; column += 2)
+        for (int column = (row + (layout.white_corner ? 1 : 0)) % 2; column < columns; column += 2)
             drawing.fill(Eigen::Vector2d(column - 1, row - 1) * square,
                          Eigen::Vector2d(column, row) * square, black);
     for (const BoardTag& tag : tags)
@@ -191,7 +201,8 @@ BoardPattern aprilgrid_pattern(const std::string& family, int columns, int rows,
     const double around = 2.0 * (period - std::round(tag / cell) * cell);
     Drawing drawing =
         blank(Eigen::Vector2d(-around, -around),
-              Eigen::Vector2d(columns * period - gap, rows * period - gap).array() + around, cell);
+              Eigen::Vector2d(columns * period - gap, rows * period - gap).array() + around,
+              {cell, cell});
     for (int row = 0; row <= rows; ++row)
         for (int column = 0; column <= columns; ++column) {
             const Eigen::Vector2d high = Eigen::Vector2d(column, row) * period;
@@ -200,47 +211,74 @@ BoardPattern aprilgrid_pattern(const std::string& family, int columns, int rows,
     for (const BoardTag& placed : aprilgrid_tags(columns, rows, tag, gap))
         draw_tag(drawing, kalibr_cells(family, placed.id), placed.corners_mm[0], tag);
 
-    BoardPattern board{drawing.grid, {}, std::min(tag_cell, gap)};
-    for (int row = 0; row < 2 * rows; ++row)
-        for (int column = 0; column < 2 * columns; ++column)
-            board.points_mm.emplace_back(column / 2 * period + column % 2 * tag,
-                                         row / 2 * period + row % 2 * tag, 0.0);
-    return board;
+    return {drawing.grid, corner_grid(columns, rows, tag, period), std::min(tag_cell, gap)};
 }
 
 double nearest_circle_mm(CircleLayout layout, double spacing) {
-    return layout == CircleLayout::symmetric ? spacing : spacing * std::sqrt(2.0);
+    return layout == CircleLayout::asymmetric ? spacing * std::sqrt(2.0) : spacing;
+}
+
+std::vector<Eigen::Vector2i> circle_places(CircleLayout layout, int columns, int rows) {
+    const bool by_halves = layout == CircleLayout::hexagonal;
+    std::vector<Eigen::Vector2i> places;
+    for (int row = 0; row < rows; ++row)
+        for (int column = by_halves ? row % 2 : 0; column < columns; column += by_halves ? 2 : 1)
+            places.emplace_back(layout == CircleLayout::asymmetric ? 2 * column + row % 2 : column,
+                                row);
+    return places;
 }
 
 BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double spacing,
                              double diameter) {
     constexpr double cells_a_diameter = 128.0, min_cells_a_diameter = 24.0;
     constexpr double printable_cells = 3.9e6;  // as outlines: sim/marker/print_page.h
-    const bool asymmetric = layout == CircleLayout::asymmetric;
+    const bool hexagonal = layout == CircleLayout::hexagonal;
+    const Eigen::Vector2d step = spacing * Eigen::Vector2d(hexagonal ? 0.5 : 1.0,
+                                                           hexagonal ? std::sqrt(0.75) : 1.0),
+                          margin = step.cwiseProduct(Eigen::Vector2d(hexagonal ? 2.0 : 1.0, 1.0));
     BoardPattern board;
-    for (int row = 0; row < rows; ++row)
-        for (int column = 0; column < columns; ++column)
-            board.points_mm.emplace_back((asymmetric ? 2 * column + row % 2 : column) * spacing,
-                                         row * spacing, 0.0);
+    Eigen::Vector2d last = Eigen::Vector2d::Zero();
+    for (const Eigen::Vector2i& place : circle_places(layout, columns, rows)) {
+        const Eigen::Vector2d mm = step.cwiseProduct(place.cast<double>());
+        board.points_mm.emplace_back(mm.x(), mm.y(), 0.0);
+        last = last.cwiseMax(mm);
+    }
     board.detail_mm = diameter / 10.0;  // what makes a disk round
 
-    // A whole number of cells to a spacing, and the same margin all around.
-    const double across = asymmetric ? 2.0 * columns + 1.0 : columns + 1.0, down = rows + 1.0;
-    const double most = std::sqrt(printable_cells / across / down);
-    const double cell =
-        spacing / std::floor(std::min(most, std::ceil(cells_a_diameter * spacing / diameter)));
-    if (!(diameter / cell >= min_cells_a_diameter))
+    // A whole number of cells to a step.
+    const double most = std::sqrt(printable_cells / ((last + 2.0 * margin) / spacing).prod());
+    const double cells_a_spacing =
+        std::floor(std::min(most, std::ceil(cells_a_diameter * spacing / diameter)));
+    const Eigen::Vector2d cell =
+        step.array() / (cells_a_spacing * step.array() / spacing - 1e-9).ceil();
+    if (!(diameter / spacing * cells_a_spacing >= min_cells_a_diameter))
         throw ConfigError({}, fmt::format("too many circles, or too small ones for their spacing, "
                                           "to be drawn with {} cells to a diameter",
                                           min_cells_a_diameter));
-    Drawing drawing =
-        blank(Eigen::Vector2d(-spacing, -spacing),
-              Eigen::Vector2d((across - 1.0) * spacing, (down - 1.0) * spacing), cell);
+    Drawing drawing = blank(-margin, last + margin, cell);
     for (const Eigen::Vector3d& centre : board.points_mm)
         fill_disc(drawing.grid.cells, drawing.border(centre.head<2>()).cast<double>(),
-                  diameter / 2.0 / cell, black);
+                  (diameter / 2.0 * cell.cwiseInverse()).eval(), black);
     board.grid = drawing.grid;
     return board;
+}
+
+BoardPattern squares_pattern(int columns, int rows, double square, double gap) {
+    const double period = square + gap;
+    const double edges[] = {square};
+    const int count =
+        cells_a_period(period, edges, most_cells_a_period(columns + 1, rows + 1), square / 50.0);
+    const double cell = period / count, around = std::round(gap / cell) * cell;
+    Drawing drawing =
+        blank(Eigen::Vector2d(-around, -around),
+              Eigen::Vector2d(columns * period - gap + around, rows * period - gap + around),
+              {cell, cell});
+    for (int row = 0; row < rows; ++row)
+        for (int column = 0; column < columns; ++column) {
+            const Eigen::Vector2d low = Eigen::Vector2d(column, row) * period;
+            drawing.fill(low, low.array() + square, black);
+        }
+    return {drawing.grid, corner_grid(columns, rows, square, period), std::min(square, gap)};
 }
 
 }  // namespace etalon

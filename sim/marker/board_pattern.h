@@ -35,11 +35,17 @@ struct BoardTag {
 // columns x rows INNER corners; (columns + 1) x (rows + 1) squares, the upper left one black.
 BoardPattern chessboard_pattern(int columns, int rows, double square_mm);
 
-// columns x rows SQUARES, the upper left one black, as OpenCV draws it since 4.6; ArUco markers in
-// the white squares, numbered row by row. The points are the inner corners.
+// columns x rows SQUARES; ArUco markers in the white squares, numbered row by row from the first
+// one's id. The upper left square is black, as OpenCV draws it since 4.6, or white, as OpenCV drew
+// boards with an even number of rows before. The points are the inner corners.
+struct CharucoLayout {
+    int first_id = 0;
+    bool white_corner = false;
+};
 BoardPattern charuco_pattern(const std::string& dictionary, int columns, int rows, double square_mm,
-                             double marker_mm);
-std::vector<BoardTag> charuco_tags(int columns, int rows, double square_mm, double marker_mm);
+                             double marker_mm, const CharucoLayout& layout);
+std::vector<BoardTag> charuco_tags(int columns, int rows, double square_mm, double marker_mm,
+                                   const CharucoLayout& layout);
 
 // Kalibr's aprilgrid: columns x rows tags with a black border of TWO cells, numbered row by row
 // from the BOTTOM left, and a black square in every crossing of the gaps, so that each corner of a
@@ -51,11 +57,18 @@ std::vector<BoardTag> aprilgrid_tags(int columns, int rows, double tag_mm, doubl
 
 // Black circles; the points are the centres. Asymmetric as in OpenCV's samples: every second row is
 // shifted by `spacing`, circles of a row are 2 spacings apart and rows one, so that neighbours are
-// sqrt(2) spacings apart.
-enum class CircleLayout { symmetric, asymmetric };
+// sqrt(2) spacings apart. Hexagonal as BoofCV counts it: every circle is a spacing from its six
+// neighbours; columns are half a spacing apart, and a row has circles in every second of them.
+enum class CircleLayout { symmetric, asymmetric, hexagonal };
 BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double spacing_mm,
                              double diameter_mm);
 double nearest_circle_mm(CircleLayout layout, double spacing_mm);  // between neighbours' centres
+// The column (in half steps where rows are staggered) and the row of each circle.
+std::vector<Eigen::Vector2i> circle_places(CircleLayout layout, int columns, int rows);
+
+// columns x rows black squares, a gap apart; the points are their corners, as a grid of 2 columns x
+// 2 rows.
+BoardPattern squares_pattern(int columns, int rows, double square_mm, double gap_mm);
 
 // All throw ConfigError (without a place: the callers know it) for a board whose lengths would need
 // more than 16 million cells, circles more than 4 million.

@@ -7,14 +7,15 @@
 
 namespace etalon {
 
-// Fills the cells (CV_32FC1) whose centres are within `radius` of `centre`: both in cells, from the
-// grid's top left corner. The disc must lie inside the grid.
-inline void fill_disc(cv::Mat& cells, const Eigen::Vector2d& centre, double radius,
+// Fills the cells (CV_32FC1) whose centres are within a disc: its centre from the grid's top left
+// corner and its radius, both in cells along x and along y. The disc must lie inside the grid.
+inline void fill_disc(cv::Mat& cells, const Eigen::Vector2d& centre, const Eigen::Vector2d& radius,
                       float radiance) {
-    const auto first = [&](double middle) { return static_cast<int>(std::floor(middle - radius)); };
-    for (int y = first(centre.y()); y < centre.y() + radius; ++y)
-        for (int x = first(centre.x()); x < centre.x() + radius; ++x)
-            if (std::hypot(x + 0.5 - centre.x(), y + 0.5 - centre.y()) <= radius)
+    const Eigen::Vector2d low = centre - radius, high = centre + radius;
+    for (int y = static_cast<int>(std::floor(low.y())); y < high.y(); ++y)
+        for (int x = static_cast<int>(std::floor(low.x())); x < high.x(); ++x)
+            if (std::hypot((x + 0.5 - centre.x()) / radius.x(),
+                           (y + 0.5 - centre.y()) / radius.y()) <= 1.0)
                 cells.at<float>(y, x) = radiance;
 }
 

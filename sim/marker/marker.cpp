@@ -229,17 +229,28 @@ Marker parse_chessboard(const Spec& spec) {
     return marker;
 }
 
-Marker parse_charuco(const Spec& spec) {
+// With an odd number of rows both layouts are one.
+Marker parse_charuco(const Spec& spec, bool legacy) {
     Marker marker{spec.whole, Marker::Kind::charuco};
-    const std::string counts = read_family(spec, "ArUco dictionary", marker, aruco_dictionaries());
-    read_counts(spec, counts, "squares", 2, marker);
+    const std::vector<std::string> parts = split(spec.what, ':');
+    if (parts.size() != 2 && parts.size() != 3)
+        spec.fail(
+            fmt::format("expected {0}:DICTIONARY:COLUMNSxROWS@... or "
+                        "{0}:DICTIONARY:COLUMNSxROWS:FIRST_ID@...",
+                        spec.kind));
+    marker.family = parts[0];
+    check_family(spec, "ArUco dictionary", marker.family, aruco_dictionaries());
+    read_counts(spec, parts[1], "squares", 2, marker);
+    if (parts.size() == 3)
+        marker.id = checked_id(spec, parts[2], aruco_count(marker.family), marker.family);
     read_two_lengths(spec, "of a square and of a marker", marker);
     if (marker.part_mm >= marker.size_mm)
         spec.fail("the markers must be smaller than the squares that hold them");
-    require_ids(spec, marker.columns * marker.rows / 2, aruco_count(marker.family));
+    require_ids(spec, marker.id + marker.columns * marker.rows / 2, aruco_count(marker.family));
+    marker.white_corner = legacy && marker.rows % 2 == 0;
     lay_out_board(spec, marker, [&] {
         return charuco_pattern(marker.family, marker.columns, marker.rows, marker.size_mm,
-                               marker.part_mm);
+                               marker.part_mm, {marker.id, marker.white_corner});
     });
     return marker;
 }
@@ -257,16 +268,24 @@ Marker parse_aprilgrid(const Spec& spec) {
     return marker;
 }
 
-Marker parse_circles(const Spec& spec, Marker::Kind kind) {
+Marker parse_circles(const Spec& spec, Marker::Kind kind, CircleLayout layout) {
     Marker marker{spec.whole, kind};
-    const CircleLayout layout =
-        kind == Marker::Kind::circles ? CircleLayout::symmetric : CircleLayout::asymmetric;
     read_counts(spec, spec.what, "circles", 2, marker);
     read_two_lengths(spec, "the spacing and the diameter", marker);
     if (marker.part_mm >= nearest_circle_mm(layout, marker.size_mm))
         spec.fail("the circles touch: their diameter is not below the distance of their centres");
     lay_out_board(spec, marker, [&] {
         return circles_pattern(layout, marker.columns, marker.rows, marker.size_mm, marker.part_mm);
+    });
+    return marker;
+}
+
+Marker parse_squares(const Spec& spec) {
+    Marker marker{spec.whole, Marker::Kind::squares};
+    read_counts(spec, spec.what, "squares", 2, marker);
+    read_two_lengths(spec, "of a square and of the gap between squares", marker);
+    lay_out_board(spec, marker, [&] {
+        return squares_pattern(marker.columns, marker.rows, marker.size_mm, marker.part_mm);
     });
     return marker;
 }
@@ -300,20 +319,27 @@ Marker parse_marker(const std::string& text, const std::string& place) {
     if (spec.kind == "chessboard")
         return parse_chessboard(spec);
     if (spec.kind == "charuco")
-        return parse_charuco(spec);
+        return parse_charuco(spec, /*legacy=*/false);
+    if (spec.kind == "charuco-legacy")
+        return parse_charuco(spec, /*legacy=*/true);
     if (spec.kind == "aprilgrid")
         return parse_aprilgrid(spec);
     if (spec.kind == "circles")
-        return parse_circles(spec, Marker::Kind::circles);
+        return parse_circles(spec, Marker::Kind::circles, CircleLayout::symmetric);
     if (spec.kind == "acircles")
-        return parse_circles(spec, Marker::Kind::acircles);
+        return parse_circles(spec, Marker::Kind::acircles, CircleLayout::asymmetric);
+    if (spec.kind == "hexcircles")
+        return parse_circles(spec, Marker::Kind::hexcircles, CircleLayout::hexagonal);
+    if (spec.kind == "squares")
+        return parse_squares(spec);
     if (spec.kind == "bitmap")
         return parse_bitmap(spec);
     if (spec.kind == "stag")
         return parse_stag(spec);
     spec.fail("unknown kind of marker '" + spec.kind + "'" +
               did_you_mean(spec.kind, {"apriltag", "aruco", "topotag", "chessboard", "charuco",
-                                       "aprilgrid", "circles", "acircles", "bitmap", "stag"}));
+                                       "charuco-legacy", "aprilgrid", "circles", "acircles",
+                                       "hexcircles", "squares", "bitmap", "stag"}));
 }
 
 std::string marker_file(const Marker& marker) {

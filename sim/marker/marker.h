@@ -10,12 +10,18 @@
 //   chessboard:9x6@25mm      9 x 6 INNER corners, squares of 25 mm; origin at the first inner
 //                            corner, x along its row of 9, y along the other direction
 //   charuco:4X4_50:9x6@30mm/22mm     9 x 6 SQUARES as OpenCV counts them, side of a square and of
-//                            the ArUco markers in the white ones
+//                            the ArUco markers in the white ones; charuco:4X4_50:9x6:20@30mm/22mm:
+//                            the first marker has id 20
+//   charuco-legacy:4X4_50:9x6@30mm/22mm     as OpenCV drew boards with an even number of rows
+//                            before 4.6: the upper left square is white
 //   aprilgrid:36h11:6x5@40mm/12mm    Kalibr's aprilgrid of 6 x 5 tags: side of a tag's black
 //                            square (with its border of two cells) and of the gaps between
 //   circles:7x6@20mm/12mm    spacing of the centres, diameter
 //   acircles:4x11@20mm/12mm  the same in OpenCV's asymmetric layout: rows of 4, one spacing apart,
 //                            every second one shifted by a spacing
+//   hexcircles:28x24@12mm/10mm   every circle 12 mm from its six neighbours; columns and rows as
+//                            BoofCV counts them: columns are half a spacing apart
+//   squares:4x3@30mm/20mm    4 x 3 black squares of 30 mm, 20 mm apart
 //   bitmap:FILE@50x40mm      width x height; each pixel a cell, 0..255 (or 0..65535) -> radiance
 //                            0..1 linear, colour as luma; origin at its centre
 //
@@ -52,6 +58,8 @@ struct Marker {
         aprilgrid,
         circles,
         acircles,
+        hexcircles,
+        squares,
         bitmap,
         stag
     };
@@ -59,17 +67,18 @@ struct Marker {
     std::string spec;  // as given, for records
     Kind kind;
     std::string family;  // "36h11", "4X4_50", or a file of codewords; empty without tags
-    int id = 0;          // of single tags
+    int id = 0;          // of single tags, and of a ChArUco board's first one
     double size_mm = 0;  // of the reference square, a board's square or tag, or the spacing of
                          // circles; 0 for bitmaps
     CellGrid grid;
     // What a detector reports, in the marker frame: the four corners of a tag's reference square
     // from the top left clockwise as seen from the front; the vertices of a TopoTag row by row;
-    // inner corners of a chessboard or ChArUco board, corners of a grid's tags (2 columns x 2 rows)
-    // and centres of circles, row by row; none for a bitmap.
+    // inner corners of a chessboard or ChArUco board, corners of a grid's tags or squares (2
+    // columns x 2 rows) and centres of circles, row by row; none for a bitmap.
     std::vector<Eigen::Vector3d> points_mm;
     int columns = 0, rows = 0;  // of boards, as in the name
     double part_mm = 0;         // the second length of a board's name: marker, gap, diameter; or 0
+    bool white_corner = false;  // of a ChArUco board: its upper left square is white
     double detail_mm = 0;       // the smallest length that a print must show; 0: a cell
 };
 

@@ -53,7 +53,7 @@ std::array<Eigen::Vector2d, stag_bits> all_quadrants() {
 void draw_disc(cv::Mat& cells, const Eigen::Vector2d& centre, double radius, float radiance) {
     constexpr double cell = 1.0 / stag_cells_a_side;
     const Eigen::Vector2d middle = centre / cell + Eigen::Vector2d::Constant(cells.cols / 2.0);
-    fill_disc(cells, middle, radius / cell, radiance);
+    fill_disc(cells, middle, Eigen::Vector2d::Constant(radius / cell), radiance);
 }
 
 bool is_black(StagCode code, std::size_t point) {

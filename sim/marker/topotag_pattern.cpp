@@ -31,7 +31,7 @@ void paint(cv::Mat& pixels, const TopotagShape& shape, int pixels_per_cell) {
     const double reach = shape.half_side * pixels_per_cell;
     const float radiance = shape.is_white ? 1.0f : 0.0f;
     if (shape.is_round)
-        return fill_disc(pixels, centre, reach, radiance);
+        return fill_disc(pixels, centre, {reach, reach}, radiance);
     const auto first = [&](double middle) { return static_cast<int>(std::lround(middle - reach)); };
     const int side = static_cast<int>(std::lround(2.0 * reach));
     pixels(cv::Rect(first(centre.x()), first(centre.y()), side, side))

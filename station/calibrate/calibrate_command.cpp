@@ -1,6 +1,7 @@
 // `etalon calibrate`: intrinsics from photographs of a target, with what the
 // calibration can and cannot predict.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cstdio>
 #include <set>
@@ -17,24 +18,11 @@
 #include "station/calibrate/calibration_report.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
+#include "station/shell/photo_files.h"
 #include "station/shell/command_output.h"
 
 namespace etalon {
 namespace {
-
-CodeImage read_photo_of_size(const std::filesystem::path& photo, const std::string& first,
-                             cv::Size& size) {
-    CodeImage image = read_image(photo);
-    if (size.empty())
-        size = image.pixels.size();
-    if (image.pixels.size() != size)
-        throw ConfigError(
-            {photo.string()},
-            fmt::format("has {}x{} pixels, but {} has {}x{}: one camera's photos have "
-                        "one size",
-                        image.pixels.cols, image.pixels.rows, first, size.width, size.height));
-    return image;
-}
 
 // The short form of a chessboard, or any target.
 std::string target_spec(const CalibrateArguments& arguments) {
@@ -50,26 +38,73 @@ struct Observations {
     std::vector<std::string> photos;  // one per view
     std::vector<CalibrationView> views;
     std::vector<std::string> without_target;
+    std::string shown_as;  // the board's name where the photos show its other layout
 };
+
+void add_photo(const CalibrationTarget& target, const std::string& spec, const std::string& photo,
+               const CodeImage& image, Observations& observations) {
+    ObservedTarget seen = observe(target, image);
+    if (!seen.view) {
+        observations.without_target.push_back(photo);
+        fmt::print(stderr, "{}: no {} found: not used{}{}\n", photo, spec,
+                   seen.reason.empty() ? "" : "; ", seen.reason);
+        return;
+    }
+    observations.photos.push_back(photo);
+    observations.views.push_back(std::move(*seen.view));
+    if (!seen.shown_as.empty())
+        observations.shown_as = seen.shown_as;
+}
+
+std::string pixels_of(const Observations& group) {
+    return fmt::format("{}x{} px", group.image_size.width, group.image_size.height);
+}
+
+// One camera's photos have one size: those that most of them have. The others are named.
+Observations of_one_size(std::vector<Observations> groups) {
+    constexpr double least_share = 0.6;
+    const auto count = [](const Observations& group) {
+        return group.photos.size() + group.without_target.size();
+    };
+    std::size_t all = 0;
+    for (const Observations& group : groups)
+        all += count(group);
+    const auto largest = std::ranges::max_element(groups, {}, count);
+    std::vector<std::string> others;
+    for (auto group = groups.begin(); group != groups.end(); ++group) {
+        if (group == largest)
+            continue;
+        std::vector<std::string> names = group->photos;
+        names.insert(names.end(), group->without_target.begin(), group->without_target.end());
+        others.push_back(fmt::format("{}: {}", pixels_of(*group), fmt::join(names, ", ")));
+    }
+    if (!others.empty() && static_cast<double>(count(*largest)) < least_share * double(all))
+        throw ConfigError({"PHOTOS"},
+                          fmt::format("are of several sizes, so of several cameras or resolutions: "
+                                      "{} photos of {}; {}",
+                                      count(*largest), pixels_of(*largest),
+                                      fmt::join(others, "; ")));
+    for (const std::string& other : others)
+        fmt::print(stderr, "not used, as most photos have {}; {}\n", pixels_of(*largest), other);
+    return std::move(*largest);
+}
 
 Observations observe_all(const CalibrationTarget& target, const std::string& spec,
                          const std::vector<std::filesystem::path>& photos) {
-    Observations observations;
+    std::vector<Observations> groups;
     std::set<std::filesystem::path> seen;
     for (const auto& photo : photos) {
         if (!seen.insert(photo.lexically_normal()).second)
             throw ConfigError({photo.string()}, "is given twice");
-        const CodeImage image =
-            read_photo_of_size(photo, photos.front().string(), observations.image_size);
-        std::optional<CalibrationView> view = observe(target, image);
-        if (!view) {
-            observations.without_target.push_back(photo.string());
-            fmt::print(stderr, "{}: no {} found: not used\n", photo.string(), spec);
-            continue;
-        }
-        observations.photos.push_back(photo.string());
-        observations.views.push_back(std::move(*view));
+        const CodeImage image = read_image(photo);
+        auto group = std::ranges::find(groups, image.pixels.size(), &Observations::image_size);
+        if (group == groups.end())
+            group = groups.insert(group, Observations{.image_size = image.pixels.size()});
+        add_photo(target, spec, photo.string(), image, *group);
     }
+    if (groups.empty())
+        throw ConfigError({"PHOTOS"}, "no photograph given");
+    Observations observations = of_one_size(std::move(groups));
     if (observations.views.size() < 3)
         throw ConfigError({"PHOTOS"}, fmt::format("the target {} was found in {} of {} photos; "
                                                   "three are needed",
@@ -117,7 +152,9 @@ CalibrationRun calibrated(const CalibrateArguments& arguments) {
     if (has_circles(target))
         correct_circles(target, observations, model);
     CameraCalibration calibration = calibrate_photos(observations, model);
-    return {spec,
+    if (!observations.shown_as.empty())
+        fmt::print(stderr, "the board that is seen is {}: taken as that\n", observations.shown_as);
+    return {observations.shown_as.empty() ? spec : observations.shown_as,
             arguments.out,
             std::move(observations.photos),
             std::move(observations.views),
@@ -175,7 +212,10 @@ void print_words(const CalibrationRun& run, const std::filesystem::path& report)
 
 }  // namespace
 
-int run_calibrate(const CalibrateArguments& arguments) {
+int run_calibrate(const CalibrateArguments& given) {
+    const PhotoFiles files(given.photos);
+    CalibrateArguments arguments = given;
+    arguments.photos = files.paths();
     if (arguments.photos.empty())
         throw ConfigError({"PHOTOS"}, "no photograph given");
     CalibrationRun run = calibrated(arguments);

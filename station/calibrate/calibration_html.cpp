@@ -67,8 +67,8 @@ void add_parameters(HtmlPage& page, const CameraCalibration& calibration) {
     for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
         const ParameterDeviation& each = calibration.deviations[i];
         rows.push_back({each.name,
-                        with_uncertainty(values[static_cast<Eigen::Index>(i)], each.largest()),
-                        fmt::format("{:#.2g}", each.largest()), fmt::format("{:#.2g}", each.formal),
+                        with_uncertainty(values[static_cast<Eigen::Index>(i)], each.stated),
+                        fmt::format("{:#.2g}", each.stated), fmt::format("{:#.2g}", each.formal),
                         fmt::format("{:#.2g}", each.cluster_robust),
                         each.bootstrap ? fmt::format("{:#.2g}", *each.bootstrap) : dash,
                         fixed(each.ratio(), 2)});

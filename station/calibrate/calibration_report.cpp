@@ -155,8 +155,8 @@ std::string deviation_table(const CameraCalibration& calibration) {
     for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
         const ParameterDeviation& each = calibration.deviations[i];
         text += fmt::format("{:<9} {:>13} {:>8.3g} {:>8.3g} {:>8.3g} {:>9} {:>12.2f}\n", each.name,
-                            with_uncertainty(values[static_cast<Eigen::Index>(i)], each.largest()),
-                            each.largest(), each.formal, each.cluster_robust,
+                            with_uncertainty(values[static_cast<Eigen::Index>(i)], each.stated),
+                            each.stated, each.formal, each.cluster_robust,
                             significant(each.bootstrap, 3, "-"), each.ratio());
     }
     return text;
@@ -171,7 +171,7 @@ ordered_json parameters_json(const CameraCalibration& calibration) {
         const ParameterDeviation& each = calibration.deviations[i];
         ordered_json& entry = json[each.name];
         entry["value"] = values[static_cast<Eigen::Index>(i)];
-        entry["standard_deviation"] = {{"used", each.largest()},
+        entry["standard_deviation"] = {{"used", each.stated},
                                        {"formal", each.formal},
                                        {"cluster_robust", each.cluster_robust}};
         if (each.bootstrap)

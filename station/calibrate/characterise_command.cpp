@@ -16,6 +16,7 @@
 #include "station/calibrate/characterise_report.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
+#include "station/shell/photo_files.h"
 #include "station/shell/command_output.h"
 
 namespace etalon {
@@ -247,7 +248,10 @@ void print_json(const CharacteriseArguments& arguments, const Characterisation& 
 
 }  // namespace
 
-int run_characterise(const CharacteriseArguments& arguments) {
+int run_characterise(const CharacteriseArguments& given) {
+    const PhotoFiles files(given.photos);
+    CharacteriseArguments arguments = given;
+    arguments.photos = files.paths();
     const CharacteriseInput input = read_input(arguments);
     const Characterisation result = characterise(input);
     for (const std::string& remark : result.remarks)

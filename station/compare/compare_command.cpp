@@ -13,6 +13,7 @@
 #include "station/compare/edge_plots.h"
 #include "station/compare/photo_comparer.h"
 #include "station/shell/command.h"
+#include "station/shell/photo_files.h"
 #include "station/shell/command_output.h"
 
 namespace etalon {
@@ -111,7 +112,8 @@ std::vector<ComparedPhoto> find_poses(const CompareArguments& arguments, const J
         if (!job.detector) {
             photo.under_test = job.poses[i];
         } else {
-            const PhotoPose found = find_marker(path, image, *job.detector, projector, job.marker);
+            const PhotoPose found =
+                find_as_drawn(path, image, *job.detector, projector, job.marker);
             photo.failure = found.failure;
             if (!found.corners) {
                 photo.findings = examine_missing_marker(image, *job.detector);
@@ -226,7 +228,10 @@ void print_result(const CompareArguments& arguments, const Comparison& compariso
 
 }  // namespace
 
-int run_compare(const CompareArguments& arguments) {
+int run_compare(const CompareArguments& given) {
+    const PhotoFiles files(given.photos);
+    CompareArguments arguments = given;
+    arguments.photos = files.paths();
     const Job job = checked_job(arguments);
     const Projector projector(job.camera);
     Comparison comparison;

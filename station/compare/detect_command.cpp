@@ -5,8 +5,8 @@
 
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <set>
 
-#include "compare/detect/calibration_target.h"
 #include "compare/detect/photo_pose.h"
 #include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
@@ -16,6 +16,7 @@
 #include "report/json_text.h"
 #include "station/compare/commands.h"
 #include "station/shell/command.h"
+#include "station/shell/photo_files.h"
 
 namespace etalon {
 namespace {
@@ -33,10 +34,12 @@ ordered_json photo_json(const PhotoPose& pose) {
         if (!pose.corners->is_whole())
             json["points"] = pose.corners->points;
     }
-    if (!pose.estimate) {
+    if (!pose.shown_as.empty())
+        json["shown_as"] = pose.shown_as;
+    if (!pose.failure.empty())
         json["failure"] = pose.failure;
+    if (!pose.estimate)
         return json;
-    }
     json["camera_from_marker"] = pose_numbers(pose.estimate->camera_from_marker);
     json["reprojection_rms_px"] = pose.estimate->reprojection_rms_px;
     if (pose.estimate->alternative) {
@@ -58,6 +61,21 @@ void print_row(const PhotoPose& pose, std::size_t width) {
                    estimate.alternative_rms_px);
 }
 
+// Without a calibration there are corners, and no poses.
+void print_corners(const std::vector<PhotoPose>& all) {
+    fmt::print("{:>8} {:>8} {:>12} {:>12}  photo\n", "marker", "corner", "x px", "y px");
+    for (const PhotoPose& one : all) {
+        const std::string photo = one.photo.filename().string();
+        if (!one.corners)
+            fmt::print("{:>8} {:>8} {:>12} {:>12}  {}: {}\n", "-", "-", "-", "-", photo,
+                       one.failure);
+        for (std::size_t i = 0; one.corners && i < one.corners->pixels.size(); ++i)
+            fmt::print("{:8} {:8} {:12.4f} {:12.4f}  {}\n", one.corners->id,
+                       one.corners->is_whole() ? static_cast<int>(i) : one.corners->points[i],
+                       one.corners->pixels[i].x(), one.corners->pixels[i].y(), photo);
+    }
+}
+
 // ---- from all pixels ------------------------------------------------------------------------
 
 // Detectors are right to some tenths of a pixel; a stage's poses to a few.
@@ -76,24 +94,6 @@ struct Found {
     double cpu_ms = 0.0;  // of the fit, without that of the detector
 };
 
-// Boards that a calibration finds, and no detector.
-bool is_board(const Marker& marker) {
-    return marker.kind == Marker::Kind::aprilgrid || marker.kind == Marker::Kind::circles ||
-           marker.kind == Marker::Kind::acircles;
-}
-
-// The target's points that are seen, as a calibration finds them.
-Start start_from_board(const CodeImage& image, const CalibrationTarget& target,
-                       const Projector& projector) {
-    const auto view = observe(target, image);
-    if (!view)
-        return {{}, "marker not found"};
-    const auto pose = estimate_pose(projector, view->points_mm, view->pixels);
-    if (!pose)
-        return {{}, "its points determine no pose in front of the camera"};
-    return {pose->camera_from_marker, {}};
-}
-
 // Where the marker is about, by photograph.
 class Starts {
 public:
@@ -103,8 +103,6 @@ public:
         else if (marker.kind == Marker::Kind::bitmap)
             throw ConfigError({"--poses"}, "no detector finds " + marker.spec +
                                                ": give a pose nearby for each photograph");
-        else if (is_board(marker))
-            target_ = parse_calibration_target(marker.spec, "--marker");
         else
             detector_ = make_detector("auto", marker, "--marker");
     }
@@ -115,9 +113,7 @@ public:
              const Projector& projector) {
         if (!poses_.empty())
             return {poses_[i], {}};
-        if (target_)
-            return start_from_board(image, *target_, projector);
-        const PhotoPose pose = find_marker(photo, image, *detector_, projector, marker_);
+        const PhotoPose pose = find_as_drawn(photo, image, *detector_, projector, marker_);
         if (!pose.estimate)
             return {{}, pose.failure};
         return {pose.estimate->camera_from_marker, {}};
@@ -126,7 +122,6 @@ public:
 private:
     const Marker& marker_;
     std::vector<Rigid> poses_;
-    std::optional<CalibrationTarget> target_;
     std::unique_ptr<Detector> detector_;
 };
 
@@ -215,17 +210,35 @@ void print_json(const DetectArguments& arguments, const char* kind, const std::s
 // One in which the marker was found is enough.
 template <class Result>
 int finish(const Marker& marker, const std::vector<Result>& all) {
-    const auto found = std::count_if(all.begin(), all.end(),
-                                     [](const Result& one) { return one.failure.empty(); });
-    if (found == 0)
-        throw NumericalError(fmt::format("{} has no pose in any of {} photographs ({}: {})",
-                                         marker.spec, all.size(), all.front().photo.string(),
+    std::set<std::filesystem::path> photos, found;
+    for (const Result& one : all) {
+        photos.insert(one.photo);
+        if (one.failure.empty())
+            found.insert(one.photo);
+    }
+    if (found.empty())
+        throw NumericalError(fmt::format("{} is not found in any of {} photographs ({}: {})",
+                                         marker.spec, photos.size(), all.front().photo.string(),
                                          all.front().failure));
-    fmt::print(stderr, "found in {} of {} photographs\n", found, all.size());
+    fmt::print(stderr, "found in {} of {} photographs\n", found.size(), photos.size());
     return 0;
 }
 
+// What else is seen than was asked for.
+void print_remarks(const std::vector<PhotoPose>& all) {
+    for (std::size_t i = 0; i < all.size(); ++i) {
+        if (!all[i].shown_as.empty())
+            fmt::print(stderr, "{}: the board that is seen is {}\n", all[i].photo.string(),
+                       all[i].shown_as);
+        if (i > 0 && all[i].photo == all[i - 1].photo)
+            fmt::print(stderr, "{}: the marker is seen more than once: a line for each\n",
+                       all[i].photo.string());
+    }
+}
+
 int run_photometric_detect(const DetectArguments& arguments) {
+    if (arguments.camera.empty())
+        throw ConfigError({"--camera"}, "a calibration is needed for poses");
     const Marker marker = parse_marker(arguments.marker, "--marker");
     Starts starts(arguments, marker);
     const CameraModel camera = read_camera_for(arguments.camera, arguments.photos);
@@ -244,27 +257,51 @@ int run_photometric_detect(const DetectArguments& arguments) {
     return finish(marker, all);
 }
 
+std::vector<PhotoPose> seen_in_photos(const DetectArguments& arguments, Detector& detector) {
+    std::vector<PhotoPose> all;
+    for (const auto& photo : arguments.photos)
+        for (PhotoPose& seen : find_markers(photo, read_image(photo), detector))
+            all.push_back(std::move(seen));
+    return all;
+}
+
+std::vector<PhotoPose> poses_in_photos(const DetectArguments& arguments, Detector& detector,
+                                       const Marker& marker) {
+    const CameraModel camera = read_camera_for(arguments.camera, arguments.photos);
+    const Projector projector(camera);
+    std::vector<PhotoPose> all;
+    for (const auto& photo : arguments.photos) {
+        const CodeImage image = read_photo(photo, camera, arguments.camera);
+        for (PhotoPose& seen : find_markers(photo, image, detector))
+            all.push_back(with_pose(std::move(seen), projector, marker));
+    }
+    return all;
+}
+
 int run_corner_detect(const DetectArguments& arguments) {
     if (!arguments.poses.empty())
         throw ConfigError({"--poses"}, "only --detector photometric starts from poses");
     const Marker marker = parse_marker(arguments.marker, "--marker");
     const auto detector = make_detector(arguments.detector, marker, "--detector");
-    const CameraModel camera = read_camera_for(arguments.camera, arguments.photos);
-    const Projector projector(camera);
-    std::vector<PhotoPose> all;
-    for (const auto& photo : arguments.photos)
-        all.push_back(find_marker(photo, read_photo(photo, camera, arguments.camera), *detector,
-                                  projector, marker));
+    const std::vector<PhotoPose> all = arguments.camera.empty()
+                                           ? seen_in_photos(arguments, *detector)
+                                           : poses_in_photos(arguments, *detector, marker);
     if (arguments.json)
         print_json(arguments, "detections/1", detector->name(), all);
+    else if (arguments.camera.empty())
+        print_corners(all);
     else
         print_table(all, "  RMS px  corners");
+    print_remarks(all);
     return finish(marker, all);
 }
 
 }  // namespace
 
-int run_detect(const DetectArguments& arguments) {
+int run_detect(const DetectArguments& given) {
+    const PhotoFiles files(given.photos);
+    DetectArguments arguments = given;
+    arguments.photos = files.paths();
     if (arguments.photos.empty())
         throw ConfigError({"PHOTOS"}, "no photograph given");
     return arguments.detector == "photometric" ? run_photometric_detect(arguments)
@@ -277,12 +314,13 @@ void declare_detect(Command& program) {
                     pose_help + "\n" + marker_help);
     command.required("PHOTOS", asked->photos, "photographs to look at");
     command.required("--marker", asked->marker, "what to look for, see below", "M");
-    command.option("--camera", asked->camera, "calibration, for the pose", "FILE");
-    command.option(
-        "--detector", asked->detector,
-        "apriltag, aruco, topotag, chessboard, charuco, stag,\nauto: the marker's own; or "
-        "photometric: the pose\nfrom all pixels, for any marker or board",
-        "NAME");
+    command.option("--camera", asked->camera,
+                   "calibration, for poses; without it corners are printed", "FILE");
+    command.option("--detector", asked->detector,
+                   "apriltag, aruco, topotag, chessboard, charuco, stag,\naprilgrid, circles, "
+                   "squares; auto: the marker's own; or "
+                   "photometric: the pose\nfrom all pixels, for any marker or board",
+                   "NAME");
     command.option("--poses", asked->poses,
                    "where the marker is about (photometric only):\na pose for each photo, the "
                    "image right to 5 px",

@@ -50,13 +50,15 @@ void average_readings(Pose& pose, std::span<const Axis> axes) {
 }
 
 void detect_frame(Detector& detector, const CodeImage& image, FrameRecord& frame) {
-    const auto [corners, reason] = detector.detect(image);
-    if (!corners)
-        frame.detection = reason;
-    else if (!corners->is_whole())
+    const Detection seen = detector.detect(image);
+    if (!seen.corners)
+        frame.detection = seen.reason;
+    else if (!seen.shown_as.empty())
+        frame.detection = drawn_otherwise(seen.shown_as);
+    else if (!seen.corners->is_whole())
         frame.detection = "marker seen in part only";
     else
-        frame.corners = corners->pixels;
+        frame.corners = seen.corners->pixels;
 }
 
 void average_corners(Pose& pose) {

@@ -111,7 +111,8 @@ std::vector<Sighting> sightings(const StationFile& station, const std::vector<St
         station.inputs.size() > 1 ? station.inputs[1].path : std::filesystem::path();
     for (std::size_t i = 0; i < photos.size(); ++i) {
         const CodeImage image = read_photo(photos[i].photo, station.camera.model, calibration);
-        PhotoPose found = find_marker(photos[i].photo, image, detector, projector, station.marker);
+        PhotoPose found =
+            find_as_drawn(photos[i].photo, image, detector, projector, station.marker);
         if (found.estimate && !found.corners->is_whole()) {
             found.failure = "marker seen in part only";
             found.estimate.reset();

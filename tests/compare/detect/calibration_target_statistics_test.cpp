@@ -2,6 +2,8 @@
 // table of docs/calibration.md, "Targets".
 #include "compare/detect/calibration_target.h"
 
+#include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <opencv2/imgcodecs.hpp>
@@ -29,9 +31,13 @@ void PrintTo(const Case& target, std::ostream* out) {
 
 const Case chessboard{"chessboard:9x6@12mm", false, 220, 0.005};
 const Case charuco{"charuco:4X4_50:9x6@12mm/8.8mm", false, 200, 0.006};
+const Case legacy{"charuco-legacy:4X4_50:9x6@12mm/8.8mm", false, 200, 0.006};
+const Case later_ids{"charuco:5X5_250:8x6:170@13mm/9mm", false, 200, 0.006};
 const Case aprilgrid{"aprilgrid:36h11:4x3@25mm/7.5mm", false, 200, 0.005};
 const Case circles{"circles:8x5@14mm/8mm", true, 200, 0.002};
 const Case acircles{"acircles:4x9@13mm/10mm", false, 220, 0.002};
+const Case hexcircles{"hexcircles:13x9@15mm/12mm", true, 220, 0.002};
+const Case squares{"squares:6x4@12mm/9mm", true, 220, 0.006};
 
 CameraModel distorted_camera() {
     CameraModel camera = blurred_camera(0.6);
@@ -70,7 +76,7 @@ Measured measure(const Case& of, const CameraModel& camera, double noise_dn, int
         CodeImage photo = photo_of(renderer, target.board, pose);
         if (noise_dn > 0.0)
             add_noise(photo, noise_dn, n);
-        const auto view = observe(target, photo);
+        const auto view = observe(target, photo).view;
         if (!view)
             continue;
         add_errors(target.board, *view, projector, pose, of.half_turn, measured.raw);
@@ -135,8 +141,8 @@ TEST_P(EveryTarget, IsFoundInSixteenBitsAndTheSameTwice) {
     const cv::Mat untouched = photo.pixels.clone();
     CodeImage deep{{}, 12};
     photo.pixels.convertTo(deep.pixels, CV_16U, 4095.0 / 255.0);
-    const auto first = observe(target, photo), second = observe(target, photo),
-               third = observe(target, deep);
+    const auto first = observe(target, photo).view, second = observe(target, photo).view,
+               third = observe(target, deep).view;
     ASSERT_TRUE(first && second && third);
     EXPECT_EQ(cv::countNonZero(photo.pixels != untouched), 0);
     EXPECT_EQ(first->pixels, second->pixels);
@@ -148,15 +154,15 @@ TEST_P(EveryTarget, IsFoundInSixteenBitsAndTheSameTwice) {
 TEST_P(EveryTarget, IsNotSeenWhereItIsNot) {
     const CalibrationTarget target = parse_calibration_target(GetParam().spec, "test");
     for (const int gray : {0, 128, 255})
-        EXPECT_FALSE(observe(target, {cv::Mat(240, 320, CV_8UC1, cv::Scalar(gray)), 8}));
-    EXPECT_FALSE(observe(target, {}));
-    EXPECT_FALSE(observe(target, {cv::Mat(1, 1, CV_8UC1, cv::Scalar(9)), 8}));
-    EXPECT_FALSE(observe(target, {cv::Mat(3, 700, CV_8UC1, cv::Scalar(9)), 8}));
+        EXPECT_FALSE(observe(target, {cv::Mat(240, 320, CV_8UC1, cv::Scalar(gray)), 8}).view);
+    EXPECT_FALSE(observe(target, {}).view);
+    EXPECT_FALSE(observe(target, {cv::Mat(1, 1, CV_8UC1, cv::Scalar(9)), 8}).view);
+    EXPECT_FALSE(observe(target, {cv::Mat(3, 700, CV_8UC1, cv::Scalar(9)), 8}).view);
     cv::Mat gradient(240, 320, CV_16UC1);
     for (int y = 0; y < gradient.rows; ++y)
         for (int x = 0; x < gradient.cols; ++x)
             gradient.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(100 * x + 50 * y);
-    EXPECT_FALSE(observe(target, {gradient, 16}));
+    EXPECT_FALSE(observe(target, {gradient, 16}).view);
 }
 
 // The sheet that `etalon marker` prints, taken for a photograph: every point is where the page has
@@ -168,7 +174,7 @@ TEST_P(EveryTarget, IsFoundOnItsOwnPrint) {
     const double dots_per_mm = 8.0;
     const CodeImage sheet{cv::imdecode(marker_png(board, page, dots_per_mm), cv::IMREAD_GRAYSCALE),
                           8};
-    const auto view = observe(target, sheet);
+    const auto view = observe(target, sheet).view;
     ASSERT_TRUE(view);
     EXPECT_EQ(view->ids.size(), board.points_mm.size());
     const Eigen::Vector2d corner(page.grid_mm.x, page.grid_mm.y);
@@ -191,16 +197,17 @@ TEST_P(EveryTarget, IsNotTakenForAnother) {
         const Marker board = parse_marker(other.spec, "test");
         const Renderer renderer(blurred_camera(0.7));
         const Rigid pose = random_board_pose(board, 2, 0.4, other.distance_mm);
-        EXPECT_FALSE(observe(target, photo_of(renderer, board, pose))) << other.spec;
+        EXPECT_FALSE(observe(target, photo_of(renderer, board, pose)).view) << other.spec;
     }
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryTarget,
-                         testing::Values(chessboard, charuco, aprilgrid, circles, acircles));
+                         testing::Values(chessboard, charuco, legacy, later_ids, aprilgrid, circles,
+                                         acircles, hexcircles, squares));
 
 // Boards with tags: half of them behind a hand. What is found keeps its index and place.
 TEST(CalibrationTarget, WithTagsMayBeSeenInPart) {
-    for (const Case& of : {charuco, aprilgrid}) {
+    for (const Case& of : {charuco, legacy, aprilgrid}) {
         const CalibrationTarget target = parse_calibration_target(of.spec, "test");
         const Renderer renderer(blurred_camera(0.7));
         const Projector projector(renderer.camera());
@@ -208,7 +215,7 @@ TEST(CalibrationTarget, WithTagsMayBeSeenInPart) {
         CodeImage photo = photo_of(renderer, target.board, pose);
         const double edge = projector.project(pose * middle_of(target.board))->x();
         photo.pixels(cv::Rect(0, 0, static_cast<int>(edge), photo.pixels.rows)).setTo(90);
-        const auto view = observe(target, photo);
+        const auto view = observe(target, photo).view;
         ASSERT_TRUE(view) << of.spec;
         EXPECT_LT(view->ids.size(), target.board.points_mm.size() * 6 / 10);
         EXPECT_GT(view->ids.size(), target.board.points_mm.size() / 4);
@@ -219,12 +226,12 @@ TEST(CalibrationTarget, WithTagsMayBeSeenInPart) {
 }
 
 TEST(CalibrationTarget, HangingUpsideDownKeepsItsIndices) {
-    for (const Case& of : {chessboard, charuco, aprilgrid, acircles}) {
+    for (const Case& of : {chessboard, charuco, legacy, aprilgrid, acircles}) {
         const CalibrationTarget target = parse_calibration_target(of.spec, "test");
         const Renderer renderer(blurred_camera(0.7));
         const Projector projector(renderer.camera());
         const Rigid pose = board_pose(target.board, {0.1, 0.05, 3.0}, {2, 1, of.distance_mm * 1.1});
-        const auto view = observe(target, photo_of(renderer, target.board, pose));
+        const auto view = observe(target, photo_of(renderer, target.board, pose)).view;
         ASSERT_TRUE(view) << of.spec;
         PointErrors errors;
         add_errors(target.board, with_circle_centres(target, *view, renderer.camera(), pose),
@@ -236,28 +243,57 @@ TEST(CalibrationTarget, HangingUpsideDownKeepsItsIndices) {
 // White on black: a negative, or the board's back lit through. Tags and circles are not there; a
 // chessboard's crossings are, and a negative board of odd sum is its own half turn.
 TEST(CalibrationTarget, InNegativeIsNotSeenOrSeenRight) {
-    for (const Case& of : {charuco, aprilgrid, circles, acircles}) {
+    for (const Case& of : {charuco, aprilgrid, circles, acircles, hexcircles, squares}) {
         const CalibrationTarget target = parse_calibration_target(of.spec, "test");
         const Renderer renderer(blurred_camera(0.7));
         CodeImage photo = photo_of(renderer, target.board,
                                    random_board_pose(target.board, 3, 0.4, of.distance_mm));
         cv::bitwise_not(photo.pixels, photo.pixels);
-        EXPECT_FALSE(observe(target, photo)) << of.spec;
+        EXPECT_FALSE(observe(target, photo).view) << of.spec;
     }
 }
 
-// Markers of the same dictionary at other places: a board with one column less has its ids shifted
-// from row to row.
-TEST(CalibrationTarget, WithTagsOfAnotherLayoutIsNotTakenForTheBoard) {
-    const CalibrationTarget asked = parse_calibration_target(charuco.spec, "test");
-    const Marker other = parse_marker("charuco:4X4_50:7x6@12mm/8.8mm", "test");
+// OpenCV's two layouts, which differ by a square: the one that is seen is named, whichever was
+// asked for, and its points are in the right places.
+TEST(CalibrationTarget, TellsTheLayoutsOfCharucoApart) {
     const Renderer renderer(blurred_camera(0.7));
-    const CodeImage photo = photo_of(renderer, other, random_board_pose(other, 2, 0.3, 200));
-    const auto view = observe(asked, photo);
-    // The first row's markers are alike on both; no point may be given a wrong index beyond that.
-    const std::vector<int> ids = view ? view->ids : std::vector<int>();
-    for (const int id : ids)
-        EXPECT_LT(id, 8);
+    const Projector projector(renderer.camera());
+    for (const char* size : {"9x6", "8x6", "7x8"})
+        for (const bool legacy : {false, true}) {
+            const auto name = [&](bool old) {
+                return fmt::format("charuco{}:4X4_50:{}@12mm/8.8mm", old ? "-legacy" : "", size);
+            };
+            const CalibrationTarget drawn = parse_calibration_target(name(legacy), "test"),
+                                    asked = parse_calibration_target(name(!legacy), "test");
+            const Rigid pose = random_board_pose(drawn.board, 3, 0.4, 230);
+            const CodeImage photo = photo_of(renderer, drawn.board, pose);
+            EXPECT_EQ(observe(drawn, photo).shown_as, "");
+            const ObservedTarget seen = observe(asked, photo);
+            ASSERT_TRUE(seen.view) << name(legacy) << seen.reason;
+            EXPECT_EQ(seen.shown_as, name(legacy));
+            PointErrors errors;
+            add_errors(asked.board, *seen.view, projector, pose, false, errors);
+            EXPECT_LT(errors.largest, 0.05) << name(legacy);
+        }
+}
+
+// Markers of the same dictionary at other places are no board, and what is seen is said.
+TEST(CalibrationTarget, WithTagsOfAnotherLayoutIsNotTakenForTheBoard) {
+    const Renderer renderer(blurred_camera(0.7));
+    const auto seen = [&](const char* drawn, const char* asked) {
+        const Marker board = parse_marker(drawn, "test");
+        return observe(parse_calibration_target(asked, "test"),
+                       photo_of(renderer, board, random_board_pose(board, 2, 0.3, 200)));
+    };
+    const ObservedTarget other =
+        seen("charuco:4X4_50:7x6@12mm/8.8mm", "charuco:4X4_50:9x6@12mm/8.8mm");
+    EXPECT_FALSE(other.view);
+    EXPECT_THAT(other.reason, testing::HasSubstr("21 markers of 4X4_50 are seen, ids 0 to 20"));
+    EXPECT_EQ(
+        seen("charuco-legacy:4X4_250:8x6:30@12mm/8.8mm", "charuco:4X4_250:8x6@12mm/8.8mm").reason,
+        "the board that is seen is charuco-legacy:4X4_250:8x6:30@12mm/8.8mm");
+    EXPECT_EQ(seen("charuco:4X4_50:8x6@12mm/8.8mm", "charuco:5X5_50:8x6@12mm/8.8mm").reason,
+              "no marker of 5X5_50 is seen");
 }
 
 TEST(CalibrationTarget, CirclesAreCorrectedByMoreThanTheyAreOff) {
@@ -307,6 +343,59 @@ TEST(CalibrationTarget, RefusesWhatIsNoBoard) {
           "chessboard:9x6@0mm", "board:9x6@25mm", "", "charuco:4X4_50:3x3@30mm/22mm",
           "aprilgrid:36h11:1x5@40mm/12mm", "circles:2x6@20mm/12mm"})
         EXPECT_THROW(parse_calibration_target(spec, "--target"), ConfigError) << spec;
+}
+
+// Of a grid of dots or squares, from far and near, tilted by 60 degrees, under light that falls off
+// to a third, and with some of it hidden: every one is found.
+TEST(CalibrationTarget, OfDotsOrSquaresIsFoundFromFarAndNearAndTilted) {
+    struct View {
+        const char* spec;
+        double tilt, distance_mm;
+    };
+    for (const View& of : {View{"circles:8x6@10mm/3mm", 0.0, 340},
+                           {"circles:8x6@10mm/8.5mm", 1.05, 150},
+                           {"circles:4x3@40mm/24mm", 0.4, 160},
+                           {"acircles:4x10@9mm/4mm", 1.05, 200},
+                           {"hexcircles:20x14@8mm/6.6mm", 1.0, 160},
+                           {"hexcircles:9x7@20mm/8mm", 0.3, 160},
+                           {"squares:7x5@6mm/6mm", 1.0, 170},
+                           {"squares:3x2@40mm/20mm", 0.2, 220}}) {
+        const CalibrationTarget target = parse_calibration_target(of.spec, "test");
+        const Renderer renderer(blurred_camera(0.7));
+        for (const double way : {0.0, 0.8, 1.57, 2.5, -2.0}) {
+            const Rigid tilted{
+                rotation_from_vector(of.tilt * Eigen::Vector3d(std::cos(way), std::sin(way), 0.0)),
+                {}};
+            const Rigid pose =
+                board_pose(target.board, rotation_vector(tilted.rotation), {1, -2, of.distance_mm});
+            CodeImage photo = photo_of(renderer, target.board, pose);
+            for (int x = 0; x < photo.pixels.cols; ++x)
+                photo.pixels.col(x) *= 1.0 - 0.67 * x / photo.pixels.cols;
+            add_noise(photo, 1.5, 3);
+            const ObservedTarget seen = observe(target, photo);
+            ASSERT_TRUE(seen.view) << of.spec << " " << way << " " << seen.reason;
+            EXPECT_GE(seen.view->ids.size(), target.board.points_mm.size() * 9 / 10) << of.spec;
+            PointErrors errors;
+            add_errors(target.board,
+                       with_circle_centres(target, *seen.view, renderer.camera(), pose),
+                       Projector(renderer.camera()), pose, true, errors);
+            EXPECT_LT(errors.rms(), 0.15) << of.spec << " " << way;
+        }
+    }
+}
+
+TEST(CalibrationTarget, OfDotsNamesADiameterThatIsWrong) {
+    const Renderer renderer(blurred_camera(0.7));
+    const Marker board = parse_marker("circles:8x5@14mm/8mm", "test");
+    const CodeImage photo = photo_of(renderer, board, random_board_pose(board, 1, 0.4, 200));
+    const auto reason = [&](const char* spec) {
+        return observe(parse_calibration_target(spec, "test"), photo).reason;
+    };
+    EXPECT_THAT(
+        reason("circles:8x5@14mm/11mm"),
+        testing::ContainsRegex("the circles are about (7.9|8|8.0[0-9]|8.1) mm wide .*not 11"));
+    EXPECT_THAT(reason("circles:7x5@14mm/8mm"), testing::HasSubstr("has several places"));
+    EXPECT_THAT(reason("circles:10x9@14mm/8mm"), testing::HasSubstr("not the board's 90"));
 }
 
 }  // namespace

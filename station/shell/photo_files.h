@@ -1,0 +1,30 @@
+// Photographs as they are named on a command line: files; patterns ("photos/*.jpg") that no shell
+// has replaced; and films ("video:FILE?every=10"), whose frames are files for as long as this lives.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+namespace etalon {
+
+class PhotoFiles {
+public:
+    // In the order given, a pattern's by name, a film's by time; `every` takes each so many-th
+    // frame, from the first. Names of single files are not looked up. Throws ConfigError for a
+    // pattern that nothing matches, and a film that cannot be read, with its name.
+    explicit PhotoFiles(const std::vector<std::filesystem::path>& given);
+    ~PhotoFiles();
+    PhotoFiles(const PhotoFiles&) = delete;
+    PhotoFiles& operator=(const PhotoFiles&) = delete;
+
+    const std::vector<std::filesystem::path>& paths() const { return paths_; }
+
+private:
+    void add_pattern(const std::string& pattern);
+    void add_film(const std::string& name);
+
+    std::vector<std::filesystem::path> paths_;
+    std::filesystem::path frames_;  // folder of the films' frames; empty without
+};
+
+}  // namespace etalon

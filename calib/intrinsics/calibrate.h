@@ -78,7 +78,7 @@ inline constexpr double suspicious_deviation_ratio = 1.5;
 // Of all points, more than this share of outliers is refused.
 inline constexpr double max_outlier_share = 0.1;
 
-// Needs three views of at least six points each that are not collinear, and
+// Needs three views of at least four points each that are not collinear, and
 // different orientations. Throws ConfigError for an unknown model;
 // NumericalError, naming the view by its index from 0, for what check_view()
 // refuses, for geometry that does not determine the parameters, for a model

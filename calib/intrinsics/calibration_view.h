@@ -23,7 +23,7 @@ struct CalibrationView {
 };
 
 // What a calibration takes at least.
-inline constexpr std::size_t min_views = 3, min_view_points = 6;
+inline constexpr std::size_t min_views = 3, min_view_points = 4;
 
 // How far points scatter about what a smooth model would leave, RMS of the distance in px: from how
 // each residual differs from the mean of its four nearest neighbours' on the target.

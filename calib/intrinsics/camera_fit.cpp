@@ -131,7 +131,7 @@ std::optional<Solution> adjust_in_stages(const Views& views, const Bundle<double
     std::optional<Solution> solution;
     for (const CalibrationModel& model : calibration_models()) {
         BundleOptions stage = options;
-        std::erase_if(stage.free, [&](int i) { return i >= model.parameters.size(); });
+        std::erase_if(stage.free, [&](int i) { return i >= std::ssize(model.parameters); });
         const auto from_simpler =
             solution ? adjust_with_mirrored(views, solution->bundle, stage) : std::nullopt;
         solution = better(from_simpler, adjust_with_mirrored(views, start, stage));

@@ -52,7 +52,7 @@ struct CameraFitOptions {
 
 // The start without CameraFitOptions::start has a principal point in the middle of the image and no
 // distortion; parameters that are not in `model` stay as in the start.
-// Throws NumericalError for fewer than three views, a view that check_view() refuses with six
+// Throws NumericalError for fewer than three views, a view that check_view() refuses with four
 // points, more parameters than observations, a start that is none, and for views that do not
 // determine the camera: a rank lost, or a focal length that noise of 0.1 px makes uncertain by more
 // than a tenth; the combination of parameters that is weakest is named.

@@ -1,7 +1,10 @@
 #include "calib/intrinsics/model_advice.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "calib/intrinsics/calibration_covariance.h"
 #include "calib/intrinsics/cross_validation.h"
@@ -104,14 +107,31 @@ void set_determinacy(ModelScore& score, std::span<const CalibrationView> views, 
             attempted([&] { return cross_validate(views, image_size, model, fit).rms_px; }).value;
 }
 
-std::string doubt_about(const ModelScore& score, double best_error_px) {
-    if (!score.projection_deviation_px)
-        return "its projection cannot be told";
-    if (*score.projection_deviation_px > max_projection_deviation * best_error_px)
-        return "its projection is not determined";
-    if (score.halves_px && *score.halves_px > max_halves_difference * best_error_px)
-        return "two halves of the photos disagree";
-    return "";
+// The smallest of a figure among the models that are not in doubt.
+double least(const std::vector<ModelScore>& scores, std::optional<double> ModelScore::*figure) {
+    double smallest = std::numeric_limits<double>::infinity();
+    for (const ModelScore& score : scores)
+        if (score.doubt.empty())
+            smallest = std::min(smallest, (score.*figure).value_or(smallest));
+    return smallest;
+}
+
+void set_doubts(std::vector<ModelScore>& scores, double best_error_px) {
+    const double max_deviation =
+        max_projection_deviation *
+        std::max(best_error_px, least(scores, &ModelScore::projection_deviation_px));
+    for (ModelScore& score : scores)
+        if (!score.projection_deviation_px)
+            score.doubt = "its projection cannot be told";
+        else if (*score.projection_deviation_px > max_deviation)
+            score.doubt = fmt::format("its projection is certain to {:.2g} px only",
+                                      *score.projection_deviation_px);
+    const double max_halves =
+        max_halves_difference * std::max(best_error_px, least(scores, &ModelScore::halves_px));
+    for (ModelScore& score : scores)
+        if (score.doubt.empty() && score.halves_px && *score.halves_px > max_halves)
+            score.doubt =
+                fmt::format("two halves of the photos differ by {:.2g} px", *score.halves_px);
 }
 
 // The smallest leave-one-out error; of those without doubt only, if so asked.
@@ -184,9 +204,7 @@ ModelAdvice compare_models(std::vector<ModelScore> scores, std::span<const Calib
     if (!most_exact)
         return advice;
     const double smallest = *advice.models[*most_exact].leave_one_out_rms_px;
-    for (ModelScore& score : advice.models)
-        if (score.leave_one_out_rms_px)
-            score.doubt = doubt_about(score, smallest);
+    set_doubts(advice.models, smallest);
     advice.best = best_of(advice.models, /*without_doubt=*/true);
     if (!advice.best)
         return advice;

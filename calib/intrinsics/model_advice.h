@@ -42,8 +42,8 @@ struct ModelScore {
     // six views; px. Nothing where there is none.
     std::optional<double> projection_deviation_px, halves_px;
 
-    // Set by compare_models(). Why it is not advised, however well it predicts: "its projection is
-    // not determined", "two halves of the photos disagree"; empty for the others.
+    // Set by compare_models(). Why it is not advised, however well it predicts: "two halves of the
+    // photos differ by 2.5 px"; empty for the others.
     std::string doubt = {};
     // How much the mean left-out square is above the best model's, and
     // the standard error of that difference; px^2.
@@ -62,9 +62,10 @@ struct ModelAdvice {
 inline constexpr double overfit_share = 0.05;
 // The advised model's leave-one-out error over the best one's, at most.
 inline constexpr double max_above_best = 1.25;
-// A projection is not determined where it is less certain than this many points of one photo, and
-// halves disagree where they differ by more; both in units of the best leave-one-out error.
-inline constexpr double max_projection_deviation = 2.0, max_halves_difference = 4.0;
+// A projection is not determined where it is this much less certain, and halves disagree where they
+// differ by this much more, than the best model's, or than the best leave-one-out error where that
+// is larger.
+inline constexpr double max_projection_deviation = 2.0, max_halves_difference = 3.0;
 
 // Fits and, with four views or more, leaves every view out under each of the models. A model that
 // cannot be fitted has a failure in place of a score; the views must be valid (check_view). About

@@ -133,7 +133,8 @@ ObservedTarget observe(const CalibrationTarget& target, const CodeImage& image) 
         view.pixels.push_back(point.pixel);
         view.ids.push_back(point.id);
     }
-    const std::size_t enough = std::min(min_view_points, target.board.points_mm.size());
+    constexpr std::size_t min_points = 6;  // of fewer none is known to be wrong
+    const std::size_t enough = std::min(min_points, target.board.points_mm.size());
     if (view.pixels.size() < enough || !spread_over_the_plane(view))
         return {{},
                 fmt::format("only {} of its points are seen, of which none lies beside the "

@@ -49,6 +49,7 @@ struct ObservedTarget {
 // there is no target.
 //
 // Of circles these are the centroids of their images, which are not the images of their centres:
+// with_circle_centres().
 ObservedTarget observe(const CalibrationTarget& target, const CodeImage& image);
 
 // Where the centres of the circles are seen, for a camera and pose that are known about: each

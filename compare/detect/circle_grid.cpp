@@ -27,9 +27,13 @@ CircleLayout layout_of(const Marker& board) {
 std::vector<Eigen::Vector2i> lattice_places(const Marker& board) {
     const CircleLayout layout = layout_of(board);
     std::vector<Eigen::Vector2i> places = circle_places(layout, board.columns, board.rows);
-    if (layout != CircleLayout::symmetric)
-        for (Eigen::Vector2i& place : places)
-            place = {(place.x() + place.y()) / 2, (place.y() - place.x()) / 2};
+    if (layout == CircleLayout::symmetric)
+        return places;
+    const Eigen::Vector2i first = places.front();
+    for (Eigen::Vector2i& place : places) {
+        const Eigen::Vector2i from_first = place - first;
+        place = {from_first.sum() / 2, (from_first.y() - from_first.x()) / 2};
+    }
     return places;
 }
 
@@ -59,15 +63,14 @@ double seen_diameter_mm(const Marker& board, const PlaneView& view, const Circle
 
 // Pixels of a disk on the board around a place in the image, with their distance from it in mm.
 template <class Use>
-bool for_each_pixel(const cv::Mat& pixels, const Eigen::Vector2d& centre,
+void for_each_pixel(const cv::Mat& pixels, const Eigen::Vector2d& centre,
                     const Eigen::Matrix2d& px_per_mm, double radius_mm, Use use) {
     const Eigen::Matrix2d mm_per_px = px_per_mm.inverse();
     const Eigen::Vector2d reach = px_per_mm.rowwise().norm() * radius_mm;
     const Eigen::Vector2d last(pixels.cols - 1, pixels.rows - 1);
-    if (!((centre - reach).minCoeff() >= 0.0 && (last - centre - reach).minCoeff() >= 0.0))
-        return false;
-    const Eigen::Vector2i low = (centre - reach).array().ceil().matrix().cast<int>(),
-                          high = (centre + reach).array().floor().matrix().cast<int>();
+    const Eigen::Vector2i low = (centre - reach).cwiseMax(0.0).array().ceil().matrix().cast<int>(),
+                          high =
+                              (centre + reach).cwiseMin(last).array().floor().matrix().cast<int>();
     for (int y = low.y(); y <= high.y(); ++y)
         for (int x = low.x(); x <= high.x(); ++x) {
             const Eigen::Vector2d from_centre = Eigen::Vector2d(x, y) - centre;
@@ -75,7 +78,6 @@ bool for_each_pixel(const cv::Mat& pixels, const Eigen::Vector2d& centre,
             if (distance_mm <= radius_mm)
                 use(from_centre, distance_mm, static_cast<double>(pixels.at<float>(y, x)));
         }
-    return true;
 }
 
 struct CircleWindow {
@@ -83,22 +85,37 @@ struct CircleWindow {
     double inside_mm, ring_from_mm, ring_to_mm;
 };
 
+// Half of the way to the next circle around this one, or less where the image ends before, and the
+// middle of that way as background. Nothing where too little is left to hold a blurred edge.
+std::optional<CircleWindow> window_around(const cv::Mat& pixels, const Eigen::Vector2d& centre,
+                                          const Eigen::Matrix2d& px_per_mm, double radius_mm,
+                                          double gap_mm) {
+    constexpr double min_margin_px = 2.0;
+    const Eigen::Vector2d last(pixels.cols - 1, pixels.rows - 1);
+    const double in_image_mm =
+        centre.cwiseMin(last - centre).cwiseQuotient(px_per_mm.rowwise().norm()).minCoeff();
+    const double margin = std::min(0.5 * gap_mm, in_image_mm - radius_mm);
+    if (!(margin >= std::min(0.5 * gap_mm, min_margin_px / px_per_mm.rowwise().norm().minCoeff())))
+        return std::nullopt;
+    return CircleWindow{px_per_mm, radius_mm + margin, radius_mm + 0.7 * margin,
+                        radius_mm + 1.3 * margin};
+}
+
 // The centroid's offset from `centre`; nothing where no dark disk is.
 std::optional<Eigen::Vector2d> centroid_offset(const cv::Mat& pixels, const CircleWindow& window,
                                                const Eigen::Vector2d& centre) {
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
     Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
-    const bool seen =
-        for_each_pixel(pixels, centre, window.px_per_mm, window.ring_to_mm,
-                       [&](const Eigen::Vector2d& place, double distance_mm, double value) {
-                           if (distance_mm < window.ring_from_mm)
-                               return;
-                           const Eigen::Vector3d terms(1.0, place.x(), place.y());
-                           normal += terms * terms.transpose();
-                           rhs += terms * value;
-                       });
+    for_each_pixel(pixels, centre, window.px_per_mm, window.ring_to_mm,
+                   [&](const Eigen::Vector2d& place, double distance_mm, double value) {
+                       if (distance_mm < window.ring_from_mm)
+                           return;
+                       const Eigen::Vector3d terms(1.0, place.x(), place.y());
+                       normal += terms * terms.transpose();
+                       rhs += terms * value;
+                   });
     const Eigen::Vector3d plane = normal.ldlt().solve(rhs);
-    if (!seen || !plane.allFinite() || !(plane[0] > 0.0))
+    if (!plane.allFinite() || !(plane[0] > 0.0))
         return std::nullopt;
     double mass = 0.0, pixels_inside = 0.0;
     Eigen::Vector2d moment = Eigen::Vector2d::Zero();
@@ -154,10 +171,10 @@ FoundBoard find_circle_centroids(const Marker& board, const BoardPhoto& photo) {
     FoundBoard result;
     for (std::size_t i = 0; i < circles.size(); ++i) {
         const Eigen::Vector2d mm = board.points_mm[i].head<2>();
-        const CircleWindow window{view->px_per_mm(mm), radius + 0.5 * gap, radius + 0.35 * gap,
-                                  radius + 0.65 * gap};
         const Eigen::Vector2d start = circles[i] ? circles[i]->centre : view->at(mm);
-        if (const auto pixel = centroid(photo.pixels, window, start))
+        const auto window = window_around(photo.pixels, start, view->px_per_mm(mm), radius, gap);
+        const auto pixel = window ? centroid(photo.pixels, *window, start) : std::nullopt;
+        if (pixel)
             result.points.push_back({static_cast<int>(i), *pixel});
     }
     return result;

@@ -29,7 +29,7 @@ TargetFinder make_target_finder(const std::string& spec, const std::string& plac
         marker.kind == Marker::Kind::stag || marker.kind == Marker::Kind::topotag)
         return tag_finder(marker, place);
     return [target = parse_calibration_target(spec, place)](const CodeImage& image) {
-        const auto view = observe(target, image);
+        const auto view = observe(target, image).view;
         return view ? by_id(view->pixels, view->ids) : TargetPoints{};
     };
 }

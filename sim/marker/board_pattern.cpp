@@ -222,7 +222,8 @@ std::vector<Eigen::Vector2i> circle_places(CircleLayout layout, int columns, int
     const bool by_halves = layout == CircleLayout::hexagonal;
     std::vector<Eigen::Vector2i> places;
     for (int row = 0; row < rows; ++row)
-        for (int column = by_halves ? row % 2 : 0; column < columns; column += by_halves ? 2 : 1)
+        for (int column = by_halves ? (rows - 1 - row) % 2 : 0; column < columns;
+             column += by_halves ? 2 : 1)
             places.emplace_back(layout == CircleLayout::asymmetric ? 2 * column + row % 2 : column,
                                 row);
     return places;

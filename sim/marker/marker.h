@@ -20,7 +20,8 @@
 //   acircles:4x11@20mm/12mm  the same in OpenCV's asymmetric layout: rows of 4, one spacing apart,
 //                            every second one shifted by a spacing
 //   hexcircles:28x24@12mm/10mm   every circle 12 mm from its six neighbours; columns and rows as
-//                            BoofCV counts them: columns are half a spacing apart
+//                            BoofCV counts them: columns are half a spacing apart, and
+//                            the lowest row begins in the first one
 //   squares:4x3@30mm/20mm    4 x 3 black squares of 30 mm, 20 mm apart
 //   bitmap:FILE@50x40mm      width x height; each pixel a cell, 0..255 (or 0..65535) -> radiance
 //                            0..1 linear, colour as luma; origin at its centre

@@ -61,7 +61,7 @@ void add_remarks(HtmlPage& page, const CalibrationRun& run) {
 }
 
 void add_parameters(HtmlPage& page, const CameraCalibration& calibration) {
-    page.add_heading("The camera, with three standard deviations side by side");
+    page.add_heading("The camera, with its standard deviations side by side");
     const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
     TableRows rows;
     for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
@@ -81,7 +81,8 @@ void add_parameters(HtmlPage& page, const CameraCalibration& calibration) {
         "residuals' variance and the Jacobian, as if every corner erred on its own. "
         "Cluster-robust: from what each photo's residuals together do to the parameters, "
         "corrected for few photos. Bootstrap: scatter of {} calibrations of photos drawn with "
-        "replacement. The largest is what camera.yml states, with the formal correlations. "
+        "replacement. Used, and stated by camera.yml: the formal covariance drawn towards the "
+        "cluster-robust one as far as the photos tell it, deviations and correlations together. "
         "Condition number of the scaled problem: {:.2g}.",
         bootstrap_resamples, calibration.condition_number));
     page.add_figures({deviation_figure(calibration), model_figure(calibration)});
@@ -96,6 +97,8 @@ std::string judged(const CalibrationRun& run, const ModelScore& score) {
         words.push_back("taken");
     if (score.overfits)
         words.push_back("overfits");
+    if (!score.doubt.empty())
+        words.push_back(score.doubt);
     if (score.failed_view)
         words.push_back("cannot predict " + short_name(run.photos[*score.failed_view]));
     else if (!score.failure.empty())
@@ -122,16 +125,22 @@ void add_models(HtmlPage& page, const CalibrationRun& run) {
                         score.fit ? fixed(score.rms_px, 4) : dash,
                         fixed(score.leave_one_out_rms_px, 4),
                         advice.best ? difference(score, advice.models[*advice.best]) : dash,
+                        significant(score.projection_deviation_px, 3, dash),
+                        significant(score.halves_px, 3, dash),
                         score.fit ? fmt::format("{:.1e}", score.fit->condition_number) : dash,
                         judged(run, score)});
     page.add_table({"model", "parameters", "fit / px", "left out / px", "above the best / px",
-                    "condition", "judged"},
+                    "certain to / px", "halves / px", "condition", "judged"},
                    rows);
     page.add_paragraph(
         "Left out: every photo in turn is taken away, the camera calibrated from the others, and "
         "of "
         "the photo only its pose fitted. Advised is the simplest model within one standard error "
-        "of the best, paired by photo. A richer one that predicts worse overfits.");
+        "of the best, paired by photo, and not more than a quarter worse. A richer one that "
+        "predicts worse overfits. Certain to: the largest standard deviation of a ray's image "
+        "among the corners. Halves: how far two calibrations of every second photo project apart. "
+        "A model is not advised where the first is twice, or the second three times, what the "
+        "best model and the left-out error leave.");
 }
 
 void add_residuals(HtmlPage& page, const CalibrationRun& run) {

@@ -60,12 +60,14 @@ void remark_on_model(const CalibrationRun& run, std::vector<std::string>& remark
     const CameraCalibration& calibration = run.calibration;
     const ModelScore* advised = advised_score(calibration);
     if (!advised) {
-        remarks.push_back(
-            "No leave-one-out error, and so no advice which model to take: both "
-            "need four photos with the target.");
+        remarks.push_back("No advice which model to take: it needs four photos with the target, "
+                          "each left out once.");
         return;
     }
     const ModelScore& chosen = chosen_score(calibration);
+    for (const ModelScore& score : calibration.advice.models)
+        if (!score.doubt.empty())
+            remarks.push_back(fmt::format("{} is not advised: {}.", score.model, score.doubt));
     for (const ModelScore& score : calibration.advice.models)
         if (score.overfits && score.fit)
             remarks.push_back(fmt::format("{} ({}: {:.3f} px).", words_of_overfit(run, score),
@@ -87,8 +89,8 @@ void remark_on_deviations(const CalibrationRun& run, std::vector<std::string>& r
             suspicious.push_back(fmt::format("{} {:.1f}", each.name, each.ratio()));
     if (!suspicious.empty())
         remarks.push_back(fmt::format(
-            "Corners of one photo are not independent: over photos, standard deviations are more "
-            "than {:g} times the formal ones ({}). The largest are used.",
+            "Corners of one photo are not independent: what the photos say of each other makes "
+            "standard deviations more than {:g} times the formal ones ({}).",
             suspicious_deviation_ratio, fmt::join(suspicious, ", ")));
     if (!calibration.covariances.bootstrap)
         remarks.push_back(fmt::format(
@@ -136,14 +138,16 @@ std::string photo_table(const CalibrationRun& run) {
 }
 
 std::string model_table(const CameraCalibration& calibration) {
-    std::string text = "\nmodel       parameters    fit/px  left out/px\n";
+    std::string text = "\nmodel     parameters  fit/px  left out/px  certain to/px  halves/px\n";
     for (const ModelScore& score : calibration.advice.models) {
         const bool advised = &score == advised_score(calibration);
         const bool chosen = &score == &chosen_score(calibration);
-        text += fmt::format("{:<11} {:>10} {:>9} {:>12}  {}{}{}\n", score.model, score.parameters,
-                            score.fit ? fixed(score.rms_px, 4) : "-",
-                            fixed(score.leave_one_out_rms_px, 4, "-"), advised ? "advised " : "",
-                            chosen ? "taken " : "", score.overfits ? "overfits" : "");
+        text += fmt::format("{:<9} {:>10} {:>7} {:>12} {:>14} {:>10}  {}\n", score.model,
+                            score.parameters, score.fit ? fixed(score.rms_px, 3) : "-",
+                            fixed(score.leave_one_out_rms_px, 3, "-"),
+                            significant(score.projection_deviation_px, 3, "-"),
+                            significant(score.halves_px, 3, "-"),
+                            advised ? "advised" : chosen ? "taken" : "");
     }
     return text;
 }
@@ -191,6 +195,12 @@ ordered_json model_json(const CalibrationRun& run, const ModelScore& score) {
         json["above_best_px2"] = score.above_best;
         json["above_best_standard_error_px2"] = score.above_best_error;
     }
+    if (score.projection_deviation_px)
+        json["projection_deviation_px"] = *score.projection_deviation_px;
+    if (score.halves_px)
+        json["halves_px"] = *score.halves_px;
+    if (!score.doubt.empty())
+        json["doubt"] = score.doubt;
     if (!score.failure.empty())
         json["failure"] = score.failure;
     if (score.failed_view)

@@ -93,13 +93,16 @@ double even_minus_odd(const Board& board, const cv::Mat& pixels) {
 }
 
 // With the histogram spread over all levels, which dark photos need, and without, which serves
-// bright ones better.
+// bright ones better; then from saddles instead of squares, which sees boards whose outer squares
+// the image cuts.
 bool find_whole_board(const cv::Mat& image, Board& board) {
+    const cv::Size size(board.columns, board.rows);
     for (const int flags : {cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE,
                             static_cast<int>(cv::CALIB_CB_ADAPTIVE_THRESH)})
-        if (cv::findChessboardCorners(image, {board.columns, board.rows}, board.corners, flags))
+        if (cv::findChessboardCorners(image, size, board.corners, flags))
             return true;
-    return false;
+    return cv::findChessboardCornersSB(image, size, board.corners,
+                                       cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE);
 }
 
 ChessboardCorners refined(const Board& board, const cv::Mat& pixels) {

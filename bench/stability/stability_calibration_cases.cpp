@@ -141,7 +141,7 @@ StabilityOutcome agrees_with_long_double(const Problem& problem) {
         fit_camera(views.views, {problem.camera.width, problem.camera.height}, model);
     const Eigen::MatrixXd covariance =
         fit.variance *
-        inverse_information(view_equations(views.views, fit.camera, fit.camera_from_target, model),
+        inverse_information(view_equations(views.views, fit, model),
                             model);
     const Eigen::VectorXd u = covariance.diagonal().cwiseSqrt();
     const Eigen::VectorXd difference =
@@ -176,7 +176,7 @@ StabilityOutcome same_for_every_length(const Problem& problem) {
     const Views views = views_of(problem);
     const Eigen::VectorXd u =
         (fit.variance *
-         inverse_information(view_equations(views.views, fit.camera, fit.camera_from_target, model),
+         inverse_information(view_equations(views.views, fit, model),
                              model))
             .diagonal()
             .cwiseSqrt();

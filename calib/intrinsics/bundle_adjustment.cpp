@@ -74,18 +74,15 @@ std::optional<Scalar> view_cost(const BundleView<Scalar>& view, const PixelModel
     return cost;
 }
 
-template <typename Scalar>
-std::optional<Scalar> bundle_cost(const std::vector<BundleView<Scalar>>& views,
-                                  const Bundle<Scalar>& bundle, double huber) {
-    const PixelModel<Scalar> model(bundle.camera);
-    Scalar total = 0;
-    for (std::size_t v = 0; v < views.size(); ++v) {
-        const auto cost = view_cost(views[v], model, bundle.poses[v], huber);
-        if (!cost)
-            return std::nullopt;
-        total += *cost;
-    }
-    return total;
+// Which of the free parameters are pulled towards zero.
+std::vector<Eigen::Index> pulled(const BundleOptions& options) {
+    constexpr int k4 = 9, k6 = 11;
+    std::vector<Eigen::Index> columns;
+    if (options.pull > 0.0)
+        for (std::size_t i = 0; i < options.free.size(); ++i)
+            if (options.free[i] >= k4 && options.free[i] <= k6)
+                columns.push_back(static_cast<Eigen::Index>(i));
+    return columns;
 }
 
 // d pixel / d left perturbation of the pose, of a point at `turned` + translation.
@@ -314,7 +311,7 @@ private:
     bool take(BundleSolution<Scalar>& at, const Vector<Scalar>& step, Scalar promised) {
         constexpr Scalar min_gain = 0.25, told = 1e3 * std::numeric_limits<Scalar>::epsilon();
         const Bundle<Scalar> moved = moved_by(at.bundle, step, options_.free);
-        const auto cost = bundle_cost(views_, moved, options_.huber);
+        const auto cost = bundle_cost(views_, moved, options_);
         if (!cost || (promised > told * at.cost && !(at.cost - *cost > min_gain * promised)))
             return false;
         at.bundle = moved;
@@ -372,10 +369,28 @@ Rigid rigid_from(const BundlePose<Scalar>& pose, const Eigen::Vector3d& centre_m
 }
 
 template <typename Scalar>
+std::optional<Scalar> bundle_cost(const std::vector<BundleView<Scalar>>& views,
+                                  const Bundle<Scalar>& bundle, const BundleOptions& options) {
+    const PixelModel<Scalar> model(bundle.camera);
+    Scalar total = 0;
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        const auto cost = view_cost(views[v], model, bundle.poses[v], options.huber);
+        if (!cost)
+            return std::nullopt;
+        total += *cost;
+    }
+    for (const Eigen::Index column : pulled(options)) {
+        const Scalar row = options.pull * bundle.camera[options.free[column]];
+        total += static_cast<Scalar>(views.size()) * row * row;
+    }
+    return total;
+}
+
+template <typename Scalar>
 std::optional<BundleSolution<Scalar>> adjust_bundle(const std::vector<BundleView<Scalar>>& views,
                                                     const Bundle<Scalar>& start,
                                                     const BundleOptions& options) {
-    const auto cost = bundle_cost(views, start, options.huber);
+    const auto cost = bundle_cost(views, start, options);
     if (!cost)
         return std::nullopt;
     BundleSolution<Scalar> solution{start, *cost, 0, false};
@@ -395,7 +410,8 @@ Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(
     const Eigen::Index free = static_cast<Eigen::Index>(options.free.size());
     const Eigen::Matrix<Scalar, 3, 3> rotation = pose.rotation.toRotationMatrix();
     typename PixelModel<Scalar>::OfParameters of_parameters;
-    Matrix<Scalar> rows(2 * points, pose_size + free + 1);
+    const std::vector<Eigen::Index> held = pulled(options);
+    Matrix<Scalar> rows = Matrix<Scalar>::Zero(2 * points + std::ssize(held), pose_size + free + 1);
     for (Eigen::Index i = 0; i < points; ++i) {
         const Vector3<Scalar> turned = rotation * view.points_mm.col(i);
         const Vector3<Scalar> p = turned + pose.translation;
@@ -409,6 +425,10 @@ Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(
             of_point.col(pose_size + k) = weight * of_parameters.col(options.free[k]);
         of_point.col(pose_size + free) = huber * residual;
     }
+    for (Eigen::Index i = 0; i < std::ssize(held); ++i) {
+        rows(2 * points + i, pose_size + held[i]) = options.pull;
+        rows(2 * points + i, pose_size + free) = -options.pull * camera[options.free[held[i]]];
+    }
     return triangle_of(rows);
 }
 
@@ -416,6 +436,8 @@ Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(
     template BundleView<Scalar> bundle_view(const CalibrationView&);                               \
     template BundlePose<Scalar> bundle_pose(const Rigid&, const Eigen::Vector3d&);                 \
     template Rigid rigid_from(const BundlePose<Scalar>&, const Eigen::Vector3d&);                  \
+    template std::optional<Scalar> bundle_cost(const std::vector<BundleView<Scalar>>&,             \
+                                               const Bundle<Scalar>&, const BundleOptions&);       \
     template std::optional<BundleSolution<Scalar>> adjust_bundle(                                  \
         const std::vector<BundleView<Scalar>>&, const Bundle<Scalar>&, const BundleOptions&);      \
     template Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(                  \

@@ -52,15 +52,23 @@ struct BundleOptions {
     std::vector<int> free;  // which of the eighteen, in the order of the triangles' columns
     double huber = 0.0;
     int most_iterations = 100;
+    // Weight of a further row of each view for each of k4, k5, k6 that is free, which wants it to
+    // be zero: calib/intrinsics/camera_fit.h, "pull".
+    double pull = 0.0;
 };
 
 template <typename Scalar>
 struct BundleSolution {
     Bundle<Scalar> bundle;
-    Scalar cost;  // sum of squares, or of Huber's function
+    Scalar cost;  // bundle_cost()
     int iterations = 0;
     bool converged = false;
 };
+
+// The sum of squares, or of Huber's function, with the pull's. Nothing as below.
+template <typename Scalar>
+std::optional<Scalar> bundle_cost(const std::vector<BundleView<Scalar>>& views,
+                                  const Bundle<Scalar>& bundle, const BundleOptions& options);
 
 // Nothing when the start puts a point behind the camera or where the model is not regular.
 template <typename Scalar>

@@ -232,7 +232,7 @@ std::optional<Eigen::MatrixXd> bootstrap_covariance(std::span<const CalibrationV
 CalibrationCovariances covariances_of(std::span<const CalibrationView> views, cv::Size image_size,
                                       const CalibrationModel& model, const CameraFit& fit,
                                       int resamples) {
-    const auto equations = view_equations(views, fit.camera, fit.camera_from_target, model);
+    const auto equations = view_equations(views, fit, model);
     return {formal_covariance(equations, model, fit.variance),
             cluster_robust_covariance(equations, model),
             bootstrap_covariance(views, image_size, model, fit, resamples),

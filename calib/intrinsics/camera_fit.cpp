@@ -118,6 +118,16 @@ std::optional<Solution> adjust_with_mirrored(const Views& views, const Bundle<do
     return solution;
 }
 
+// rational_deviation for points that scatter as this cost says.
+double pull_of(const Views& views, double cost, std::size_t parameters) {
+    double observations = 0.0;
+    for (const BundleView<double>& view : views)
+        observations += 2.0 * static_cast<double>(view.pixels.cols());
+    const double count = static_cast<double>(views.size()),
+                 freedom = observations - static_cast<double>(parameters) - 6.0 * count;
+    return freedom > 0.0 ? std::sqrt(cost / freedom / count) / rational_deviation : 0.0;
+}
+
 std::optional<Solution> better(std::optional<Solution> one, std::optional<Solution> other) {
     const bool other_is_better = other && (!one || other->cost < one->cost);
     return other_is_better ? std::move(other) : std::move(one);
@@ -131,6 +141,8 @@ std::optional<Solution> adjust_in_stages(const Views& views, const Bundle<double
     std::optional<Solution> solution;
     for (const CalibrationModel& model : calibration_models()) {
         BundleOptions stage = options;
+        if (solution)
+            stage.pull = pull_of(views, solution->cost, model.parameters.size());
         std::erase_if(stage.free, [&](int i) { return i >= std::ssize(model.parameters); });
         const auto from_simpler =
             solution ? adjust_with_mirrored(views, solution->bundle, stage) : std::nullopt;
@@ -147,8 +159,11 @@ std::optional<Solution> solve(std::span<const CalibrationView> views, cv::Size s
     if (options.start) {
         const CameraStart& start = *options.start;
         check_camera(start.camera, start.camera_from_target, views.size());
-        return adjust_bundle(all, bundle_of(start.camera, start.camera_from_target, all),
-                             bundle_options);
+        const Bundle<double> bundle = bundle_of(start.camera, start.camera_from_target, all);
+        const auto cost = bundle_cost(all, bundle, bundle_options);
+        BundleOptions pulled = bundle_options;
+        pulled.pull = pull_of(all, cost.value_or(0.0), pulled.free.size());
+        return adjust_bundle(all, bundle, pulled);
     }
     const CameraStart start = calibration_start(views, size);
     return adjust_in_stages(all, bundle_of(start.camera, start.camera_from_target, all),
@@ -317,16 +332,20 @@ std::vector<Eigen::Vector2d> roughly_undistorted(const CameraModel& camera,
 CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size,
                      const CalibrationModel& model, const CameraFitOptions& options) {
     check_input(views, image_size, model);
-    const BundleOptions bundle_options{indices_of(model), options.huber};
+    BundleOptions bundle_options{indices_of(model), options.huber};
     const Views all = bundle_views(views);
-    const auto solution = solve(views, image_size, all, options, bundle_options);
+    auto solution = solve(views, image_size, all, options, bundle_options);
     if (!solution)
         refuse_start();
+    bundle_options.pull = pull_of(all, solution->cost, model.parameters.size());
+    if (solution->bundle.camera.segment<3>(parameter_index("k4")).any())
+        solution = adjust_bundle(all, solution->bundle, bundle_options);
     CameraFit fit = fit_from(*solution, views, all,
                              options.start ? options.start->camera : pinhole_of(image_size));
+    fit.pull = bundle_options.pull;
     fit.variance = variance_of(views, weighted_squares(views, fit), model);
     const ScaledTriangle scaled =
-        scaled_triangle(view_equations(views, fit.camera, fit.camera_from_target, model), model);
+        scaled_triangle(view_equations(views, fit, model), model);
     fit.condition_number = weakest_direction(scaled, model).condition_number;
     check_focal_lengths(views, fit, model, scaled);
     return fit;
@@ -380,18 +399,16 @@ Eigen::Matrix2Xd parameter_jacobian(const CameraModel& camera, const Eigen::Vect
 }
 
 std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views,
-                                          const CameraModel& camera,
-                                          std::span<const Rigid> camera_from_target,
-                                          const CalibrationModel& model) {
-    check_camera(camera, camera_from_target, views.size());
-    const CameraParameters parameters = all_parameters(camera);
-    const BundleOptions options{indices_of(model)};
+                                          const CameraFit& fit, const CalibrationModel& model) {
+    check_camera(fit.camera, fit.camera_from_target, views.size());
+    const CameraParameters parameters = all_parameters(fit.camera);
+    const BundleOptions options{.free = indices_of(model), .pull = fit.pull};
     const Eigen::Index free = static_cast<Eigen::Index>(model.parameters.size());
     std::vector<ViewEquations> equations;
     for (std::size_t v = 0; v < views.size(); ++v) {
         const BundleView<double> view = bundle_view<double>(views[v]);
         const Eigen::MatrixXd triangle = view_triangle(
-            view, parameters, bundle_pose<double>(camera_from_target[v], view.centre_mm), options);
+            view, parameters, bundle_pose<double>(fit.camera_from_target[v], view.centre_mm), options);
         equations.push_back({triangle.block(6, 6, free, free),
                              triangle.col(6 + free).segment(6, free),
                              triangle(6 + free, 6 + free) * triangle(6 + free, 6 + free)});

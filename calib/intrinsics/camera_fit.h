@@ -25,6 +25,13 @@
 
 namespace etalon {
 
+// k4, k5 and k6 divide the radial polynomial by another one. Where the photos do not reach far
+// enough to tell the two apart, k1 = k4 + 1000 fits as well as any, and neither file nor covariance
+// could be used. They are therefore taken for normally distributed about zero with this standard
+// deviation, several times what lenses have that need them, before a point is seen: a pull far
+// below what points say of them where they do.
+inline constexpr double rational_deviation = 5.0;
+
 struct CameraFit {
     CameraModel camera;  // without covariance
     std::vector<Rigid> camera_from_target;
@@ -33,6 +40,7 @@ struct CameraFit {
     // Of a pixel coordinate with sigma 1: the weighted sum of squares over the degrees of freedom,
     // 2 points - parameters - 6 views. Zero when there are none.
     double variance = 0.0;
+    double pull = 0.0;  // rational_deviation as BundleOptions::pull: sqrt(variance / views) / it
     int iterations = 0;
     bool converged = false;         // the last step was below 1e-8 standard deviations
     double condition_number = 0.0;  // of the pose-eliminated Jacobian with columns of length 1
@@ -77,7 +85,7 @@ Eigen::Matrix2Xd parameter_jacobian(const CameraModel& camera, const Eigen::Vect
 
 // What one view says of the parameters once its own pose is eliminated: a change d of the
 // parameters, with the best pose for each, leaves |triangle d - rhs|^2 + rest squared weighted px.
-// Information triangle^T triangle, score triangle^T rhs.
+// Information triangle^T triangle, score triangle^T rhs. With its share of the pull.
 struct ViewEquations {
     Eigen::MatrixXd triangle;  // upper triangular, parameters x parameters
     Eigen::VectorXd rhs;
@@ -85,9 +93,7 @@ struct ViewEquations {
 };
 
 std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views,
-                                          const CameraModel& camera,
-                                          std::span<const Rigid> camera_from_target,
-                                          const CalibrationModel& model);
+                                          const CameraFit& fit, const CalibrationModel& model);
 
 // Inverse of the views' common information, from one more QR of their triangles: times the variance
 // it is the formal covariance. Throws NumericalError, naming the weakest combination of parameters,

@@ -27,7 +27,7 @@ Half calibrated_half(std::span<const CalibrationView> views, std::size_t first, 
         start.camera_from_target.push_back(all.camera_from_target[i]);
     }
     const CameraFit fit = fit_camera(chosen, image_size, model, {.start = start});
-    const auto equations = view_equations(chosen, fit.camera, fit.camera_from_target, model);
+    const auto equations = view_equations(chosen, fit, model);
     return {fit.camera, chosen.size(), formal_covariance(equations, model, fit.variance),
             cluster_robust_covariance(equations, model)};
 }

@@ -95,7 +95,7 @@ void set_determinacy(ModelScore& score, std::span<const CalibrationView> views, 
                      const CalibrationModel& model) {
     const CameraFit& fit = *score.fit;
     const auto deviation = attempted([&] {
-        const auto equations = view_equations(views, fit.camera, fit.camera_from_target, model);
+        const auto equations = view_equations(views, fit, model);
         return projection_uncertainty(fit.camera, model,
                                       stated_covariance(equations, model, fit.variance),
                                       all_pixels(views))
@@ -126,12 +126,17 @@ void set_doubts(std::vector<ModelScore>& scores, double best_error_px) {
         else if (*score.projection_deviation_px > max_deviation)
             score.doubt = fmt::format("its projection is certain to {:.2g} px only",
                                       *score.projection_deviation_px);
-    const double max_halves =
-        max_halves_difference * std::max(best_error_px, least(scores, &ModelScore::halves_px));
-    for (ModelScore& score : scores)
-        if (score.doubt.empty() && score.halves_px && *score.halves_px > max_halves)
+    const double least_halves = least(scores, &ModelScore::halves_px);
+    const double max_halves = max_halves_difference * std::max(best_error_px, least_halves);
+    for (ModelScore& score : scores) {
+        if (!score.doubt.empty())
+            continue;
+        if (score.halves_px.value_or(0.0) > max_halves)
             score.doubt =
                 fmt::format("two halves of the photos differ by {:.2g} px", *score.halves_px);
+        else if (!score.halves_px && std::isfinite(least_halves))
+            score.doubt = "half of the photos do not determine it";
+    }
 }
 
 // The smallest leave-one-out error; of those without doubt only, if so asked.

@@ -65,7 +65,7 @@ TEST(CalibrateStatistics, RobustDeviationsAreWhatPhotosDoWhoseCornersErrTogether
         for (CalibrationView& view : views)
             bend(view, random);
         const CameraFit fit = fit_camera(views, {640, 480}, model);
-        const auto equations = view_equations(views, fit.camera, fit.camera_from_target, model);
+        const auto equations = view_equations(views, fit, model);
         const Eigen::VectorXd found = parameters_of(fit.camera, model);
         sum += found;
         squares += found.cwiseAbs2();

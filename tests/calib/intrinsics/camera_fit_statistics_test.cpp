@@ -72,7 +72,7 @@ public:
         const Eigen::MatrixXd covariance =
             fit.variance *
             inverse_information(
-                view_equations(observed, fit.camera, fit.camera_from_target, model_), model_);
+                view_equations(observed, fit, model_), model_);
         Calibrated result;
         result.error = parameters_of(fit.camera, model_) - parameters_of(truth_, model_);
         result.u = covariance.diagonal().cwiseSqrt();

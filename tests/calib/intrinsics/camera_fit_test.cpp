@@ -35,7 +35,7 @@ double largest_difference_in_u(const CameraFit& fit, const Eigen::VectorXd& othe
                                const CalibrationModel& model) {
     const Eigen::MatrixXd covariance =
         fit.variance * inverse_information(
-                           view_equations(views, fit.camera, fit.camera_from_target, model), model);
+                           view_equations(views, fit, model), model);
     return (parameters_of(fit.camera, model) - other)
         .cwiseQuotient(covariance.diagonal().cwiseSqrt())
         .cwiseAbs()
@@ -198,7 +198,7 @@ TEST(CameraFit, InverseInformationIsThatOfTheWholeJacobianByDifferences) {
     }
     const Eigen::MatrixXd expected = (jacobian.transpose() * jacobian).inverse();
     const Eigen::MatrixXd inverse = inverse_information(
-        view_equations(views, fit.camera, fit.camera_from_target, model), model);
+        view_equations(views, fit, model), model);
     for (int i = 0; i < 9; ++i)
         for (int j = 0; j < 9; ++j)
             EXPECT_NEAR(inverse(i, j), expected(i, j),
@@ -214,7 +214,7 @@ TEST(CameraFit, ScoresCancelAtTheMinimum) {
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(9), sizes = sum;
     double squares = 0.0;
     for (const ViewEquations& view :
-         view_equations(views, fit.camera, fit.camera_from_target, model)) {
+         view_equations(views, fit, model)) {
         const Eigen::VectorXd score = view.triangle.transpose() * view.rhs;
         sum += score;
         sizes += score.cwiseAbs();

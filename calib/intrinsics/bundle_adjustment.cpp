@@ -76,12 +76,10 @@ std::optional<Scalar> view_cost(const BundleView<Scalar>& view, const PixelModel
 
 // Which of the free parameters are pulled towards zero.
 std::vector<Eigen::Index> pulled(const BundleOptions& options) {
-    constexpr int k4 = 9, k6 = 11;
     std::vector<Eigen::Index> columns;
-    if (options.pull > 0.0)
-        for (std::size_t i = 0; i < options.free.size(); ++i)
-            if (options.free[i] >= k4 && options.free[i] <= k6)
-                columns.push_back(static_cast<Eigen::Index>(i));
+    for (std::size_t i = 0; i < options.free.size(); ++i)
+        if (options.pull[options.free[i]] > 0.0)
+            columns.push_back(static_cast<Eigen::Index>(i));
     return columns;
 }
 
@@ -380,7 +378,8 @@ std::optional<Scalar> bundle_cost(const std::vector<BundleView<Scalar>>& views,
         total += *cost;
     }
     for (const Eigen::Index column : pulled(options)) {
-        const Scalar row = options.pull * bundle.camera[options.free[column]];
+        const int index = options.free[column];
+        const Scalar row = options.pull[index] * bundle.camera[index];
         total += static_cast<Scalar>(views.size()) * row * row;
     }
     return total;
@@ -426,8 +425,9 @@ Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(
         of_point.col(pose_size + free) = huber * residual;
     }
     for (Eigen::Index i = 0; i < std::ssize(held); ++i) {
-        rows(2 * points + i, pose_size + held[i]) = options.pull;
-        rows(2 * points + i, pose_size + free) = -options.pull * camera[options.free[held[i]]];
+        const int index = options.free[held[i]];
+        rows(2 * points + i, pose_size + held[i]) = options.pull[index];
+        rows(2 * points + i, pose_size + free) = -options.pull[index] * camera[index];
     }
     return triangle_of(rows);
 }

@@ -52,9 +52,8 @@ struct BundleOptions {
     std::vector<int> free;  // which of the eighteen, in the order of the triangles' columns
     double huber = 0.0;
     int most_iterations = 100;
-    // Weight of a further row of each view for each of k4, k5, k6 that is free, which wants it to
-    // be zero: calib/intrinsics/camera_fit.h, "pull".
-    double pull = 0.0;
+    // Of the eighteen: weight of a further row of each view that wants the parameter to be zero.
+    Eigen::Matrix<double, 18, 1> pull = Eigen::Matrix<double, 18, 1>::Zero();
 };
 
 template <typename Scalar>

@@ -118,14 +118,48 @@ std::optional<Solution> adjust_with_mirrored(const Views& views, const Bundle<do
     return solution;
 }
 
-// rational_deviation for points that scatter as this cost says.
-double pull_of(const Views& views, double cost, std::size_t parameters) {
+// The largest distance of a point from the axis, where the distance from the lens is 1.
+double outermost(const Views& views, const Bundle<double>& bundle) {
+    double most = 0.0;
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        const BundlePose<double>& pose = bundle.poses[v];
+        const Eigen::Matrix3Xd seen =
+            (pose.rotation.toRotationMatrix() * views[v].points_mm).colwise() + pose.translation;
+        const Eigen::ArrayXd squares = seen.topRows<2>().colwise().squaredNorm().transpose();
+        most = std::max(most, (squares / seen.row(2).transpose().array().square()).maxCoeff());
+    }
+    return std::sqrt(most);
+}
+
+// One over the standard deviations that parameters have before a point is seen; 0: any.
+CameraParameters prior_precisions(double r) {
+    CameraParameters precisions = CameraParameters::Zero();
+    const auto set = [&](const char* name, double precision) {
+        precisions[parameter_index(name)] = precision;
+    };
+    set("k4", r * r / rational_deviation);
+    set("k5", std::pow(r, 4) / rational_deviation);
+    set("k6", std::pow(r, 6) / rational_deviation);
+    for (const char* name : {"s1", "s3"})
+        set(name, r / prism_deviation);
+    for (const char* name : {"s2", "s4"})
+        set(name, std::pow(r, 3) / prism_deviation);
+    for (const char* name : {"tau_x", "tau_y"})
+        set(name, r / tilt_deviation);
+    return precisions;
+}
+
+// For points that scatter about this bundle as its cost says.
+CameraParameters pull_of(const Views& views, const Bundle<double>& bundle, double cost,
+                         std::size_t parameters) {
     double observations = 0.0;
     for (const BundleView<double>& view : views)
         observations += 2.0 * static_cast<double>(view.pixels.cols());
     const double count = static_cast<double>(views.size()),
                  freedom = observations - static_cast<double>(parameters) - 6.0 * count;
-    return freedom > 0.0 ? std::sqrt(cost / freedom / count) / rational_deviation : 0.0;
+    if (!(freedom > 0.0))
+        return CameraParameters::Zero();
+    return std::sqrt(cost / freedom / count) * prior_precisions(outermost(views, bundle));
 }
 
 std::optional<Solution> better(std::optional<Solution> one, std::optional<Solution> other) {
@@ -142,7 +176,7 @@ std::optional<Solution> adjust_in_stages(const Views& views, const Bundle<double
     for (const CalibrationModel& model : calibration_models()) {
         BundleOptions stage = options;
         if (solution)
-            stage.pull = pull_of(views, solution->cost, model.parameters.size());
+            stage.pull = pull_of(views, solution->bundle, solution->cost, model.parameters.size());
         std::erase_if(stage.free, [&](int i) { return i >= std::ssize(model.parameters); });
         const auto from_simpler =
             solution ? adjust_with_mirrored(views, solution->bundle, stage) : std::nullopt;
@@ -162,7 +196,7 @@ std::optional<Solution> solve(std::span<const CalibrationView> views, cv::Size s
         const Bundle<double> bundle = bundle_of(start.camera, start.camera_from_target, all);
         const auto cost = bundle_cost(all, bundle, bundle_options);
         BundleOptions pulled = bundle_options;
-        pulled.pull = pull_of(all, cost.value_or(0.0), pulled.free.size());
+        pulled.pull = pull_of(all, bundle, cost.value_or(0.0), pulled.free.size());
         return adjust_bundle(all, bundle, pulled);
     }
     const CameraStart start = calibration_start(views, size);
@@ -337,8 +371,9 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
     auto solution = solve(views, image_size, all, options, bundle_options);
     if (!solution)
         refuse_start();
-    bundle_options.pull = pull_of(all, solution->cost, model.parameters.size());
-    if (solution->bundle.camera.segment<3>(parameter_index("k4")).any())
+    bundle_options.pull =
+        pull_of(all, solution->bundle, solution->cost, model.parameters.size());
+    if (model.parameters.size() > calibration_model("standard").parameters.size())
         solution = adjust_bundle(all, solution->bundle, bundle_options);
     CameraFit fit = fit_from(*solution, views, all,
                              options.start ? options.start->camera : pinhole_of(image_size));

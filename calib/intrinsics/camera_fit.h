@@ -25,12 +25,14 @@
 
 namespace etalon {
 
-// k4, k5 and k6 divide the radial polynomial by another one. Where the photos do not reach far
-// enough to tell the two apart, k1 = k4 + 1000 fits as well as any, and neither file nor covariance
-// could be used. They are therefore taken for normally distributed about zero with this standard
-// deviation, several times what lenses have that need them, before a point is seen: a pull far
-// below what points say of them where they do.
-inline constexpr double rational_deviation = 5.0;
+// What richer models add, photos may hardly tell apart: k1 = k4 + 1000 fits as well as any where
+// the points do not reach far, and a tilt tau_y does at first order what p2 = -s1 = tau_y / 2 do.
+// Neither file nor covariance could be used then. Before a point is seen, each of k4 to k6, of the
+// prism's and of the tilts is therefore taken to be normally distributed about zero, as wide as
+// lenses and sensors make it with room to spare: of what it does at the outermost point, relative
+// to that point's distance from the axis, these are the standard deviations. Where the points say
+// something of it, that counts for far more.
+inline constexpr double rational_deviation = 0.5, prism_deviation = 0.004, tilt_deviation = 0.02;
 
 struct CameraFit {
     CameraModel camera;  // without covariance
@@ -40,7 +42,7 @@ struct CameraFit {
     // Of a pixel coordinate with sigma 1: the weighted sum of squares over the degrees of freedom,
     // 2 points - parameters - 6 views. Zero when there are none.
     double variance = 0.0;
-    double pull = 0.0;  // rational_deviation as BundleOptions::pull: sqrt(variance / views) / it
+    CameraParameters pull = CameraParameters::Zero();  // these deviations: BundleOptions::pull
     int iterations = 0;
     bool converged = false;         // the last step was below 1e-8 standard deviations
     double condition_number = 0.0;  // of the pose-eliminated Jacobian with columns of length 1

@@ -121,7 +121,9 @@ void set_doubts(std::vector<ModelScore>& scores, double best_error_px) {
         max_projection_deviation *
         std::max(best_error_px, least(scores, &ModelScore::projection_deviation_px));
     for (ModelScore& score : scores)
-        if (!score.projection_deviation_px)
+        if (score.fit && !score.fit->converged)
+            score.doubt = "its best fit lies where its distortion folds over";
+        else if (!score.projection_deviation_px)
             score.doubt = "its projection cannot be told";
         else if (*score.projection_deviation_px > max_deviation)
             score.doubt = fmt::format("its projection is certain to {:.2g} px only",

@@ -137,8 +137,8 @@ ObservedTarget observe(const CalibrationTarget& target, const CodeImage& image) 
     const std::size_t enough = std::min(min_points, target.board.points_mm.size());
     if (view.pixels.size() < enough || !spread_over_the_plane(view))
         return {{},
-                fmt::format("only {} of its points are seen, of which none lies beside the "
-                            "line of the others, or fewer than {}",
+                fmt::format("only {} of its points are seen: {} of them, not all in a line, are "
+                            "needed",
                             view.pixels.size(), enough)};
     return {std::move(view), {}, found.shown_as};
 }

@@ -83,7 +83,7 @@ TEST(Calibrate, FormalDeviationsAreOpenCvsWithResidualsCountedInXAndY) {
         EXPECT_NEAR(calibration.views[i].rms_px, per_view.at<double>(i), 1e-5);
 }
 
-TEST(Calibrate, CovarianceHasTheLargestDeviationsOnItsDiagonal) {
+TEST(Calibrate, CameraFileStatesTheCovarianceThatIsReported) {
     const auto views = test::synthetic_views(test::calibration_truth(), 6, 0.3, 3);
     const auto calibration =
         calibrate_camera(views, test::image_size, {.model = "standard", .leave_one_out = false});
@@ -93,9 +93,7 @@ TEST(Calibrate, CovarianceHasTheLargestDeviationsOnItsDiagonal) {
     for (int i = 0; i < 9; ++i) {
         const ParameterDeviation& deviation = calibration.deviations[i];
         EXPECT_EQ(deviation.name, covariance.order[i]);
-        EXPECT_NEAR(std::sqrt(covariance.matrix(i, i)), deviation.largest(),
-                    1e-9 * deviation.largest());
-        EXPECT_GE(deviation.largest(), deviation.formal);
+        EXPECT_NEAR(std::sqrt(covariance.matrix(i, i)), deviation.stated, 1e-9 * deviation.stated);
         EXPECT_GT(deviation.cluster_robust, 0.0);
         EXPECT_NEAR(deviation.formal, std::sqrt(calibration.covariances.formal(i, i)), 1e-12);
     }
@@ -166,9 +164,9 @@ TEST(Calibrate, NamesTheViewThatCannotBeUsed) {
     views[3].points_mm.resize(9);  // the board's first row
     views[3].pixels.resize(9);
     EXPECT_THAT(error_of(views), HasSubstr("view 3: the points are collinear"));
-    views[3].points_mm.resize(5);
-    views[3].pixels.resize(5);
-    EXPECT_THAT(error_of(views), HasSubstr("view 3: has 5 points, 6 are needed"));
+    views[3].points_mm.resize(3);
+    views[3].pixels.resize(3);
+    EXPECT_THAT(error_of(views), HasSubstr("view 3: has 3 points, 4 are needed"));
 }
 
 // Parallel boards: distance and focal length trade against each other.

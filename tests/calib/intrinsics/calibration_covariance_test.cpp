@@ -136,21 +136,55 @@ TEST(Bootstrap, GivesTheSameBitsForEveryNumberOfThreads) {
         EXPECT_EQ(one.parameters[i], three.parameters[i]);
 }
 
-TEST(ParameterDeviation, TakesTheLargestOfThree) {
-    EXPECT_EQ((ParameterDeviation{"fx", 1.0, 2.5, 2.0}.largest()), 2.5);
-    EXPECT_EQ((ParameterDeviation{"fx", 1.0, 0.5, 2.0}.ratio()), 2.0);
-    EXPECT_EQ((ParameterDeviation{"fx", 4.0, 2.5, std::nullopt}.ratio()), 1.0);
-    EXPECT_EQ((ParameterDeviation{"fx", 0.0, 0.0, std::nullopt}.ratio()), 1.0);
+TEST(ParameterDeviation, ComparesWhatIsStatedWithTheFormalOne) {
+    EXPECT_EQ((ParameterDeviation{"fx", 2.0, 2.5, 2.0, 3.0}.ratio()), 1.5);
+    EXPECT_EQ((ParameterDeviation{"fx", 0.0, 0.0, std::nullopt, 0.0}.ratio()), 1.0);
 }
 
-TEST(ParameterDeviation, LargestKeepTheFormalCorrelations) {
-    Eigen::Matrix2d formal;
-    formal << 4.0, -3.0, -3.0, 9.0;
-    const std::vector<ParameterDeviation> deviations{{"fx", 2.0, 5.0, 1.0}, {"fy", 3.0, 1.0, 2.0}};
-    const Eigen::MatrixXd scaled = with_largest_deviations(formal, deviations);
-    EXPECT_NEAR(scaled(0, 0), 25.0, 1e-12);
-    EXPECT_NEAR(scaled(1, 1), 9.0, 1e-12);
-    EXPECT_NEAR(scaled(0, 1), -0.5 * 5.0 * 3.0, 1e-12);
+// In the units in which the formal covariance is the identity.
+Eigen::Matrix3d in_formal_units(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& formal) {
+    const Eigen::LLT<Eigen::MatrixXd> root(formal);
+    const Eigen::MatrixXd half = root.matrixL().solve(covariance);
+    return root.matrixL().solve(half.transpose());
+}
+
+// The dense formula of Ledoit and Wolf (2004), their section 3.3, with the zero mean that scores
+// have at the solution.
+TEST(StatedCovariance, IsTheRobustOneDrawnTowardsTheFormalOne) {
+    const double variance = 0.49;
+    for (const int seed : {5, 6, 7}) {
+        const Regression data = regression(seed, 1.4);
+        const auto equations = data.equations();
+        const Eigen::MatrixXd formal = formal_covariance(equations, three_parameters, variance),
+                              robust = cluster_robust_covariance(equations, three_parameters),
+                              stated = stated_covariance(equations, three_parameters, variance);
+        const Eigen::Matrix3d s = in_formal_units(robust, formal),
+                              ours = in_formal_units(stated, formal);
+        const double mean = std::max(1.0, s.trace() / 3.0);
+        EXPECT_NEAR(ours.trace(), 3.0 * mean, 1e-9 * mean);
+        // What is not the identity is a share of the robust one's.
+        const Eigen::Matrix3d of_ours = ours / mean - Eigen::Matrix3d::Identity(),
+                              of_s = s / (s.trace() / 3.0) - Eigen::Matrix3d::Identity();
+        const double share = of_ours.cwiseProduct(of_s).sum() / of_s.squaredNorm();
+        EXPECT_GE(share, 0.0);
+        EXPECT_LE(share, 1.0);
+        EXPECT_LT((of_ours - share * of_s).norm(), 1e-9);
+    }
+}
+
+// Fewer clusters than parameters: the robust covariance has no width in some directions.
+TEST(StatedCovariance, HasNoDirectionNarrowerThanFewClustersAllow) {
+    Regression data = regression(5, 0.7);
+    data.x.resize(2);
+    data.y.resize(2);
+    const auto equations = data.equations();
+    const Eigen::MatrixXd formal = formal_covariance(equations, three_parameters, 0.49);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> robust(Eigen::MatrixXd(
+        in_formal_units(cluster_robust_covariance(equations, three_parameters), formal)));
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> stated(Eigen::MatrixXd(
+        in_formal_units(stated_covariance(equations, three_parameters, 0.49), formal)));
+    EXPECT_LT(robust.eigenvalues()[0], 1e-9);
+    EXPECT_GT(stated.eigenvalues()[0], 0.1);
 }
 
 }  // namespace

@@ -13,7 +13,8 @@ ModelScore score(const char* name, int parameters, std::vector<double> left_out,
     ModelScore made;
     made.model = name;
     made.parameters = parameters;
-    made.fit = CameraFit{};
+    made.fit = CameraFit{.converged = true};
+    made.projection_deviation_px = made.halves_px = 0.001;
     double sum = 0.0;
     for (const double each : left_out)
         sum += each;
@@ -55,6 +56,74 @@ TEST(ModelAdvice, TakesTheSimplestModelWithinAStandardErrorOfTheBest) {
     const bool overfits[] = {false, false, false, true, false, true};
     for (int i = 0; i < 6; ++i)
         EXPECT_EQ(advice.models[i].overfits, overfits[i]) << advice.models[i].model;
+}
+
+// Left-out errors fall from a to e; the best is 0.1 px.
+std::vector<ModelScore> ever_better_scores() {
+    std::vector<ModelScore> scores;
+    double square = 1.0;
+    for (const char* name : {"a", "b", "c", "d", "e"}) {
+        const double less = square *= 0.5;
+        scores.push_back(score(name, 4, std::vector<double>(5, less), 500));
+    }
+    return scores;
+}
+
+TEST(ModelAdvice, DoubtsModelsThatPredictButDoNotDetermineTheLens) {
+    std::vector<ModelScore> scores = ever_better_scores();
+    EXPECT_EQ(compare_models(scores, five_views_of(100)).advised, 4u);
+    const double best = *scores[4].leave_one_out_rms_px;
+
+    scores[4].projection_deviation_px = 2.1 * best;
+    ModelAdvice advice = compare_models(scores, five_views_of(100));
+    EXPECT_EQ(advice.advised, 3u);
+    EXPECT_TRUE(advice.models[4].doubt.starts_with("its projection is certain to"));
+
+    scores[3].halves_px = 3.1 * best;
+    advice = compare_models(scores, five_views_of(100));
+    EXPECT_EQ(advice.advised, 2u);
+    EXPECT_TRUE(advice.models[3].doubt.starts_with("two halves of the photos differ by"));
+
+    scores[2].halves_px.reset();
+    advice = compare_models(scores, five_views_of(100));
+    EXPECT_EQ(advice.advised, 1u);
+    EXPECT_EQ(advice.models[2].doubt, "half of the photos do not determine it");
+
+    scores[1].fit->converged = false;
+    advice = compare_models(scores, five_views_of(100));
+    EXPECT_EQ(advice.advised, 0u);
+    EXPECT_EQ(advice.models[1].doubt, "its best fit lies where its distortion folds over");
+}
+
+// Few photos leave every model uncertain: that speaks against none of them.
+TEST(ModelAdvice, DoubtsNoModelForWhatAllOfThemDoNotDetermine) {
+    std::vector<ModelScore> scores = ever_better_scores();
+    for (ModelScore& each : scores)
+        each.projection_deviation_px = each.halves_px = 5.0;
+    EXPECT_EQ(compare_models(scores, five_views_of(100)).advised, 4u);
+}
+
+// A standard error of two views is anything; 1.6 times the best error is not as good.
+TEST(ModelAdvice, TakesNoModelThatIsAQuarterWorseHoweverLargeTheStandardError) {
+    const ModelAdvice advice = compare_models({score("a", 4, {0.1, 5.0, 0.1, 0.1, 0.1}, 500),
+                                               score("b", 6, {0.2, 1.9, 0.1, 0.2, 0.2}, 500)},
+                                              five_views_of(100));
+    EXPECT_LT(advice.models[0].above_best, advice.models[0].above_best_error);
+    EXPECT_EQ(advice.advised, 1u);
+}
+
+// A wide lens on views whose plain start leads each model astray by itself.
+TEST(ScoreModels, AModelNeverFitsWorseThanOneThatItContains) {
+    CameraModel truth = test::calibration_truth();
+    truth.distortion = {.k1 = 0.9, .k2 = 0.11, .p1 = 0.0004, .p2 = -0.0007, .k3 = 0.002,
+                        .k4 = 1.2, .k5 = 0.41, .k6 = 0.03};
+    for (const int seed : {1, 2, 3}) {
+        const auto views = test::synthetic_views(truth, 9, 0.2, seed);
+        const auto scores =
+            score_models(views, test::image_size, calibration_models(), /*leave_out_views=*/false);
+        for (std::size_t i = 1; i < scores.size(); ++i)
+            EXPECT_LE(scores[i].rms_px, 1.0001 * scores[i - 1].rms_px) << scores[i].model;
+    }
 }
 
 TEST(ModelAdvice, AdvisesNothingWhereNoViewWasLeftOut) {

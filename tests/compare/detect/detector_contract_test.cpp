@@ -1,5 +1,6 @@
 // What every detector promises (compare/detect/detector.h), on exact renderings of its marker. What
 // only one of them does is in the tests of their own.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "compare/make_detector.h"
@@ -11,6 +12,8 @@ namespace {
 
 using test::RenderedTag;
 using test::sharp_camera;
+using testing::HasSubstr;
+using testing::StartsWith;
 
 struct Contract {
     const char* detector;
@@ -32,8 +35,12 @@ const Contract contracts[] = {
     {"topotag", "topotag:4x4:9283@50mm", "topotag:4x4:9282@50mm", 0.05,
      "marker 9283 is seen 2 times"},
     {"charuco", "charuco:4X4_50:5x4@12mm/9mm", "charuco:5X5_50:5x4@12mm/9mm", 0.02,
-     "marker not found"},
+     "ids 0 to 9, but not where 5x4 squares"},
     {"chessboard", "chessboard:7x4@8mm", "chessboard:5x4@8mm", 0.02, ""},
+    {"aprilgrid", "aprilgrid:36h11:3x2@20mm/6mm", "aprilgrid:25h9:3x2@20mm/6mm", 0.02,
+     "marker not found"},
+    {"circles", "circles:7x4@8mm/5mm", "circles:6x5@8mm/5mm", 0.02, ""},
+    {"squares", "squares:4x3@10mm/7mm", "squares:5x2@10mm/7mm", 0.05, ""},
 };
 
 Marker marker_of(const char* spec) {
@@ -65,7 +72,7 @@ TEST_P(EveryDetector, FindsItsMarkerAndItsPose) {
     EXPECT_EQ(detector_->name(), contract().detector);
     EXPECT_EQ(make_detector("auto", marker_, "test")->name(), contract().detector);
     const RenderedTag photo = photo_of(marker_, {10, -7, 290});
-    const auto [found, reason] = detector_->detect(photo.image);
+    const auto [found, reason, several, shown_as] = detector_->detect(photo.image);
     ASSERT_TRUE(found) << reason;
     EXPECT_EQ(reason, "");
     EXPECT_EQ(found->id, marker_.id);
@@ -88,12 +95,12 @@ TEST_P(EveryDetector, CountsOnlyTheMarkersOwnId) {
     const RenderedTag photo = photo_of(marker_of(contract().other), {10, -7, 290});
     const Detection detection = detector_->detect(photo.image);
     EXPECT_FALSE(detection.corners);
-    EXPECT_EQ(detection.reason, "marker not found");
+    EXPECT_THAT(detection.reason, StartsWith("marker not found"));
 }
 
 TEST_P(EveryDetector, TakesNeitherOfTwoWithTheSameIdAndSaysSo) {
     if (*contract().seen_twice == '\0')
-        GTEST_SKIP() << "a " << contract().detector << " has no id";
+        GTEST_SKIP() << contract().detector << ": no ids to tell two apart";
     const RenderedTag left = photo_of(marker_, {-70, 5, 300}),
                       right = photo_of(marker_, {70, -5, 300});
     // The white around each yields to the other.
@@ -102,7 +109,7 @@ TEST_P(EveryDetector, TakesNeitherOfTwoWithTheSameIdAndSaysSo) {
     EXPECT_TRUE(detector_->detect(right.image).corners);
     const Detection detection = detector_->detect(both);
     EXPECT_FALSE(detection.corners);
-    EXPECT_EQ(detection.reason, contract().seen_twice);
+    EXPECT_THAT(detection.reason, HasSubstr(contract().seen_twice));
 }
 
 TEST_P(EveryDetector, GivesTheSameForTheSameImageWhateverItSawBefore) {
@@ -126,7 +133,7 @@ TEST_P(EveryDetector, FindsNothingInImagesWithoutContentOrSize) {
             const Detection detection =
                 detector_->detect({cv::Mat(size, CV_8UC1, cv::Scalar(level)), 8});
             EXPECT_FALSE(detection.corners);
-            EXPECT_EQ(detection.reason, "marker not found");
+            EXPECT_THAT(detection.reason, StartsWith("marker not found"));
         }
 }
 
@@ -190,10 +197,7 @@ TEST(CharucoDetector, NeedsSixCornersOfABoardThatHasThem) {
     const Detection detection =
         detector->detect(covered_from(photo.image, static_cast<int>(leftmost->x()) + 15));
     EXPECT_FALSE(detection.corners);
-    EXPECT_EQ(detection.reason, "marker not found");
-    EXPECT_THROW(make_detector("charuco", marker_of("charuco:4X4_50:3x3@12mm/9mm"), "test"),
-                 ConfigError);
-    EXPECT_NO_THROW(make_detector("charuco", marker_of("charuco:4X4_50:3x4@12mm/9mm"), "test"));
+    EXPECT_THAT(detection.reason, HasSubstr("of its points are seen: 6 of them"));
 }
 
 }  // namespace

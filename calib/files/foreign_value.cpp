@@ -13,6 +13,10 @@ ForeignValue::ForeignValue(const YAML::Node& node, SourcePlace place)
 ForeignValue ForeignValue::parse(const std::string& text, const std::string& file) {
     try {
         const YAML::Node root = YAML::Load(text);
+        if (text.starts_with("Model = CAHV"))
+            throw ConfigError({file, 1},
+                              "is a CAHV, CAHVOR or CAHVORE model, which is not supported: its "
+                              "distortion has no exact form in OpenCV's parameters");
         if (!root.IsMap())
             throw ConfigError({file, 1}, "is no camera calibration of a known format");
         return {root, {file, 1}};

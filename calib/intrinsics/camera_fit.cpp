@@ -149,17 +149,35 @@ CameraParameters prior_precisions(double r) {
     return precisions;
 }
 
-// For points that scatter about this bundle as its cost says.
-CameraParameters pull_of(const Views& views, const Bundle<double>& bundle, double cost,
-                         std::size_t parameters) {
+// For points that scatter as they do about this bundle.
+CameraParameters pull_of(const Views& views, const Bundle<double>& bundle,
+                         const BundleOptions& options) {
+    BundleOptions of_points = options;
+    of_points.pull.setZero();
+    const auto cost = bundle_cost(views, bundle, of_points);
     double observations = 0.0;
     for (const BundleView<double>& view : views)
         observations += 2.0 * static_cast<double>(view.pixels.cols());
     const double count = static_cast<double>(views.size()),
-                 freedom = observations - static_cast<double>(parameters) - 6.0 * count;
-    if (!(freedom > 0.0))
+                 freedom = observations - static_cast<double>(options.free.size()) - 6.0 * count;
+    if (!cost || !(freedom > 0.0))
         return CameraParameters::Zero();
-    return std::sqrt(cost / freedom / count) * prior_precisions(outermost(views, bundle));
+    return std::sqrt(*cost / freedom / count) * prior_precisions(outermost(views, bundle));
+}
+
+// The first pull is that of a simpler model, which may fit far worse: until it and the points'
+// scatter agree.
+Solution with_its_own_pull(const Views& views, Solution solution, BundleOptions& options) {
+    constexpr int max_rounds = 20;
+    constexpr double settled = 0.01;
+    for (int round = 0; round < max_rounds; ++round) {
+        const CameraParameters next = pull_of(views, solution.bundle, options);
+        if ((next - options.pull).norm() <= settled * next.norm())
+            break;
+        options.pull = next;
+        solution = adjust_bundle(views, solution.bundle, options).value_or(std::move(solution));
+    }
+    return solution;
 }
 
 std::optional<Solution> better(std::optional<Solution> one, std::optional<Solution> other) {
@@ -176,7 +194,7 @@ std::optional<Solution> adjust_in_stages(const Views& views, const Bundle<double
     for (const CalibrationModel& model : calibration_models()) {
         BundleOptions stage = options;
         if (solution)
-            stage.pull = pull_of(views, solution->bundle, solution->cost, model.parameters.size());
+            stage.pull = pull_of(views, solution->bundle, stage);
         std::erase_if(stage.free, [&](int i) { return i >= std::ssize(model.parameters); });
         const auto from_simpler =
             solution ? adjust_with_mirrored(views, solution->bundle, stage) : std::nullopt;
@@ -194,9 +212,8 @@ std::optional<Solution> solve(std::span<const CalibrationView> views, cv::Size s
         const CameraStart& start = *options.start;
         check_camera(start.camera, start.camera_from_target, views.size());
         const Bundle<double> bundle = bundle_of(start.camera, start.camera_from_target, all);
-        const auto cost = bundle_cost(all, bundle, bundle_options);
         BundleOptions pulled = bundle_options;
-        pulled.pull = pull_of(all, bundle, cost.value_or(0.0), pulled.free.size());
+        pulled.pull = pull_of(all, bundle, bundle_options);
         return adjust_bundle(all, bundle, pulled);
     }
     const CameraStart start = calibration_start(views, size);
@@ -371,16 +388,13 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
     auto solution = solve(views, image_size, all, options, bundle_options);
     if (!solution)
         refuse_start();
-    bundle_options.pull =
-        pull_of(all, solution->bundle, solution->cost, model.parameters.size());
     if (model.parameters.size() > calibration_model("standard").parameters.size())
-        solution = adjust_bundle(all, solution->bundle, bundle_options);
+        solution = with_its_own_pull(all, std::move(*solution), bundle_options);
     CameraFit fit = fit_from(*solution, views, all,
                              options.start ? options.start->camera : pinhole_of(image_size));
     fit.pull = bundle_options.pull;
     fit.variance = variance_of(views, weighted_squares(views, fit), model);
-    const ScaledTriangle scaled =
-        scaled_triangle(view_equations(views, fit, model), model);
+    const ScaledTriangle scaled = scaled_triangle(view_equations(views, fit, model), model);
     fit.condition_number = weakest_direction(scaled, model).condition_number;
     check_focal_lengths(views, fit, model, scaled);
     return fit;

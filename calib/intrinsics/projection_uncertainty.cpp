@@ -55,6 +55,8 @@ ImageRays image_rays(const CameraModel& camera) {
         }
     if (rays.pixels.empty())
         throw NumericalError("no ray of this camera reaches its image");
+    rays.share_without_ray =
+        1.0 - static_cast<double>(rays.pixels.size()) / static_cast<double>(rows * columns);
     return rays;
 }
 
@@ -166,7 +168,8 @@ ProjectionUncertainty projection_uncertainty(const CameraModel& camera,
     const Eigen::VectorXd rotated = ray_deviations(
         less_best_rotation(moved, rotation_jacobian(camera, rays), held), covariance);
     const std::vector<cv::Point2f> hull = convex_hull(points);
-    ProjectionUncertainty uncertainty{{}, rays.step_x_px, rays.step_y_px};
+    ProjectionUncertainty uncertainty{
+        {}, rays.step_x_px, rays.step_y_px, rays.share_without_ray};
     for (std::size_t i = 0; i < rays.pixels.size(); ++i) {
         const auto ray = static_cast<Eigen::Index>(i);
         uncertainty.pixels.push_back(

@@ -25,6 +25,7 @@ namespace etalon {
 struct ImageRays {
     std::vector<Eigen::Vector2d> pixels, undistorted;
     double step_x_px = 0.0, step_y_px = 0.0;
+    double share_without_ray = 0.0;  // of the image, where the distortion folds over: 0 to 1
 };
 ImageRays image_rays(const CameraModel& camera);
 std::vector<Eigen::Vector2d> all_pixels(std::span<const CalibrationView> views);
@@ -56,6 +57,7 @@ struct PixelUncertainty {
 struct ProjectionUncertainty {
     std::vector<PixelUncertainty> pixels;
     double step_x_px = 0.0, step_y_px = 0.0;  // between them
+    double share_without_ray = 0.0;           // of the image: ImageRays
 
     double mean(double PixelUncertainty::*value) const;
     double worst(double PixelUncertainty::*value) const;

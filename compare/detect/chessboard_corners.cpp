@@ -92,6 +92,16 @@ double even_minus_odd(const Board& board, const cv::Mat& pixels) {
     return sum[0] / std::max(count[0], 1) - sum[1] / std::max(count[1], 1);
 }
 
+// As seen after the board was turned by 90 degrees clockwise.
+void turn_by_a_quarter(Board& board) {
+    std::vector<cv::Point2f> turned;
+    for (int column = 0; column < board.columns; ++column)
+        for (int row = board.rows - 1; row >= 0; --row)
+            turned.push_back(board.at(row, column));
+    board.corners = std::move(turned);
+    std::swap(board.columns, board.rows);
+}
+
 // With the histogram spread over all levels, which dark photos need, and without, which serves
 // bright ones better; then from saddles instead of squares, which sees boards whose outer squares
 // the image cuts.
@@ -140,9 +150,14 @@ std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image,
     make_right_handed(board);
     cv::Mat pixels;
     image.pixels.convertTo(pixels, CV_32F, 1.0 / image.full_scale());
-    if ((columns + rows) % 2 == 1 && even_minus_odd(board, pixels) > 0.0)
+    const bool exchanged = even_minus_odd(board, pixels) > 0.0;
+    if (exchanged && (columns + rows) % 2 == 1)
         std::reverse(board.corners.begin(), board.corners.end());
-    return refined(board, pixels);
+    else if (exchanged && columns == rows)
+        turn_by_a_quarter(board);
+    ChessboardCorners found = refined(board, pixels);
+    found.lies_on_its_side = exchanged && (columns + rows) % 2 == 0 && columns != rows;
+    return found;
 }
 
 }  // namespace etalon

@@ -18,6 +18,9 @@ struct ChessboardCorners {
     // Of each corner: whether it was refined. Where dirt, glare or the image's border is in the way
     // it stays where the finder put it, to half a pixel or worse.
     std::vector<bool> refined;
+    // The squares are black where a board of these columns and rows has white ones: it is the board
+    // of `rows` columns and `columns` rows that lies on its side.
+    bool lies_on_its_side = false;
     double smallest_spacing_px = 0.0;   // between neighbouring corners
     int refinement_half_window_px = 0;  // of the smallest window, whole pixels
 };
@@ -28,7 +31,7 @@ struct ChessboardCorners {
 //  - columns + rows odd: the colours tell, and the first inner corner is the one between two black
 //    squares as in sim/marker/marker.h (black at the top left);
 //  - even: nothing tells; the order is OpenCV's (the first corner towards the image's top left for
-//    a board that is roughly upright), and so is the corner that a square board starts from.
+//    a board that is roughly upright), but for square boards, of which a quarter turn tells.
 // Safe from every thread. Some 50 ms for a 640x480 photo, up to a second where there is no board
 // (half a minute in pure noise).
 std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image, int columns,

@@ -9,7 +9,7 @@
 
 #include "compare/detect/board_points.h"
 #include "compare/detect/dark_shapes.h"
-#include "compare/detect/plane_view.h"
+#include "compare/detect/seen_plane.h"
 #include "compare/detect/point_lattice.h"
 #include "core/median.h"
 #include "sim/marker/board_pattern.h"
@@ -39,18 +39,18 @@ std::vector<Eigen::Vector2i> lattice_places(const Marker& board) {
 
 using Circles = std::vector<std::optional<DarkShape>>;
 
-std::optional<PlaneView> view_of(const Marker& board, const Circles& circles) {
+std::optional<SeenPlane> view_of(const Marker& board, const Circles& circles) {
     std::vector<Eigen::Vector2d> mm, px;
     for (std::size_t i = 0; i < circles.size(); ++i)
         if (circles[i]) {
             mm.push_back(board.points_mm[i].head<2>());
             px.push_back(circles[i]->centre);
         }
-    return PlaneView::through(mm, px);
+    return SeenPlane::through(mm, px);
 }
 
 // The diameter that the circles have where their spacing is the stated one.
-double seen_diameter_mm(const Marker& board, const PlaneView& view, const Circles& circles) {
+double seen_diameter_mm(const Marker& board, const SeenPlane& view, const Circles& circles) {
     std::vector<double> diameters;
     for (std::size_t i = 0; i < circles.size(); ++i)
         if (circles[i])

@@ -36,8 +36,9 @@ struct Detection {
     std::string reason = {};  // why there are none, in words: "marker not found"
     // All that look alike, where the marker is seen more than once; `corners` is empty then.
     std::vector<DetectedCorners> several = {};
-    // The marker's name where a ChArUco board is seen in the other of its two layouts: its corners
-    // are where they were looked for, its squares and markers are not.
+    // The marker's name where a ChArUco board is seen in the other of its two layouts, or a
+    // chessboard that lies on its side: the corners are where they were looked for, the squares are
+    // not.
     std::string shown_as = {};
 };
 

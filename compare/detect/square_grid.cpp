@@ -4,7 +4,7 @@
 #include <array>
 
 #include "compare/detect/board_points.h"
-#include "compare/detect/plane_view.h"
+#include "compare/detect/seen_plane.h"
 #include "compare/detect/point_lattice.h"
 #include "compare/detect/saddle_point.h"
 
@@ -25,7 +25,7 @@ std::array<int, 4> ids_of(const Marker& board, const Eigen::Vector2i& place) {
     return {first, first + 1, first + across + 1, first + across};
 }
 
-std::optional<PlaneView> view_of(const Marker& board, const std::vector<Eigen::Vector2i>& places,
+std::optional<SeenPlane> view_of(const Marker& board, const std::vector<Eigen::Vector2i>& places,
                                  const std::vector<std::optional<DarkShape>>& squares) {
     const double pitch = board.size_mm + board.part_mm;
     std::vector<Eigen::Vector2d> mm, px;
@@ -34,7 +34,7 @@ std::optional<PlaneView> view_of(const Marker& board, const std::vector<Eigen::V
             mm.push_back((places[i].cast<double>() * pitch).array() + 0.5 * board.size_mm);
             px.push_back(squares[i]->centre);
         }
-    return PlaneView::through(mm, px);
+    return SeenPlane::through(mm, px);
 }
 
 // The square's corners from the board's top left one on.

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <map>
 
-#include "compare/detect/plane_view.h"
+#include "compare/detect/seen_plane.h"
 
 namespace etalon {
 namespace {
@@ -14,13 +14,13 @@ Eigen::Vector2d centre_of(const std::array<Eigen::Vector2d, 4>& corners) {
     return 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]);
 }
 
-std::optional<PlaneView> view_of(const std::vector<const MatchedTag*>& tags) {
+std::optional<SeenPlane> view_of(const std::vector<const MatchedTag*>& tags) {
     std::vector<Eigen::Vector2d> mm, px;
     for (const MatchedTag* tag : tags) {
         mm.insert(mm.end(), tag->placed.corners_mm.begin(), tag->placed.corners_mm.end());
         px.insert(px.end(), tag->found.corners.begin(), tag->found.corners.end());
     }
-    return PlaneView::through(mm, px);
+    return SeenPlane::through(mm, px);
 }
 
 bool meets(const MatchedTag& from, const MatchedTag& other) {

@@ -61,7 +61,11 @@ auto pair_of(const Spec& spec, const std::string& text, Parse parse) {
 }
 
 std::string did_you_mean(const std::string& word, const std::vector<std::string>& candidates) {
-    const std::string nearest = nearest_word(word, candidates);
+    const auto ends_so = std::ranges::find_if(candidates, [&](const std::string& candidate) {
+        return word.size() > 2 && candidate.ends_with(word);  // "41h12": Standard41h12
+    });
+    const std::string nearest =
+        ends_so != candidates.end() ? *ends_so : nearest_word(word, candidates);
     return nearest.empty() ? std::string() : "; did you mean '" + nearest + "'?";
 }
 

@@ -102,7 +102,7 @@ HtmlPage::Figure deviation_figure(const CameraCalibration& calibration) {
     plot.add_level(suspicious_deviation_ratio, Ink::red, "suspicious above");
     return {plot.svg(),
             "Standard deviations over photos against the formal one (gray), which takes all "
-            "corners for independent. The largest of each is used."};
+            "corners for independent."};
 }
 
 HtmlPage::Figure photo_figure(const CalibrationRun& run) {

@@ -109,6 +109,11 @@ void remark_on_image(const CalibrationRun& run, std::vector<std::string>& remark
             100.0 * uncertainty.share_among_points(),
             uncertainty.worst_among_points(&PixelUncertainty::rotated),
             uncertainty.worst(&PixelUncertainty::rotated)));
+    if (uncertainty.share_without_ray > 0.0)
+        remarks.push_back(fmt::format(
+            "{:.2g} % of the image has no ray: beyond the corners the distortion folds over. "
+            "Nothing can be measured or rendered there.",
+            100.0 * uncertainty.share_without_ray));
     const auto& halves = run.calibration.halves;
     if (!halves)
         remarks.push_back(
@@ -217,7 +222,8 @@ ordered_json uncertainty_json(const ProjectionUncertainty& uncertainty) {
     };
     return {{"camera_held", figures(&PixelUncertainty::held)},
             {"after_best_rotation", figures(&PixelUncertainty::rotated)},
-            {"image_among_corners", uncertainty.share_among_points()}};
+            {"image_among_corners", uncertainty.share_among_points()},
+            {"image_without_ray", uncertainty.share_without_ray}};
 }
 
 ordered_json halves_json(const CrossValidation& halves) {

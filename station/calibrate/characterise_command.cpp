@@ -246,12 +246,24 @@ void print_json(const CharacteriseArguments& arguments, const Characterisation& 
     std::puts(text_of(json).c_str());
 }
 
+void require_target_and_output(const CharacteriseArguments& arguments) {
+    if (arguments.camera.empty())
+        throw ConfigError({"--camera"}, "is required, unless with --edge");
+    if (arguments.target.empty())
+        throw ConfigError({"--target"}, "is required, unless with --edge");
+    if (arguments.out.empty())
+        throw ConfigError({"--out"}, "is required, unless with --edge");
+}
+
 }  // namespace
 
 int run_characterise(const CharacteriseArguments& given) {
     const PhotoFiles files(given.photos);
     CharacteriseArguments arguments = given;
     arguments.photos = files.paths();
+    if (!arguments.edge.empty())
+        return run_edge(arguments);
+    require_target_and_output(arguments);
     const CharacteriseInput input = read_input(arguments);
     const Characterisation result = characterise(input);
     for (const std::string& remark : result.remarks)
@@ -279,16 +291,20 @@ void declare_characterise(Command& program) {
         "Example:\n"
         "  etalon characterise --camera camera.yml --target chessboard:9x6@25mm board*.png \\\n"
         "      --repeats still*.png --flat flat*.png --dark dark*.png \\\n"
-        "      --exposures series.csv --out characterised.yml --report characterised\n");
+        "      --exposures series.csv --out characterised.yml --report characterised\n"
+        "  etalon characterise --edge auto chart.png --report edges\n");
     command.option("PHOTOS", asked->photos, "the target in several places and tilts");
-    command.required("--camera", asked->camera, "calibration: ours or another tool's", "FILE");
-    command.required("--target", asked->target, "the target, as for calibrating", "M");
+    command.option("--camera", asked->camera, "calibration: ours or another tool's", "FILE");
+    command.option("--target", asked->target, "the target, as for calibrating", "M");
     command.option("--repeats", asked->repeats, "one still view, two or more times", "PHOTOS");
     command.option("--flat", asked->flats, "a uniform field", "PHOTOS");
     command.option("--dark", asked->darks, "lens covered", "PHOTOS");
     command.option("--exposures", asked->exposures,
                    "CSV file,exposure_us: one still scene at\nseveral exposure times", "FILE");
-    command.required("--out", asked->out, "camera.yml to write", "FILE");
+    command.option("--out", asked->out, "camera.yml to write", "FILE");
+    command.option("--edge", asked->edge,
+                   "only the MTF, along slanted edges of any\nphotographs: auto finds them, or X,Y,WxH in px",
+                   "WHERE");
     command.option("--report", asked->report, "folder for report.html", "DIR");
 }
 

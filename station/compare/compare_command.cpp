@@ -98,11 +98,16 @@ Job checked_job(const CompareArguments& arguments) {
     return job;
 }
 
+struct FoundPoses {
+    std::vector<ComparedPhoto> photos;
+    std::string shown_as;  // the board's name where they show another that is drawn otherwise
+};
+
 // First pass: every photograph is read and its pose found, so that an input error in the last one
 // shows before anything is written.
-std::vector<ComparedPhoto> find_poses(const CompareArguments& arguments, const Job& job,
-                                      const Projector& projector) {
-    std::vector<ComparedPhoto> photos;
+FoundPoses find_poses(const CompareArguments& arguments, const Job& job,
+                      const Projector& projector) {
+    FoundPoses all;
     for (std::size_t i = 0; i < arguments.photos.size(); ++i) {
         const auto& path = arguments.photos[i];
         const CodeImage image = read_photo(path, job.camera, arguments.camera);
@@ -115,6 +120,8 @@ std::vector<ComparedPhoto> find_poses(const CompareArguments& arguments, const J
             const PhotoPose found =
                 find_as_drawn(path, image, *job.detector, projector, job.marker);
             photo.failure = found.failure;
+            if (!found.shown_as.empty())
+                all.shown_as = found.shown_as;
             if (!found.corners) {
                 photo.findings = examine_missing_marker(image, *job.detector);
                 photo.pictures = pictures_of_photo(image, path);
@@ -123,9 +130,9 @@ std::vector<ComparedPhoto> find_poses(const CompareArguments& arguments, const J
             if (found.estimate)
                 photo.under_test = found.estimate->camera_from_marker;
         }
-        photos.push_back(photo);
+        all.photos.push_back(photo);
     }
-    return photos;
+    return all;
 }
 
 [[noreturn]] void fail_without_photos(const Comparison& comparison) {
@@ -232,8 +239,16 @@ int run_compare(const CompareArguments& given) {
     const PhotoFiles files(given.photos);
     CompareArguments arguments = given;
     arguments.photos = files.paths();
-    const Job job = checked_job(arguments);
+    Job job = checked_job(arguments);
     const Projector projector(job.camera);
+    FoundPoses found = find_poses(arguments, job, projector);
+    if (!found.shown_as.empty()) {
+        fmt::print(stderr, "the board that is seen is {}: compared as that\n", found.shown_as);
+        arguments.board.clear();
+        arguments.marker = found.shown_as;
+        job = checked_job(arguments);
+        found = find_poses(arguments, job, projector);
+    }
     Comparison comparison;
     comparison.camera_file = arguments.camera;
     comparison.camera = job.camera;
@@ -242,7 +257,7 @@ int run_compare(const CompareArguments& given) {
     comparison.poses = arguments.poses.string();
     comparison.is_chessboard = job.marker.kind == Marker::Kind::chessboard;
     comparison.margin = margin_of(arguments, job.marker);
-    comparison.photos = find_poses(arguments, job, projector);
+    comparison.photos = std::move(found.photos);
     compare_all(arguments, job, comparison);
     if (job.baseline)
         comparison.baseline =

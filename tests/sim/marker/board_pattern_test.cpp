@@ -160,7 +160,7 @@ TEST(Boards, ThatCannotBeAreRefusedWithTheReason) {
         {"charuco:4X4_50:9x6@30mm/22", "must end in mm"},
         {"charuco:4X4_50:30x6@30mm/22mm", "90 tags are needed, but there are 50"},
         {"charuco:4X4_51:9x6@30mm/22mm", "did you mean '4X4_50'"},
-        {"charuco:9x6@30mm/22mm", "charuco:FAMILY:COLUMNSxROWS"},
+        {"charuco:9x6@30mm/22mm", "charuco:DICTIONARY:COLUMNSxROWS"},
         {"charuco:4X4_1000:40x40@30mm/0.003mm", "simple ratio"},
         {"aprilgrid:36h11:0x5@40mm/12mm", "not a number of tags"},
         {"aprilgrid:16h5:6x6@40mm/12mm", "36 tags are needed, but there are 30"},

@@ -91,7 +91,7 @@ TEST_F(CalibrationReport, PageStandsAloneAndEscapesNames) {
     EXPECT_THAT(page, AllOf(Not(HasSubstr("http://")), Not(HasSubstr("https://")),
                             Not(HasSubstr("<script"))));
     EXPECT_THAT(page, AllOf(Not(HasSubstr("nan")), Not(HasSubstr("inf "))));
-    for (const char* part : {"Which model", "three standard deviations", "Two halves", "in pixels"})
+    for (const char* part : {"Which model", "its standard deviations", "Two halves", "in pixels"})
         EXPECT_THAT(page, HasSubstr(part));
 }
 

@@ -8,11 +8,11 @@
 
 namespace etalon {
 
-struct PlaneView {
+struct SeenPlane {
     Eigen::Matrix3d pixel_from_mm;
 
     // Nothing when the points do not determine it.
-    static std::optional<PlaneView> through(const std::vector<Eigen::Vector2d>& mm,
+    static std::optional<SeenPlane> through(const std::vector<Eigen::Vector2d>& mm,
                                             const std::vector<Eigen::Vector2d>& pixels);
 
     Eigen::Vector2d at(const Eigen::Vector2d& mm) const;

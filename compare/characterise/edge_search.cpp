@@ -21,8 +21,8 @@ struct Segment {
     double length() const { return cv::norm(along()); }
     bool is_steep() const { return std::abs(along().y) > std::abs(along().x); }
     double angle_deg() const {
-        const auto [less, more] = std::minmax(std::abs(along().x), std::abs(along().y));
-        return std::atan2(less, more) * 180.0 / std::numbers::pi;
+        const double x = std::abs(along().x), y = std::abs(along().y);
+        return std::atan2(std::min(x, y), std::max(x, y)) * 180.0 / std::numbers::pi;
     }
 };
 
@@ -44,6 +44,7 @@ std::vector<Segment> slanted_segments(const LinearPhoto& photo) {
         if (segment.length() >= min_length_px && angle >= min_angle_deg && angle <= max_angle_deg)
             segments.push_back(segment);
     }
+    std::ranges::stable_sort(segments, std::greater(), &Segment::length);
     return segments;
 }
 
@@ -60,39 +61,50 @@ cv::Rect window_of(const Segment& segment, double to_both_sides_px) {
             cv::Point(cvRound(high.x + sides.x), cvRound(high.y + sides.y))};
 }
 
+// Another edge in the window would turn the line, or leave a spectrum that is mostly noise.
+bool is_this_edge(const SlantedEdge& edge, const Segment& segment) {
+    constexpr double max_turn_deg = 1.5, max_nyquist_deviation = 0.05;
+    return edge.mtf50_cycles_per_px > 0.0 &&
+           std::abs(edge.angle_deg - segment.angle_deg()) < max_turn_deg &&
+           edge.at_nyquist_standard_uncertainty < max_nyquist_deviation;
+}
+
 // In the width in which its MTF50 is most certain: what is beside the edge counts as noise.
-std::optional<FoundSlantedEdge> measured(const LinearPhoto& photo, const Segment& segment) {
+std::optional<FoundSlantedEdge> measured(const LinearPhoto& photo, const Segment& segment,
+                                         std::string& reason) {
     std::optional<FoundSlantedEdge> best;
     for (const double side : {10.0, 14.0, 20.0, 28.0, 40.0}) {
         const cv::Rect region = window_of(segment, side);
         auto edge = attempted([&] { return slanted_edge(photo, region); });
-        if (edge && edge->mtf50_cycles_per_px > 0.0 &&
+        if (edge && is_this_edge(*edge, segment) &&
             (!best ||
              edge->mtf50_standard_uncertainty < best->edge.mtf50_standard_uncertainty))
             best = FoundSlantedEdge{region, *edge};
+        if (!best && reason.empty())
+            reason = edge.cause;
     }
     return best;
 }
 
 }  // namespace
 
-std::vector<FoundSlantedEdge> find_slanted_edges(const LinearPhoto& photo, std::size_t most) {
+SlantedEdges find_slanted_edges(const LinearPhoto& photo, std::size_t most) {
     std::vector<FoundSlantedEdge> all;
+    SlantedEdges found;
     for (const Segment& segment : slanted_segments(photo))
-        if (auto edge = measured(photo, segment))
+        if (auto edge = measured(photo, segment, found.reason))
             all.push_back(std::move(*edge));
     std::ranges::stable_sort(all, {}, [](const FoundSlantedEdge& each) {
         return each.edge.mtf50_standard_uncertainty;
     });
-    std::vector<FoundSlantedEdge> best;
     for (FoundSlantedEdge& each : all) {
-        const bool is_apart = std::ranges::none_of(best, [&](const FoundSlantedEdge& other) {
+        const bool is_apart = std::ranges::none_of(found.edges, [&](const FoundSlantedEdge& other) {
             return (other.region & each.region).area() > 0;
         });
-        if (is_apart && best.size() < most)
-            best.push_back(std::move(each));
+        if (is_apart && found.edges.size() < most)
+            found.edges.push_back(std::move(each));
     }
-    return best;
+    return found;
 }
 
 }  // namespace etalon

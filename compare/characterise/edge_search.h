@@ -5,6 +5,7 @@
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <string>
 #include <vector>
 
 #include "compare/characterise/slanted_edge.h"
@@ -16,8 +17,13 @@ struct FoundSlantedEdge {
     SlantedEdge edge;
 };
 
+struct SlantedEdges {
+    std::vector<FoundSlantedEdge> edges;
+    std::string reason;  // why the longest line that cannot be measured cannot; empty: no such line
+};
+
 // The edges whose MTF50 is most certain, the best first, none within another's region; at most
-// `most`. Empty where there is none. Some 50 ns a pixel and a ms an edge. Safe from every thread.
-std::vector<FoundSlantedEdge> find_slanted_edges(const LinearPhoto& photo, std::size_t most = 12);
+// `most`. Some 50 ns a pixel and a ms an edge. Safe from every thread.
+SlantedEdges find_slanted_edges(const LinearPhoto& photo, std::size_t most = 12);
 
 }  // namespace etalon

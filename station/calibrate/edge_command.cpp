@@ -56,10 +56,19 @@ LinearPhoto linear(const std::filesystem::path& photo, const CharacteriseArgumen
     return linear_photo(image, camera);
 }
 
-std::vector<FoundSlantedEdge> edges_in(const LinearPhoto& photo, const std::optional<cv::Rect>& region) {
+std::vector<FoundSlantedEdge> edges_in(const std::filesystem::path& path, const LinearPhoto& photo,
+                                       const std::optional<cv::Rect>& region) {
     if (region)
         return {{*region, slanted_edge(photo, *region)}};
-    return find_slanted_edges(photo);
+    SlantedEdges found = find_slanted_edges(photo);
+    if (found.edges.empty())
+        throw NumericalError(
+            path.string() + ": " +
+            (found.reason.empty()
+                 ? "no slanted edge found: a straight edge 2 to 15 degrees off the pixels' rows or "
+                   "columns, 24 px or longer, is needed"
+                 : "no edge can be measured; the longest one: " + found.reason));
+    return std::move(found.edges);
 }
 
 std::string with_u(double value, double standard_uncertainty) {
@@ -166,13 +175,8 @@ int run_edge(const CharacteriseArguments& arguments) {
                    "no camera file: pixel values are taken to be linear in light, which those of "
                    "JPEG files\nare not\n");
     std::vector<PhotoEdges> photos;
-    for (const auto& path : arguments.photos) {
-        photos.push_back({path, edges_in(linear(path, arguments), region)});
-        if (photos.back().edges.empty())
-            throw NumericalError(path.string() +
-                                 ": no slanted edge found: a straight edge 2 to 15 degrees off the "
-                                 "pixels' rows or columns, 24 px or longer, with even sides");
-    }
+    for (const auto& path : arguments.photos)
+        photos.push_back({path, edges_in(path, linear(path, arguments), region)});
     if (!arguments.report.empty()) {
         make_folder(arguments.report);
         write_text(arguments.report / "edges.csv", csv_of(photos));

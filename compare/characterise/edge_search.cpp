@@ -86,6 +86,10 @@ std::optional<FoundSlantedEdge> measured(const LinearPhoto& photo, const Segment
     return best;
 }
 
+cv::Point middle_of(const cv::Rect& region) {
+    return (region.tl() + region.br()) / 2;
+}
+
 }  // namespace
 
 SlantedEdges find_slanted_edges(const LinearPhoto& photo, std::size_t most) {
@@ -99,7 +103,8 @@ SlantedEdges find_slanted_edges(const LinearPhoto& photo, std::size_t most) {
     });
     for (FoundSlantedEdge& each : all) {
         const bool is_apart = std::ranges::none_of(found.edges, [&](const FoundSlantedEdge& other) {
-            return (other.region & each.region).area() > 0;
+            return other.region.contains(middle_of(each.region)) ||
+                   each.region.contains(middle_of(other.region));
         });
         if (is_apart && found.edges.size() < most)
             found.edges.push_back(std::move(each));

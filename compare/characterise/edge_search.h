@@ -22,7 +22,7 @@ struct SlantedEdges {
     std::string reason;  // why the longest line that cannot be measured cannot; empty: no such line
 };
 
-// The edges whose MTF50 is most certain, the best first, none within another's region; at most
+// The edges whose MTF50 is most certain, the best first, none around the middle of another's region; at most
 // `most`. Some 50 ns a pixel and a ms an edge. Safe from every thread.
 SlantedEdges find_slanted_edges(const LinearPhoto& photo, std::size_t most = 12);
 

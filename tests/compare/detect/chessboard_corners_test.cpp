@@ -107,6 +107,40 @@ TEST(ChessboardCorners, OfAnEvenSumKeepOneOfTwoOrders) {
     EXPECT_LT(std::min(largest_error(*found, h, 8), largest_error(reversed, h, 8)), 0.06);
 }
 
+// 9x5 and 5x9 have the same corners, and black where the other has white.
+TEST(ChessboardCorners, TellABoardThatLiesOnItsSide) {
+    for (const double degrees : {3.0, 95.0}) {
+        const auto h = placed(29.0, degrees * 3.14159265358979 / 180, 9, 5, {203.3, 196.7});
+        const CodeImage image{drawn(h, 9, 5, {400, 400}), 12};
+        const auto found = find_chessboard_corners(image, 9, 5),
+                   other = find_chessboard_corners(image, 5, 9);
+        ASSERT_TRUE(found && other) << degrees;
+        EXPECT_FALSE(found->lies_on_its_side);
+        EXPECT_TRUE(other->lies_on_its_side);
+    }
+}
+
+// Of a square board the colours tell two of the four orders that its outline allows.
+TEST(ChessboardCorners, OfASquareBoardBeginAtABlackSquare) {
+    for (const double degrees : {4.0, 49.0, 94.0, 139.0, 184.0}) {
+        const auto h = placed(31.0, degrees * 3.14159265358979 / 180, 5, 5, {203.3, 196.7});
+        const auto found = find_chessboard_corners({drawn(h, 5, 5, {400, 400}), 12}, 5, 5);
+        ASSERT_TRUE(found) << degrees;
+        ChessboardCorners reversed = *found;
+        std::reverse(reversed.pixels.begin(), reversed.pixels.end());
+        EXPECT_LT(std::min(largest_error(*found, h, 5), largest_error(reversed, h, 5)), 0.06)
+            << degrees;
+    }
+}
+
+// The image's border runs through the outer squares; all inner corners are in it.
+TEST(ChessboardCorners, AreFoundWhereTheImageCutsTheOuterSquares) {
+    const auto h = placed(40.0, 0.02, 7, 4, {150.0, 200.0});
+    const auto found = find_chessboard_corners({drawn(h, 7, 4, {400, 400}), 12}, 7, 4);
+    ASSERT_TRUE(found);
+    EXPECT_LT(largest_error(*found, h, 7), 0.1);
+}
+
 TEST(ChessboardCorners, AreNotInventedWhereThereIsNoWholeBoard) {
     const auto cut = placed(40.0, 0.1, 7, 4, {60.0, 196.7});
     EXPECT_FALSE(find_chessboard_corners({drawn(cut, 7, 4, {400, 400}), 12}, 7, 4));

@@ -105,7 +105,7 @@ void turn_by_a_quarter(Board& board) {
 // With the histogram spread over all levels, which dark photos need, and without, which serves
 // bright ones better; then from saddles instead of squares, which sees boards whose outer squares
 // the image cuts.
-bool find_whole_board(const cv::Mat& image, Board& board) {
+bool find_board_at_scale(const cv::Mat& image, Board& board) {
     const cv::Size size(board.columns, board.rows);
     for (const int flags : {cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE,
                             static_cast<int>(cv::CALIB_CB_ADAPTIVE_THRESH)})
@@ -113,6 +113,22 @@ bool find_whole_board(const cv::Mat& image, Board& board) {
             return true;
     return cv::findChessboardCornersSB(image, size, board.corners,
                                        cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE);
+}
+
+// Large images are halved first, where the finder is quick and squares are large enough; what it
+// gives is refined on the whole image.
+bool find_whole_board(const cv::Mat& image, Board& board) {
+    constexpr double enough_pixels = 1.5e6;
+    cv::Mat halved = image;
+    float factor = 1.0f;
+    for (; static_cast<double>(halved.total()) > enough_pixels; factor *= 2.0f)
+        cv::resize(halved, halved, {}, 0.5, 0.5, cv::INTER_AREA);
+    if (factor > 1.0f && find_board_at_scale(halved, board)) {
+        for (cv::Point2f& corner : board.corners)
+            corner = factor * (corner + cv::Point2f(0.5f, 0.5f)) - cv::Point2f(0.5f, 0.5f);
+        return true;
+    }
+    return find_board_at_scale(image, board);
 }
 
 ChessboardCorners refined(const Board& board, const cv::Mat& pixels) {

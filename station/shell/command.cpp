@@ -159,8 +159,11 @@ const std::string marker_help =
     "  chessboard:9x6@25mm     inner corners, side of a square\n"
     "  charuco:4X4_50:9x6@30mm/22mm   squares, side of a square and of a marker\n"
     "  aprilgrid:36h11:6x5@40mm/12mm  Kalibr's grid: tags, side of a tag, gap\n"
+    "  charuco-legacy:...      as OpenCV before 4.6 drew boards with even rows\n"
     "  circles:7x6@20mm/12mm   circles: spacing, diameter\n"
     "  acircles:4x11@20mm/12mm  OpenCV's asymmetric circles\n"
+    "  hexcircles:28x24@12mm/10mm  BoofCV's hexagonal grid\n"
+    "  squares:4x3@30mm/20mm   black squares: side, gap\n"
     "  bitmap:FILE@50x50mm     each pixel a cell, 0..255 = radiance 0..1 (linear)\n";
 
 const std::string pose_help =

@@ -9,6 +9,7 @@
 
 #include "compare/detect/photo_pose.h"
 #include "compare/make_detector.h"
+#include "compare/match/match_outcome.h"
 #include "compare/photometric/photometric_detector.h"
 #include "core/cpu_time.h"
 #include "core/errors.h"
@@ -125,8 +126,22 @@ private:
     std::unique_ptr<Detector> detector_;
 };
 
+// Why a pose that was fitted says nothing of where the marker is; empty when it does.
+std::string doubt_about(const PhotometricPose& pose, const CodeImage& image, const Marker& marker,
+                        const Projector& projector) {
+    if (!pose.converged)
+        return "not found: the fit of its pixels does not converge";
+    const Findings findings =
+        examine_marker(image, marker, compared_area(marker, {}, "--marker"), projector,
+                       pose.camera_from_marker);
+    for (const Finding& finding : findings)
+        if (finding.is_refusal || finding.name == "saturated")
+            return "not found: " + finding.sentence;
+    return "";
+}
+
 Found find_in(const std::filesystem::path& photo, const CodeImage& image, const Start& start,
-              double start_error_px, const PhotometricDetector& detector) {
+              double start_error_px, const PhotometricDetector& detector, const Marker& marker) {
     Found found{photo, start.failure, {}};
     if (!start.camera_from_marker)
         return found;
@@ -135,7 +150,8 @@ Found find_in(const std::filesystem::path& photo, const CodeImage& image, const 
         attempted([&] { return detector.find(image, *start.camera_from_marker, start_error_px); });
     if (pose)
         found.pose = *pose;
-    found.failure = pose.cause;
+    found.failure =
+        pose ? doubt_about(*pose, image, marker, detector.camera()->projector()) : pose.cause;
     found.cpu_ms = process_cpu_ms() - before;
     return found;
 }
@@ -248,7 +264,7 @@ int run_photometric_detect(const DetectArguments& arguments) {
         const auto& photo = arguments.photos[i];
         const CodeImage image = read_photo(photo, camera, arguments.camera);
         const Start start = starts.of(i, photo, image, detector.camera()->projector());
-        all.push_back(find_in(photo, image, start, starts.error_px(), detector));
+        all.push_back(find_in(photo, image, start, starts.error_px(), detector, marker));
     }
     if (arguments.json)
         print_json(arguments, "photometric_poses/1", arguments.detector, all);

@@ -1,6 +1,7 @@
 #include "core/information.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 
 namespace etalon {
 
@@ -17,6 +18,20 @@ std::optional<Eigen::MatrixXd> inverse_of_information(const Eigen::MatrixXd& inf
         scale.asDiagonal() * solver.eigenvectors() *
         solver.eigenvalues().cwiseSqrt().cwiseInverse().asDiagonal();
     return roots * roots.transpose();
+}
+
+// n x x^T scatters about S, and its mean square distance from it over n is how wrong S itself is.
+Eigen::MatrixXd excess_scatter(const Eigen::MatrixXd& effects) {
+    const double n = static_cast<double>(effects.cols());
+    const Eigen::MatrixXd s = effects * effects.transpose(),
+                          identity = Eigen::MatrixXd::Identity(effects.rows(), effects.rows());
+    const double mean = s.trace() / static_cast<double>(effects.rows());
+    const double distance = (s - mean * identity).squaredNorm();
+    double error = 0.0;
+    for (Eigen::Index i = 0; i < effects.cols(); ++i)
+        error += (n * effects.col(i) * effects.col(i).transpose() - s).squaredNorm() / (n * n);
+    const double drawn = error < distance ? error / distance : 1.0;
+    return std::max(mean, 1.0) * (drawn * identity + (mean > 0.0 ? (1.0 - drawn) / mean : 0.0) * s);
 }
 
 }  // namespace etalon

@@ -1,7 +1,10 @@
 // The command line of `etalon`: its commands in the order of its help, and what an error ends with.
 #include <fmt/format.h>
 
+#include <malloc.h>
+
 #include <csignal>
+#include <limits>
 
 #include "capture/frame/camera.h"
 #include "core/errors.h"
@@ -45,11 +48,19 @@ void declare_commands(Command& program) {
         declare(program);
 }
 
+// Pictures of many megapixels come and go: memory that a run has got it keeps, for new pages cost
+// more than many a step of the work on them.
+void keep_memory() {
+    mallopt(M_MMAP_MAX, 0);
+    mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
+}
+
 }  // namespace
 }  // namespace etalon
 
 int main(int argc, char** argv) {
     using namespace etalon;
+    keep_memory();
     // A reader that goes away (`etalon qualify ... | head`) must not end a run with moving axes.
     std::signal(SIGPIPE, SIG_IGN);
     try {

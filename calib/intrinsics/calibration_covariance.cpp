@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/errors.h"
+#include "core/information.h"
 #include "core/random.h"
 
 namespace etalon {
@@ -100,25 +101,13 @@ Eigen::MatrixXd cluster_robust_covariance(std::span<const ViewEquations> equatio
     return effects * effects.transpose();
 }
 
-// Of n views with effects x, in units of the formal deviations, S is the sum of x x^T; n x x^T
-// scatters about it, and its mean square distance from it over n is how wrong S itself is.
 Eigen::MatrixXd stated_covariance(std::span<const ViewEquations> equations,
                                   const CalibrationModel& model, double variance) {
     const Eigen::MatrixXd root = inverse_information_root(equations, model);
     if (!(variance > 0.0))
         return Eigen::MatrixXd::Zero(root.rows(), root.rows());
-    const Eigen::MatrixXd x = view_effects(equations, root) / std::sqrt(variance);
-    const double n = static_cast<double>(x.cols());
-    const Eigen::MatrixXd s = x * x.transpose(),
-                          identity = Eigen::MatrixXd::Identity(x.rows(), x.rows());
-    const double mean = s.trace() / static_cast<double>(x.rows());
-    const double distance = (s - mean * identity).squaredNorm();
-    double error = 0.0;
-    for (Eigen::Index i = 0; i < x.cols(); ++i)
-        error += (n * x.col(i) * x.col(i).transpose() - s).squaredNorm() / (n * n);
-    const double drawn = error < distance ? error / distance : 1.0;
-    const Eigen::MatrixXd shape = drawn * identity + (1.0 - drawn) / mean * s;
-    return variance * std::max(mean, 1.0) * (root * shape * root.transpose());
+    return variance * root *
+           excess_scatter(view_effects(equations, root) / std::sqrt(variance)) * root.transpose();
 }
 
 // The factor takes out that draws scatter about the mean of n views, not about the truth.

@@ -16,12 +16,10 @@
 // therefore a fourth:
 //
 //  stated          in the units in which the formal covariance is the identity, the cluster-robust
-//                  one drawn towards a multiple of the identity, by as much as its own scatter from
-//                  view to view says (Ledoit and Wolf, J. Multivariate Analysis 88, 2004). The
-//                  multiple is the mean of its eigenvalues, one at least. So photos that share
-//                  errors widen it, and in the directions in which they do as far as they tell, but
-//                  correlations that keep a projection certain stay: deviations and correlations
-//                  are never from two sources.
+//                  one drawn towards a multiple of the identity (core/information.h:
+//                  excess_scatter). So photos that share errors widen it, and in the directions in
+//                  which they do as far as they tell, but correlations that keep a projection
+//                  certain stay: deviations and correlations are never from two sources.
 #pragma once
 
 #include <Eigen/Core>

@@ -229,6 +229,8 @@ void measure_blur(const CharacteriseInput& input, const std::vector<std::optiona
             focused.lens->f_number = result.defocus->f_number;
         }
         result.point_spread = estimate_point_spread(edges, focused);
+        result.point_spread->sharpening = measure_sharpening(
+            edges_of(input, poses, result.camera, {.with_clipped = true}), focused);
         remark_sharpening(result);
         if (result.defocus) {
             take_defocus(result);

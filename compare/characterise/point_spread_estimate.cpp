@@ -135,12 +135,12 @@ Mean largest_excess(std::span<const EdgeSpreadRow> rows, double sign) {
 }
 
 Sharpening sharpening_of(std::span<const EdgeSpreadRow> rows) {
-    constexpr double min_excess = 0.01, sigmas = 4.0;
+    constexpr double sigmas = 4.0;
     const Mean over = largest_excess(rows, 1.0), under = largest_excess(rows, -1.0);
     Sharpening result{over.value, over.standard_uncertainty, under.value,
                       under.standard_uncertainty, false};
     for (const Mean& excess : {over, under})
-        if (excess.is_known && excess.value - sigmas * excess.standard_uncertainty > min_excess)
+        if (excess.is_known && excess.value - sigmas * excess.standard_uncertainty > min_overshoot)
             result.is_detected = true;
     return result;
 }
@@ -215,6 +215,18 @@ void estimate_zones(std::span<const StraightEdge> edges, const CameraModel& came
             estimate.zones[zone] = width_of(fit_edges(by_zone[zone], model));
 }
 
+Aperture pinhole_of(const CameraModel& camera) {
+    return {camera.projection, 0.0, 0.0, Eigen::Vector2d::Zero()};
+}
+
+// Beside the blur of the camera's lens section.
+BlurModel gaussian_of_edges(std::span<const StraightEdge> edges, const CameraModel& camera) {
+    if (edges.size() < min_edges_for_sigma)
+        throw NumericalError(fmt::format("point spread: {} edges, at least {} are needed",
+                                         edges.size(), min_edges_for_sigma));
+    return gaussian_blur(camera.lens ? aperture_of(camera) : pinhole_of(camera), 0.0);
+}
+
 }  // namespace
 
 std::vector<std::pair<double, double>> MeasuredSpread::profile() const {
@@ -244,14 +256,14 @@ std::pair<double, double> MeasuredSpread::modulation(double cycles_per_px) const
     return {value, std::sqrt(std::max(0.0, slope.dot(covariance * slope)))};
 }
 
+Sharpening measure_sharpening(std::span<const StraightEdge> edges, const CameraModel& camera) {
+    const BlurModel gaussian = gaussian_of_edges(edges, camera);
+    return sharpening_of(mean_profile(edges, fit_edges(edges, gaussian), gaussian));
+}
+
 PointSpreadEstimate estimate_point_spread(std::span<const StraightEdge> edges,
                                           const CameraModel& camera) {
-    if (edges.size() < min_edges_for_sigma)
-        throw NumericalError(fmt::format("point spread: {} edges, at least {} are needed",
-                                         edges.size(), min_edges_for_sigma));
-    const Aperture pinhole{camera.projection, 0.0, 0.0, Eigen::Vector2d::Zero()};
-    const Aperture aperture = camera.lens ? aperture_of(camera) : pinhole;
-    const BlurModel gaussian = gaussian_blur(aperture, 0.0);
+    const BlurModel gaussian = gaussian_of_edges(edges, camera);
     const EdgeFit gaussian_fit = fit_edges(edges, gaussian);
     PointSpreadEstimate estimate;
     estimate.gaussian = width_of(gaussian_fit);
@@ -260,7 +272,7 @@ PointSpreadEstimate estimate_point_spread(std::span<const StraightEdge> edges,
     estimate.sharpening = sharpening_of(estimate.edge_spread);
     if (edges.size() >= min_edges_for_profile) {
         EdgeFit measured_fit;
-        const BlurModel alone = gaussian_blur(pinhole, 0.0);
+        const BlurModel alone = gaussian_blur(pinhole_of(camera), 0.0);
         const EdgeFit alone_fit = fit_edges(edges, alone);
         estimate.measured =
             measured_spread(edges, std::sqrt(alone_fit.parameters[0]), measured_fit);

@@ -45,12 +45,14 @@ struct EdgeSpreadRow {
     int pixels;
 };
 
+inline constexpr double min_overshoot = 0.01;  // of the contrast: less is not called sharpening
+
 struct Sharpening {
     // Largest mean of half a pixel of the profile above the light side's level (below the dark
     // side's), in parts of the contrast, between 0.5 and 4 px from the edge; negative: none.
     double overshoot = 0.0, overshoot_standard_uncertainty = 0.0;
     double undershoot = 0.0, undershoot_standard_uncertainty = 0.0;
-    // One of them is above 0.01 by more than 4 standard uncertainties.
+    // One of them is above min_overshoot by more than 4 standard uncertainties.
     bool is_detected = false;
 };
 
@@ -83,6 +85,10 @@ struct PointSpreadEstimate {
     std::vector<EdgeSpreadRow> edge_spread;
     Sharpening sharpening;
 };
+
+// Of the edges' mean profile alone, with the Gaussian that fits them: edges with clipped pixels
+// will do (EdgeSelection::with_clipped). Errors as below.
+Sharpening measure_sharpening(std::span<const StraightEdge> edges, const CameraModel& camera);
 
 // Edges of one or several photographs (all with one camera). Throws NumericalError for fewer than 4
 // edges and when a fit does not converge. About 0.1 ms an edge for a width, ten times that for the

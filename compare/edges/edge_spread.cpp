@@ -183,7 +183,7 @@ private:
                     (plane_.grid_from_sensor * point->homogeneous()).hnormalized();
                 if (!(std::abs(distance) <= frame.half_width_px) || !is_inside(uv))
                     continue;
-                if (photo_.clipped.at<uchar>(y, x))
+                if (photo_.clipped.at<uchar>(y, x) && !selection_.with_clipped)
                     return false;
                 const double depth = plane_.depth_term(uv);
                 edge.pixels.push_back({distance, along, photo_.radiance.at<float>(y, x), depth});

@@ -75,6 +75,9 @@ struct EdgeSelection {
     double least_length_px = 6.0;    // of what the clearance leaves
     double least_contrast = 0.1;     // of radiance, in the photograph
     double least_half_width_px = 3;  // with a smaller one the levels beside the edge are not seen
+    // Edges with clipped pixels too, which count as they are: for an overshoot, which clipping only
+    // makes smaller. No blur is to be measured on them.
+    bool with_clipped = false;
 };
 
 struct TargetEdges {

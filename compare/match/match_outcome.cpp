@@ -6,6 +6,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "compare/characterise/point_spread_estimate.h"
+#include "compare/edges/edge_spread.h"
 #include "compare/match/block_steps.h"
 #include "compare/match/covered_areas.h"
 #include "compare/match/residual_modes.h"
@@ -24,11 +26,9 @@ constexpr double max_blur_cells = 0.35;     // sigma: a cell's middle misses its
 constexpr double max_covered = 0.25;        // of the contrast, in a window
 constexpr double bright_part = 0.3;         // of a covered area, for it to be called glare
 // Of 26 photographs of a printed board (hand-held, JPEG at quality 50) the largest were 0.041 px,
-// 0.066 px, 2.5 px, 0.01, 4.0 gray and 0.034: what good work leaves, times 1.1 or more. A lens that
-// is an ideal Gaussian looks sharpened by 0.14, after JPEG at quality 50 by 0.25.
+// 0.066 px, 2.5 px, 4.0 gray and 0.034: what good work leaves, times 1.1 or more.
 constexpr double max_rows_px = 0.06, max_calibration_px = 0.09;
 constexpr double max_smear_px = 3.0;
-constexpr double max_sharpening = 0.3;
 constexpr double max_block_step_gray = 4.5;
 constexpr double max_rest = 0.06;            // RMS residual, of the contrast
 constexpr double max_rest_over_noise = 2.0;  // where the camera's noise is known
@@ -221,14 +221,8 @@ Finding of_mode(const ModeFit& fit, const PhotometricModel& photometry) {
                     false};
         case ResidualMode::blur_along:
             return smeared(fit, photometry);
-        case ResidualMode::sharpening:
-            return {"sharpened",
-                    fit.values[0],
-                    max_sharpening,
-                    "",
-                    fmt::format("edges overshoot as if the camera had sharpened by {:.0f} %",
-                                100.0 * fit.values[0]),
-                    false};
+        case ResidualMode::sharpening:  // measured on the edges: sharpening_findings()
+            break;
         case ResidualMode::blur:
             return {
                 "blur_differs",
@@ -264,12 +258,32 @@ void name_the_rival(const ResidualModes& modes, const ModeFit& fit, Finding& fin
                         rows ? "a wrong calibration" : "a rolling shutter", 100.0 * other / own);
 }
 
-// A smear has sharp ends, which would pass for sharpening.
+// Measured on the edges' mean profile, as `etalon characterise` does. Nothing where the marker's
+// cells are too small to have one.
+Findings sharpening_findings(const CodeImage& photo, const Marker& marker, const ComparedArea& area,
+                             const PhotometricCamera& camera, const PhotoState& state) {
+    auto sharpening = attempted([&] {
+        const TargetEdges seen =
+            target_edges(linear_photo(photo, camera.model()), camera.projector(), marker,
+                         state.camera_from_marker, area, {.with_clipped = true});
+        return measure_sharpening(seen.edges, camera.model());
+    });
+    if (!sharpening || !sharpening->is_detected)
+        return {};
+    return {{"sharpened", 100.0 * std::max(sharpening->overshoot, sharpening->undershoot),
+             100.0 * min_overshoot, "%",
+             fmt::format("edges overshoot by {:.1f} % of their contrast and undershoot by {:.1f} %: "
+                         "the camera sharpens",
+                         100.0 * std::max(sharpening->overshoot, 0.0),
+                         100.0 * std::max(sharpening->undershoot, 0.0)),
+             false}};
+}
+
 Findings mode_findings(const ResidualModes& modes, const PhotometricModel& photometry) {
     Findings findings;
     const auto add = [&](const ModeFit& fit) {
         Finding finding = of_mode(fit, photometry);
-        if (!is_large(finding))
+        if (finding.name.empty() || !is_large(finding))
             return;
         name_the_rival(modes, fit, finding);
         findings.push_back(finding);
@@ -282,11 +296,6 @@ Findings mode_findings(const ResidualModes& modes, const PhotometricModel& photo
     // What the fit took up of a smear leaves nothing significant behind.
     if (!smear_seen && photometry.psf_anisotropy_px2 != 0.0)
         add(modes.fit(ResidualMode::blur_along, {}));
-    const auto named = [&](const std::string& name) {
-        return [name](const Finding& finding) { return finding.name == name; };
-    };
-    if (std::any_of(findings.begin(), findings.end(), named("motion_blur")))
-        std::erase_if(findings, named("sharpened"));
     return findings;
 }
 
@@ -343,14 +352,16 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
     if (is_refused(findings))
         return findings;
     const PixelDifference& difference = match.refined.difference;
-    const Findings blur = blur_findings(blur_sigma_px(camera.model(), state), shown.cell_px);
+    // Boards and dots are drawn with cells far smaller than what is on them.
+    const double cell_px = shown.cell_px * area.cell_mm.mean() / marker.grid.cell_mm.mean();
+    const Findings blur = blur_findings(blur_sigma_px(camera.model(), state), cell_px);
     if (!blur.empty())
         return blur;
     const auto add = [&](const Findings& more) {
         findings.insert(findings.end(), more.begin(), more.end());
     };
     const CoveredAreas areas =
-        covered_areas(gray, difference, shown.cell_px / 3.0, max_covered, saturation);
+        covered_areas(gray, difference, cell_px / 3.0, max_covered, saturation);
     if (areas.share > 0)
         findings.push_back(covered(areas));
     else if (shown.clipped_white > max_clipped)
@@ -359,6 +370,9 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
         ResidualModes(difference, (difference.use != pixel_outside) & (areas.pixels == 0), camera,
                       state.camera_from_marker, match.pose.noise_scale),
         state.photometry));
+    // A smear has sharp ends, which would pass for sharpening.
+    if (std::ranges::find(findings, "motion_blur", &Finding::name) == findings.end())
+        add(sharpening_findings(photo, marker, area, camera, state));
     add(compression_findings(block_steps(difference, shown.expected.contrast_gray)));
     if (findings.empty())
         add(rest_findings(camera, match, shown.expected.contrast_gray));

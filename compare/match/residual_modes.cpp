@@ -150,7 +150,7 @@ ResidualModes::ResidualModes(const PixelDifference& difference, const cv::Mat& c
                              const PhotometricCamera& camera, const Rigid& camera_from_marker,
                              double noise_scale)
     : has_lens_(camera.model().lens.has_value()) {
-    constexpr int block_px = 8;
+    constexpr int block_px = 8, enough_pixels = 500'000;
     require_alike(difference, counted, {camera.model().width, camera.model().height}, noise_scale);
     const Images images(difference.predicted, counted);
     const cv::Rect& box = images.box;
@@ -179,8 +179,13 @@ ResidualModes::ResidualModes(const PixelDifference& difference, const cv::Mat& c
         ++pixels_;
     };
 
+    // Of many blocks one in `every`: their rows shift, so that no column of blocks stays unseen.
+    const int every = (cv::countNonZero(counted) + enough_pixels - 1) / enough_pixels;
+    constexpr int row_shift = 3;
     for (int top = box.y / block_px * block_px; top < box.br().y; top += block_px)
         for (int left = box.x / block_px * block_px; left < box.br().x; left += block_px) {
+            if ((left / block_px + row_shift * (top / block_px)) % every != 0)
+                continue;
             Block block{Eigen::MatrixXd::Zero(column_count, column_count),
                         Eigen::VectorXd::Zero(column_count)};
             const int before = pixels_;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/LU>
+#include <limits>
 
 #include "core/errors.h"
 #include "sim/marker/topotag_pattern.h"
@@ -97,30 +98,66 @@ ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
     return {grid.corner_mm, grid.corner_mm + size, cell, grid.corner_mm};
 }
 
-cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,
-                   const ComparedArea& area) {
-    require_perspective(projector.camera(), "comparing a photo with a rendering");
-    cv::Mat uses(projector.camera().height, projector.camera().width, CV_8UC1,
-                 cv::Scalar(pixel_outside));
+PlaneSight::PlaneSight(const Projector& projector, const Rigid& camera_from_marker,
+                       const cv::Rect& region)
+    : projector_(&projector), region_(region), nodes_(cv::Size(0, 0), CV_64FC3) {
     // [r1 r2 t] takes (X, Y, 1) on the marker to the ray times its depth; the inverse takes a ray
     // to (X, Y, 1) / depth.
     Eigen::Matrix3d ray_from_plane = camera_from_marker.rotation.toRotationMatrix();
     ray_from_plane.col(2) = camera_from_marker.translation;
     const double volume = ray_from_plane.determinant();
-    if (!std::isfinite(volume) || std::abs(volume) < 1e-12 * camera_from_marker.translation.norm())
-        return uses;
-    const Eigen::Matrix3d plane_from_ray = ray_from_plane.inverse();
-
-    const cv::Rect box = candidate_pixels(projector, camera_from_marker, area);
-    for (int y = box.y; y < box.br().y; ++y)
-        for (int x = box.x; x < box.br().x; ++x) {
-            const auto ray = projector.unproject({x, y});
-            if (!ray)
-                continue;
-            const Eigen::Vector3d hit = plane_from_ray * ray->homogeneous();
-            if (hit.z() > 0)
-                uses.at<uchar>(y, x) = use_of(hit.hnormalized(), area);
+    edge_on_ = !std::isfinite(volume) ||
+               std::abs(volume) < 1e-12 * camera_from_marker.translation.norm();
+    if (edge_on_)
+        return;
+    plane_from_ray_ = ray_from_plane.inverse();
+    nodes_.create((region.height - 1) / spacing_px + 2, (region.width - 1) / spacing_px + 2,
+                  CV_64FC3);
+    for (int j = 0; j < nodes_.rows; ++j)
+        for (int i = 0; i < nodes_.cols; ++i) {
+            const Eigen::Vector3d met =
+                exactly(region.x + i * spacing_px, region.y + j * spacing_px);
+            nodes_.at<cv::Vec3d>(j, i) = {met.x(), met.y(), met.z()};
         }
+}
+
+Eigen::Vector3d PlaneSight::exactly(int x, int y) const {
+    const auto ray = projector_->unproject({x, y});
+    if (!ray)
+        return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    return plane_from_ray_ * ray->homogeneous();
+}
+
+std::optional<Eigen::Vector3d> PlaneSight::at(int x, int y) const {
+    if (edge_on_)
+        return std::nullopt;
+    const int i = (x - region_.x) / spacing_px, j = (y - region_.y) / spacing_px;
+    const double s = static_cast<double>(x - region_.x - i * spacing_px) / spacing_px;
+    const double t = static_cast<double>(y - region_.y - j * spacing_px) / spacing_px;
+    const cv::Vec3d *upper = nodes_.ptr<cv::Vec3d>(j) + i, *lower = nodes_.ptr<cv::Vec3d>(j + 1) + i;
+    const cv::Vec3d between = (1 - t) * ((1 - s) * upper[0] + s * upper[1]) +
+                              t * ((1 - s) * lower[0] + s * lower[1]);
+    Eigen::Vector3d met(between[0], between[1], between[2]);
+    if (!met.allFinite())  // next to where there are no rays
+        met = exactly(x, y);
+    if (!(met.z() > 0))
+        return std::nullopt;
+    return Eigen::Vector3d(met.x() / met.z(), met.y() / met.z(), 1.0 / met.z());
+}
+
+cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,
+                   const ComparedArea& area) {
+    require_perspective(projector.camera(), "comparing a photo with a rendering");
+    cv::Mat uses(projector.camera().height, projector.camera().width, CV_8UC1,
+                 cv::Scalar(pixel_outside));
+    const cv::Rect box = candidate_pixels(projector, camera_from_marker, area);
+    if (box.empty())
+        return uses;
+    const PlaneSight sight(projector, camera_from_marker, box);
+    for (int y = box.y; y < box.br().y; ++y)
+        for (int x = box.x; x < box.br().x; ++x)
+            if (const auto met = sight.at(x, y))
+                uses.at<uchar>(y, x) = use_of(met->head<2>(), area);
     return uses;
 }
 

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
+#include <optional>
 
 #include "calib/camera/projector.h"
 #include "core/rigid.h"
@@ -35,9 +36,33 @@ ComparedArea compared_area(const Marker& marker, const ScoreMargin& margin,
 // light and dark cells all over the marker.
 enum PixelUse : uchar { pixel_outside = 0, pixel_fitted = 1, pixel_scored = 2 };
 
-// CV_8UC1 of PixelUse, the camera's size: each pixel's ray is cut with the marker's plane. Pixels
-// without a ray are outside. A marker seen exactly edge-on has no pixels. Costs a microsecond per
-// pixel of the marker's bounding box. Safe from every thread.
+// Where the pixels' rays meet the marker's plane. Every fourth pixel's ray in x and y is looked up,
+// and what lies between is interpolated in (X, Y, 1) / depth, which is linear without distortion:
+// right to some 0.003 px with one. Perspective cameras. Safe from every thread.
+class PlaneSight {
+public:
+    PlaneSight(const Projector& projector, const Rigid& camera_from_marker, const cv::Rect& region);
+
+    // (X, Y) in the marker's frame and the depth z in the camera's, mm; nothing for a pixel without
+    // a ray, one that meets the plane behind the camera, and a plane seen exactly edge-on. The
+    // pixel is in the region.
+    std::optional<Eigen::Vector3d> at(int x, int y) const;
+
+private:
+    Eigen::Vector3d exactly(int x, int y) const;  // (X, Y, 1) / depth; NaN without a ray
+
+    static constexpr int spacing_px = 4;
+
+    const Projector* projector_;
+    cv::Rect region_;
+    Eigen::Matrix3d plane_from_ray_;
+    bool edge_on_ = false;
+    cv::Mat nodes_;  // CV_64FC3
+};
+
+// CV_8UC1 of PixelUse, the camera's size, by the marker's plane at each pixel (PlaneSight). Pixels
+// without a ray are outside. A marker seen exactly edge-on has no pixels. Costs 0.1 us per pixel of
+// the marker's bounding box. Safe from every thread.
 cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,
                    const ComparedArea& area);
 

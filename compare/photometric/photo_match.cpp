@@ -101,6 +101,21 @@ PhotoPlace fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& ca
     return place;
 }
 
+// Levels and blur are fitted to enough of many pixels: every third or so in x and y.
+PhotoOfMarker with_few_pixels(const PhotoOfMarker& photo) {
+    constexpr double many_pixels = 100'000, enough_pixels = 50'000;
+    const double fitted = cv::countNonZero(photo.use == photo.fitted);
+    if (fitted <= many_pixels)
+        return photo;
+    const int step = static_cast<int>(std::ceil(std::sqrt(fitted / enough_pixels)));
+    PhotoOfMarker few = photo;
+    few.use = cv::Mat(photo.use.size(), CV_8UC1, cv::Scalar(pixel_outside));
+    for (int y = 0; y < few.use.rows; y += step)
+        for (int x = 0; x < few.use.cols; x += step)
+            few.use.at<uchar>(y, x) = photo.use.at<uchar>(y, x);
+    return few;
+}
+
 // Whether enough pixels are so bright that a camera may have clipped them.
 bool shows_saturation(const PhotoOfMarker& photo) {
     constexpr double bright_gray = 230.0, min_share = 0.05;
@@ -160,8 +175,9 @@ PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& cam
                         const Rigid& camera_from_marker) {
     PhotometricTerms terms = match_terms(photo, camera.model());
     terms.pose = false;
-    const PhotoPlace place = fitted_levels(
-        photo, camera, terms, starting_state(photo, camera, camera_from_marker, terms));
+    const PhotoOfMarker few = with_few_pixels(photo);
+    const PhotoPlace place =
+        fitted_levels(few, camera, terms, starting_state(few, camera, camera_from_marker, terms));
     return fit_of(photo, camera, place.state, terms, place.equations);
 }
 
@@ -181,11 +197,12 @@ PhotoMatch match_photo(const CodeImage& image, const CellGrid& marker, const Com
     match.calibration = calibration_parameters(camera->model());
     match.calibrated = fit_photometry(photo, *camera, camera_from_marker);
     const PhotometricTerms terms = match_terms(photo, camera->model());
-    match.pose = photometric_pose(photo, camera, match.calibrated.state, terms);
+    const PhotoOfMarker few = with_few_flats(photo, *camera, camera_from_marker);
+    match.pose = photometric_pose(few, camera, match.calibrated.state, terms);
     const PhotoState refined{match.pose.camera_from_marker, match.pose.photometry};
     match.refined =
         fit_of(photo, *camera, refined, terms,
-               photo_equations(photo, *camera, refined, terms, {}, match.pose.noise_scale));
+               photo_equations(few, *camera, refined, terms, {}, match.pose.noise_scale));
     return match;
 }
 

@@ -15,7 +15,7 @@ namespace etalon {
 namespace {
 
 constexpr double huber_threshold = 3.0;
-constexpr int min_pixels = 50;
+constexpr int min_pixels = 50, blocks_a_side = 10;
 
 // The region with these pixels and what is blurred into them.
 cv::Rect rendered_region(const cv::Mat& pixels) {
@@ -33,28 +33,35 @@ Scene scene_of(const PhotoOfMarker& photo, const Rigid& camera_from_marker) {
 // The rendering behind the model's Gaussian, within a region.
 struct BlurredRendering {
     cv::Mat radiance, by_x, by_y;
-    // By the Gaussian's variances along x and y: the discrete kernel of blurred() solves the
-    // diffusion equation with second differences exactly.
-    cv::Mat by_variance_x, by_variance_y;
 
     BlurredRendering(const RenderedGradient& rendered, const Eigen::Vector2d& sigmas_px)
         : radiance(behind_gaussian(rendered.radiance, sigmas_px)) {
-        if (rendered.by_x.empty()) {
-            const cv::Matx13f difference(-0.5F, 0.0F, 0.5F);
-            filter(difference, by_x);
-            filter(difference.t(), by_y);
-        } else {
-            by_x = behind_gaussian(rendered.by_x, sigmas_px);
-            by_y = behind_gaussian(rendered.by_y, sigmas_px);
-        }
-        const cv::Matx<float, 1, 5> half_second_difference(-1 / 24.0F, 16 / 24.0F, -30 / 24.0F,
-                                                           16 / 24.0F, -1 / 24.0F);
-        filter(half_second_difference, by_variance_x);
-        filter(half_second_difference.t(), by_variance_y);
+        if (rendered.by_x.empty())
+            return;
+        by_x = behind_gaussian(rendered.by_x, sigmas_px);
+        by_y = behind_gaussian(rendered.by_y, sigmas_px);
     }
 
-    void filter(cv::InputArray kernel, cv::Mat& result) const {
-        cv::filter2D(radiance, result, -1, kernel, {-1, -1}, 0, cv::BORDER_REPLICATE);
+    double at(int x, int y) const {
+        return radiance.at<float>(std::clamp(y, 0, radiance.rows - 1),
+                                  std::clamp(x, 0, radiance.cols - 1));
+    }
+
+    Eigen::RowVector2d slope(int x, int y) const {
+        if (!by_x.empty())
+            return {by_x.at<float>(y, x), by_y.at<float>(y, x)};
+        return {0.5 * (at(x + 1, y) - at(x - 1, y)), 0.5 * (at(x, y + 1) - at(x, y - 1))};
+    }
+
+    // By the Gaussian's variances along x and y: the discrete kernel of blurred() solves the
+    // diffusion equation with second differences exactly.
+    Eigen::Vector2d by_variances(int x, int y) const {
+        const auto half_second_difference = [&](int u, int v) {
+            return (16.0 * (at(x - u, y - v) + at(x + u, y + v)) - 30.0 * at(x, y) -
+                    at(x - 2 * u, y - 2 * v) - at(x + 2 * u, y + 2 * v)) /
+                   24.0;
+        };
+        return {half_second_difference(1, 0), half_second_difference(0, 1)};
     }
 
     static cv::Mat behind_gaussian(const cv::Mat& image, const Eigen::Vector2d& sigmas_px) {
@@ -109,15 +116,17 @@ public:
 
     Eigen::Ref<Eigen::VectorXd> next() { return rows_.col(count_); }
 
-    // Takes the row that was written to next(). The information is Newton's: Huber's loss is
-    // straight beyond its threshold and has no curvature there.
-    void add(double noise, double residual) {
+    // Takes the row that was written to next(), of a pixel in this block of the image. The
+    // information is Newton's: Huber's loss is straight beyond its threshold and has no curvature
+    // there.
+    void add(double noise, double residual, int image_block) {
         const double limited = std::clamp(residual, -huber_threshold, huber_threshold);
         equations_.loss += huber_loss(std::abs(residual));
         equations_.squares += limited * limited;
         ++equations_.pixels;
         auto row = rows_.col(count_);
         row /= noise;
+        equations_.block_scores.col(image_block).tail(row.size()) += limited * row;
         if (limited != residual) {
             equations_.score.tail(row.size()) += limited * row;
             return;
@@ -230,6 +239,10 @@ Levels levels_of(const cv::Mat& gray, const Radiance& radiance, const cv::Mat& u
     return {black, black + slope};
 }
 
+int image_block(int x, int y, const cv::Size& size) {
+    return y * blocks_a_side / size.height * blocks_a_side + x * blocks_a_side / size.width;
+}
+
 constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
 
 // The upper triangle, and what is known beside the pixels.
@@ -300,6 +313,30 @@ cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& came
     return rendered_region(fitted);
 }
 
+PhotoOfMarker with_few_flats(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                             const Rigid& camera_from_marker) {
+    constexpr int many_pixels = 100'000, reach_px = 8, step_px = 7;
+    constexpr double rough_tolerance_gray = 0.5, min_change_gray = 2.0;
+    const cv::Rect region = fitted_region(photo, camera);
+    if (cv::countNonZero(photo.use == photo.fitted) <= many_pixels)
+        return photo;
+    cv::Mat rendered, brightest, darkest;
+    camera.at_sensor(scene_of(photo, camera_from_marker), region, rough_tolerance_gray)
+        .convertTo(rendered, CV_8U, 255.0);
+    const cv::Mat window = cv::Mat::ones(2 * reach_px + 1, 2 * reach_px + 1, CV_8U);
+    cv::dilate(rendered, brightest, window);
+    cv::erode(rendered, darkest, window);
+    PhotoOfMarker few = photo;
+    few.stands_for = step_px * step_px;
+    few.use = photo.use.clone();
+    cv::Mat flat = brightest - darkest <= min_change_gray;
+    for (int y = 0; y < flat.rows; y += step_px)
+        for (int x = 0; x < flat.cols; x += step_px)
+            flat.at<uchar>(y, x) = 0;
+    few.use(region).setTo(pixel_outside, flat);
+    return few;
+}
+
 PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                const PhotoState& state, const PhotometricTerms& terms,
                                const CalibrationModel& parameters, double noise_scale) {
@@ -322,15 +359,18 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
     PhotoEquations equations;
     equations.information = Eigen::MatrixXd::Zero(geometric + photometric, geometric + photometric);
     equations.score = Eigen::VectorXd::Zero(geometric + photometric);
+    equations.block_scores =
+        Eigen::MatrixXd::Zero(geometric + photometric, blocks_a_side * blocks_a_side);
     RowBlock edges(geometric + photometric, equations), flats(photometric, equations);
     Eigen::Matrix2Xd moved(2, geometric);
     std::vector<double> sizes;
+    int beside_edges = 0;
     for (int y = 0; y < region.height; ++y)
         for (int x = 0; x < region.width; ++x) {
             const cv::Point pixel = region.tl() + cv::Point(x, y);
             if (photo.use.at<uchar>(pixel) != photo.fitted)
                 continue;
-            const Eigen::RowVector2d slope(seen.by_x.at<float>(y, x), seen.by_y.at<float>(y, x));
+            const Eigen::RowVector2d slope = seen.slope(x, y);
             const bool is_flat = slope.lpNorm<1>() < flat;
             if (!is_flat && !motion.at(pixel.x, pixel.y, moved))
                 continue;
@@ -339,17 +379,16 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
             const PixelEquation model(
                 state.photometry, terms, level_terms(pixel.x, pixel.y, photo.use.size()),
                 curve.at(seen.radiance.at<float>(y, x)),
-                {seen.by_variance_x.at<float>(y, x), seen.by_variance_y.at<float>(y, x)},
-                row.tail(photometric));
+                seen.by_variances(x, y), row.tail(photometric));
             if (!is_flat)
                 for (int i = 0; i < geometric; ++i)
                     row[i] =
                         -model.by_radiance * (slope.x() * moved(0, i) + slope.y() * moved(1, i));
             const double noise = noise_scale * camera.noise_gray(model.gray);
             const double residual = (photo.gray.at<float>(pixel) - model.gray) / noise;
-            if (!model.clips)
+            if (!model.clips && (is_flat || ++beside_edges % photo.stands_for == 0))
                 sizes.push_back(std::abs(residual));
-            block.add(noise, residual);
+            block.add(noise, residual, image_block(x, y, region.size()));
         }
     edges.flush();
     flats.flush();

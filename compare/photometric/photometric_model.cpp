@@ -71,6 +71,17 @@ Vector6d level_terms(double x, double y, cv::Size size) {
     return terms;
 }
 
+LevelRow::LevelRow(const PhotometricModel& model, int y, cv::Size size)
+    : middle_(0.5 * (size.width - 1)), per_px_(1.0 / size.width) {
+    const double v = (y - 0.5 * (size.height - 1)) / size.height;
+    const auto along_x = [v](const Vector6d& levels) {
+        return Eigen::Vector3d(levels[0] + v * (levels[2] + v * levels[5]),
+                               levels[1] + v * levels[4], levels[3]);
+    };
+    black_ = along_x(model.black);
+    white_ = along_x(model.white);
+}
+
 cv::Mat gray_of(const CodeImage& image) {
     cv::Mat gray;
     image.pixels.convertTo(gray, CV_32F, 255.0 / image.full_scale());
@@ -97,7 +108,11 @@ Eigen::Vector2d PhotometricModel::psf_sigmas_px() const {
 }
 
 PhotometricModel::Point PhotometricModel::at(const Vector6d& level_terms, double seen) const {
-    const double dark = black.dot(level_terms), contrast = white.dot(level_terms) - dark;
+    return between(black.dot(level_terms), white.dot(level_terms), seen);
+}
+
+PhotometricModel::Point PhotometricModel::between(double dark, double light, double seen) const {
+    const double contrast = light - dark;
     const double gray = dark + contrast * seen * (1.0 + tone * (1.0 - seen));
     const double slope = contrast * (1.0 + tone * (1.0 - 2.0 * seen));
     if (!saturation)
@@ -120,12 +135,13 @@ cv::Mat blurred(const cv::Mat& image, const Eigen::Vector2d& sigmas_px) {
 cv::Mat predicted_gray(const PhotometricModel& model, const Radiance& radiance,
                        const LightCurve& curve) {
     cv::Mat gray = blurred(radiance, model.psf_sigmas_px());
-    for (int y = 0; y < gray.rows; ++y)
-        for (int x = 0; x < gray.cols; ++x) {
-            float& value = gray.at<float>(y, x);
-            value = static_cast<float>(
-                model.at(level_terms(x, y, gray.size()), curve.value(value)).gray);
-        }
+    for (int y = 0; y < gray.rows; ++y) {
+        const LevelRow levels(model, y, gray.size());
+        float* row = gray.ptr<float>(y);
+        for (int x = 0; x < gray.cols; ++x)
+            row[x] = static_cast<float>(
+                model.between(levels.black(x), levels.white(x), curve.value(row[x])).gray);
+    }
     return gray;
 }
 

@@ -57,6 +57,7 @@ struct PhotometricModel {
         double gray, by_seen;
     };
     Point at(const Vector6d& level_terms, double seen) const;
+    Point between(double black, double white, double seen) const;  // of levels that are at hand
 };
 
 inline constexpr double max_psf_sigma_px = 3.0;
@@ -65,6 +66,24 @@ inline constexpr double min_knee_gray = 0.5, max_knee_gray = 60.0;
 
 // 1, x, y, x^2, x y, y^2 of a pixel with x and y from -0.5 to 0.5 over the image.
 Vector6d level_terms(double x, double y, cv::Size size);
+
+// The model's levels along a row of pixels: a surface of second order is one of x alone there.
+class LevelRow {
+public:
+    LevelRow(const PhotometricModel& model, int y, cv::Size size);
+
+    double black(int x) const { return at(black_, x); }
+    double white(int x) const { return at(white_, x); }
+
+private:
+    double at(const Eigen::Vector3d& c, int x) const {
+        const double u = (x - middle_) * per_px_;
+        return c[0] + u * (c[1] + u * c[2]);
+    }
+
+    double middle_, per_px_;
+    Eigen::Vector3d black_, white_;
+};
 
 // CV_32FC1: code values / full scale * 255.
 cv::Mat gray_of(const CodeImage& image);

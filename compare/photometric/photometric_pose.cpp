@@ -1,6 +1,6 @@
 #include "compare/photometric/photometric_pose.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Cholesky>
 
 #include "compare/photometric/photometric_steps.h"
 #include "core/errors.h"
@@ -9,14 +9,27 @@
 namespace etalon {
 namespace {
 
-// The pose's part of the inverse.
-Matrix6d pose_covariance(const Eigen::MatrixXd& information) {
+// The pose's part of the inverse information times the variance, widened by what the residuals of
+// parts of the picture, taken together, did to the pose: a bent board, JPEG or a lens that is not
+// the model's let neighbouring pixels err alike.
+Matrix6d pose_covariance(const PhotoEquations& equations, double variance) {
     constexpr double rounding = 1e-13;  // of the largest eigenvalue, which is at most their number
+    const Eigen::MatrixXd& information = equations.information;
     const auto inverse = inverse_of_information(
         information, rounding * static_cast<double>(information.rows()));
     if (!inverse)
         throw NumericalError("the photograph does not determine pose and photometric model");
-    return inverse->topLeftCorner<6, 6>();
+    const Matrix6d root = inverse->topLeftCorner<6, 6>().llt().matrixL();
+    const double blocks =
+        static_cast<double>((equations.block_scores.colwise().squaredNorm().array() > 0).count());
+    const double fitted = static_cast<double>(information.rows());
+    if (blocks < 2.0 * fitted)
+        return variance * root * root.transpose();
+    const Eigen::MatrixXd effects = root.triangularView<Eigen::Lower>().solve(
+        Eigen::MatrixXd(inverse->topRows<6>() * equations.block_scores));
+    const double left = blocks / (blocks - fitted);  // of what the fit itself took out
+    return variance * root * excess_scatter(effects * std::sqrt(left / variance)) *
+           root.transpose();
 }
 
 // The minimum that a start leads to, found as far as it is needed.
@@ -87,7 +100,7 @@ PhotometricPose pose_of(const Solution& solution, const PhotometricTerms& terms,
     pose.reduced_squares = equations.squares / (equations.pixels - 6.0 - terms.count());
     const double variance =
         knows_noise ? std::max(pose.reduced_squares, 1.0) : pose.reduced_squares;
-    pose.covariance = variance * pose_covariance(equations.information);
+    pose.covariance = pose_covariance(equations, variance);
     pose.loss = equations.loss;
     pose.pixels = equations.pixels;
     pose.converged = solution.converged;

@@ -4,7 +4,7 @@
 // Two stages. The approach takes one rendering a step and central differences on it for the
 // gradient: wrong by some 10 %, which costs steps, not accuracy. At its end the gradient is
 // rendered once (compare/photometric/render_derivatives.h) and kept; the last steps bring J^T r to
-// zero with that J, and the covariance is (J^T J)^-1. Nothing of the approach is left in the
+// zero with that J, and the covariance is made of (J^T J)^-1. Nothing of the approach is left in the
 // result.
 //
 // A planar marker has two poses that look alike: the tilt mirrored about the line of sight. Both
@@ -34,7 +34,9 @@ struct PhotometricPose {
     Rigid camera_from_marker;
     // Left perturbation, rot, trans; the photometric parameters marginalised: from the full Fisher
     // matrix at the stated noise, or at that of the residuals where the camera knows none or they
-    // are larger. Pixels count as independent: neighbours in a JPEG file are not.
+    // are larger; widened where the residuals of parts of the picture (10 x 10 of the marker's box)
+    // pull at the pose more than independent pixels would (core/information.h). It does not hold
+    // what pulls all of them alike: a wrong calibration, or the size of the print.
     Matrix6d covariance;
     PhotometricModel photometry;
     // In units of the known noise, or gray. 1.4826 times the median size of the residuals; 1 where

@@ -1,7 +1,9 @@
 // `etalon compare`: every photograph against its rendering from the calibration alone.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <ranges>
 
 #include "compare/make_detector.h"
 #include "core/errors.h"
@@ -143,8 +145,8 @@ FoundPoses find_poses(const CompareArguments& arguments, const Job& job,
 }
 
 // What is said of each photograph while the command works.
-void print_progress(const ComparedPhoto& photo) {
-    const std::string file = photo.photo.string();
+void print_progress(const std::string& place, const ComparedPhoto& photo) {
+    const std::string file = place + ": " + photo.photo.string();
     if (!photo.has_figures()) {
         fmt::print(stderr, "{}: {}\n", file, photo.reason());
         return;
@@ -171,12 +173,13 @@ void compare_all(const CompareArguments& arguments, const Job& job, Comparison& 
             comparison.profiles.add(
                 comparer.compare(read_photo(photo.photo, job.camera, arguments.camera),
                                  arguments.out, i + 1, photo));
-        if (photo.has_figures())
-            comparison.render_plan = comparer.rendering(photo.under_test);
-        print_progress(photo);
+        print_progress(fmt::format("{} of {}", i + 1, comparison.photos.size()), photo);
     }
     if (comparison.compared() == 0)
         fail_without_photos(comparison);
+    const auto last = std::ranges::find_if(std::views::reverse(comparison.photos),
+                                           &ComparedPhoto::has_figures);
+    comparison.render_plan = comparer.rendering(last->under_test);
 }
 
 // One file for each photograph: its edges and their shifts at the refined pose.

@@ -80,8 +80,14 @@ cv::Mat rendering_picture(const PixelDifference& difference, const cv::Mat& phot
     return eight_bit(pale);
 }
 
+// In the report not larger than a screen: the files beside it have all pixels.
 std::string element(const cv::Mat& picture, const cv::Rect& part, const std::string& alt) {
-    return embedded_jpeg(picture(part), jpeg_quality, alt);
+    constexpr int max_width = 1600;
+    cv::Mat shown = picture(part);
+    if (part.width > max_width)
+        cv::resize(shown, shown, {max_width, part.height * max_width / part.width}, 0, 0,
+                   cv::INTER_AREA);
+    return embedded_jpeg(shown, jpeg_quality, alt);
 }
 
 std::string thumbnail(const cv::Mat& picture, const std::string& alt) {

@@ -10,25 +10,20 @@
 namespace etalon {
 namespace {
 
-// z of the marker's plane where a pixel's ray meets it; pixel_uses() has found that it does.
-double depth_mm(const Projector& projector, const Rigid& camera_from_marker, int x, int y) {
-    const Eigen::Vector3d normal = camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
-    const double offset = normal.dot(camera_from_marker.translation);
-    const Eigen::Vector2d ray = projector.unproject({x, y}).value_or(Eigen::Vector2d::Zero());
-    return offset / normal.dot(ray.homogeneous());
-}
-
 void add_scored(const PixelDifference& difference, const Projector& projector,
                 const Rigid& camera_from_marker, ResidualProfile& radius, ResidualProfile& depth) {
     const cv::Mat& use = difference.use;
+    const cv::Rect box = cv::boundingRect(use);
+    const PlaneSight sight(projector, camera_from_marker, box);
     const Eigen::Vector2d centre(0.5 * (use.cols - 1), 0.5 * (use.rows - 1));
-    for (int y = 0; y < use.rows; ++y)
-        for (int x = 0; x < use.cols; ++x) {
+    for (int y = box.y; y < box.br().y; ++y)
+        for (int x = box.x; x < box.br().x; ++x) {
             if (use.at<uchar>(y, x) != pixel_scored)
                 continue;
             const double residual = difference.residual.at<float>(y, x);
             radius.add((Eigen::Vector2d(x, y) - centre).norm(), residual);
-            depth.add(depth_mm(projector, camera_from_marker, x, y), residual);
+            if (const auto met = sight.at(x, y))
+                depth.add(met->z(), residual);
         }
 }
 

@@ -56,7 +56,18 @@ TEST(ComparedArea, RefusesMarginsThatLeaveNothingOrReachOffTheBoard) {
     }
 }
 
-// Truth: the pixel's own ray cut with the plane, by solving for the depth.
+// To the nearest line between two uses on that board.
+double distance_to_border_mm(const Eigen::Vector3d& point) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const double x : {-2.5, 0.0, 20.0, 40.0, 42.5})
+        nearest = std::min(nearest, std::abs(point.x() - x));
+    for (const double y : {-5.0, 0.0, 20.0, 35.0})
+        nearest = std::min(nearest, std::abs(point.y() - y));
+    return nearest;
+}
+
+// Truth: the pixel's own ray cut with the plane, by solving for the depth. What is interpolated may
+// be a hundredth of a pixel aside.
 TEST(PixelUses, FollowThePlaneThroughDistortionAndTilt) {
     const Projector projector(small_camera());
     const ComparedArea area = compared_area(board(5, 4, 10.0), {0.25, 0.5}, "test");
@@ -75,7 +86,9 @@ TEST(PixelUses, FollowThePlaneThroughDistortionAndTilt) {
             const int block_x = static_cast<int>(std::floor(p_marker.x() / 20.0));
             const int block_y = static_cast<int>(std::floor(p_marker.y() / 20.0));
             const int expected = !inside ? 0 : (block_x + block_y) % 2 == 0 ? 1 : 2;
-            EXPECT_EQ(uses.at<uchar>(y, x), expected) << x << ", " << y;
+            const double hundredth_px_mm = 0.01 * hit.z() / projector.camera().intrinsics.fx;
+            if (distance_to_border_mm(p_marker) > hundredth_px_mm)
+                EXPECT_EQ(uses.at<uchar>(y, x), expected) << x << ", " << y;
             ++counted[uses.at<uchar>(y, x)];
         }
     EXPECT_GT(counted[pixel_fitted], 3000);

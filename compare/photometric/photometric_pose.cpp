@@ -32,6 +32,8 @@ Matrix6d pose_covariance(const PhotoEquations& equations, double variance) {
            root.transpose();
 }
 
+constexpr double settled_step = 0.1;  // standard deviations as stated
+
 // The minimum that a start leads to, found as far as it is needed.
 struct Solution {
     PhotometricSteps steps;
@@ -90,6 +92,12 @@ void compare_with(const Solution& best, Solution& other) {
         other.settle(best.place.noise_scale);
 }
 
+// The pose's part of the next step, in its standard deviations.
+double next_step(const PhotoEquations& equations, const Matrix6d& covariance) {
+    const Vector6d step = equations.information.ldlt().solve(equations.score).head<6>();
+    return std::sqrt(step.dot(covariance.ldlt().solve(step)));
+}
+
 PhotometricPose pose_of(const Solution& solution, const PhotometricTerms& terms, bool knows_noise) {
     const PhotoEquations& equations = solution.place.equations;
     PhotometricPose pose;
@@ -103,7 +111,7 @@ PhotometricPose pose_of(const Solution& solution, const PhotometricTerms& terms,
     pose.covariance = pose_covariance(equations, variance);
     pose.loss = equations.loss;
     pose.pixels = equations.pixels;
-    pose.converged = solution.converged;
+    pose.converged = solution.converged || next_step(equations, pose.covariance) < settled_step;
     return pose;
 }
 

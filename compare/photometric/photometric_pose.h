@@ -35,8 +35,9 @@ struct PhotometricPose {
     // Left perturbation, rot, trans; the photometric parameters marginalised: from the full Fisher
     // matrix at the stated noise, or at that of the residuals where the camera knows none or they
     // are larger; widened where the residuals of parts of the picture (10 x 10 of the marker's box)
-    // pull at the pose more than independent pixels would (core/information.h). It does not hold
-    // what pulls all of them alike: a wrong calibration, or the size of the print.
+    // pull at the pose more than independent pixels would (core/information.h). Neighbouring parts of
+    // a bent print pull alike: deviations may then still be too small by half. It does not hold what
+    // pulls all parts alike: a wrong calibration, or the size of the print.
     Matrix6d covariance;
     PhotometricModel photometry;
     // In units of the known noise, or gray. 1.4826 times the median size of the residuals; 1 where
@@ -46,7 +47,9 @@ struct PhotometricPose {
     double loss = 0.0;             // sum of Huber's function of the residuals over the noise
     int pixels = 0;
     int renderings = 0;      // that it took, both solutions together
-    bool converged = false;  // the next step is below a hundredth of its uncertainty
+    // The next step is below a hundredth of its formal uncertainty, or, where a picture that no model
+    // fits has a far larger one, below a tenth of the stated one.
+    bool converged = false;
     // Nothing where both starts end in one pose: the marker is seen frontally.
     std::optional<OtherPose> other;
 };

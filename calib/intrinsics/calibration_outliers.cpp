@@ -75,8 +75,8 @@ std::vector<bool> longer_than(std::span<const Eigen::Vector2d> residuals, double
     return longer;
 }
 
-// By view: whether its points are in an order that no plane shows. Such a view has no pose that a
-// robust fit could hold on to.
+}  // namespace
+
 std::vector<bool> are_no_planes(std::span<const CalibrationView> views) {
     constexpr double times_the_median = 5.0;
     std::vector<double> misfits;
@@ -88,8 +88,6 @@ std::vector<bool> are_no_planes(std::span<const CalibrationView> views) {
         none.push_back(misfit > limit);
     return none;
 }
-
-}  // namespace
 
 CornerMask find_outlier_corners(std::span<const CalibrationView> views, cv::Size image_size,
                                 std::span<const CalibrationModel> models) {

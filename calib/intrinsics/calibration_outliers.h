@@ -39,6 +39,9 @@ using CornerMask = std::vector<std::vector<bool>>;
 CornerMask find_outlier_corners(std::span<const CalibrationView> views, cv::Size image_size,
                                 std::span<const CalibrationModel> models);
 
+// By view, by the third rule. Such a view has no pose that a robust fit could hold on to.
+std::vector<bool> are_no_planes(std::span<const CalibrationView> views);
+
 // Views by the second rule, from each view's residual in the fit and left out.
 std::vector<std::size_t> find_outlier_views(std::span<const double> rms_px,
                                             std::span<const double> left_out_rms_px);

@@ -10,16 +10,18 @@
 #include "calib/files/opencv_file.h"
 #include "calib/intrinsics/calibrate.h"
 #include "calib/intrinsics/calibration_outliers.h"
+#include "calib/intrinsics/mixed_views.h"
 #include "compare/detect/calibration_target.h"
 #include "compare/photometric/compared_area.h"
 #include "core/errors.h"
+#include "core/exit_codes.h"
 #include "core/image.h"
 #include "core/text.h"
 #include "station/calibrate/calibration_report.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
-#include "station/shell/photo_files.h"
 #include "station/shell/command_output.h"
+#include "station/shell/photo_files.h"
 
 namespace etalon {
 namespace {
@@ -39,7 +41,11 @@ struct Observations {
     std::vector<CalibrationView> views;
     std::vector<std::string> without_target;
     std::string shown_as;  // the board's name where the photos show its other layout
+    OtherCameras others;   // already taken out of photos and views
 };
+
+// One camera's photos are those that most of a set are.
+constexpr double least_share_of_one_camera = 0.6;
 
 void add_photo(const CalibrationTarget& target, const std::string& spec, const std::string& photo,
                const CodeImage& image, Observations& observations) {
@@ -62,7 +68,6 @@ std::string pixels_of(const Observations& group) {
 
 // One camera's photos have one size: those that most of them have. The others are named.
 Observations of_one_size(std::vector<Observations> groups) {
-    constexpr double least_share = 0.6;
     const auto count = [](const Observations& group) {
         return group.photos.size() + group.without_target.size();
     };
@@ -78,12 +83,12 @@ Observations of_one_size(std::vector<Observations> groups) {
         names.insert(names.end(), group->without_target.begin(), group->without_target.end());
         others.push_back(fmt::format("{}: {}", pixels_of(*group), fmt::join(names, ", ")));
     }
-    if (!others.empty() && static_cast<double>(count(*largest)) < least_share * double(all))
-        throw ConfigError({"PHOTOS"},
-                          fmt::format("are of several sizes, so of several cameras or resolutions: "
-                                      "{} photos of {}; {}",
-                                      count(*largest), pixels_of(*largest),
-                                      fmt::join(others, "; ")));
+    if (!others.empty() &&
+        static_cast<double>(count(*largest)) < least_share_of_one_camera * double(all))
+        throw ConfigError(
+            {"PHOTOS"}, fmt::format("are of several sizes, so of several cameras or resolutions: "
+                                    "{} photos of {}; {}",
+                                    count(*largest), pixels_of(*largest), fmt::join(others, "; ")));
     for (const std::string& other : others)
         fmt::print(stderr, "not used, as most photos have {}; {}\n", pixels_of(*largest), other);
     return std::move(*largest);
@@ -110,6 +115,52 @@ Observations observe_all(const CalibrationTarget& target, const std::string& spe
                                                   "three are needed",
                                                   spec, observations.views.size(), photos.size()));
     return observations;
+}
+
+std::string in_words(const ViewGroup& group, const ViewGroup& most,
+                     const std::vector<std::string>& photos) {
+    constexpr double deviations = 3.0;
+    std::vector<std::string> names;
+    for (const std::size_t view : group.views)
+        names.push_back(short_name(photos[view]));
+    const auto focal = [](const ViewGroup& of) {
+        return fmt::format("{} +- {} px", with_uncertainty(of.focal_px, of.deviation_px),
+                           with_uncertainty(of.deviation_px, of.deviation_px));
+    };
+    const bool zoomed = std::abs(group.focal_px - most.focal_px) >
+                        deviations * std::hypot(group.deviation_px, most.deviation_px);
+    const bool one = names.size() == 1;
+    return fmt::format(
+        "photo{} {} {} not share the others' {}: {} against {}; another zoom, focus or camera, "
+        "calibrate {} apart",
+        one ? "" : "s", fmt::join(names, ", "), one ? "does" : "do",
+        zoomed ? "focal length" : "image centre or distortion, though about their focal length",
+        focal(group), focal(most), one ? "it" : "them");
+}
+
+// Photos of another zoom, focus or camera are taken out and named; where it is not clear which of
+// them are the camera's, nothing is calibrated.
+void keep_one_camera(Observations& observations) {
+    const auto groups = camera_groups(observations.views, observations.image_size);
+    if (groups.size() == 1)
+        return;
+    OtherCameras& others = observations.others;
+    for (auto group = groups.begin() + 1; group != groups.end(); ++group) {
+        others.in_words += others.in_words.empty() ? "" : "; ";
+        others.in_words += in_words(*group, groups.front(), observations.photos);
+        for (const std::size_t view : group->views)
+            others.photos.push_back(observations.photos[view]);
+    }
+    const auto& kept = groups.front().views;
+    if (double(kept.size()) < least_share_of_one_camera * double(observations.views.size()))
+        throw NumericalError("these photos are of several cameras: " + others.in_words);
+    Observations one{observations.image_size};
+    for (const std::size_t view : kept) {
+        one.photos.push_back(observations.photos[view]);
+        one.views.push_back(std::move(observations.views[view]));
+    }
+    observations.photos = std::move(one.photos);
+    observations.views = std::move(one.views);
 }
 
 // Says which photo a view was: errors of the calibration count views from 0.
@@ -149,6 +200,7 @@ CalibrationRun calibrated(const CalibrateArguments& arguments) {
     if (arguments.model != "auto")
         model = calibration_model(arguments.model).name;
     Observations observations = observe_all(target, spec, arguments.photos);
+    keep_one_camera(observations);
     if (has_circles(target))
         correct_circles(target, observations, model);
     CameraCalibration calibration = calibrate_photos(observations, model);
@@ -159,7 +211,9 @@ CalibrationRun calibrated(const CalibrateArguments& arguments) {
             std::move(observations.photos),
             std::move(observations.views),
             std::move(observations.without_target),
-            std::move(calibration)};
+            std::move(calibration),
+            std::nullopt,
+            std::move(observations.others)};
 }
 
 // The views and corners that were used, with the photographs they are from.
@@ -212,13 +266,19 @@ void print_words(const CalibrationRun& run, const std::filesystem::path& report)
 
 }  // namespace
 
+// Nothing is written when the photos hold no calibration.
 int run_calibrate(const CalibrateArguments& given) {
     const PhotoFiles files(given.photos);
     CalibrateArguments arguments = given;
     arguments.photos = files.paths();
     if (arguments.photos.empty())
         throw ConfigError({"PHOTOS"}, "no photograph given");
-    CalibrationRun run = calibrated(arguments);
+    auto attempt = attempted([&] { return calibrated(arguments); });
+    if (!attempt) {
+        fmt::print(stderr, "etalon: {}\n", attempt.cause);
+        return ExitCode::inconclusive;
+    }
+    CalibrationRun& run = *attempt;
     if (arguments.refine == "photometric")
         run.refinement = photometric_refinement(run);
     print_findings(run);
@@ -237,7 +297,9 @@ int run_calibrate(const CalibrateArguments& given) {
 constexpr const char* calibrate_details =
     "Prints `RMS x px`, `leave-one-out x px over n photos` and `model NAME`; tables\n"
     "and what speaks against the calibration go to stderr. With --report DIR gets\n"
-    "report.html, calibration.json and corners.csv. Explained in docs/calibration.md.\n\n"
+    "report.html, calibration.json and corners.csv. Photos of another zoom, focus or\n"
+    "camera than most are named and not used. Ends with 2, and writes nothing, when\n"
+    "the photos hold no calibration. Explained in docs/calibration.md.\n\n"
     "Targets (`etalon marker` prints them):\n"
     "  chessboard:9x6@25mm                  inner corners, side of a square\n"
     "  charuco:4X4_50:9x6@30mm/22mm         squares, their side, side of a marker\n"

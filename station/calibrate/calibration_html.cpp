@@ -35,7 +35,8 @@ void add_summary(HtmlPage& page, const CalibrationRun& run) {
                             : " (asked for)")},
          {"Target", run.target},
          {"Photos used",
-          fmt::format("{} of {}", used, run.photos.size() + run.without_target.size())},
+          fmt::format("{} of {}", used,
+                      run.photos.size() + run.without_target.size() + run.others.photos.size())},
          {"Corners used",
           fmt::format("{} of {}", calibration.points() - calibration.points_left_out(),
                       calibration.points())},
@@ -196,6 +197,9 @@ void add_photos(HtmlPage& page, const CalibrationRun& run) {
     }
     for (const std::string& photo : run.without_target)
         rows.push_back({short_name(photo), "0", dash, dash, dash, dash, dash, "target not found"});
+    for (const std::string& photo : run.others.photos)
+        rows.push_back({short_name(photo), dash, dash, dash, dash, dash, dash,
+                        "not used: another zoom, focus or camera"});
     page.add_table({"photo", "corners", "left out", "fit / px", "predicted / px", "distance / mm",
                     "tilt / deg", "state"},
                    rows);

@@ -305,6 +305,8 @@ std::size_t photos_used(const CameraCalibration& calibration) {
 
 std::vector<std::string> calibration_remarks(const CalibrationRun& run) {
     std::vector<std::string> remarks;
+    if (!run.others.in_words.empty())
+        remarks.push_back("Not used: " + run.others.in_words + ".");
     remark_on_outliers(run, remarks);
     remark_on_model(run, remarks);
     remark_on_deviations(run, remarks);
@@ -344,6 +346,7 @@ std::string calibration_json(const CalibrationRun& run) {
         json["photometric_refinement"] = refinement_json(*run.refinement);
     json["photos"] = photos_json(run);
     json["photos_without_target"] = run.without_target;
+    json["photos_of_other_cameras"] = run.others.photos;
     json["remarks"] = calibration_remarks(run);
     json["software"] = software_json(software_versions());
     return text_of(json);

@@ -12,6 +12,12 @@
 
 namespace etalon {
 
+// Photos that were not used because they do not share most photos' camera.
+struct OtherCameras {
+    std::vector<std::string> photos;
+    std::string in_words;  // which they are and how they differ; empty: there are none
+};
+
 struct CalibrationRun {
     std::string target;  // its full name
     std::filesystem::path camera_file;
@@ -20,6 +26,7 @@ struct CalibrationRun {
     std::vector<std::string> without_target;
     CameraCalibration calibration;
     std::optional<PhotometricRefinement> refinement = std::nullopt;
+    OtherCameras others = {};
 
     // The refined one where the refinement was accepted.
     const CameraModel& camera() const {

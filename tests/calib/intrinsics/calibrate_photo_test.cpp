@@ -7,6 +7,7 @@
 
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/calibrate.h"
+#include "calib/intrinsics/mixed_views.h"
 #include "compare/detect/chessboard_corners.h"
 #include "sim/marker/marker.h"
 #include "tests/paths.h"
@@ -53,6 +54,23 @@ const CameraCalibration& calibration(const std::string& side) {
 const ModelScore& score(const CameraCalibration& calibration, const std::string& model) {
     return *std::find_if(calibration.advice.models.begin(), calibration.advice.models.end(),
                          [&](const ModelScore& each) { return each.model == model; });
+}
+
+// Two cameras of one type in one set: 533 and 537 px, centres 15 px apart.
+TEST(CalibrationPhotos, OfTheTwoCamerasAreToldApart) {
+    if (!have(photos("left")) || !have(photos("right")))
+        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+    std::vector<CalibrationView> both = views_of("left");
+    EXPECT_EQ(camera_groups(both, {640, 480}).size(), 1u);
+    const auto right = views_of("right");
+    EXPECT_EQ(camera_groups(right, {640, 480}).size(), 1u);
+    both.insert(both.end(), right.begin(), right.end());
+    const auto groups = camera_groups(both, {640, 480});
+    ASSERT_EQ(groups.size(), 2u);
+    for (const ViewGroup& group : groups) {
+        EXPECT_EQ(group.views.size(), 13u);
+        EXPECT_EQ(group.views.back() - group.views.front(), 12u);
+    }
 }
 
 TEST(CalibrationPhotos, LeftFitsAndPredictsToATwentiethOfASquare) {

@@ -13,16 +13,19 @@
 #include "sim/spread/diffraction.h"
 
 namespace etalon {
+namespace published {
+
+struct LensDisk {
+    double radius_mm = 0.0, inverse_focus_per_mm = 0.0;
+};
+
+}  // namespace published
 namespace {
 
 using namespace published;
 
 constexpr int kernel_reach = 5;           // px
 constexpr int border = kernel_reach + 1;  // of traced pixels around the image
-
-struct LensDisk {
-    double radius_mm = 0.0, inverse_focus_per_mm = 0.0;
-};
 
 LensDisk lens_disk(const CameraModel& camera) {
     if (!camera.lens)
@@ -56,6 +59,10 @@ std::optional<Eigen::Matrix3d> grid_from_camera(const PlacedMarker& marker) {
         marker.grid.cell_mm.y() * rotation.col(1), corner;
     return camera_from_grid.inverse();
 }
+
+}  // namespace
+
+namespace published {
 
 // The scene in the kernels' words; holds what they point to.
 struct TracedScene {
@@ -94,7 +101,7 @@ struct TracedScene {
     KernelScene kernel{};
 };
 
-}  // namespace
+}  // namespace published
 
 // The traced pixels, `border` more than the image on each side.
 struct PublishedMethod::Frame {

@@ -1,6 +1,7 @@
 #include "sim/marker/marker.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <string_view>
@@ -29,12 +30,17 @@ struct Spec {
     }
 };
 
+constexpr const char* form =
+    "a marker is named KIND:WHAT@SIZEmm, for instance apriltag:36h11:5@50mm";
+
+std::vector<std::string> kinds();
+
 Spec take_apart(const std::string& text, const std::string& place) {
     Spec spec{text, place, {}, {}, {}};
     const auto colon = text.find(':');
     const auto at = text.rfind('@');  // a bitmap's path may hold one, too
     if (colon == std::string::npos || at == std::string::npos || at < colon)
-        spec.fail("a marker is named KIND:WHAT@SIZEmm, for instance apriltag:36h11:5@50mm");
+        spec.fail(fmt::format("{}; the kinds are {}", form, fmt::join(kinds(), ", ")));
     spec.kind = text.substr(0, colon);
     spec.what = text.substr(colon + 1, at - colon - 1);
     spec.size = text.substr(at + 1);
@@ -310,40 +316,52 @@ Marker parse_bitmap(const Spec& spec) {
     return marker;
 }
 
+struct ParserOfKind {
+    const char* kind;
+    Marker (*parse)(const Spec&);
+};
+
+constexpr ParserOfKind parsers[] = {
+    {"apriltag", parse_apriltag},
+    {"aruco", parse_aruco},
+    {"topotag", parse_topotag},
+    {"stag", parse_stag},
+    {"chessboard", parse_chessboard},
+    {"charuco", [](const Spec& spec) { return parse_charuco(spec, /*legacy=*/false); }},
+    {"charuco-legacy", [](const Spec& spec) { return parse_charuco(spec, /*legacy=*/true); }},
+    {"aprilgrid", parse_aprilgrid},
+    {"circles",
+     [](const Spec& spec) {
+         return parse_circles(spec, Marker::Kind::circles, CircleLayout::symmetric);
+     }},
+    {"acircles",
+     [](const Spec& spec) {
+         return parse_circles(spec, Marker::Kind::acircles, CircleLayout::asymmetric);
+     }},
+    {"hexcircles",
+     [](const Spec& spec) {
+         return parse_circles(spec, Marker::Kind::hexcircles, CircleLayout::hexagonal);
+     }},
+    {"squares", parse_squares},
+    {"bitmap", parse_bitmap},
+};
+
+std::vector<std::string> kinds() {
+    std::vector<std::string> names;
+    for (const ParserOfKind& parser : parsers)
+        names.emplace_back(parser.kind);
+    return names;
+}
+
 }  // namespace
 
 Marker parse_marker(const std::string& text, const std::string& place) {
     const Spec spec = take_apart(text, place);
-    if (spec.kind == "apriltag")
-        return parse_apriltag(spec);
-    if (spec.kind == "aruco")
-        return parse_aruco(spec);
-    if (spec.kind == "topotag")
-        return parse_topotag(spec);
-    if (spec.kind == "chessboard")
-        return parse_chessboard(spec);
-    if (spec.kind == "charuco")
-        return parse_charuco(spec, /*legacy=*/false);
-    if (spec.kind == "charuco-legacy")
-        return parse_charuco(spec, /*legacy=*/true);
-    if (spec.kind == "aprilgrid")
-        return parse_aprilgrid(spec);
-    if (spec.kind == "circles")
-        return parse_circles(spec, Marker::Kind::circles, CircleLayout::symmetric);
-    if (spec.kind == "acircles")
-        return parse_circles(spec, Marker::Kind::acircles, CircleLayout::asymmetric);
-    if (spec.kind == "hexcircles")
-        return parse_circles(spec, Marker::Kind::hexcircles, CircleLayout::hexagonal);
-    if (spec.kind == "squares")
-        return parse_squares(spec);
-    if (spec.kind == "bitmap")
-        return parse_bitmap(spec);
-    if (spec.kind == "stag")
-        return parse_stag(spec);
-    spec.fail("unknown kind of marker '" + spec.kind + "'" +
-              did_you_mean(spec.kind, {"apriltag", "aruco", "topotag", "chessboard", "charuco",
-                                       "charuco-legacy", "aprilgrid", "circles", "acircles",
-                                       "hexcircles", "squares", "bitmap", "stag"}));
+    const auto parser = std::ranges::find(parsers, spec.kind, &ParserOfKind::kind);
+    if (parser == std::end(parsers))
+        spec.fail(fmt::format("unknown kind of marker '{}'; the kinds are {}{}", spec.kind,
+                              fmt::join(kinds(), ", "), did_you_mean(spec.kind, kinds())));
+    return parser->parse(spec);
 }
 
 std::string marker_file(const Marker& marker) {

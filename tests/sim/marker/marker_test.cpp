@@ -313,5 +313,16 @@ TEST(Marker, RefusesWhatItCannotDrawAndSaysWhy) {
     EXPECT_THAT(complaint("@:"), HasSubstr("KIND:WHAT@SIZEmm"));
 }
 
+// Boards of other tools are refused by name, with what there is.
+TEST(Markers, OfKindsThatAreUnknownAreRefusedWithThoseThereAre) {
+    for (const char* name : {"ecocheck:9x7n1@30mm", "charucodiamond:4X4_50@30mm/20mm",
+                             "random-dot:1@50mm", "kalibr aprilgrid:6x6@88mm", "ecocheck_9x7n1"})
+        EXPECT_THAT(complaint(name),
+                    testing::AllOf(HasSubstr(name),
+                                   HasSubstr("the kinds are apriltag, aruco, topotag, stag, "
+                                             "chessboard, charuco, charuco-legacy, aprilgrid, "
+                                             "circles, acircles, hexcircles, squares, bitmap")));
+}
+
 }  // namespace
 }  // namespace etalon

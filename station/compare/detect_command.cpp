@@ -309,6 +309,8 @@ int run_corner_detect(const DetectArguments& arguments) {
     else
         print_table(all, "  RMS px  corners");
     print_remarks(all);
+    if (arguments.camera.empty())
+        fmt::print(stderr, "corners only: poses need a calibration: --camera FILE\n");
     return finish(marker, all);
 }
 

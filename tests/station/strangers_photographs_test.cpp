@@ -1,0 +1,235 @@
+// Photographs as others bring them, through the built program: boards and markers of every kind, no
+// calibration, patterns and films, sets that are not of one camera. All are rendered here.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <opencv2/videoio.hpp>
+
+#include "calib/files/camera_file.h"
+#include "core/image.h"
+#include "sim/render/renderer.h"
+#include "sim/sensor/sensor_model.h"
+#include "tests/compare/rendered_targets.h"
+#include "tests/station/built_program.h"
+
+namespace etalon::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+constexpr const char* tag_name = "apriltag:36h11:5@40mm";
+
+CameraModel small_camera(double focal_px = 400.0, double k1 = 0.0) {
+    CameraModel camera;
+    camera.width = 320;
+    camera.height = 240;
+    camera.intrinsics = {focal_px, focal_px * 1.005, 161.3, 118.4};
+    camera.distortion.k1 = k1;
+    return camera;
+}
+
+CodeImage photo_of(const CameraModel& camera, const std::vector<PlacedMarker>& markers) {
+    return SensorModel(camera).expose(0.08 +
+                                      0.75 * Renderer(camera).render({markers, 1.0}).radiance);
+}
+
+PlacedMarker placed(const std::string& name, const Eigen::Vector3d& rotation,
+                    const Eigen::Vector3d& middle) {
+    const Marker marker = parse_marker(name, "test");
+    return {marker.grid, board_pose(marker, rotation, middle)};
+}
+
+class StrangersPhotographs : public testing::Test {
+protected:
+    void photograph(const std::string& name, const CameraModel& camera,
+                    const std::vector<PlacedMarker>& markers) const {
+        write_image(folder_ / name, photo_of(camera, markers));
+    }
+    void blank(const std::string& name, int width, int height) const {
+        write_image(folder_ / name, {cv::Mat(height, width, CV_8UC1, cv::Scalar(120)), 8});
+    }
+    void chessboard_set(int first, int last, const CameraModel& camera) const {
+        for (int i = first; i < last; ++i)
+            photograph(fmt::format("a{:02}.png", i), camera,
+                       {placed("chessboard:6x5@10mm",
+                               {0.5 * std::sin(2.4 * i), 0.55 * std::cos(2.4 * i), 0.1 * i},
+                               {6.0 * std::sin(1.7 * i), 5.0 * std::cos(1.3 * i),
+                                150.0 + 12.0 * std::sin(4.0 * i)})});
+    }
+    Finished etalon(const std::string& arguments) const { return etalon_with(folder_, arguments); }
+
+    TemporaryFolder folder_;
+};
+
+TEST_F(StrangersPhotographs, ShowCornersWithoutACalibration) {
+    photograph("a.png", small_camera(), {placed(tag_name, {0.2, -0.1, 0.1}, {5, 3, 200})});
+    const Finished finished = etalon(fmt::format("detect a.png --marker {}", tag_name));
+    EXPECT_EQ(finished.exit_code, 0) << finished.err;
+    EXPECT_EQ(split(std::string(trimmed(finished.out)), '\n').size(), 5u) << finished.out;
+    EXPECT_THAT(finished.out, AllOf(HasSubstr("x px"), HasSubstr("a.png")));
+    EXPECT_THAT(finished.err, HasSubstr("poses need a calibration: --camera"));
+    expect_one_line_error(
+        etalon(fmt::format("detect a.png --detector photometric --marker {}", tag_name)), 3,
+        "--camera: a calibration is needed for poses");
+}
+
+TEST_F(StrangersPhotographs, ShowEveryOneOfSeveralEqualMarkers) {
+    write_camera(folder_ / "camera.yml", small_camera());
+    photograph("a.png", small_camera(),
+               {placed(tag_name, {0.2, -0.1, 0.1}, {-30, 3, 200}),
+                placed(tag_name, {-0.1, 0.3, 0.2}, {32, -4, 215})});
+    const Finished finished =
+        etalon(fmt::format("detect a.png --camera camera.yml --json --marker {}", tag_name));
+    EXPECT_EQ(finished.exit_code, 0) << finished.err;
+    EXPECT_THAT(finished.err, HasSubstr("a.png: the marker is seen more than once"));
+    const auto photos = nlohmann::json::parse(finished.out)["photos"];
+    ASSERT_EQ(photos.size(), 2u);
+    const double x = photos[0]["camera_from_marker"][3], other = photos[1]["camera_from_marker"][3];
+    EXPECT_NEAR(std::min(x, other), -30.0, 0.3);
+    EXPECT_NEAR(std::max(x, other), 32.0, 0.3);
+}
+
+class StrangersBoards : public StrangersPhotographs,
+                        public testing::WithParamInterface<const char*> {};
+
+TEST_P(StrangersBoards, AreDetectedAndCompared) {
+    const CameraModel camera = small_camera();
+    write_camera(folder_ / "camera.yml", camera);
+    const PlacedMarker board = placed(GetParam(), {0.25, -0.2, 0.06}, {1, -2, 190});
+    photograph("a.png", camera, {board});
+    const std::string asked = fmt::format("--camera camera.yml --json --marker {}", GetParam());
+    const Finished detected = etalon("detect a.png " + asked);
+    ASSERT_EQ(detected.exit_code, 0) << detected.err;
+    const auto pose = nlohmann::json::parse(detected.out)["photos"][0]["camera_from_marker"];
+    for (int i = 0; i < 3; ++i)
+        EXPECT_NEAR(pose[3 + i].get<double>(), board.camera_from_marker.translation[i], 0.5) << i;
+    const Finished compared = etalon("compare a.png --out out " + asked);
+    ASSERT_EQ(compared.exit_code, 0) << compared.err;
+    EXPECT_LT(nlohmann::json::parse(compared.out)["mean_residual_gray"].get<double>(), 6.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(OfEveryKind, StrangersBoards,
+                         testing::Values("aprilgrid:36h11:3x2@32mm/9.6mm", "circles:7x5@17mm/10mm",
+                                         "charuco:4X4_50:6x5@20mm/15mm"));
+
+TEST_F(StrangersPhotographs, MayBePatternsAndFilms) {
+    const CameraModel camera = small_camera();
+    cv::VideoWriter film((folder_ / "clip.avi").string(),
+                         cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 10.0, {320, 240}, false);
+    if (!film.isOpened())
+        GTEST_SKIP() << "this OpenCV writes no MJPG films";
+    for (int i = 0; i < 5; ++i) {
+        const CodeImage photo =
+            photo_of(camera, {placed(tag_name, {0.2, -0.1, 0.1}, {5.0 * i - 10.0, 3, 200})});
+        film.write(photo.pixels);
+        if (i < 3)
+            write_image(folder_ / fmt::format("p{}.png", i), photo);
+    }
+    film.release();
+    blank("other.png", 320, 240);
+    const auto found = [&](const std::string& photos) {
+        return etalon(fmt::format("detect {} --marker {}", photos, tag_name)).err;
+    };
+    EXPECT_THAT(found("'p*.png'"), HasSubstr("found in 3 of 3 photographs"));
+    EXPECT_THAT(found("'video:clip.avi?every=2'"), HasSubstr("found in 3 of 3 photographs"));
+    EXPECT_THAT(found("'video:clip.avi'"), HasSubstr("found in 5 of 5 photographs"));
+    EXPECT_THAT(found("'q*.png'"), HasSubstr("q*.png"));
+    EXPECT_THAT(found("'video:clip.avi?every=0'"), HasSubstr("N at least 1"));
+}
+
+TEST_F(StrangersPhotographs, OfATelephoneAreRefusedByName) {
+    using std::string_literals::operator""s;
+    write_text(folder_ / "IMG_1.HEIC",
+               "\0\0\0\x18"
+               "ftypheic\0\0\0\0mif1heic"s);
+    expect_one_line_error(etalon(fmt::format("detect IMG_1.HEIC --marker {}", tag_name)), 3,
+                          "IMG_1.HEIC: is HEIC, which is not read here: convert it to PNG");
+}
+
+TEST_F(StrangersPhotographs, OfSeveralSizesAreGroupedAndNamed) {
+    for (int i = 0; i < 4; ++i)
+        blank(fmt::format("a{}.png", i), 320, 240);
+    blank("b0.png", 240, 320);
+    const std::string calibrate = "calibrate --board 6x5 --square-mm 10 --out c.yml ";
+    EXPECT_THAT(etalon(calibrate + "a?.png b0.png").err,
+                HasSubstr("not used, as most photos have 320x240 px; 240x320 px: b0.png"));
+    const Finished half = etalon(calibrate + "a0.png b0.png");
+    EXPECT_EQ(half.exit_code, 3);
+    EXPECT_THAT(half.err, AllOf(HasSubstr("are of several sizes"), HasSubstr("240x320 px: ")));
+}
+
+TEST_F(StrangersPhotographs, OfTagsWithAShortenedFamilyAreHelpedOn) {
+    blank("a.png", 320, 240);
+    expect_one_line_error(etalon("detect a.png --marker apriltag:41h12:5@40mm"), 3,
+                          "did you mean 'Standard41h12'?");
+}
+
+TEST_F(StrangersPhotographs, OfAZoomInBetweenAreNotUsedAndNamed) {
+    chessboard_set(0, 5, small_camera(400.0));
+    chessboard_set(5, 7, small_camera(500.0));
+    const std::string calibrate =
+        "calibrate --board 6x5 --square-mm 10 --model pinhole --out c.yml --report r ";
+    const Finished most = etalon(calibrate + "'a*.png'");
+    EXPECT_EQ(most.exit_code, 0) << most.err;
+    EXPECT_THAT(most.err, HasSubstr("Not used: photos a05.png, a06.png do not share the others'"));
+    EXPECT_NEAR(read_camera(folder_ / "c.yml").intrinsics.fx, 400.0, 2.0);
+    const auto json = nlohmann::json::parse(read_text(folder_ / "r/calibration.json"));
+    EXPECT_EQ(json["photos_of_other_cameras"].size(), 2u);
+    EXPECT_EQ(json["photos"].size(), 5u);
+    EXPECT_THAT(read_text(folder_ / "r/report.html"),
+                HasSubstr("not used: another zoom, focus or camera"));
+}
+
+TEST_F(StrangersPhotographs, OfTwoZoomsAreRefusedWhenNeitherIsThatOfMost) {
+    chessboard_set(0, 4, small_camera(400.0));
+    chessboard_set(4, 7, small_camera(500.0));
+    const Finished finished = etalon("calibrate --board 6x5 --square-mm 10 --out c.yml 'a*.png'");
+    expect_one_line_error(finished, 2,
+                          "these photos are of several cameras: photos a04.png, a05.png, a06.png");
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "c.yml"));
+}
+
+// k1 = -0.45 folds over 115 px from the middle; the board stays within 90.
+TEST_F(StrangersPhotographs, OfAFoldingDistortionLeavePartOfTheImageWithoutRays) {
+    chessboard_set(0, 3, small_camera(200.0, -0.45));
+    const Finished finished =
+        etalon("calibrate --board 6x5 --square-mm 10 --model radial --out c.yml 'a*.png'");
+    EXPECT_EQ(finished.exit_code, 0) << finished.err;
+    EXPECT_THAT(finished.err, HasSubstr("% of the image has no ray"));
+}
+
+TEST_F(StrangersPhotographs, OfCharucoBoardsDrawnAsBefore46AreNamed) {
+    photograph("a.png", small_camera(),
+               {placed("charuco-legacy:4X4_50:5x4@20mm/15mm", {0.2, -0.1, 0.1}, {1, 2, 180})});
+    const Finished finished = etalon("detect a.png --marker charuco:4X4_50:5x4@20mm/15mm");
+    EXPECT_THAT(finished.err + finished.out,
+                HasSubstr("the board that is seen is charuco-legacy:4X4_50:5x4@20mm/15mm"));
+}
+
+// A half plane behind a Gaussian of 0.9 px, whose MTF is one half at sqrt(ln 2 / 2) / (pi sigma).
+TEST_F(StrangersPhotographs, OfAnEdgeTellItsSharpness) {
+    constexpr double sigma_px = 0.9, slope = 0.09;
+    cv::Mat pixels(160, 200, CV_8UC1);
+    for (int y = 0; y < pixels.rows; ++y)
+        for (int x = 0; x < pixels.cols; ++x) {
+            const double from_edge = (x - 97.3 - slope * (y - 80)) / std::hypot(1.0, slope);
+            pixels.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(std::lround(
+                40.0 + 170.0 * 0.5 * std::erfc(-from_edge / sigma_px / std::numbers::sqrt2)));
+        }
+    write_image(folder_ / "edge.png", {pixels, 8});
+    const double truth = std::sqrt(std::numbers::ln2 / 2.0) / (std::numbers::pi * sigma_px);
+    for (const char* where : {"auto", "60,30,75x100"}) {
+        const Finished finished = etalon(fmt::format("characterise --edge {} edge.png", where));
+        EXPECT_EQ(finished.exit_code, 0) << finished.err;
+        ASSERT_THAT(finished.out, testing::StartsWith("MTF50 ")) << where;
+        EXPECT_NEAR(std::stod(finished.out.substr(6)), truth, 0.02 * truth) << where;
+    }
+    expect_one_line_error(etalon("characterise --edge 60,30 edge.png"), 3,
+                          "'60,30' is neither auto nor X,Y,WxH in px");
+}
+
+}  // namespace
+}  // namespace etalon::test

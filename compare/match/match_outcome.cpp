@@ -157,6 +157,15 @@ double blur_sigma_px(const CameraModel& camera, const PhotoState& state) {
     return std::sqrt(variance);
 }
 
+// Side of the smallest thing that is printed: disks are drawn with cells far smaller than they are.
+double printed_px(const Marker& marker, double cell_px) {
+    const double cell_mm = std::sqrt(marker.grid.cell_mm.prod());
+    const bool disks = marker.kind == Marker::Kind::circles ||
+                       marker.kind == Marker::Kind::acircles ||
+                       marker.kind == Marker::Kind::hexcircles;
+    return cell_px * std::max(cell_mm, disks ? marker.part_mm : marker.detail_mm) / cell_mm;
+}
+
 Findings blur_findings(double sigma_px, double cell_px) {
     const double limit = std::min(max_blur_cells * cell_px, 0.99 * max_psf_sigma_px);
     if (sigma_px <= limit)
@@ -352,16 +361,15 @@ Findings examine_match(const CodeImage& photo, const Marker& marker, const Compa
     if (is_refused(findings))
         return findings;
     const PixelDifference& difference = match.refined.difference;
-    // Boards and dots are drawn with cells far smaller than what is on them.
-    const double cell_px = shown.cell_px * area.cell_mm.mean() / marker.grid.cell_mm.mean();
-    const Findings blur = blur_findings(blur_sigma_px(camera.model(), state), cell_px);
+    const double printed = printed_px(marker, shown.cell_px);
+    const Findings blur = blur_findings(blur_sigma_px(camera.model(), state), printed);
     if (!blur.empty())
         return blur;
     const auto add = [&](const Findings& more) {
         findings.insert(findings.end(), more.begin(), more.end());
     };
     const CoveredAreas areas =
-        covered_areas(gray, difference, cell_px / 3.0, max_covered, saturation);
+        covered_areas(gray, difference, printed / 3.0, max_covered, saturation);
     if (areas.share > 0)
         findings.push_back(covered(areas));
     else if (shown.clipped_white > max_clipped)

@@ -96,7 +96,12 @@ class StrangersBoards : public StrangersPhotographs,
                         public testing::WithParamInterface<const char*> {};
 
 TEST_P(StrangersBoards, AreDetectedAndCompared) {
-    const CameraModel camera = small_camera();
+    CameraModel camera = small_camera();
+    if (std::string_view(GetParam())
+            .starts_with("circles")) {  // blur that cells of 0.5 px hardly bear
+        camera.sensor = blurred_camera(0.5).sensor;
+        camera.lens = blurred_camera(0.5).lens;
+    }
     write_camera(folder_ / "camera.yml", camera);
     const PlacedMarker board = placed(GetParam(), {0.25, -0.2, 0.06}, {1, -2, 190});
     photograph("a.png", camera, {board});
@@ -112,7 +117,7 @@ TEST_P(StrangersBoards, AreDetectedAndCompared) {
 }
 
 INSTANTIATE_TEST_SUITE_P(OfEveryKind, StrangersBoards,
-                         testing::Values("aprilgrid:36h11:3x2@32mm/9.6mm", "circles:7x5@17mm/10mm",
+                         testing::Values("aprilgrid:36h11:3x2@32mm/9.6mm", "circles:4x3@30mm/18mm",
                                          "charuco:4X4_50:6x5@20mm/15mm"));
 
 TEST_F(StrangersPhotographs, MayBePatternsAndFilms) {
@@ -192,9 +197,9 @@ TEST_F(StrangersPhotographs, OfTwoZoomsAreRefusedWhenNeitherIsThatOfMost) {
     EXPECT_FALSE(std::filesystem::exists(folder_ / "c.yml"));
 }
 
-// k1 = -0.45 folds over 115 px from the middle; the board stays within 90.
+// k1 = -0.35 folds over 130 px from the middle; the board stays within 90.
 TEST_F(StrangersPhotographs, OfAFoldingDistortionLeavePartOfTheImageWithoutRays) {
-    chessboard_set(0, 3, small_camera(200.0, -0.45));
+    chessboard_set(0, 3, small_camera(200.0, -0.35));
     const Finished finished =
         etalon("calibrate --board 6x5 --square-mm 10 --model radial --out c.yml 'a*.png'");
     EXPECT_EQ(finished.exit_code, 0) << finished.err;

@@ -1,18 +1,29 @@
 // Photographs that others took, calibrated here and by OpenCV: the table of docs/validation.md,
-// "Photographs of strangers". OpenCV gets our points with our model and flags, and its own finders'.
+// "Photographs of strangers". OpenCV gets our points with our model and flags, and its own
+// finders'. Then three photographs of each set are compared with their renderings from the set's
+// calibration.
 //
-// Usage: strangers_photos FOLDER, with the sets that are named below; those not there are skipped.
+// Usage: strangers_photos FOLDER OUT, with the sets that are named below in FOLDER; those not there
+// are skipped. OUT gets, by set, the calibration, the comparison's folder and JSON, and SET.jpg,
+// the first one's rendering laid over the photograph.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
 #include <opencv2/calib3d.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 
+#include "calib/files/camera_file.h"
 #include "calib/intrinsics/calibrate.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "compare/detect/calibration_target.h"
 #include "core/errors.h"
+#include "core/text.h"
 
 namespace {
 
@@ -103,9 +114,8 @@ std::string difference_px(const CameraModel& ours, const ByOpenCv& theirs,
                           std::span<const CalibrationView> views) {
     auto rms = attempted([&] {
         const ImageRays rays = rays_among(image_rays(ours), all_pixels(views));
-        const auto difference =
-            projection_difference(camera_of(theirs, ours), rays,
-                                  Eigen::VectorXd::Ones(std::ssize(rays.pixels)));
+        const auto difference = projection_difference(
+            camera_of(theirs, ours), rays, Eigen::VectorXd::Ones(std::ssize(rays.pixels)));
         double squares = 0.0;
         for (const Eigen::Vector2d& each : difference.differences_px)
             squares += each.squaredNorm();
@@ -121,9 +131,8 @@ std::vector<cv::Point2f> found_by_opencv(const cv::Mat& image, const PhotoSet& s
     const cv::Size size(std::abs(set.chessboard_columns), std::abs(set.chessboard_rows));
     const bool found =
         circles ? cv::findCirclesGrid(image, size, pixels)
-                : cv::findChessboardCornersSB(image, size, pixels,
-                                              cv::CALIB_CB_NORMALIZE_IMAGE |
-                                                  cv::CALIB_CB_EXHAUSTIVE);
+                : cv::findChessboardCornersSB(
+                      image, size, pixels, cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE);
     return found ? pixels : std::vector<cv::Point2f>();
 }
 
@@ -132,6 +141,7 @@ struct Observed {
     std::vector<CalibrationView> views;
     Points of_opencv;
     Pixels by_opencv;
+    std::vector<std::filesystem::path> seen_in;  // by view
     std::size_t photos = 0;
 };
 
@@ -151,8 +161,10 @@ Observed observe_all(const std::filesystem::path& folder, const PhotoSet& set,
         const CodeImage image = read_image(file);
         all.size = image.pixels.size();
         ++all.photos;
-        if (ObservedTarget seen = observe(target, image); seen.view)
+        if (ObservedTarget seen = observe(target, image); seen.view) {
             all.views.push_back(std::move(*seen.view));
+            all.seen_in.push_back(file);
+        }
         if (set.chessboard_columns == 0)
             continue;
         if (auto pixels = found_by_opencv(image.pixels, set); !pixels.empty()) {
@@ -163,7 +175,54 @@ Observed observe_all(const std::filesystem::path& folder, const PhotoSet& set,
     return all;
 }
 
-void print_row(const std::filesystem::path& folder, const PhotoSet& set) {
+// The rendering of the first photograph laid over it, for looking at.
+void write_small_overlay(const std::filesystem::path& folder, const std::filesystem::path& out) {
+    constexpr double most_columns = 400.0;
+    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+        const std::string name = entry.path().filename().string();
+        if (!name.starts_with("01-") || !name.ends_with("-overlay.png"))
+            continue;
+        const cv::Mat overlay = cv::imread(entry.path().string());
+        const double scale = std::min(1.0, most_columns / overlay.cols);
+        cv::Mat small;
+        cv::resize(overlay, small, {}, scale, scale, cv::INTER_AREA);
+        cv::imwrite(out.string(), small, {cv::IMWRITE_JPEG_QUALITY, 80});
+    }
+}
+
+struct Program {
+    std::filesystem::path etalon, out;
+};
+
+// "2 of 3 | sharpened 1 | 4.84 | 0.076": matched, findings, residual and edge shift, by the program
+// `etalon compare` on the first photograph, one in the middle and the last.
+std::string compared(const Program& program, const PhotoSet& set, const CameraModel& camera,
+                     const std::vector<std::filesystem::path>& photos) {
+    const std::filesystem::path base = program.out / set.folder;
+    write_camera(base.string() + ".yml", camera);
+    const std::string command = fmt::format(
+        "'{}' compare --camera '{}.yml' --marker '{}' '{}' '{}' '{}' --out '{}' --json > '{}.json'",
+        program.etalon.string(), base.string(), set.target, photos.front().string(),
+        photos[photos.size() / 2].string(), photos.back().string(), base.string(), base.string());
+    if (std::system(command.c_str()) != 0)
+        return "failed | | |";
+    write_small_overlay(base, base.string() + ".jpg");
+    const auto json = nlohmann::json::parse(read_text(base.string() + ".json"));
+    std::map<std::string, int> findings;
+    for (const auto& photo : json["photos"])
+        for (const auto& finding : photo["findings"])
+            ++findings[finding["name"]];
+    std::string names;
+    for (const auto& [name, count] : findings)
+        names += fmt::format("{}{} {}", names.empty() ? "" : ", ", name, count);
+    const nlohmann::json::json_pointer shift("/edges/calibrated/shift_rms_px");
+    return fmt::format(
+        "{} of {} | {} | {:.2f} | {}", json["photos_matched"].get<int>(), json["photos"].size(),
+        names.empty() ? "none" : names, json["mean_residual_gray"].get<double>(),
+        json.contains(shift) ? fmt::format("{:.3f}", json[shift].get<double>()) : "no edges");
+}
+
+void print_row(const std::filesystem::path& folder, const PhotoSet& set, const Program& program) {
     const CalibrationTarget target = parse_calibration_target(set.target, "target");
     Observed all = observe_all(folder, set, target);
     if (has_circles(target)) {
@@ -196,28 +255,35 @@ void print_row(const std::filesystem::path& folder, const PhotoSet& set) {
             ? "no finder"
             : fmt::format("{} found, {:.3f}", all.by_opencv.size(),
                           calibrated_by_opencv(all.of_opencv, all.by_opencv, all.size, model).rms);
-    fmt::print("| {} | {} of {} | {} | {:.3f}, {:.3f} | {:.3f}, {:.3f} | {} | {} |\n", set.folder,
-               all.views.size(), all.photos, model, ours.rms_px,
+    fmt::print("| {} | {} of {} | {} | {:.3f}, {:.3f} | {:.3f}, {:.3f} | {} | {} | {} |\n",
+               set.folder, all.views.size(), all.photos, model, ours.rms_px,
                ours.leave_one_out_rms_px.value_or(0.0), same.rms,
                left_out_by_opencv(points, pixels, all.size, model),
-               difference_px(ours.camera, same, used), own);
+               difference_px(ours.camera, same, used), own,
+               compared(program, set, ours.camera, all.seen_in));
     std::fflush(stdout);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-    if (argc != 2) {
-        fmt::print(stderr, "usage: strangers_photos FOLDER\n");
+    if (argc != 3) {
+        fmt::print(stderr, "usage: strangers_photos FOLDER OUT\n");
         return 3;
     }
-    fmt::print("| set | found | model | ours: fit, left out / px | OpenCV on our points / px | "
-               "projections apart / px | OpenCV on its own points / px |\n"
-               "|---|---|---|---|---|---|---|\n");
+    // This program is build/release/tests/evidence/strangers_photos.
+    const Program program{std::filesystem::absolute(argv[0]).parent_path() / "../../etalon",
+                          argv[2]};
+    std::filesystem::create_directories(program.out);
+    fmt::print(
+        "| set | found | model | ours: fit, left out / px | OpenCV on our points / px | "
+        "projections apart / px | OpenCV on its own points / px | compared: matched | "
+        "findings | residual / gray | edge shift / px |\n"
+        "|---|---|---|---|---|---|---|---|---|---|---|\n");
     for (const PhotoSet& set : sets) {
         const std::filesystem::path folder = std::filesystem::path(argv[1]) / set.folder;
         if (std::filesystem::is_directory(folder))
-            print_row(folder, set);
+            print_row(folder, set, program);
         else
             fmt::print(stderr, "skipped: no {}\n", folder.string());
     }

@@ -345,7 +345,7 @@ BundleView<Scalar> bundle_view(const CalibrationView& view) {
     result.weights.resize(points);
     for (Eigen::Index i = 0; i < points; ++i) {
         result.points_mm.col(i) =
-            view.points_mm[i].cast<Scalar>() - result.centre_mm.template cast<Scalar>();
+            view.true_point_mm(i).cast<Scalar>() - result.centre_mm.template cast<Scalar>();
         result.pixels.col(i) = view.pixels[i].cast<Scalar>();
         result.weights[i] = 1 / static_cast<Scalar>(view.sigma(i));
     }

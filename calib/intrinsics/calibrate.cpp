@@ -170,7 +170,7 @@ void refuse_folds(const CameraModel& camera, std::span<const Rigid> poses,
     const Projector projector(camera);
     for (std::size_t i = 0; i < views.size(); ++i)
         for (std::size_t k = 0; k < views[i].points_mm.size(); ++k)
-            if (!projector.project(poses[i] * views[i].points_mm[k]))
+            if (!projector.project(poses[i] * views[i].true_point_mm(k)))
                 throw NumericalError(
                     fmt::format("the fitted distortion folds over "
                                 "inside the image: no ray near pixel "
@@ -262,6 +262,95 @@ std::optional<CrossValidation> halves_of(std::span<const CalibrationView> views,
     return attempted([&] { return cross_validate(views, image_size, model, fit); }).value;
 }
 
+std::vector<CalibrationView> shaped_views(std::span<const CalibrationView> views,
+                                          const BoardShape& board) {
+    std::vector<CalibrationView> shaped;
+    for (const CalibrationView& view : views)
+        shaped.push_back(board.shaped(view));
+    return shaped;
+}
+
+// A board that is not flat may ask for another model and make points outliers that are none: until
+// model and points stay.
+BoardShape select_with_board(std::span<const CalibrationView> views, cv::Size image_size,
+                             const CalibrationOptions& options, Selection& selection) {
+    constexpr int most_rounds = 4;
+    std::vector<CalibrationView> flat(views.begin(), views.end());
+    for (int round = 0;; ++round) {
+        const std::string model = selection.score().model;
+        const CornerMask left_out = selection.left_out;
+        const BoardShape board = fit_board_shape(kept_views(flat, left_out).views, image_size,
+                                                 calibration_model(model), *selection.score().fit);
+        selection = select(shaped_views(flat, board), image_size, options);
+        if (round == most_rounds ||
+            (selection.score().model == model && selection.left_out == left_out))
+            return board;
+    }
+}
+
+// Squares of each used view's residuals with camera and board fitted without it, the widths of the
+// board's prior held.
+std::vector<double> squares_without_view(const Selection& selection, cv::Size image_size,
+                                         const CalibrationModel& model, const BoardShape& board) {
+    const std::vector<CalibrationView>& used = selection.kept.views;
+    std::vector<double> squares(used.size());
+    for (std::size_t i = 0; i < used.size(); ++i) {
+        std::vector<CalibrationView> others = used;
+        CameraFit start = *selection.score().fit;
+        others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
+        start.camera_from_target.erase(start.camera_from_target.begin() +
+                                       static_cast<std::ptrdiff_t>(i));
+        const BoardShape shape = fit_board_shape(others, image_size, model, start, board);
+        const CameraModel camera =
+            fit_camera(shaped_views(others, shape), image_size, model,
+                       {.start = CameraStart{start.camera, start.camera_from_target}})
+                .camera;
+        const CalibrationView view = shape.shaped(used[i]);
+        squares[i] = sum_of_squares(view_residuals(camera, fit_view_pose(camera, view), view));
+    }
+    return squares;
+}
+
+void set_left_out_of_board(CameraCalibration& calibration, const Selection& selection,
+                           cv::Size image_size) {
+    if (!calibration.leave_one_out_rms_px)
+        return;
+    const auto squares = attempted([&] {
+        return squares_without_view(selection, image_size, calibration.model, *calibration.board);
+    });
+    calibration.leave_one_out_rms_px.reset();
+    double sum = 0.0;
+    for (std::size_t k = 0; k < selection.kept.indices.size(); ++k) {
+        auto& rms = calibration.views[selection.kept.indices[k]].left_out_rms_px;
+        rms.reset();
+        if (!squares)
+            continue;
+        rms = view_rms((*squares.value)[k], selection.kept.views[k]);
+        sum += (*squares.value)[k];
+    }
+    if (squares)
+        calibration.leave_one_out_rms_px =
+            std::sqrt(sum / static_cast<double>(point_count(selection.kept.views)));
+}
+
+// Views are independent of each other for a given board, which is what the covariances are of; the
+// board's own uncertainty is common to all of them and comes on top (the law of total variance).
+// It grows as the stated covariance does where photos share errors. Residuals are smaller for the
+// parameters that the shape is worth.
+void add_board(CalibrationCovariances& covariances, const BoardShape& board, double variance) {
+    const double scale = variance > 0.0 ? board.variance / variance : 1.0;
+    const double inflation = (covariances.formal.ldlt().solve(covariances.stated)).trace() /
+                             static_cast<double>(covariances.formal.rows());
+    const auto add = [&](Eigen::MatrixXd& covariance, double factor) {
+        covariance = (scale * covariance + factor * board.camera_covariance).eval();
+    };
+    add(covariances.formal, 1.0);
+    add(covariances.cluster_robust, 1.0);
+    add(covariances.stated, std::isfinite(inflation) ? std::max(inflation, 1.0) : 1.0);
+    if (covariances.bootstrap)
+        add(*covariances.bootstrap, 1.0);
+}
+
 // Views are known to the caller as they were given.
 ModelAdvice advice_on_given_views(Selection selection) {
     for (ModelScore& score : selection.advice.models)
@@ -304,20 +393,34 @@ CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv
     for (std::size_t i = 0; i < views.size(); ++i)
         check_view(views[i], i, min_view_points);
 
+    CameraCalibration calibration;
     Selection selection = select(views, image_size, options);
+    calibration.flatness =
+        attempted([&] {
+            return check_board(selection.kept.views, calibration_model(selection.score().model),
+                               *selection.score().fit);
+        }).value.value_or(std::nullopt);
+    std::vector<CalibrationView> shaped = views;
+    if (options.fit_board) {
+        calibration.board = select_with_board(views, image_size, options, selection);
+        shaped = shaped_views(views, *calibration.board);
+    }
     const std::vector<CalibrationView>& used = selection.kept.views;
     const CameraFit& fit = *selection.score().fit;
     refuse_folds(fit.camera, fit.camera_from_target, used);
 
-    CameraCalibration calibration;
     calibration.camera = fit.camera;
     calibration.model = calibration_model(selection.score().model);
     calibration.rms_px = selection.score().rms_px;
     calibration.leave_one_out_rms_px = selection.score().leave_one_out_rms_px;
     calibration.condition_number = fit.condition_number;
-    calibration.views = calibrated_views(views, selection);
+    calibration.views = calibrated_views(shaped, selection);
+    if (calibration.board)
+        set_left_out_of_board(calibration, selection, image_size);
     calibration.covariances =
         covariances_of(used, image_size, calibration.model, fit, options.resamples);
+    if (calibration.board)
+        add_board(calibration.covariances, *calibration.board, fit.variance);
     calibration.deviations = deviations_of(calibration.model, calibration.covariances);
     const Eigen::MatrixXd& stated = calibration.covariances.stated;
     calibration.camera.covariance = ParameterCovariance{calibration.model.parameters, stated};

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
+#include "calib/intrinsics/board_shape.h"
 #include "calib/intrinsics/calibration_covariance.h"
 #include "calib/intrinsics/calibration_model.h"
 #include "calib/intrinsics/calibration_view.h"
@@ -60,6 +61,11 @@ struct CameraCalibration {
     std::vector<ParameterDeviation> deviations;
     ProjectionUncertainty uncertainty;
     std::optional<CrossValidation> halves;  // needs six views that determine the camera in halves
+    // Of the model that was taken with the board as drawn; nothing: these views cannot tell.
+    std::optional<BoardFlatness> flatness;
+    // When it was asked for: everything above is of views shaped by it. leave_one_out_rms_px and
+    // the views' own are of boards fitted without the view, the advice holds this one.
+    std::optional<BoardShape> board;
 
     std::size_t points() const, points_left_out() const;  // of all views
     // The chosen model is richer than the advised one and overfits.
@@ -70,6 +76,7 @@ struct CalibrationOptions {
     std::optional<std::string> model = std::nullopt;  // nothing: the advised one
     bool leave_one_out = true;  // of every model; without it, "standard" when no model is named
     int resamples = bootstrap_resamples;  // 0: no bootstrap
+    bool fit_board = false;               // the board's shape with the camera
 };
 
 // A ratio of the stated standard deviation to the formal one that is worth a

@@ -134,6 +134,8 @@ CalibrationView without_points(const CalibrationView& view, const std::vector<bo
         rest.ids.push_back(view.ids.empty() ? static_cast<int>(i) : view.ids[i]);
         if (!view.sigma_px.empty())
             rest.sigma_px.push_back(view.sigma_px[i]);
+        if (!view.displacements_mm.empty())
+            rest.displacements_mm.push_back(view.displacements_mm[i]);
     }
     return rest;
 }

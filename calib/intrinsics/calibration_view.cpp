@@ -51,6 +51,12 @@ void check_labels(const CalibrationView& view, std::size_t index) {
     if (!view.sigma_px.empty() && view.sigma_px.size() != points)
         refuse_view(index, fmt::format("has {} points but {} standard deviations", points,
                                        view.sigma_px.size()));
+    if (!view.displacements_mm.empty() && view.displacements_mm.size() != points)
+        refuse_view(index, fmt::format("has {} points but {} displacements", points,
+                                       view.displacements_mm.size()));
+    for (std::size_t i = 0; i < view.displacements_mm.size(); ++i)
+        if (!view.displacements_mm[i].allFinite())
+            refuse_view(index, fmt::format("the displacement of point {} is not finite", i));
     for (std::size_t i = 0; i < view.sigma_px.size(); ++i)
         if (!(view.sigma_px[i] > 0.0) || !std::isfinite(view.sigma_px[i]))
             refuse_view(index, fmt::format("point {} has the standard deviation {} px", i,

@@ -19,6 +19,14 @@ struct CalibrationView {
     // from the residuals; empty: all alike.
     std::vector<double> sigma_px = {};
 
+    // Where each point really is, less where the drawing has it; empty: there. Found by
+    // calib/intrinsics/board_shape.h.
+    std::vector<Eigen::Vector3d> displacements_mm = {};
+
+    Eigen::Vector3d true_point_mm(std::size_t point) const {
+        return displacements_mm.empty() ? points_mm[point]
+                                        : points_mm[point] + displacements_mm[point];
+    }
     double sigma(std::size_t point) const { return sigma_px.empty() ? 1.0 : sigma_px[point]; }
 };
 
@@ -35,7 +43,7 @@ std::size_t point_count(std::span<const CalibrationView> views);
 
 // Throws NumericalError, naming the view by `index`, unless the view has at least `needed`
 // points that are finite, in the plane z = 0 and not collinear, as many finite pixels, positive
-// finite standard deviations or none, and distinct ids or none.
+// finite standard deviations or none, finite displacements or none, and distinct ids or none.
 void check_view(const CalibrationView& view, std::size_t index, std::size_t needed);
 
 }  // namespace etalon

@@ -425,7 +425,7 @@ std::vector<Eigen::Vector2d> view_residuals(const CameraModel& camera,
     const PixelModel<double> model(all_parameters(camera));
     std::vector<Eigen::Vector2d> residuals;
     for (std::size_t i = 0; i < view.pixels.size(); ++i) {
-        const Eigen::Vector3d p = camera_from_target * view.points_mm[i];
+        const Eigen::Vector3d p = camera_from_target * view.true_point_mm(i);
         const auto seen = model(p.head<2>() / p.z());
         if (!(p.z() > 0.0) || !seen.is_regular)
             throw NumericalError(fmt::format(

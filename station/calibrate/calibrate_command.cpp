@@ -165,9 +165,10 @@ void keep_one_camera(Observations& observations) {
 
 // Says which photo a view was: errors of the calibration count views from 0.
 CameraCalibration calibrate_photos(const Observations& observations,
-                                   const std::optional<std::string>& model) {
+                                   const std::optional<std::string>& model, bool fit_board) {
     try {
-        return calibrate_camera(observations.views, observations.image_size, {.model = model});
+        return calibrate_camera(observations.views, observations.image_size,
+                                {.model = model, .fit_board = fit_board});
     } catch (const NumericalError& error) {
         const std::string what = error.what();
         if (what.find("view ") == std::string::npos)
@@ -203,7 +204,7 @@ CalibrationRun calibrated(const CalibrateArguments& arguments) {
     keep_one_camera(observations);
     if (has_circles(target))
         correct_circles(target, observations, model);
-    CameraCalibration calibration = calibrate_photos(observations, model);
+    CameraCalibration calibration = calibrate_photos(observations, model, arguments.fit_board);
     if (!observations.shown_as.empty())
         fmt::print(stderr, "the board that is seen is {}: taken as that\n", observations.shown_as);
     return {observations.shown_as.empty() ? spec : observations.shown_as,
@@ -242,6 +243,8 @@ void write_report(const CalibrationRun& run, const std::filesystem::path& folder
     make_folder(folder);
     write_text(folder / "calibration.json", calibration_json(run) + "\n");
     write_corners_csv(folder / "corners.csv", run);
+    if (run.calibration.board)
+        write_board_csv(folder / "board.csv", *run.calibration.board);
     write_text(folder / "report.html", calibration_html(run));
 }
 
@@ -259,6 +262,8 @@ void print_words(const CalibrationRun& run, const std::filesystem::path& report)
         fmt::print("leave-one-out {:.3f} px over {} photos\n", *calibration.leave_one_out_rms_px,
                    photos_used(calibration));
     fmt::print("model {}\n", calibration.model.name);
+    if (calibration.board)
+        fmt::print("board {}\n", board_in_words(*calibration.board));
     if (run.refinement)
         fmt::print("photometric refinement {}\n", run.refinement->in_words());
     print_report(report);
@@ -297,9 +302,10 @@ int run_calibrate(const CalibrateArguments& given) {
 constexpr const char* calibrate_details =
     "Prints `RMS x px`, `leave-one-out x px over n photos` and `model NAME`; tables\n"
     "and what speaks against the calibration go to stderr. With --report DIR gets\n"
-    "report.html, calibration.json and corners.csv. Photos of another zoom, focus or\n"
-    "camera than most are named and not used. Ends with 2, and writes nothing, when\n"
-    "the photos hold no calibration. Explained in docs/calibration.md.\n\n"
+    "report.html, calibration.json and corners.csv, with --fit-board board.csv, too.\n"
+    "Photos of another zoom, focus or camera than most are named and not used. Ends\n"
+    "with 2, and writes nothing, when the photos hold no calibration. Explained in\n"
+    "docs/calibration.md.\n\n"
     "Targets (`etalon marker` prints them):\n"
     "  chessboard:9x6@25mm                  inner corners, side of a square\n"
     "  charuco:4X4_50:9x6@30mm/22mm         squares, their side, side of a marker\n"
@@ -338,10 +344,13 @@ void declare_calibrate(Command& program) {
             .needs(board);
     board.needs(square);
     command.option("--model", asked->model, "auto (default) or a name, see below", "NAME");
-    command
-        .option("--refine", asked->refine,
-                "photometric: fit all pixels, if held-out\nphotos show a gain", "HOW")
-        .one_of({"photometric"});
+    const Option refine =
+        command
+            .option("--refine", asked->refine,
+                    "photometric: fit all pixels, if held-out\nphotos show a gain", "HOW")
+            .one_of({"photometric"});
+    command.flag("--fit-board", asked->fit_board, "the board's shape, too: bow, twist, points")
+        .excludes(refine);
     command.required("--out", asked->out, "camera.yml to write", "FILE");
     command.option("--opencv-out", asked->opencv_out, "the same as OpenCV YAML", "FILE");
     command.option("--report", asked->report, "folder for report, JSON and corners", "DIR");

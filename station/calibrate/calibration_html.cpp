@@ -175,6 +175,18 @@ void add_halves(HtmlPage& page, const CameraCalibration& calibration) {
     page.add_figures({halves_figure(calibration)});
 }
 
+void add_board(HtmlPage& page, const CameraCalibration& calibration) {
+    if (!calibration.board)
+        return;
+    page.add_heading("The board's shape");
+    page.add_paragraph(fmt::format(
+        "Fitted with the camera: {}. Worth {:.0f} parameters. The camera's deviations hold the "
+        "board's. Left-out figures are of boards fitted without the photo; the table of models "
+        "holds this board for all.",
+        board_in_words(*calibration.board), calibration.board->parameters));
+    page.add_figures(board_figures(*calibration.board));
+}
+
 // Angle between the board's normal and the optical axis.
 double tilt_deg(const Rigid& camera_from_target) {
     const double cosine = std::abs((camera_from_target.rotation * Eigen::Vector3d::UnitZ()).z());
@@ -225,6 +237,7 @@ std::string calibration_html(const CalibrationRun& run) {
     add_residuals(page, run);
     add_uncertainty(page, run.calibration);
     add_halves(page, run.calibration);
+    add_board(page, run.calibration);
     add_photos(page, run);
     add_software(page);
     return page.finish();

@@ -218,6 +218,55 @@ std::vector<HtmlPage::Figure> uncertainty_figures(const CameraCalibration& calib
                    "The same after the rotation that takes back most of it")};
 }
 
+// A cell of the map is as wide as the nearest points are apart.
+HtmlPage::Figure height_figure(const BoardShape& board) {
+    Eigen::AlignedBox2d box;
+    double lowest = board.points.front().displacement_mm.z(), highest = lowest, cell = 1e300;
+    for (const ShapedPoint& point : board.points) {
+        box.extend(point.drawn_mm.head<2>());
+        lowest = std::min(lowest, point.displacement_mm.z());
+        highest = std::max(highest, point.displacement_mm.z());
+        for (const ShapedPoint& other : board.points)
+            if (other.id != point.id)
+                cell = std::min(cell, (other.drawn_mm - point.drawn_mm).norm());
+    }
+    HeatMap heat;
+    heat.cell_width = heat.cell_height = cell;
+    heat.image_width = static_cast<int>(std::ceil(box.sizes().x() + cell));
+    heat.image_height = static_cast<int>(std::ceil(box.sizes().y() + cell));
+    heat.unit = "mm";
+    heat.highest = std::max(highest - lowest, 1e-9);
+    for (const ShapedPoint& point : board.points) {
+        heat.centres.push_back(point.drawn_mm.head<2>() - box.min() +
+                               Eigen::Vector2d::Constant(0.5 * cell));
+        heat.values.push_back(point.displacement_mm.z() - lowest);
+    }
+    return {heat_map_svg(heat),
+            fmt::format("How far each point lies behind the nearest one, as seen by the camera: "
+                        "{:.3f} mm at most. The board as drawn, x to the right.",
+                        highest - lowest)};
+}
+
+std::vector<HtmlPage::Figure> board_figures(const BoardShape& board) {
+    Arrows arrows;
+    Eigen::AlignedBox2d box;
+    for (const ShapedPoint& point : board.points) {
+        const Eigen::Vector3d &d = point.displacement_mm, &sd = point.deviation_mm;
+        arrows.add(point.drawn_mm.head<2>(), d.head<2>(),
+                   fmt::format("{}: ({:.3f}, {:.3f}, {:.3f}) +- ({:.3f}, {:.3f}, {:.3f}) mm",
+                               point.id, d.x(), d.y(), d.z(), sd.x(), sd.y(), sd.z()));
+        box.extend(point.drawn_mm.head<2>());
+    }
+    const double factor = round_scale(box.sizes().x() / 20.0 / std::max(arrows.longest(), 1e-9));
+    SvgPlot plot("x / mm", "y / mm", map_width, map_height);
+    plot.set_image_axes();
+    plot.add_arrows(arrows, factor, Ink::blue, "in the plane");
+    return {height_figure(board),
+            {plot.svg(), fmt::format("How far the points lie from the drawing in its plane, "
+                                     "enlarged {:g} times.",
+                                     factor)}};
+}
+
 HtmlPage::Figure halves_figure(const CameraCalibration& calibration) {
     const CrossValidation& halves = *calibration.halves;
     Arrows arrows;

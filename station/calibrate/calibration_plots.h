@@ -14,6 +14,8 @@ HtmlPage::Figure residual_figure(const CalibrationRun& run);
 HtmlPage::Figure radial_figure(const CalibrationRun& run);
 // With the camera held, and after the best rotation.
 std::vector<HtmlPage::Figure> uncertainty_figures(const CameraCalibration& calibration);
+// Heights, and displacements in the plane.
+std::vector<HtmlPage::Figure> board_figures(const BoardShape& board);
 HtmlPage::Figure halves_figure(const CameraCalibration& calibration);
 
 }  // namespace etalon

@@ -60,8 +60,9 @@ void remark_on_model(const CalibrationRun& run, std::vector<std::string>& remark
     const CameraCalibration& calibration = run.calibration;
     const ModelScore* advised = advised_score(calibration);
     if (!advised) {
-        remarks.push_back("No advice which model to take: it needs four photos with the target, "
-                          "each left out once.");
+        remarks.push_back(
+            "No advice which model to take: it needs four photos with the target, "
+            "each left out once.");
         return;
     }
     const ModelScore& chosen = chosen_score(calibration);
@@ -97,6 +98,26 @@ void remark_on_deviations(const CalibrationRun& run, std::vector<std::string>& r
             "No bootstrap: it needs {} photos, and nearly every resample of them must determine "
             "the camera.",
             min_bootstrap_views));
+}
+
+void remark_on_board(const CalibrationRun& run, std::vector<std::string>& remarks) {
+    const auto& flatness = run.calibration.flatness;
+    if (!flatness)
+        remarks.push_back(
+            fmt::format("Nothing can be said of whether the board is flat: it needs {} photos.",
+                        min_board_views));
+    else if (flatness->is_distorted())
+        remarks.push_back(fmt::format(
+            "{:.0f} % of the residuals' variance moves with the board, not with the image (chance "
+            "of that with a true board {:.2g} %): its points are displaced by up to {:.2g} mm "
+            "(RMS {:.2g} +- {:.1g} mm). The board is not flat or not printed true{}.",
+            100.0 * flatness->share, 100.0 * flatness->chance, flatness->worst_mm, flatness->rms_mm,
+            flatness->rms_deviation_mm,
+            run.calibration.board ? "" : "; --fit-board fits its shape with the camera"));
+    if (run.calibration.board)
+        remarks.push_back("Board: " + board_in_words(*run.calibration.board) + ".");
+    if (run.calibration.board && !run.calibration.board->converged)
+        remarks.push_back("The board's shape did not settle: these photos hardly tell it.");
 }
 
 void remark_on_image(const CalibrationRun& run, std::vector<std::string>& remarks) {
@@ -152,7 +173,9 @@ std::string model_table(const CameraCalibration& calibration) {
                             fixed(score.leave_one_out_rms_px, 3, "-"),
                             significant(score.projection_deviation_px, 3, "-"),
                             significant(score.halves_px, 3, "-"),
-                            advised ? "advised" : chosen ? "taken" : "");
+                            advised  ? "advised"
+                            : chosen ? "taken"
+                                     : "");
     }
     return text;
 }
@@ -234,6 +257,37 @@ ordered_json halves_json(const CrossValidation& halves) {
             {"expected_cluster_robust_px", halves.expected_robust_px}};
 }
 
+std::array<double, 3> numbers(const Eigen::Vector3d& v) {
+    return {v.x(), v.y(), v.z()};
+}
+
+ordered_json flatness_json(const BoardFlatness& flatness) {
+    return {{"distorted", flatness.is_distorted()},
+            {"chance", flatness.chance},
+            {"share_of_variance", flatness.share},
+            {"displacement_rms_mm", flatness.rms_mm},
+            {"displacement_rms_standard_deviation_mm", flatness.rms_deviation_mm},
+            {"displacement_worst_mm", flatness.worst_mm}};
+}
+
+ordered_json board_json(const BoardShape& board) {
+    return {{"displacement_rms_mm", board.rms_mm},
+            {"displacement_rms_standard_deviation_mm", board.rms_deviation_mm},
+            {"displacement_worst_mm", board.worst_mm},
+            {"curvature_xx_xy_yy_per_mm", numbers(board.curvature_per_mm)},
+            {"curvature_standard_deviation_per_mm", numbers(board.curvature_deviation_per_mm)},
+            {"prior_in_plane_mm", board.prior.in_plane_mm},
+            {"prior_out_of_plane_mm", board.prior.out_of_plane_mm},
+            {"parameters", board.parameters},
+            {"converged", board.converged},
+            {"points", json_list(board.points, [](const ShapedPoint& point) {
+                 return ordered_json{{"id", point.id},
+                                     {"drawn_mm", numbers(point.drawn_mm)},
+                                     {"displacement_mm", numbers(point.displacement_mm)},
+                                     {"standard_deviation_mm", numbers(point.deviation_mm)}};
+             })}};
+}
+
 ordered_json photos_json(const CalibrationRun& run) {
     ordered_json json = ordered_json::array();
     for (std::size_t i = 0; i < run.photos.size(); ++i) {
@@ -310,6 +364,7 @@ std::vector<std::string> calibration_remarks(const CalibrationRun& run) {
     remark_on_outliers(run, remarks);
     remark_on_model(run, remarks);
     remark_on_deviations(run, remarks);
+    remark_on_board(run, remarks);
     remark_on_image(run, remarks);
     if (run.refinement)
         remarks.push_back("Photometric refinement: " + run.refinement->in_words() + ".");
@@ -342,6 +397,10 @@ std::string calibration_json(const CalibrationRun& run) {
     json["projection_uncertainty"] = uncertainty_json(calibration.uncertainty);
     if (calibration.halves)
         json["halves"] = halves_json(*calibration.halves);
+    if (calibration.flatness)
+        json["board_flatness"] = flatness_json(*calibration.flatness);
+    if (calibration.board)
+        json["board"] = board_json(*calibration.board);
     if (run.refinement)
         json["photometric_refinement"] = refinement_json(*run.refinement);
     json["photos"] = photos_json(run);
@@ -350,6 +409,33 @@ std::string calibration_json(const CalibrationRun& run) {
     json["remarks"] = calibration_remarks(run);
     json["software"] = software_json(software_versions());
     return text_of(json);
+}
+
+std::string board_in_words(const BoardShape& board) {
+    const Eigen::Vector3d per_m = 1000.0 * board.curvature_per_mm,
+                          deviation = 1000.0 * board.curvature_deviation_per_mm;
+    return fmt::format(
+        "displaced by {:.3f} +- {:.3f} mm RMS, {:.3f} mm at most; bent by {:.3f} +- {:.3f} /m "
+        "along x, {:.3f} +- {:.3f} /m along y, twisted by {:.3f} +- {:.3f} /m",
+        board.rms_mm, board.rms_deviation_mm, board.worst_mm, per_m[0], deviation[0], per_m[2],
+        deviation[2], per_m[1], deviation[1]);
+}
+
+void write_board_csv(const std::filesystem::path& path, const BoardShape& board) {
+    CsvTable table;
+    for (const ShapedPoint& point : board.points) {
+        table.number("id", point.id);
+        table.number("x_mm", point.drawn_mm.x());
+        table.number("y_mm", point.drawn_mm.y());
+        table.number("dx_mm", point.displacement_mm.x());
+        table.number("dy_mm", point.displacement_mm.y());
+        table.number("dz_mm", point.displacement_mm.z());
+        table.number("dx_sd_mm", point.deviation_mm.x());
+        table.number("dy_sd_mm", point.deviation_mm.y());
+        table.number("dz_sd_mm", point.deviation_mm.z());
+        table.end_row();
+    }
+    write_text(path, table.finish());
 }
 
 void write_corners_csv(const std::filesystem::path& path, const CalibrationRun& run) {

@@ -54,6 +54,10 @@ std::vector<std::string> calibration_remarks(const CalibrationRun& run);
 std::string calibration_tables(const CalibrationRun& run);
 
 std::string calibration_json(const CalibrationRun& run);
+// Where the board's points are, and where the drawing has them.
+void write_board_csv(const std::filesystem::path& path, const BoardShape& board);
+// "displaced by 0.148 +- 0.007 mm RMS, 0.254 mm at most; curvature ..."
+std::string board_in_words(const BoardShape& board);
 void write_corners_csv(const std::filesystem::path& path, const CalibrationRun& run);
 std::string calibration_html(const CalibrationRun& run);
 

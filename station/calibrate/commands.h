@@ -19,6 +19,7 @@ struct CalibrateArguments {
     std::vector<std::filesystem::path> photos;
     std::string model = "auto";        // or the name of a calibration model
     std::string refine;                // empty or "photometric"
+    bool fit_board = false;            // the board's shape with the camera
     std::filesystem::path out;         // camera.yml
     std::filesystem::path opencv_out;  // optional: the same as OpenCV YAML
     std::filesystem::path report;      // optional: folder

@@ -77,8 +77,8 @@ std::string axes(const HeatMap& map, const Placement& place) {
     for (double tick = 0; tick < map.image_height; tick += step)
         text += fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='end'>{:g}</text>",
                             left_px - 6, place.y(tick) + 4, tick);
-    return text + fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='middle'>x / px</text>",
-                              left_px + 0.5 * map_width, end_y + 32);
+    return text + fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='middle'>x / {}</text>",
+                              left_px + 0.5 * map_width, end_y + 32, escape_html(map.axis_unit));
 }
 
 std::string scale_bar(const HeatMap& map, double height) {

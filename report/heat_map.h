@@ -18,6 +18,7 @@ struct HeatMap {
     int image_width = 0, image_height = 0;
     double highest = 0.0;  // of the scale, which begins at 0
     std::string unit;
+    std::string axis_unit = "px";  // of what the cells lie in, where that is no image
 };
 
 // The <svg> element. Cells are cut off at the image's border; places without a cell stay empty.

@@ -234,7 +234,7 @@ HtmlPage::Figure height_figure(const BoardShape& board) {
     heat.cell_width = heat.cell_height = cell;
     heat.image_width = static_cast<int>(std::ceil(box.sizes().x() + cell));
     heat.image_height = static_cast<int>(std::ceil(box.sizes().y() + cell));
-    heat.unit = "mm";
+    heat.unit = heat.axis_unit = "mm";
     heat.highest = std::max(highest - lowest, 1e-9);
     for (const ShapedPoint& point : board.points) {
         heat.centres.push_back(point.drawn_mm.head<2>() - box.min() +
@@ -242,8 +242,8 @@ HtmlPage::Figure height_figure(const BoardShape& board) {
         heat.values.push_back(point.displacement_mm.z() - lowest);
     }
     return {heat_map_svg(heat),
-            fmt::format("How far each point lies behind the nearest one, as seen by the camera: "
-                        "{:.3f} mm at most. The board as drawn, x to the right.",
+            fmt::format("How far each point lies along z = x cross y beyond the one that lies "
+                        "least far: {:.3f} mm at most. The board as drawn, x to the right, y down.",
                         highest - lowest)};
 }
 

@@ -10,7 +10,7 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "station/calibrate/commands.h"
-#include "tests/calib/synthetic_views.h"
+#include "tests/calib/intrinsics/bent_boards.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -93,6 +93,33 @@ TEST_F(CalibrationReport, PageStandsAloneAndEscapesNames) {
     EXPECT_THAT(page, AllOf(Not(HasSubstr("nan")), Not(HasSubstr("inf "))));
     for (const char* part : {"Which model", "its standard deviations", "Two halves", "in pixels"})
         EXPECT_THAT(page, HasSubstr(part));
+}
+
+// Eight photos of a bowed board, fitted.
+TEST(CalibrationReportOfABoard, TellsTheShapeEverywhere) {
+    CalibrationRun run;
+    run.camera_file = "camera.yml";
+    run.views = test::views_of(test::bow, 8, 0.05, 3);
+    run.photos.assign(8, "a.png");
+    run.calibration = calibrate_camera(
+        run.views, {640, 480},
+        {.model = "standard", .leave_one_out = false, .resamples = 0, .fit_board = true});
+    EXPECT_THAT(calibration_remarks(run),
+                testing::IsSupersetOf({HasSubstr("moves with the board, not with the image"),
+                                       HasSubstr("Board: displaced by 0.1")}));
+    const auto json = nlohmann::json::parse(calibration_json(run));
+    EXPECT_EQ(json["board_flatness"]["distorted"], true);
+    EXPECT_EQ(json["board"]["points"].size(), 54u);
+    EXPECT_NEAR(json["board"]["curvature_xx_xy_yy_per_mm"][0].get<double>(), 8e-5, 2e-5);
+    EXPECT_THAT(calibration_html(run),
+                AllOf(HasSubstr("s shape</h2>"), Not(HasSubstr("nan"))));
+
+    const TemporaryFolder folder;
+    write_board_csv(folder / "board.csv", *run.calibration.board);
+    const auto lines = split(read_text(folder / "board.csv"), '\n');
+    ASSERT_EQ(lines.size(), 1u + 54u + 1u);
+    EXPECT_EQ(lines[0], "id,x_mm,y_mm,dx_mm,dy_mm,dz_mm,dx_sd_mm,dy_sd_mm,dz_sd_mm");
+    EXPECT_THAT(lines[11], testing::StartsWith("10,25,25,"));
 }
 
 TEST(CalibrationWords, AValueHasTwoDigitsOfItsDeviation) {

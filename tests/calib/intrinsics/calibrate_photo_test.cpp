@@ -148,6 +148,32 @@ TEST(CalibrationPhotos, HalvesAgreeAsTheirCovariancesSay) {
     }
 }
 
+// Two cameras photographed one board: nothing else is common to the two fits.
+TEST(CalibrationPhotos, TwoCamerasFindTheSameShapeOfTheBoard) {
+    if (!have(photos("left")) || !have(photos("right")))
+        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+    std::map<std::string, CameraCalibration> fitted;
+    for (const char* side : {"left", "right"}) {
+        EXPECT_TRUE(calibration(side).flatness->is_distorted());
+        fitted[side] = calibrate_camera(views_of(side), {640, 480},
+                                        {.model = "standard", .resamples = 0, .fit_board = true});
+        EXPECT_LT(*fitted[side].leave_one_out_rms_px,
+                  0.8 * *calibration(side).leave_one_out_rms_px);
+    }
+    const auto& left = fitted["left"].board->points;
+    const auto& right = fitted["right"].board->points;
+    ASSERT_EQ(left.size(), right.size());
+    double differences = 0.0, displacements = 0.0, variances = 0.0;
+    for (std::size_t i = 0; i < left.size(); ++i) {
+        differences += (left[i].displacement_mm - right[i].displacement_mm).squaredNorm();
+        displacements += 0.5 * left[i].displacement_mm.squaredNorm() +
+                         0.5 * right[i].displacement_mm.squaredNorm();
+        variances += left[i].deviation_mm.squaredNorm() + right[i].deviation_mm.squaredNorm();
+    }
+    EXPECT_LT(differences, 0.2 * displacements);
+    EXPECT_LT(differences, 2.0 * variances);
+}
+
 TEST(CalibrationPhotos, ThePackagesOwnCalibrationIsRead) {
     const auto path = std::filesystem::path(ETALON_PHOTO_DIR) / "left_intrinsics.yml";
     if (!std::filesystem::exists(path))

@@ -95,12 +95,12 @@ TEST_F(CalibrationReport, PageStandsAloneAndEscapesNames) {
         EXPECT_THAT(page, HasSubstr(part));
 }
 
-// Eight photos of a bowed board, fitted.
+// Ten photos of a bowed board, fitted.
 TEST(CalibrationReportOfABoard, TellsTheShapeEverywhere) {
     CalibrationRun run;
     run.camera_file = "camera.yml";
-    run.views = test::views_of(test::bow, 8, 0.05, 3);
-    run.photos.assign(8, "a.png");
+    run.views = test::views_of(test::bow, 10, 0.05, 3);
+    run.photos.assign(10, "a.png");
     run.calibration = calibrate_camera(
         run.views, {640, 480},
         {.model = "standard", .leave_one_out = false, .resamples = 0, .fit_board = true});

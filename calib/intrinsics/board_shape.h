@@ -10,7 +10,7 @@
 // stays as the drawing has it.
 //
 // Frame: the board's as drawn, x and y in its plane, z = x cross y, mm. Thread-safe, deterministic.
-// A board of n points costs n^3: milliseconds for 54 points, seconds for 700.
+// A board of n points costs n^3 in every round, of which there are some tens: 0.1 s for 54 points.
 #pragma once
 
 #include <Eigen/Core>

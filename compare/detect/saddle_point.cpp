@@ -5,6 +5,7 @@
 #include <cmath>
 #include <initializer_list>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "core/least_squares.h"
@@ -25,9 +26,11 @@ struct Sample {
     double value, weight;
 };
 
-// All pixels of a disk, fading out over its last pixel so that nothing jumps when it moves.
+// The pixels of a disk, fading out over its last pixel so that nothing jumps when it moves: of wide
+// ones every few pixels, and all that `beside_edges` says are (at a place from the centre).
+template <class Function>
 std::vector<Sample> window_around(const cv::Mat& pixels, const Eigen::Vector2d& centre,
-                                  double radius) {
+                                  double radius, int step, Function beside_edges) {
     std::vector<Sample> samples;
     const Eigen::Vector2d last(pixels.cols - 1, pixels.rows - 1);
     if (!(centre.minCoeff() >= radius && (last - centre).minCoeff() >= radius))
@@ -40,7 +43,8 @@ std::vector<Sample> window_around(const cv::Mat& pixels, const Eigen::Vector2d& 
         for (int column = left; column <= right; ++column) {
             const Eigen::Vector2d place = Eigen::Vector2d(column, row) - centre;
             const double weight = std::clamp(radius - place.norm(), 0.0, 1.0);
-            if (weight > 0.0)
+            const bool is_kept = (row % step == 0 && column % step == 0) || beside_edges(place);
+            if (weight > 0.0 && is_kept)
                 samples.push_back({place, pixels.at<float>(row, column), weight});
         }
     return samples;
@@ -140,10 +144,10 @@ Linearised linearised(const std::vector<Sample>& samples, bool is_lone, const He
 
 // With some parameters held. Returns the weighted sum of squares.
 double fit(const std::vector<Sample>& samples, double radius, bool is_lone, const Held& held,
-           Parameters& p) {
-    // A step that gains less than this part moves the crossing by some 1e-5 px.
+           Parameters& p, double enough_part) {
+    // A step that gains less than 1e-7 moves the crossing by some 1e-5 px.
     const LeastSquaresRule rule{
-        {.first_damping = 1e-3, .max_damping = 1e6, .max_tries = 40, .enough_part = 1e-7}};
+        {.first_damping = 1e-3, .max_damping = 1e6, .max_tries = 40, .enough_part = enough_part}};
     constexpr double max_step_px = 1.5;
     const auto equations = [&](const Parameters& at) {
         return std::optional(linearised(samples, is_lone, held, at));
@@ -164,6 +168,14 @@ bool is_crossing(const Parameters& p, const Parameters& start, double rms) {
            rms <= worst_misfit * std::abs(p[contrast]) &&
            std::abs(p[angle_1] - start[angle_1]) < max_turn &&
            std::abs(p[angle_2] - start[angle_2]) < max_turn;
+}
+
+// Of a place in the window from the nearer of the two edges, which meet at its centre.
+double distance_from_edges(const Parameters& p, const Eigen::Vector2d& place) {
+    const auto from = [&](double angle) {
+        return std::abs(std::cos(angle) * place.y() - std::sin(angle) * place.x());
+    };
+    return std::min(from(p[angle_1]), from(p[angle_2]));
 }
 
 // Angles such that both steps are positive in the quadrant between the edges.
@@ -195,17 +207,25 @@ std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const Saddle
     Parameters p = start;
     constexpr int max_windows = 6;
     constexpr double settled_px = 0.05;  // the window fades: its place no longer matters
+    constexpr double rough_px = 12.0;
+    const int step = std::max(1, static_cast<int>(std::lround(radius / rough_px)));
+    bool is_rough = step > 1;
     for (int i = 0; i < max_windows; ++i) {
-        const std::vector<Sample> samples = window_around(pixels, centre, radius);
+        const double enough = is_rough ? 1e-4 : 1e-7;
+        const std::vector<Sample> samples =
+            window_around(pixels, centre, radius, step, [&](const Eigen::Vector2d& place) {
+                return !is_rough && distance_from_edges(p, place) < 3.0 * std::exp(p[log_blur]) + 2.0;
+            });
         if (samples.empty())
             return std::nullopt;
         p.head<2>().setZero();
         if (i == 0) {
             // A guess some pixels off is met by a wide blur first, the rest as it was guessed.
             guess_levels(samples, guess.is_lone, p);
-            fit(samples, radius, guess.is_lone, {angle_1, angle_2, gradient_x, gradient_y}, p);
+            fit(samples, radius, guess.is_lone, {angle_1, angle_2, gradient_x, gradient_y}, p,
+                enough);
         }
-        const double cost = fit(samples, radius, guess.is_lone, {}, p);
+        const double cost = fit(samples, radius, guess.is_lone, {}, p, enough);
         double weights = 0.0;
         for (const Sample& sample : samples)
             weights += sample.weight;
@@ -214,6 +234,8 @@ std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const Saddle
             return std::nullopt;
         centre += shift;
         if (shift.norm() > settled_px)
+            continue;
+        if (std::exchange(is_rough, false))
             continue;
         if (!is_crossing(p, start, std::sqrt(cost / weights)))
             return std::nullopt;

@@ -159,6 +159,15 @@ void print_progress(const std::string& place, const ComparedPhoto& photo) {
     fmt::print(stderr, "{}: {}\n", file, line);
 }
 
+std::optional<BoardShifts> shifts_of_board(const Comparison& comparison, const Projector& projector,
+                                           const ComparedArea& area) {
+    std::vector<EdgesOfPhoto> photos;
+    for (const ComparedPhoto& photo : comparison.photos)
+        if (photo.refined)
+            photos.push_back({photo.refined->edges, photo.refined->camera_from_marker});
+    return board_shifts(photos, projector, area);
+}
+
 // Second pass over the photographs that have a pose. A run whose last hope fails writes no report.
 void compare_all(const CompareArguments& arguments, const Job& job, Comparison& comparison) {
     if (!comparison.has_poses())
@@ -180,6 +189,7 @@ void compare_all(const CompareArguments& arguments, const Job& job, Comparison& 
     const auto last = std::ranges::find_if(std::views::reverse(comparison.photos),
                                            &ComparedPhoto::has_figures);
     comparison.render_plan = comparer.rendering(last->under_test);
+    comparison.board = shifts_of_board(comparison, Projector(job.camera), job.area);
 }
 
 // One file for each photograph: its edges and their shifts at the refined pose.
@@ -218,6 +228,8 @@ void print_more(const Comparison& comparison) {
     if (const auto edges = comparison.edge_summaries())
         fmt::print("edge shift {:.3f} px, {:.3f} px at the refined poses\n",
                    edges->first.shift.rms_px, edges->second.shift.rms_px);
+    if (const std::string board = board_in_words(comparison); !board.empty())
+        fmt::print(stderr, "{}\n", board);
 }
 
 void print_result(const CompareArguments& arguments, const Comparison& comparison) {

@@ -175,6 +175,16 @@ std::vector<std::string> blind_spots(const Comparison& comparison) {
     return spots;
 }
 
+std::string board_in_words(const Comparison& comparison) {
+    if (!comparison.board || !comparison.board->are_the_boards())
+        return "";
+    return fmt::format(
+        "{:.0f} % of what displaces edges comes back at the same place of the marker in other "
+        "photographs ({:.2f} mm RMS): it is not flat, or not printed true. etalon calibrate "
+        "--fit-board measures a board's shape.",
+        100.0 * comparison.board->share, comparison.board->rms_mm);
+}
+
 std::string source_of_poses(const Comparison& comparison) {
     if (comparison.detector.empty())
         return "given in " + std::filesystem::path(comparison.poses).filename().string();

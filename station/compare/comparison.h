@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "compare/detect/photo_pose.h"
+#include "compare/edges/board_shifts.h"
 #include "compare/edges/defocus_profile.h"
 #include "compare/edges/edge_summary.h"
 #include "compare/match/match_outcome.h"
@@ -89,6 +90,8 @@ struct Comparison {
     std::vector<ComparedPhoto> photos;
     ResidualProfiles profiles;
     std::optional<BaselineChange> baseline;
+    // Whether edges at the refined poses are displaced with the marker.
+    std::optional<BoardShifts> board;
 
     bool has_poses() const;        // of any photograph
     std::size_t compared() const;  // photographs with figures
@@ -106,6 +109,9 @@ struct Comparison {
 
 // What this comparison could not have seen, for its user: sentences.
 std::vector<std::string> blind_spots(const Comparison& comparison);
+
+// That the marker is not as drawn, where the edges show it; empty otherwise.
+std::string board_in_words(const Comparison& comparison);
 
 // Where the poses under test came from, and which part of the marker was scored, in words.
 std::string source_of_poses(const Comparison& comparison);

@@ -153,6 +153,11 @@ void add_edges(const Comparison& comparison, ordered_json& json) {
         json["edges"] = {{"calibrated", edges_json(edges->first)},
                          {"refined", edges_json(edges->second)},
                          {"file", "edges.csv"}};
+    if (const auto& board = comparison.board)
+        json["edges"]["with_the_marker"] = {{"share", board->share},
+                                            {"rms_mm", board->rms_mm},
+                                            {"chance", board->chance},
+                                            {"is_distorted", board->are_the_boards()}};
 }
 
 ordered_json change_json(const PairedChange& quantity) {

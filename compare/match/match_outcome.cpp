@@ -267,15 +267,26 @@ void name_the_rival(const ResidualModes& modes, const ModeFit& fit, Finding& fin
                         rows ? "a wrong calibration" : "a rolling shutter", 100.0 * other / own);
 }
 
+// Of many edges so many that stand all over the marker.
+std::vector<StraightEdge> every_so_many(const std::vector<StraightEdge>& edges,
+                                        std::size_t enough) {
+    const std::size_t step = edges.size() / enough + 1;
+    std::vector<StraightEdge> some;
+    for (std::size_t i = 0; i < edges.size(); i += step)
+        some.push_back(edges[i]);
+    return some;
+}
+
 // Measured on the edges' mean profile, as `etalon characterise` does. Nothing where the marker's
 // cells are too small to have one.
 Findings sharpening_findings(const CodeImage& photo, const Marker& marker, const ComparedArea& area,
                              const PhotometricCamera& camera, const PhotoState& state) {
+    constexpr std::size_t enough_edges = 40;
     auto sharpening = attempted([&] {
         const TargetEdges seen =
             target_edges(linear_photo(photo, camera.model()), camera.projector(), marker,
                          state.camera_from_marker, area, {.with_clipped = true});
-        return measure_sharpening(seen.edges, camera.model());
+        return measure_sharpening(every_so_many(seen.edges, enough_edges), camera.model());
     });
     if (!sharpening || !sharpening->is_detected)
         return {};

@@ -29,8 +29,9 @@ cv::Mat read_any(const std::filesystem::path& path) {
     if (!std::filesystem::exists(path, ignored))  // OpenCV would print a warning of its own
         throw ConfigError({path.string()}, "no such image");
     if (is_heif(path))
-        throw ConfigError({path.string()}, "is HEIC, which is not read here: convert it to PNG, or "
-                                           "to JPEG of quality 95 (heif-convert)");
+        throw ConfigError({path.string()},
+                          "is HEIC, which is not read here: convert it to PNG, or "
+                          "to JPEG of quality 95 (heif-convert)");
     cv::Mat image;
     try {
         // As the sensor has it: whichever way up a viewer is told to show it, a camera is one.

@@ -14,9 +14,8 @@ std::optional<Eigen::MatrixXd> inverse_of_information(const Eigen::MatrixXd& inf
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scaled);
     if (solver.info() != Eigen::Success || !(solver.eigenvalues()[0] > min_eigenvalue))
         return std::nullopt;
-    const Eigen::MatrixXd roots =
-        scale.asDiagonal() * solver.eigenvectors() *
-        solver.eigenvalues().cwiseSqrt().cwiseInverse().asDiagonal();
+    const Eigen::MatrixXd roots = scale.asDiagonal() * solver.eigenvectors() *
+                                  solver.eigenvalues().cwiseSqrt().cwiseInverse().asDiagonal();
     return roots * roots.transpose();
 }
 

@@ -205,11 +205,8 @@ std::vector<StabilityCase> calibration_cases() {
     const CameraModel wide =
         camera_of(1000, 800, 300.0,
                   {.k1 = 735.0 / 945, .k2 = 64.0 / 945, .k4 = 1050.0 / 945, .k5 = 225.0 / 945});
-    add("k1..k6 to 0.9999", {wide,
-                             "rational",
-                             {.share = 0.5, .tilt = 0.5, .noise_px = 0.001},
-                             0.0,
-                             0.9999});
+    add("k1..k6 to 0.9999",
+        {wide, "rational", {.share = 0.5, .tilt = 0.5, .noise_px = 0.001}, 0.0, 0.9999});
     add("all 18 parameters", {camera_of(700, 500, 420.0, every_distortion()),
                               "tilted",
                               {.count = 16, .share = 0.5, .noise_px = 0.001},

@@ -106,8 +106,8 @@ Eigen::MatrixXd stated_covariance(std::span<const ViewEquations> equations,
     const Eigen::MatrixXd root = inverse_information_root(equations, model);
     if (!(variance > 0.0))
         return Eigen::MatrixXd::Zero(root.rows(), root.rows());
-    return variance * root *
-           excess_scatter(view_effects(equations, root) / std::sqrt(variance)) * root.transpose();
+    return variance * root * excess_scatter(view_effects(equations, root) / std::sqrt(variance)) *
+           root.transpose();
 }
 
 // The factor takes out that draws scatter about the mean of n views, not about the truth.

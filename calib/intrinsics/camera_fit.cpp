@@ -456,8 +456,9 @@ std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views
     std::vector<ViewEquations> equations;
     for (std::size_t v = 0; v < views.size(); ++v) {
         const BundleView<double> view = bundle_view<double>(views[v]);
-        const Eigen::MatrixXd triangle = view_triangle(
-            view, parameters, bundle_pose<double>(fit.camera_from_target[v], view.centre_mm), options);
+        const Eigen::MatrixXd triangle =
+            view_triangle(view, parameters,
+                          bundle_pose<double>(fit.camera_from_target[v], view.centre_mm), options);
         equations.push_back({triangle.block(6, 6, free, free),
                              triangle.col(6 + free).segment(6, free),
                              triangle(6 + free, 6 + free) * triangle(6 + free, 6 + free)});

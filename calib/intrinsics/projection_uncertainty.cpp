@@ -168,8 +168,7 @@ ProjectionUncertainty projection_uncertainty(const CameraModel& camera,
     const Eigen::VectorXd rotated = ray_deviations(
         less_best_rotation(moved, rotation_jacobian(camera, rays), held), covariance);
     const std::vector<cv::Point2f> hull = convex_hull(points);
-    ProjectionUncertainty uncertainty{
-        {}, rays.step_x_px, rays.step_y_px, rays.share_without_ray};
+    ProjectionUncertainty uncertainty{{}, rays.step_x_px, rays.step_y_px, rays.share_without_ray};
     for (std::size_t i = 0; i < rays.pixels.size(); ++i) {
         const auto ray = static_cast<Eigen::Index>(i);
         uncertainty.pixels.push_back(

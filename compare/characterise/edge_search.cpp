@@ -55,8 +55,8 @@ cv::Rect window_of(const Segment& segment, double to_both_sides_px) {
                       b = segment.to - ends * segment.along();
     const cv::Point2d low(std::min(a.x, b.x), std::min(a.y, b.y)),
         high(std::max(a.x, b.x), std::max(a.y, b.y));
-    const cv::Point2d sides =
-        segment.is_steep() ? cv::Point2d(to_both_sides_px, 0.0) : cv::Point2d(0.0, to_both_sides_px);
+    const cv::Point2d sides = segment.is_steep() ? cv::Point2d(to_both_sides_px, 0.0)
+                                                 : cv::Point2d(0.0, to_both_sides_px);
     return {cv::Point(cvRound(low.x - sides.x), cvRound(low.y - sides.y)),
             cv::Point(cvRound(high.x + sides.x), cvRound(high.y + sides.y))};
 }
@@ -77,8 +77,7 @@ std::optional<FoundSlantedEdge> measured(const LinearPhoto& photo, const Segment
         const cv::Rect region = window_of(segment, side);
         auto edge = attempted([&] { return slanted_edge(photo, region); });
         if (edge && is_this_edge(*edge, segment) &&
-            (!best ||
-             edge->mtf50_standard_uncertainty < best->edge.mtf50_standard_uncertainty))
+            (!best || edge->mtf50_standard_uncertainty < best->edge.mtf50_standard_uncertainty))
             best = FoundSlantedEdge{region, *edge};
         if (!best && reason.empty())
             reason = edge.cause;
@@ -98,9 +97,8 @@ SlantedEdges find_slanted_edges(const LinearPhoto& photo, std::size_t most) {
     for (const Segment& segment : slanted_segments(photo))
         if (auto edge = measured(photo, segment, found.reason))
             all.push_back(std::move(*edge));
-    std::ranges::stable_sort(all, {}, [](const FoundSlantedEdge& each) {
-        return each.edge.mtf50_standard_uncertainty;
-    });
+    std::ranges::stable_sort(
+        all, {}, [](const FoundSlantedEdge& each) { return each.edge.mtf50_standard_uncertainty; });
     for (FoundSlantedEdge& each : all) {
         const bool is_apart = std::ranges::none_of(found.edges, [&](const FoundSlantedEdge& other) {
             return other.region.contains(middle_of(each.region)) ||

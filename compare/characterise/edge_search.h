@@ -1,7 +1,7 @@
 // Slanted edges of any photograph, without knowing what it shows: every straight line segment
 // (Grompone von Gioi et al., "LSD: a Line Segment Detector", Image Processing On Line 2, 2012) that
-// runs 2 to 15 degrees off the pixels' rows or columns is measured in a window around it, as wide as
-// its surroundings are even.
+// runs 2 to 15 degrees off the pixels' rows or columns is measured in a window around it, as wide
+// as its surroundings are even.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -22,8 +22,8 @@ struct SlantedEdges {
     std::string reason;  // why the longest line that cannot be measured cannot; empty: no such line
 };
 
-// The edges whose MTF50 is most certain, the best first, none around the middle of another's region; at most
-// `most`. Some 50 ns a pixel and a ms an edge. Safe from every thread.
+// The edges whose MTF50 is most certain, the best first, none around the middle of another's
+// region; at most `most`. Some 50 ns a pixel and a ms an edge. Safe from every thread.
 SlantedEdges find_slanted_edges(const LinearPhoto& photo, std::size_t most = 12);
 
 }  // namespace etalon

@@ -12,8 +12,11 @@ namespace {
 class ChessboardDetector final : public Detector {
 public:
     explicit ChessboardDetector(const Marker& board)
-        : Detector("chessboard"), columns_(board.columns), rows_(board.rows),
-          on_its_side_(fmt::format("chessboard:{}x{}@{}mm", rows_, columns_, exact(board.size_mm))) {}
+        : Detector("chessboard"),
+          columns_(board.columns),
+          rows_(board.rows),
+          on_its_side_(
+              fmt::format("chessboard:{}x{}@{}mm", rows_, columns_, exact(board.size_mm))) {}
 
     Detection detect(const CodeImage& image) override {
         const auto found = find_chessboard_corners(image, columns_, rows_);

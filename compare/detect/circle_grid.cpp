@@ -9,8 +9,8 @@
 
 #include "compare/detect/board_points.h"
 #include "compare/detect/dark_shapes.h"
-#include "compare/detect/seen_plane.h"
 #include "compare/detect/point_lattice.h"
+#include "compare/detect/seen_plane.h"
 #include "core/median.h"
 #include "sim/marker/board_pattern.h"
 

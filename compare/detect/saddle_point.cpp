@@ -214,7 +214,8 @@ std::optional<Eigen::Vector2d> refine_saddle(const cv::Mat& pixels, const Saddle
         const double enough = is_rough ? 1e-4 : 1e-7;
         const std::vector<Sample> samples =
             window_around(pixels, centre, radius, step, [&](const Eigen::Vector2d& place) {
-                return !is_rough && distance_from_edges(p, place) < 3.0 * std::exp(p[log_blur]) + 2.0;
+                return !is_rough &&
+                       distance_from_edges(p, place) < 3.0 * std::exp(p[log_blur]) + 2.0;
             });
         if (samples.empty())
             return std::nullopt;

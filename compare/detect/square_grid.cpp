@@ -4,9 +4,9 @@
 #include <array>
 
 #include "compare/detect/board_points.h"
-#include "compare/detect/seen_plane.h"
 #include "compare/detect/point_lattice.h"
 #include "compare/detect/saddle_point.h"
+#include "compare/detect/seen_plane.h"
 
 namespace etalon {
 namespace {

@@ -25,13 +25,14 @@ std::optional<EdgeOnBoard> on_board(const EdgeShift& edge, const Rigid& camera_f
     if (!ray)
         return std::nullopt;
     const Eigen::Vector3d normal = camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
-    const double depth = normal.dot(camera_from_marker.translation) / normal.dot(ray->homogeneous());
+    const double depth =
+        normal.dot(camera_from_marker.translation) / normal.dot(ray->homogeneous());
     const Eigen::Vector3d point = camera_from_marker.inverse() * (depth * ray->homogeneous());
     const Eigen::Array2d cells =
         (point.head<2>() - area.cell_corner_mm).array() / area.cell_mm.array();
     const auto moved_px = [&](int axis) {  // along the edge's normal, by a mm
-        const auto pixel =
-            projector.project(camera_from_marker * Eigen::Vector3d(point + Eigen::Vector3d::Unit(axis)));
+        const auto pixel = projector.project(camera_from_marker *
+                                             Eigen::Vector3d(point + Eigen::Vector3d::Unit(axis)));
         return pixel ? (*pixel - edge.middle_px).dot(edge.normal) : 0.0;
     };
     const std::array px_per_mm{moved_px(0), moved_px(1)};

@@ -21,7 +21,7 @@ struct EdgesOfPhoto {
 
 // Of the displacements across each edge in the marker's plane, mm.
 struct BoardShifts {
-    double share = 0.0;   // of their mean square, the part that edges of different photographs share
+    double share = 0.0;  // of their mean square, the part that edges of different photographs share
     double rms_mm = 0.0;  // of that part
     // Errors of a photograph could as well have the other sign, all of them together: the share of
     // such changes of sign after which as much is shared (the wild bootstrap: Wu, Ann. Statist. 14,

@@ -37,8 +37,8 @@ cv::Mat flat_places(const cv::Mat& predicted, const cv::Mat& contrast) {
     return cv::Mat(cv::abs(by_x) + cv::abs(by_y)) < 0.05 * contrast;
 }
 
-// Means over windows, of the used pixels among them; 0 where fewer than a sixth are used. The values
-// are averaged over `step` x `step` px first, and the windows stand that far apart.
+// Means over windows, of the used pixels among them; 0 where fewer than a sixth are used. The
+// values are averaged over `step` x `step` px first, and the windows stand that far apart.
 cv::Mat window_means(const cv::Mat& values, const cv::Mat& used, int side, int step) {
     constexpr double min_share = 1.0 / 6.0;
     const cv::Size size((values.cols + step - 1) / step, (values.rows + step - 1) / step);

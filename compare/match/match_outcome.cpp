@@ -290,13 +290,14 @@ Findings sharpening_findings(const CodeImage& photo, const Marker& marker, const
     });
     if (!sharpening || !sharpening->is_detected)
         return {};
-    return {{"sharpened", 100.0 * std::max(sharpening->overshoot, sharpening->undershoot),
-             100.0 * min_overshoot, "%",
-             fmt::format("edges overshoot by {:.1f} % of their contrast and undershoot by {:.1f} %: "
-                         "the camera sharpens",
-                         100.0 * std::max(sharpening->overshoot, 0.0),
-                         100.0 * std::max(sharpening->undershoot, 0.0)),
-             false}};
+    return {
+        {"sharpened", 100.0 * std::max(sharpening->overshoot, sharpening->undershoot),
+         100.0 * min_overshoot, "%",
+         fmt::format("edges overshoot by {:.1f} % of their contrast and undershoot by {:.1f} %: "
+                     "the camera sharpens",
+                     100.0 * std::max(sharpening->overshoot, 0.0),
+                     100.0 * std::max(sharpening->undershoot, 0.0)),
+         false}};
 }
 
 Findings mode_findings(const ResidualModes& modes, const PhotometricModel& photometry) {

@@ -6,8 +6,8 @@
 // that the fit did have (levels, tone, blur, pose): a mode counts only as far as those cannot
 // imitate it. The chi-square of a group is the smaller of two: the formal one, which takes pixels
 // as independent, and that of a sandwich covariance over blocks of 8 x 8 px, which JPEG's are
-// (White, Econometrica 48, 1980). Of a photograph with more than 500 000 pixels so many of its blocks
-// are looked at. Pixels beyond 3 deviations are held back as in the fit (Huber).
+// (White, Econometrica 48, 1980). Of a photograph with more than 500 000 pixels so many of its
+// blocks are looked at. Pixels beyond 3 deviations are held back as in the fit (Huber).
 #pragma once
 
 #include <Eigen/Core>

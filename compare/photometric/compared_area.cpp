@@ -106,8 +106,8 @@ PlaneSight::PlaneSight(const Projector& projector, const Rigid& camera_from_mark
     Eigen::Matrix3d ray_from_plane = camera_from_marker.rotation.toRotationMatrix();
     ray_from_plane.col(2) = camera_from_marker.translation;
     const double volume = ray_from_plane.determinant();
-    edge_on_ = !std::isfinite(volume) ||
-               std::abs(volume) < 1e-12 * camera_from_marker.translation.norm();
+    edge_on_ =
+        !std::isfinite(volume) || std::abs(volume) < 1e-12 * camera_from_marker.translation.norm();
     if (edge_on_)
         return;
     plane_from_ray_ = ray_from_plane.inverse();
@@ -134,9 +134,10 @@ std::optional<Eigen::Vector3d> PlaneSight::at(int x, int y) const {
     const int i = (x - region_.x) / spacing_px, j = (y - region_.y) / spacing_px;
     const double s = static_cast<double>(x - region_.x - i * spacing_px) / spacing_px;
     const double t = static_cast<double>(y - region_.y - j * spacing_px) / spacing_px;
-    const cv::Vec3d *upper = nodes_.ptr<cv::Vec3d>(j) + i, *lower = nodes_.ptr<cv::Vec3d>(j + 1) + i;
-    const cv::Vec3d between = (1 - t) * ((1 - s) * upper[0] + s * upper[1]) +
-                              t * ((1 - s) * lower[0] + s * lower[1]);
+    const cv::Vec3d *upper = nodes_.ptr<cv::Vec3d>(j) + i,
+                    *lower = nodes_.ptr<cv::Vec3d>(j + 1) + i;
+    const cv::Vec3d between =
+        (1 - t) * ((1 - s) * upper[0] + s * upper[1]) + t * ((1 - s) * lower[0] + s * lower[1]);
     Eigen::Vector3d met(between[0], between[1], between[2]);
     if (!met.allFinite())  // next to where there are no rays
         met = exactly(x, y);

@@ -376,10 +376,10 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                 continue;
             RowBlock& block = is_flat ? flats : edges;
             auto row = block.next();
-            const PixelEquation model(
-                state.photometry, terms, level_terms(pixel.x, pixel.y, photo.use.size()),
-                curve.at(seen.radiance.at<float>(y, x)),
-                seen.by_variances(x, y), row.tail(photometric));
+            const PixelEquation model(state.photometry, terms,
+                                      level_terms(pixel.x, pixel.y, photo.use.size()),
+                                      curve.at(seen.radiance.at<float>(y, x)),
+                                      seen.by_variances(x, y), row.tail(photometric));
             if (!is_flat)
                 for (int i = 0; i < geometric; ++i)
                     row[i] =

@@ -99,13 +99,13 @@ struct PhotoState {
 // had been measured: its level 255 +- 10 gray, its knee 15 +- 15; most photographs are not bright
 // enough to show it.
 struct PhotoEquations {
-    Eigen::MatrixXd information;  // J^T J of the pixels within Huber's threshold
-    Eigen::VectorXd score;        // J^T r, r limited to the threshold
+    Eigen::MatrixXd information;   // J^T J of the pixels within Huber's threshold
+    Eigen::VectorXd score;         // J^T r, r limited to the threshold
     Eigen::MatrixXd block_scores;  // the score in parts, a column for each of 10 x 10 blocks of the
                                    // region
-    double loss = 0.0;            // sum of Huber's function
-    double squares = 0.0;         // sum of the squares of the limited r
-    double median_size = 0.0;     // of |r|, of the pixels that do not clip
+    double loss = 0.0;             // sum of Huber's function
+    double squares = 0.0;          // sum of the squares of the limited r
+    double median_size = 0.0;      // of |r|, of the pixels that do not clip
     int pixels = 0;
 };
 

@@ -15,8 +15,8 @@ namespace {
 Matrix6d pose_covariance(const PhotoEquations& equations, double variance) {
     constexpr double rounding = 1e-13;  // of the largest eigenvalue, which is at most their number
     const Eigen::MatrixXd& information = equations.information;
-    const auto inverse = inverse_of_information(
-        information, rounding * static_cast<double>(information.rows()));
+    const auto inverse =
+        inverse_of_information(information, rounding * static_cast<double>(information.rows()));
     if (!inverse)
         throw NumericalError("the photograph does not determine pose and photometric model");
     const Matrix6d root = inverse->topLeftCorner<6, 6>().llt().matrixL();

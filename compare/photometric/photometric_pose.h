@@ -4,8 +4,8 @@
 // Two stages. The approach takes one rendering a step and central differences on it for the
 // gradient: wrong by some 10 %, which costs steps, not accuracy. At its end the gradient is
 // rendered once (compare/photometric/render_derivatives.h) and kept; the last steps bring J^T r to
-// zero with that J, and the covariance is made of (J^T J)^-1. Nothing of the approach is left in the
-// result.
+// zero with that J, and the covariance is made of (J^T J)^-1. Nothing of the approach is left in
+// the result.
 //
 // A planar marker has two poses that look alike: the tilt mirrored about the line of sight. Both
 // are fitted; the one with the lower loss is the result, the other is stated with it.
@@ -35,9 +35,9 @@ struct PhotometricPose {
     // Left perturbation, rot, trans; the photometric parameters marginalised: from the full Fisher
     // matrix at the stated noise, or at that of the residuals where the camera knows none or they
     // are larger; widened where the residuals of parts of the picture (10 x 10 of the marker's box)
-    // pull at the pose more than independent pixels would (core/information.h). Neighbouring parts of
-    // a bent print pull alike: deviations may then still be too small by half. It does not hold what
-    // pulls all parts alike: a wrong calibration, or the size of the print.
+    // pull at the pose more than independent pixels would (core/information.h). Neighbouring parts
+    // of a bent print pull alike: deviations may then still be too small by half. It does not hold
+    // what pulls all parts alike: a wrong calibration, or the size of the print.
     Matrix6d covariance;
     PhotometricModel photometry;
     // In units of the known noise, or gray. 1.4826 times the median size of the residuals; 1 where
@@ -46,9 +46,9 @@ struct PhotometricPose {
     double reduced_squares = 0.0;  // mean square of the limited residuals, 1 for pure noise
     double loss = 0.0;             // sum of Huber's function of the residuals over the noise
     int pixels = 0;
-    int renderings = 0;      // that it took, both solutions together
-    // The next step is below a hundredth of its formal uncertainty, or, where a picture that no model
-    // fits has a far larger one, below a tenth of the stated one.
+    int renderings = 0;  // that it took, both solutions together
+    // The next step is below a hundredth of its formal uncertainty, or, where a picture that no
+    // model fits has a far larger one, below a tenth of the stated one.
     bool converged = false;
     // Nothing where both starts end in one pose: the marker is seen frontally.
     std::optional<OtherPose> other;

@@ -58,8 +58,8 @@ std::vector<BoardTag> aprilgrid_tags(int columns, int rows, double tag_mm, doubl
 // Black circles; the points are the centres. Asymmetric as in OpenCV's samples: every second row is
 // shifted by `spacing`, circles of a row are 2 spacings apart and rows one, so that neighbours are
 // sqrt(2) spacings apart. Hexagonal as BoofCV counts it: every circle is a spacing from its six
-// neighbours; columns are half a spacing apart, and a row has circles in every second of them, the lowest row
-// from the first one on.
+// neighbours; columns are half a spacing apart, and a row has circles in every second of them, the
+// lowest row from the first one on.
 enum class CircleLayout { symmetric, asymmetric, hexagonal };
 BoardPattern circles_pattern(CircleLayout layout, int columns, int rows, double spacing_mm,
                              double diameter_mm);

@@ -16,8 +16,8 @@
 #include "station/calibrate/characterise_report.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
-#include "station/shell/photo_files.h"
 #include "station/shell/command_output.h"
+#include "station/shell/photo_files.h"
 
 namespace etalon {
 namespace {
@@ -302,9 +302,10 @@ void declare_characterise(Command& program) {
     command.option("--exposures", asked->exposures,
                    "CSV file,exposure_us: one still scene at\nseveral exposure times", "FILE");
     command.option("--out", asked->out, "camera.yml to write", "FILE");
-    command.option("--edge", asked->edge,
-                   "only the MTF, along slanted edges of any\nphotographs: auto finds them, or X,Y,WxH in px",
-                   "WHERE");
+    command.option(
+        "--edge", asked->edge,
+        "only the MTF, along slanted edges of any\nphotographs: auto finds them, or X,Y,WxH in px",
+        "WHERE");
     command.option("--report", asked->report, "folder for report.html", "DIR");
 }
 

@@ -35,8 +35,8 @@ struct CharacteriseArguments {
     std::vector<std::filesystem::path> repeats, flats, darks;  // one view; uniform field; no light
     std::filesystem::path exposures;                           // CSV file,exposure_us
     std::string edge;  // "auto" or "X,Y,WxH": slanted edges of any photographs, and nothing else
-    std::filesystem::path out;                                 // camera.yml
-    std::filesystem::path report;                              // folder; empty: none
+    std::filesystem::path out;     // camera.yml
+    std::filesystem::path report;  // folder; empty: none
     bool json = false;
 };
 int run_characterise(const CharacteriseArguments& arguments);

@@ -137,9 +137,9 @@ HtmlPage::Figure curve_of(const std::filesystem::path& photo, const FoundSlanted
                   row.modulation + 2.0 * row.standard_uncertainty);
     plot.add_band(curve, Ink::blue, "U (k = 2)");
     plot.add_line(curve, Ink::blue, "modulation");
-    return {plot.svg(), fmt::format("{}, {}: {:.1f} degrees from the pixels' axis.",
-                                    photo.filename().string(), place_of(each.region),
-                                    each.edge.angle_deg)};
+    return {plot.svg(),
+            fmt::format("{}, {}: {:.1f} degrees from the pixels' axis.", photo.filename().string(),
+                        place_of(each.region), each.edge.angle_deg)};
 }
 
 std::string page_of(const std::vector<PhotoEdges>& photos) {

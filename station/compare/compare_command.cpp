@@ -15,8 +15,8 @@
 #include "station/compare/edge_plots.h"
 #include "station/compare/photo_comparer.h"
 #include "station/shell/command.h"
-#include "station/shell/photo_files.h"
 #include "station/shell/command_output.h"
+#include "station/shell/photo_files.h"
 
 namespace etalon {
 namespace {
@@ -186,8 +186,8 @@ void compare_all(const CompareArguments& arguments, const Job& job, Comparison& 
     }
     if (comparison.compared() == 0)
         fail_without_photos(comparison);
-    const auto last = std::ranges::find_if(std::views::reverse(comparison.photos),
-                                           &ComparedPhoto::has_figures);
+    const auto last =
+        std::ranges::find_if(std::views::reverse(comparison.photos), &ComparedPhoto::has_figures);
     comparison.render_plan = comparer.rendering(last->under_test);
     comparison.board = shifts_of_board(comparison, Projector(job.camera), job.area);
 }

@@ -131,9 +131,8 @@ std::string doubt_about(const PhotometricPose& pose, const CodeImage& image, con
                         const Projector& projector) {
     if (!pose.converged)
         return "not found: the fit of its pixels does not converge";
-    const Findings findings =
-        examine_marker(image, marker, compared_area(marker, {}, "--marker"), projector,
-                       pose.camera_from_marker);
+    const Findings findings = examine_marker(image, marker, compared_area(marker, {}, "--marker"),
+                                             projector, pose.camera_from_marker);
     for (const Finding& finding : findings)
         if (finding.is_refusal || finding.name == "saturated")
             return "not found: " + finding.sentence;
@@ -334,11 +333,12 @@ void declare_detect(Command& program) {
     command.required("--marker", asked->marker, "what to look for, see below", "M");
     command.option("--camera", asked->camera,
                    "calibration, for poses; without it corners are printed", "FILE");
-    command.option("--detector", asked->detector,
-                   "apriltag, aruco, topotag, chessboard, charuco, stag,\naprilgrid, circles, "
-                   "squares; auto: the marker's\nown; or photometric: the pose from all pixels,\nfor "
-                   "any marker or board",
-                   "NAME");
+    command.option(
+        "--detector", asked->detector,
+        "apriltag, aruco, topotag, chessboard, charuco, stag,\naprilgrid, circles, "
+        "squares; auto: the marker's\nown; or photometric: the pose from all pixels,\nfor "
+        "any marker or board",
+        "NAME");
     command.option("--poses", asked->poses,
                    "where the marker is about (photometric only):\na pose for each photo, the "
                    "image right to 5 px",

@@ -34,7 +34,8 @@ FilmName film_name(const std::string& name) {
     if (question == std::string::npos)
         return parsed;
     const std::string option = what.substr(question + 1);
-    const auto every = option.starts_with("every=") ? parse_integer(option.substr(6)) : std::nullopt;
+    const auto every =
+        option.starts_with("every=") ? parse_integer(option.substr(6)) : std::nullopt;
     if (!every || *every < 1)
         throw ConfigError({name}, "a film's frames are chosen by ?every=N, N at least 1");
     parsed.every = static_cast<long>(*every);

@@ -17,8 +17,8 @@ TEST(Information, IsInvertedWhateverItsUnits) {
     const auto inverse = inverse_of_information(information);
     ASSERT_TRUE(inverse);
     const Eigen::Vector3d unit = information.diagonal().cwiseSqrt();
-    const Eigen::Matrix3d rest = unit.asDiagonal() * (*inverse) * information *
-                                 unit.cwiseInverse().asDiagonal();
+    const Eigen::Matrix3d rest =
+        unit.asDiagonal() * (*inverse) * information * unit.cwiseInverse().asDiagonal();
     EXPECT_LT((rest - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-12);
 }
 

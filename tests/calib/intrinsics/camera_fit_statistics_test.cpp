@@ -244,11 +244,11 @@ TEST(CameraFitStatistics, StatedCovariancesAreWhatNoiseDoes) {
     expect_fisher(all);
 }
 
-// Richer models hold parameters that the views hardly tell apart, and what is known of them before is
-// a part of what is stated. Among the points, after the best rotation, rays land where they should at
-// least as often as said, and the statement is not far too wide. Fits at the border of where the
-// model is regular do not converge, say so, and are not advised: few.
-// 18 coordinates a model at 0.01 / 36 one-sided: 3.5 standard errors below `coverage`.
+// Richer models hold parameters that the views hardly tell apart, and what is known of them before
+// is a part of what is stated. Among the points, after the best rotation, rays land where they
+// should at least as often as said, and the statement is not far too wide. Fits at the border of
+// where the model is regular do not converge, say so, and are not advised: few. 18 coordinates a
+// model at 0.01 / 36 one-sided: 3.5 standard errors below `coverage`.
 void expect_rays_covered(const CameraModel& truth, const std::string& model, double coverage) {
     constexpr int fewer = 400;
     const Experiment experiment(truth, model, {190.0, 130.0});
@@ -265,26 +265,42 @@ void expect_rays_covered(const CameraModel& truth, const std::string& model, dou
         std::printf("ray %d %c  coverage %.4f  mean %+.3f u  scatter / u %.3f\n", i / 2,
                     i % 2 ? 'y' : 'x', column.coverage, column.mean_error_in_u,
                     column.scatter_over_u);
-        EXPECT_GT(column.coverage,
-                  coverage - 3.5 * std::sqrt(coverage * (1.0 - coverage) / count));
+        EXPECT_GT(column.coverage, coverage - 3.5 * std::sqrt(coverage * (1.0 - coverage) / count));
         EXPECT_GT(column.scatter_over_u, 0.7);
     }
 }
 
 TEST(CameraFitStatistics, RaysOfARationalModelAreCovered) {
     CameraModel truth = test::calibration_truth();
-    truth.distortion = {.k1 = 0.31, .k2 = -0.12, .p1 = 0.0004, .p2 = -0.0007, .k3 = 0.02,
-                        .k4 = 0.66, .k5 = -0.05, .k6 = 0.04};
+    truth.distortion = {.k1 = 0.31,
+                        .k2 = -0.12,
+                        .p1 = 0.0004,
+                        .p2 = -0.0007,
+                        .k3 = 0.02,
+                        .k4 = 0.66,
+                        .k5 = -0.05,
+                        .k6 = 0.04};
     expect_rays_covered(truth, "rational", 0.95);
 }
 
-// Tilt, prism and p1, p2 are told apart by what is quadratic in them only, so that the covariance at
-// the solution is not quite that of the error: 95 % intervals hold 89 % or more.
+// Tilt, prism and p1, p2 are told apart by what is quadratic in them only, so that the covariance
+// at the solution is not quite that of the error: 95 % intervals hold 89 % or more.
 TEST(CameraFitStatistics, RaysOfATiltedModelAreNearlyCovered) {
     CameraModel truth = test::calibration_truth();
-    truth.distortion = {.k1 = 0.31, .k2 = -0.12, .p1 = 0.0004, .p2 = -0.0007, .k3 = 0.02,
-                        .k4 = 0.66, .k5 = -0.05, .k6 = 0.04, .s1 = 0.001, .s2 = -0.0005,
-                        .s3 = 0.0007, .s4 = 0.0002, .tau_x = 0.02, .tau_y = -0.013};
+    truth.distortion = {.k1 = 0.31,
+                        .k2 = -0.12,
+                        .p1 = 0.0004,
+                        .p2 = -0.0007,
+                        .k3 = 0.02,
+                        .k4 = 0.66,
+                        .k5 = -0.05,
+                        .k6 = 0.04,
+                        .s1 = 0.001,
+                        .s2 = -0.0005,
+                        .s3 = 0.0007,
+                        .s4 = 0.0002,
+                        .tau_x = 0.02,
+                        .tau_y = -0.013};
     expect_rays_covered(truth, "tilted", 0.92);
 }
 

@@ -115,8 +115,14 @@ TEST(ModelAdvice, TakesNoModelThatIsAQuarterWorseHoweverLargeTheStandardError) {
 // A wide lens on views whose plain start leads each model astray by itself.
 TEST(ScoreModels, AModelNeverFitsWorseThanOneThatItContains) {
     CameraModel truth = test::calibration_truth();
-    truth.distortion = {.k1 = 0.9, .k2 = 0.11, .p1 = 0.0004, .p2 = -0.0007, .k3 = 0.002,
-                        .k4 = 1.2, .k5 = 0.41, .k6 = 0.03};
+    truth.distortion = {.k1 = 0.9,
+                        .k2 = 0.11,
+                        .p1 = 0.0004,
+                        .p2 = -0.0007,
+                        .k3 = 0.002,
+                        .k4 = 1.2,
+                        .k5 = 0.41,
+                        .k6 = 0.03};
     for (const int seed : {1, 2, 3}) {
         const auto views = test::synthetic_views(truth, 9, 0.2, seed);
         const auto scores =

@@ -24,9 +24,9 @@ std::vector<EdgesOfPhoto> seen(Function on_board_mm, double noise_px) {
     std::vector<EdgesOfPhoto> photos;
     for (int photo = 0; photo < 10; ++photo) {
         RandomStream random(5, static_cast<std::uint32_t>(photo));
-        const Rigid pose{rotation_from_vector({0.3 * std::sin(photo), 0.4 * std::cos(1.7 * photo),
-                                               0.2 * photo}),
-                         {-60.0 + 3.0 * photo, -50.0, 310.0 + 5.0 * photo}};
+        const Rigid pose{
+            rotation_from_vector({0.3 * std::sin(photo), 0.4 * std::cos(1.7 * photo), 0.2 * photo}),
+            {-60.0 + 3.0 * photo, -50.0, 310.0 + 5.0 * photo}};
         EdgesOfPhoto edges{{}, pose};
         for (int axis = 0; axis < 2; ++axis)
             for (int line = 0; line <= 6; ++line)
@@ -35,15 +35,15 @@ std::vector<EdgesOfPhoto> seen(Function on_board_mm, double noise_px) {
                     point[axis] = 20.0 * line;
                     point[1 - axis] = 20.0 * along + 10.0;
                     const Eigen::Vector2d pixel = *projector.project(pose * point);
-                    const Eigen::Vector2d beside =
-                        *projector.project(pose * Eigen::Vector3d(point + Eigen::Vector3d::Unit(axis)));
+                    const Eigen::Vector2d beside = *projector.project(
+                        pose * Eigen::Vector3d(point + Eigen::Vector3d::Unit(axis)));
                     EdgeShift edge;
                     edge.middle_px = pixel;
                     const double sign = (line + along) % 2 == 0 ? 1.0 : -1.0;  // towards the light
                     edge.normal = sign * (beside - pixel).normalized();
-                    edge.shift_px = sign * on_board_mm(35 * axis + 5 * line + along) *
-                                        (beside - pixel).norm() +
-                                    noise_px * random.normal();
+                    edge.shift_px =
+                        sign * on_board_mm(35 * axis + 5 * line + along) * (beside - pixel).norm() +
+                        noise_px * random.normal();
                     edges.edges.push_back(edge);
                 }
         photos.push_back(edges);
@@ -66,9 +66,9 @@ TEST(BoardShifts, OfABoardPrintedUnevenlyAreShared) {
     std::vector<double> displaced;
     for (int i = 0; i < 70; ++i)
         displaced.push_back(0.05 * random.normal());
-    const auto shifts = board_shifts(
-        seen([&](int edge) { return displaced[static_cast<std::size_t>(edge)]; }, 0.1),
-        Projector(camera()), area);
+    const auto shifts =
+        board_shifts(seen([&](int edge) { return displaced[static_cast<std::size_t>(edge)]; }, 0.1),
+                     Projector(camera()), area);
     ASSERT_TRUE(shifts);
     EXPECT_TRUE(shifts->are_the_boards());
     EXPECT_NEAR(shifts->rms_mm, 0.05, 0.01);

@@ -111,8 +111,7 @@ TEST(CalibrationReportOfABoard, TellsTheShapeEverywhere) {
     EXPECT_EQ(json["board_flatness"]["distorted"], true);
     EXPECT_EQ(json["board"]["points"].size(), 54u);
     EXPECT_NEAR(json["board"]["curvature_xx_xy_yy_per_mm"][0].get<double>(), 8e-5, 2e-5);
-    EXPECT_THAT(calibration_html(run),
-                AllOf(HasSubstr("s shape</h2>"), Not(HasSubstr("nan"))));
+    EXPECT_THAT(calibration_html(run), AllOf(HasSubstr("s shape</h2>"), Not(HasSubstr("nan"))));
 
     const TemporaryFolder folder;
     write_board_csv(folder / "board.csv", *run.calibration.board);

@@ -26,6 +26,8 @@ std::string verdict_sentence(const Comparison& comparison) {
                                       matched, compared);
     if (const std::size_t refused = comparison.photos.size() - compared; refused > 0)
         text += fmt::format(" {} could not be compared.", counted(refused, "more photograph"));
+    if (const std::string board = board_in_words(comparison); !board.empty())
+        text += " " + board;
     return text;
 }
 
@@ -44,8 +46,6 @@ void add_summary(HtmlPage& page, const Comparison& comparison) {
         facts.emplace_back("fitted blur σ, mean",
                            fmt::format("{:.2f} px", comparison.mean_psf_sigma_px()));
     facts.emplace_back("poses under test", source_of_poses(comparison));
-    if (const std::string board = board_in_words(comparison); !board.empty())
-        facts.emplace_back("the marker", board);
     page.add_facts(facts);
 }
 

@@ -49,18 +49,6 @@ std::optional<SeenPlane> view_of(const Marker& board, const Circles& circles) {
     return SeenPlane::through(mm, px);
 }
 
-// The diameter that the circles have where their spacing is the stated one.
-double seen_diameter_mm(const Marker& board, const SeenPlane& view, const Circles& circles) {
-    std::vector<double> diameters;
-    for (std::size_t i = 0; i < circles.size(); ++i)
-        if (circles[i])
-            diameters.push_back(
-                2.0 *
-                std::sqrt(circles[i]->area_px2 / std::numbers::pi /
-                          std::abs(view.px_per_mm(board.points_mm[i].head<2>()).determinant())));
-    return median(std::move(diameters));
-}
-
 // Pixels of a disk on the board around a place in the image, with their distance from it in mm.
 template <class Use>
 void for_each_pixel(const cv::Mat& pixels, const Eigen::Vector2d& centre,
@@ -101,9 +89,9 @@ std::optional<CircleWindow> window_around(const cv::Mat& pixels, const Eigen::Ve
                         radius_mm + 1.3 * margin};
 }
 
-// The centroid's offset from `centre`; nothing where no dark disk is.
-std::optional<Eigen::Vector2d> centroid_offset(const cv::Mat& pixels, const CircleWindow& window,
-                                               const Eigen::Vector2d& centre) {
+// The light around a circle, a plane through the pixels of the window's ring; nothing without any.
+std::optional<Eigen::Vector3d> background_of(const cv::Mat& pixels, const CircleWindow& window,
+                                             const Eigen::Vector2d& centre) {
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
     Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
     for_each_pixel(pixels, centre, window.px_per_mm, window.ring_to_mm,
@@ -115,20 +103,36 @@ std::optional<Eigen::Vector2d> centroid_offset(const cv::Mat& pixels, const Circ
                        rhs += terms * value;
                    });
     const Eigen::Vector3d plane = normal.ldlt().solve(rhs);
-    if (!plane.allFinite() || !(plane[0] > 0.0))
-        return std::nullopt;
+    return plane.allFinite() && plane[0] > 0.0 ? std::optional(plane) : std::nullopt;
+}
+
+// Calls `use(place, distance_mm, darkness)` for the window's pixels: 0 is the background, 1 black.
+template <class Use>
+bool for_each_darkness(const cv::Mat& pixels, const CircleWindow& window,
+                       const Eigen::Vector2d& centre, Use use) {
+    const auto plane = background_of(pixels, window, centre);
+    if (plane)
+        for_each_pixel(pixels, centre, window.px_per_mm, window.inside_mm,
+                       [&](const Eigen::Vector2d& place, double distance_mm, double value) {
+                           const double light = (*plane)[0] + plane->tail<2>().dot(place);
+                           use(place, distance_mm, light > 0.0 ? 1.0 - value / light : 0.0);
+                       });
+    return plane.has_value();
+}
+
+// The centroid's offset from `centre`; nothing where no dark disk is.
+std::optional<Eigen::Vector2d> centroid_offset(const cv::Mat& pixels, const CircleWindow& window,
+                                               const Eigen::Vector2d& centre) {
+    constexpr double min_darkness = 0.05;
     double mass = 0.0, pixels_inside = 0.0;
     Eigen::Vector2d moment = Eigen::Vector2d::Zero();
-    for_each_pixel(pixels, centre, window.px_per_mm, window.inside_mm,
-                   [&](const Eigen::Vector2d& place, double, double value) {
-                       const double background = plane[0] + plane.tail<2>().dot(place);
-                       const double darkness = background > 0.0 ? 1.0 - value / background : 0.0;
-                       mass += darkness;
-                       moment += darkness * place;
-                       pixels_inside += 1.0;
-                   });
-    constexpr double min_darkness = 0.05;
-    if (!(mass > min_darkness * pixels_inside))
+    const bool has_light = for_each_darkness(
+        pixels, window, centre, [&](const Eigen::Vector2d& place, double, double darkness) {
+            mass += darkness;
+            moment += darkness * place;
+            pixels_inside += 1.0;
+        });
+    if (!has_light || !(mass > min_darkness * pixels_inside))
         return std::nullopt;
     return Eigen::Vector2d(moment / mass);
 }
@@ -151,16 +155,57 @@ std::optional<Eigen::Vector2d> centroid(const cv::Mat& pixels, const CircleWindo
     return centre;
 }
 
+// The diameter of the disk that is as dark as the circle's middle and takes as much light away as
+// the circle does, which no blur changes. The circle's outline says where its middle is.
+std::optional<double> diameter_mm(const cv::Mat& pixels, const CircleWindow& window,
+                                  const DarkShape& circle) {
+    constexpr double middle_part = 0.3, min_middle_px = 0.75;
+    const double mm2_per_px2 = 1.0 / std::abs(window.px_per_mm.determinant()),
+                 outline_mm = std::sqrt(circle.area_px2 / std::numbers::pi * mm2_per_px2),
+                 middle_mm =
+                     std::max(middle_part * outline_mm, min_middle_px * std::sqrt(mm2_per_px2));
+    double mass = 0.0, middle_mass = 0.0, middle_pixels = 0.0;
+    for_each_darkness(pixels, window, circle.centre,
+                      [&](const Eigen::Vector2d&, double distance_mm, double darkness) {
+                          mass += darkness;
+                          if (distance_mm > middle_mm)
+                              return;
+                          middle_mass += darkness;
+                          middle_pixels += 1.0;
+                      });
+    const double area_px2 = mass * middle_pixels / middle_mass;
+    if (!(middle_mass > 0.0) || !(area_px2 > 0.0))
+        return std::nullopt;
+    return 2.0 * std::sqrt(area_px2 / std::numbers::pi * mm2_per_px2);
+}
+
+// The circles' diameter where their spacing is the stated one: a window to the middle between two,
+// whatever the stated diameter. 0 where none can be measured.
+double seen_diameter_mm(const Marker& board, const SeenPlane& view, const Circles& circles,
+                        const cv::Mat& pixels) {
+    const double half_way = 0.5 * nearest_circle_mm(layout_of(board), board.size_mm);
+    std::vector<double> diameters;
+    for (std::size_t i = 0; i < circles.size(); ++i)
+        if (circles[i]) {
+            const CircleWindow window{view.px_per_mm(board.points_mm[i].head<2>()), half_way,
+                                      0.95 * half_way, 1.05 * half_way};
+            if (const auto seen = diameter_mm(pixels, window, *circles[i]))
+                diameters.push_back(*seen);
+        }
+    return diameters.empty() ? 0.0 : median(std::move(diameters));
+}
+
 }  // namespace
 
 FoundBoard find_circle_centroids(const Marker& board, const BoardPhoto& photo) {
-    constexpr double max_difference = 0.2;  // of the diameter; blurred dots of 5 px are 15 % wider
+    constexpr double max_difference = 0.15;  // of the diameter
     const auto [circles, reason] =
         find_board_of(find_dark_ellipses, photo.eight_bit, lattice_places(board));
     const auto view = circles.empty() ? std::nullopt : view_of(board, circles);
     if (!view)
         return {{}, reason};
-    const double diameter = board.part_mm, seen = seen_diameter_mm(board, *view, circles);
+    const double diameter = board.part_mm,
+                 seen = seen_diameter_mm(board, *view, circles, photo.pixels);
     if (!(std::abs(seen - diameter) < max_difference * diameter))
         return {{},
                 fmt::format("the circles are about {:.3g} mm wide where their spacing is {} mm, "

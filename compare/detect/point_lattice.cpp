@@ -88,7 +88,7 @@ private:
     };
 
     // Of alike points around, the nearest and the next in another direction that both go on on the
-    // other side.
+    // other side; in a lattice of two rows none does across them.
     std::optional<Eigen::Matrix2d> first_steps(std::size_t seed) const {
         constexpr double reach = 6.0;  // in square roots of the area: 3.4 diameters
         const DarkShape& here = points_[seed];
@@ -105,7 +105,11 @@ private:
         };
         std::vector<Eigen::Vector2d> both_ways;
         std::ranges::copy_if(arms, std::back_inserter(both_ways), goes_on);
-        return steps_along(both_ways);
+        const auto steps = steps_along(both_ways);
+        if (steps || both_ways.empty())
+            return steps;
+        arms.insert(arms.begin(), both_ways.front());
+        return steps_along(arms);
     }
 
     static std::optional<Eigen::Matrix2d> steps_along(const std::vector<Eigen::Vector2d>& arms) {
@@ -248,20 +252,27 @@ std::size_t count_of(const BoardInLattice& way) {
         std::ranges::count_if(way, [](const auto& point) { return point.has_value(); }));
 }
 
-std::set<std::size_t> points_of(const BoardInLattice& way) {
-    std::set<std::size_t> points;
-    for (const auto& point : way)
-        if (point)
-            points.insert(*point);
-    return points;
+struct LaidBoard {
+    BoardInLattice way;
+    std::set<Eigen::Vector2i, PlaceLess> covered;  // places of the lattice, seen or not
+};
+
+std::set<Eigen::Vector2i, PlaceLess> covered_by(const std::vector<Eigen::Vector2i>& board,
+                                                const Eigen::Vector2i& shift,
+                                                const Eigen::Matrix2i& change) {
+    Eigen::Matrix2i back;  // the determinant is 1
+    back << change(1, 1), -change(0, 1), -change(1, 0), change(0, 0);
+    std::set<Eigen::Vector2i, PlaceLess> covered;
+    for (const Eigen::Vector2i& place : board)
+        covered.insert(back * (place + shift));
+    return covered;
 }
 
 // All shifts of the board over the lattice under all changes of basis, those with the most points.
-std::vector<BoardInLattice> best_ways(const PointLattice& lattice,
-                                      const std::vector<Eigen::Vector2i>& board,
-                                      std::size_t at_least) {
+std::vector<LaidBoard> best_ways(const PointLattice& lattice,
+                                 const std::vector<Eigen::Vector2i>& board, std::size_t at_least) {
     const Bounds of_board(board);
-    std::vector<BoardInLattice> best;
+    std::vector<LaidBoard> best;
     std::size_t most = at_least;
     for (const Eigen::Matrix2i& change : changes_of_basis()) {
         const Places places = changed(lattice, change);
@@ -278,7 +289,7 @@ std::vector<BoardInLattice> best_ways(const PointLattice& lattice,
                 if (count > most)
                     best.clear();
                 most = count;
-                best.push_back(std::move(way));
+                best.push_back({std::move(way), covered_by(board, {x, y}, change)});
             }
     }
     return best;
@@ -322,20 +333,23 @@ std::vector<PointLattice> find_lattices(const std::vector<DarkShape>& points,
 
 BoardMatch match_board(const PointLattice& lattice, const std::vector<Eigen::Vector2i>& board) {
     const std::size_t enough = (3 * board.size() + 3) / 4;
-    const std::vector<BoardInLattice> ways = best_ways(lattice, board, enough);
-    if (ways.empty())
+    const std::vector<LaidBoard> laid_boards = best_ways(lattice, board, enough);
+    if (laid_boards.empty())
         return {{},
                 fmt::format("{} points of a grid are seen, which are not the board's {}",
                             lattice.size(), board.size())};
-    const std::set<std::size_t> points = points_of(ways.front());
-    const bool is_one_place = std::ranges::all_of(
-        ways, [&](const BoardInLattice& way) { return points_of(way) == points; });
+    const bool is_one_place = std::ranges::all_of(laid_boards, [&](const LaidBoard& each) {
+        return each.covered == laid_boards.front().covered;
+    });
     if (!is_one_place)
         return {{},
                 fmt::format("{} points of a grid are seen, in which a board of {} has several "
                             "places",
                             lattice.size(), board.size())};
-    return {ways, {}};
+    BoardMatch match;
+    for (const LaidBoard& each : laid_boards)
+        match.ways.push_back(each.way);
+    return match;
 }
 
 FoundShapes find_board_of(FindShapes find, const cv::Mat& image,
@@ -343,7 +357,7 @@ FoundShapes find_board_of(FindShapes find, const cv::Mat& image,
     std::string reason = "no grid is seen";
     for (const ShapeScale& scale : shape_scales(image.size())) {
         const std::vector<DarkShape> shapes = find(image, scale);
-        for (const PointLattice& lattice : find_lattices(shapes, board.size() / 2)) {
+        for (const PointLattice& lattice : find_lattices(shapes, board.size() / 3)) {
             const BoardMatch match = match_board(lattice, board);
             if (!match.ways.empty())
                 return first_at_upper_left(shapes, match.ways);

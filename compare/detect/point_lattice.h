@@ -31,7 +31,7 @@ std::vector<PointLattice> find_lattices(const std::vector<DarkShape>& points,
 using BoardInLattice = std::vector<std::optional<std::size_t>>;
 
 struct BoardMatch {
-    // All ways in which the board takes the same points: two after half a turn, four of a square.
+    // All ways in which the board covers the same places: two after half a turn, four of a square.
     std::vector<BoardInLattice> ways;
     std::string reason;  // why there are none, where a lattice was seen
 };

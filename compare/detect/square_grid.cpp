@@ -1,5 +1,7 @@
 // Grids of dark squares: the lattice of their middles says which is which; their corners are then
 // refined on the image.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 
@@ -7,6 +9,7 @@
 #include "compare/detect/point_lattice.h"
 #include "compare/detect/saddle_point.h"
 #include "compare/detect/seen_plane.h"
+#include "core/median.h"
 
 namespace etalon {
 namespace {
@@ -37,14 +40,61 @@ std::optional<SeenPlane> view_of(const Marker& board, const std::vector<Eigen::V
     return SeenPlane::through(mm, px);
 }
 
-// The square's corners from the board's top left one on.
-std::array<Eigen::Vector2d, 4> in_order(const DarkShape& square, const Eigen::Vector2d& first) {
-    std::array<Eigen::Vector2d, 4> corners;
+using Corners = std::array<Eigen::Vector2d, 4>;  // from the board's top left one clockwise
+
+Corners corners_by(const SeenPlane& view, const Marker& board, const std::array<int, 4>& ids) {
+    Corners corners;
+    for (std::size_t k = 0; k < 4; ++k)
+        corners[k] = view.at(board.points_mm[static_cast<std::size_t>(ids[k])].head<2>());
+    return corners;
+}
+
+// The corners of the shape that was found, in the order of those `by_plane`.
+Corners in_order(const DarkShape& square, const Corners& by_plane) {
+    Corners corners;
     std::ranges::copy(square.corners, corners.begin());
     const auto nearest = std::ranges::min_element(
-        corners, {}, [&](const Eigen::Vector2d& corner) { return (corner - first).norm(); });
+        corners, {}, [&](const Eigen::Vector2d& corner) { return (corner - by_plane[0]).norm(); });
     std::ranges::rotate(corners, nearest);
     return corners;
+}
+
+// The shorter of a square's two heights around a corner.
+double height_at(const Corners& corners, std::size_t k) {
+    const Eigen::Vector2d after = corners[(k + 1) % 4] - corners[k],
+                          before = corners[(k + 3) % 4] - corners[k];
+    return std::abs(after.x() * before.y() - after.y() * before.x()) /
+           std::max(after.norm(), before.norm());
+}
+
+// Of a square's shape from the one expected, as a part of its side; where it is does not matter.
+double misfit(const Corners& seen, const Corners& expected) {
+    const auto middle = [](const Corners& c) { return 0.25 * (c[0] + c[1] + c[2] + c[3]); };
+    const Eigen::Vector2d apart = middle(seen) - middle(expected);
+    double largest = 0.0;
+    for (std::size_t k = 0; k < 4; ++k)
+        largest =
+            std::max(largest, (seen[k] - expected[k] - apart).norm() / height_at(expected, k));
+    return largest;
+}
+
+// Where to look for the corners of every square: at those of the shape that was found, or else
+// where the plane of the others has them. Nothing where most shapes are not the board's squares.
+std::vector<Corners> guessed_corners(const Marker& board, const SeenPlane& view,
+                                     const std::vector<std::optional<DarkShape>>& squares,
+                                     const std::vector<Eigen::Vector2i>& places) {
+    constexpr double max_misfit = 0.25;
+    std::vector<Corners> guesses;
+    std::vector<double> misfits;
+    for (std::size_t i = 0; i < squares.size(); ++i) {
+        const Corners by_plane = corners_by(view, board, ids_of(board, places[i]));
+        guesses.push_back(squares[i] ? in_order(*squares[i], by_plane) : by_plane);
+        if (squares[i])
+            misfits.push_back(misfit(guesses.back(), by_plane));
+    }
+    if (!(median(std::move(misfits)) < max_misfit))
+        return {};
+    return guesses;
 }
 
 }  // namespace
@@ -55,23 +105,25 @@ FoundBoard find_square_corners(const Marker& board, const BoardPhoto& photo) {
     const auto view = squares.empty() ? std::nullopt : view_of(board, places, squares);
     if (!view)
         return {{}, reason};
+    const std::vector<Corners> guesses = guessed_corners(board, *view, squares, places);
+    if (guesses.empty())
+        return {{},
+                fmt::format("a grid of squares is seen, but not of squares of {} mm with {} mm "
+                            "between them",
+                            board.size_mm, board.part_mm)};
     const double gap_share = std::min(1.0, board.part_mm / board.size_mm);
     FoundBoard found;
-    for (std::size_t i = 0; i < squares.size(); ++i) {
-        if (!squares[i])
-            continue;
-        const std::array<int, 4> ids = ids_of(board, places[i]);
-        const auto corners = in_order(*squares[i], view->at(board.points_mm[ids[0]].head<2>()));
+    for (std::size_t i = 0; i < guesses.size(); ++i)
         for (std::size_t k = 0; k < 4; ++k) {
-            const Eigen::Vector2d after = corners[(k + 1) % 4] - corners[k],
-                                  before = corners[(k + 3) % 4] - corners[k];
-            const double side = std::abs(after.x() * before.y() - after.y() * before.x()) /
-                                std::max(after.norm(), before.norm());
-            if (const auto pixel = refine_saddle(
-                    photo.pixels, {corners[k], {after, before}, gap_share * side, true}))
-                found.points.push_back({ids[k], *pixel});
+            const Corners& at = guesses[i];
+            const auto pixel =
+                refine_saddle(photo.pixels, {at[k],
+                                             {at[(k + 1) % 4] - at[k], at[(k + 3) % 4] - at[k]},
+                                             gap_share * height_at(at, k),
+                                             true});
+            if (pixel)
+                found.points.push_back({ids_of(board, places[i])[k], *pixel});
         }
-    }
     std::ranges::sort(found.points, {}, &BoardPoint::id);
     return found;
 }

@@ -23,6 +23,7 @@ struct Case {
     bool half_turn;  // looks the same after half a turn
     double distance_mm;
     double largest_rms_px;  // with the blur of a lens; a third of it or less was measured
+    double largest_noisy_rms_px = 0.025;
 };
 
 void PrintTo(const Case& target, std::ostream* out) {
@@ -37,7 +38,8 @@ const Case aprilgrid{"aprilgrid:36h11:4x3@25mm/7.5mm", false, 200, 0.005};
 const Case circles{"circles:8x5@14mm/8mm", true, 200, 0.002};
 const Case acircles{"acircles:4x9@13mm/10mm", false, 220, 0.002};
 const Case hexcircles{"hexcircles:13x9@15mm/12mm", true, 220, 0.002};
-const Case squares{"squares:6x4@12mm/9mm", true, 220, 0.006};
+// A lone corner has half the edge, and on one side of it only: 2 sqrt(2) times a crossing's noise.
+const Case squares{"squares:6x4@12mm/9mm", true, 220, 0.006, 0.04};
 
 CameraModel distorted_camera() {
     CameraModel camera = blurred_camera(0.6);
@@ -129,7 +131,7 @@ TEST_P(EveryTarget, IsFoundInNoise) {
     const Measured measured = measure(GetParam(), blurred_camera(0.9), 2.0, 4);
     print("noisy", GetParam(), measured);
     EXPECT_GE(measured.corrected.found, 3);
-    EXPECT_LT(measured.corrected.rms(), 0.025);
+    EXPECT_LT(measured.corrected.rms(), GetParam().largest_noisy_rms_px);
     EXPECT_GT(measured.corrected.rms(), 0.001);
 }
 
@@ -188,7 +190,7 @@ TEST_P(EveryTarget, IsFoundOnItsOwnPrint) {
     }
 }
 
-// Another kind of board is in the picture.
+// Another kind of board is in the picture. The other layout of a ChArUco board is named.
 TEST_P(EveryTarget, IsNotTakenForAnother) {
     const CalibrationTarget target = parse_calibration_target(GetParam().spec, "test");
     for (const Case& other : {chessboard, charuco, aprilgrid, circles, acircles}) {
@@ -197,7 +199,11 @@ TEST_P(EveryTarget, IsNotTakenForAnother) {
         const Marker board = parse_marker(other.spec, "test");
         const Renderer renderer(blurred_camera(0.7));
         const Rigid pose = random_board_pose(board, 2, 0.4, other.distance_mm);
-        EXPECT_FALSE(observe(target, photo_of(renderer, board, pose)).view) << other.spec;
+        const ObservedTarget seen = observe(target, photo_of(renderer, board, pose));
+        const bool is_other_layout =
+            target.board.kind == board.kind && target.board.family == board.family;
+        EXPECT_EQ(seen.view.has_value(), is_other_layout) << other.spec;
+        EXPECT_EQ(seen.shown_as, is_other_layout ? other.spec : "");
     }
 }
 
@@ -338,10 +344,9 @@ TEST(CalibrationTarget, CentroidOfADiskIsTheMeanOfItsPixelsArea) {
 }
 
 TEST(CalibrationTarget, RefusesWhatIsNoBoard) {
-    for (const char* spec :
-         {"apriltag:36h11:5@50mm", "aruco:4X4_50:7@50mm", "chessboard:2x5@25mm",
-          "chessboard:9x6@0mm", "board:9x6@25mm", "", "charuco:4X4_50:3x3@30mm/22mm",
-          "aprilgrid:36h11:1x5@40mm/12mm", "circles:2x6@20mm/12mm"})
+    for (const char* spec : {"apriltag:36h11:5@50mm", "aruco:4X4_50:7@50mm", "chessboard:2x5@25mm",
+                             "chessboard:9x6@0mm", "board:9x6@25mm", "",
+                             "aprilgrid:36h11:1x5@40mm/12mm", "circles:2x6@20mm/12mm"})
         EXPECT_THROW(parse_calibration_target(spec, "--target"), ConfigError) << spec;
 }
 
@@ -354,10 +359,10 @@ TEST(CalibrationTarget, OfDotsOrSquaresIsFoundFromFarAndNearAndTilted) {
     };
     for (const View& of : {View{"circles:8x6@10mm/3mm", 0.0, 340},
                            {"circles:8x6@10mm/8.5mm", 1.05, 150},
-                           {"circles:4x3@40mm/24mm", 0.4, 160},
+                           {"circles:4x3@40mm/24mm", 0.4, 220},
                            {"acircles:4x10@9mm/4mm", 1.05, 200},
-                           {"hexcircles:20x14@8mm/6.6mm", 1.0, 160},
-                           {"hexcircles:9x7@20mm/8mm", 0.3, 160},
+                           {"hexcircles:20x14@8mm/6.6mm", 1.0, 190},
+                           {"hexcircles:9x7@20mm/8mm", 0.3, 250},
                            {"squares:7x5@6mm/6mm", 1.0, 170},
                            {"squares:3x2@40mm/20mm", 0.2, 220}}) {
         const CalibrationTarget target = parse_calibration_target(of.spec, "test");

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
-#include <limits>
 #include <map>
 #include <set>
 
@@ -68,8 +67,8 @@ public:
         : points_(points), near_(near), taken_(taken) {}
 
     // The places reached from a point; few where it has no two steps.
-    Places from(std::size_t seed) {
-        const auto steps = first_steps(seed);
+    Places from(std::size_t seed, bool is_narrow) {
+        const auto steps = first_steps(seed, is_narrow);
         if (!steps)
             return {};
         place(seed, {0, 0}, *steps);
@@ -88,8 +87,8 @@ private:
     };
 
     // Of alike points around, the nearest and the next in another direction that both go on on the
-    // other side; in a lattice of two rows none does across them.
-    std::optional<Eigen::Matrix2d> first_steps(std::size_t seed) const {
+    // other side; in a lattice of two rows, a narrow one, none does across them.
+    std::optional<Eigen::Matrix2d> first_steps(std::size_t seed, bool is_narrow) const {
         constexpr double reach = 6.0;  // in square roots of the area: 3.4 diameters
         const DarkShape& here = points_[seed];
         std::vector<Eigen::Vector2d> arms;
@@ -105,9 +104,8 @@ private:
         };
         std::vector<Eigen::Vector2d> both_ways;
         std::ranges::copy_if(arms, std::back_inserter(both_ways), goes_on);
-        const auto steps = steps_along(both_ways);
-        if (steps || both_ways.empty())
-            return steps;
+        if (!is_narrow || both_ways.empty())
+            return steps_along(both_ways);
         arms.insert(arms.begin(), both_ways.front());
         return steps_along(arms);
     }
@@ -295,14 +293,21 @@ std::vector<LaidBoard> best_ways(const PointLattice& lattice,
     return best;
 }
 
-FoundShapes first_at_upper_left(const std::vector<DarkShape>& shapes,
-                                const std::vector<BoardInLattice>& ways) {
-    const auto place_of_first = [&](const BoardInLattice& way) {
-        return way.front() ? shapes[*way.front()].centre.sum()
-                           : std::numeric_limits<double>::infinity();
+FoundShapes first_half_at_upper_left(const std::vector<DarkShape>& shapes,
+                                     const std::vector<BoardInLattice>& ways) {
+    // Of the whole first half: its first place may be hidden.
+    const auto place_of_first_half = [&](const BoardInLattice& way) {
+        Eigen::Vector2d sum(0.0, 0.0);
+        double seen = 0.0;
+        for (std::size_t i = 0; i < way.size() / 2; ++i)
+            if (way[i]) {
+                sum += shapes[*way[i]].centre;
+                seen += 1.0;
+            }
+        return sum.sum() / seen;
     };
     FoundShapes found;
-    for (const auto& point : *std::ranges::min_element(ways, {}, place_of_first))
+    for (const auto& point : *std::ranges::min_element(ways, {}, place_of_first_half))
         found.shapes.push_back(point ? std::optional(shapes[*point]) : std::nullopt);
     return found;
 }
@@ -314,19 +319,20 @@ std::vector<PointLattice> find_lattices(const std::vector<DarkShape>& points,
     const Neighbourhood near(points);
     std::vector<bool> taken(points.size(), false);
     std::vector<PointLattice> lattices;
-    for (std::size_t seed = 0; seed < points.size(); ++seed) {
-        if (taken[seed])
-            continue;
-        const Places places = Growth(points, near, taken).from(seed);
-        if (places.size() < min_points)
-            continue;
-        PointLattice lattice;
-        for (const auto& [place, point] : places) {
-            lattice.push_back({place, point});
-            taken[point] = true;
+    for (const bool is_narrow : {false, true})
+        for (std::size_t seed = 0; seed < points.size(); ++seed) {
+            if (taken[seed])
+                continue;
+            const Places places = Growth(points, near, taken).from(seed, is_narrow);
+            if (places.size() < min_points)
+                continue;
+            PointLattice lattice;
+            for (const auto& [place, point] : places) {
+                lattice.push_back({place, point});
+                taken[point] = true;
+            }
+            lattices.push_back(std::move(lattice));
         }
-        lattices.push_back(std::move(lattice));
-    }
     std::ranges::stable_sort(lattices, std::greater(), &PointLattice::size);
     return lattices;
 }
@@ -360,7 +366,7 @@ FoundShapes find_board_of(FindShapes find, const cv::Mat& image,
         for (const PointLattice& lattice : find_lattices(shapes, board.size() / 3)) {
             const BoardMatch match = match_board(lattice, board);
             if (!match.ways.empty())
-                return first_at_upper_left(shapes, match.ways);
+                return first_half_at_upper_left(shapes, match.ways);
             reason = match.reason;
         }
     }

@@ -47,8 +47,8 @@ struct FoundShapes {
     std::string reason;  // why it is not
 };
 using FindShapes = std::vector<DarkShape> (*)(const cv::Mat& image, const ShapeScale& scale);
-// Where nothing tells one end from the other, the board's first place is the one nearer to the
-// image's upper left.
+// Where nothing tells one end from the other, the first half of the board's places is the one
+// nearer to the image's upper left.
 FoundShapes find_board_of(FindShapes find, const cv::Mat& image,
                           const std::vector<Eigen::Vector2i>& board);
 

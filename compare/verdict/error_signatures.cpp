@@ -5,9 +5,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <memory>
 
 #include "calib/intrinsics/calibration_model.h"
 #include "core/errors.h"
@@ -23,150 +21,9 @@ double max_norm(const Eigen::VectorXd& field) {
 
 namespace {
 
-using Points = std::vector<Eigen::Vector3d>;
-
 constexpr double confounded_cosine = 0.95;
 constexpr double vanished = 1e-6;          // of the field before registration
 constexpr double detection_sigmas = 3.29;  // 1.645 (5 % test) + 1.645 (95 % power)
-
-// What a named error does to the corners: the pixels of pose i when the error has `size`.
-struct NamedError {
-    std::string name, unit;
-    double size;
-    std::function<Eigen::VectorXd(std::size_t pose, double size)> pixels;
-    bool one_sided = false;  // only `size` and 0 can be asked for (stage errors come at one size)
-};
-
-Eigen::VectorXd projected(const Projector& projector, const Points& points,
-                          const Rigid& camera_from_marker) {
-    Eigen::VectorXd pixels(2 * points.size());
-    for (std::size_t k = 0; k < points.size(); ++k) {
-        const auto pixel = projector.project(camera_from_marker * points[k]);
-        if (!pixel)
-            throw NumericalError("error signatures: a marker point has no projection");
-        pixels.segment<2>(static_cast<Eigen::Index>(2 * k)) = *pixel;
-    }
-    return pixels;
-}
-
-Eigen::VectorXd moved_inwards(const Eigen::VectorXd& square, double by_px) {
-    std::vector<Eigen::Vector2d> corners;
-    for (int k = 0; k < 4; ++k)
-        corners.push_back(square.segment<2>(2 * k));
-    Eigen::VectorXd moved(8);
-    Eigen::Index k = 0;
-    for (const Eigen::Vector2d& corner : edges_moved_inwards(corners, by_px))
-        moved.segment<2>(2 * k++) = corner;
-    return moved;
-}
-
-// ------------------------------------------------------------------------------- the named errors
-
-class NamedErrors {
-public:
-    explicit NamedErrors(const SignatureChain& chain) : chain_(chain) {
-        for (const Pose& pose : chain.poses)
-            truth_.push_back(chain.camera_from_base * pose.base_from_carriage *
-                             chain.carriage_from_marker);
-    }
-
-    std::vector<NamedError> all(std::span<const StageError> stage_errors) const {
-        std::vector<NamedError> errors = camera_errors();
-        for (NamedError& error : marker_errors())
-            errors.push_back(std::move(error));
-        for (const StageError& error : stage_errors)
-            errors.push_back(stage_error(error));
-        return errors;
-    }
-
-    NamedError camera_error(const CameraError& error) const {
-        const auto changed = [&](double by) {
-            CameraModel camera = chain_.projector.camera();
-            error.change(camera, by);
-            return std::make_shared<const Projector>(camera);
-        };
-        const auto plus = changed(error.size), minus = changed(-error.size);
-        return {error.name, error.unit, error.size,
-                [this, plus, minus](std::size_t pose, double by) {
-                    return projected(by > 0.0 ? *plus : *minus, chain_.points_mm, truth_[pose]);
-                }};
-    }
-
-private:
-    std::vector<NamedError> camera_errors() const {
-        std::vector<NamedError> errors;
-        for (const CameraError& error : named_camera_errors())
-            errors.push_back(camera_error(error));
-        return errors;
-    }
-
-    std::vector<NamedError> marker_errors() const {
-        std::vector<NamedError> errors;
-        errors.push_back({"marker print size", "1", 1e-3, [this](std::size_t pose, double by) {
-                              Points points = chain_.points_mm;
-                              for (Eigen::Vector3d& point : points)
-                                  point *= 1.0 + by;
-                              return projected(chain_.projector, points, truth_[pose]);
-                          }});
-        errors.push_back({"half pixel", "px", 0.5, [this](std::size_t pose, double by) {
-                              return Eigen::VectorXd(nominal(pose).array() + by);
-                          }});
-        if (chain_.points_mm.size() == 4)  // the corners of a square; a chessboard's do not move
-            errors.push_back({"edge shrink", "px", 0.1, [this](std::size_t pose, double by) {
-                                  return moved_inwards(nominal(pose), by);
-                              }});
-        errors.push_back(
-            out_of_plane("marker twist", [](const Eigen::Vector3d& p) { return p.x() * p.y(); }));
-        if (chain_.points_mm.size() != 4)  // a bow lifts the corners of a square all alike
-            errors.push_back(out_of_plane(
-                "marker bow", [](const Eigen::Vector3d& p) { return p.head<2>().squaredNorm(); }));
-        errors.push_back({"constant pose offset", "mm", 0.1, [this](std::size_t pose, double by) {
-                              Rigid moved = truth_[pose];
-                              moved.translation += by * pose_offset_direction();
-                              return projected(chain_.projector, chain_.points_mm, moved);
-                          }});
-        return errors;
-    }
-
-    // The marker's points stand out of its plane by `shape`, scaled to the size at the highest one.
-    NamedError out_of_plane(std::string name,
-                            const std::function<double(const Eigen::Vector3d&)>& shape) const {
-        double highest = 0.0;
-        for (const Eigen::Vector3d& point : chain_.points_mm)
-            highest = std::max(highest, std::abs(shape(point)));
-        Points lifted;
-        for (const Eigen::Vector3d& point : chain_.points_mm)
-            lifted.emplace_back(0.0, 0.0, highest > 0.0 ? shape(point) / highest : 0.0);
-        return {std::move(name), "mm", 0.1, [this, lifted](std::size_t pose, double by) {
-                    Points points = chain_.points_mm;
-                    for (std::size_t k = 0; k < points.size(); ++k)
-                        points[k] += by * lifted[k];
-                    return projected(chain_.projector, points, truth_[pose]);
-                }};
-    }
-
-    NamedError stage_error(const StageError& error) const {
-        if (error.base_from_carriage.size() != truth_.size() || !std::isfinite(error.size) ||
-            error.size == 0.0)
-            throw NumericalError(fmt::format(
-                "error signatures: '{}' needs a size and one transform per pose", error.name));
-        const auto moved = [this, transforms = error.base_from_carriage](std::size_t pose,
-                                                                         double by) {
-            return by == 0.0 ? nominal(pose)
-                             : projected(chain_.projector, chain_.points_mm,
-                                         chain_.camera_from_base * transforms[pose] *
-                                             chain_.carriage_from_marker);
-        };
-        return {error.name, error.unit, error.size, moved, true};
-    }
-
-    Eigen::VectorXd nominal(std::size_t pose) const {
-        return projected(chain_.projector, chain_.points_mm, truth_[pose]);
-    }
-
-    const SignatureChain& chain_;
-    std::vector<Rigid> truth_;  // camera_from_marker per pose, without any error
-};
 
 // --------------------------------------------------------------------- poses and registration
 
@@ -177,7 +34,7 @@ public:
         const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
         Eigen::MatrixXd training(0, 12);
         for (std::size_t i = 0; i < chain.poses.size(); ++i) {
-            pose_solvers_.emplace_back(pose_jacobian(i));
+            pose_solvers_.emplace_back(chain.pose_jacobian(i));
             if (chain.poses[i].hold_out)
                 continue;
             training.conservativeResize(training.rows() + rows, 12);
@@ -221,16 +78,6 @@ public:
     }
 
 private:
-    // d pixels / d left perturbation of camera_from_marker.
-    Eigen::MatrixXd pose_jacobian(std::size_t i) const {
-        const Rigid camera_from_carriage =
-            chain_.camera_from_base * chain_.poses[i].base_from_carriage;
-        return registration_jacobian(chain_.projector, chain_.points_mm,
-                                     camera_from_carriage * chain_.carriage_from_marker, Rigid{},
-                                     Rigid{})
-            .leftCols<6>();
-    }
-
     // What X and Y moved by `xy` do to the marker's origin, camera frame.
     Eigen::Vector3d predicted_shift(std::size_t i, const Vector12d& xy) const {
         const Rigid& base_from_carriage = chain_.poses[i].base_from_carriage;
@@ -267,9 +114,7 @@ double information(const SignatureChain& chain, const Eigen::VectorXd& field,
     for (std::size_t i = 0; i < chain.poses.size(); ++i) {
         if (!chain.poses[i].hold_out)
             continue;
-        const Eigen::Vector3d sight = (chain.camera_from_base * chain.poses[i].base_from_carriage *
-                                       chain.carriage_from_marker)
-                                          .translation.normalized();
+        const Eigen::Vector3d sight = chain.camera_from_marker(i).translation.normalized();
         const Eigen::Vector3d error = field.segment<3>(3 * k);
         const double along = sight.dot(error);
         const auto n = static_cast<std::size_t>(k);
@@ -361,59 +206,13 @@ ErrorSignature signature_of(const NamedError& error, const LinearChain& linear, 
     signature.unit = error.unit;
     signature.size = error.size;
     std::vector<Eigen::VectorXd> displacement;
-    for (std::size_t i = 0; i < poses; ++i) {
-        const Eigen::VectorXd plus = error.pixels(i, error.size);
-        displacement.push_back(error.one_sided
-                                   ? Eigen::VectorXd(plus - error.pixels(i, 0.0))
-                                   : Eigen::VectorXd(0.5 * (plus - error.pixels(i, -error.size))));
-    }
+    for (std::size_t i = 0; i < poses; ++i)
+        displacement.push_back(error.displacement(i));
     linear.propagate(displacement, signature);
     return signature;
 }
 
 }  // namespace
-
-std::vector<CameraError> named_camera_errors() {
-    using Camera = CameraModel;
-    return {
-        {"focal length", "1", 1e-3,
-         [](Camera& c, double by) {
-             c.intrinsics.fx *= 1.0 + by;
-             c.intrinsics.fy *= 1.0 + by;
-         }},
-        {"c_x", "px", 0.1, [](Camera& c, double by) { c.intrinsics.cx += by; }},
-        {"c_y", "px", 0.1, [](Camera& c, double by) { c.intrinsics.cy += by; }},
-        {"k1", "", 1e-3, [](Camera& c, double by) { c.distortion.k1 += by; }},
-        {"k2", "", 1e-3, [](Camera& c, double by) { c.distortion.k2 += by; }},
-        {"k3", "", 1e-3, [](Camera& c, double by) { c.distortion.k3 += by; }},
-        {"p1", "", 1e-4, [](Camera& c, double by) { c.distortion.p1 += by; }},
-        {"p2", "", 1e-4, [](Camera& c, double by) { c.distortion.p2 += by; }},
-    };
-}
-
-std::vector<Eigen::Vector2d> edges_moved_inwards(const std::vector<Eigen::Vector2d>& corners,
-                                                 double by_px) {
-    if (corners.size() != 4)
-        throw NumericalError(fmt::format("edges of a square: {} corners", corners.size()));
-    const auto corner = [&](std::size_t k) { return corners[k % 4]; };
-    const Eigen::Vector2d centre = (corner(0) + corner(1) + corner(2) + corner(3)) / 4.0;
-    const auto inward_normal = [&](std::size_t k) {
-        const Eigen::Vector2d edge = (corner(k + 1) - corner(k)).normalized();
-        const Eigen::Vector2d normal(-edge.y(), edge.x());
-        return Eigen::Vector2d(normal.dot(centre - corner(k)) < 0.0 ? -normal : normal);
-    };
-    std::vector<Eigen::Vector2d> moved;
-    for (std::size_t k = 0; k < 4; ++k) {
-        Eigen::Matrix2d normals;
-        normals << inward_normal(k + 3).transpose(), inward_normal(k).transpose();
-        moved.push_back(corner(k) + normals.inverse() * Eigen::Vector2d(by_px, by_px));
-    }
-    return moved;
-}
-
-Eigen::Vector3d pose_offset_direction() {
-    return Eigen::Vector3d(2, -3, 6) / 7.0;
-}
 
 std::vector<ErrorSignature> error_signatures(const SignatureChain& chain,
                                              std::span<const StageError> stage_errors,
@@ -423,7 +222,7 @@ std::vector<ErrorSignature> error_signatures(const SignatureChain& chain,
     const LinearChain linear(chain);
     const NamedErrors named(chain);
     std::vector<ErrorSignature> signatures;
-    for (const NamedError& error : named.all(stage_errors))
+    for (const NamedError& error : named.with_signatures(stage_errors))
         signatures.push_back(signature_of(error, linear, chain.poses.size()));
     if (linear_scale.size() >= 2) {
         const auto stage = std::span(signatures).last(stage_errors.size());
@@ -470,40 +269,6 @@ std::vector<ErrorSignature> calibration_signatures(const SignatureChain& chain) 
         signatures.push_back(std::move(signature));
     }
     return signatures;
-}
-
-std::optional<Explanation> explain(const Eigen::VectorXd& observed,
-                                   std::span<const ErrorSignature> signatures) {
-    const ErrorSignature* best = nullptr;
-    double best_cosine = 0.0;
-    for (const ErrorSignature& signature : signatures) {
-        if (has_vanished(signature) || signature.after.size() != observed.size())
-            continue;
-        const double c = cosine(observed, signature.after);
-        if (std::abs(c) > std::abs(best_cosine)) {
-            best = &signature;
-            best_cosine = c;
-        }
-    }
-    if (!best || best_cosine * best_cosine < 0.5)
-        return std::nullopt;
-    Explanation explanation;
-    explanation.group = {best->name};
-    // Suspects are those that look like the best one, and those that fit nearly as well as it.
-    for (const ErrorSignature& signature : signatures) {
-        const auto& like_best = best->confounded_with;
-        const bool confounded =
-            std::find(like_best.begin(), like_best.end(), signature.name) != like_best.end();
-        const bool fits = !has_vanished(signature) && std::abs(cosine(observed, signature.after)) >
-                                                          confounded_cosine * std::abs(best_cosine);
-        if (&signature != best && (confounded || fits))
-            explanation.group.push_back(signature.name);
-    }
-    explanation.cosine = std::abs(best_cosine);
-    explanation.size = best->size * observed.dot(best->after) / best->after.squaredNorm();
-    explanation.unit = best->unit;
-    explanation.text = fmt::format("{}", fmt::join(explanation.group, " ~ "));
-    return explanation;
 }
 
 }  // namespace etalon

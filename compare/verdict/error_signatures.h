@@ -8,52 +8,14 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <functional>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "calib/camera/projector.h"
-#include "calib/registration/registration.h"
-#include "compare/verdict/pose.h"
+#include "compare/verdict/named_errors.h"
 
 namespace etalon {
-
-// The run as the signatures need it: geometry only. X and Y are the registered ones. Of the poses
-// only where the stage was and which are held out counts.
-struct SignatureChain {
-    const Projector& projector;  // the calibration under test
-    std::vector<Eigen::Vector3d> points_mm;
-    Rigid camera_from_base, carriage_from_marker;
-    std::vector<Pose> poses;
-};
-
-// A stage error: where the carriage would truly stand at each read-back position.
-struct StageError {
-    std::string name;  // "stage scale z"
-    std::string unit;  // "1" (relative), "rad", "mm", "px"; empty: a coefficient's own number
-    double size = 0.0;
-    std::vector<Rigid> base_from_carriage;  // per pose, at this size
-};
-
-// A camera error: the true camera differs from the calibration by it. Its signature belongs to
-// `size`, small enough for first order.
-struct CameraError {
-    std::string name;  // "focal length", "c_x", "k1"...
-    std::string unit;
-    double size = 0.0;
-    std::function<void(CameraModel&, double)> change;  // makes the camera wrong by this much
-};
-std::vector<CameraError> named_camera_errors();
-
-// The corners of a square, in order, when each of its edges is seen moved inwards by `by_px`: each
-// corner goes to where its two edges then meet.
-std::vector<Eigen::Vector2d> edges_moved_inwards(const std::vector<Eigen::Vector2d>& corners,
-                                                 double by_px);
-
-// The direction in which the error "constant pose offset" moves every pose, camera frame; unit.
-Eigen::Vector3d pose_offset_direction();
 
 struct ErrorSignature {
     std::string name;  // "focal length", "k1", "marker print size", "stage scale z"...
@@ -98,20 +60,6 @@ std::vector<ErrorSignature> error_signatures(const SignatureChain& chain,
 // when the calibration states no covariance. Position and rotation fields only; what makes errors
 // detectable or alike is left out. Throws as above.
 std::vector<ErrorSignature> calibration_signatures(const SignatureChain& chain);
-
-// The error that explains an observed field best, with everything it is confounded with.
-struct Explanation {
-    std::vector<std::string> group;  // best first; a member is a suspect, not a culprit
-    double cosine = 0.0;             // |cosine| of the best one with the observed field
-    double size = 0.0;               // of the best one, signed, in `unit`
-    std::string unit;
-    std::string text;  // "focal length ~ stage scale z"
-};
-
-// `observed`: the smooth field at the hold-out poses, stacked as ErrorSignature::after. Nothing
-// when no signature explains at least half of its power.
-std::optional<Explanation> explain(const Eigen::VectorXd& observed,
-                                   std::span<const ErrorSignature> signatures);
 
 // Root mean square and largest length of the 3-vectors that are stacked in a field.
 double rms_norm(const Eigen::VectorXd& field);

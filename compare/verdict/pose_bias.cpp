@@ -83,6 +83,15 @@ std::optional<PoseEstimate> estimate_near(const Projector& projector, const Poin
 
 }  // namespace
 
+std::vector<Eigen::Vector2d> differences(const std::vector<Eigen::Vector2d>& corners,
+                                         const std::vector<Eigen::Vector2d>& others) {
+    require_corners(others, corners.size());
+    std::vector<Eigen::Vector2d> result;
+    for (std::size_t k = 0; k < corners.size(); ++k)
+        result.push_back(corners[k] - others[k]);
+    return result;
+}
+
 PoseError pose_error(const Rigid& estimated, const Rigid& truth) {
     return {estimated.translation - truth.translation,
             rotation_vector(truth.rotation.conjugate() * estimated.rotation)};
@@ -106,6 +115,9 @@ BiasCorrectedRegistration register_bias_corrected(const Projector& projector,
             largest_move_px(projector, points_mm, poses, result.registration, next);
         result.changes_px.push_back(result.last_change_px);
         result.registration = next;
+        result.corrected_px.clear();
+        for (const RegistrationPose& pose : corrected)
+            result.corrected_px.push_back(pose.pixels);
         ++result.rounds;
     }
     return result;
@@ -122,8 +134,10 @@ PoseBias pose_bias(const Projector& projector, const std::vector<Eigen::Vector3d
         bias.b1 = pose_error(bias.render->camera_from_marker, predicted);
     if (bias.photo)
         bias.b2 = pose_error(bias.photo->camera_from_marker, predicted);
-    if (bias.photo && bias.render)
+    if (bias.photo && bias.render) {
+        bias.difference_px = differences(photo_corners, render_corners);
         bias.b3 = pose_error(bias.photo->camera_from_marker, bias.render->camera_from_marker);
+    }
     return bias;
 }
 

@@ -33,11 +33,17 @@ using RenderAndDetect =
 
 struct BiasCorrectedRegistration {
     Registration registration;
-    std::vector<std::size_t> used;   // indices of the given poses: seen in photo and render
+    std::vector<std::size_t> used;  // indices of the given poses: seen in photo and render
+    // Of each of those, the photo's corners less the detector's bias of the last round.
+    std::vector<std::vector<Eigen::Vector2d>> corrected_px;
     int rounds = 0;                  // of rendering all training poses
     double last_change_px = 0.0;     // largest move of a predicted corner in the last round
     std::vector<double> changes_px;  // the same of each round
 };
+
+// Corners less others, in order. Throws NumericalError for different numbers.
+std::vector<Eigen::Vector2d> differences(const std::vector<Eigen::Vector2d>& corners,
+                                         const std::vector<Eigen::Vector2d>& others);
 
 // Registers on corners(photo) - [corners(render at the current X S Y) - projected truth], iterated
 // until no predicted corner moves by more than 0.002 px or `max_rounds` are done (the detector's
@@ -56,6 +62,9 @@ struct PoseBias {
     std::optional<PoseEstimate> photo, render;  // nothing: not detected, or no pose from corners
     std::optional<PoseError> b1, b2, b3;
     std::optional<PoseError> b4;  // where the photograph has a photometric pose
+    // The photograph's corners less those expected at `predicted`, the detector's bias included: of
+    // training and hold-out poses that were used. Empty where one of the two is missing.
+    std::vector<Eigen::Vector2d> difference_px = {};
 };
 
 // A planar marker has two local solutions; the one nearer to `predicted` is taken in both images,

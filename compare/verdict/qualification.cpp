@@ -133,6 +133,18 @@ int find_biases(QualificationInput& input, const Projector& projector,
     return usable;
 }
 
+// Of the training poses, from the registration's last round of renders.
+void find_training_differences(QualificationInput& input, const Projector& projector,
+                               const BiasCorrectedRegistration& registration) {
+    for (std::size_t i = 0; i < registration.used.size(); ++i) {
+        PoseBias& bias = input.poses[registration.used[i]].bias;
+        std::vector<Eigen::Vector2d> truth;
+        for (const Eigen::Vector3d& point : input.points_mm)
+            truth.push_back(projector.project(bias.predicted * point).value());
+        bias.difference_px = differences(registration.corrected_px[i], truth);
+    }
+}
+
 // ------------------------------------------------------------------------------------ fields
 
 double deviation_along(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& axis) {
@@ -265,24 +277,37 @@ bool take_known_signatures(const QualificationInput& input, Qualification& resul
     return true;
 }
 
+// Of the used poses, which are the chain's.
+template <class Value>
+std::vector<Value> of_used(const std::vector<Value>& values, const std::vector<Pose>& poses,
+                           const std::string& whose) {
+    if (values.size() != poses.size())
+        throw NumericalError(fmt::format("qualification: '{}' has {} transforms for {} poses",
+                                         whose, values.size(), poses.size()));
+    std::vector<Value> used;
+    for (std::size_t i = 0; i < poses.size(); ++i)
+        if (poses[i].used)
+            used.push_back(values[i]);
+    return used;
+}
+
+std::vector<StageError> stage_errors_of(const QualificationInput& input) {
+    std::vector<StageError> errors;
+    for (const auto& [error, is_linear_scale, in_budget, uncertainty] : input.stage_terms)
+        errors.push_back({error.name, error.unit, error.size,
+                          of_used(error.base_from_carriage, input.poses, error.name)});
+    return errors;
+}
+
 void find_signatures(const QualificationInput& input, const SignatureChain& chain,
                      Qualification& result) {
     if (take_known_signatures(input, result))
         return;
-    std::vector<StageError> errors;
+    const std::vector<StageError> errors = stage_errors_of(input);
     std::vector<std::size_t> linear_scale;
-    for (const DeclaredStageTerm& term : input.stage_terms) {
-        if (term.error.base_from_carriage.size() != input.poses.size())
-            throw NumericalError(fmt::format("qualification: '{}' has {} transforms for {} poses",
-                                             term.error.name, term.error.base_from_carriage.size(),
-                                             input.poses.size()));
-        if (term.is_linear_scale)
-            linear_scale.push_back(errors.size());
-        errors.push_back({term.error.name, term.error.unit, term.error.size, {}});
-        for (std::size_t i = 0; i < input.poses.size(); ++i)
-            if (input.poses[i].used)
-                errors.back().base_from_carriage.push_back(term.error.base_from_carriage[i]);
-    }
+    for (std::size_t i = 0; i < input.stage_terms.size(); ++i)
+        if (input.stage_terms[i].is_linear_scale)
+            linear_scale.push_back(i);
     HoldOutNoise noise;
     for (const FieldSample& sample : position_samples(input.poses)) {
         noise.along_mm.push_back(result.position_field->scale_along * sample.sigma_along);
@@ -290,6 +315,78 @@ void find_signatures(const QualificationInput& input, const SignatureChain& chai
     }
     result.signatures = error_signatures(chain, errors, linear_scale, noise,
                                          input.limits.b3_position_field_rms_mm.value());
+}
+
+// ------------------------------------------------------------------------------------ causes
+
+// Twice the stated noise of a corner's coordinate where photo and render have as much; where
+// repeats tell none, what registration has left.
+double corner_variance_px2(const QualificationInput& input, const Pose& pose,
+                           const Qualification& result) {
+    const double left = result.registration->registration.residual_rms_px;
+    const double seen = pose.corner_noise ? pose.corner_noise->variance_px2 : left * left;
+    return std::max(seen, 1e-12) * (1.0 + input.render_noise_ratio);
+}
+
+double declared_stage_mm2(const QualificationInput& input) {
+    double sum = 0.0;
+    for (const DeclaredRepeatability& each : input.repeatability)
+        sum += std::pow(each.marker_mm.value_or(0.0), 2);
+    for (const DeclaredErrorMap& each : input.error_maps)
+        sum += std::pow(each.marker_rms_mm, 2);
+    return sum / 3.0;
+}
+
+// What is declared as uncertain, by the names that suspects have. Temperature changes the sizes of
+// marker and stage.
+std::map<std::string, double> declared_uncertainties(const QualificationInput& input) {
+    std::map<std::string, double> declared;
+    const DeclaredTemperature temperature = input.temperature.value_or(DeclaredTemperature{});
+    const auto warmed = [&](double own, double expansion_per_k) {
+        return std::hypot(own, temperature.standard_uncertainty_k * expansion_per_k);
+    };
+    for (const DeclaredStageTerm& term : input.stage_terms)
+        if (term.standard_uncertainty)
+            declared[term.error.name] =
+                term.is_linear_scale
+                    ? warmed(*term.standard_uncertainty, temperature.stage_expansion_per_k)
+                    : *term.standard_uncertainty;
+    if (input.marker_size_uncertainty)
+        declared["marker print size"] =
+            warmed(*input.marker_size_uncertainty, temperature.marker_expansion_per_k);
+    if (input.marker_flatness_mm)
+        declared["marker twist"] = declared["marker bow"] = *input.marker_flatness_mm;
+    return declared;
+}
+
+CauseEvidence cause_evidence(const QualificationInput& input, const SignatureChain& chain,
+                             const Qualification& result) {
+    CauseEvidence evidence{
+        {chain, stage_errors_of(input), {}, {}}, {}, {}, declared_uncertainties(input)};
+    for (StageAxisMotion axis : input.axis_motions) {
+        axis.position = of_used(axis.position, input.poses, axis.name);
+        axis.advanced = of_used(axis.advanced, input.poses, axis.name);
+        if (!axis.approach.empty())
+            axis.approach = of_used(axis.approach, input.poses, axis.name);
+        for (std::vector<Rigid>& aside : axis.aside)
+            if (!aside.empty())
+                aside = of_used(aside, input.poses, axis.name);
+        evidence.request.axes.push_back(std::move(axis));
+    }
+    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
+        const Pose& pose = chain.poses[i];
+        if (pose.settled_s)
+            evidence.request.times_s.push_back(*pose.settled_s);
+        const Eigen::MatrixXd by_shift = chain.pose_jacobian(i).rightCols<3>();
+        Eigen::VectorXd difference(by_shift.rows());
+        for (std::size_t k = 0; k < pose.bias.difference_px.size(); ++k)
+            difference.segment<2>(static_cast<Eigen::Index>(2 * k)) = pose.bias.difference_px[k];
+        evidence.difference_px.push_back(difference);
+        Eigen::MatrixXd covariance = declared_stage_mm2(input) * by_shift * by_shift.transpose();
+        covariance.diagonal().array() += corner_variance_px2(input, pose, result);
+        evidence.covariance_px2.push_back(covariance);
+    }
+    return evidence;
 }
 
 // ----------------------------------------------------------------------------------- verdict
@@ -380,25 +477,12 @@ std::string why_not_pass(const JudgedQuantity& quantity) {
                        why.empty() ? "" : ", ", why);
 }
 
-void explain_verdict(const QualificationInput& input, Qualification& result) {
+void explain_verdict(Qualification& result) {
     if (result.verdict == Outcome::pass)
         return;
     for (const JudgedQuantity& quantity : result.quantities)
         if (quantity.outcome != Outcome::pass)
             result.reasons.push_back(why_not_pass(quantity));
-    std::vector<double> observed;
-    for (const Pose& pose : input.poses)
-        if (pose.is_judged()) {
-            const Eigen::Vector3d field =
-                result.position_field->at(pose.bias.predicted.translation);
-            observed.insert(observed.end(), field.begin(), field.end());
-        }
-    result.explanation =
-        explain(Eigen::Map<const Eigen::VectorXd>(observed.data(), std::ssize(observed)),
-                result.signatures);
-    if (result.explanation)
-        result.reasons.push_back(fmt::format("the field looks like {} (|cosine| {:.3f})",
-                                             result.explanation->text, result.explanation->cosine));
 }
 
 }  // namespace
@@ -427,7 +511,9 @@ Qualification qualify(QualificationInput& input) {
         result.detection.hold_out_detected < min_hold_out_poses ||
         !registered(input, projector, result))
         return skipped(std::move(result), too_few);
-    if (find_biases(input, projector, result.registration->registration) < min_hold_out_poses)
+    const int usable = find_biases(input, projector, result.registration->registration);
+    find_training_differences(input, projector, *result.registration);
+    if (usable < min_hold_out_poses)
         return skipped(std::move(result),
                        "too few hold-out poses whose render is detected as well");
     fit_fields(input, result);
@@ -440,7 +526,9 @@ Qualification qualify(QualificationInput& input) {
     require_conditions(input, result);
     if (input.monte_carlo)
         add_monte_carlo(input, budget.inputs, result);
-    explain_verdict(input, result);
+    explain_verdict(result);
+    if (input.look_for_causes)
+        result.causes = find_causes(cause_evidence(input, chain, result));
     return result;
 }
 

@@ -16,6 +16,7 @@
 
 #include "calib/registration/registration.h"
 #include "compare/verdict/acceptance.h"
+#include "compare/verdict/causes.h"
 #include "compare/verdict/error_signatures.h"
 #include "compare/verdict/field_rest.h"
 #include "compare/verdict/length_error.h"
@@ -83,6 +84,9 @@ struct QualificationInput {
     std::vector<DeclaredStageTerm> stage_terms;
     std::vector<DeclaredRepeatability> repeatability;
     std::vector<DeclaredErrorMap> error_maps;
+    // Of all poses, to look for backlash, bent guides and errors that repeat; empty: not looked
+    // for.
+    std::vector<StageAxisMotion> axis_motions = {};
     // Relative standard uncertainty of the marker's printed size. Nothing: unknown.
     std::optional<double> marker_size_uncertainty;
     // Standard uncertainty of how far the marker's edge stands out of its plane. Nothing: unknown.
@@ -99,6 +103,8 @@ struct QualificationInput {
     const std::vector<ErrorSignature>* known_signatures = nullptr;
     // Also propagate the budget by Monte Carlo: beside U, for comparison. Some 0.3 s.
     bool monte_carlo = false;
+    // Also look for what causes the differences. Some 0.5 s.
+    bool look_for_causes = false;
 };
 
 struct DetectionCounts {
@@ -138,7 +144,7 @@ struct Qualification {
     bool budget_complete = false;  // nothing that is unknown could change the verdict
 
     std::vector<ErrorSignature> signatures;
-    std::optional<Explanation> explanation;  // when the verdict is not PASS
+    std::optional<Causes> causes;  // nothing where not looked for
 };
 
 // Smallest numbers of detected poses that are judged at all; fewer give SKIPPED quantities and the

@@ -61,6 +61,45 @@ std::string deciding_sentence(const QualifyResult& result) {
                        deciding->unit);
 }
 
+std::string size_text(const CausingError& error) {
+    return fmt::format("{} +- {}", with_unit(error.size, error.unit),
+                       significant(error.expanded_uncertainty, 2));
+}
+
+// What to do about the named cause: each error's first remedy, or all of those that the run cannot
+// tell apart.
+std::string what_to_do(const Cause& cause) {
+    std::string all;
+    for (const CausingError& error : cause.errors) {
+        const std::string one = fmt::format("{}", fmt::join(error.remedies, ", or "));
+        all += (all.empty() ? "" : "; and ") + one;
+    }
+    all.front() = static_cast<char>(std::toupper(all.front()));
+    return all + ".";
+}
+
+void add_causes(HtmlPage& page, const Causes& causes) {
+    const Cause* named = causes.named();
+    if (named)
+        page.add_paragraph(fmt::format("Most probable cause ({:.0f} %): {}. What to do: {}",
+                                       100.0 * named->probability, named->text(),
+                                       what_to_do(*named)));
+    else if (causes.none_of_these > 0.5)
+        page.add_paragraph("What differs is none of the errors that are looked for.");
+    if (causes.ranked.empty() || causes.no_error > 0.5)
+        return;
+    TableRows rows;
+    for (const Cause& cause : causes.ranked) {
+        std::string sizes;
+        for (const CausingError& error : cause.errors)
+            sizes += (sizes.empty() ? "" : "; ") + size_text(error);
+        rows.push_back({fmt::format("{:.0f} %", 100.0 * cause.probability), cause.text(), sizes});
+    }
+    rows.push_back({fmt::format("{:.0f} %", 100.0 * causes.none_of_these), "none of these", ""});
+    rows.push_back({fmt::format("{:.0f} %", 100.0 * causes.no_error), "no error", ""});
+    page.add_table({"probability", "cause (~: cannot be told apart)", "size and U"}, rows);
+}
+
 void add_summary(HtmlPage& page, const QualifyResult& result) {
     page.add_verdict(name(result.outcome), deciding_sentence(result));
     Facts facts{
@@ -84,13 +123,8 @@ void add_summary(HtmlPage& page, const QualifyResult& result) {
         return;
     for (const std::string& reason : result.analysis->reasons)
         page.add_paragraph(reason);
-    if (result.analysis->explanation) {
-        const Explanation& why = *result.analysis->explanation;
-        page.add_paragraph(fmt::format(
-            "The field that was found looks like {} (likeness {:.2f}; {} if it were {} alone). The "
-            "run shows the excess, not the culprit: members of a group cannot be told apart.",
-            why.text, why.cosine, with_unit(why.size, why.unit), why.group.front()));
-    }
+    if (result.analysis->causes)
+        add_causes(page, *result.analysis->causes);
 }
 
 // A value of exactly 0 is a finding, not a gap.

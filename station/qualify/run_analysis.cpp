@@ -88,6 +88,7 @@ void analyse_run(QualifyResult& result, Progress& progress, const std::stop_toke
     read_photometric_poses(result, stop);
     QualificationInput input = declared_input(station, result.poses);
     input.monte_carlo = true;
+    input.look_for_causes = true;
     input.render_and_detect = [&](const Rigid& camera_from_marker) {
         throw_if_stopped(stop);
         auto corners = rendered.at(camera_from_marker);

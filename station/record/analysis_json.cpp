@@ -162,6 +162,25 @@ Json signatures_json(const Qualification& analysis) {
     return list;
 }
 
+Json causes_json(const Causes& causes) {
+    Json ranked = Json::array();
+    for (const Cause& cause : causes.ranked) {
+        Json errors = Json::array();
+        for (const CausingError& error : cause.errors)
+            errors.push_back({{"names", error.names},
+                              {"size", error.size},
+                              {"expanded_uncertainty", error.expanded_uncertainty},
+                              {"unit", error.unit},
+                              {"remedies", error.remedies}});
+        ranked.push_back(
+            {{"text", cause.text()}, {"probability", cause.probability}, {"errors", errors}});
+    }
+    return {{"ranked", ranked},
+            {"no_error", causes.no_error},
+            {"none_of_these", causes.none_of_these},
+            {"scatter", causes.scatter}};
+}
+
 }  // namespace
 
 void add_analysis(Json& run, const Qualification& analysis) {
@@ -170,12 +189,8 @@ void add_analysis(Json& run, const Qualification& analysis) {
     run["risk"] = risk_json(analysis.risk);
     run["conditions"] = conditions_json(analysis);
     run["reasons"] = analysis.reasons;
-    if (analysis.explanation)
-        run["explanation"] = {{"text", analysis.explanation->text},
-                              {"group", analysis.explanation->group},
-                              {"cosine", analysis.explanation->cosine},
-                              {"size", analysis.explanation->size},
-                              {"unit", analysis.explanation->unit}};
+    if (analysis.causes)
+        run["causes"] = causes_json(*analysis.causes);
     run["detection"] = {{"training", analysis.detection.training},
                         {"training_detected", analysis.detection.training_detected},
                         {"hold_out", analysis.detection.hold_out},

@@ -34,6 +34,7 @@ QualificationInput declared_input(const StationFile& station, std::vector<Pose> 
     input.stage_terms = declared_stage_terms(axes, poses);
     input.repeatability = declared_repeatability(axes, poses, mount);
     input.error_maps = declared_error_maps(axes, poses, mount);
+    input.axis_motions = stage_axis_motions(axes, poses);
     input.poses = std::move(poses);
     return input;
 }

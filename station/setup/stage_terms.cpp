@@ -93,6 +93,21 @@ void add_direction_terms(std::vector<DeclaredStageTerm>& terms, std::span<const 
                       });
 }
 
+// The carriage where all that an axis carries stands aside by `shift_mm`, in the frame that its
+// direction is given in.
+std::vector<Rigid> moved_aside(std::span<const Axis> axes, const std::vector<Pose>& poses,
+                               std::size_t axis, const Eigen::Vector3d& shift) {
+    std::vector<Rigid> all;
+    for (const Pose& pose : poses) {
+        const Rigid before =
+            base_from_carriage(axes.first(axis), std::span(pose.read_back).first(axis));
+        Rigid moved = base_from_carriage(axes, pose.read_back);
+        moved.translation += before.rotation * shift;
+        all.push_back(moved);
+    }
+    return all;
+}
+
 std::vector<double> middle(const std::vector<Pose>& poses) {
     std::vector<double> low = poses.front().read_back, high = low;
     for (const Pose& pose : poses)
@@ -174,6 +189,28 @@ std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,
         maps.push_back(map);
     }
     return maps;
+}
+
+std::vector<StageAxisMotion> stage_axis_motions(std::span<const Axis> axes,
+                                                const std::vector<Pose>& poses) {
+    constexpr double step_rad = 1e-4;
+    std::vector<StageAxisMotion> motions;
+    for (std::size_t k = 0; k < axes.size() && !poses.empty(); ++k) {
+        const bool is_linear = axes[k].kind == Axis::Kind::linear;
+        StageAxisMotion motion{axes[k].name, is_linear, is_linear ? shift_mm : step_rad};
+        motion.advanced = transforms(axes, poses, k,
+                                     [&](Axis& wrong, const Pose&) { wrong.zero -= motion.step; });
+        for (const Pose& pose : poses) {
+            motion.position.push_back(pose.read_back[k]);
+            if (pose.approach.size() == axes.size())
+                motion.approach.push_back(pose.approach[k]);
+        }
+        for (std::size_t way = 0; is_linear && way < 2; ++way)
+            motion.aside[way] =
+                moved_aside(axes, poses, k, motion.step * ways_across(axes[k])[way]);
+        motions.push_back(std::move(motion));
+    }
+    return motions;
 }
 
 std::vector<Rigid> stage_reach(const std::vector<Axis>& axes,

@@ -25,6 +25,11 @@ std::vector<DeclaredRepeatability> declared_repeatability(std::span<const Axis> 
                                                           const std::vector<Pose>& poses,
                                                           const Rigid& carriage_from_marker);
 
+// Per axis its positions and sides of approach, and where the carriage would be had the axis gone
+// further than it read, or stood aside of its line.
+std::vector<StageAxisMotion> stage_axis_motions(std::span<const Axis> axes,
+                                                const std::vector<Pose>& poses);
+
 // Per axis with an error map, how far the map's uncertainty leaves the marker's centre apart, RMS
 // over the visits and at most.
 std::vector<DeclaredErrorMap> declared_error_maps(std::span<const Axis> axes,

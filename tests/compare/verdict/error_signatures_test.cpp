@@ -93,23 +93,5 @@ TEST(ErrorSignatures, AgreeWithTheWholeChain) {
     EXPECT_LT(std::sqrt(difference2 / power), 0.1);
 }
 
-TEST(Explanation, NamesTheErrorWithItsSizeAndItsDoubles) {
-    const Study study;
-    const auto explanation = explain(4.0 * study.of("focal length").after, study.signatures);
-    ASSERT_TRUE(explanation);
-    EXPECT_EQ(explanation->group.front(), "focal length");
-    EXPECT_THAT(explanation->group, Contains("stage scale z"));
-    EXPECT_NEAR(explanation->size, 4.0 * study.of("focal length").size, 1e-12);
-    EXPECT_NEAR(explanation->cosine, 1.0, 1e-12);
-}
-
-TEST(Explanation, IsSilentWhenNothingFits) {
-    const Study study;
-    Eigen::VectorXd noise(study.signatures.front().after.size());
-    for (Eigen::Index i = 0; i < noise.size(); ++i)
-        noise[i] = RandomStream(5, 1, static_cast<std::uint64_t>(i)).normal();
-    EXPECT_FALSE(explain(noise, study.signatures));
-}
-
 }  // namespace
 }  // namespace etalon

@@ -24,30 +24,22 @@ TEST(Qualification, PassesAPerfectCamera) {
     EXPECT_EQ(result.verdict, Outcome::pass);
     EXPECT_TRUE(result.budget_complete);
     EXPECT_EQ(result.detection.rate(), 1.0);
-    EXPECT_FALSE(result.explanation);
     ASSERT_EQ(result.quantities.size(), 2u);
     EXPECT_EQ(result.quantities[0].name, "b3_position_field_rms_mm");
     EXPECT_THAT(result.reasons, testing::IsEmpty());
 }
 
-TEST(Qualification, FailsAWrongFocalLengthAndNamesTheGroup) {
+TEST(Qualification, FailsAWrongFocalLength) {
     SimulatedRun run = demo_run();
     run.true_camera.intrinsics.fx *= 1.005;
     run.true_camera.intrinsics.fy *= 1.005;
-    const Qualification result = qualified(run);
-    EXPECT_EQ(result.verdict, Outcome::fail);
-    ASSERT_TRUE(result.explanation);
-    EXPECT_THAT(result.explanation->group, Contains("focal length"));
-    EXPECT_THAT(result.explanation->group, Contains("stage scale z"));
+    EXPECT_EQ(qualified(run).verdict, Outcome::fail);
 }
 
-TEST(Qualification, FailsAWrongDistortionAndNamesIt) {
+TEST(Qualification, FailsAWrongDistortion) {
     SimulatedRun run = demo_run();
     run.true_camera.distortion.k1 *= 1.1;
-    const Qualification result = qualified(run);
-    EXPECT_EQ(result.verdict, Outcome::fail);
-    ASSERT_TRUE(result.explanation);
-    EXPECT_THAT(result.explanation->group, Contains("k1"));
+    EXPECT_EQ(qualified(run).verdict, Outcome::fail);
 }
 
 TEST(Qualification, NeverPassesAStageWhoseScaleIsWrong) {

@@ -23,6 +23,7 @@ struct SimulatedRun {
     int training = 30, hold_out = 40;
     std::optional<std::uint64_t> plan_seed;  // nothing: another plan for every seed of the noise
     Rigid nominal_carriage_from_marker;
+    bool look_for_causes = false;
     Limits limits{"demo", 0.16, 0.45, {}, {}};
 
     // The truth.
@@ -30,7 +31,15 @@ struct SimulatedRun {
     std::vector<Axis> true_axes;  // directions differ where the stage is not square
     std::vector<double> true_scale{1, 1, 1, 1};
     Rigid camera_from_base, carriage_from_marker;
-    double marker_scale = 1.0;
+    double marker_scale = 1.0, marker_twist_mm = 0.0;  // corners up and down in turn
+    // Of the axes where they stop, from what they read, and of the marker before the camera; `pose`
+    // counts from 0.
+    std::function<void(std::vector<double>& q, std::size_t pose)> misread = [](auto&, auto) {};
+    std::function<Rigid(const Rigid&, std::size_t pose)> moved = [](const Rigid& at, auto) {
+        return at;
+    };
+    // Of the corners in photographs and not in renders.
+    std::function<Corners(const Corners&)> seen = [](const Corners& c) { return c; };
     double noise_px = 0.01;           // of a corner's coordinate, averaged over the frames
     double repeatability_mm = 0.002;  // of each linear axis
     // What the detector adds to true corners, in photo and render alike.
@@ -107,24 +116,30 @@ inline Corners corners_at(const CameraModel& camera, const std::vector<Eigen::Ve
 }
 
 // Where the marker truly is with the axes reading q; stage noise from `random`.
-inline Rigid true_pose(const SimulatedRun& run, std::vector<double> q, RandomStream& random) {
+inline Rigid true_pose(const SimulatedRun& run, std::vector<double> q, RandomStream& random,
+                       std::size_t pose) {
+    run.misread(q, pose);
     for (std::size_t k = 0; k < q.size(); ++k) {
         q[k] *= run.true_scale[k];
         if (run.axes[k].kind == Axis::Kind::linear)
             q[k] += run.repeatability_mm * random.normal();
     }
-    return run.camera_from_base * base_from_carriage(run.true_axes, q) * run.carriage_from_marker;
+    return run.moved(
+        run.camera_from_base * base_from_carriage(run.true_axes, q) * run.carriage_from_marker,
+        pose);
 }
 
 // What the camera truly sees with the axes reading q; noise keyed by (seed, pose).
 inline Corners photo(const SimulatedRun& run, const std::vector<double>& q, std::uint64_t seed,
                      std::size_t pose) {
     RandomStream random(seed, 100, pose);
-    const Rigid truth = true_pose(run, q, random);
+    const Rigid truth = true_pose(run, q, random, pose);
     std::vector<Eigen::Vector3d> points = run.points_mm;
-    for (Eigen::Vector3d& point : points)
+    for (Eigen::Vector3d& point : points) {
         point *= run.marker_scale;
-    Corners corners = run.detector(corners_at(run.true_camera, points, truth));
+        point.z() += run.marker_twist_mm * (point.x() * point.y() > 0.0 ? 1.0 : -1.0);
+    }
+    Corners corners = run.seen(run.detector(corners_at(run.true_camera, points, truth)));
     for (Eigen::Vector2d& corner : corners)
         corner += run.noise_px * Eigen::Vector2d(random.normal(), random.normal());
     return corners;
@@ -139,7 +154,7 @@ inline PhotometricReading reading(const SimulatedRun& run, const std::vector<dou
     Vector6d error;
     for (int k = 0; k < 6; ++k)
         error[k] = deviation[k] * noise.normal();
-    return {left_perturbed(true_pose(run, q, stage_noise), error),
+    return {left_perturbed(true_pose(run, q, stage_noise, pose), error),
             Matrix6d(deviation.cwiseAbs2().asDiagonal())};
 }
 
@@ -171,6 +186,33 @@ inline DeclaredStageTerm squareness_term(const SimulatedRun& run,
     return term;
 }
 
+// Side from which an axis came to each pose; the first one from below.
+inline std::vector<int> approaches(const std::vector<std::vector<double>>& all, std::size_t axis) {
+    std::vector<int> sides{1};
+    for (std::size_t i = 1; i < all.size(); ++i)
+        sides.push_back(all[i][axis] > all[i - 1][axis] ? 1 : -1);
+    return sides;
+}
+
+inline StageAxisMotion axis_motion(const SimulatedRun& run,
+                                   const std::vector<std::vector<double>>& all, std::size_t axis) {
+    const bool is_linear = run.axes[axis].kind == Axis::Kind::linear;
+    StageAxisMotion motion{run.axes[axis].name, is_linear, is_linear ? 0.01 : 1e-4};
+    motion.approach = approaches(all, axis);
+    for (std::vector<double> q : all) {
+        motion.position.push_back(q[axis]);
+        const Rigid read = base_from_carriage(run.axes, q);
+        for (std::size_t way = 0; is_linear && way < 2; ++way) {
+            Rigid aside = read;
+            aside.translation[static_cast<Eigen::Index>((axis + 1 + way) % 3)] += motion.step;
+            motion.aside[way].push_back(aside);
+        }
+        q[axis] += motion.step;
+        motion.advanced.push_back(base_from_carriage(run.axes, q));
+    }
+    return motion;
+}
+
 // `run` must outlive the input.
 inline QualificationInput input_of(const SimulatedRun& run, std::uint64_t seed) {
     QualificationInput input;
@@ -180,6 +222,7 @@ inline QualificationInput input_of(const SimulatedRun& run, std::uint64_t seed) 
     for (std::size_t i = 0; i < all.size(); ++i) {
         Pose pose;
         pose.hold_out = static_cast<int>(i) >= run.training;
+        pose.index = static_cast<int>(i);
         pose.base_from_carriage = base_from_carriage(run.axes, all[i]);
         pose.corners = photo(run, all[i], seed, i);
         if (run.noise_px > 0.0)
@@ -202,12 +245,15 @@ inline QualificationInput input_of(const SimulatedRun& run, std::uint64_t seed) 
     for (std::size_t k = 0; k < 3; ++k)
         for (std::size_t m = k + 1; m < 3; ++m)
             input.stage_terms.push_back(squareness_term(run, all, k, m));
+    for (std::size_t k = 0; k < run.axes.size(); ++k)
+        input.axis_motions.push_back(axis_motion(run, all, k));
     for (const Axis& axis : run.axes)
         input.repeatability.push_back({axis.name, 0.002});
     input.marker_size_uncertainty = 20e-6;
     input.marker_flatness_mm = 0.01;
     input.temperature = DeclaredTemperature{0.5, 9e-6, 11e-6};
     input.limits = run.limits;
+    input.look_for_causes = run.look_for_causes;
     input.seed = seed;
     return input;
 }

@@ -1,0 +1,723 @@
+#include "compare/verdict/causes.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+constexpr double no_trace = 1e-6;  // of a column before X and Y are solved
+
+// ---------------------------------------------------------------------------------- whitening
+
+// Rows in units of their standard deviation, freed of what X and Y can absorb.
+class FreedRows {
+public:
+    explicit FreedRows(const CauseEvidence& evidence) {
+        const SignatureChain& chain = evidence.request.chain;
+        const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
+        Eigen::MatrixXd xy(rows * std::ssize(chain.poses), 12);
+        for (std::size_t i = 0; i < chain.poses.size(); ++i) {
+            const Eigen::LLT<Eigen::MatrixXd> factor(evidence.covariance_px2[i]);
+            if (factor.info() != Eigen::Success || evidence.covariance_px2[i].rows() != rows)
+                throw NumericalError(
+                    fmt::format("causes: pose {} has no covariance of its corners", i));
+            factors_.push_back(factor);
+            xy.middleRows(static_cast<Eigen::Index>(i) * rows, rows) = registration_jacobian(
+                chain.projector, chain.points_mm, chain.camera_from_base,
+                chain.poses[i].base_from_carriage, chain.carriage_from_marker);
+        }
+        xy = whitened(xy);
+        const Eigen::VectorXd unscale = xy.colwise().norm().cwiseInverse();
+        Eigen::ColPivHouseholderQR<Eigen::MatrixXd> solver;
+        solver.setThreshold(1e-9);
+        solver.compute(xy * unscale.asDiagonal());
+        absorbed_ = solver.householderQ() * Eigen::MatrixXd::Identity(xy.rows(), solver.rank());
+    }
+
+    Eigen::MatrixXd whitened(Eigen::MatrixXd columns) const {
+        const Eigen::Index rows = columns.rows() / std::ssize(factors_);
+        for (std::size_t i = 0; i < factors_.size(); ++i) {
+            auto block = columns.middleRows(static_cast<Eigen::Index>(i) * rows, rows);
+            factors_[i].matrixL().solveInPlace(block);
+        }
+        return columns;
+    }
+
+    Eigen::MatrixXd freed(const Eigen::MatrixXd& columns) const {
+        const Eigen::MatrixXd white = whitened(columns);
+        return white - absorbed_ * (absorbed_.transpose() * white);
+    }
+
+    const Eigen::MatrixXd& absorbed() const { return absorbed_; }
+
+    // Of the covariance of all poses.
+    double log_determinant() const {
+        double sum = 0.0;
+        for (const Eigen::LLT<Eigen::MatrixXd>& factor : factors_)
+            sum += 2.0 * Eigen::MatrixXd(factor.matrixL()).diagonal().array().log().sum();
+        return sum;
+    }
+
+    Eigen::Index degrees_of_freedom() const { return absorbed_.rows() - absorbed_.cols(); }
+
+private:
+    std::vector<Eigen::LLT<Eigen::MatrixXd>> factors_;
+    Eigen::MatrixXd absorbed_;
+};
+
+// What was observed, and what the declared errors make of products of columns: with the whitened
+// covariance I + U U^T (U: each declared error at its standard uncertainty)
+// a^T (I + U U^T)^-1 b = a^T b - (U^T a)^T (I + U^T U)^-1 (U^T b).
+class Metric {
+public:
+    explicit Metric(Eigen::MatrixXd declared)
+        : declared_(std::move(declared)),
+          inverse_(Eigen::MatrixXd(Eigen::MatrixXd::Identity(declared_.cols(), declared_.cols()) +
+                                   declared_.transpose() * declared_)) {}
+
+    Eigen::MatrixXd product(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) const {
+        const Eigen::MatrixXd plain = a.transpose() * b;
+        if (declared_.cols() == 0)
+            return plain;
+        const Eigen::MatrixXd of_a = declared_.transpose() * a, of_b = declared_.transpose() * b;
+        return plain - of_a.transpose() * inverse_.solve(of_b);
+    }
+
+    Eigen::VectorXd weighted(const Eigen::VectorXd& a) const {
+        return declared_.cols() == 0
+                   ? a
+                   : Eigen::VectorXd(a - declared_ * inverse_.solve(Eigen::VectorXd(
+                                                         declared_.transpose() * a)));
+    }
+
+private:
+    Eigen::MatrixXd declared_;
+    Eigen::LDLT<Eigen::MatrixXd> inverse_;
+};
+
+Eigen::VectorXd stacked(const std::vector<Eigen::VectorXd>& parts) {
+    Eigen::VectorXd all;
+    for (const Eigen::VectorXd& part : parts) {
+        all.conservativeResize(all.size() + part.size());
+        all.tail(part.size()) = part;
+    }
+    return all;
+}
+
+Eigen::MatrixXd declared_columns(const CauseEvidence& evidence, const FreedRows& rows,
+                                 const std::vector<Suspect>& suspects) {
+    Eigen::MatrixXd columns(stacked(evidence.difference_px).size(), 0);
+    for (const Suspect& suspect : suspects) {
+        const auto declared = evidence.declared.find(suspect.name);
+        if (declared == evidence.declared.end() || suspect.corners_px.cols() != 1)
+            continue;
+        columns.conservativeResize(Eigen::NoChange, columns.cols() + 1);
+        columns.rightCols<1>() = rows.freed(suspect.corners_px) * (declared->second / suspect.size);
+    }
+    return columns;
+}
+
+// ---------------------------------------------------------------------------------- the search
+
+// Products of the columns of all suspects with each other and with what was observed: all that the
+// comparison of explanations needs.
+class Comparison {
+public:
+    using Set = std::vector<std::size_t>;  // ascending indices of suspects
+
+    // `known`: how many suspects each is one of.
+    Comparison(const Eigen::VectorXd& observed, const Metric& metric, double degrees_of_freedom,
+               std::size_t known)
+        : metric_(&metric),
+          observed_(observed),
+          square_(metric.product(observed, observed)(0, 0)),
+          freedom_(degrees_of_freedom),
+          known_(static_cast<double>(known)) {}
+
+    Comparison without_suspects() const {
+        return {observed_, *metric_, freedom_, static_cast<std::size_t>(known_)};
+    }
+
+    // `freed`: its columns, freed of X and Y. Leaves out nothing: ask leaves_a_trace() before.
+    void add(const Suspect& suspect, const Eigen::MatrixXd& freed) {
+        const Eigen::Index before = columns_.cols(), count = freed.cols();
+        columns_.conservativeResize(observed_.size(), before + count);
+        columns_.rightCols(count) = freed;
+        const Eigen::MatrixXd mixed = metric_->product(columns_, freed);
+        products_.conservativeResize(before + count, before + count);
+        products_.rightCols(count) = mixed;
+        products_.bottomRows(count) = mixed.transpose();
+        seen_.conservativeResize(before + count);
+        seen_.tail(count) = metric_->product(freed, observed_);
+        suspects_.push_back({&suspect, before, count});
+    }
+
+    std::size_t size() const { return suspects_.size(); }
+    const Suspect& suspect(std::size_t i) const { return *suspects_[i].suspect; }
+
+    // Numbers of a set's columns, in units of the suspects' sizes; nothing where they cannot be
+    // told apart at all.
+    struct Fit {
+        Eigen::VectorXd numbers;
+        Eigen::MatrixXd covariance;
+        double rest = 0.0;  // sum of squares that is left
+    };
+    std::optional<Fit> fit(const Set& set) const {
+        std::vector<Eigen::Index> at;
+        for (const std::size_t i : set)
+            for (Eigen::Index k = 0; k < suspects_[i].count; ++k)
+                at.push_back(suspects_[i].first + k);
+        const Eigen::MatrixXd plain = products_(at, at);
+        const Eigen::VectorXd unscale = plain.diagonal().cwiseSqrt().cwiseInverse();
+        const Eigen::LDLT<Eigen::MatrixXd> solver(
+            Eigen::MatrixXd(unscale.asDiagonal() * plain * unscale.asDiagonal()));
+        constexpr double apart = 1e-5;  // of the last column's square
+        if (!at.empty() && !(solver.vectorD().minCoeff() > apart))
+            return std::nullopt;
+        const Eigen::VectorXd seen = seen_(at);
+        Fit fit;
+        fit.numbers =
+            unscale.cwiseProduct(solver.solve(Eigen::VectorXd(unscale.cwiseProduct(seen))));
+        fit.covariance = unscale.asDiagonal() *
+                         solver.solve(Eigen::MatrixXd::Identity(plain.rows(), plain.cols())) *
+                         unscale.asDiagonal();
+        fit.rest = square_ - seen.dot(fit.numbers);
+        return fit;
+    }
+
+    // What a set leaves of the observed, weighted as the covariance says.
+    Eigen::VectorXd residual(const Set& set) const {
+        const auto found = fit(set);
+        Eigen::VectorXd left = observed_;
+        Eigen::Index k = 0;
+        for (const std::size_t i : set)
+            for (Eigen::Index j = 0; j < suspects_[i].count; ++j)
+                left -= found->numbers[k++] * columns_.col(suspects_[i].first + j);
+        return metric_->weighted(left);
+    }
+
+    double scatter(const Fit& fit) const {
+        return std::sqrt(
+            std::max(1.0, fit.rest / (freedom_ - static_cast<double>(fit.numbers.size()))));
+    }
+
+    // Log of the posterior odds against everything else, up to a constant: the likelihood with the
+    // corners' scatter at its best value from 1 up, Schwarz's price of each number, and the prior.
+    double score(const Set& set) const {
+        const auto found = fit(set);
+        if (!found)
+            return -std::numeric_limits<double>::infinity();
+        const double enlarged = std::max(1.0, found->rest / freedom_);
+        double score = -0.5 * (found->rest / enlarged + freedom_ * std::log(enlarged)) -
+                       0.5 * static_cast<double>(found->numbers.size()) * std::log(freedom_);
+        for (const std::size_t i : set)
+            score -= std::log(known_ * suspect(i).tried);
+        return score;
+    }
+
+private:
+    struct Place {
+        const Suspect* suspect;
+        Eigen::Index first, count;
+    };
+
+    const Metric* metric_;
+    Eigen::VectorXd observed_;
+    double square_, freedom_, known_;
+    Eigen::MatrixXd columns_, products_;
+    Eigen::VectorXd seen_;
+    std::vector<Place> suspects_;
+};
+
+using Set = Comparison::Set;
+using Scores = std::map<Set, double>;
+
+Set with(Set set, std::size_t member) {
+    set.insert(std::ranges::upper_bound(set, member), member);
+    return set;
+}
+
+Set without(Set set, std::size_t member) {
+    std::erase(set, member);
+    return set;
+}
+
+std::vector<Set> best_of(const Scores& scores, std::size_t members, std::size_t count) {
+    std::vector<std::pair<double, Set>> of_size;
+    for (const auto& [set, score] : scores)
+        if (set.size() == members)
+            of_size.emplace_back(-score, set);
+    std::ranges::sort(of_size);
+    std::vector<Set> best;
+    for (std::size_t i = 0; i < std::min(count, of_size.size()); ++i)
+        best.push_back(of_size[i].second);
+    return best;
+}
+
+// Nothing, every suspect, every pair, and the best larger sets grown from the best smaller ones.
+Scores all_scores(const Comparison& comparison) {
+    constexpr std::size_t most_members = 4, grown_from = 40;
+    Scores scores{{{}, comparison.score({})}};
+    for (std::size_t members = 0; members < most_members; ++members) {
+        const std::size_t bases =
+            members < 2 ? std::numeric_limits<std::size_t>::max() : grown_from;
+        for (const Set& base : best_of(scores, members, bases))
+            for (std::size_t i = 0; i < comparison.size(); ++i)
+                if (!std::ranges::binary_search(base, i))
+                    if (const Set set = with(base, i); !scores.contains(set))
+                        scores[set] = comparison.score(set);
+    }
+    return scores;
+}
+
+// -------------------------------------------------------------------------------- the ranking
+
+double log_sum(const Scores& scores, double one_more) {
+    double largest = one_more;
+    for (const auto& [set, score] : scores)
+        largest = std::max(largest, score);
+    double sum = std::exp(one_more - largest);
+    for (const auto& [set, score] : scores)
+        sum += std::exp(score - largest);
+    return largest + std::log(sum);
+}
+
+CausingError described(const Comparison& comparison, const Set& set, std::size_t member) {
+    const auto fit = comparison.fit(set);
+    Eigen::Index first = 0;
+    for (const std::size_t i : set) {
+        if (i == member)
+            break;
+        first += comparison.suspect(i).corners_px.cols();
+    }
+    const Suspect& suspect = comparison.suspect(member);
+    const Eigen::Index count = suspect.corners_px.cols(), length = std::min<Eigen::Index>(count, 3);
+    // Of a pose that is elsewhere the first three numbers: its shift.
+    const Eigen::VectorXd numbers = fit->numbers.segment(first, length);
+    const Eigen::MatrixXd covariance = fit->covariance.block(first, first, length, length);
+    const double size = length == 1 ? numbers[0] : numbers.norm();
+    const Eigen::VectorXd along =
+        length == 1 ? Eigen::VectorXd::Ones(1) : Eigen::VectorXd(numbers.normalized());
+    CausingError error;
+    error.names = {suspect.name};
+    error.size = size * suspect.size;
+    error.expanded_uncertainty =
+        2.0 * std::sqrt(along.dot(covariance * along)) * suspect.size * comparison.scatter(*fit);
+    error.unit = suspect.unit;
+    error.remedies = {suspect.remedy};
+    return error;
+}
+
+// Where a set explains no more than one of its subsets is worth, it is that subset with a member
+// too many: its probability is the subset's.
+std::map<Set, double> probabilities(const Scores& scores, double log_total) {
+    std::map<Set, double> of_needed;
+    for (const auto& [set, score] : scores) {
+        Set needed = set;
+        for (bool is_smaller = true; is_smaller;) {
+            is_smaller = false;
+            for (const std::size_t member : Set(needed)) {
+                const auto subset = scores.find(without(needed, member));
+                if (subset != scores.end() && subset->second >= scores.at(needed)) {
+                    needed = subset->first;
+                    is_smaller = true;
+                    break;
+                }
+            }
+        }
+        of_needed[needed] += std::exp(score - log_total);
+    }
+    return of_needed;
+}
+
+// The best unclaimed set with every one that differs from it in a member that could be another.
+Cause claimed(const Comparison& comparison, const Set& best, std::map<Set, double>& left) {
+    constexpr double as_good = 0.05;
+    Cause cause;
+    const double probability = left.at(best);
+    cause.probability = probability;
+    left.erase(best);
+    for (const std::size_t member : best) {
+        CausingError error = described(comparison, best, member);
+        std::vector<std::pair<double, std::size_t>> others;
+        for (std::size_t i = 0; i < comparison.size(); ++i) {
+            const auto swapped = left.find(with(without(best, member), i));
+            if (swapped != left.end() && swapped->second > as_good * probability)
+                others.emplace_back(-swapped->second, i);
+        }
+        std::ranges::sort(others);
+        for (const auto& [negative, i] : others) {
+            error.names.push_back(comparison.suspect(i).name);
+            error.remedies.push_back(comparison.suspect(i).remedy);
+            cause.probability -= negative;
+            left.erase(with(without(best, member), i));
+        }
+        cause.errors.push_back(std::move(error));
+    }
+    return cause;
+}
+
+// What position and rotation of the marker could do smoothly over the volume, whoever does it:
+// constants are X's and Y's; linear and quadratic terms of the position, linear ones of the
+// rotation.
+Suspect smooth_change(const SignatureChain& chain) {
+    std::vector<Eigen::Vector3d> positions;
+    Eigen::Vector3d low, high;
+    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
+        positions.push_back(chain.camera_from_marker(i).translation);
+        low = i == 0 ? positions[i] : Eigen::Vector3d(low.cwiseMin(positions[i]));
+        high = i == 0 ? positions[i] : Eigen::Vector3d(high.cwiseMax(positions[i]));
+    }
+    const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
+    Suspect smooth{"none of these", "", "", 1.0, {}};
+    smooth.corners_px.resize(rows * std::ssize(positions), 36);
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+        const Eigen::Vector3d p =
+            (2.0 * positions[i] - low - high).cwiseQuotient((high - low).cwiseMax(1e-9));
+        Eigen::VectorXd terms(9);
+        terms << p, p.cwiseProduct(p), p.x() * p.y(), p.y() * p.z(), p.z() * p.x();
+        const Eigen::MatrixXd jacobian = chain.pose_jacobian(i);
+        for (Eigen::Index k = 0; k < 9; ++k)
+            smooth.corners_px.block(static_cast<Eigen::Index>(i) * rows, 3 * k, rows, 3) =
+                terms[k] * jacobian.rightCols<3>();
+        for (Eigen::Index k = 0; k < 3; ++k)
+            smooth.corners_px.block(static_cast<Eigen::Index>(i) * rows, 27 + 3 * k, rows, 3) =
+                terms[k] * jacobian.leftCols<3>();
+    }
+    return smooth;
+}
+
+// As many directions of its columns as X and Y leave.
+Eigen::MatrixXd spanned(const Eigen::MatrixXd& columns) {
+    const Eigen::VectorXd unscale =
+        columns.colwise().norm().cwiseMax(std::numeric_limits<double>::min()).cwiseInverse();
+    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> solver;
+    solver.setThreshold(1e-4);
+    solver.compute(columns * unscale.asDiagonal());
+    return solver.householderQ() * Eigen::MatrixXd::Identity(columns.rows(), solver.rank());
+}
+
+bool leaves_a_trace(const Suspect& suspect, const FreedRows& rows, const Eigen::MatrixXd& freed) {
+    return freed.norm() > no_trace * rows.whitened(suspect.corners_px).norm();
+}
+
+void require_usable(const CauseEvidence& evidence) {
+    const std::size_t poses = evidence.request.chain.poses.size();
+    const auto rows = static_cast<Eigen::Index>(2 * evidence.request.chain.points_mm.size());
+    const bool is_usable =
+        poses > 2 && evidence.difference_px.size() == poses &&
+        evidence.covariance_px2.size() == poses &&
+        std::ranges::all_of(evidence.difference_px, [&](const Eigen::VectorXd& difference) {
+            return difference.size() == rows && difference.allFinite();
+        });
+    if (!is_usable)
+        throw NumericalError("causes: poses, corners and covariances do not agree");
+}
+
+// The best member beside what is blamed already.
+const Suspect* best_member(const std::vector<Suspect>& family, const FreedRows& rows,
+                           const Comparison& comparison, const Set& beside) {
+    const Suspect* best = nullptr;
+    double best_score = -std::numeric_limits<double>::infinity();
+    for (const Suspect& member : family) {
+        Comparison extended = comparison;
+        extended.add(member, rows.freed(member.corners_px));
+        const double score = extended.score(with(beside, extended.size() - 1));
+        if (score > best_score) {
+            best_score = score;
+            best = &member;
+        }
+    }
+    return best;
+}
+
+// Least-squares spectrum (N. R. Lomb, Astrophys. Space Sci. 39, 1976) of one axis' error over its
+// positions, beside what is blamed already: each pose's corners tell of its axis by one number.
+class AxisSpectrum {
+public:
+    AxisSpectrum(const StageAxisMotion& axis, const Eigen::VectorXd& white_advance,
+                 const Eigen::VectorXd& residual, const Eigen::MatrixXd& absorbed)
+        : positions_(
+              Eigen::Map<const Eigen::VectorXd>(axis.position.data(), std::ssize(axis.position))) {
+        const Eigen::Index poses = positions_.size(), rows = white_advance.size() / poses;
+        told_.resize(poses);
+        weight_.resize(poses);
+        absorbed_.resize(absorbed.cols(), poses);
+        for (Eigen::Index i = 0; i < poses; ++i) {
+            const auto advance = white_advance.segment(i * rows, rows);
+            told_[i] = advance.dot(residual.segment(i * rows, rows));
+            weight_[i] = advance.squaredNorm();
+            absorbed_.col(i) = absorbed.middleRows(i * rows, rows).transpose() * advance;
+        }
+    }
+
+    // How much of the residual's square a sine and cosine of this frequency explain.
+    double power(double frequency) const {
+        const Eigen::ArrayXd phase = 2.0 * std::numbers::pi * frequency * positions_.array();
+        Eigen::MatrixXd waves(positions_.size(), 2);
+        waves << phase.sin(), phase.cos();
+        const Eigen::Vector2d seen = waves.transpose() * told_;
+        const Eigen::MatrixXd lost = absorbed_ * waves;
+        const Eigen::Matrix2d information =
+            waves.transpose() * weight_.asDiagonal() * waves - lost.transpose() * lost;
+        if (!(information.determinant() > 1e-6 * std::pow(information.trace(), 2)))
+            return 0.0;  // one wave of the two is lost
+        return seen.dot(information.inverse() * seen);
+    }
+
+    // The longest of the periods that explain next to as much as the best, then the others; nothing
+    // where the axis hardly moves. `tried`: how many could be told apart.
+    std::vector<double> periods(double shortest, int& tried) const {
+        constexpr int per_resolution = 8, most_periods = 4;
+        constexpr double as_good = 6.0, as_good_part = 0.03;
+        const double travel = positions_.maxCoeff() - positions_.minCoeff();
+        tried = static_cast<int>(2.0 * travel / shortest) - 1;
+        if (tried < 1)
+            return {};
+        const double step = 0.5 / travel / per_resolution;
+        std::vector<double> powers;
+        for (int i = 2 * per_resolution - 1; i * step <= 1.0 / shortest + step; ++i)
+            powers.push_back(power(i * step));
+        const double highest = *std::ranges::max_element(powers);
+        const double least = highest - std::max(as_good, as_good_part * highest);
+        std::vector<double> found;
+        for (std::size_t k = 1; k + 1 < powers.size() && found.size() < most_periods; ++k)
+            if (powers[k] >= least && powers[k] >= powers[k - 1] && powers[k] > powers[k + 1])
+                found.push_back(1.0 / (step * (static_cast<double>(k) + 2 * per_resolution - 1)));
+        return found;
+    }
+
+private:
+    Eigen::VectorXd positions_, told_, weight_;
+    Eigen::MatrixXd absorbed_;
+};
+
+// The best period of each axis that moves, beside what is blamed already.
+std::vector<Suspect> best_periods(const CauseEvidence& evidence, const FreedRows& rows,
+                                  const Comparison& comparison, const Set& beside) {
+    std::vector<Suspect> best;
+    const Eigen::VectorXd residual = comparison.residual(beside);
+    for (const StageAxisMotion& axis : evidence.request.axes) {
+        const Eigen::VectorXd advance = advance_px(evidence.request, axis);
+        const AxisSpectrum spectrum(axis, rows.whitened(advance), residual, rows.absorbed());
+        int tried = 0;
+        const double shortest = axis.is_linear ? 1.0 : 5.0 * std::numbers::pi / 180.0;
+        const std::vector<double> periods = spectrum.periods(shortest, tried);
+        if (!periods.empty())
+            best.push_back(repeating_error(axis, advance, periods, tried));
+    }
+    return best;
+}
+
+// The search under one covariance: all suspects, and of periods and misplaced poses the best alone
+// and the best beside the best explanation.
+class Search {
+public:
+    Search(const CauseEvidence& evidence, const std::vector<Suspect>& known)
+        : rows_(evidence),
+          metric_(declared_columns(evidence, rows_, known)),
+          comparison_(rows_.freed(stacked(evidence.difference_px)), metric_,
+                      static_cast<double>(rows_.degrees_of_freedom()),
+                      known.size() + evidence.request.axes.size() + 1) {
+        for (const Suspect& suspect : known)
+            add(suspect);
+        const std::vector<Suspect> poses = misplaced_poses(evidence.request);
+        for (const bool alone : {true, false}) {
+            const Set beside = alone ? Set{} : best(all_scores(comparison_));
+            std::vector<Suspect> more = best_periods(evidence, rows_, comparison_, beside);
+            more.push_back(*best_member(poses, rows_, comparison_, beside));
+            for (const Suspect& suspect : more)
+                if (std::ranges::find(chosen_, suspect.name, &Suspect::name) == chosen_.end())
+                    add(chosen_.emplace_back(suspect));
+        }
+        scores_ = all_scores(comparison_);
+    }
+
+    static Set best(const Scores& scores) {
+        return std::ranges::max_element(scores, {}, &Scores::value_type::second)->first;
+    }
+
+    const Comparison& comparison() const { return comparison_; }
+    const Scores& scores() const { return scores_; }
+    double best_score() const { return scores_.at(best(scores_)); }
+    std::vector<Suspect> best_suspects() const {
+        std::vector<Suspect> all;
+        for (const std::size_t i : best(scores_))
+            all.push_back(comparison_.suspect(i));
+        return all;
+    }
+
+    // Of a smooth change that nobody needs to make.
+    double score_of_none(const Suspect& smooth) const {
+        Comparison other = comparison_.without_suspects();
+        other.add(smooth, spanned(rows_.freed(smooth.corners_px)));
+        return other.score({0});
+    }
+
+private:
+    void add(const Suspect& suspect) {
+        const Eigen::MatrixXd freed = rows_.freed(suspect.corners_px);
+        if (leaves_a_trace(suspect, rows_, freed))
+            comparison_.add(suspect, freed);
+    }
+
+    FreedRows rows_;
+    Metric metric_;
+    Comparison comparison_;
+    std::deque<Suspect> chosen_;
+    Scores scores_;
+};
+
+Causes ranked(const Search& search, const Suspect& smooth) {
+    const Scores& scores = search.scores();
+    const double none = search.score_of_none(smooth);
+    const double total = log_sum(scores, none);
+    Causes causes;
+    causes.none_of_these = std::exp(none - total);
+    causes.scatter = search.comparison().scatter(*search.comparison().fit(Search::best(scores)));
+    std::map<Set, double> left = probabilities(scores, total);
+    causes.no_error = left[{}];
+    left.erase(Set{});
+    constexpr std::size_t most_ranked = 6;
+    constexpr double least_probability = 0.01;
+    while (causes.ranked.size() < most_ranked && !left.empty()) {
+        const Set best =
+            std::ranges::max_element(left, {}, &std::map<Set, double>::value_type::second)->first;
+        const Cause cause = claimed(search.comparison(), best, left);
+        if (cause.probability < least_probability)
+            break;
+        causes.ranked.push_back(cause);
+    }
+    std::ranges::stable_sort(causes.ranked, std::greater(), &Cause::probability);
+    return causes;
+}
+
+// -------------------------------------------------------------------------------- random errors
+
+// Of a covariance with a random error against the one without: log likelihood and prior odds.
+double determinant_and_price(const CauseEvidence& without, const CauseEvidence& with,
+                             std::size_t known) {
+    const auto numbers = static_cast<double>(stacked(without.difference_px).size());
+    return 0.5 * (FreedRows(without).log_determinant() - FreedRows(with).log_determinant()) -
+           0.5 * std::log(numbers) - std::log(static_cast<double>(known));
+}
+
+// A random error, the evidence with it in the covariance, and the log of the odds that it gains.
+struct Scattered {
+    CausingError error;
+    CauseEvidence evidence;
+    double gained = 0.0;
+};
+
+// The score of a few suspects under a covariance.
+double score_with(const CauseEvidence& evidence, const std::vector<Suspect>& suspects,
+                  std::size_t known) {
+    const FreedRows rows(evidence);
+    const Metric metric(Eigen::MatrixXd(stacked(evidence.difference_px).size(), 0));
+    Comparison comparison(rows.freed(stacked(evidence.difference_px)), metric,
+                          static_cast<double>(rows.degrees_of_freedom()), known);
+    Set set;
+    for (const Suspect& suspect : suspects) {
+        comparison.add(suspect, rows.freed(suspect.corners_px));
+        set.push_back(set.size());
+    }
+    return comparison.score(set);
+}
+
+CauseEvidence with_scatter(CauseEvidence evidence, const ScatterSuspect& suspect, double size) {
+    for (std::size_t i = 0; i < evidence.covariance_px2.size(); ++i)
+        evidence.covariance_px2[i] +=
+            size * size * suspect.corners_px[i] * suspect.corners_px[i].transpose();
+    return evidence;
+}
+
+// The random error that makes the observed most probable, alone or beside the best explanation
+// without one; nothing where none is worth its price.
+std::optional<Scattered> best_scatter(const CauseEvidence& evidence,
+                                      const std::vector<Suspect>& explained, std::size_t known) {
+    constexpr double smallest = 1e-3, step = std::numbers::sqrt2;  // mm, or 0.01 mrad
+    constexpr double rad_per_mm = 1e-2;
+    constexpr int sizes = 22;  // up to 1.4 mm
+    std::optional<Scattered> best;
+    for (const std::vector<Suspect>& beside : {std::vector<Suspect>{}, explained}) {
+        const double without = score_with(evidence, beside, known);
+        for (const ScatterSuspect& suspect : scatter_suspects(evidence.request))
+            for (int i = 0; i < sizes; ++i) {
+                const double size =
+                    smallest * std::pow(step, i) * (suspect.unit == "rad" ? rad_per_mm : 1.0);
+                CauseEvidence changed = with_scatter(evidence, suspect, size);
+                const double gained = score_with(changed, beside, known) - without +
+                                      determinant_and_price(evidence, changed, known);
+                if (!(gained > (best ? best->gained : 0.0)))
+                    continue;
+                const auto motions = static_cast<double>(suspect.corners_px.size()) *
+                                     static_cast<double>(suspect.corners_px.front().cols());
+                best.emplace(Scattered{{{suspect.name},
+                                        size,
+                                        2.0 * size / std::sqrt(2.0 * motions),
+                                        suspect.unit,
+                                        {suspect.remedy}},
+                                       std::move(changed),
+                                       gained});
+            }
+    }
+    return best;
+}
+
+}  // namespace
+
+std::string CausingError::text() const {
+    return fmt::format("{}", fmt::join(names, " ~ "));
+}
+
+std::string Cause::text() const {
+    std::string all;
+    for (const CausingError& error : errors)
+        all += (all.empty() ? "" : " and ") + error.text();
+    return all;
+}
+
+const Cause* Causes::named() const {
+    return !ranked.empty() && ranked.front().probability > 0.5 ? &ranked.front() : nullptr;
+}
+
+Causes find_causes(const CauseEvidence& evidence) {
+    require_usable(evidence);
+    const std::vector<Suspect> known = suspects(evidence.request);
+    const Suspect smooth = smooth_change(evidence.request.chain);
+    const Search plain(evidence, known);
+    Causes causes = ranked(plain, smooth);
+    const auto scattered = best_scatter(evidence, plain.best_suspects(), known.size());
+    if (!scattered)
+        return causes;
+    const Search beside(scattered->evidence, known);
+    const double odds = beside.best_score() - plain.best_score() +
+                        determinant_and_price(evidence, scattered->evidence, known.size());
+    if (!(odds > 0.0))
+        return causes;
+    causes = ranked(beside, smooth);
+    const double certain = 1.0 / (1.0 + std::exp(-odds));
+    for (Cause& cause : causes.ranked) {
+        cause.probability *= certain;
+        cause.errors.insert(cause.errors.begin(), scattered->error);
+    }
+    if (causes.no_error > 0.0)
+        causes.ranked.insert(causes.ranked.begin(),
+                             {{scattered->error}, certain * causes.no_error});
+    causes.none_of_these *= certain;
+    causes.no_error = 0.0;
+    std::ranges::stable_sort(causes.ranked, std::greater(), &Cause::probability);
+    return causes;
+}
+
+}  // namespace etalon

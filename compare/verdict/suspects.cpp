@@ -1,0 +1,239 @@
+#include "compare/verdict/suspects.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+// What to do about an error with a signature: its name says where it belongs.
+std::string remedy_of(const std::string& name) {
+    if (name.starts_with("stage direction") || name.starts_with("stage squareness"))
+        return "measure the directions of the stage's axes: " + name;
+    if (name.starts_with("stage"))
+        return "look at the stage: " + name;
+    if (name.starts_with("marker"))
+        return "measure the marker: " + name;
+    if (name == "edge shrink")
+        return "look at exposure, tone curve and print: edges lie elsewhere than in the render";
+    if (name == "half pixel")
+        return "look at the convention of pixel centres in calibration and detector";
+    return "calibrate the camera again: " + name;
+}
+
+Suspect from_named(const NamedError& error, std::size_t poses) {
+    Suspect suspect{error.name, error.unit, remedy_of(error.name), error.size, {}};
+    Eigen::VectorXd column;
+    for (std::size_t i = 0; i < poses; ++i) {
+        const Eigen::VectorXd moved = error.displacement(i);
+        column.conservativeResize(column.size() + moved.size());
+        column.tail(moved.size()) = moved;
+    }
+    suspect.corners_px = column;
+    return suspect;
+}
+
+// The corners' motion with the carriage at other places than it reads, stacked.
+Eigen::VectorXd motion(const NamedErrors& named, const std::vector<Rigid>& places,
+                       const StageAxisMotion& axis) {
+    return from_named(named.stage_error({axis.name, "", axis.step, places}), places.size())
+        .corners_px;
+}
+
+// `per_pose` numbers multiply what one step does to each pose's corners.
+Eigen::VectorXd scaled(const Eigen::VectorXd& motion, const Eigen::VectorXd& per_pose) {
+    const Eigen::Index rows = motion.size() / per_pose.size();
+    Eigen::VectorXd column(motion.size());
+    for (Eigen::Index i = 0; i < per_pose.size(); ++i)
+        column.segment(i * rows, rows) = per_pose[i] * motion.segment(i * rows, rows);
+    return column;
+}
+
+Eigen::VectorXd mapped(const std::vector<double>& values) {
+    return Eigen::Map<const Eigen::VectorXd>(values.data(), std::ssize(values));
+}
+
+// From -1 to 1 over what was visited; all zero where nothing moved.
+Eigen::VectorXd normalised(const Eigen::VectorXd& positions) {
+    const double low = positions.minCoeff(), high = positions.maxCoeff();
+    if (!(high > low))
+        return Eigen::VectorXd::Zero(positions.size());
+    return (2.0 * positions.array() - (low + high)) / (high - low);
+}
+
+const char* unit_of(const StageAxisMotion& axis) {
+    return axis.is_linear ? "mm" : "rad";
+}
+
+// Half of it each way from the middle of the two sides.
+void add_backlash(std::vector<Suspect>& all, const StageAxisMotion& axis,
+                  const Eigen::VectorXd& advanced) {
+    if (axis.approach.size() != axis.position.size())
+        return;
+    Eigen::VectorXd side(std::ssize(axis.approach));
+    for (Eigen::Index i = 0; i < side.size(); ++i)
+        side[i] = -0.5 * axis.approach[static_cast<std::size_t>(i)];
+    all.push_back({"backlash of " + axis.name, unit_of(axis),
+                   "look at the stage's axis " + axis.name + ": backlash", axis.step,
+                   scaled(advanced, side)});
+}
+
+// A bow of the guide: quadratic over the travel, two ways, as its height over the ends.
+void add_straightness(std::vector<Suspect>& all, const NamedErrors& named,
+                      const StageAxisMotion& axis) {
+    if (axis.aside[0].empty())
+        return;
+    const Eigen::VectorXd bow = 1.0 - normalised(mapped(axis.position)).array().square();
+    Eigen::MatrixXd columns(0, 2);
+    for (int way = 0; way < 2; ++way) {
+        const Eigen::VectorXd column =
+            scaled(motion(named, axis.aside[static_cast<std::size_t>(way)], axis), bow);
+        columns.conservativeResize(column.size(), Eigen::NoChange);
+        columns.col(way) = column;
+    }
+    all.push_back({"straightness of " + axis.name, "mm",
+                   "look at the stage's axis " + axis.name + ": its guide is bent", axis.step,
+                   columns});
+}
+
+// The sum of the linear axes' scales.
+void add_common_scale(std::vector<Suspect>& all, const SuspectRequest& request,
+                      const NamedErrors& named) {
+    Suspect sum{"stage scale, all linear axes",
+                "1",
+                "look at the stage: scale of all linear axes",
+                1e-3,
+                {}};
+    int linear = 0;
+    for (const StageAxisMotion& axis : request.axes) {
+        if (!axis.is_linear)
+            continue;
+        const Eigen::VectorXd column =
+            scaled(motion(named, axis.advanced, axis), mapped(axis.position)) *
+            (sum.size / axis.step);
+        sum.corners_px =
+            linear++ == 0 ? Eigen::MatrixXd(column) : Eigen::MatrixXd(sum.corners_px + column);
+    }
+    if (linear >= 2)
+        all.push_back(std::move(sum));
+}
+
+// A shift in the camera's frame that grows with time, as its size from the first pose to the last.
+void add_drift(std::vector<Suspect>& all, const SuspectRequest& request) {
+    if (request.times_s.size() != request.chain.poses.size())
+        return;
+    const Eigen::VectorXd time = 0.5 * normalised(mapped(request.times_s));
+    const auto rows = static_cast<Eigen::Index>(2 * request.chain.points_mm.size());
+    Suspect drift{"drift", "mm",
+                  "look at what warms up or slips during the run: camera, stage and their mounts",
+                  1.0, Eigen::MatrixXd(rows * time.size(), 3)};
+    for (Eigen::Index i = 0; i < time.size(); ++i)
+        drift.corners_px.middleRows(i * rows, rows) =
+            time[i] * request.chain.pose_jacobian(static_cast<std::size_t>(i)).rightCols<3>();
+    all.push_back(std::move(drift));
+}
+
+std::string shown_period(const StageAxisMotion& axis, double period) {
+    return axis.is_linear ? fmt::format("{:.3g} mm", period)
+                          : fmt::format("{:.3g} deg", period * 180.0 / std::numbers::pi);
+}
+
+}  // namespace
+
+std::vector<Suspect> suspects(const SuspectRequest& request) {
+    const NamedErrors named(request.chain);
+    const std::size_t poses = request.chain.poses.size();
+    std::vector<Suspect> all;
+    for (const NamedError& error : named.with_signatures(request.stage_errors))
+        all.push_back(from_named(error, poses));
+    for (const NamedError& error : named.further())
+        all.push_back(from_named(error, poses));
+    add_common_scale(all, request, named);
+    for (const StageAxisMotion& axis : request.axes) {
+        if (axis.position.size() != poses)
+            throw NumericalError(fmt::format("suspects: axis {} has {} positions for {} poses",
+                                             axis.name, axis.position.size(), poses));
+        add_backlash(all, axis, motion(named, axis.advanced, axis));
+        add_straightness(all, named, axis);
+    }
+    add_drift(all, request);
+    return all;
+}
+
+std::vector<Suspect> misplaced_poses(const SuspectRequest& request) {
+    const std::size_t poses = request.chain.poses.size();
+    const auto rows = static_cast<Eigen::Index>(2 * request.chain.points_mm.size());
+    std::vector<Suspect> family;
+    for (std::size_t i = 0; i < poses; ++i) {
+        Suspect suspect{
+            fmt::format("pose {} was elsewhere", request.chain.poses[i].index),
+            "mm",
+            fmt::format(
+                "the stage was not where it said, or the camera showed an old frame: pose {}",
+                request.chain.poses[i].index),
+            1.0,
+            Eigen::MatrixXd::Zero(rows * static_cast<Eigen::Index>(poses), 6),
+            static_cast<int>(poses)};
+        const Eigen::MatrixXd jacobian = request.chain.pose_jacobian(i);
+        suspect.corners_px.middleRows(static_cast<Eigen::Index>(i) * rows, rows)
+            << jacobian.rightCols<3>(),
+            jacobian.leftCols<3>();
+        family.push_back(std::move(suspect));
+    }
+    return family;
+}
+
+std::vector<ScatterSuspect> scatter_suspects(const SuspectRequest& request) {
+    const auto rows = static_cast<Eigen::Index>(2 * request.chain.points_mm.size());
+    std::vector<ScatterSuspect> all;
+    for (const StageAxisMotion& axis : request.axes) {
+        const Eigen::VectorXd advance = advance_px(request, axis) / axis.step;
+        ScatterSuspect suspect{
+            "scatter of " + axis.name,
+            unit_of(axis),
+            "look at the stage's axis " + axis.name + ": where it stops scatters",
+            {}};
+        for (Eigen::Index i = 0; i < advance.size(); i += rows)
+            suspect.corners_px.emplace_back(advance.segment(i, rows));
+        all.push_back(std::move(suspect));
+    }
+    ScatterSuspect everywhere{"scatter of positions",
+                              "mm",
+                              "look at what vibrates or is loose: camera, stage, marker",
+                              {}};
+    for (std::size_t i = 0; i < request.chain.poses.size(); ++i)
+        everywhere.corners_px.emplace_back(request.chain.pose_jacobian(i).rightCols<3>());
+    all.push_back(std::move(everywhere));
+    return all;
+}
+
+Eigen::VectorXd advance_px(const SuspectRequest& request, const StageAxisMotion& axis) {
+    return motion(NamedErrors(request.chain), axis.advanced, axis);
+}
+
+Suspect repeating_error(const StageAxisMotion& axis, const Eigen::VectorXd& advance_px,
+                        const std::vector<double>& periods, int tried) {
+    const Eigen::ArrayXd phase =
+        2.0 * std::numbers::pi / periods.front() * mapped(axis.position).array();
+    Eigen::MatrixXd columns(advance_px.size(), 2);
+    columns << scaled(advance_px, phase.sin()), scaled(advance_px, phase.cos());
+    std::vector<std::string> shown;
+    for (const double period : periods)
+        shown.push_back(shown_period(axis, period));
+    const std::string every = fmt::format("{}", fmt::join(shown, " or "));
+    return {fmt::format("{} repeats with a period of {}", axis.name, every),
+            unit_of(axis),
+            fmt::format("look at the stage's axis {}: an error that repeats every {}", axis.name,
+                        every),
+            axis.step,
+            columns,
+            tried};
+}
+
+}  // namespace etalon

@@ -1,0 +1,71 @@
+// Everything that a run may blame: each suspect with what it does to the corners of every used
+// pose, to first order. An error with several numbers (a sine and a cosine, the three components of
+// a drift) is one suspect with several columns.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <string>
+#include <vector>
+
+#include "compare/verdict/named_errors.h"
+
+namespace etalon {
+
+// One axis as it was at the poses of a chain, and where the carriage would be had it gone `step`
+// further than it read, or stood `step` aside.
+struct StageAxisMotion {
+    std::string name;
+    bool is_linear = true;
+    double step = 0.0;             // mm, or rad of a rotary axis
+    std::vector<double> position;  // as read back, mm or rad
+    std::vector<int> approach;     // side that the axis came from, as in Pose; empty: not known
+    std::vector<Rigid> advanced;   // base_from_carriage
+    // Two ways across a linear axis, at `step`; empty for a rotary one.
+    std::array<std::vector<Rigid>, 2> aside;
+};
+
+struct Suspect {
+    std::string name, unit;
+    std::string remedy;  // what to do first: "look at the stage's axis z: backlash"
+    double size = 0.0;   // that one unit of a column stands for
+    // 2 rows per point and pose, px at `size`.
+    Eigen::MatrixXd corners_px;
+    // Of how many like it that were tried this is the best: periods, poses.
+    int tried = 1;
+};
+
+struct SuspectRequest {
+    const SignatureChain& chain;  // the used poses
+    std::vector<StageError> stage_errors;
+    std::vector<StageAxisMotion> axes;  // of the chain's poses; may be empty
+    std::vector<double> times_s;        // of the chain's poses; may be empty
+};
+
+// Camera, marker, detector, stage, drift. Throws NumericalError when a corner has no projection or
+// sizes do not agree. Milliseconds.
+std::vector<Suspect> suspects(const SuspectRequest& request);
+
+// Of which only the best is worth a word: that the marker was elsewhere at one of the poses.
+std::vector<Suspect> misplaced_poses(const SuspectRequest& request);
+
+// Random errors: every pose moves on its own. What a motion of 1 mm (rad) does to a pose's corners,
+// one column for each way in which it can.
+struct ScatterSuspect {
+    std::string name, unit, remedy;
+    std::vector<Eigen::MatrixXd> corners_px;  // per pose
+};
+
+// Of each axis along itself, and of the marker in all directions.
+std::vector<ScatterSuspect> scatter_suspects(const SuspectRequest& request);
+
+// What an axis does to the corners when it goes one step further than it reads, 2 rows per point
+// and pose.
+Eigen::VectorXd advance_px(const SuspectRequest& request, const StageAxisMotion& axis);
+
+// An axis whose error repeats with the first of these periods, or as well with the others: where
+// positions lie on a grid, frequencies that differ by that of the grid look alike. mm or rad.
+Suspect repeating_error(const StageAxisMotion& axis, const Eigen::VectorXd& advance_px,
+                        const std::vector<double>& periods, int tried);
+
+}  // namespace etalon

@@ -301,8 +301,7 @@ CausingError described(const Comparison& comparison, const Set& set, std::size_t
         first += comparison.suspect(i).corners_px.cols();
     }
     const Suspect& suspect = comparison.suspect(member);
-    const Eigen::Index count = suspect.corners_px.cols(), length = std::min<Eigen::Index>(count, 3);
-    // Of a pose that is elsewhere the first three numbers: its shift.
+    const Eigen::Index length = suspect.corners_px.cols();
     const Eigen::VectorXd numbers = fit->numbers.segment(first, length);
     const Eigen::MatrixXd covariance = fit->covariance.block(first, first, length, length);
     const double size = length == 1 ? numbers[0] : numbers.norm();

@@ -178,12 +178,10 @@ std::vector<Suspect> misplaced_poses(const SuspectRequest& request) {
                 "the stage was not where it said, or the camera showed an old frame: pose {}",
                 request.chain.poses[i].index),
             1.0,
-            Eigen::MatrixXd::Zero(rows * static_cast<Eigen::Index>(poses), 6),
+            Eigen::MatrixXd::Zero(rows * static_cast<Eigen::Index>(poses), 3),
             static_cast<int>(poses)};
-        const Eigen::MatrixXd jacobian = request.chain.pose_jacobian(i);
-        suspect.corners_px.middleRows(static_cast<Eigen::Index>(i) * rows, rows)
-            << jacobian.rightCols<3>(),
-            jacobian.leftCols<3>();
+        suspect.corners_px.middleRows(static_cast<Eigen::Index>(i) * rows, rows) =
+            request.chain.pose_jacobian(i).rightCols<3>();
         family.push_back(std::move(suspect));
     }
     return family;

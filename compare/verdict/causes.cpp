@@ -673,6 +673,20 @@ std::optional<Scattered> best_scatter(const CauseEvidence& evidence,
     return best;
 }
 
+// Twice: first where all are small, then those of the best explanation at the sizes found.
+std::vector<Suspect> suspects_at_their_sizes(const CauseEvidence& evidence) {
+    const std::vector<Suspect> small = suspects(evidence.request);
+    const Search search(evidence, small);
+    std::map<std::string, double> sizes;
+    const Set best = Search::best(search.scores());
+    for (const std::size_t member : best) {
+        const CausingError error = described(search.comparison(), best, member);
+        if (std::abs(error.size) > search.comparison().suspect(member).size)
+            sizes[error.names.front()] = error.size;
+    }
+    return sizes.empty() ? small : suspects(evidence.request, sizes);
+}
+
 }  // namespace
 
 std::string CausingError::text() const {
@@ -692,7 +706,7 @@ const Cause* Causes::named() const {
 
 Causes find_causes(const CauseEvidence& evidence) {
     require_usable(evidence);
-    const std::vector<Suspect> known = suspects(evidence.request);
+    const std::vector<Suspect> known = suspects_at_their_sizes(evidence);
     const Suspect smooth = smooth_change(evidence.request.chain);
     const Search plain(evidence, known);
     Causes causes = ranked(plain, smooth);

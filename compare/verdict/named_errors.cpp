@@ -4,7 +4,9 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <memory>
 
 #include "core/errors.h"
@@ -112,6 +114,12 @@ Eigen::VectorXd NamedError::displacement(std::size_t pose) const {
                      : Eigen::VectorXd(0.5 * (pixels(pose, size) - pixels(pose, -size)));
 }
 
+Eigen::VectorXd NamedError::secant(std::size_t pose, double at) const {
+    if (one_sided)
+        return displacement(pose);
+    return size / at * (pixels(pose, at) - pixels(pose, 0.0));
+}
+
 NamedErrors::NamedErrors(const SignatureChain& chain) : chain_(chain) {
     for (std::size_t i = 0; i < chain.poses.size(); ++i)
         truth_.push_back(chain.camera_from_marker(i));
@@ -144,14 +152,21 @@ std::vector<NamedError> NamedErrors::further() const {
 }
 
 NamedError NamedErrors::camera_error(const CameraError& error) const {
-    const auto changed = [&](double by) {
-        CameraModel camera = chain_.projector.camera();
-        error.change(camera, by);
-        return std::make_shared<const Projector>(camera);
+    // The camera of the size that was asked for last: sizes come pose after pose.
+    struct Changed {
+        double by = std::numeric_limits<double>::quiet_NaN();
+        std::shared_ptr<const Projector> camera;
     };
-    const auto plus = changed(error.size), minus = changed(-error.size);
-    return {error.name, error.unit, error.size, [this, plus, minus](std::size_t pose, double by) {
-                return projected(by > 0.0 ? *plus : *minus, chain_.points_mm, truth_[pose]);
+    const auto last = std::make_shared<std::array<Changed, 2>>();
+    return {error.name, error.unit, error.size,
+            [this, last, change = error.change](std::size_t pose, double by) {
+                Changed& changed = (*last)[by > 0.0 ? 0 : 1];
+                if (changed.by != by) {
+                    CameraModel camera = chain_.projector.camera();
+                    change(camera, by);
+                    changed = {by, std::make_shared<const Projector>(camera)};
+                }
+                return projected(*changed.camera, chain_.points_mm, truth_[pose]);
             }};
 }
 

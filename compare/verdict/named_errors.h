@@ -66,8 +66,10 @@ struct NamedError {
     std::function<Eigen::VectorXd(std::size_t pose, double size)> pixels;
     bool one_sided = false;  // only `size` and 0 can be asked for (stage errors come at one size)
 
-    // At `size`, 2 numbers per point.
+    // At `size`, 2 numbers per point: from central differences there, or that part of what the
+    // error does when it is `at` so large (of stage errors the same).
     Eigen::VectorXd displacement(std::size_t pose) const;
+    Eigen::VectorXd secant(std::size_t pose, double at) const;
 };
 
 // The chain must outlive this and its errors. All throw NumericalError when a corner has no

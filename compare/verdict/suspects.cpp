@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "core/errors.h"
 
@@ -27,11 +28,13 @@ std::string remedy_of(const std::string& name) {
     return "calibrate the camera again: " + name;
 }
 
-Suspect from_named(const NamedError& error, std::size_t poses) {
+// What it does at its own size, or that part of what it does when it is `at` so large.
+Suspect from_named(const NamedError& error, std::size_t poses,
+                   std::optional<double> at = std::nullopt) {
     Suspect suspect{error.name, error.unit, remedy_of(error.name), error.size, {}};
     Eigen::VectorXd column;
     for (std::size_t i = 0; i < poses; ++i) {
-        const Eigen::VectorXd moved = error.displacement(i);
+        const Eigen::VectorXd moved = at ? error.secant(i, *at) : error.displacement(i);
         column.conservativeResize(column.size() + moved.size());
         column.tail(moved.size()) = moved;
     }
@@ -146,14 +149,17 @@ std::string shown_period(const StageAxisMotion& axis, double period) {
 
 }  // namespace
 
-std::vector<Suspect> suspects(const SuspectRequest& request) {
+std::vector<Suspect> suspects(const SuspectRequest& request,
+                              const std::map<std::string, double>& sizes) {
     const NamedErrors named(request.chain);
     const std::size_t poses = request.chain.poses.size();
     std::vector<Suspect> all;
-    for (const NamedError& error : named.with_signatures(request.stage_errors))
-        all.push_back(from_named(error, poses));
-    for (const NamedError& error : named.further())
-        all.push_back(from_named(error, poses));
+    for (const auto& errors : {named.with_signatures(request.stage_errors), named.further()})
+        for (const NamedError& error : errors) {
+            const auto size = sizes.find(error.name);
+            all.push_back(from_named(
+                error, poses, size == sizes.end() ? std::nullopt : std::optional(size->second)));
+        }
     add_common_scale(all, request, named);
     for (const StageAxisMotion& axis : request.axes) {
         if (axis.position.size() != poses)

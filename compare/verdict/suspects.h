@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -42,9 +43,11 @@ struct SuspectRequest {
     std::vector<double> times_s;        // of the chain's poses; may be empty
 };
 
-// Camera, marker, detector, stage, drift. Throws NumericalError when a corner has no projection or
-// sizes do not agree. Milliseconds.
-std::vector<Suspect> suspects(const SuspectRequest& request);
+// Camera, marker, detector, stage, drift; of those named in `sizes` what they do when they are so
+// large, as theirs to first order would leave traces. Throws NumericalError when a corner has no
+// projection or sizes do not agree. Milliseconds.
+std::vector<Suspect> suspects(const SuspectRequest& request,
+                              const std::map<std::string, double>& sizes = {});
 
 // Of which only the best is worth a word: that the marker was elsewhere at one of the poses.
 std::vector<Suspect> misplaced_poses(const SuspectRequest& request);

@@ -49,25 +49,6 @@ expected_of() {
     esac
 }
 
-# One run, in its own network: prints "VERDICT<tab>group".
-cat >"$work/run.sh" <<'RUN'
-set -u
-bin=$1 folder=$2 seed=$3 out=$4
-ip link set lo up 2>/dev/null
-"$bin/etalon-twin" "$folder/twin.yaml" --seed "$seed" --ready-file "$out.ready" \
-    >"$out.twin" 2>&1 &
-twin=$!
-for _ in $(seq 300); do [ -e "$out.ready" ] && break; sleep 0.1; done
-status=0
-"$bin/etalon" qualify "$folder/station.yaml" --out "$out" --json >"$out.json" 2>"$out.log" || status=$?
-kill $twin 2>/dev/null; wait $twin 2>/dev/null
-[ $status -le 2 ] || { echo "ERROR	$(tail -n 1 "$out.log")"; exit 0; }
-verdict=$(sed -n 's/^  "outcome": "\(.*\)",*$/\1/p' "$out.json" | head -n 1)
-group=$(sed -n 's/^ *"text": "\(.*\)",*$/\1/p' "$out.json" | head -n 1)
-printf '%s\t%s\n' "$verdict" "$group"
-rm -rf "$out"
-RUN
-
 status=0
 printf '%-16s %-9s %5s %5s %5s %6s   %s\n' case expected PASS FAIL INCON. ERROR 'group named (runs)'
 for name in "$@"; do
@@ -82,7 +63,7 @@ for name in "$@"; do
     fi
     runs=$seeds
     case $name in reference*) runs=1 ;; esac
-    seq "$runs" | xargs -P "$jobs" -I{} $isolate bash "$work/run.sh" "$bin" "$work/$name" {} \
+    seq "$runs" | xargs -P "$jobs" -I{} $isolate bash "$project/tests/evidence/twin_run.sh" "$bin" "$work/$name" {} \
         "$work/$name-{}" >"$work/$name.tsv"
     count() { cut -f 1 "$work/$name.tsv" | grep -cx "$1" || true; }
     pass=$(count PASS) fail=$(count FAIL)

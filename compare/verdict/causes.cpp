@@ -131,20 +131,20 @@ Eigen::MatrixXd declared_columns(const CauseEvidence& evidence, const FreedRows&
 
 // Products of the columns of all suspects with each other and with what was observed: all that the
 // comparison of explanations needs.
-class Comparison {
+class Explanations {
 public:
     using Set = std::vector<std::size_t>;  // ascending indices of suspects
 
     // `known`: how many suspects each is one of.
-    Comparison(const Eigen::VectorXd& observed, const Metric& metric, double degrees_of_freedom,
-               std::size_t known)
+    Explanations(const Eigen::VectorXd& observed, const Metric& metric, double degrees_of_freedom,
+                 std::size_t known)
         : metric_(&metric),
           observed_(observed),
           square_(metric.product(observed, observed)(0, 0)),
           freedom_(degrees_of_freedom),
           known_(static_cast<double>(known)) {}
 
-    Comparison without_suspects() const {
+    Explanations without_suspects() const {
         return {observed_, *metric_, freedom_, static_cast<std::size_t>(known_)};
     }
 
@@ -239,7 +239,7 @@ private:
     std::vector<Place> suspects_;
 };
 
-using Set = Comparison::Set;
+using Set = Explanations::Set;
 using Scores = std::map<Set, double>;
 
 Set with(Set set, std::size_t member) {
@@ -265,7 +265,7 @@ std::vector<Set> best_of(const Scores& scores, std::size_t members, std::size_t 
 }
 
 // Nothing, every suspect, every pair, and the best larger sets grown from the best smaller ones.
-Scores all_scores(const Comparison& comparison) {
+Scores all_scores(const Explanations& comparison) {
     constexpr std::size_t most_members = 4, grown_from = 40;
     Scores scores{{{}, comparison.score({})}};
     for (std::size_t members = 0; members < most_members; ++members) {
@@ -292,7 +292,7 @@ double log_sum(const Scores& scores, double one_more) {
     return largest + std::log(sum);
 }
 
-CausingError described(const Comparison& comparison, const Set& set, std::size_t member) {
+CausingError described(const Explanations& comparison, const Set& set, std::size_t member) {
     const auto fit = comparison.fit(set);
     Eigen::Index first = 0;
     for (const std::size_t i : set) {
@@ -340,7 +340,7 @@ std::map<Set, double> probabilities(const Scores& scores, double log_total) {
 }
 
 // The best unclaimed set with every one that differs from it in a member that could be another.
-Cause claimed(const Comparison& comparison, const Set& best, std::map<Set, double>& left) {
+Cause claimed(const Explanations& comparison, const Set& best, std::map<Set, double>& left) {
     constexpr double as_good = 0.05;
     Cause cause;
     const double probability = left.at(best);
@@ -425,11 +425,11 @@ void require_usable(const CauseEvidence& evidence) {
 
 // The best member beside what is blamed already.
 const Suspect* best_member(const std::vector<Suspect>& family, const FreedRows& rows,
-                           const Comparison& comparison, const Set& beside) {
+                           const Explanations& comparison, const Set& beside) {
     const Suspect* best = nullptr;
     double best_score = -std::numeric_limits<double>::infinity();
     for (const Suspect& member : family) {
-        Comparison extended = comparison;
+        Explanations extended = comparison;
         extended.add(member, rows.freed(member.corners_px));
         const double score = extended.score(with(beside, extended.size() - 1));
         if (score > best_score) {
@@ -503,7 +503,7 @@ private:
 
 // The best period of each axis that moves, beside what is blamed already.
 std::vector<Suspect> best_periods(const CauseEvidence& evidence, const FreedRows& rows,
-                                  const Comparison& comparison, const Set& beside) {
+                                  const Explanations& comparison, const Set& beside) {
     std::vector<Suspect> best;
     const Eigen::VectorXd residual = comparison.residual(beside);
     for (const StageAxisMotion& axis : evidence.request.axes) {
@@ -546,7 +546,7 @@ public:
         return std::ranges::max_element(scores, {}, &Scores::value_type::second)->first;
     }
 
-    const Comparison& comparison() const { return comparison_; }
+    const Explanations& comparison() const { return comparison_; }
     const Scores& scores() const { return scores_; }
     double best_score() const { return scores_.at(best(scores_)); }
     std::vector<Suspect> best_suspects() const {
@@ -558,7 +558,7 @@ public:
 
     // Of a smooth change that nobody needs to make.
     double score_of_none(const Suspect& smooth) const {
-        Comparison other = comparison_.without_suspects();
+        Explanations other = comparison_.without_suspects();
         other.add(smooth, spanned(rows_.freed(smooth.corners_px)));
         return other.score({0});
     }
@@ -572,7 +572,7 @@ private:
 
     FreedRows rows_;
     Metric metric_;
-    Comparison comparison_;
+    Explanations comparison_;
     std::deque<Suspect> chosen_;
     Scores scores_;
 };
@@ -623,8 +623,8 @@ double score_with(const CauseEvidence& evidence, const std::vector<Suspect>& sus
                   std::size_t known) {
     const FreedRows rows(evidence);
     const Metric metric(Eigen::MatrixXd(stacked(evidence.difference_px).size(), 0));
-    Comparison comparison(rows.freed(stacked(evidence.difference_px)), metric,
-                          static_cast<double>(rows.degrees_of_freedom()), known);
+    Explanations comparison(rows.freed(stacked(evidence.difference_px)), metric,
+                            static_cast<double>(rows.degrees_of_freedom()), known);
     Set set;
     for (const Suspect& suspect : suspects) {
         comparison.add(suspect, rows.freed(suspect.corners_px));
@@ -640,43 +640,57 @@ CauseEvidence with_scatter(CauseEvidence evidence, const ScatterSuspect& suspect
     return evidence;
 }
 
-// The random error that makes the observed most probable, alone or beside the best explanation
-// without one; nothing where none is worth its price.
+std::vector<double> sizes_up_to(double largest) {
+    std::vector<double> sizes;
+    for (double size = 1e-3; size < largest; size *= std::numbers::sqrt2)
+        sizes.push_back(size);
+    return sizes;
+}
+
+// The random error that makes the observed most probable beside what is explained already; nothing
+// where none is worth its price.
 std::optional<Scattered> best_scatter(const CauseEvidence& evidence,
-                                      const std::vector<Suspect>& explained, std::size_t known) {
-    constexpr double smallest = 1e-3, step = std::numbers::sqrt2;  // mm, or 0.01 mrad
+                                      const std::vector<ScatterSuspect>& suspects,
+                                      const std::vector<double>& sizes,
+                                      const std::vector<Suspect>& beside, std::size_t known) {
     constexpr double rad_per_mm = 1e-2;
-    constexpr int sizes = 22;  // up to 1.4 mm
     std::optional<Scattered> best;
-    for (const std::vector<Suspect>& beside : {std::vector<Suspect>{}, explained}) {
-        const double without = score_with(evidence, beside, known);
-        for (const ScatterSuspect& suspect : scatter_suspects(evidence.request))
-            for (int i = 0; i < sizes; ++i) {
-                const double size =
-                    smallest * std::pow(step, i) * (suspect.unit == "rad" ? rad_per_mm : 1.0);
-                CauseEvidence changed = with_scatter(evidence, suspect, size);
-                const double gained = score_with(changed, beside, known) - without +
-                                      determinant_and_price(evidence, changed, known);
-                if (!(gained > (best ? best->gained : 0.0)))
-                    continue;
-                const auto motions = static_cast<double>(suspect.corners_px.size()) *
-                                     static_cast<double>(suspect.corners_px.front().cols());
-                best.emplace(Scattered{{{suspect.name},
-                                        size,
-                                        2.0 * size / std::sqrt(2.0 * motions),
-                                        suspect.unit,
-                                        {suspect.remedy}},
-                                       std::move(changed),
-                                       gained});
-            }
-    }
+    const double without = score_with(evidence, beside, known);
+    for (const ScatterSuspect& suspect : suspects)
+        for (const double each : sizes) {
+            const double size = each * (suspect.unit == "rad" ? rad_per_mm : 1.0);
+            CauseEvidence changed = with_scatter(evidence, suspect, size);
+            const double gained = score_with(changed, beside, known) - without +
+                                  determinant_and_price(evidence, changed, known);
+            if (!(gained > (best ? best->gained : 0.0)))
+                continue;
+            const auto motions = static_cast<double>(suspect.corners_px.size()) *
+                                 static_cast<double>(suspect.corners_px.front().cols());
+            best.emplace(Scattered{{{suspect.name},
+                                    size,
+                                    2.0 * size / std::sqrt(2.0 * motions),
+                                    suspect.unit,
+                                    {suspect.remedy}},
+                                   std::move(changed),
+                                   gained});
+        }
     return best;
 }
 
-// Twice: first where all are small, then those of the best explanation at the sizes found.
-std::vector<Suspect> suspects_at_their_sizes(const CauseEvidence& evidence) {
-    const std::vector<Suspect> small = suspects(evidence.request);
-    const Search search(evidence, small);
+// Where photograph and render lie apart by much of a pixel, the detector's biases in them differ:
+// corners scatter. Nothing where a random error of the stage explains it as well.
+std::optional<Scattered> corner_scatter(const CauseEvidence& evidence,
+                                        const std::vector<Suspect>& beside, std::size_t known) {
+    if (evidence.corner_modes.size() != evidence.difference_px.size())
+        return std::nullopt;
+    std::vector<ScatterSuspect> random = scatter_suspects(evidence.request);
+    random.push_back({"scatter of corners", "px", "", evidence.corner_modes});
+    auto best = best_scatter(evidence, random, sizes_up_to(1.0), beside, known);
+    return best && best->error.unit == "px" ? std::move(best) : std::nullopt;
+}
+
+// The sizes of the best explanation's errors that are not small.
+std::map<std::string, double> large_sizes(const Search& search) {
     std::map<std::string, double> sizes;
     const Set best = Search::best(search.scores());
     for (const std::size_t member : best) {
@@ -684,7 +698,44 @@ std::vector<Suspect> suspects_at_their_sizes(const CauseEvidence& evidence) {
         if (std::abs(error.size) > search.comparison().suspect(member).size)
             sizes[error.names.front()] = error.size;
     }
-    return sizes.empty() ? small : suspects(evidence.request, sizes);
+    return sizes;
+}
+
+// Where the search begins in earnest: with the corners' scatter beside the best explanation in
+// their covariance, and its large errors at their size.
+struct Start {
+    CauseEvidence evidence;
+    std::vector<Suspect> known;
+    double corner_scatter_px = 0.0;
+};
+
+Start start_of(const CauseEvidence& evidence) {
+    constexpr int rounds = 2;
+    Start start{evidence, suspects(evidence.request)};
+    for (int i = 0; i < rounds; ++i) {
+        const Search search(start.evidence, start.known);
+        const auto sizes = large_sizes(search);
+        const auto bias = corner_scatter(evidence, search.best_suspects(), start.known.size());
+        if (sizes.empty() && !bias)
+            break;
+        start.known = suspects(evidence.request, sizes);
+        start.corner_scatter_px = bias ? bias->error.size : 0.0;
+        start.evidence.covariance_px2 =
+            bias ? bias->evidence.covariance_px2 : evidence.covariance_px2;
+    }
+    return start;
+}
+
+// The ranking with a random error in every explanation, and alone in place of none.
+void blame(const CausingError& random, double probability, Causes& causes) {
+    for (Cause& cause : causes.ranked) {
+        cause.probability *= probability;
+        cause.errors.insert(cause.errors.begin(), random);
+    }
+    causes.ranked.push_back({{random}, probability * causes.no_error});
+    causes.none_of_these *= probability;
+    causes.no_error = 0.0;
+    std::ranges::stable_sort(causes.ranked, std::greater(), &Cause::probability);
 }
 
 }  // namespace
@@ -706,30 +757,29 @@ const Cause* Causes::named() const {
 
 Causes find_causes(const CauseEvidence& evidence) {
     require_usable(evidence);
-    const std::vector<Suspect> known = suspects_at_their_sizes(evidence);
+    const Start start = start_of(evidence);
     const Suspect smooth = smooth_change(evidence.request.chain);
-    const Search plain(evidence, known);
+    const Search plain(start.evidence, start.known);
     Causes causes = ranked(plain, smooth);
-    const auto scattered = best_scatter(evidence, plain.best_suspects(), known.size());
-    if (!scattered)
-        return causes;
-    const Search beside(scattered->evidence, known);
-    const double odds = beside.best_score() - plain.best_score() +
-                        determinant_and_price(evidence, scattered->evidence, known.size());
-    if (!(odds > 0.0))
-        return causes;
-    causes = ranked(beside, smooth);
-    const double certain = 1.0 / (1.0 + std::exp(-odds));
-    for (Cause& cause : causes.ranked) {
-        cause.probability *= certain;
-        cause.errors.insert(cause.errors.begin(), scattered->error);
+    const auto random = scatter_suspects(evidence.request);
+    const std::vector<double> sizes = sizes_up_to(1.5);  // mm, or 0.01 mrad
+    double best_odds = 0.0;
+    for (const auto& beside : {std::vector<Suspect>{}, plain.best_suspects()}) {
+        const auto scattered =
+            best_scatter(start.evidence, random, sizes, beside, start.known.size());
+        if (!scattered)
+            continue;
+        const Search search(scattered->evidence, start.known);
+        const double odds =
+            search.best_score() - plain.best_score() +
+            determinant_and_price(start.evidence, scattered->evidence, start.known.size());
+        if (!(odds > best_odds))
+            continue;
+        best_odds = odds;
+        causes = ranked(search, smooth);
+        blame(scattered->error, 1.0 / (1.0 + std::exp(-odds)), causes);
     }
-    if (causes.no_error > 0.0)
-        causes.ranked.insert(causes.ranked.begin(),
-                             {{scattered->error}, certain * causes.no_error});
-    causes.none_of_these *= certain;
-    causes.no_error = 0.0;
-    std::ranges::stable_sort(causes.ranked, std::greater(), &Cause::probability);
+    causes.corner_scatter_px = start.corner_scatter_px;
     return causes;
 }
 

@@ -3,8 +3,10 @@
 // Observed are the corners of all used poses, photograph less expectation, in px, with the noise
 // that is stated for them (repeated frames, renders, repeatability of the stage). X and Y are
 // solved anew with every explanation, so that what registration can absorb blames nobody. What is
-// declared as uncertain is expected to be off by that much: it is part of the covariance. Should
-// the corners still scatter more than that, all deviations are enlarged.
+// declared as uncertain is expected to be off by that much: it is part of the covariance. The
+// detector's bias changes within a pixel and drops out only where photograph and render agree: how
+// much corners scatter by it is found beside the best explanation and is part of the covariance.
+// Should the corners scatter even more, all deviations are enlarged.
 //
 // Random errors are looked for first: should poses that each moved on their own along an axis, or
 // in all directions, explain the corners better than any error that follows a rule, their
@@ -50,7 +52,10 @@ struct Causes {
     std::vector<Cause> ranked;   // the most probable first, down to 1 %; at most 6
     double no_error = 0.0;       // probability that noise and what is declared explain it all
     double none_of_these = 0.0;  // that it is something without a name here
-    double scatter = 1.0;        // of the corners beside the best explanation, over what is stated
+    // What corners scatter by beside the best explanation and the stated noise: the detector's
+    // biases where photograph and render lie apart. 0 where it does not show.
+    double corner_scatter_px = 0.0;
+    double scatter = 1.0;  // of the corners beside the best explanation, over what is stated
 
     // The cause, where it is more probable than not.
     const Cause* named() const;
@@ -64,6 +69,9 @@ struct CauseEvidence {
     std::vector<Eigen::MatrixXd> covariance_px2;
     // Standard uncertainties that are declared, by the suspects' names, in their units.
     std::map<std::string, double> declared;
+    // Per pose, a factor of the correlation of its corners' noise: they scatter more where the
+    // detector's biases in photograph and render differ. Empty: not looked for.
+    std::vector<Eigen::MatrixXd> corner_modes = {};
 };
 
 // Deterministic. Throws NumericalError for sizes that do not agree, and a covariance that is not

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -413,6 +414,7 @@ CauseEvidence cause_evidence(const QualificationInput& input, const SignatureCha
     CauseEvidence evidence{
         {chain, stage_errors_of(input), {}, {}}, {}, {}, declared_uncertainties(input)};
     const Eigen::MatrixXd correlation = corner_correlation(chain);
+    const Eigen::MatrixXd modes = Eigen::LLT<Eigen::MatrixXd>(correlation).matrixL();
     for (StageAxisMotion axis : input.axis_motions) {
         axis.position = of_used(axis.position, input.poses, axis.name);
         axis.advanced = of_used(axis.advanced, input.poses, axis.name);
@@ -430,6 +432,7 @@ CauseEvidence cause_evidence(const QualificationInput& input, const SignatureCha
         const Eigen::MatrixXd by_shift = chain.pose_jacobian(i).rightCols<3>(),
                               turned = marker_axes_from_image(chain, i);
         evidence.difference_px.push_back(stacked_pixels(pose.bias.difference_px));
+        evidence.corner_modes.push_back(turned.transpose() * modes);
         evidence.covariance_px2.push_back(
             declared_stage_mm2(input) * by_shift * by_shift.transpose() +
             corner_variance_px2(input, pose, result) * turned.transpose() * correlation * turned);

@@ -177,15 +177,14 @@ std::vector<Suspect> misplaced_poses(const SuspectRequest& request) {
     const auto rows = static_cast<Eigen::Index>(2 * request.chain.points_mm.size());
     std::vector<Suspect> family;
     for (std::size_t i = 0; i < poses; ++i) {
-        Suspect suspect{
-            fmt::format("pose {} was elsewhere", request.chain.poses[i].index),
-            "mm",
-            fmt::format(
-                "the stage was not where it said, or the camera showed an old frame: pose {}",
-                request.chain.poses[i].index),
-            1.0,
-            Eigen::MatrixXd::Zero(rows * static_cast<Eigen::Index>(poses), 3),
-            static_cast<int>(poses)};
+        Suspect suspect{fmt::format("pose {} does not fit", request.chain.poses[i].index),
+                        "mm",
+                        fmt::format("the stage was not where it said, the camera showed an old "
+                                    "frame, or the detector slipped: pose {}",
+                                    request.chain.poses[i].index),
+                        1.0,
+                        Eigen::MatrixXd::Zero(rows * static_cast<Eigen::Index>(poses), 3),
+                        static_cast<int>(poses)};
         suspect.corners_px.middleRows(static_cast<Eigen::Index>(i) * rows, rows) =
             request.chain.pose_jacobian(i).rightCols<3>();
         family.push_back(std::move(suspect));

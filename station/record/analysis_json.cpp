@@ -178,6 +178,7 @@ Json causes_json(const Causes& causes) {
     return {{"ranked", ranked},
             {"no_error", causes.no_error},
             {"none_of_these", causes.none_of_these},
+            {"corner_scatter_px", causes.corner_scatter_px},
             {"scatter", causes.scatter}};
 }
 

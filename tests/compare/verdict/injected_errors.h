@@ -118,7 +118,7 @@ inline std::vector<InjectedKind> run_kinds() {
                      return at;
                  };
              }},
-            {"pose 43 was elsewhere", 2.0,
+            {"pose 43 does not fit", 2.0,
              [](SimulatedRun& run, double size) {
                  run.misread = [=](std::vector<double>& q, std::size_t i) {
                      if (i == 43)

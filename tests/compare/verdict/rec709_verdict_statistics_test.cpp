@@ -55,7 +55,7 @@ TEST(Rec709, DoesNotKeepAPerfectCameraFromPassing) {
     const auto all = positions(run, *run.plan_seed);
     for (std::size_t i = 0; i < all.size(); ++i) {
         RandomStream stage_noise(1, 100, i);
-        const Rigid truth = true_pose(run, all[i], stage_noise);
+        const Rigid truth = true_pose(run, all[i], stage_noise, i);
         const CodeImage photo =
             sensor.expose(radiance(truth), NoiseKey{1, static_cast<std::uint32_t>(i)});
         const auto found = detector->detect(photo).corners;

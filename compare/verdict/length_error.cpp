@@ -70,11 +70,7 @@ LengthErrors length_errors(const SmoothField& field, std::span<const FieldSample
     Eigen::Index worst = 0;
     result.field_max_mm = (lengthening * field.coefficients).cwiseAbs().maxCoeff(&worst);
     result.field_max_length_mm = distances[worst];
-    result.field_max_uncertainty_mm =
-        noise_quantile(field, draws, [&](const Eigen::MatrixXd& noise) {
-            const Eigen::MatrixXd lengths = lengthening * noise;
-            return Eigen::RowVectorXd(lengths.cwiseAbs().colwise().maxCoeff());
-        });
+    result.field_max_uncertainty_mm = noise_quantile(field, draws, lengthening, 1);
     return result;
 }
 

@@ -225,18 +225,75 @@ NoiseDraws::NoiseDraws(std::uint64_t seed) : deviates(max_coefficients, draw_cou
     }
 }
 
-double noise_quantile(const SmoothField& field, const NoiseDraws& draws,
-                      const DrawFigures& figures) {
-    constexpr int batch = 50;  // keeps a batch's figures of some thousand points in the cache
-    static_assert(draw_count % batch == 0);
-    const Eigen::MatrixXd factor = covariance_factor(field);
-    Eigen::VectorXd all(draw_count);
-    for (int first = 0; first < draw_count; first += batch)
-        all.segment<batch>(first) =
-            figures(factor * draws.deviates.block(0, first, factor.cols(), batch)).transpose();
-    const auto quantile = all.begin() + static_cast<std::ptrdiff_t>(coverage * draw_count);
-    std::nth_element(all.begin(), quantile, all.end());
+namespace {
+
+double coverage_quantile(Eigen::VectorXd values) {
+    const auto quantile = values.begin() + static_cast<std::ptrdiff_t>(coverage * draw_count);
+    std::nth_element(values.begin(), quantile, values.end());
     return *quantile;
+}
+
+// Vectors that are linear in normal deviates, those that can be longest first. None is longer than
+// its bound (the norm of its rows) times the deviates' norm.
+class LinearVectors {
+public:
+    LinearVectors(const Eigen::MatrixXd& rows, int components)
+        : components_(components), rows_(rows.rows(), rows.cols()), bounds_(rows.rows() / components) {
+        std::vector<std::pair<double, Eigen::Index>> order;
+        for (Eigen::Index i = 0; i < bounds_.size(); ++i)
+            order.emplace_back(-rows.middleRows(i * components, components).norm(), i);
+        std::ranges::sort(order);
+        for (Eigen::Index i = 0; i < bounds_.size(); ++i) {
+            const auto& [minus_bound, from] = order[static_cast<std::size_t>(i)];
+            bounds_[i] = -minus_bound;
+            rows_.middleRows(i * components, components) =
+                rows.middleRows(from * components, components);
+        }
+    }
+
+    Eigen::Index size() const { return bounds_.size(); }
+    double bound(Eigen::Index i) const { return bounds_[i]; }
+
+    // Of `count` vectors from the `first` on, for each column of deviates.
+    Eigen::RowVectorXd largest(Eigen::Index first, Eigen::Index count,
+                               const Eigen::MatrixXd& deviates) const {
+        const Eigen::MatrixXd all =
+            rows_.middleRows(first * components_, count * components_) * deviates;
+        const Eigen::RowVectorXd squares =
+            all.reshaped(components_, count * deviates.cols()).colwise().squaredNorm();
+        return squares.reshaped(count, deviates.cols()).colwise().maxCoeff().cwiseSqrt();
+    }
+
+private:
+    Eigen::Index components_;
+    Eigen::MatrixXd rows_;
+    Eigen::VectorXd bounds_;
+};
+
+}  // namespace
+
+double noise_quantile(const SmoothField& field, const NoiseDraws& draws,
+                      const Eigen::MatrixXd& rows, int components) {
+    constexpr Eigen::Index block = 64;
+    const Eigen::MatrixXd factor = covariance_factor(field);
+    const LinearVectors vectors(rows * factor, components);
+    const Eigen::MatrixXd deviates = draws.deviates.topRows(factor.cols());
+    const Eigen::VectorXd norms = deviates.colwise().norm();
+    Eigen::VectorXd largest = Eigen::VectorXd::Zero(draw_count);
+    for (Eigen::Index first = 0; first < vectors.size(); first += block) {
+        // A draw below what is the quantile already is looked at again where it may get above.
+        const double reached = coverage_quantile(largest);
+        std::vector<Eigen::Index> open;
+        for (Eigen::Index i = 0; i < draw_count; ++i)
+            if (vectors.bound(first) * norms[i] > std::max(reached, largest[i]))
+                open.push_back(i);
+        if (open.empty())
+            break;
+        const Eigen::Index count = std::min(block, vectors.size() - first);
+        largest(open) = largest(open).cwiseMax(
+            vectors.largest(first, count, deviates(Eigen::all, open)).transpose());
+    }
+    return coverage_quantile(largest);
 }
 
 namespace {
@@ -271,14 +328,7 @@ double largest_noise(const SmoothField& field, std::span<const Eigen::Vector3d> 
     Eigen::MatrixXd spread(3 * positions.size(), field.coefficients.size());
     for (std::size_t i = 0; i < positions.size(); ++i)
         spread.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = field.design(positions[i]);
-    const auto points = static_cast<Eigen::Index>(positions.size());
-    return noise_quantile(field, draws, [&](const Eigen::MatrixXd& coefficients) {
-        const Eigen::MatrixXd noise = spread * coefficients;
-        const Eigen::RowVectorXd squares =
-            noise.reshaped(3, points * coefficients.cols()).colwise().squaredNorm();
-        return Eigen::RowVectorXd(
-            squares.reshaped(points, coefficients.cols()).colwise().maxCoeff().cwiseSqrt());
-    });
+    return noise_quantile(field, draws, spread, 3);
 }
 
 }  // namespace

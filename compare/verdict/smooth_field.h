@@ -77,11 +77,12 @@ struct NoiseDraws {
     Eigen::MatrixXd deviates;  // 15 x 2000
 };
 
-// The 97.7 % quantile, over the draws of the coefficients' noise from their covariance, of a figure
-// that is not negative. `figures` are those of several draws, each a column.
-using DrawFigures = std::function<Eigen::RowVectorXd(const Eigen::MatrixXd& coefficients)>;
+// The 97.7 % quantile, over the draws of the coefficients' noise from their covariance, of the
+// largest length among vectors that are linear in the coefficients. `rows` times the coefficients
+// are these vectors below one another, each of `components`. Exact, though most vectors are left
+// out of most draws: those that by the Cauchy-Schwarz inequality cannot matter.
 double noise_quantile(const SmoothField& field, const NoiseDraws& draws,
-                      const DrawFigures& figures);
+                      const Eigen::MatrixXd& rows, int components);
 
 // A matrix F with F F^T the coefficients' covariance.
 Eigen::MatrixXd covariance_factor(const SmoothField& field);

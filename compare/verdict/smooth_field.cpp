@@ -238,7 +238,9 @@ double coverage_quantile(Eigen::VectorXd values) {
 class LinearVectors {
 public:
     LinearVectors(const Eigen::MatrixXd& rows, int components)
-        : components_(components), rows_(rows.rows(), rows.cols()), bounds_(rows.rows() / components) {
+        : components_(components),
+          rows_(rows.rows(), rows.cols()),
+          bounds_(rows.rows() / components) {
         std::vector<std::pair<double, Eigen::Index>> order;
         for (Eigen::Index i = 0; i < bounds_.size(); ++i)
             order.emplace_back(-rows.middleRows(i * components, components).norm(), i);

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include "compare/photometric/photometric_detector.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -48,20 +47,48 @@ PhotometricReading photometric_reading(const QualifyResult& result,
 
 }  // namespace
 
-void read_photometric_poses(QualifyResult& result, const std::stop_token& stop) {
-    const StationFile& station = result.station;
-    const PhotometricDetector detector(station.camera.model, station.marker, station.marker.spec);
-    for (Pose& pose : result.poses) {
-        if (stop.stop_requested())
-            throw Interrupted();
-        if (!pose.hold_out || !pose.is_detected())
-            continue;
+PhotometricPoses::PhotometricPoses(const QualifyResult& result, std::stop_token stop)
+    : run_(result),
+      stop_(std::move(stop)),
+      detector_(result.station.camera.model, result.station.marker, result.station.marker.spec) {}
+
+PhotometricPoses::~PhotometricPoses() {
+    tasks_.cancel();
+    try {
+        tasks_.wait();
+    } catch (const std::exception&) {
+        // nobody asks for them any more
+    }
+}
+
+void PhotometricPoses::add(const Pose& pose) {
+    if (!pose.hold_out || !pose.is_detected() || found_.contains(pose.index))
+        return;
+    tasks_.run([this, pose, &found = found_[pose.index]] {
+        if (stop_.stop_requested())
+            return;
         try {
-            pose.photometric = photometric_reading(result, detector, pose);
+            found.reading = photometric_reading(run_, detector_, pose);
         } catch (const NumericalError& error) {
-            result.remarks.push_back(
-                fmt::format("pose {} has no photometric pose: {}", pose.index, error.what()));
+            found.refusal = error.what();
         }
+    });
+}
+
+void PhotometricPoses::set_in(QualifyResult& result) {
+    for (const Pose& pose : result.poses)
+        add(pose);
+    tasks_.wait();
+    if (stop_.stop_requested())
+        throw Interrupted();
+    for (Pose& pose : result.poses) {
+        const auto found = found_.find(pose.index);
+        if (found == found_.end())
+            continue;
+        pose.photometric = found->second.reading;
+        if (!pose.photometric)
+            result.remarks.push_back(fmt::format("pose {} has no photometric pose: {}", pose.index,
+                                                 found->second.refusal));
     }
 }
 

@@ -267,7 +267,8 @@ QualifyResult analyse_record(RecordedRun recorded, Progress& progress,
     if (measured) {
         try {
             make_record_folders(result.folder, {"renders"});
-            analyse_run(result, progress, stop);
+            PhotometricPoses photometric(result, stop);
+            analyse_run(result, photometric, progress, stop);
         } catch (const NumericalError& error) {
             result.outcome = RunOutcome::error;
             result.reason = error.what();

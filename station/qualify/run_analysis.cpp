@@ -1,6 +1,7 @@
 #include "station/qualify/run_analysis.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <map>
@@ -10,7 +11,6 @@
 #include "compare/photometric/photo_match.h"
 #include "core/errors.h"
 #include "core/text.h"
-#include "station/qualify/photometric_poses.h"
 #include "station/register/qualification_input.h"
 
 namespace etalon {
@@ -44,6 +44,14 @@ PhotoResidual residual_of(const CodeImage& photo, const StationFile& station,
     return {difference.scored.rms_gray, difference.scored.p99_gray, difference.model.psf_sigma_px};
 }
 
+std::vector<Pose*> judged_poses(std::vector<Pose>& poses) {
+    std::vector<Pose*> judged;
+    for (Pose& pose : poses)
+        if (pose.is_judged())
+            judged.push_back(&pose);
+    return judged;
+}
+
 // Each hold-out photograph against the calibration at its registered pose. The renders are kept,
 // for people and for re-analysis.
 void compare_photos(QualifyResult& result, const Renders& renders, Progress& progress,
@@ -51,19 +59,24 @@ void compare_photos(QualifyResult& result, const Renders& renders, Progress& pro
     const StationFile& station = result.station;
     const PhotometricCamera camera(station.camera.model);
     const ComparedArea area = compared_area(station.marker, {}, station.marker.spec);
-    for (Pose& pose : result.poses) {
-        if (!pose.is_judged())
-            continue;
+    const std::vector<Pose*> judged = judged_poses(result.poses);
+    std::vector<std::string> refusals(judged.size());
+    tbb::parallel_for(std::size_t{0}, judged.size(), [&](std::size_t i) {
         throw_if_stopped(stop);
+        Pose& pose = *judged[i];
         pose.render_file = fmt::format("renders/{:04}.png", pose.index);
         write_text(result.folder / pose.render_file, renders.at(pose.index));
         try {
             pose.residual = residual_of(recorded_photo(result, *first_whole(pose)), station, area,
                                         camera, pose.bias.predicted);
         } catch (const NumericalError& error) {
-            result.remarks.push_back(
-                fmt::format("pose {} has no pixel difference: {}", pose.index, error.what()));
+            refusals[i] = error.what();
         }
+    });
+    for (std::size_t i = 0; i < judged.size(); ++i) {
+        if (!refusals[i].empty())
+            result.remarks.push_back(
+                fmt::format("pose {} has no pixel difference: {}", judged[i]->index, refusals[i]));
         progress.step();
     }
 }
@@ -82,10 +95,11 @@ RunOutcome outcome_of(Outcome verdict) {
 
 }  // namespace
 
-void analyse_run(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
+void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress& progress,
+                 const std::stop_token& stop) {
     const StationFile& station = result.station;
     const RenderedCorners rendered(expected_scene(station), station.plan.frames, station.plan.seed);
-    read_photometric_poses(result, stop);
+    photometric.set_in(result);
     QualificationInput input = declared_input(station, result.poses);
     input.monte_carlo = true;
     input.look_for_causes = true;

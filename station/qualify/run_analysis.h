@@ -7,6 +7,7 @@
 #include <stop_token>
 
 #include "core/progress.h"
+#include "station/qualify/photometric_poses.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {
@@ -15,9 +16,12 @@ namespace etalon {
 // render: sets their residuals and render files, writes the renders into the record's folder, and
 // adds a remark for each that could not be compared. Sets the analysis, and the outcome last.
 //
+// `photometric`: of this result, whatever was added to it before.
+//
 // Throws what qualify() throws, Interrupted when a stop was requested, and ConfigError when a
 // photograph of the record cannot be read or a render not be written. Its cost is that of the
 // renders.
-void analyse_run(QualifyResult& result, Progress& progress, const std::stop_token& stop);
+void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress& progress,
+                 const std::stop_token& stop);
 
 }  // namespace etalon

@@ -195,7 +195,7 @@ std::vector<Pose> missing_poses(const QualifyResult& result) {
     return missing;
 }
 
-void visit_missing(const Run& run, Camera& camera, Stage& stage) {
+void visit_missing(const Run& run, Camera& camera, Stage& stage, PhotometricPoses& photometric) {
     const QualifyResult& result = run.result;
     const auto detector =
         make_detector(result.station.detector, result.station.marker, result.station.detector);
@@ -209,6 +209,7 @@ void visit_missing(const Run& run, Camera& camera, Stage& stage) {
         Pose pose = visit(run, planned, from, camera, stage, *detector);
         from = pose.read_back;
         keep(run, std::move(pose), camera.statistics());
+        photometric.add(result.poses.back());
         run.progress.step();
     }
     run.progress.end();
@@ -243,10 +244,11 @@ void release_camera(const Run& run, Camera& camera) {
 }
 
 // Takes the devices: they are gone when it returns or throws. The axes are stopped first.
-void measure(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Stage> stage) {
+void measure(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Stage> stage,
+             PhotometricPoses& photometric) {
     try {
         prepare(run, *camera, *stage);
-        visit_missing(run, *camera, *stage);
+        visit_missing(run, *camera, *stage, photometric);
         stop_axes(run, *stage);
     } catch (const std::exception&) {
         stop_axes(run, *stage);
@@ -270,10 +272,11 @@ void log_analysis(const Run& run) {
 void carry_out(const Run& run, std::unique_ptr<Camera> camera, std::unique_ptr<Stage> stage) {
     QualifyResult& result = run.result;
     try {
+        PhotometricPoses photometric(result, run.stop);
         if (camera)
-            measure(run, std::move(camera), std::move(stage));
+            measure(run, std::move(camera), std::move(stage), photometric);
         log_analysis(run);
-        analyse_run(result, run.progress, run.stop);
+        analyse_run(result, photometric, run.progress, run.stop);
     } catch (const Interrupted& error) {
         result.outcome = RunOutcome::aborted;
         result.reason = error.what();

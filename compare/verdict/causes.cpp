@@ -169,14 +169,10 @@ public:
     // told apart at all.
     struct Fit {
         Eigen::VectorXd numbers;
-        Eigen::MatrixXd covariance;
         double rest = 0.0;  // sum of squares that is left
     };
     std::optional<Fit> fit(const Set& set) const {
-        std::vector<Eigen::Index> at;
-        for (const std::size_t i : set)
-            for (Eigen::Index k = 0; k < suspects_[i].count; ++k)
-                at.push_back(suspects_[i].first + k);
+        const std::vector<Eigen::Index> at = columns_of(set);
         const Eigen::MatrixXd plain = products_(at, at);
         const Eigen::VectorXd unscale = plain.diagonal().cwiseSqrt().cwiseInverse();
         const Eigen::LDLT<Eigen::MatrixXd> solver(
@@ -188,22 +184,21 @@ public:
         Fit fit;
         fit.numbers =
             unscale.cwiseProduct(solver.solve(Eigen::VectorXd(unscale.cwiseProduct(seen))));
-        fit.covariance = unscale.asDiagonal() *
-                         solver.solve(Eigen::MatrixXd::Identity(plain.rows(), plain.cols())) *
-                         unscale.asDiagonal();
         fit.rest = square_ - seen.dot(fit.numbers);
         return fit;
     }
 
+    // Of the numbers of a set that can be told apart.
+    Eigen::MatrixXd covariance(const Set& set) const {
+        const std::vector<Eigen::Index> at = columns_of(set);
+        return products_(at, at).inverse();
+    }
+
     // What a set leaves of the observed, weighted as the covariance says.
     Eigen::VectorXd residual(const Set& set) const {
-        const auto found = fit(set);
-        Eigen::VectorXd left = observed_;
-        Eigen::Index k = 0;
-        for (const std::size_t i : set)
-            for (Eigen::Index j = 0; j < suspects_[i].count; ++j)
-                left -= found->numbers[k++] * columns_.col(suspects_[i].first + j);
-        return metric_->weighted(left);
+        const std::vector<Eigen::Index> at = columns_of(set);
+        const Eigen::VectorXd explained = columns_(Eigen::all, at) * fit(set)->numbers;
+        return metric_->weighted(observed_ - explained);
     }
 
     double scatter(const Fit& fit) const {
@@ -226,6 +221,14 @@ public:
     }
 
 private:
+    std::vector<Eigen::Index> columns_of(const Set& set) const {
+        std::vector<Eigen::Index> at;
+        for (const std::size_t i : set)
+            for (Eigen::Index k = 0; k < suspects_[i].count; ++k)
+                at.push_back(suspects_[i].first + k);
+        return at;
+    }
+
     struct Place {
         const Suspect* suspect;
         Eigen::Index first, count;
@@ -303,7 +306,8 @@ CausingError described(const Explanations& comparison, const Set& set, std::size
     const Suspect& suspect = comparison.suspect(member);
     const Eigen::Index length = suspect.corners_px.cols();
     const Eigen::VectorXd numbers = fit->numbers.segment(first, length);
-    const Eigen::MatrixXd covariance = fit->covariance.block(first, first, length, length);
+    const Eigen::MatrixXd covariance =
+        comparison.covariance(set).block(first, first, length, length);
     const double size = length == 1 ? numbers[0] : numbers.norm();
     const Eigen::VectorXd along =
         length == 1 ? Eigen::VectorXd::Ones(1) : Eigen::VectorXd(numbers.normalized());
@@ -541,6 +545,9 @@ public:
         }
         scores_ = all_scores(comparison_);
     }
+
+    Search(const Search&) = delete;  // its parts point to each other
+    Search& operator=(const Search&) = delete;
 
     static Set best(const Scores& scores) {
         return std::ranges::max_element(scores, {}, &Scores::value_type::second)->first;

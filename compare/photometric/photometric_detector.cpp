@@ -95,10 +95,11 @@ ComparedArea detector_area(const Marker& marker, const std::string& place) {
 }
 
 PhotometricDetector::PhotometricDetector(const CameraModel& camera, const Marker& marker,
-                                         const std::string& place)
+                                         const std::string& place, double background)
     : camera_(std::make_shared<const PhotometricCamera>(camera)),
       grid_(marker.grid),
-      area_(detector_area(marker, place)) {
+      area_(detector_area(marker, place)),
+      background_(background) {
     require_perspective(camera, "the photometric pose");
 }
 
@@ -106,7 +107,7 @@ PhotoOfMarker PhotometricDetector::photo_at(const cv::Mat& gray,
                                             const Rigid& camera_from_marker) const {
     constexpr uchar yes = 255;
     const cv::Mat use = pixel_uses(camera_->projector(), camera_from_marker, area_);
-    PhotoOfMarker photo{gray, grid_, use != pixel_outside, yes, 1.0};
+    PhotoOfMarker photo{gray, grid_, use != pixel_outside, yes, background_};
     if (cv::countNonZero(use) == 0)
         throw NumericalError("the start does not put the marker into the image");
     return photo;

@@ -18,9 +18,11 @@ namespace etalon {
 
 class PhotometricDetector {
 public:
-    // `marker` as parse_marker() makes it. Throws ConfigError for a camera or marker that cannot be
-    // used, with `place`, and NumericalError for a telecentric camera.
-    PhotometricDetector(const CameraModel& camera, const Marker& marker, const std::string& place);
+    // `marker` as parse_marker() makes it; `background` is the radiance beside it, whose white is 1.
+    // Throws ConfigError for a camera or marker that cannot be used, with `place`, and
+    // NumericalError for a telecentric camera.
+    PhotometricDetector(const CameraModel& camera, const Marker& marker, const std::string& place,
+                        double background = 1.0);
 
     // Starts that displace the marker's image by up to this much are meant to be found. Measured
     // with that shift, half of it again by turn and by scale, and 3 degrees of tilt: a tag of 50 mm
@@ -37,14 +39,18 @@ public:
 
     const std::shared_ptr<const PhotometricCamera>& camera() const { return camera_; }
 
+    // What find() fits of a photograph (CV_32FC1, gray) with the marker at this pose. Throws
+    // NumericalError where that is outside the image.
+    PhotoOfMarker photo_at(const cv::Mat& gray, const Rigid& camera_from_marker) const;
+
 private:
     Rigid from_afar(const cv::Mat& gray, const Rigid& start, double start_error_px) const;
-    PhotoOfMarker photo_at(const cv::Mat& gray, const Rigid& camera_from_marker) const;
     void require_shown(const PhotoOfMarker& photo, const Rigid& camera_from_marker) const;
 
     std::shared_ptr<const PhotometricCamera> camera_;
     CellGrid grid_;
     ComparedArea area_;
+    double background_;
 };
 
 // What is fitted beside the pose: planes of black and white, a Gaussian's width where the camera

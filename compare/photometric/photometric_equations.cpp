@@ -350,18 +350,22 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
 PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                const PhotoState& state, const PhotometricTerms& terms,
                                const RenderedGradient& rendered, const ImageMotion& motion,
-                               double noise_scale) {
+                               double noise_scale, const std::vector<cv::Mat>& changes) {
     const BlurredRendering seen(rendered, state.photometry.psf_sigmas_px());
+    std::vector<cv::Mat> changed;
+    for (const cv::Mat& change : changes)
+        changed.push_back(
+            BlurredRendering::behind_gaussian(change, state.photometry.psf_sigmas_px()));
     const LightCurve curve = camera.curve(state.photometry);
     const cv::Rect& region = motion.region();
-    const int geometric = motion.columns(), photometric = terms.count();
+    const int further = static_cast<int>(changed.size()), geometric = motion.columns(),
+              photometric = terms.count(), all = further + geometric + photometric;
 
     PhotoEquations equations;
-    equations.information = Eigen::MatrixXd::Zero(geometric + photometric, geometric + photometric);
-    equations.score = Eigen::VectorXd::Zero(geometric + photometric);
-    equations.block_scores =
-        Eigen::MatrixXd::Zero(geometric + photometric, blocks_a_side * blocks_a_side);
-    RowBlock edges(geometric + photometric, equations), flats(photometric, equations);
+    equations.information = Eigen::MatrixXd::Zero(all, all);
+    equations.score = Eigen::VectorXd::Zero(all);
+    equations.block_scores = Eigen::MatrixXd::Zero(all, blocks_a_side * blocks_a_side);
+    RowBlock edges(all, equations), flats(photometric, equations);
     Eigen::Matrix2Xd moved(2, geometric);
     std::vector<double> sizes;
     int beside_edges = 0;
@@ -380,10 +384,14 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                                       level_terms(pixel.x, pixel.y, photo.use.size()),
                                       curve.at(seen.radiance.at<float>(y, x)),
                                       seen.by_variances(x, y), row.tail(photometric));
-            if (!is_flat)
+            if (!is_flat) {
+                for (int i = 0; i < further; ++i)
+                    row[i] = model.by_radiance *
+                             changed[static_cast<std::size_t>(i)].at<float>(y, x);
                 for (int i = 0; i < geometric; ++i)
-                    row[i] =
+                    row[further + i] =
                         -model.by_radiance * (slope.x() * moved(0, i) + slope.y() * moved(1, i));
+            }
             const double noise = noise_scale * camera.noise_gray(model.gray);
             const double residual = (photo.gray.at<float>(pixel) - model.gray) / noise;
             if (!model.clips && (is_flat || ++beside_edges % photo.stands_for == 0))

@@ -117,11 +117,12 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
 
 // The same from a rendering that is at hand, of the region of `motion`. Its derivatives may be
 // those of a pose nearby; where they are empty, central differences on the pixel grid stand for
-// them: right to some 10 % for blurred edges, enough to find the way.
+// them: right to some 10 % for blurred edges, enough to find the way. `changes` are the derivatives
+// of the rendering by further parameters, CV_32FC1 of the region's size; their columns come first.
 PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                const PhotoState& state, const PhotometricTerms& terms,
                                const RenderedGradient& rendered, const ImageMotion& motion,
-                               double noise_scale);
+                               double noise_scale, const std::vector<cv::Mat>& changes = {});
 
 // Throws NumericalError unless photograph and mask have the camera's size and their types.
 void require_fitting(const PhotoOfMarker& photo, const PhotometricCamera& camera);

@@ -19,13 +19,18 @@ constexpr double no_trace = 1e-6;  // of a column before X and Y are solved
 
 // ---------------------------------------------------------------------------------- whitening
 
-// Rows in units of their standard deviation, freed of what X and Y can absorb.
+// Rows in units of their standard deviation, freed of what X and Y can absorb: the corners of all
+// poses, and beneath them what the pixels tell.
 class FreedRows {
 public:
     explicit FreedRows(const CauseEvidence& evidence) {
         const SignatureChain& chain = evidence.request.chain;
         const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
-        Eigen::MatrixXd xy(rows * std::ssize(chain.poses), 12);
+        pixel_rows_ = evidence.pixels.size();
+        if (pixel_rows_ > 0)
+            pixel_factor_.compute(evidence.pixel_covariance);
+        Eigen::MatrixXd xy =
+            Eigen::MatrixXd::Zero(rows * std::ssize(chain.poses) + pixel_rows_, 12);
         for (std::size_t i = 0; i < chain.poses.size(); ++i) {
             const Eigen::LLT<Eigen::MatrixXd> factor(evidence.covariance_px2[i]);
             if (factor.info() != Eigen::Success || evidence.covariance_px2[i].rows() != rows)
@@ -45,13 +50,34 @@ public:
     }
 
     Eigen::MatrixXd whitened(Eigen::MatrixXd columns) const {
-        const Eigen::Index rows = columns.rows() / std::ssize(factors_);
+        const Eigen::Index rows = (columns.rows() - pixel_rows_) / std::ssize(factors_);
         for (std::size_t i = 0; i < factors_.size(); ++i) {
             auto block = columns.middleRows(static_cast<Eigen::Index>(i) * rows, rows);
             factors_[i].matrixL().solveInPlace(block);
         }
+        if (pixel_rows_ > 0) {
+            auto block = columns.bottomRows(pixel_rows_);
+            pixel_factor_.matrixL().solveInPlace(block);
+        }
         return columns;
     }
+
+    // A suspect's columns over all rows.
+    Eigen::MatrixXd columns_of(const Suspect& suspect) const {
+        const Eigen::Index corners = suspect.corners_px.rows();
+        Eigen::MatrixXd all =
+            Eigen::MatrixXd::Zero(corners + pixel_rows_, suspect.corners_px.cols());
+        all.topRows(corners) = suspect.corners_px;
+        if (suspect.pixels.rows() == pixel_rows_)
+            all.bottomRows(pixel_rows_) = suspect.pixels;
+        return all;
+    }
+    Eigen::VectorXd whitened_corners(const Eigen::VectorXd& column) const {
+        Eigen::VectorXd all = Eigen::VectorXd::Zero(column.size() + pixel_rows_);
+        all.head(column.size()) = column;
+        return whitened(all).col(0).head(column.size());
+    }
+    Eigen::MatrixXd freed(const Suspect& suspect) const { return freed(columns_of(suspect)); }
 
     Eigen::MatrixXd freed(const Eigen::MatrixXd& columns) const {
         const Eigen::MatrixXd white = whitened(columns);
@@ -72,6 +98,8 @@ public:
 
 private:
     std::vector<Eigen::LLT<Eigen::MatrixXd>> factors_;
+    Eigen::LLT<Eigen::MatrixXd> pixel_factor_;
+    Eigen::Index pixel_rows_ = 0;
     Eigen::MatrixXd absorbed_;
 };
 
@@ -114,15 +142,22 @@ Eigen::VectorXd stacked(const std::vector<Eigen::VectorXd>& parts) {
     return all;
 }
 
+// The corners of all poses, and what the pixels tell.
+Eigen::VectorXd observed(const CauseEvidence& evidence) {
+    std::vector<Eigen::VectorXd> parts = evidence.difference_px;
+    parts.push_back(evidence.pixels);
+    return stacked(parts);
+}
+
 Eigen::MatrixXd declared_columns(const CauseEvidence& evidence, const FreedRows& rows,
                                  const std::vector<Suspect>& suspects) {
-    Eigen::MatrixXd columns(stacked(evidence.difference_px).size(), 0);
+    Eigen::MatrixXd columns(observed(evidence).size(), 0);
     for (const Suspect& suspect : suspects) {
         const auto declared = evidence.declared.find(suspect.name);
         if (declared == evidence.declared.end() || suspect.corners_px.cols() != 1)
             continue;
         columns.conservativeResize(Eigen::NoChange, columns.cols() + 1);
-        columns.rightCols<1>() = rows.freed(suspect.corners_px) * (declared->second / suspect.size);
+        columns.rightCols<1>() = rows.freed(suspect) * (declared->second / suspect.size);
     }
     return columns;
 }
@@ -411,7 +446,7 @@ Eigen::MatrixXd spanned(const Eigen::MatrixXd& columns) {
 }
 
 bool leaves_a_trace(const Suspect& suspect, const FreedRows& rows, const Eigen::MatrixXd& freed) {
-    return freed.norm() > no_trace * rows.whitened(suspect.corners_px).norm();
+    return freed.norm() > no_trace * rows.whitened(rows.columns_of(suspect)).norm();
 }
 
 void require_usable(const CauseEvidence& evidence) {
@@ -423,8 +458,14 @@ void require_usable(const CauseEvidence& evidence) {
         std::ranges::all_of(evidence.difference_px, [&](const Eigen::VectorXd& difference) {
             return difference.size() == rows && difference.allFinite();
         });
-    if (!is_usable)
-        throw NumericalError("causes: poses, corners and covariances do not agree");
+    const Eigen::Index pixels = evidence.pixels.size();
+    const bool has_pixels =
+        pixels == std::ssize(evidence.request.pixel_errors) && evidence.pixels.allFinite() &&
+        evidence.pixel_covariance.rows() == pixels && evidence.pixel_covariance.cols() == pixels &&
+        (pixels == 0 ||
+         Eigen::LLT<Eigen::MatrixXd>(evidence.pixel_covariance).info() == Eigen::Success);
+    if (!is_usable || !has_pixels)
+        throw NumericalError("causes: poses, corners, pixels and covariances do not agree");
 }
 
 // The best member beside what is blamed already.
@@ -434,7 +475,7 @@ const Suspect* best_member(const std::vector<Suspect>& family, const FreedRows& 
     double best_score = -std::numeric_limits<double>::infinity();
     for (const Suspect& member : family) {
         Explanations extended = comparison;
-        extended.add(member, rows.freed(member.corners_px));
+        extended.add(member, rows.freed(member));
         const double score = extended.score(with(beside, extended.size() - 1));
         if (score > best_score) {
             best_score = score;
@@ -512,7 +553,8 @@ std::vector<Suspect> best_periods(const CauseEvidence& evidence, const FreedRows
     const Eigen::VectorXd residual = comparison.residual(beside);
     for (const StageAxisMotion& axis : evidence.request.axes) {
         const Eigen::VectorXd advance = advance_px(evidence.request, axis);
-        const AxisSpectrum spectrum(axis, rows.whitened(advance), residual, rows.absorbed());
+        const AxisSpectrum spectrum(axis, rows.whitened_corners(advance), residual,
+                                    rows.absorbed());
         int tried = 0;
         const double shortest = axis.is_linear ? 1.0 : 5.0 * std::numbers::pi / 180.0;
         const std::vector<double> periods = spectrum.periods(shortest, tried);
@@ -529,7 +571,7 @@ public:
     Search(const CauseEvidence& evidence, const std::vector<Suspect>& known)
         : rows_(evidence),
           metric_(declared_columns(evidence, rows_, known)),
-          comparison_(rows_.freed(stacked(evidence.difference_px)), metric_,
+          comparison_(rows_.freed(observed(evidence)), metric_,
                       static_cast<double>(rows_.degrees_of_freedom()),
                       known.size() + evidence.request.axes.size() + 1) {
         for (const Suspect& suspect : known)
@@ -566,13 +608,13 @@ public:
     // Of a smooth change that nobody needs to make.
     double score_of_none(const Suspect& smooth) const {
         Explanations other = comparison_.without_suspects();
-        other.add(smooth, spanned(rows_.freed(smooth.corners_px)));
+        other.add(smooth, spanned(rows_.freed(smooth)));
         return other.score({0});
     }
 
 private:
     void add(const Suspect& suspect) {
-        const Eigen::MatrixXd freed = rows_.freed(suspect.corners_px);
+        const Eigen::MatrixXd freed = rows_.freed(suspect);
         if (leaves_a_trace(suspect, rows_, freed))
             comparison_.add(suspect, freed);
     }
@@ -613,7 +655,7 @@ Causes ranked(const Search& search, const Suspect& smooth) {
 // Of a covariance with a random error against the one without: log likelihood and prior odds.
 double determinant_and_price(const CauseEvidence& without, const CauseEvidence& with,
                              std::size_t known) {
-    const auto numbers = static_cast<double>(stacked(without.difference_px).size());
+    const auto numbers = static_cast<double>(observed(without).size());
     return 0.5 * (FreedRows(without).log_determinant() - FreedRows(with).log_determinant()) -
            0.5 * std::log(numbers) - std::log(static_cast<double>(known));
 }
@@ -629,12 +671,12 @@ struct Scattered {
 double score_with(const CauseEvidence& evidence, const std::vector<Suspect>& suspects,
                   std::size_t known) {
     const FreedRows rows(evidence);
-    const Metric metric(Eigen::MatrixXd(stacked(evidence.difference_px).size(), 0));
-    Explanations comparison(rows.freed(stacked(evidence.difference_px)), metric,
+    const Metric metric(Eigen::MatrixXd(observed(evidence).size(), 0));
+    Explanations comparison(rows.freed(observed(evidence)), metric,
                             static_cast<double>(rows.degrees_of_freedom()), known);
     Set set;
     for (const Suspect& suspect : suspects) {
-        comparison.add(suspect, rows.freed(suspect.corners_px));
+        comparison.add(suspect, rows.freed(suspect));
         set.push_back(set.size());
     }
     return comparison.score(set);

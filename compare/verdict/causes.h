@@ -1,7 +1,8 @@
 // Which errors explain what a run saw, jointly and with a probability each.
 //
 // Observed are the corners of all used poses, photograph less expectation, in px, with the noise
-// that is stated for them (repeated frames, renders, repeatability of the stage). X and Y are
+// that is stated for them (repeated frames, renders, repeatability of the stage), and what the
+// photographs' pixels tell beside, of focus, tone and the like, with its covariance. X and Y are
 // solved anew with every explanation, so that what registration can absorb blames nobody. What is
 // declared as uncertain is expected to be off by that much: it is part of the covariance. The
 // detector's bias changes within a pixel and drops out only where photograph and render agree: how
@@ -72,6 +73,10 @@ struct CauseEvidence {
     // Per pose, a factor of the correlation of its corners' noise: they scatter more where the
     // detector's biases in photograph and render differ. Empty: not looked for.
     std::vector<Eigen::MatrixXd> corner_modes = {};
+    // What the photographs' pixels tell beside (PixelEvidence in compare/verdict/pixel_match.h), of
+    // the request's pixel errors; may be empty.
+    Eigen::VectorXd pixels = {};
+    Eigen::MatrixXd pixel_covariance = {};
 };
 
 // Deterministic. Throws NumericalError for sizes that do not agree, and a covariance that is not

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "compare/verdict/qualification.h"
 #include "core/errors.h"
@@ -16,6 +17,24 @@ using Monte = MonteCarloUncertainty;
 
 constexpr const char* no_noise = "the noise is not known: it takes two frames per pose that differ";
 constexpr const char* no_photometric = "too few hold-out poses have a photometric pose";
+
+constexpr const char* no_pixels =
+    "too few photographs could be compared, or the camera's file does not say what it should be";
+
+// The size of a difference of photographs and renders.
+template <std::optional<PixelFigure> PixelMatch::*figure>
+Found pixels_of(const Analysis& a) {
+    if (!a.pixels || !((*a.pixels).*figure))
+        return std::nullopt;
+    const PixelFigure& found = *((*a.pixels).*figure);
+    return MeasuredQuantity{std::abs(found.value), found.expanded_uncertainty};
+}
+
+template <std::optional<PixelFigure> PixelMatch::*figure>
+constexpr QuantityKind of_pixels(const char* name, const char* unit, const char* words,
+                                 std::optional<double> Limits::*limit) {
+    return {name, unit, words, limit, pixels_of<figure>, no_pixels, nullptr, false, true};
+}
 
 Found rms_of(const FieldSummary& field, double unit = 1.0) {
     return MeasuredQuantity{field.rms / unit, field.rms_uncertainty / unit};
@@ -66,7 +85,28 @@ constexpr QuantityKind kinds[] = {
      [](const Analysis& a) {
          return a.photometric ? max_of(a.photometric->position_summary) : Found();
      },
-     no_photometric}};
+     no_photometric},
+    of_pixels<&PixelMatch::residual_gray>(quantity::pixel_residual, "gray",
+                                          "Pixels: residual beyond the stated noise, RMS",
+                                          &Limits::pixel_residual_gray),
+    of_pixels<&PixelMatch::blur_px>(quantity::pixel_blur, "px", "Pixels: difference of blur, RMS",
+                                    &Limits::pixel_blur_px),
+    of_pixels<&PixelMatch::tone_gray>(quantity::pixel_tone, "gray",
+                                      "Pixels: difference of tone, half way from black to white",
+                                      &Limits::pixel_tone_gray),
+    of_pixels<&PixelMatch::shading_percent>(quantity::pixel_shading, "%",
+                                            "Pixels: change of white over the image",
+                                            &Limits::pixel_shading_percent),
+    of_pixels<&PixelMatch::noise_ratio>(quantity::pixel_noise, "1",
+                                        "Pixels: noise over the stated noise, less 1",
+                                        &Limits::pixel_noise_ratio),
+    of_pixels<&PixelMatch::edge_px>(quantity::pixel_edge, "px", "Pixels: position of edges",
+                                    &Limits::pixel_edge_px),
+    of_pixels<&PixelMatch::background_gray>(quantity::pixel_background, "gray",
+                                            "Pixels: difference of what is beside the marker",
+                                            &Limits::pixel_background_gray),
+    of_pixels<&PixelMatch::black_gray>(quantity::pixel_black, "gray",
+                                       "Pixels: difference of black", &Limits::pixel_black_gray)};
 
 }  // namespace
 

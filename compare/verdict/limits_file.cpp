@@ -19,6 +19,10 @@ Limits read_limits(const std::filesystem::path& path) {
         limits.*kind.limit = given->at("limit").number(positive);
         given->at("unit").one_of({kind.unit});
     }
+    if (const auto pixels = root.find("pixels")) {
+        pixels->one_of({"must_match"});
+        limits.pixels_must_match = true;
+    }
     file.finish();
     return limits;
 }

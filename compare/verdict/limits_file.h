@@ -12,6 +12,9 @@
 //     b3_position_rest_rms_mm: {limit: 0.05, unit: mm}     # what the smooth field leaves
 //     b3_length_error_max_mm: {limit: 0.25, unit: mm}      # between any two hold-out poses
 //     b4_position_field_rms_mm, b4_position_field_max_mm   # of photometric poses
+//     pixel_residual_gray, pixel_blur_px, pixel_tone_gray, pixel_shading_percent (unit: "%"),
+//     pixel_noise_ratio (unit: "1"), pixel_edge_px, pixel_background_gray, pixel_black_gray
+//     pixels: must_match     # any difference of photographs and renders that is shown is a FAIL
 #pragma once
 
 #include <filesystem>
@@ -31,6 +34,16 @@ struct Limits {
     std::optional<double> b3_length_error_max_mm = {};
     std::optional<double> b4_position_field_rms_mm = {};
     std::optional<double> b4_position_field_max_mm = {};
+    // Of photographs less renders (compare/verdict/pixel_match.h).
+    std::optional<double> pixel_residual_gray = {};
+    std::optional<double> pixel_blur_px = {};
+    std::optional<double> pixel_tone_gray = {};
+    std::optional<double> pixel_shading_percent = {};
+    std::optional<double> pixel_noise_ratio = {};
+    std::optional<double> pixel_edge_px = {};
+    std::optional<double> pixel_background_gray = {};
+    std::optional<double> pixel_black_gray = {};
+    bool pixels_must_match = false;
 };
 
 // Throws ConfigError with file, line and key: unknown, missing or doubled keys, a limit that is not

@@ -71,6 +71,16 @@ Qualification skipped(Qualification result, const std::string& reason) {
     return result;
 }
 
+// Where white clips, edges lie elsewhere than in the renders, and nothing else can be told.
+Qualification overexposed(Qualification result) {
+    Causes causes;
+    causes.ranked.push_back(
+        {{{{"overexposed"}, 0.0, 0.0, "", {"expose less and measure again"}}}, 1.0});
+    result.causes = causes;
+    return skipped(std::move(result),
+                   "overexposed: white is at the end of the scale, so nothing was measured");
+}
+
 // --------------------------------------------------------------------------- poses and biases
 
 // What the detected poses show must be what the plan was made for: poses that were lost may leave
@@ -412,7 +422,12 @@ std::map<std::string, double> declared_uncertainties(const QualificationInput& i
 CauseEvidence cause_evidence(const QualificationInput& input, const SignatureChain& chain,
                              const Qualification& result) {
     CauseEvidence evidence{
-        {chain, stage_errors_of(input), {}, {}}, {}, {}, declared_uncertainties(input)};
+        {chain, stage_errors_of(input), {}, {}, {}}, {}, {}, declared_uncertainties(input)};
+    if (input.pixels) {
+        evidence.request.pixel_errors = input.pixels->evidence.errors;
+        evidence.pixels = input.pixels->evidence.observed;
+        evidence.pixel_covariance = input.pixels->evidence.covariance;
+    }
     const Eigen::MatrixXd correlation = corner_correlation(chain);
     const Eigen::MatrixXd modes = Eigen::LLT<Eigen::MatrixXd>(correlation).matrixL();
     for (StageAxisMotion axis : input.axis_motions) {
@@ -450,9 +465,14 @@ bool measure(JudgedQuantity& quantity, const Qualification& result) {
         quantity.reason = kind.missing;
         return false;
     }
-    const CombinedUncertainty uncertainty = combined(result.budget, quantity.name);
     quantity.measured = true;
     quantity.value = found->value;
+    if (kind.is_of_pixels) {
+        quantity.expanded_uncertainty = found->noise_uncertainty;
+        quantity.coverage_factor = pixel_coverage_factor;
+        return true;
+    }
+    const CombinedUncertainty uncertainty = combined(result.budget, quantity.name);
     quantity.expanded_uncertainty = uncertainty.expanded;
     quantity.coverage_factor = uncertainty.coverage_factor;
     quantity.degrees_of_freedom = uncertainty.degrees_of_freedom;
@@ -528,6 +548,21 @@ std::string why_not_pass(const JudgedQuantity& quantity) {
                        why.empty() ? "" : ", ", why);
 }
 
+// A finding fails a camera only where its limits say so; none makes a FAIL a PASS.
+void judge_pixels(const QualificationInput& input, Qualification& result) {
+    if (!input.limits.pixels_must_match)
+        return;
+    if (!result.pixels || result.pixels->photos == 0) {
+        result.reasons.emplace_back(
+            "the limits ask for pixels that match, and no photograph could be compared");
+        if (result.verdict == Outcome::pass)
+            result.verdict = Outcome::inconclusive;
+    } else if (!result.pixels->findings.empty()) {
+        result.reasons.emplace_back("the pixels do not match, as the limits ask for");
+        result.verdict = Outcome::fail;
+    }
+}
+
 void explain_verdict(Qualification& result) {
     if (result.verdict == Outcome::pass)
         return;
@@ -553,6 +588,9 @@ Qualification qualify(QualificationInput& input) {
     Qualification result;
     list_quantities(input.limits, result);
     count_detections(input, result);
+    result.pixels = input.pixels;
+    if (result.pixels && result.pixels->is_overexposed)
+        return overexposed(std::move(result));
     const std::string too_few = fmt::format(
         "too few poses with a detected marker: {} training (at least {}), {} hold-out (at least "
         "{})",
@@ -575,6 +613,7 @@ Qualification qualify(QualificationInput& input) {
     result.budget = std::move(budget.rows);
     judge_all(result);
     require_conditions(input, result);
+    judge_pixels(input, result);
     if (input.monte_carlo)
         add_monte_carlo(input, budget.inputs, result);
     explain_verdict(result);

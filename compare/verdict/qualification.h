@@ -21,6 +21,7 @@
 #include "compare/verdict/field_rest.h"
 #include "compare/verdict/length_error.h"
 #include "compare/verdict/limits_file.h"
+#include "compare/verdict/pixel_match.h"
 #include "compare/verdict/pose.h"
 #include "compare/verdict/smooth_field.h"
 #include "compare/verdict/uncertainty_budget.h"
@@ -105,6 +106,8 @@ struct QualificationInput {
     bool monte_carlo = false;
     // Also look for what causes the differences. Some 0.5 s.
     bool look_for_causes = false;
+    // Of the hold-out photographs against their renders; nothing: not compared.
+    std::optional<PixelMatch> pixels = {};
 };
 
 struct DetectionCounts {
@@ -137,6 +140,7 @@ struct Qualification {
     std::optional<FieldRest> position_rest;                     // nothing without repeated frames
     std::optional<LengthErrors> lengths;
     std::optional<PhotometricField> photometric;  // nothing with too few photometric poses
+    std::optional<PixelMatch> pixels;             // nothing where not compared
 
     std::vector<AcceptanceCondition> conditions;  // one that is NOT MET withholds PASS
 

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <optional>
 
+#include "compare/verdict/photo_pixels.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -142,6 +143,67 @@ void add_drift(std::vector<Suspect>& all, const SuspectRequest& request) {
     all.push_back(std::move(drift));
 }
 
+// What photographs tell of camera and light that corners hardly do.
+struct PixelSuspect {
+    const char *name, *unit, *remedy;
+    double size;
+};
+constexpr PixelSuspect pixel_suspects[] = {
+    {"f-number", "", "set the lens' aperture as in the calibration's file, or measure it again",
+     0.1},
+    {"focus distance", "1/mm",
+     "set the lens' focus as in the calibration's file, or calibrate again", 1e-5},
+    {"blur", "px^2", "look for vibration, motion during the exposure, and dirt on the lens", 0.1},
+    {"tone curve", "", "set the camera's gamma as in the calibration's file, or characterise it",
+     0.1},
+    {"noise", "1", "look at the camera's gain: the noise is not the calibration's", 0.1},
+    {"background", "gray", "state the station's background as it is", 1.0},
+    {"black level", "gray", "look at the camera's black level, and at stray light", 1.0}};
+
+// How a tone that lifts half tones moves the edges of dark parts: at half height by tone x blur /
+// sqrt(pi), as the integral of Phi (1 - Phi) is 1 / sqrt(pi).
+Eigen::VectorXd edges_by_tone(const SuspectRequest& request, const Eigen::VectorXd& shrunk,
+                              double shrink_px, double size) {
+    const std::size_t poses = request.chain.poses.size();
+    Eigen::VectorXd per_pose(std::ssize(request.chain.poses));
+    for (std::size_t i = 0; i < poses; ++i)
+        per_pose[static_cast<Eigen::Index>(i)] =
+            size / shrink_px *
+            blur_sigma_px(request.chain.projector.camera(),
+                          request.chain.camera_from_marker(i).translation.z()) /
+            std::sqrt(std::numbers::pi);
+    return scaled(shrunk, per_pose);
+}
+
+// Pixels: the errors by name, and what they do to corners.
+void add_pixel_suspects(std::vector<Suspect>& all, const SuspectRequest& request) {
+    const std::vector<std::string>& errors = request.pixel_errors;
+    const auto row_of = [&](const std::string& name, double size) {
+        Eigen::MatrixXd column = Eigen::MatrixXd::Zero(std::ssize(errors), 1);
+        column(std::ranges::find(errors, name) - errors.begin(), 0) = size;
+        return column;
+    };
+    const auto has = [&](const std::string& name) {
+        return std::ranges::find(errors, name) != errors.end();
+    };
+    const auto shrink = std::ranges::find(all, "edge shrink", &Suspect::name);
+    const Suspect edges = shrink != all.end() ? *shrink : Suspect{};
+    if (shrink != all.end() && has("edge shrink"))
+        shrink->pixels = row_of("edge shrink", shrink->size);
+    const auto rows = static_cast<Eigen::Index>(2 * request.chain.points_mm.size() *
+                                                request.chain.poses.size());
+    for (const PixelSuspect& each : pixel_suspects) {
+        if (!has(each.name))
+            continue;
+        Suspect suspect{each.name, each.unit, each.remedy, each.size,
+                        Eigen::MatrixXd::Zero(rows, 1), row_of(each.name, each.size)};
+        if (suspect.name == "tone curve" && edges.corners_px.size() > 0)
+            suspect.corners_px =
+                edges_by_tone(request, edges.corners_px, edges.size, suspect.size);
+        all.push_back(std::move(suspect));
+    }
+}
+
 std::string shown_period(const StageAxisMotion& axis, double period) {
     return axis.is_linear ? fmt::format("{:.3g} mm", period)
                           : fmt::format("{:.3g} deg", period * 180.0 / std::numbers::pi);
@@ -169,6 +231,7 @@ std::vector<Suspect> suspects(const SuspectRequest& request,
         add_straightness(all, named, axis);
     }
     add_drift(all, request);
+    add_pixel_suspects(all, request);
     return all;
 }
 
@@ -184,6 +247,7 @@ std::vector<Suspect> misplaced_poses(const SuspectRequest& request) {
                                     request.chain.poses[i].index),
                         1.0,
                         Eigen::MatrixXd::Zero(rows * static_cast<Eigen::Index>(poses), 3),
+                        {},
                         static_cast<int>(poses)};
         suspect.corners_px.middleRows(static_cast<Eigen::Index>(i) * rows, rows) =
             request.chain.pose_jacobian(i).rightCols<3>();
@@ -236,6 +300,7 @@ Suspect repeating_error(const StageAxisMotion& axis, const Eigen::VectorXd& adva
                         every),
             axis.step,
             columns,
+            {},
             tried};
 }
 

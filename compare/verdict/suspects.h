@@ -32,6 +32,9 @@ struct Suspect {
     double size = 0.0;   // that one unit of a column stands for
     // 2 rows per point and pose, px at `size`.
     Eigen::MatrixXd corners_px;
+    // What it does to the pixel errors of the request, in their units, at `size`, by column; empty:
+    // nothing.
+    Eigen::MatrixXd pixels = {};
     // Of how many like it that were tried this is the best: periods, poses.
     int tried = 1;
 };
@@ -41,6 +44,9 @@ struct SuspectRequest {
     std::vector<StageError> stage_errors;
     std::vector<StageAxisMotion> axes;  // of the chain's poses; may be empty
     std::vector<double> times_s;        // of the chain's poses; may be empty
+    // What photographs tell beside the corners (PixelEvidence in compare/verdict/pixel_match.h):
+    // each name is a suspect's.
+    std::vector<std::string> pixel_errors = {};
 };
 
 // Camera, marker, detector, stage, drift; of those named in `sizes` what they do when they are so

@@ -1,6 +1,7 @@
 #include "station/qualify/photometric_poses.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include "core/errors.h"
 
@@ -31,18 +32,17 @@ PhotometricPose unambiguous(const PhotometricPose& pose) {
     return pose;
 }
 
-PhotometricReading photometric_reading(const QualifyResult& result,
-                                       const PhotometricDetector& detector, const Pose& pose) {
-    const auto start = estimate_pose(detector.camera()->projector(),
-                                     result.station.marker.points_mm, pose.corners);
-    if (!start)
-        throw NumericalError("its corners determine no pose to start from");
-    std::vector<PhotometricPose> poses;
-    for (const FrameRecord& frame : pose.frames)
-        if (!frame.file.empty())
-            poses.push_back(unambiguous(detector.find(
-                recorded_photo(result, frame), start->camera_from_marker, detector_error_px)));
-    return mean_of(poses);
+std::vector<PhotoFinding> in_words(const Findings& findings) {
+    std::vector<PhotoFinding> all;
+    for (const Finding& finding : findings)
+        all.push_back({finding.name, finding.sentence});
+    return all;
+}
+
+std::optional<ComparedArea> printed_area(const Marker& marker) {
+    if (marker.kind == Marker::Kind::chessboard)
+        return std::nullopt;
+    return compared_area(marker, {}, marker.spec);
 }
 
 }  // namespace
@@ -50,7 +50,11 @@ PhotometricReading photometric_reading(const QualifyResult& result,
 PhotometricPoses::PhotometricPoses(const QualifyResult& result, std::stop_token stop)
     : run_(result),
       stop_(std::move(stop)),
-      detector_(result.station.camera.model, result.station.marker, result.station.marker.spec) {}
+      detector_(result.station.camera.model, result.station.marker, result.station.marker.spec,
+                result.station.background),
+      area_(compared_area(result.station.marker, {}, result.station.marker.spec)),
+      whole_(printed_area(result.station.marker)),
+      calibration_(result.station.camera.model) {}
 
 PhotometricPoses::~PhotometricPoses() {
     tasks_.cancel();
@@ -64,15 +68,89 @@ PhotometricPoses::~PhotometricPoses() {
 void PhotometricPoses::add(const Pose& pose) {
     if (!pose.hold_out || !pose.is_detected() || found_.contains(pose.index))
         return;
-    tasks_.run([this, pose, &found = found_[pose.index]] {
+    Found& found = found_[pose.index];
+    found.pose = pose;
+    tasks_.run([this, &found] {
         if (stop_.stop_requested())
             return;
         try {
-            found.reading = photometric_reading(run_, detector_, pose);
+            read(found);
         } catch (const NumericalError& error) {
             found.refusal = error.what();
         }
     });
+}
+
+void PhotometricPoses::read(Found& found) const {
+    const Marker& marker = run_.station.marker;
+    const auto start =
+        estimate_pose(detector_.camera()->projector(), marker.points_mm, found.pose.corners);
+    if (!start)
+        throw NumericalError("its corners determine no pose to start from");
+    found.first = first_whole(found.pose);
+    found.findings =
+        in_words(examine_marker(recorded_photo(run_, *found.first), marker, area_,
+                                detector_.camera()->projector(), start->camera_from_marker));
+    std::vector<PhotometricPose> poses;
+    for (const FrameRecord& frame : found.pose.frames)
+        if (!frame.file.empty())
+            poses.push_back(unambiguous(detector_.find(
+                recorded_photo(run_, frame), start->camera_from_marker, detector_error_px)));
+    found.reading = mean_of(poses);
+    try {
+        compare(found, poses.front());
+    } catch (const NumericalError&) {
+        found.pixels.reset();  // its pose holds all the same
+    }
+}
+
+void PhotometricPoses::compare(Found& found, const PhotometricPose& seen) const {
+    const CodeImage image = recorded_photo(run_, *found.first);
+    const PhotometricCamera& camera = *detector_.camera();
+    const Rigid& camera_from_marker = found.reading->camera_from_marker;
+    const Marker& marker = run_.station.marker;
+    PhotoMatch match;
+    match.pose = seen;
+    match.refined = fit_photometry(
+        {gray_of(image), marker.grid, pixel_uses(camera.projector(), camera_from_marker, area_),
+         pixel_fitted, run_.station.background},
+        camera, camera_from_marker);
+    found.findings = in_words(examine_match(image, marker, area_, camera, match));
+    found.pixels = measured(found, calibration_);
+}
+
+PhotoPixels PhotometricPoses::measured(const Found& found, const DeviatingCamera& camera) const {
+    const Rigid& camera_from_marker = found.reading->camera_from_marker;
+    const cv::Mat gray = gray_of(recorded_photo(run_, *found.first));
+    return camera.measure(detector_.photo_at(gray, camera_from_marker), camera_from_marker, whole_);
+}
+
+RunPixels PhotometricPoses::pixels() const {
+    std::vector<const Found*> compared;
+    std::vector<PhotoPixels> at_zero;
+    std::vector<std::vector<PhotoFinding>> findings;
+    for (const auto& [index, found] : found_) {
+        findings.push_back(found.findings);
+        if (!found.pixels)
+            continue;
+        compared.push_back(&found);
+        at_zero.push_back(*found.pixels);
+    }
+    const CameraModel& model = run_.station.camera.model;
+    RunPixels run = settled_pixels(
+        model, std::move(at_zero),
+        [&](const PixelDeviation& deviating, std::span<const std::size_t> which) {
+            const DeviatingCamera camera(model, deviating);
+            std::vector<PhotoPixels> all(which.size());
+            tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
+                if (stop_.stop_requested())
+                    throw Interrupted();
+                all[i] = measured(*compared[which[i]], camera);
+            });
+            return all;
+        });
+    run.findings = std::move(findings);
+    return run;
 }
 
 void PhotometricPoses::set_in(QualifyResult& result) {

@@ -1,5 +1,6 @@
 // The photometric poses of a run's photographs, from all pixels of the marker
-// (compare/photometric/photometric_pose.h).
+// (compare/photometric/photometric_pose.h), and what the pixels show beside the pose
+// (compare/match/photo_pixels.h).
 #pragma once
 
 #include <tbb/task_group.h>
@@ -9,6 +10,7 @@
 #include <stop_token>
 #include <string>
 
+#include "compare/match/photo_pixels.h"
 #include "compare/photometric/photometric_detector.h"
 #include "station/record/qualify_result.h"
 
@@ -16,7 +18,7 @@ namespace etalon {
 
 // Of hold-out poses whose marker was detected, from all their whole frames in the record, starting
 // at the detector's pose: a pure function of these. They are found on other threads while the stage
-// moves on, some 30 ms of CPU time per frame. Used from one thread.
+// moves on, some 30 ms of CPU time per frame and 0.2 s per pose. Used from one thread.
 class PhotometricPoses {
 public:
     // Of `result`, which must outlive it, station, settings and folder are read and must stay as
@@ -34,15 +36,31 @@ public:
     // Throws ConfigError when a frame cannot be read and Interrupted when a stop was requested.
     void set_in(QualifyResult& result);
 
+    // The first whole photographs of the hold-out poses that were set, against their renders. Costs
+    // nothing more where they match, some 10 s of CPU time where a tone curve or a focus has to be
+    // found.
+    RunPixels pixels() const;
+
 private:
     struct Found {
+        const FrameRecord* first = nullptr;  // the first whole photograph, in `pose`
+        Pose pose;
         std::optional<PhotometricReading> reading;
         std::string refusal;
+        std::optional<PhotoPixels> pixels;
+        std::vector<PhotoFinding> findings;
     };
+
+    void read(Found& found) const;
+    void compare(Found& found, const PhotometricPose& seen) const;
+    PhotoPixels measured(const Found& found, const DeviatingCamera& camera) const;
 
     const QualifyResult& run_;
     std::stop_token stop_;
     PhotometricDetector detector_;
+    ComparedArea area_;
+    std::optional<ComparedArea> whole_;  // of what is printed, where it has a background beside it
+    DeviatingCamera calibration_;
     std::map<int, Found> found_;  // by the pose's index; its nodes stay where they are
     tbb::task_group tasks_;
 };

@@ -103,6 +103,7 @@ void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress&
     QualificationInput input = declared_input(station, result.poses);
     input.monte_carlo = true;
     input.look_for_causes = true;
+    input.pixels = match_pixels(photometric.pixels(), station.camera.model);
     input.render_and_detect = [&](const Rigid& camera_from_marker) {
         throw_if_stopped(stop);
         auto corners = rendered.at(camera_from_marker);

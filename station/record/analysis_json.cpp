@@ -162,6 +162,29 @@ Json signatures_json(const Qualification& analysis) {
     return list;
 }
 
+Json figure_json(const std::optional<PixelFigure>& figure, const char* unit) {
+    if (!figure)
+        return {};
+    return {{"value", figure->value},
+            {"expanded_uncertainty", figure->expanded_uncertainty},
+            {"unit", unit}};
+}
+
+// Signed: photographs less renders.
+Json pixels_json(const PixelMatch& match) {
+    return {{"photographs", match.photos},
+            {"residual", figure_json(match.residual_gray, "gray")},
+            {"blur", figure_json(match.blur_px, "px")},
+            {"tone", figure_json(match.tone_gray, "gray")},
+            {"shading", figure_json(match.shading_percent, "%")},
+            {"noise", figure_json(match.noise_ratio, "1")},
+            {"edge", figure_json(match.edge_px, "px")},
+            {"background", figure_json(match.background_gray, "gray")},
+            {"black", figure_json(match.black_gray, "gray")},
+            {"overexposed", match.is_overexposed},
+            {"findings", match.findings}};
+}
+
 Json causes_json(const Causes& causes) {
     Json ranked = Json::array();
     for (const Cause& cause : causes.ranked) {
@@ -190,6 +213,8 @@ void add_analysis(Json& run, const Qualification& analysis) {
     run["risk"] = risk_json(analysis.risk);
     run["conditions"] = conditions_json(analysis);
     run["reasons"] = analysis.reasons;
+    if (analysis.pixels)
+        run["pixels"] = pixels_json(*analysis.pixels);
     if (analysis.causes)
         run["causes"] = causes_json(*analysis.causes);
     run["detection"] = {{"training", analysis.detection.training},

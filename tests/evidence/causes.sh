@@ -39,6 +39,13 @@ backlash z 200 um|twin.yaml|/^ *z: *{scale_ppm/s/backlash_um: 0/backlash_um: 200
 squareness xy 0.5 mrad|twin.yaml|/^ *y: *{scale_ppm/s/scale_ppm: 0/lean_urad: {x: 500}/|^stage squareness xy$
 repeatability x 30 um|twin.yaml|/^ *x: *{scale_ppm/s/repeatability_um: 2/repeatability_um: 30/|^scatter of x$
 marker 0.2 % larger|twin.yaml|s/5@80mm/5@80.16mm/|marker print size
+focus at 600 mm|true.yml|s/focus_distance_mm: 1200/focus_distance_mm: 600/|^focus distance$
+f/2.8|true.yml|s/f_number: 1.4/f_number: 2.8/|^f-number$
+gain 12 e/DN|true.yml|s/gain_e_per_dn: 60/gain_e_per_dn: 12/|^noise$
+Rec. 709 curve|true.yml|s/transfer: linear/transfer: rec709/|^tone curve$
+background 0.9|twin.yaml|s/background: 0.6/background: 0.9/|^background$
+black level 16|true.yml|s/black: 8 /black: 16 /|^black level$
+exposed twice as long|twin.yaml|s/nominal_exposure_us: 5000/nominal_exposure_us: 2500/|^overexposed$
 CASES
 )
 

@@ -42,16 +42,17 @@ cv::Mat by_growth(const RenderedGradient& rendered) {
     return -steepness;
 }
 
-// Levels (and the width of a blur that no file tells) at a pose and tone that are held.
+// Levels (and the width of a blur that no file tells) at a pose and tone that are held, by Gauss and
+// Newton's method; residuals beyond three times `noise_scale` are held back.
 PhotoState with_fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                               const RenderedGradient& rendered, const ImageMotion& motion,
-                              PhotoState state) {
+                              PhotoState state, double noise_scale) {
     constexpr int most_rounds = 6;
     constexpr double settled_gray = 0.01;
     const PhotometricTerms terms = detector_terms(camera.model());
     for (int round = 0; round < most_rounds; ++round) {
         const PhotoEquations equations =
-            photo_equations(photo, camera, state, terms, rendered, motion, 1.0);
+            photo_equations(photo, camera, state, terms, rendered, motion, noise_scale);
         const Eigen::Index n = terms.count();
         const Eigen::MatrixXd information = equations.information.bottomRightCorner(n, n);
         Eigen::VectorXd step = Eigen::VectorXd::Zero(6 + n);
@@ -247,7 +248,9 @@ std::vector<cv::Mat> DeviatingCamera::changes(const PhotoOfMarker& photo,
 }
 
 PhotoPixels DeviatingCamera::measure(const PhotoOfMarker& photo, const Rigid& camera_from_marker,
-                                     const std::optional<ComparedArea>& whole) const {
+                                     const std::optional<ComparedArea>& whole,
+                                     std::optional<double> noise_scale) const {
+    constexpr double none_held_back = 1e3;
     const ImageMotion motion(camera_.projector(), camera_from_marker, {},
                              fitted_region(photo, camera_));
     const RenderedGradient rendered = camera_.gradient_at_sensor({photo.grid, camera_from_marker},
@@ -258,12 +261,19 @@ PhotoPixels DeviatingCamera::measure(const PhotoOfMarker& photo, const Rigid& ca
     if (camera_.model().lens)
         state.photometry.psf_sigma_px = std::sqrt(std::max(deviating_[deviation::blur], 0.0));
     state.photometry.tone = deviating_[deviation::tone];
-    state = with_fitted_levels(photo, camera_, rendered, motion, state);
+    PhotoPixels pixels;
+    state = with_fitted_levels(photo, camera_, rendered, motion, state, none_held_back);
+    pixels.residual_scale =
+        std::max(1.0, 1.4826 * none_held_back *
+                          photo_equations(photo, camera_, state, detector_terms(camera_.model()),
+                                          rendered, motion, none_held_back)
+                              .median_size);
+    state = with_fitted_levels(photo, camera_, rendered, motion, state, pixels.residual_scale);
     const PhotoEquations equations =
-        photo_equations(photo, camera_, state, terms, rendered, motion, 1.0,
+        photo_equations(photo, camera_, state, terms, rendered, motion,
+                        noise_scale.value_or(pixels.residual_scale),
                         changes(photo, camera_from_marker, rendered, motion.region()));
 
-    PhotoPixels pixels;
     pixels.depth_mm = camera_from_marker.translation.z();
     std::vector<Eigen::Index> wanted;
     std::vector<int> as;
@@ -388,7 +398,7 @@ std::vector<std::size_t> some_of(const std::vector<PhotoPixels>& photos) {
 
 // The best place for a few photographs, by renders that are made anew; growth stays linear.
 DeviationPlace descended(const CameraModel& calibration, const DeviationPlace& start,
-                         std::span<const std::size_t> which, const Free& free,
+                         std::span<const std::size_t> which, const Free& free, double noise_scale,
                          const MeasurePhotos& measure) {
     const auto step_at = [&](const DeviationPlace& place, double damping) {
         return newton_step(place, damping, free);
@@ -396,11 +406,28 @@ DeviationPlace descended(const CameraModel& calibration, const DeviationPlace& s
     const auto tried = [&](const DeviationPlace& place,
                            const DeviationStep& step) -> std::optional<DeviationPlace> {
         const PixelDeviation there = limited(place.at + step.step, calibration);
-        return attempted([&] { return DeviationPlace(there, measure(there, which)); }).value;
+        return attempted([&] { return DeviationPlace(there, measure(there, which, noise_scale)); })
+            .value;
     };
-    return damped_descent(start, {.max_damping = 1e4, .max_tries = 30, .enough_gain = 2.0},
+    return damped_descent(start, {.max_damping = 1e4, .max_tries = 20, .enough_gain = 2.0,
+                           .enough_part = 1e-3},
                           step_at, tried)
         .place;
+}
+
+// Light first or lens first, whichever leads lower, then both: a wrong tone curve drives a lens that
+// is free with it to where blur ends, and the other way round.
+DeviationPlace best_of_all(const CameraModel& calibration, const DeviationPlace& start,
+                           std::span<const std::size_t> which, const Free& asked,
+                           double noise_scale, const MeasurePhotos& measure) {
+    Free light{}, lens = asked, both = asked;
+    light[deviation::tone] = asked[deviation::tone];
+    lens[deviation::tone] = lens[deviation::growth] = both[deviation::growth] = false;
+    DeviationPlace best = descended(calibration, start, which, light, noise_scale, measure);
+    DeviationPlace other = descended(calibration, start, which, lens, noise_scale, measure);
+    if (other.loss() < best.loss())
+        best = std::move(other);
+    return descended(calibration, best, which, both, noise_scale, measure);
 }
 
 }  // namespace
@@ -408,26 +435,27 @@ DeviationPlace descended(const CameraModel& calibration, const DeviationPlace& s
 RunPixels settled_pixels(const CameraModel& calibration, std::vector<PhotoPixels> at_zero,
                          const MeasurePhotos& measure) {
     constexpr int most_rounds = 3;
+    constexpr double no_gain = 0.99;
     RunPixels result;
     result.asked = DeviatingCamera::asked_of(calibration);
     std::vector<std::size_t> all(at_zero.size());
     std::iota(all.begin(), all.end(), std::size_t{0});
     DeviationPlace place(PixelDeviation::Zero(), std::move(at_zero));
-    Free rendered = result.asked;
-    rendered[deviation::growth] = false;
     for (int round = 0; round < most_rounds && !all.empty(); ++round) {
         if (is_near(newton_step(place, 0.0, result.asked).step, calibration))
             break;
         const std::vector<std::size_t> some = some_of(place.photos);
-        std::vector<PhotoPixels> few;
+        std::vector<double> scales;
         for (const std::size_t i : some)
-            few.push_back(place.photos[i]);
-        const DeviationPlace there = descended(
-            calibration, DeviationPlace(place.at, std::move(few)), some, rendered, measure);
-        if ((there.at - place.at).isZero())
+            scales.push_back(place.photos[i].residual_scale);
+        const double scale = median(scales);
+        const DeviationPlace start(place.at, measure(place.at, some, scale));
+        const DeviationPlace there =
+            best_of_all(calibration, start, some, result.asked, scale, measure);
+        if (there.loss() > no_gain * start.loss())
             break;
         auto everywhere =
-            attempted([&] { return DeviationPlace(there.at, measure(there.at, all)); });
+            attempted([&] { return DeviationPlace(there.at, measure(there.at, all, std::nullopt)); });
         if (!everywhere)
             break;
         place = std::move(*everywhere);

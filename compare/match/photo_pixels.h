@@ -32,10 +32,12 @@ public:
     const PixelDeviation& deviating() const { return deviating_; }
 
     // `photo` as PhotometricDetector::photo_at() gives it at this pose; `whole` is the marker's
-    // whole printed area, nothing where what lies beside it is not known. Throws NumericalError
+    // whole printed area, nothing where what lies beside it is not known. Residuals beyond three
+    // times `noise_scale` are held back; nothing: the scale that they show. Throws NumericalError
     // where the pixels determine nothing. Some 30 ms of CPU time for a tag of 5000 px.
     PhotoPixels measure(const PhotoOfMarker& photo, const Rigid& camera_from_marker,
-                        const std::optional<ComparedArea>& whole) const;
+                        const std::optional<ComparedArea>& whole,
+                        std::optional<double> noise_scale = std::nullopt) const;
 
 private:
     std::vector<cv::Mat> changes(const PhotoOfMarker& photo, const Rigid& camera_from_marker,
@@ -49,7 +51,8 @@ private:
 
 // The same photographs as those at deviation 0, a few of them by index, with another deviation.
 using MeasurePhotos = std::function<std::vector<PhotoPixels>(
-    const PixelDeviation& deviating, std::span<const std::size_t> which)>;
+    const PixelDeviation& deviating, std::span<const std::size_t> which,
+    std::optional<double> noise_scale)>;
 
 // From what was measured at deviation 0 to where nothing more is asked for (`at`, `asked` and
 // `photos` of the result). Deterministic.

@@ -29,10 +29,11 @@ using PixelInformation = Eigen::Matrix<double, deviation::count, deviation::coun
 struct PhotoPixels {
     double depth_mm = 0.0;  // of the marker
     // Normal equations of the deviations, pose and levels solved beside them; in units of the noise
-    // (1 gray where the camera's file has none). 0 for those that are not asked for.
+    // (1 gray where the camera's file has none) times the scale of the residuals. 0 for those that are not asked for.
     PixelInformation information = PixelInformation::Zero();
     PixelDeviation score = PixelDeviation::Zero();
-    double loss = 0.0;  // Huber's, over all pixels
+    double loss = 0.0;            // Huber's, over all pixels
+    double residual_scale = 1.0;  // 1.4826 times the median size of the residuals; 1 at least
     // Of the pixels with noise well above rounding: how many, the sum of their squared residuals in
     // units of the stated noise (1 gray where none is stated), and that noise, RMS.
     int pixels = 0;

@@ -199,8 +199,16 @@ std::string words(const PixelFigure& figure, const std::string& unit) {
 
 std::string distance_words(double inverse, double u) {
     const double distance = 1.0 / inverse;
-    return inverse > u ? plus_minus(distance, u * distance * distance, "mm")
-                       : fmt::format("{:.0f} mm or more", 1.0 / (inverse + u));
+    if (inverse > u)
+        return plus_minus(distance, u * distance * distance, "mm");
+    return inverse + u > 0.0 ? fmt::format("{:.0f} mm or farther", 1.0 / (inverse + u))
+                             : std::string("infinity");
+}
+
+// A tone that is far off takes blur, levels and noise with it: then they say nothing of their own.
+bool is_tone_far(const PixelEstimate& estimate) {
+    constexpr double far = 0.1;
+    return std::abs(estimate.value[deviation::tone]) > far;
 }
 
 void add_lens_findings(const PixelEstimate& shown, const CameraModel& camera,
@@ -234,6 +242,12 @@ void add_findings(const PixelEstimate& shown, const CameraModel& camera, PixelMa
                                                  words(*figure, unit), what_else));
     };
     const auto is_in = [&](int i) { return std::ranges::find(shown.asked, i) != shown.asked.end(); };
+    const auto add_tone = [&] {
+        add(match.tone_gray, "half tones are brighter than the calibration's tone curve",
+            "half tones are darker than the calibration's tone curve", "gray", "");
+    };
+    if (is_tone_far(shown))
+        return add_tone();
     if (match.blur_px && match.blur_px->is_shown())
         match.findings.push_back(
             fmt::format("the photographs are {} than the calibration says, edges by {} (RMS)",
@@ -241,8 +255,7 @@ void add_findings(const PixelEstimate& shown, const CameraModel& camera, PixelMa
                         words(*match.blur_px, "px")));
     add_lens_findings(shown, camera, match.findings);
     if (is_in(deviation::tone))
-        add(match.tone_gray, "half tones are brighter than the calibration's tone curve",
-            "half tones are darker than the calibration's tone curve", "gray", "");
+        add_tone();
     if (is_in(deviation::growth))
         add(match.edge_px, "dark parts are wider at each edge", "dark parts are narrower at each edge",
             "px", ": look at print, exposure and tone curve");
@@ -288,15 +301,13 @@ void add_common_findings(const RunPixels& pixels, PixelMatch& match) {
 
 // ------------------------------------------------------------------------------------- evidence
 
-// A tone that is far off takes levels and noise with it: then they say nothing of their own.
 PixelEvidence evidence_of(const PixelEstimate& estimate, const PixelMatch& match) {
-    constexpr double far_tone = 0.1;
     constexpr const char* names[] = {"f-number", "focus distance", "blur", "tone curve",
                                      "edge shrink"};
     PixelEvidence evidence;
     const Eigen::Index n = std::ssize(estimate.asked);
     std::vector<std::pair<const char*, PixelFigure>> single;
-    if (std::abs(estimate.value[deviation::tone]) < far_tone)
+    if (!is_tone_far(estimate))
         for (const auto& [name, figure] : {std::pair("noise", match.noise_ratio),
                                            std::pair("background", match.background_gray),
                                            std::pair("black level", match.black_gray)})

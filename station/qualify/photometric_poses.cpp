@@ -24,12 +24,11 @@ PhotometricReading mean_of(const std::vector<PhotometricPose>& poses) {
     return {left_perturbed(first, mean), covariance};
 }
 
-PhotometricPose unambiguous(const PhotometricPose& pose) {
+void require_unambiguous(const PhotometricPose& pose) {
     if (!pose.converged)
         throw NumericalError("the fit does not settle");
     if (pose.other && pose.other->log_likelihood_ratio < min_log_likelihood)
         throw NumericalError("both planar solutions match the photograph");
-    return pose;
 }
 
 std::vector<PhotoFinding> in_words(const Findings& findings) {
@@ -94,21 +93,23 @@ void PhotometricPoses::read(Found& found) const {
     std::vector<PhotometricPose> poses;
     for (const FrameRecord& frame : found.pose.frames)
         if (!frame.file.empty())
-            poses.push_back(unambiguous(detector_.find(
-                recorded_photo(run_, frame), start->camera_from_marker, detector_error_px)));
+            poses.push_back(detector_.find(recorded_photo(run_, frame), start->camera_from_marker,
+                                           detector_error_px));
+    const auto compared = attempted([&] { compare(found, poses.front()); });
+    for (const PhotometricPose& pose : poses)
+        require_unambiguous(pose);
     found.reading = mean_of(poses);
-    try {
-        compare(found, poses.front());
-    } catch (const NumericalError&) {
-        found.pixels.reset();  // its pose holds all the same
-    }
+    found.refusal = compared.cause;  // its pose holds all the same
 }
 
+// At a pose that need not have settled: with a wrong tone curve it may never, and it is solved
+// beside the deviations.
 void PhotometricPoses::compare(Found& found, const PhotometricPose& seen) const {
     const CodeImage image = recorded_photo(run_, *found.first);
     const PhotometricCamera& camera = *detector_.camera();
-    const Rigid& camera_from_marker = found.reading->camera_from_marker;
+    const Rigid& camera_from_marker = seen.camera_from_marker;
     const Marker& marker = run_.station.marker;
+    found.compared_at = camera_from_marker;
     PhotoMatch match;
     match.pose = seen;
     match.refined = fit_photometry(
@@ -119,10 +120,12 @@ void PhotometricPoses::compare(Found& found, const PhotometricPose& seen) const 
     found.pixels = measured(found, calibration_);
 }
 
-PhotoPixels PhotometricPoses::measured(const Found& found, const DeviatingCamera& camera) const {
-    const Rigid& camera_from_marker = found.reading->camera_from_marker;
+PhotoPixels PhotometricPoses::measured(const Found& found, const DeviatingCamera& camera,
+                                       std::optional<double> noise_scale) const {
+    const Rigid& camera_from_marker = found.compared_at;
     const cv::Mat gray = gray_of(recorded_photo(run_, *found.first));
-    return camera.measure(detector_.photo_at(gray, camera_from_marker), camera_from_marker, whole_);
+    return camera.measure(detector_.photo_at(gray, camera_from_marker), camera_from_marker, whole_,
+                          noise_scale);
 }
 
 RunPixels PhotometricPoses::pixels() const {
@@ -139,13 +142,14 @@ RunPixels PhotometricPoses::pixels() const {
     const CameraModel& model = run_.station.camera.model;
     RunPixels run = settled_pixels(
         model, std::move(at_zero),
-        [&](const PixelDeviation& deviating, std::span<const std::size_t> which) {
+        [&](const PixelDeviation& deviating, std::span<const std::size_t> which,
+            std::optional<double> noise_scale) {
             const DeviatingCamera camera(model, deviating);
             std::vector<PhotoPixels> all(which.size());
             tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
                 if (stop_.stop_requested())
                     throw Interrupted();
-                all[i] = measured(*compared[which[i]], camera);
+                all[i] = measured(*compared[which[i]], camera, noise_scale);
             });
             return all;
         });
@@ -164,9 +168,12 @@ void PhotometricPoses::set_in(QualifyResult& result) {
         if (found == found_.end())
             continue;
         pose.photometric = found->second.reading;
-        if (!pose.photometric)
-            result.remarks.push_back(fmt::format("pose {} has no photometric pose: {}", pose.index,
-                                                 found->second.refusal));
+        const std::string& refusal = found->second.refusal;
+        if (!refusal.empty())
+            result.remarks.push_back(fmt::format(
+                "pose {} {}: {}", pose.index,
+                pose.photometric ? "is not among the compared pixels" : "has no photometric pose",
+                refusal));
     }
 }
 

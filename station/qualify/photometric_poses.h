@@ -47,13 +47,15 @@ private:
         Pose pose;
         std::optional<PhotometricReading> reading;
         std::string refusal;
+        Rigid compared_at;  // the pose that `pixels` are measured at
         std::optional<PhotoPixels> pixels;
         std::vector<PhotoFinding> findings;
     };
 
     void read(Found& found) const;
     void compare(Found& found, const PhotometricPose& seen) const;
-    PhotoPixels measured(const Found& found, const DeviatingCamera& camera) const;
+    PhotoPixels measured(const Found& found, const DeviatingCamera& camera,
+                         std::optional<double> noise_scale = std::nullopt) const;
 
     const QualifyResult& run_;
     std::stop_token stop_;

@@ -35,6 +35,21 @@ void announce(const RecordedRun& recorded, Progress& progress) {
         progress.note("dropped: " + dropped);
 }
 
+// What the photographs show, and the most probable cause: a line each.
+std::string found_lines(const QualifyResult& result) {
+    std::string lines;
+    if (!result.analysis)
+        return lines;
+    if (result.analysis->pixels)
+        for (const std::string& finding : result.analysis->pixels->findings)
+            lines += "finding " + finding + "\n";
+    const Cause* cause = result.analysis->causes ? result.analysis->causes->named() : nullptr;
+    if (cause)
+        lines +=
+            fmt::format("cause {} ({:.0f} %)\n", cause->text(), 100.0 * cause->probability);
+    return lines;
+}
+
 int print_result(const QualifyResult& result, bool json) {
     const bool has_verdict = result.reason.empty();
     if (!has_verdict)
@@ -43,7 +58,7 @@ int print_result(const QualifyResult& result, bool json) {
     if (json)
         fmt::print("{}", run_json(result));
     else if (has_verdict)
-        fmt::print("verdict {}\nreport {}\n", name(result.outcome),
+        fmt::print("verdict {}\n{}report {}\n", name(result.outcome), found_lines(result),
                    (result.folder / "report.html").string());
     return exit_code(result.outcome);
 }
@@ -130,7 +145,9 @@ void declare_qualify(Command& program) {
         run_qualify, "qualify", "qualify a camera on a motorised stage: the main job",
         "Moves the marker through the planned poses, takes photographs, renders the\n"
         "same poses from the camera's calibration and compares. Prints\n"
-        "`verdict PASS` (FAIL, INCONCLUSIVE) and `report DIR/report.html`. DIR is the\n"
+        "`verdict PASS` (FAIL, INCONCLUSIVE) and `report DIR/report.html`; between\n"
+        "them a line `finding ...` for each way in which photographs and renders\n"
+        "differ, and `cause ...` where one is more probable than not. DIR is the\n"
         "record: run.json, poses.csv, events.jsonl, frames/, report.html. It must not\n"
         "exist or be empty, and keeps what was measured however the run ends.\n"
         "Ctrl-C stops the axes and ends the run.\n\n"

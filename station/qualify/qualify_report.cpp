@@ -123,6 +123,9 @@ void add_summary(HtmlPage& page, const QualifyResult& result) {
         return;
     for (const std::string& reason : result.analysis->reasons)
         page.add_paragraph(reason);
+    if (result.analysis->pixels)
+        for (const std::string& finding : result.analysis->pixels->findings)
+            page.add_paragraph("Photographs and renders: " + finding + ".");
     if (result.analysis->causes)
         add_causes(page, *result.analysis->causes);
 }

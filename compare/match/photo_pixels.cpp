@@ -42,8 +42,8 @@ cv::Mat by_growth(const RenderedGradient& rendered) {
     return -steepness;
 }
 
-// Levels (and the width of a blur that no file tells) at a pose and tone that are held, by Gauss and
-// Newton's method; residuals beyond three times `noise_scale` are held back.
+// Levels (and the width of a blur that no file tells) at a pose and tone that are held, by Gauss
+// and Newton's method; residuals beyond three times `noise_scale` are held back.
 PhotoState with_fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                               const RenderedGradient& rendered, const ImageMotion& motion,
                               PhotoState state, double noise_scale) {
@@ -114,10 +114,10 @@ void add_noise(const PhotoOfMarker& photo, const PhotometricCamera& camera, cons
             const cv::Point at = region.tl() + cv::Point(x, y);
             if (photo.use.at<uchar>(at) != photo.fitted)
                 continue;
-            const double expected =
-                state.photometry
-                    .at(level_terms(at.x, at.y, photo.use.size()), curve.value(seen.at<float>(y, x)))
-                    .gray;
+            const double expected = state.photometry
+                                        .at(level_terms(at.x, at.y, photo.use.size()),
+                                            curve.value(seen.at<float>(y, x)))
+                                        .gray;
             const double noise = camera.noise_gray(expected);
             if (noise < least_noise)
                 continue;
@@ -126,8 +126,8 @@ void add_noise(const PhotoOfMarker& photo, const PhotometricCamera& camera, cons
             noise_squares += noise * noise;
             pixels.squares += square;
             ++pixels.pixels;
-            const double steepness = 255.0 * std::hypot(rendered.by_x.at<float>(y, x),
-                                                        rendered.by_y.at<float>(y, x));
+            const double steepness =
+                255.0 * std::hypot(rendered.by_x.at<float>(y, x), rendered.by_y.at<float>(y, x));
             if (steepness < flat_part * noise) {
                 flat_squares += square;
                 ++flats;
@@ -147,9 +147,8 @@ std::optional<double> gray_beside(const cv::Mat& gray, const cv::Mat& printed, d
     const int clear = static_cast<int>(std::ceil(3.0 * blur_px)) + 2;
     const auto grown = [&](int by) {
         cv::Mat result;
-        cv::dilate(
-            printed, result,
-            cv::getStructuringElement(cv::MORPH_ELLIPSE, cv::Size(2 * by + 1, 2 * by + 1)));
+        cv::dilate(printed, result,
+                   cv::getStructuringElement(cv::MORPH_ELLIPSE, cv::Size(2 * by + 1, 2 * by + 1)));
         return result;
     };
     const cv::Mat ring = grown(clear + width) & ~grown(clear);
@@ -175,8 +174,8 @@ std::optional<double> background_less_expected(const PhotoOfMarker& photo,
     region -= cv::Point(reach, reach);
     region += cv::Size(2 * reach, 2 * reach);
     region &= cv::Rect({0, 0}, printed.size());
-    const double blur_px = std::min(
-        blur_sigma_px(camera.model(), state.camera_from_marker.translation.z()), 9.0);
+    const double blur_px =
+        std::min(blur_sigma_px(camera.model(), state.camera_from_marker.translation.z()), 9.0);
     const auto seen = gray_beside(photo.gray(region), printed(region), blur_px);
     if (!seen)
         return std::nullopt;
@@ -219,8 +218,7 @@ DeviatingCamera::DeviatingCamera(const CameraModel& calibration, const PixelDevi
     if (asked_[deviation::f_number])
         other_f_number_.emplace(stepped_lens(deviation::f_number, f_number_step));
     if (asked_[deviation::inverse_focus])
-        other_focus_.emplace(
-            stepped_lens(deviation::inverse_focus, focus_step(camera_.model())));
+        other_focus_.emplace(stepped_lens(deviation::inverse_focus, focus_step(camera_.model())));
 }
 
 std::array<bool, deviation::count> DeviatingCamera::asked_of(const CameraModel& calibration) {
@@ -253,8 +251,8 @@ PhotoPixels DeviatingCamera::measure(const PhotoOfMarker& photo, const Rigid& ca
     constexpr double none_held_back = 1e3;
     const ImageMotion motion(camera_.projector(), camera_from_marker, {},
                              fitted_region(photo, camera_));
-    const RenderedGradient rendered = camera_.gradient_at_sensor({photo.grid, camera_from_marker},
-                                                                 photo.background, motion);
+    const RenderedGradient rendered =
+        camera_.gradient_at_sensor({photo.grid, camera_from_marker}, photo.background, motion);
     PhotometricTerms terms = detector_terms(camera_.model());
     terms.tone = true;
     PhotoState state = starting_state(photo, camera_, camera_from_marker, terms);
@@ -269,10 +267,9 @@ PhotoPixels DeviatingCamera::measure(const PhotoOfMarker& photo, const Rigid& ca
                                           rendered, motion, none_held_back)
                               .median_size);
     state = with_fitted_levels(photo, camera_, rendered, motion, state, pixels.residual_scale);
-    const PhotoEquations equations =
-        photo_equations(photo, camera_, state, terms, rendered, motion,
-                        noise_scale.value_or(pixels.residual_scale),
-                        changes(photo, camera_from_marker, rendered, motion.region()));
+    const PhotoEquations equations = photo_equations(
+        photo, camera_, state, terms, rendered, motion, noise_scale.value_or(pixels.residual_scale),
+        changes(photo, camera_from_marker, rendered, motion.region()));
 
     pixels.depth_mm = camera_from_marker.translation.z();
     std::vector<Eigen::Index> wanted;
@@ -336,8 +333,8 @@ DeviationStep newton_step(const DeviationPlace& place, double damping, const Fre
     for (Eigen::Index i = 0; i < n; ++i) {
         score[i] = place.score[at[static_cast<std::size_t>(i)]];
         for (Eigen::Index j = 0; j < n; ++j)
-            information(i, j) = place.information(at[static_cast<std::size_t>(i)],
-                                                  at[static_cast<std::size_t>(j)]);
+            information(i, j) =
+                place.information(at[static_cast<std::size_t>(i)], at[static_cast<std::size_t>(j)]);
     }
     information.diagonal() *= 1.0 + damping;
     const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
@@ -409,14 +406,15 @@ DeviationPlace descended(const CameraModel& calibration, const DeviationPlace& s
         return attempted([&] { return DeviationPlace(there, measure(there, which, noise_scale)); })
             .value;
     };
-    return damped_descent(start, {.max_damping = 1e4, .max_tries = 20, .enough_gain = 2.0,
-                           .enough_part = 1e-3},
-                          step_at, tried)
+    return damped_descent(
+               start,
+               {.max_damping = 1e4, .max_tries = 20, .enough_gain = 2.0, .enough_part = 1e-3},
+               step_at, tried)
         .place;
 }
 
-// Light first or lens first, whichever leads lower, then both: a wrong tone curve drives a lens that
-// is free with it to where blur ends, and the other way round.
+// Light first or lens first, whichever leads lower, then both: a wrong tone curve drives a lens
+// that is free with it to where blur ends, and the other way round.
 DeviationPlace best_of_all(const CameraModel& calibration, const DeviationPlace& start,
                            std::span<const std::size_t> which, const Free& asked,
                            double noise_scale, const MeasurePhotos& measure) {
@@ -454,8 +452,8 @@ RunPixels settled_pixels(const CameraModel& calibration, std::vector<PhotoPixels
             best_of_all(calibration, start, some, result.asked, scale, measure);
         if (there.loss() > no_gain * start.loss())
             break;
-        auto everywhere =
-            attempted([&] { return DeviationPlace(there.at, measure(there.at, all, std::nullopt)); });
+        auto everywhere = attempted(
+            [&] { return DeviationPlace(there.at, measure(there.at, all, std::nullopt)); });
         if (!everywhere)
             break;
         place = std::move(*everywhere);

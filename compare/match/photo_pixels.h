@@ -50,9 +50,9 @@ private:
 };
 
 // The same photographs as those at deviation 0, a few of them by index, with another deviation.
-using MeasurePhotos = std::function<std::vector<PhotoPixels>(
-    const PixelDeviation& deviating, std::span<const std::size_t> which,
-    std::optional<double> noise_scale)>;
+using MeasurePhotos = std::function<std::vector<PhotoPixels>(const PixelDeviation& deviating,
+                                                             std::span<const std::size_t> which,
+                                                             std::optional<double> noise_scale)>;
 
 // From what was measured at deviation 0 to where nothing more is asked for (`at`, `asked` and
 // `photos` of the result). Deterministic.

@@ -18,8 +18,8 @@ namespace etalon {
 
 class PhotometricDetector {
 public:
-    // `marker` as parse_marker() makes it; `background` is the radiance beside it, whose white is 1.
-    // Throws ConfigError for a camera or marker that cannot be used, with `place`, and
+    // `marker` as parse_marker() makes it; `background` is the radiance beside it, whose white
+    // is 1. Throws ConfigError for a camera or marker that cannot be used, with `place`, and
     // NumericalError for a telecentric camera.
     PhotometricDetector(const CameraModel& camera, const Marker& marker, const std::string& place,
                         double background = 1.0);

@@ -386,8 +386,8 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                                       seen.by_variances(x, y), row.tail(photometric));
             if (!is_flat) {
                 for (int i = 0; i < further; ++i)
-                    row[i] = model.by_radiance *
-                             changed[static_cast<std::size_t>(i)].at<float>(y, x);
+                    row[i] =
+                        model.by_radiance * changed[static_cast<std::size_t>(i)].at<float>(y, x);
                 for (int i = 0; i < geometric; ++i)
                     row[further + i] =
                         -model.by_radiance * (slope.x() * moved(0, i) + slope.y() * moved(1, i));

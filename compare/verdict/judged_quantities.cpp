@@ -105,8 +105,8 @@ constexpr QuantityKind kinds[] = {
     of_pixels<&PixelMatch::background_gray>(quantity::pixel_background, "gray",
                                             "Pixels: difference of what is beside the marker",
                                             &Limits::pixel_background_gray),
-    of_pixels<&PixelMatch::black_gray>(quantity::pixel_black, "gray",
-                                       "Pixels: difference of black", &Limits::pixel_black_gray)};
+    of_pixels<&PixelMatch::black_gray>(quantity::pixel_black, "gray", "Pixels: difference of black",
+                                       &Limits::pixel_black_gray)};
 
 }  // namespace
 

@@ -47,7 +47,8 @@ struct QuantityKind {
     const char* missing = "";                              // why there may be no value
     double MonteCarloUncertainty::*monte_carlo = nullptr;  // null: not propagated
     bool is_required = false;                              // every limits file has a limit for it
-    bool is_of_pixels = false;  // size of a difference of photographs and renders; not in the budget
+    bool is_of_pixels =
+        false;  // size of a difference of photographs and renders; not in the budget
 };
 
 // In the order of reports.

@@ -17,7 +17,7 @@ namespace etalon {
 namespace deviation {
 inline constexpr int f_number = 0;       // log of the true f-number over the calibration's
 inline constexpr int inverse_focus = 1;  // 1/mm: of the focus distances, true less calibration's
-inline constexpr int blur = 2;    // px^2: variance of a Gaussian besides; below 0: sharper
+inline constexpr int blur = 2;           // px^2: variance of a Gaussian besides; below 0: sharper
 inline constexpr int tone = 3;    // t of C(s) = s + t s (1 - s), s between black (0) and white (1)
 inline constexpr int growth = 4;  // px by which edges lie farther out in the light
 inline constexpr int count = 5;
@@ -29,7 +29,8 @@ using PixelInformation = Eigen::Matrix<double, deviation::count, deviation::coun
 struct PhotoPixels {
     double depth_mm = 0.0;  // of the marker
     // Normal equations of the deviations, pose and levels solved beside them; in units of the noise
-    // (1 gray where the camera's file has none) times the scale of the residuals. 0 for those that are not asked for.
+    // (1 gray where the camera's file has none) times the scale of the residuals. 0 for those that
+    // are not asked for.
     PixelInformation information = PixelInformation::Zero();
     PixelDeviation score = PixelDeviation::Zero();
     double loss = 0.0;            // Huber's, over all pixels
@@ -41,11 +42,11 @@ struct PhotoPixels {
     double noise_gray = 0.0;
     // In flat places, found over stated; nothing where none is stated or it is below rounding.
     std::optional<double> noise_ratio;
-    double contrast_gray = 0.0;         // white less black
-    std::optional<double> black_gray;   // less the calibration's; nothing without a sensor section
+    double contrast_gray = 0.0;        // white less black
+    std::optional<double> black_gray;  // less the calibration's; nothing without a sensor section
     Eigen::Vector2d shading = Eigen::Vector2d::Zero();  // change of white along the image's width
                                                         // and height, as part of white
-    std::optional<double> background_gray;  // beside the marker, less the expected
+    std::optional<double> background_gray;              // beside the marker, less the expected
 };
 
 // What one photograph alone shows (compare/match/match_outcome.h).

@@ -150,7 +150,8 @@ std::optional<PixelFigure> residual_of(const RunPixels& pixels) {
         return std::nullopt;
     const double noise = std::sqrt(noise_squares / count), ratio = std::sqrt(squares / count);
     const double of_render = std::hypot(noise, render_tolerance_gray) - noise;
-    return PixelFigure{noise * (ratio - 1.0), k * noise * ratio / std::sqrt(2.0 * count) + of_render};
+    return PixelFigure{noise * (ratio - 1.0),
+                       k * noise * ratio / std::sqrt(2.0 * count) + of_render};
 }
 
 // -------------------------------------------------------------------- figures of one photograph
@@ -216,10 +217,10 @@ void add_lens_findings(const PixelEstimate& shown, const CameraModel& camera,
     for (const int i : shown.asked) {
         const double value = shown.value[i], u = k * std::sqrt(shown.covariance(i, i));
         if (i == deviation::inverse_focus)
-            findings.push_back(fmt::format(
-                "the lens focuses at {}, its file says {:.4g} mm",
-                distance_words(1.0 / camera.lens->focus_distance_mm + value, u),
-                camera.lens->focus_distance_mm));
+            findings.push_back(
+                fmt::format("the lens focuses at {}, its file says {:.4g} mm",
+                            distance_words(1.0 / camera.lens->focus_distance_mm + value, u),
+                            camera.lens->focus_distance_mm));
         if (i == deviation::f_number) {
             const double f_number = camera.lens->f_number * std::exp(value);
             findings.push_back(fmt::format("the lens is at f/{}, its file says f/{:.3g}",
@@ -241,7 +242,9 @@ void add_findings(const PixelEstimate& shown, const CameraModel& camera, PixelMa
             match.findings.push_back(fmt::format("{} by {}{}", figure->value > 0 ? more : less,
                                                  words(*figure, unit), what_else));
     };
-    const auto is_in = [&](int i) { return std::ranges::find(shown.asked, i) != shown.asked.end(); };
+    const auto is_in = [&](int i) {
+        return std::ranges::find(shown.asked, i) != shown.asked.end();
+    };
     const auto add_tone = [&] {
         add(match.tone_gray, "half tones are brighter than the calibration's tone curve",
             "half tones are darker than the calibration's tone curve", "gray", "");
@@ -249,19 +252,20 @@ void add_findings(const PixelEstimate& shown, const CameraModel& camera, PixelMa
     if (is_tone_far(shown))
         return add_tone();
     if (match.blur_px && match.blur_px->is_shown())
-        match.findings.push_back(
-            fmt::format("the photographs are {} than the calibration says, edges by {} (RMS)",
-                        match.blur_px->value > 0 ? "blurrier" : "sharper",
-                        words(*match.blur_px, "px")));
+        match.findings.push_back(fmt::format(
+            "the photographs are {} than the calibration says, edges by {} (RMS)",
+            match.blur_px->value > 0 ? "blurrier" : "sharper", words(*match.blur_px, "px")));
     add_lens_findings(shown, camera, match.findings);
     if (is_in(deviation::tone))
         add_tone();
     if (is_in(deviation::growth))
-        add(match.edge_px, "dark parts are wider at each edge", "dark parts are narrower at each edge",
-            "px", ": look at print, exposure and tone curve");
+        add(match.edge_px, "dark parts are wider at each edge",
+            "dark parts are narrower at each edge", "px",
+            ": look at print, exposure and tone curve");
     add(match.noise_ratio, "the noise is larger than the calibration says",
         "the noise is smaller than the calibration says", "of it", ": gain or light is another");
-    add(match.background_gray, "what is beside the marker is brighter than the station's background",
+    add(match.background_gray,
+        "what is beside the marker is brighter than the station's background",
         "what is beside the marker is darker than the station's background", "gray", "");
     add(match.black_gray, "black is brighter than the calibration's black level",
         "black is darker than the calibration's black level", "gray",
@@ -308,9 +312,9 @@ PixelEvidence evidence_of(const PixelEstimate& estimate, const PixelMatch& match
     const Eigen::Index n = std::ssize(estimate.asked);
     std::vector<std::pair<const char*, PixelFigure>> single;
     if (!is_tone_far(estimate))
-        for (const auto& [name, figure] : {std::pair("noise", match.noise_ratio),
-                                           std::pair("background", match.background_gray),
-                                           std::pair("black level", match.black_gray)})
+        for (const auto& [name, figure] :
+             {std::pair("noise", match.noise_ratio), std::pair("background", match.background_gray),
+              std::pair("black level", match.black_gray)})
             if (figure)
                 single.emplace_back(name, *figure);
     evidence.observed.resize(n + std::ssize(single));

@@ -35,9 +35,9 @@ struct PixelMatch {
     int photos = 0;  // that were compared
     // Signed: photographs less renders. Nothing where the camera's file does not say what it would
     // be held against, or too few photographs show it.
-    std::optional<PixelFigure> residual_gray;  // RMS residual less the stated noise
-    std::optional<PixelFigure> blur_px;        // RMS over the photographs, standard deviation
-    std::optional<PixelFigure> tone_gray;      // in the middle between black and white
+    std::optional<PixelFigure> residual_gray;    // RMS residual less the stated noise
+    std::optional<PixelFigure> blur_px;          // RMS over the photographs, standard deviation
+    std::optional<PixelFigure> tone_gray;        // in the middle between black and white
     std::optional<PixelFigure> shading_percent;  // of white, along the image's width and height
     std::optional<PixelFigure> noise_ratio;      // found over stated, less 1
     std::optional<PixelFigure> edge_px;          // by which dark parts are wider at each edge

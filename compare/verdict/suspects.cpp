@@ -190,16 +190,19 @@ void add_pixel_suspects(std::vector<Suspect>& all, const SuspectRequest& request
     const Suspect edges = shrink != all.end() ? *shrink : Suspect{};
     if (shrink != all.end() && has("edge shrink"))
         shrink->pixels = row_of("edge shrink", shrink->size);
-    const auto rows = static_cast<Eigen::Index>(2 * request.chain.points_mm.size() *
-                                                request.chain.poses.size());
+    const auto rows =
+        static_cast<Eigen::Index>(2 * request.chain.points_mm.size() * request.chain.poses.size());
     for (const PixelSuspect& each : pixel_suspects) {
         if (!has(each.name))
             continue;
-        Suspect suspect{each.name, each.unit, each.remedy, each.size,
-                        Eigen::MatrixXd::Zero(rows, 1), row_of(each.name, each.size)};
+        Suspect suspect{each.name,
+                        each.unit,
+                        each.remedy,
+                        each.size,
+                        Eigen::MatrixXd::Zero(rows, 1),
+                        row_of(each.name, each.size)};
         if (suspect.name == "tone curve" && edges.corners_px.size() > 0)
-            suspect.corners_px =
-                edges_by_tone(request, edges.corners_px, edges.size, suspect.size);
+            suspect.corners_px = edges_by_tone(request, edges.corners_px, edges.size, suspect.size);
         all.push_back(std::move(suspect));
     }
 }

@@ -140,19 +140,19 @@ RunPixels PhotometricPoses::pixels() const {
         at_zero.push_back(*found.pixels);
     }
     const CameraModel& model = run_.station.camera.model;
-    RunPixels run = settled_pixels(
-        model, std::move(at_zero),
-        [&](const PixelDeviation& deviating, std::span<const std::size_t> which,
-            std::optional<double> noise_scale) {
-            const DeviatingCamera camera(model, deviating);
-            std::vector<PhotoPixels> all(which.size());
-            tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
-                if (stop_.stop_requested())
-                    throw Interrupted();
-                all[i] = measured(*compared[which[i]], camera, noise_scale);
-            });
-            return all;
-        });
+    RunPixels run =
+        settled_pixels(model, std::move(at_zero),
+                       [&](const PixelDeviation& deviating, std::span<const std::size_t> which,
+                           std::optional<double> noise_scale) {
+                           const DeviatingCamera camera(model, deviating);
+                           std::vector<PhotoPixels> all(which.size());
+                           tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
+                               if (stop_.stop_requested())
+                                   throw Interrupted();
+                               all[i] = measured(*compared[which[i]], camera, noise_scale);
+                           });
+                           return all;
+                       });
     run.findings = std::move(findings);
     return run;
 }

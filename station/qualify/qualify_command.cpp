@@ -45,8 +45,7 @@ std::string found_lines(const QualifyResult& result) {
             lines += "finding " + finding + "\n";
     const Cause* cause = result.analysis->causes ? result.analysis->causes->named() : nullptr;
     if (cause)
-        lines +=
-            fmt::format("cause {} ({:.0f} %)\n", cause->text(), 100.0 * cause->probability);
+        lines += fmt::format("cause {} ({:.0f} %)\n", cause->text(), 100.0 * cause->probability);
     return lines;
 }
 

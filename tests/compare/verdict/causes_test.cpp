@@ -129,5 +129,50 @@ TEST(Causes, RefuseWhatDoesNotAgree) {
                  NumericalError);
 }
 
+// ------------------------------------------------------------------------------------- pixels
+
+// What the photographs tell of focus and tone; corners that tell nothing.
+PixelMatch told(double inverse_focus, double tone, double shrink) {
+    PixelMatch match;
+    match.photos = 40;
+    match.evidence.errors = {"focus distance", "tone curve", "edge shrink"};
+    match.evidence.observed = Eigen::Vector3d(inverse_focus, tone, shrink);
+    match.evidence.covariance = Eigen::Vector3d(1e-10, 1e-6, 1e-5).asDiagonal();
+    return match;
+}
+
+Causes causes_with(SimulatedRun run, std::uint64_t seed, const PixelMatch& pixels) {
+    run.look_for_causes = true;
+    QualificationInput input = input_of(run, seed);
+    input.pixels = pixels;
+    return *qualify(input).causes;
+}
+
+TEST(Causes, NameAFocusThatOnlyPixelsShow) {
+    const Causes causes = causes_with(demo_run(), 21, told(3e-4, 0.0005, -0.002));
+    ASSERT_TRUE(causes.named());
+    EXPECT_EQ(causes.named()->text(), "focus distance");
+    EXPECT_NEAR(causes.named()->errors.front().size, 3e-4, 2e-5);
+    EXPECT_EQ(causes.named()->errors.front().unit, "1/mm");
+    EXPECT_EQ(causes_with(demo_run(), 21, told(1e-5, 0.0005, -0.002)).named(), nullptr);
+}
+
+// Edges that are seen narrower by 0.05 px in the corners: the pixels say whether the tone or the
+// print is to blame.
+TEST(Causes, TellAToneFromEdgesThatAreNarrower) {
+    constexpr double shrunk_px = 0.05;
+    SimulatedRun run = demo_run();
+    run.seen = [](const Corners& corners) { return edges_moved_inwards(corners, shrunk_px); };
+    const Causes print = causes_with(run, 22, told(0.0, 0.0, shrunk_px));
+    ASSERT_TRUE(print.named());
+    EXPECT_EQ(print.named()->text(), "edge shrink");
+    // The camera of this run has no lens section: a blur of 0.5 px is taken.
+    const double tone = shrunk_px * std::sqrt(std::numbers::pi) / 0.5;
+    const Causes light = causes_with(run, 22, told(0.0, tone, 0.0));
+    ASSERT_TRUE(light.named());
+    EXPECT_EQ(light.named()->text(), "tone curve");
+    EXPECT_NEAR(light.named()->errors.front().size, tone, 0.01);
+}
+
 }  // namespace
 }  // namespace etalon

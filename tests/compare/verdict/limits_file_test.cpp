@@ -80,5 +80,20 @@ TEST(LimitsFile, SaysWhereAndWhatIsWrong) {
                 HasSubstr(":3:"));
 }
 
+TEST(LimitsFile, ReadsLimitsOfPixels) {
+    const Limits none = read_limits(file_with(good));
+    EXPECT_FALSE(none.pixel_blur_px || none.pixel_noise_ratio || none.pixels_must_match);
+    const Limits limits =
+        read_limits(file_with(std::string(good) + "pixel_blur_px: {limit: 0.1, unit: px}\n"
+                                                  "pixel_noise_ratio: {limit: 0.2, unit: \"1\"}\n"
+                                                  "pixel_shading_percent: {limit: 3, unit: \"%\"}\n"
+                                                  "pixels: must_match\n"));
+    EXPECT_EQ(limits.pixel_blur_px, 0.1);
+    EXPECT_EQ(limits.pixel_noise_ratio, 0.2);
+    EXPECT_EQ(limits.pixel_shading_percent, 3.0);
+    EXPECT_TRUE(limits.pixels_must_match);
+    EXPECT_THAT(refusal(std::string(good) + "pixels: maybe\n"), HasSubstr("limits.yaml:5"));
+}
+
 }  // namespace
 }  // namespace etalon

@@ -101,9 +101,10 @@ TEST(PixelMatch, SaysWhereTheLensFocuses) {
         match_pixels(run_with(deviating(deviation::inverse_focus, nearer)), camera());
     ASSERT_EQ(match.findings.size(), 2u);
     EXPECT_THAT(match.findings[0], HasSubstr("the photographs are sharper"));
-    EXPECT_THAT(match.findings[1],
-                testing::ContainsRegex(
-                    "^the lens focuses at (69|70)[0-9]\\.?[0-9]* \\+- [0-9.]+ mm, its file says 900 mm$"));
+    EXPECT_THAT(
+        match.findings[1],
+        testing::ContainsRegex(
+            "^the lens focuses at (69|70)[0-9]\\.?[0-9]* \\+- [0-9.]+ mm, its file says 900 mm$"));
 }
 
 TEST(PixelMatch, SaysWhichApertureTheLensHas) {

@@ -171,5 +171,72 @@ TEST(Qualification, RefusesInputThatIsNotFinite) {
     EXPECT_THROW(qualify(input), NumericalError);
 }
 
+// ------------------------------------------------------------------------------------- pixels
+
+PixelMatch blurry() {
+    PixelMatch match;
+    match.photos = 40;
+    match.blur_px = PixelFigure{-0.21, 0.03};
+    match.findings = {"the photographs are sharper than the calibration says"};
+    return match;
+}
+
+TEST(Qualification, ReportsPixelsWithoutALimitAndPasses) {
+    const SimulatedRun run = demo_run();
+    QualificationInput input = input_of(run, 1);
+    input.pixels = blurry();
+    const Qualification result = qualify(input);
+    EXPECT_EQ(result.verdict, Outcome::pass);
+    const auto blur =
+        std::ranges::find(result.reported, quantity::pixel_blur, &JudgedQuantity::name);
+    ASSERT_NE(blur, result.reported.end());
+    EXPECT_EQ(blur->value, 0.21);
+    EXPECT_EQ(blur->expanded_uncertainty, 0.03);
+    EXPECT_EQ(blur->coverage_factor, 3.0);
+    const auto tone =
+        std::ranges::find(result.reported, quantity::pixel_tone, &JudgedQuantity::name);
+    EXPECT_FALSE(tone->measured);
+}
+
+TEST(Qualification, JudgesPixelsByTheirLimits) {
+    for (const auto& [limit, expected] :
+         {std::pair(0.30, Outcome::pass), std::pair(0.22, Outcome::inconclusive),
+          std::pair(0.10, Outcome::fail)}) {
+        const SimulatedRun run = demo_run();
+        QualificationInput input = input_of(run, 1);
+        input.limits.pixel_blur_px = limit;
+        input.pixels = blurry();
+        EXPECT_EQ(qualify(input).verdict, expected) << limit;
+    }
+}
+
+TEST(Qualification, FailsPixelsThatMustMatch) {
+    const SimulatedRun run = demo_run();
+    QualificationInput input = input_of(run, 1);
+    input.limits.pixels_must_match = true;
+    input.pixels = blurry();
+    const Qualification result = qualify(input);
+    EXPECT_EQ(result.verdict, Outcome::fail);
+    EXPECT_THAT(result.reasons, Contains(HasSubstr("the pixels do not match")));
+    input.pixels->findings.clear();
+    EXPECT_EQ(qualify(input).verdict, Outcome::pass);
+    input.pixels.reset();
+    EXPECT_EQ(qualify(input).verdict, Outcome::inconclusive);
+}
+
+TEST(Qualification, MeasuresNothingThatIsOverexposed) {
+    const SimulatedRun run = demo_run();
+    QualificationInput input = input_of(run, 1);
+    input.pixels = PixelMatch{};
+    input.pixels->is_overexposed = true;
+    const Qualification result = qualify(input);
+    EXPECT_EQ(result.verdict, Outcome::inconclusive);
+    for (const JudgedQuantity& quantity : result.quantities)
+        EXPECT_EQ(quantity.outcome, Outcome::skipped);
+    EXPECT_THAT(result.reasons, Contains(HasSubstr("overexposed")));
+    ASSERT_TRUE(result.causes && result.causes->named());
+    EXPECT_EQ(result.causes->named()->text(), "overexposed");
+}
+
 }  // namespace
 }  // namespace etalon

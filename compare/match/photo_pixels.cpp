@@ -13,8 +13,6 @@
 namespace etalon {
 namespace {
 
-constexpr double not_a_change = 1e-12;
-
 bool has_aperture(const CameraModel& camera) {
     return camera.lens && camera.lens->psf.kind != PointSpread::Kind::measured;
 }
@@ -66,9 +64,22 @@ PhotoState with_fitted_levels(const PhotoOfMarker& photo, const PhotometricCamer
     return state;
 }
 
-// The wanted unknowns' part of normal equations in which all others are solved.
-void reduce(const PhotoEquations& equations, const std::vector<Eigen::Index>& wanted,
-            const std::vector<int>& as, PhotoPixels& pixels) {
+// The deviations' part of normal equations in which all others are solved. Those that are renders'
+// changes come first, the tone last.
+void reduce(const PhotoEquations& equations, const std::array<bool, deviation::count>& asked,
+            PhotoPixels& pixels) {
+    std::vector<Eigen::Index> wanted;
+    std::vector<int> as;
+    for (const int i :
+         {deviation::f_number, deviation::inverse_focus, deviation::blur, deviation::growth})
+        if (asked[static_cast<std::size_t>(i)]) {
+            wanted.push_back(std::ssize(as));
+            as.push_back(i);
+        }
+    if (asked[deviation::tone]) {
+        wanted.push_back(equations.score.size() - 1);
+        as.push_back(deviation::tone);
+    }
     std::vector<Eigen::Index> others;
     for (Eigen::Index i = 0; i < equations.score.size(); ++i)
         if (std::ranges::find(wanted, i) == wanted.end())
@@ -87,8 +98,12 @@ void reduce(const PhotoEquations& equations, const std::vector<Eigen::Index>& wa
         Eigen::VectorXd(equations.score(wanted)) - solved.transpose() * other_score;
     if (!information.allFinite() || !score.allFinite())
         throw NumericalError("the pixels do not determine pose and levels");
-    pixels.information(as, as) = information;
-    pixels.score(as) = score;
+    for (std::size_t i = 0; i < as.size(); ++i) {
+        const auto row = static_cast<Eigen::Index>(i);
+        pixels.score[as[i]] = score[row];
+        for (std::size_t j = 0; j < as.size(); ++j)
+            pixels.information(as[i], as[j]) = information(row, static_cast<Eigen::Index>(j));
+    }
 }
 
 // Standard deviation of rounding to the camera's code values, gray.
@@ -144,14 +159,10 @@ void add_noise(const PhotoOfMarker& photo, const PhotometricCamera& camera, cons
 std::optional<double> gray_beside(const cv::Mat& gray, const cv::Mat& printed, double blur_px) {
     constexpr int width = 8, enough = 100;
     constexpr double about_gray = 10.0;
-    const int clear = static_cast<int>(std::ceil(3.0 * blur_px)) + 2;
-    const auto grown = [&](int by) {
-        cv::Mat result;
-        cv::dilate(printed, result,
-                   cv::getStructuringElement(cv::MORPH_ELLIPSE, cv::Size(2 * by + 1, 2 * by + 1)));
-        return result;
-    };
-    const cv::Mat ring = grown(clear + width) & ~grown(clear);
+    const double clear = 3.0 * blur_px + 2.0;
+    cv::Mat distance;
+    cv::distanceTransform(~printed, distance, cv::DIST_L2, 3);
+    const cv::Mat ring = (distance > clear) & (distance <= clear + width);
     std::vector<double> seen;
     for (int y = 0; y < ring.rows; ++y)
         for (int x = 0; x < ring.cols; ++x)
@@ -193,6 +204,8 @@ void add_levels(const PhotoOfMarker& photo, const PhotometricCamera& camera,
     const Vector6d terms = level_terms(middle.x, middle.y, photo.use.size());
     const double black = state.photometry.black.dot(terms),
                  white = state.photometry.white.dot(terms);
+    if (!(white > black))
+        throw NumericalError("white is not brighter than black");
     pixels.contrast_gray = white - black;
     if (const auto& sensor = camera.model().sensor)
         pixels.black_gray = black - sensor->black_dn * 255.0 / ((1 << sensor->bits) - 1);
@@ -245,10 +258,12 @@ std::vector<cv::Mat> DeviatingCamera::changes(const PhotoOfMarker& photo,
     return all;
 }
 
-PhotoPixels DeviatingCamera::measure(const PhotoOfMarker& photo, const Rigid& camera_from_marker,
+PhotoPixels DeviatingCamera::measure(const PhotoOfMarker& all_of_it,
+                                     const Rigid& camera_from_marker,
                                      const std::optional<ComparedArea>& whole,
                                      std::optional<double> noise_scale) const {
     constexpr double none_held_back = 1e3;
+    const PhotoOfMarker photo = with_few_flats(all_of_it, camera_, camera_from_marker);
     const ImageMotion motion(camera_.projector(), camera_from_marker, {},
                              fitted_region(photo, camera_));
     const RenderedGradient rendered =
@@ -272,20 +287,7 @@ PhotoPixels DeviatingCamera::measure(const PhotoOfMarker& photo, const Rigid& ca
         changes(photo, camera_from_marker, rendered, motion.region()));
 
     pixels.depth_mm = camera_from_marker.translation.z();
-    std::vector<Eigen::Index> wanted;
-    std::vector<int> as;
-    Eigen::Index next = 0;
-    for (int i = 0; i < deviation::count; ++i) {
-        if (i != deviation::tone && asked_[static_cast<std::size_t>(i)]) {
-            wanted.push_back(next++);
-            as.push_back(i);
-        }
-    }
-    if (asked_[deviation::tone]) {
-        wanted.push_back(equations.score.size() - 1);
-        as.push_back(deviation::tone);
-    }
-    reduce(equations, wanted, as, pixels);
+    reduce(equations, asked_, pixels);
     pixels.loss = equations.loss;
     add_noise(photo, camera_, state, rendered, motion.region(), pixels);
     add_levels(photo, camera_, state, whole, pixels);
@@ -300,12 +302,15 @@ namespace {
 struct DeviationPlace {
     PixelDeviation at;
     std::vector<PhotoPixels> photos;
-    PixelInformation information = PixelInformation::Zero();
-    PixelDeviation score = PixelDeviation::Zero();
-    double sum = 0.0;
+    PixelInformation information = known_beforehand();
+    PixelDeviation score;
+    double sum;
 
     DeviationPlace(const PixelDeviation& where, std::vector<PhotoPixels> measured)
-        : at(where), photos(std::move(measured)) {
+        : at(where),
+          photos(std::move(measured)),
+          score(-information * where),
+          sum(-0.5 * score.dot(where)) {
         for (const PhotoPixels& photo : photos) {
             information += photo.information;
             score += photo.score;
@@ -325,7 +330,7 @@ using Free = std::array<bool, deviation::count>;
 DeviationStep newton_step(const DeviationPlace& place, double damping, const Free& free) {
     std::vector<int> at;
     for (int i = 0; i < deviation::count; ++i)
-        if (free[static_cast<std::size_t>(i)] && place.information(i, i) > not_a_change)
+        if (free[static_cast<std::size_t>(i)])
             at.push_back(i);
     const auto n = std::ssize(at);
     Eigen::MatrixXd information(n, n);

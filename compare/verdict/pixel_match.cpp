@@ -8,7 +8,6 @@
 #include <map>
 #include <set>
 
-#include "core/errors.h"
 #include "core/information.h"
 
 namespace etalon {
@@ -51,8 +50,8 @@ double widening(const RunPixels& pixels, const PixelDeviation& step,
 PixelEstimate estimate_of(const RunPixels& pixels) {
     constexpr double curved = 0.02;
     PixelEstimate estimate;
-    PixelInformation information = PixelInformation::Zero();
-    PixelDeviation score = PixelDeviation::Zero(), step = PixelDeviation::Zero();
+    PixelInformation information = known_beforehand();
+    PixelDeviation score = -information * pixels.at, step = PixelDeviation::Zero();
     for (const PhotoPixels& photo : pixels.photos) {
         information += photo.information;
         score += photo.score;
@@ -61,12 +60,10 @@ PixelEstimate estimate_of(const RunPixels& pixels) {
         if (pixels.asked[static_cast<std::size_t>(i)])
             estimate.asked.push_back(i);
     const std::vector<int>& asked = estimate.asked;
-    const auto inverse = inverse_of_information(Eigen::MatrixXd(information(asked, asked)));
-    if (!inverse)
-        throw NumericalError("the photographs do not determine how they differ from their renders");
-    step(asked) = *inverse * Eigen::VectorXd(score(asked));
+    const Eigen::MatrixXd inverse = Eigen::MatrixXd(information(asked, asked)).inverse();
+    step(asked) = inverse * Eigen::VectorXd(score(asked));
     estimate.value = pixels.at + step;
-    estimate.covariance(asked, asked) = *inverse * widening(pixels, step, asked);
+    estimate.covariance(asked, asked) = inverse * widening(pixels, step, asked);
     for (const int i : asked)
         estimate.covariance(i, i) += std::pow(curved * estimate.value[i], 2);
     return estimate;

@@ -86,16 +86,15 @@ void PhotometricPoses::read(Found& found) const {
         estimate_pose(detector_.camera()->projector(), marker.points_mm, found.pose.corners);
     if (!start)
         throw NumericalError("its corners determine no pose to start from");
-    found.first = first_whole(found.pose);
-    found.findings =
-        in_words(examine_marker(recorded_photo(run_, *found.first), marker, area_,
-                                detector_.camera()->projector(), start->camera_from_marker));
+    const CodeImage first = recorded_photo(run_, *first_whole(found.pose));
+    found.findings = in_words(examine_marker(first, marker, area_, detector_.camera()->projector(),
+                                             start->camera_from_marker));
     std::vector<PhotometricPose> poses;
     for (const FrameRecord& frame : found.pose.frames)
         if (!frame.file.empty())
             poses.push_back(detector_.find(recorded_photo(run_, frame), start->camera_from_marker,
                                            detector_error_px));
-    const auto compared = attempted([&] { compare(found, poses.front()); });
+    const auto compared = attempted([&] { compare(found, first, poses.front()); });
     for (const PhotometricPose& pose : poses)
         require_unambiguous(pose);
     found.reading = mean_of(poses);
@@ -104,8 +103,8 @@ void PhotometricPoses::read(Found& found) const {
 
 // At a pose that need not have settled: with a wrong tone curve it may never, and it is solved
 // beside the deviations.
-void PhotometricPoses::compare(Found& found, const PhotometricPose& seen) const {
-    const CodeImage image = recorded_photo(run_, *found.first);
+void PhotometricPoses::compare(Found& found, const CodeImage& image,
+                               const PhotometricPose& seen) const {
     const PhotometricCamera& camera = *detector_.camera();
     const Rigid& camera_from_marker = seen.camera_from_marker;
     const Marker& marker = run_.station.marker;
@@ -117,15 +116,14 @@ void PhotometricPoses::compare(Found& found, const PhotometricPose& seen) const 
          pixel_fitted, run_.station.background},
         camera, camera_from_marker);
     found.findings = in_words(examine_match(image, marker, area_, camera, match));
-    found.pixels = measured(found, calibration_);
+    found.pixels = measured(image, camera_from_marker, calibration_, std::nullopt);
 }
 
-PhotoPixels PhotometricPoses::measured(const Found& found, const DeviatingCamera& camera,
+PhotoPixels PhotometricPoses::measured(const CodeImage& image, const Rigid& camera_from_marker,
+                                       const DeviatingCamera& camera,
                                        std::optional<double> noise_scale) const {
-    const Rigid& camera_from_marker = found.compared_at;
-    const cv::Mat gray = gray_of(recorded_photo(run_, *found.first));
-    return camera.measure(detector_.photo_at(gray, camera_from_marker), camera_from_marker, whole_,
-                          noise_scale);
+    return camera.measure(detector_.photo_at(gray_of(image), camera_from_marker),
+                          camera_from_marker, whole_, noise_scale);
 }
 
 RunPixels PhotometricPoses::pixels() const {
@@ -149,7 +147,9 @@ RunPixels PhotometricPoses::pixels() const {
                            tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
                                if (stop_.stop_requested())
                                    throw Interrupted();
-                               all[i] = measured(*compared[which[i]], camera, noise_scale);
+                               const Found& found = *compared[which[i]];
+                               all[i] = measured(recorded_photo(run_, *first_whole(found.pose)),
+                                                 found.compared_at, camera, noise_scale);
                            });
                            return all;
                        });

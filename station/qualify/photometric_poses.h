@@ -43,7 +43,6 @@ public:
 
 private:
     struct Found {
-        const FrameRecord* first = nullptr;  // the first whole photograph, in `pose`
         Pose pose;
         std::optional<PhotometricReading> reading;
         std::string refusal;
@@ -53,9 +52,9 @@ private:
     };
 
     void read(Found& found) const;
-    void compare(Found& found, const PhotometricPose& seen) const;
-    PhotoPixels measured(const Found& found, const DeviatingCamera& camera,
-                         std::optional<double> noise_scale = std::nullopt) const;
+    void compare(Found& found, const CodeImage& image, const PhotometricPose& seen) const;
+    PhotoPixels measured(const CodeImage& image, const Rigid& camera_from_marker,
+                         const DeviatingCamera& camera, std::optional<double> noise_scale) const;
 
     const QualifyResult& run_;
     std::stop_token stop_;

@@ -195,6 +195,23 @@ TEST(PixelMatch, LeavesOutWhatTheCalibrationDoesNotSay) {
     EXPECT_FALSE(match_pixels(run, plain).edge_px);
 }
 
+TEST(PixelMatch, SaysNothingOfWhatNoPhotographTells) {
+    RunPixels run = run_with(PixelDeviation::Zero());
+    for (PhotoPixels& photo : run.photos) {
+        photo.information.setZero();
+        photo.score.setZero();
+        photo.pixels = 0;
+        photo.noise_gray = photo.squares = 0.0;
+        photo.noise_ratio.reset();
+    }
+    const PixelMatch match = match_pixels(run, camera());
+    EXPECT_THAT(match.findings, IsEmpty());
+    EXPECT_FALSE(match.residual_gray);
+    EXPECT_EQ(match.blur_px->value, 0.0);
+    EXPECT_TRUE(std::isfinite(match.blur_px->expanded_uncertainty));
+    EXPECT_EQ(match.edge_px->expanded_uncertainty, 3.0);  // what is known beforehand
+}
+
 TEST(PixelMatch, GivesEvidenceByTheNamesOfCauses) {
     const PixelMatch match = match_pixels(run_with(deviating(deviation::growth, 0.05)), camera());
     EXPECT_THAT(match.evidence.errors,

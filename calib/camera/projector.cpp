@@ -51,13 +51,19 @@ constexpr double stop_tolerance = 1e-14;  // at which no further step is worth i
 }  // namespace
 
 Projector::Projector(const CameraModel& camera)
+    : Projector(camera, ValidRegion(checked(camera).distortion)) {}
+
+Projector::Projector(const CameraModel& camera, const Projector& like)
+    : Projector(camera, like.region_) {}
+
+Projector::Projector(const CameraModel& camera, ValidRegion region)
     : camera_(checked(camera)),
       has_distortion_(!camera.distortion.is_zero()),
       has_tilt_(camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0),
       tilt_(tilt_matrix(camera.distortion.tau_x, camera.distortion.tau_y)),
       untilt_(tilt_.inverse()),
       pixel_size_(1.0 / std::min(camera.intrinsics.fx, camera.intrinsics.fy)),
-      region_(camera.distortion) {}
+      region_(std::move(region)) {}
 
 std::optional<Distorted> Projector::distorted(const Eigen::Vector2d& undistorted) const {
     if (!region_.contains(undistorted))

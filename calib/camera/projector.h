@@ -31,6 +31,10 @@ public:
     // positive, or a telecentric camera has a sensor tilt (tau_x, tau_y: a perspective model).
     explicit Projector(const CameraModel& camera);
 
+    // A camera that differs from `like` by little, as differences need it: the border of its valid
+    // region is taken from there, so that it costs next to nothing.
+    Projector(const CameraModel& camera, const Projector& like);
+
     // Nothing when the point is not in front of the camera (z <= 0), outside the valid region, or
     // not finite. The pixel may lie outside the image.
     std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& p_camera) const;
@@ -48,6 +52,7 @@ public:
     const ValidRegion& valid_region() const { return region_; }
 
 private:
+    Projector(const CameraModel& camera, ValidRegion region);
     std::optional<Distorted> distorted(const Eigen::Vector2d& undistorted) const;
     std::optional<Eigen::Vector2d> untilted(const Eigen::Vector2d& distorted) const;
     std::optional<Eigen::Vector2d> solve(const Eigen::Vector2d& target,

@@ -5,9 +5,11 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <deque>
 #include <limits>
 #include <numbers>
+#include <numeric>
 #include <optional>
 
 #include "core/errors.h"
@@ -23,30 +25,38 @@ constexpr double no_trace = 1e-6;  // of a column before X and Y are solved
 // poses, and beneath them what the pixels tell.
 class FreedRows {
 public:
-    explicit FreedRows(const CauseEvidence& evidence) {
-        const SignatureChain& chain = evidence.request.chain;
-        const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
-        pixel_rows_ = evidence.pixels.size();
+    explicit FreedRows(const CauseEvidence& evidence)
+        : FreedRows(evidence, by_registration(evidence)) {}
+
+    // `by_registration`: what X and Y do to the rows.
+    FreedRows(const CauseEvidence& evidence, const Eigen::MatrixXd& by_registration)
+        : pixel_rows_(evidence.pixels.size()) {
         if (pixel_rows_ > 0)
             pixel_factor_.compute(evidence.pixel_covariance);
-        Eigen::MatrixXd xy =
-            Eigen::MatrixXd::Zero(rows * std::ssize(chain.poses) + pixel_rows_, 12);
-        for (std::size_t i = 0; i < chain.poses.size(); ++i) {
-            const Eigen::LLT<Eigen::MatrixXd> factor(evidence.covariance_px2[i]);
-            if (factor.info() != Eigen::Success || evidence.covariance_px2[i].rows() != rows)
+        for (std::size_t i = 0; i < evidence.covariance_px2.size(); ++i) {
+            factors_.emplace_back(evidence.covariance_px2[i]);
+            if (factors_.back().info() != Eigen::Success)
                 throw NumericalError(
                     fmt::format("causes: pose {} has no covariance of its corners", i));
-            factors_.push_back(factor);
-            xy.middleRows(static_cast<Eigen::Index>(i) * rows, rows) = registration_jacobian(
-                chain.projector, chain.points_mm, chain.camera_from_base,
-                chain.poses[i].base_from_carriage, chain.carriage_from_marker);
         }
-        xy = whitened(xy);
+        const Eigen::MatrixXd xy = whitened(by_registration);
         const Eigen::VectorXd unscale = xy.colwise().norm().cwiseInverse();
         Eigen::ColPivHouseholderQR<Eigen::MatrixXd> solver;
         solver.setThreshold(1e-9);
         solver.compute(xy * unscale.asDiagonal());
         absorbed_ = solver.householderQ() * Eigen::MatrixXd::Identity(xy.rows(), solver.rank());
+    }
+
+    static Eigen::MatrixXd by_registration(const CauseEvidence& evidence) {
+        const SignatureChain& chain = evidence.request.chain;
+        const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
+        Eigen::MatrixXd xy =
+            Eigen::MatrixXd::Zero(rows * std::ssize(chain.poses) + evidence.pixels.size(), 12);
+        for (std::size_t i = 0; i < chain.poses.size(); ++i)
+            xy.middleRows(static_cast<Eigen::Index>(i) * rows, rows) = registration_jacobian(
+                chain.projector, chain.points_mm, chain.camera_from_base,
+                chain.poses[i].base_from_carriage, chain.carriage_from_marker);
+        return xy;
     }
 
     Eigen::MatrixXd whitened(Eigen::MatrixXd columns) const {
@@ -162,6 +172,23 @@ Eigen::MatrixXd declared_columns(const CauseEvidence& evidence, const FreedRows&
     return columns;
 }
 
+// What was observed, freed of X and Y, and what an explanation of it is held against.
+struct Observation {
+    // `known`: how many suspects each is one of.
+    Observation(const CauseEvidence& evidence, const FreedRows& rows, const Metric& measure,
+                std::size_t known)
+        : metric(&measure),
+          values(rows.freed(observed(evidence))),
+          square(measure.product(values, values)(0, 0)),
+          freedom(static_cast<double>(rows.degrees_of_freedom())),
+          log_determinant(rows.log_determinant()),
+          known(static_cast<double>(known)) {}
+
+    const Metric* metric;
+    Eigen::VectorXd values;
+    double square, freedom, log_determinant, known;
+};
+
 // ---------------------------------------------------------------------------------- the search
 
 // Products of the columns of all suspects with each other and with what was observed: all that the
@@ -170,30 +197,27 @@ class Explanations {
 public:
     using Set = std::vector<std::size_t>;  // ascending indices of suspects
 
-    // `known`: how many suspects each is one of.
-    Explanations(const Eigen::VectorXd& observed, const Metric& metric, double degrees_of_freedom,
-                 std::size_t known)
-        : metric_(&metric),
-          observed_(observed),
-          square_(metric.product(observed, observed)(0, 0)),
-          freedom_(degrees_of_freedom),
-          known_(static_cast<double>(known)) {}
+    explicit Explanations(Observation of) : of_(std::move(of)) {}
 
-    Explanations without_suspects() const {
-        return {observed_, *metric_, freedom_, static_cast<std::size_t>(known_)};
+    // The same with these suspects alone.
+    Explanations only(const Set& set) const {
+        Explanations few(of_);
+        for (const std::size_t i : set)
+            few.add(suspect(i), columns_.middleCols(suspects_[i].first, suspects_[i].count));
+        return few;
     }
 
     // `freed`: its columns, freed of X and Y. Leaves out nothing: ask leaves_a_trace() before.
     void add(const Suspect& suspect, const Eigen::MatrixXd& freed) {
         const Eigen::Index before = columns_.cols(), count = freed.cols();
-        columns_.conservativeResize(observed_.size(), before + count);
+        columns_.conservativeResize(of_.values.size(), before + count);
         columns_.rightCols(count) = freed;
-        const Eigen::MatrixXd mixed = metric_->product(columns_, freed);
+        const Eigen::MatrixXd mixed = of_.metric->product(columns_, freed);
         products_.conservativeResize(before + count, before + count);
         products_.rightCols(count) = mixed;
         products_.bottomRows(count) = mixed.transpose();
         seen_.conservativeResize(before + count);
-        seen_.tail(count) = metric_->product(freed, observed_);
+        seen_.tail(count) = of_.metric->product(freed, of_.values);
         suspects_.push_back({&suspect, before, count});
     }
 
@@ -219,7 +243,7 @@ public:
         Fit fit;
         fit.numbers =
             unscale.cwiseProduct(solver.solve(Eigen::VectorXd(unscale.cwiseProduct(seen))));
-        fit.rest = square_ - seen.dot(fit.numbers);
+        fit.rest = of_.square - seen.dot(fit.numbers);
         return fit;
     }
 
@@ -233,25 +257,27 @@ public:
     Eigen::VectorXd residual(const Set& set) const {
         const std::vector<Eigen::Index> at = columns_of(set);
         const Eigen::VectorXd explained = columns_(Eigen::all, at) * fit(set)->numbers;
-        return metric_->weighted(observed_ - explained);
+        return of_.metric->weighted(of_.values - explained);
     }
 
     double scatter(const Fit& fit) const {
         return std::sqrt(
-            std::max(1.0, fit.rest / (freedom_ - static_cast<double>(fit.numbers.size()))));
+            std::max(1.0, fit.rest / (of_.freedom - static_cast<double>(fit.numbers.size()))));
     }
 
-    // Log of the posterior odds against everything else, up to a constant: the likelihood with the
-    // corners' scatter at its best value from 1 up, Schwarz's price of each number, and the prior.
+    // Log of the posterior odds against everything else, up to a constant: the likelihood under the
+    // covariance, with the corners' scatter at its best value from 1 up, Schwarz's price of each
+    // number, and the prior.
     double score(const Set& set) const {
         const auto found = fit(set);
         if (!found)
             return -std::numeric_limits<double>::infinity();
-        const double enlarged = std::max(1.0, found->rest / freedom_);
-        double score = -0.5 * (found->rest / enlarged + freedom_ * std::log(enlarged)) -
-                       0.5 * static_cast<double>(found->numbers.size()) * std::log(freedom_);
+        const double enlarged = std::max(1.0, found->rest / of_.freedom);
+        double score = -0.5 * (of_.log_determinant + found->rest / enlarged +
+                               of_.freedom * std::log(enlarged)) -
+                       0.5 * static_cast<double>(found->numbers.size()) * std::log(of_.freedom);
         for (const std::size_t i : set)
-            score -= std::log(known_ * suspect(i).tried);
+            score -= std::log(of_.known * suspect(i).tried);
         return score;
     }
 
@@ -269,9 +295,7 @@ private:
         Eigen::Index first, count;
     };
 
-    const Metric* metric_;
-    Eigen::VectorXd observed_;
-    double square_, freedom_, known_;
+    Observation of_;
     Eigen::MatrixXd columns_, products_;
     Eigen::VectorXd seen_;
     std::vector<Place> suspects_;
@@ -455,8 +479,12 @@ void require_usable(const CauseEvidence& evidence) {
     const bool is_usable =
         poses > 2 && evidence.difference_px.size() == poses &&
         evidence.covariance_px2.size() == poses &&
-        std::ranges::all_of(evidence.difference_px, [&](const Eigen::VectorXd& difference) {
-            return difference.size() == rows && difference.allFinite();
+        std::ranges::all_of(evidence.difference_px,
+                            [&](const Eigen::VectorXd& difference) {
+                                return difference.size() == rows && difference.allFinite();
+                            }) &&
+        std::ranges::all_of(evidence.covariance_px2, [&](const Eigen::MatrixXd& covariance) {
+            return covariance.rows() == rows && covariance.cols() == rows;
         });
     const Eigen::Index pixels = evidence.pixels.size();
     const bool has_pixels =
@@ -473,10 +501,13 @@ const Suspect* best_member(const std::vector<Suspect>& family, const FreedRows& 
                            const Explanations& comparison, const Set& beside) {
     const Suspect* best = nullptr;
     double best_score = -std::numeric_limits<double>::infinity();
+    const Explanations blamed = comparison.only(beside);
+    Set all(beside.size() + 1);
+    std::iota(all.begin(), all.end(), std::size_t{0});
     for (const Suspect& member : family) {
-        Explanations extended = comparison;
+        Explanations extended = blamed;
         extended.add(member, rows.freed(member));
-        const double score = extended.score(with(beside, extended.size() - 1));
+        const double score = extended.score(all);
         if (score > best_score) {
             best_score = score;
             best = &member;
@@ -505,18 +536,17 @@ public:
         }
     }
 
-    // How much of the residual's square a sine and cosine of this frequency explain.
-    double power(double frequency) const {
-        const Eigen::ArrayXd phase = 2.0 * std::numbers::pi * frequency * positions_.array();
-        Eigen::MatrixXd waves(positions_.size(), 2);
-        waves << phase.sin(), phase.cos();
-        const Eigen::Vector2d seen = waves.transpose() * told_;
-        const Eigen::MatrixXd lost = absorbed_ * waves;
-        const Eigen::Matrix2d information =
-            waves.transpose() * weight_.asDiagonal() * waves - lost.transpose() * lost;
-        if (!(information.determinant() > 1e-6 * std::pow(information.trace(), 2)))
-            return 0.0;  // one wave of the two is lost
-        return seen.dot(information.inverse() * seen);
+    // How much of the residual's square sines and cosines explain, of each frequency from `first`
+    // up to `last`: from one to the next every position's phase turns by its own constant.
+    std::vector<double> powers(double first, double last, double step) const {
+        using namespace std::complex_literals;
+        const Eigen::ArrayXcd turns = 2.0i * std::numbers::pi * positions_.array();
+        Eigen::ArrayXcd phase = (first * turns).exp();
+        const Eigen::ArrayXcd next = (step * turns).exp();
+        std::vector<double> all;
+        for (double frequency = first; frequency <= last; frequency += step, phase *= next)
+            all.push_back(power(phase));
+        return all;
     }
 
     // The longest of the periods that explain next to as much as the best, then the others; nothing
@@ -529,19 +559,30 @@ public:
         if (tried < 1)
             return {};
         const double step = 0.5 / travel / per_resolution;
-        std::vector<double> powers;
-        for (int i = 2 * per_resolution - 1; i * step <= 1.0 / shortest + step; ++i)
-            powers.push_back(power(i * step));
+        const double first = (2 * per_resolution - 1) * step;
+        const std::vector<double> powers = this->powers(first, 1.0 / shortest + step, step);
         const double highest = *std::ranges::max_element(powers);
         const double least = highest - std::max(as_good, as_good_part * highest);
         std::vector<double> found;
         for (std::size_t k = 1; k + 1 < powers.size() && found.size() < most_periods; ++k)
             if (powers[k] >= least && powers[k] >= powers[k - 1] && powers[k] > powers[k + 1])
-                found.push_back(1.0 / (step * (static_cast<double>(k) + 2 * per_resolution - 1)));
+                found.push_back(1.0 / (first + step * static_cast<double>(k)));
         return found;
     }
 
 private:
+    double power(const Eigen::ArrayXcd& phase) const {
+        Eigen::MatrixXd waves(phase.size(), 2);
+        waves << phase.imag(), phase.real();
+        const Eigen::Vector2d seen = waves.transpose() * told_;
+        const Eigen::MatrixXd lost = absorbed_ * waves;
+        const Eigen::Matrix2d information =
+            waves.transpose() * weight_.asDiagonal() * waves - lost.transpose() * lost;
+        if (!(information.determinant() > 1e-6 * std::pow(information.trace(), 2)))
+            return 0.0;  // one wave of the two is lost
+        return seen.dot(information.inverse() * seen);
+    }
+
     Eigen::VectorXd positions_, told_, weight_;
     Eigen::MatrixXd absorbed_;
 };
@@ -571,9 +612,8 @@ public:
     Search(const CauseEvidence& evidence, const std::vector<Suspect>& known)
         : rows_(evidence),
           metric_(declared_columns(evidence, rows_, known)),
-          comparison_(rows_.freed(observed(evidence)), metric_,
-                      static_cast<double>(rows_.degrees_of_freedom()),
-                      known.size() + evidence.request.axes.size() + 1) {
+          comparison_(Observation(evidence, rows_, metric_,
+                                  known.size() + evidence.request.axes.size() + 1)) {
         for (const Suspect& suspect : known)
             add(suspect);
         const std::vector<Suspect> poses = misplaced_poses(evidence.request);
@@ -607,7 +647,7 @@ public:
 
     // Of a smooth change that nobody needs to make.
     double score_of_none(const Suspect& smooth) const {
-        Explanations other = comparison_.without_suspects();
+        Explanations other = comparison_.only({});
         other.add(smooth, spanned(rows_.freed(smooth)));
         return other.score({0});
     }
@@ -652,12 +692,10 @@ Causes ranked(const Search& search, const Suspect& smooth) {
 
 // -------------------------------------------------------------------------------- random errors
 
-// Of a covariance with a random error against the one without: log likelihood and prior odds.
-double determinant_and_price(const CauseEvidence& without, const CauseEvidence& with,
-                             std::size_t known) {
-    const auto numbers = static_cast<double>(observed(without).size());
-    return 0.5 * (FreedRows(without).log_determinant() - FreedRows(with).log_determinant()) -
-           0.5 * std::log(numbers) - std::log(static_cast<double>(known));
+// Of a random error as of every number that is fitted, and its prior odds.
+double price(const CauseEvidence& evidence, std::size_t known) {
+    return 0.5 * std::log(static_cast<double>(observed(evidence).size())) +
+           std::log(static_cast<double>(known));
 }
 
 // A random error, the evidence with it in the covariance, and the log of the odds that it gains.
@@ -668,12 +706,10 @@ struct Scattered {
 };
 
 // The score of a few suspects under a covariance.
-double score_with(const CauseEvidence& evidence, const std::vector<Suspect>& suspects,
-                  std::size_t known) {
-    const FreedRows rows(evidence);
+double score_with(const CauseEvidence& evidence, const FreedRows& rows,
+                  const std::vector<Suspect>& suspects, std::size_t known) {
     const Metric metric(Eigen::MatrixXd(observed(evidence).size(), 0));
-    Explanations comparison(rows.freed(observed(evidence)), metric,
-                            static_cast<double>(rows.degrees_of_freedom()), known);
+    Explanations comparison(Observation(evidence, rows, metric, known));
     Set set;
     for (const Suspect& suspect : suspects) {
         comparison.add(suspect, rows.freed(suspect));
@@ -704,13 +740,14 @@ std::optional<Scattered> best_scatter(const CauseEvidence& evidence,
                                       const std::vector<Suspect>& beside, std::size_t known) {
     constexpr double rad_per_mm = 1e-2;
     std::optional<Scattered> best;
-    const double without = score_with(evidence, beside, known);
+    const Eigen::MatrixXd xy = FreedRows::by_registration(evidence);
+    const double without = score_with(evidence, FreedRows(evidence, xy), beside, known);
     for (const ScatterSuspect& suspect : suspects)
         for (const double each : sizes) {
             const double size = each * (suspect.unit == "rad" ? rad_per_mm : 1.0);
             CauseEvidence changed = with_scatter(evidence, suspect, size);
-            const double gained = score_with(changed, beside, known) - without +
-                                  determinant_and_price(evidence, changed, known);
+            const double gained = score_with(changed, FreedRows(changed, xy), beside, known) -
+                                  without - price(evidence, known);
             if (!(gained > (best ? best->gained : 0.0)))
                 continue;
             const auto motions = static_cast<double>(suspect.corners_px.size()) *
@@ -820,8 +857,7 @@ Causes find_causes(const CauseEvidence& evidence) {
             continue;
         const Search search(scattered->evidence, start.known);
         const double odds =
-            search.best_score() - plain.best_score() +
-            determinant_and_price(start.evidence, scattered->evidence, start.known.size());
+            search.best_score() - plain.best_score() - price(evidence, start.known.size());
         if (!(odds > best_odds))
             continue;
         best_odds = odds;

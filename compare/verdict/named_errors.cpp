@@ -4,10 +4,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
-#include <memory>
 
 #include "core/errors.h"
 
@@ -152,21 +149,12 @@ std::vector<NamedError> NamedErrors::further() const {
 }
 
 NamedError NamedErrors::camera_error(const CameraError& error) const {
-    // The camera of the size that was asked for last: sizes come pose after pose.
-    struct Changed {
-        double by = std::numeric_limits<double>::quiet_NaN();
-        std::shared_ptr<const Projector> camera;
-    };
-    const auto last = std::make_shared<std::array<Changed, 2>>();
     return {error.name, error.unit, error.size,
-            [this, last, change = error.change](std::size_t pose, double by) {
-                Changed& changed = (*last)[by > 0.0 ? 0 : 1];
-                if (changed.by != by) {
-                    CameraModel camera = chain_.projector.camera();
-                    change(camera, by);
-                    changed = {by, std::make_shared<const Projector>(camera)};
-                }
-                return projected(*changed.camera, chain_.points_mm, truth_[pose]);
+            [this, change = error.change](std::size_t pose, double by) {
+                CameraModel camera = chain_.projector.camera();
+                change(camera, by);
+                return projected(Projector(camera, chain_.projector), chain_.points_mm,
+                                 truth_[pose]);
             }};
 }
 

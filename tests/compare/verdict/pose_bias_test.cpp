@@ -51,8 +51,8 @@ TEST(PoseBias, KeepsTheDetectorTheStageAndTheCameraApart) {
     truth.translation += Eigen::Vector3d(0.7, -0.5, 1.1);
     const PoseBias bias =
         pose_bias(projector, run.points_mm, camera_from_marker,
-                  widened(corners_at(run.camera, run.points_mm, truth)),
-                  widened(corners_at(run.camera, run.points_mm, camera_from_marker)));
+                  widened(corners_at(Projector(run.camera), run.points_mm, truth)),
+                  widened(corners_at(Projector(run.camera), run.points_mm, camera_from_marker)));
     ASSERT_TRUE(bias.b1 && bias.b2 && bias.b3);
     EXPECT_LT(bias.b1->translation_mm.z(), -1.0);  // a marker seen too large is seen too near
     EXPECT_LT((bias.b3->translation_mm - Eigen::Vector3d(0.7, -0.5, 1.1)).norm(), 0.03);
@@ -63,8 +63,9 @@ TEST(PoseBias, KeepsTheDetectorTheStageAndTheCameraApart) {
 TEST(PoseBias, LeavesOutWhatWasNotDetected) {
     const SimulatedRun run = demo_run();
     const Projector projector(run.camera);
-    const PoseBias bias = pose_bias(projector, run.points_mm, camera_from_marker, {},
-                                    corners_at(run.camera, run.points_mm, camera_from_marker));
+    const PoseBias bias =
+        pose_bias(projector, run.points_mm, camera_from_marker, {},
+                  corners_at(Projector(run.camera), run.points_mm, camera_from_marker));
     EXPECT_TRUE(bias.b1);
     EXPECT_FALSE(bias.b2 || bias.b3);
 }
@@ -79,7 +80,7 @@ TEST(PoseBias, TellsTheSolutionsOfABoardApartByTheirRotation) {
     const Rigid truth{rotation_from_vector(0.4 * Eigen::Vector3d(3, 2, 0).normalized()),
                       {-24.0, -16.0, 470.0}};
     const CameraModel camera = demo_run().camera;
-    const Corners corners = corners_at(camera, board, truth);
+    const Corners corners = corners_at(Projector(camera), board, truth);
     const auto estimate = estimate_pose(Projector(camera), board, corners);
     ASSERT_TRUE(estimate && estimate->alternative);
     const Rigid predicted{truth.rotation, estimate->alternative->translation};
@@ -100,7 +101,7 @@ TEST(BiasCorrectedRegistration, KeepsTheDetectorsBiasOutOfXAndY) {
     EXPECT_GT((naive.camera_from_base.translation - run.camera_from_base.translation).norm(), 0.3);
 
     const auto render = [&](const Rigid& pose) -> std::optional<Corners> {
-        return widened(corners_at(run.camera, run.points_mm, pose));
+        return widened(corners_at(Projector(run.camera), run.points_mm, pose));
     };
     const BiasCorrectedRegistration corrected = register_bias_corrected(
         projector, run.points_mm, poses, run.nominal_carriage_from_marker, render);
@@ -121,7 +122,7 @@ TEST(BiasCorrectedRegistration, LeavesOutPosesWhoseRenderIsNotDetected) {
     const auto render = [&](const Rigid& pose) -> std::optional<Corners> {
         if (++calls % 5 == 0)
             return std::nullopt;
-        return corners_at(run.camera, run.points_mm, pose);
+        return corners_at(Projector(run.camera), run.points_mm, pose);
     };
     const BiasCorrectedRegistration result = register_bias_corrected(
         projector, run.points_mm, poses, run.nominal_carriage_from_marker, render);

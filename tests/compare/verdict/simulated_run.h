@@ -106,9 +106,8 @@ inline std::vector<std::vector<double>> positions(const SimulatedRun& run, std::
     return all;
 }
 
-inline Corners corners_at(const CameraModel& camera, const std::vector<Eigen::Vector3d>& points,
+inline Corners corners_at(const Projector& projector, const std::vector<Eigen::Vector3d>& points,
                           const Rigid& camera_from_marker) {
-    const Projector projector(camera);
     Corners corners;
     for (const Eigen::Vector3d& point : points)
         corners.push_back(projector.project(camera_from_marker * point).value());
@@ -139,7 +138,8 @@ inline Corners photo(const SimulatedRun& run, const std::vector<double>& q, std:
         point *= run.marker_scale;
         point.z() += run.marker_twist_mm * (point.x() * point.y() > 0.0 ? 1.0 : -1.0);
     }
-    Corners corners = run.seen(run.detector(corners_at(run.true_camera, points, truth)));
+    const Projector camera(run.true_camera, Projector(run.camera));
+    Corners corners = run.seen(run.detector(corners_at(camera, points, truth)));
     for (Eigen::Vector2d& corner : corners)
         corner += run.noise_px * Eigen::Vector2d(random.normal(), random.normal());
     return corners;
@@ -235,10 +235,7 @@ inline QualificationInput input_of(const SimulatedRun& run, std::uint64_t seed) 
     input.nominal_carriage_from_marker = run.nominal_carriage_from_marker;
     input.render_and_detect = [&run, projector = Projector(run.camera)](
                                   const Rigid& camera_from_marker) -> std::optional<Corners> {
-        Corners corners;
-        for (const Eigen::Vector3d& point : run.points_mm)
-            corners.push_back(projector.project(camera_from_marker * point).value());
-        return run.detector(corners);
+        return run.detector(corners_at(projector, run.points_mm, camera_from_marker));
     };
     for (std::size_t k = 0; k < run.axes.size(); ++k)
         input.stage_terms.push_back(scale_term(run, all, k));

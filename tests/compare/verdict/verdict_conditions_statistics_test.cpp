@@ -36,7 +36,7 @@ std::function<Corners(const Corners&)> detector_that_reads(
         Rigid pose =
             estimate_pose(Projector(run.camera), run.points_mm, corners).value().camera_from_marker;
         wrong(pose.translation);
-        return corners_at(run.camera, run.points_mm, pose);
+        return corners_at(Projector(run.camera), run.points_mm, pose);
     };
 }
 

@@ -52,8 +52,9 @@ double RenderedCorners::noise_ratio(const CameraModel& camera) {
     return states_noise(camera) ? 1.0 / exposures_per_frame : 0.0;
 }
 
-std::optional<std::vector<Eigen::Vector2d>> RenderedCorners::in(
-    const ExpectedExposures& exposures) const {
+std::optional<std::vector<Eigen::Vector2d>> RenderedCorners::at(
+    const Rigid& camera_from_marker) const {
+    const ExpectedExposures exposures(view_, camera_from_marker);
     if (exposures_ == 1)
         return mean_of({exposures.without_noise(*detectors_.local())});
     std::vector<std::optional<DetectedCorners>> seen(static_cast<std::size_t>(exposures_));

@@ -34,13 +34,9 @@ public:
     static double noise_ratio(const CameraModel& camera);
 
     // In the order of Marker::points_mm; nothing when the whole marker is not detected in most of
-    // the exposures. A pure function of scene and pose. The exposures are seen in parallel; at()
-    // is for one thread at a time. Throws what Renderer::render throws.
-    std::optional<std::vector<Eigen::Vector2d>> at(const Rigid& camera_from_marker) const {
-        return in({view_, camera_from_marker});
-    }
-    // The same in a render of view() that is there.
-    std::optional<std::vector<Eigen::Vector2d>> in(const ExpectedExposures& exposures) const;
+    // the exposures. A pure function of scene and pose, which are seen in parallel. Safe from every
+    // thread. Throws what Renderer::render throws.
+    std::optional<std::vector<Eigen::Vector2d>> at(const Rigid& camera_from_marker) const;
 
 private:
     ExpectedView view_;

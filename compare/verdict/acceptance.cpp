@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "compare/verdict/declared.h"
 #include "compare/verdict/qualification.h"
 #include "compare/verdict/uncertainty_budget.h"
 #include "core/errors.h"
@@ -205,12 +206,9 @@ std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput&
 
 Eigen::Matrix3d position_covariance(const QualificationInput& input, const Pose& pose,
                                     double times) {
-    double stage_mm2 = 0.0;
-    for (const DeclaredRepeatability& each : input.repeatability)
-        stage_mm2 += std::pow(each.marker_mm.value_or(0.0), 2);
     return times * pose.corner_noise->variance_px2 *
                pose.bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
-           stage_mm2 / 3.0 * Eigen::Matrix3d::Identity();
+           repeatability_mm2(input) * Eigen::Matrix3d::Identity();
 }
 
 }  // namespace etalon

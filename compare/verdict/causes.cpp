@@ -78,7 +78,7 @@ public:
         Eigen::MatrixXd all =
             Eigen::MatrixXd::Zero(corners + pixel_rows_, suspect.corners_px.cols());
         all.topRows(corners) = suspect.corners_px;
-        if (suspect.pixels.rows() == pixel_rows_)
+        if (pixel_rows_ > 0 && suspect.pixels.rows() == pixel_rows_)
             all.bottomRows(pixel_rows_) = suspect.pixels;
         return all;
     }

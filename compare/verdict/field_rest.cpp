@@ -14,10 +14,15 @@ namespace {
 
 constexpr double limit_sigmas = 3.0902;  // one-sided 99.9 %
 
-void require_usable(std::span<const FieldSample> samples, std::span<const SampleNoise> noise) {
+void require_usable(std::span<const FieldSample> samples, std::span<const SampleNoise> noise,
+                    const Eigen::MatrixXd& declared) {
     if (samples.size() != noise.size())
         throw NumericalError(fmt::format("field rest: {} samples with the noise of {}",
                                          samples.size(), noise.size()));
+    if (declared.cols() > 0 && declared.rows() != 3 * std::ssize(samples))
+        throw NumericalError("field rest: a declared error is not of these samples");
+    if (!declared.allFinite())
+        throw NumericalError("field rest: a declared error is not finite");
     for (const SampleNoise& each : noise)
         if (!each.covariance.allFinite() || !(each.covariance.trace() > 0.0) ||
             !(each.degrees_of_freedom > 0.0))
@@ -32,14 +37,20 @@ Eigen::VectorXd stacked_errors(std::span<const FieldSample> samples) {
 }
 
 // The residuals r = M e of a fit with the weights W: M = I - D E, of the design D and the estimator
-// E = (D^T W D)^-1 D^T W, is a projection with W M = M^T W. Its products are left to the thin D and
-// E, which have 15 columns and rows where M has 3 for each sample.
+// E = (D^T W D)^-1 D^T W, has a symmetric W M. Its products are left to the thin D and E, which
+// have 15 columns and rows where M has 3 for each sample. Declared errors S are fitted beside the
+// field, each drawn towards 0 as its standard uncertainty says: D becomes (D S), and to
+// (D S)^T W (D S) a 1 is added for each.
 class Residuals {
 public:
-    Residuals(const SmoothField& field, std::span<const FieldSample> samples)
+    Residuals(const SmoothField& field, std::span<const FieldSample> samples,
+              const Eigen::MatrixXd& declared)
         : design_(stacked_design(field, samples)),
           estimator_(estimator(field, samples)),
-          weights_(sample_weights(field, samples)) {}
+          weights_(sample_weights(field, samples)) {
+        if (declared.cols() > 0)
+            fit_beside(declared);
+    }
 
     Eigen::VectorXd of(const Eigen::VectorXd& errors) const {
         return errors - design_ * (estimator_ * errors);
@@ -54,7 +65,7 @@ public:
         return kernel;
     }
 
-    // M^T W M = W M = W - W D E
+    // W M = W - W D E: of the smallest r^T W r, with what declared errors pay for their sizes
     Eigen::MatrixXd weighted_kernel() const {
         const Eigen::MatrixXd weighted_design =
             times_blocks(design_.transpose(), weights_).transpose();
@@ -66,37 +77,55 @@ public:
         return kernel;
     }
 
-    // r^T W r
-    double weighted_square(const Eigen::VectorXd& residual) const {
-        return times_blocks(residual.transpose(), weights_).row(0).dot(residual);
+    // e^T W M e
+    double weighted_square(const Eigen::VectorXd& errors) const {
+        return times_blocks(errors.transpose(), weights_).row(0).dot(of(errors));
     }
 
 private:
+    void fit_beside(const Eigen::MatrixXd& declared) {
+        const Eigen::Index coefficients = design_.cols(), count = declared.cols();
+        const Eigen::MatrixXd in_field = estimator_ * declared;
+        const Eigen::MatrixXd weighted =
+            times_blocks((declared - design_ * in_field).transpose(), weights_);
+        Eigen::MatrixXd normal = weighted * declared;
+        normal.diagonal().array() += 1.0;
+        const Eigen::MatrixXd sizes = normal.ldlt().solve(weighted);
+        design_.conservativeResize(Eigen::NoChange, coefficients + count);
+        design_.rightCols(count) = declared;
+        estimator_ -= in_field * sizes;
+        estimator_.conservativeResize(coefficients + count, Eigen::NoChange);
+        estimator_.bottomRows(count) = sizes;
+    }
+
     Eigen::MatrixXd design_, estimator_;
     std::vector<Eigen::Matrix3d> weights_;
 };
 
-// Of Q = e^T K e: what noise in e makes of it.
+// Of Q = e^T K e: what noise and declared errors in e make of it.
 struct QuadraticForm {
     Eigen::MatrixXd kernel;      // K
-    Eigen::MatrixXd spread;      // K times the noise's covariance
-    double mean = 0.0;           // for the stated noise
+    Eigen::MatrixXd spread;      // K times their covariance
+    double mean = 0.0;           // for what is stated
     double variance = 0.0;       // of Q for it
     double mean_variance = 0.0;  // of the mean, as the noise is itself an estimate
 };
 
-QuadraticForm form_of(const Eigen::MatrixXd& kernel, std::span<const SampleNoise> noise) {
+QuadraticForm form_of(const Eigen::MatrixXd& kernel, std::span<const SampleNoise> noise,
+                      const Eigen::MatrixXd& declared) {
     std::vector<Eigen::Matrix3d> covariances;
     for (const SampleNoise& each : noise)
         covariances.push_back(each.covariance);
     QuadraticForm form{kernel, times_blocks(kernel, covariances)};
-    form.mean = form.spread.trace();
-    form.variance = 2.0 * form.spread.cwiseProduct(form.spread.transpose()).sum();
     for (std::size_t i = 0; i < noise.size(); ++i) {
         const double share =
             form.spread.diagonal().segment<3>(static_cast<Eigen::Index>(3 * i)).sum();
         form.mean_variance += 2.0 * share * share / noise[i].degrees_of_freedom;
     }
+    if (declared.cols() > 0)
+        form.spread += (kernel * declared) * declared.transpose();
+    form.mean = form.spread.trace();
+    form.variance = 2.0 * form.spread.cwiseProduct(form.spread.transpose()).sum();
     return form;
 }
 
@@ -124,20 +153,20 @@ double chi_square_limit(double degrees_of_freedom) {
 }
 
 FieldRest field_rest(const SmoothField& field, std::span<const FieldSample> samples,
-                     std::span<const SampleNoise> noise) {
-    require_usable(samples, noise);
-    const Residuals residuals(field, samples);
-    const Eigen::VectorXd residual = residuals.of(stacked_errors(samples));
+                     std::span<const SampleNoise> noise, const Eigen::MatrixXd& declared) {
+    require_usable(samples, noise, declared);
+    const Residuals residuals(field, samples, declared);
+    const Eigen::VectorXd errors = stacked_errors(samples);
 
     FieldRest rest;
     double noise_square = 0.0;
     for (const SampleNoise& each : noise)
         noise_square += each.covariance.trace();
     rest.noise_rms = std::sqrt(noise_square / static_cast<double>(samples.size()));
-    find_rest(residual, form_of(residuals.plain_kernel(), noise), rest);
+    find_rest(residuals.of(errors), form_of(residuals.plain_kernel(), noise, declared), rest);
 
-    const QuadraticForm weighted = form_of(residuals.weighted_kernel(), noise);
-    rest.chi_square_ratio = residuals.weighted_square(residual) / weighted.mean;
+    const QuadraticForm weighted = form_of(residuals.weighted_kernel(), noise, declared);
+    rest.chi_square_ratio = residuals.weighted_square(errors) / weighted.mean;
     rest.degrees_of_freedom =
         2.0 * weighted.mean * weighted.mean / (weighted.variance + weighted.mean_variance);
     rest.chi_square_limit = chi_square_limit(rest.degrees_of_freedom);

@@ -1,6 +1,6 @@
-// What a smooth field leaves unexplained, once the noise is taken out of it: structure finer than
-// the field's basis, which registration and field cannot show. And whether the residuals are as
-// large as the stated noise says (chi-square, pooled over the samples).
+// What a smooth field leaves unexplained, once the noise and what is declared as uncertain are
+// taken out of it: structure finer than the field's basis, which registration and field cannot
+// show. And whether the residuals are as large as both say (chi-square, pooled over the samples).
 #pragma once
 
 #include <span>
@@ -22,19 +22,22 @@ struct FieldRest {
     double rms_uncertainty = 0.0;  // U: rms + U covers the true one in 97.7 % of runs
     double noise_rms = 0.0;        // root mean square length of a sample's stated noise
 
-    // Mean square of the residuals in units of what the stated noise leaves of itself in them, its
-    // degrees of freedom, and the 99.9 % quantile for residuals that are nothing but that noise.
+    // Mean square of the residuals in units of what the stated noise and declared errors leave of
+    // themselves in them, its degrees of freedom, and the 99.9 % quantile for residuals that are
+    // nothing but these.
     double chi_square_ratio = 0.0;
     double degrees_of_freedom = 0.0;
     double chi_square_limit = 0.0;
 };
 
-// `samples` are those that the field was fitted to, `noise` one for each. The expectation of the
-// residuals' power for given noise, and its variance, follow from the fit's own weights (quadratic
-// forms of normal deviates). Throws NumericalError when the sizes do not agree or a covariance is
-// not finite and positive. A millisecond for 60 samples, with the square of their number.
+// `samples` are those that the field was fitted to, `noise` one for each. `declared`: what each
+// declared error does to the samples' errors, stacked (3 rows per sample), at its standard
+// uncertainty; a column each. The expectation of the residuals' power and its variance follow from
+// the fit's own weights (quadratic forms of normal deviates). Throws NumericalError when the sizes
+// do not agree, a covariance is not finite and positive, or a declared error not finite. A
+// millisecond for 60 samples, with the square of their number.
 FieldRest field_rest(const SmoothField& field, std::span<const FieldSample> samples,
-                     std::span<const SampleNoise> noise);
+                     std::span<const SampleNoise> noise, const Eigen::MatrixXd& declared = {});
 
 // The 99.9 % quantile of chi-square over its degrees of freedom.
 double chi_square_limit(double degrees_of_freedom);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "compare/verdict/pose_bias.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -13,16 +14,10 @@ namespace {
 
 using Points = std::vector<Eigen::Vector3d>;
 
-Eigen::VectorXd projected(const Projector& projector, const Points& points,
-                          const Rigid& camera_from_marker) {
-    Eigen::VectorXd pixels(2 * points.size());
-    for (std::size_t k = 0; k < points.size(); ++k) {
-        const auto pixel = projector.project(camera_from_marker * points[k]);
-        if (!pixel)
-            throw NumericalError("error signatures: a marker point has no projection");
-        pixels.segment<2>(static_cast<Eigen::Index>(2 * k)) = *pixel;
-    }
-    return pixels;
+Eigen::VectorXd stacked_projections(const Projector& projector, const Points& points,
+                                    const Rigid& camera_from_marker) {
+    const auto pixels = projected(projector, points, camera_from_marker);
+    return Eigen::Map<const Eigen::VectorXd>(pixels.front().data(), 2 * std::ssize(pixels));
 }
 
 Eigen::VectorXd moved_inwards(const Eigen::VectorXd& square, double by_px) {
@@ -153,8 +148,8 @@ NamedError NamedErrors::camera_error(const CameraError& error) const {
             [this, change = error.change](std::size_t pose, double by) {
                 CameraModel camera = chain_.projector.camera();
                 change(camera, by);
-                return projected(Projector(camera, chain_.projector), chain_.points_mm,
-                                 truth_[pose]);
+                return stacked_projections(Projector(camera, chain_.projector), chain_.points_mm,
+                                           truth_[pose]);
             }};
 }
 
@@ -165,9 +160,9 @@ NamedError NamedErrors::stage_error(const StageError& error) const {
             "error signatures: '{}' needs a size and one transform per pose", error.name));
     const auto moved = [this, transforms = error.base_from_carriage](std::size_t pose, double by) {
         return by == 0.0 ? nominal(pose)
-                         : projected(chain_.projector, chain_.points_mm,
-                                     chain_.camera_from_base * transforms[pose] *
-                                         chain_.carriage_from_marker);
+                         : stacked_projections(chain_.projector, chain_.points_mm,
+                                               chain_.camera_from_base * transforms[pose] *
+                                                   chain_.carriage_from_marker);
     };
     return {error.name, error.unit, error.size, moved, true};
 }
@@ -178,7 +173,7 @@ std::vector<NamedError> NamedErrors::marker_errors() const {
                           Points points = chain_.points_mm;
                           for (Eigen::Vector3d& point : points)
                               point *= 1.0 + by;
-                          return projected(chain_.projector, points, truth_[pose]);
+                          return stacked_projections(chain_.projector, points, truth_[pose]);
                       }});
     errors.push_back({"half pixel", "px", 0.5, [this](std::size_t pose, double by) {
                           return Eigen::VectorXd(nominal(pose).array() + by);
@@ -195,7 +190,7 @@ std::vector<NamedError> NamedErrors::marker_errors() const {
     errors.push_back({"constant pose offset", "mm", 0.1, [this](std::size_t pose, double by) {
                           Rigid moved = truth_[pose];
                           moved.translation += by * pose_offset_direction();
-                          return projected(chain_.projector, chain_.points_mm, moved);
+                          return stacked_projections(chain_.projector, chain_.points_mm, moved);
                       }});
     return errors;
 }
@@ -213,12 +208,12 @@ NamedError NamedErrors::out_of_plane(
                 Points points = chain_.points_mm;
                 for (std::size_t k = 0; k < points.size(); ++k)
                     points[k] += by * lifted[k];
-                return projected(chain_.projector, points, truth_[pose]);
+                return stacked_projections(chain_.projector, points, truth_[pose]);
             }};
 }
 
 Eigen::VectorXd NamedErrors::nominal(std::size_t pose) const {
-    return projected(chain_.projector, chain_.points_mm, truth_[pose]);
+    return stacked_projections(chain_.projector, chain_.points_mm, truth_[pose]);
 }
 
 }  // namespace etalon

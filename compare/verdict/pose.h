@@ -62,6 +62,8 @@ struct Pose {
     // repeats do not show rounding.
     std::optional<CornerNoise> corner_noise = {};
     std::optional<PhotometricReading> photometric = {};  // of hold-out poses
+    // Corners less truth, px, in a render where the photograph shows the marker; empty: not known.
+    std::vector<Eigen::Vector2d> detector_bias_px = {};
 
     bool is_detected() const { return !corners.empty(); }
 

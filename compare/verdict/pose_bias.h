@@ -6,7 +6,12 @@
 //     B4 = photometric pose - X S(q) Y           the same without any detector's corners
 //
 // The detector's own bias must not enter X and Y, or B3 shows it with its sign turned: so X and Y
-// are registered on corners from which the bias seen on the render at the same pose is subtracted.
+// are registered on corners from which the bias seen on a render is subtracted.
+//
+// That bias changes within a pixel. Where camera or stage are off, the photograph shows the marker
+// elsewhere than X S(q) Y says, and a render there has another bias. So the bias is best taken from
+// a render at the photograph's photometric pose, which depends neither on X and Y nor on the
+// detector: `detector(render)` is then the projected truth and that bias.
 #pragma once
 
 #include <Eigen/Core>
@@ -31,12 +36,18 @@ PoseError pose_error(const Rigid& estimated, const Rigid& truth);
 using RenderAndDetect =
     std::function<std::optional<std::vector<Eigen::Vector2d>>(const Rigid& camera_from_marker)>;
 
+// Where the marker's points are seen. Throws NumericalError for one outside the camera's valid
+// region.
+std::vector<Eigen::Vector2d> projected(const Projector& projector,
+                                       const std::vector<Eigen::Vector3d>& points_mm,
+                                       const Rigid& camera_from_marker);
+
 struct BiasCorrectedRegistration {
     Registration registration;
     std::vector<std::size_t> used;  // indices of the given poses: seen in photo and render
     // Of each of those, the photo's corners less the detector's bias of the last round.
     std::vector<std::vector<Eigen::Vector2d>> corrected_px;
-    int rounds = 0;                  // of rendering all training poses
+    int rounds = 0;                  // of rendering poses whose bias is not known
     double last_change_px = 0.0;     // largest move of a predicted corner in the last round
     std::vector<double> changes_px;  // the same of each round
 };
@@ -45,16 +56,18 @@ struct BiasCorrectedRegistration {
 std::vector<Eigen::Vector2d> differences(const std::vector<Eigen::Vector2d>& corners,
                                          const std::vector<Eigen::Vector2d>& others);
 
-// Registers on corners(photo) - [corners(render at the current X S Y) - projected truth], iterated
+// Registers on corners(photo) - bias. `known_bias`: of each pose, from a render where the
+// photograph shows the marker (one entry a pose; an empty one, or none at all: not known). Where it
+// is not known it is [corners(render at the current X S Y) - projected truth], and so iterated
 // until no predicted corner moves by more than 0.002 px or `max_rounds` are done (the detector's
 // bias hardly changes over a hundredth of a pixel: two rounds are usual). Calls `render_and_detect`
-// once per pose and round. Throws what register_stage throws.
-BiasCorrectedRegistration register_bias_corrected(const Projector& projector,
-                                                  const std::vector<Eigen::Vector3d>& points_mm,
-                                                  std::span<const RegistrationPose> poses,
-                                                  const Rigid& nominal_carriage_from_marker,
-                                                  const RenderAndDetect& render_and_detect,
-                                                  int max_rounds = 3);
+// once per such pose and round. Throws what register_stage throws, and NumericalError for sizes
+// that do not agree.
+BiasCorrectedRegistration register_bias_corrected(
+    const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
+    std::span<const RegistrationPose> poses, const Rigid& nominal_carriage_from_marker,
+    const RenderAndDetect& render_and_detect,
+    std::span<const std::vector<Eigen::Vector2d>> known_bias = {}, int max_rounds = 3);
 
 // One pose seen by the photograph and by the render at the predicted pose.
 struct PoseBias {

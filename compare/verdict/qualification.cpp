@@ -7,6 +7,8 @@
 #include <cmath>
 
 #include "calib/registration/stage_motion.h"
+#include "compare/verdict/cause_evidence.h"
+#include "compare/verdict/declared.h"
 #include "compare/verdict/judged_quantities.h"
 #include "compare/verdict/qualification_budget.h"
 #include "core/errors.h"
@@ -15,8 +17,10 @@ namespace etalon {
 namespace {
 
 void require_usable(const QualificationInput& input) {
-    if (!input.camera || !input.render_and_detect)
-        throw NumericalError("qualification: a camera and a way to render are needed");
+    if (!input.camera)
+        throw NumericalError("qualification: a camera is needed");
+    if (!input.expected_poses.empty() && input.expected_poses.size() != input.poses.size())
+        throw NumericalError("qualification: the expected poses are not of these poses");
     for (const Pose& pose : input.poses) {
         if (!vector_from_rigid(pose.base_from_carriage).allFinite())
             throw NumericalError("qualification: a stage position is not finite");
@@ -28,6 +32,10 @@ void require_usable(const QualificationInput& input) {
         for (const Eigen::Vector2d& corner : pose.corners)
             if (!corner.allFinite())
                 throw NumericalError("qualification: a corner is not finite");
+        if (!pose.detector_bias_px.empty() && pose.detector_bias_px.size() != pose.corners.size())
+            throw NumericalError("qualification: a detector's bias is not of the marker's points");
+        if (pose.detector_bias_px.empty() && !input.render_and_detect)
+            throw NumericalError("qualification: a way to render is needed");
         if (pose.photometric &&
             !(vector_from_rigid(pose.photometric->camera_from_marker).allFinite() &&
               pose.photometric->covariance.allFinite()))
@@ -95,26 +103,50 @@ void require_motion_of(const std::vector<RegistrationPose>& training,
     require_full_motion(plan, stage_reach);
 }
 
+// With the marker at `predicted`: where the detector's bias is known, that is what it adds there.
+std::optional<std::vector<Eigen::Vector2d>> expected_corners(const QualificationInput& input,
+                                                             const Projector& projector,
+                                                             const Pose& pose,
+                                                             const Rigid& predicted) {
+    if (pose.detector_bias_px.empty())
+        return input.render_and_detect(predicted);
+    std::vector<Eigen::Vector2d> corners = projected(projector, input.points_mm, predicted);
+    for (std::size_t k = 0; k < corners.size(); ++k)
+        corners[k] += pose.detector_bias_px[k];
+    return corners;
+}
+
+// A first estimate of a pose, for the registration to begin with.
+std::optional<Rigid> first_estimate(const QualificationInput& input, const Projector& projector,
+                                    std::size_t pose) {
+    if (!input.expected_poses.empty())
+        return input.expected_poses[pose];
+    const auto estimate = estimate_pose(projector, input.points_mm, input.poses[pose].corners);
+    return estimate ? std::optional(estimate->camera_from_marker) : std::nullopt;
+}
+
 // Registers on the training poses with a pose estimate; false when there are too few of them.
 bool registered(QualificationInput& input, const Projector& projector, Qualification& result) {
     std::vector<RegistrationPose> training;
+    std::vector<std::vector<Eigen::Vector2d>> known_bias;
     std::vector<std::size_t> indices;
     for (std::size_t i = 0; i < input.poses.size(); ++i) {
         const Pose& pose = input.poses[i];
         if (pose.hold_out || !pose.is_detected())
             continue;
-        const auto estimate = estimate_pose(projector, input.points_mm, pose.corners);
+        const auto estimate = first_estimate(input, projector, i);
         if (!estimate)
             continue;
-        training.push_back({pose.base_from_carriage, estimate->camera_from_marker, pose.corners});
+        training.push_back({pose.base_from_carriage, *estimate, pose.corners});
+        known_bias.push_back(pose.detector_bias_px);
         indices.push_back(i);
     }
     if (std::ssize(training) < min_training_poses)
         return false;
     require_motion_of(training, input.stage_reach);
-    result.registration =
-        register_bias_corrected(projector, input.points_mm, training,
-                                input.nominal_carriage_from_marker, input.render_and_detect);
+    result.registration = register_bias_corrected(projector, input.points_mm, training,
+                                                  input.nominal_carriage_from_marker,
+                                                  input.render_and_detect, known_bias);
     for (std::size_t& used : result.registration->used) {
         used = indices[used];
         input.poses[used].used = true;
@@ -122,18 +154,17 @@ bool registered(QualificationInput& input, const Projector& projector, Qualifica
     return std::ssize(result.registration->used) >= min_training_poses;
 }
 
-// Biases of all poses; only hold-out poses are rendered. Returns how many hold-out poses have B3.
+// Biases of all poses; B3 only of hold-out poses. Returns how many hold-out poses have B3.
 int find_biases(QualificationInput& input, const Projector& projector,
                 const Registration& registration) {
     int usable = 0;
     for (Pose& pose : input.poses) {
         const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
-        std::optional<std::vector<Eigen::Vector2d>> rendered;
+        std::optional<std::vector<Eigen::Vector2d>> expected;
         if (pose.hold_out)
-            rendered = input.render_hold_out ? input.render_hold_out(pose, predicted)
-                                             : input.render_and_detect(predicted);
+            expected = expected_corners(input, projector, pose, predicted);
         pose.bias = pose_bias(projector, input.points_mm, predicted, pose.corners,
-                              rendered.value_or(std::vector<Eigen::Vector2d>{}));
+                              expected.value_or(std::vector<Eigen::Vector2d>{}));
         if (pose.photometric)
             pose.bias.b4 = pose_error(pose.photometric->camera_from_marker, predicted);
         if (pose.hold_out) {
@@ -144,15 +175,13 @@ int find_biases(QualificationInput& input, const Projector& projector,
     return usable;
 }
 
-// Of the training poses, from the registration's last round of renders.
+// Of the training poses, from the registration's last round.
 void find_training_differences(QualificationInput& input, const Projector& projector,
                                const BiasCorrectedRegistration& registration) {
     for (std::size_t i = 0; i < registration.used.size(); ++i) {
         PoseBias& bias = input.poses[registration.used[i]].bias;
-        std::vector<Eigen::Vector2d> truth;
-        for (const Eigen::Vector3d& point : input.points_mm)
-            truth.push_back(projector.project(bias.predicted * point).value());
-        bias.difference_px = differences(registration.corrected_px[i], truth);
+        bias.difference_px = differences(registration.corrected_px[i],
+                                         projected(projector, input.points_mm, bias.predicted));
     }
 }
 
@@ -215,25 +244,6 @@ std::vector<FieldSample> photometric_samples(const std::vector<Pose>& poses) {
     return samples;
 }
 
-// What the frames of each used hold-out pose say about its position, with the declared stage noise
-// on top. Nothing when a pose has no repeated frames or they show no noise.
-std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input) {
-    std::vector<SampleNoise> noise;
-    for (const Pose& pose : input.poses) {
-        if (!pose.is_judged())
-            continue;
-        if (!pose.corner_noise)
-            return std::nullopt;
-        SampleNoise one;
-        one.covariance = position_covariance(input, pose, 1.0 + input.render_noise_ratio);
-        one.degrees_of_freedom = pose.corner_noise->degrees_of_freedom;
-        if (!(one.covariance.trace() > 0.0))
-            return std::nullopt;  // frames alike to the last bit say nothing about noise
-        noise.push_back(one);
-    }
-    return noise;
-}
-
 std::vector<Eigen::Vector3d> volume_of(const std::vector<Pose>& poses) {
     std::vector<Eigen::Vector3d> volume;
     for (const Pose& pose : poses)
@@ -251,8 +261,6 @@ void fit_fields(const QualificationInput& input, Qualification& result) {
         fit_smooth_field(samples_of(input.poses, rotation_sample), FieldBasis::linear);
     result.rotation_summary = summarize(*result.rotation_field, volume, draws);
     result.lengths = length_errors(*result.position_field, positions, draws);
-    if (const auto noise = position_noise(input))
-        result.position_rest = field_rest(*result.position_field, positions, *noise);
     const std::vector<FieldSample> photometric = photometric_samples(input.poses);
     if (std::ssize(photometric) < min_hold_out_poses)
         return;
@@ -288,28 +296,6 @@ bool take_known_signatures(const QualificationInput& input, Qualification& resul
     return true;
 }
 
-// Of the used poses, which are the chain's.
-template <class Value>
-std::vector<Value> of_used(const std::vector<Value>& values, const std::vector<Pose>& poses,
-                           const std::string& whose) {
-    if (values.size() != poses.size())
-        throw NumericalError(fmt::format("qualification: '{}' has {} transforms for {} poses",
-                                         whose, values.size(), poses.size()));
-    std::vector<Value> used;
-    for (std::size_t i = 0; i < poses.size(); ++i)
-        if (poses[i].used)
-            used.push_back(values[i]);
-    return used;
-}
-
-std::vector<StageError> stage_errors_of(const QualificationInput& input) {
-    std::vector<StageError> errors;
-    for (const auto& [error, is_linear_scale, in_budget, uncertainty] : input.stage_terms)
-        errors.push_back({error.name, error.unit, error.size,
-                          of_used(error.base_from_carriage, input.poses, error.name)});
-    return errors;
-}
-
 void find_signatures(const QualificationInput& input, const SignatureChain& chain,
                      Qualification& result) {
     if (take_known_signatures(input, result))
@@ -328,131 +314,34 @@ void find_signatures(const QualificationInput& input, const SignatureChain& chai
                                          input.limits.b3_position_field_rms_mm.value());
 }
 
-// ------------------------------------------------------------------------------------ causes
+// ---------------------------------------------------------------------------------- the rest
 
-// Of a corner's coordinate in the mean over the frames, and as much more as the render has; where
-// repeats tell none, what registration has left.
-double corner_variance_px2(const QualificationInput& input, const Pose& pose,
-                           const Qualification& result) {
-    const double left = result.registration->registration.residual_rms_px;
-    const double seen = pose.corner_noise ? pose.corner_noise->variance_px2 : left * left;
-    return std::max(seen, 1e-12) * (1.0 + input.render_noise_ratio);
-}
-
-Eigen::VectorXd stacked_pixels(const std::vector<Eigen::Vector2d>& pixels) {
-    return Eigen::Map<const Eigen::VectorXd>(pixels.front().data(), 2 * std::ssize(pixels));
-}
-
-// Turns the x axis of every point's pixels to where the marker's x axis points in the image.
-Eigen::MatrixXd marker_axes_from_image(const SignatureChain& chain, std::size_t pose) {
-    const Eigen::MatrixXd by_shift = chain.pose_jacobian(pose).rightCols<3>();
-    const Eigen::Vector3d x_axis =
-        chain.camera_from_marker(pose).rotation * Eigen::Vector3d::UnitX();
-    Eigen::Vector2d along = Eigen::Vector2d::Zero();
-    for (Eigen::Index k = 0; k < by_shift.rows(); k += 2)
-        along += by_shift.middleRows<2>(k) * x_axis;
-    along.normalize();
-    Eigen::Matrix2d turn;
-    turn << along.x(), along.y(), -along.y(), along.x();
-    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(by_shift.rows(), by_shift.rows());
-    for (Eigen::Index k = 0; k < by_shift.rows(); k += 2)
-        all.block<2, 2>(k, k) = turn;
-    return all;
-}
-
-// How the noise of a marker's corners hangs together, with the mean variance 1: corners that two
-// fitted edges make do not move on their own. Pooled over the frames of all poses in the marker's
-// axes, drawn towards independence by one frame's weight a coordinate. Independent where frames
-// keep no corners.
-Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
-    const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
-    Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(rows, rows);
-    double freedom = 0.0;
-    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
-        const Pose& pose = chain.poses[i];
-        if (!pose.corner_noise || pose.frames.empty())
+// What the frames of each used hold-out pose say about its position, with the declared stage noise
+// and the error maps' uncertainty on top. Nothing when a pose has no repeated frames or they show
+// no noise.
+std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input) {
+    std::vector<SampleNoise> noise;
+    for (const Pose& pose : input.poses) {
+        if (!pose.is_judged())
             continue;
-        const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
-        const double frame_variance = pose.corner_noise->variance_px2 * pose.detections;
-        for (const FrameRecord& frame : pose.frames) {
-            if (frame.corners.size() != pose.corners.size())
-                continue;
-            const Eigen::VectorXd off =
-                turned * stacked_pixels(differences(frame.corners, pose.corners));
-            sum += off * off.transpose() / frame_variance;
-        }
-        freedom += pose.detections - 1;
+        if (!pose.corner_noise)
+            return std::nullopt;
+        SampleNoise one;
+        one.covariance = position_covariance(input, pose, 1.0 + input.render_noise_ratio) +
+                         error_maps_mm2(input) * Eigen::Matrix3d::Identity();
+        one.degrees_of_freedom = pose.corner_noise->degrees_of_freedom;
+        if (!(one.covariance.trace() > 0.0))
+            return std::nullopt;  // frames alike to the last bit say nothing about noise
+        noise.push_back(one);
     }
-    const auto prior = static_cast<double>(rows);
-    sum.diagonal().array() += prior;
-    return sum / (freedom + prior);
+    return noise;
 }
 
-double declared_stage_mm2(const QualificationInput& input) {
-    double sum = 0.0;
-    for (const DeclaredRepeatability& each : input.repeatability)
-        sum += std::pow(each.marker_mm.value_or(0.0), 2);
-    for (const DeclaredErrorMap& each : input.error_maps)
-        sum += std::pow(each.marker_rms_mm, 2);
-    return sum / 3.0;
-}
-
-// What is declared as uncertain, by the names that suspects have. Temperature changes the sizes of
-// marker and stage.
-std::map<std::string, double> declared_uncertainties(const QualificationInput& input) {
-    std::map<std::string, double> declared;
-    const DeclaredTemperature temperature = input.temperature.value_or(DeclaredTemperature{});
-    const auto warmed = [&](double own, double expansion_per_k) {
-        return std::hypot(own, temperature.standard_uncertainty_k * expansion_per_k);
-    };
-    for (const DeclaredStageTerm& term : input.stage_terms)
-        if (term.standard_uncertainty)
-            declared[term.error.name] =
-                term.is_linear_scale
-                    ? warmed(*term.standard_uncertainty, temperature.stage_expansion_per_k)
-                    : *term.standard_uncertainty;
-    if (input.marker_size_uncertainty)
-        declared["marker print size"] =
-            warmed(*input.marker_size_uncertainty, temperature.marker_expansion_per_k);
-    if (input.marker_flatness_mm)
-        declared["marker twist"] = declared["marker bow"] = *input.marker_flatness_mm;
-    return declared;
-}
-
-CauseEvidence cause_evidence(const QualificationInput& input, const SignatureChain& chain,
-                             const Qualification& result) {
-    CauseEvidence evidence{
-        {chain, stage_errors_of(input), {}, {}, {}}, {}, {}, declared_uncertainties(input)};
-    if (input.pixels) {
-        evidence.request.pixel_errors = input.pixels->evidence.errors;
-        evidence.pixels = input.pixels->evidence.observed;
-        evidence.pixel_covariance = input.pixels->evidence.covariance;
-    }
-    const Eigen::MatrixXd correlation = corner_correlation(chain);
-    const Eigen::MatrixXd modes = Eigen::LLT<Eigen::MatrixXd>(correlation).matrixL();
-    for (StageAxisMotion axis : input.axis_motions) {
-        axis.position = of_used(axis.position, input.poses, axis.name);
-        axis.advanced = of_used(axis.advanced, input.poses, axis.name);
-        if (!axis.approach.empty())
-            axis.approach = of_used(axis.approach, input.poses, axis.name);
-        for (std::vector<Rigid>& aside : axis.aside)
-            if (!aside.empty())
-                aside = of_used(aside, input.poses, axis.name);
-        evidence.request.axes.push_back(std::move(axis));
-    }
-    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
-        const Pose& pose = chain.poses[i];
-        if (pose.settled_s)
-            evidence.request.times_s.push_back(*pose.settled_s);
-        const Eigen::MatrixXd by_shift = chain.pose_jacobian(i).rightCols<3>(),
-                              turned = marker_axes_from_image(chain, i);
-        evidence.difference_px.push_back(stacked_pixels(pose.bias.difference_px));
-        evidence.corner_modes.push_back(turned.transpose() * modes);
-        evidence.covariance_px2.push_back(
-            declared_stage_mm2(input) * by_shift * by_shift.transpose() +
-            corner_variance_px2(input, pose, result) * turned.transpose() * correlation * turned);
-    }
-    return evidence;
+// Needs the signatures: what is declared as uncertain may be in the residuals, too.
+void find_position_rest(const QualificationInput& input, Qualification& result) {
+    if (const auto noise = position_noise(input))
+        result.position_rest = field_rest(*result.position_field, position_samples(input.poses),
+                                          *noise, declared_fields(input, result.signatures));
 }
 
 // ----------------------------------------------------------------------------------- verdict
@@ -608,6 +497,7 @@ Qualification qualify(QualificationInput& input) {
     fit_fields(input, result);
     const SignatureChain chain = chain_of(input, projector, result);
     find_signatures(input, chain, result);
+    find_position_rest(input, result);
     QualificationBudget budget = qualification_budget(input, result, position_samples(input.poses),
                                                       calibration_signatures(chain));
     result.budget = std::move(budget.rows);

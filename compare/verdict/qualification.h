@@ -73,12 +73,9 @@ struct QualificationInput {
     // (calib/registration/stage_motion.h); training poses that move less are degenerate. Empty: not
     // checked.
     std::vector<Rigid> stage_reach;
-    RenderAndDetect render_and_detect;  // called once per training pose and round, then once per
-                                        // hold-out pose; may throw Interrupted
-    // In its place for hold-out poses, for those who keep their renders; empty: the same.
-    std::function<std::optional<std::vector<Eigen::Vector2d>>(const Pose& hold_out,
-                                                              const Rigid& camera_from_marker)>
-        render_hold_out = {};
+    // For poses without a detector's bias of their own, else not needed: called once per training
+    // pose and round, then once per hold-out pose; may throw Interrupted.
+    RenderAndDetect render_and_detect;
     // Variance by noise of the corners that it finds, in units of that of a pose's mean corners in
     // the photographs.
     double render_noise_ratio = 0.0;
@@ -98,6 +95,9 @@ struct QualificationInput {
     double render_edge_bound_px = 0.0;
     Limits limits;
     std::uint64_t seed = 1;  // of the simultaneous band's draws
+    // Of each pose about where the marker is before the camera: first estimates for the
+    // registration. Empty: from the corners.
+    std::vector<Rigid> expected_poses = {};
     // Signatures from another run of the same plan, for studies of thousands of runs: they follow
     // from the geometry, and making them takes most of qualify()'s time. Taken when they are of as
     // many hold-out poses; nothing: made from this run.

@@ -74,16 +74,18 @@ void solve(SmoothField& field, const Rows& rows, const Eigen::VectorXd& weight) 
     const Eigen::VectorXd unscale = a.colwise().norm().cwiseInverse();
     if (!unscale.allFinite())
         throw NumericalError("smooth field: the samples do not span the volume");
-    const Eigen::MatrixXd scaled = a * unscale.asDiagonal();
-    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled, Eigen::ComputeThinU | Eigen::ComputeThinV);
-    const Eigen::VectorXd& values = svd.singularValues();
-    if (!(values.tail<1>()[0] > 1e-5 * values[0]))
+    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> solver(a * unscale.asDiagonal());
+    const auto pivots = solver.matrixQR().diagonal().cwiseAbs();
+    if (!(pivots.minCoeff() > 1e-5 * pivots.maxCoeff()))
         throw NumericalError(fmt::format(
-            "smooth field: the samples do not span the volume (condition number {:.2g})",
-            values[0] / values.tail<1>()[0]));
-    const Eigen::MatrixXd inverse =
-        unscale.asDiagonal() * svd.matrixV() * values.cwiseInverse().asDiagonal();
-    field.coefficients = inverse * (svd.matrixU().transpose() * root.cwiseProduct(rows.value));
+            "smooth field: the samples do not span the volume (condition number about {:.2g})",
+            pivots.maxCoeff() / pivots.minCoeff()));
+    field.coefficients =
+        unscale.cwiseProduct(solver.solve(Eigen::VectorXd(root.cwiseProduct(rows.value))));
+    const Eigen::Index columns = a.cols();
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(columns, columns);
+    solver.matrixQR().topRows(columns).triangularView<Eigen::Upper>().solveInPlace(inverse);
+    inverse = unscale.asDiagonal() * (solver.colsPermutation() * inverse);
     field.covariance = inverse * inverse.transpose();
 }
 

@@ -247,39 +247,18 @@ std::vector<InjectedError> RunSimulator::errors() const {
     return errors;
 }
 
-// The planned pose that this one is, but for what the registration found.
-std::size_t RunSimulator::planned_near(const Rigid& camera_from_marker) const {
-    constexpr double arm_mm = 100.0;
-    const auto distance = [&](const Rigid& pose) {
-        const double turn = camera_from_marker.rotation.angularDistance(pose.rotation);
-        return (camera_from_marker.translation - pose.translation).squaredNorm() +
-               std::pow(arm_mm * turn, 2);
-    };
-    const auto nearest = std::ranges::min_element(expected_, {}, distance);
-    return static_cast<std::size_t>(nearest - expected_.begin());
-}
-
-std::optional<Corners> RunSimulator::render(const Rigid& camera_from_marker,
-                                            const std::optional<Draws>& draws) const {
-    const std::size_t planned = planned_near(camera_from_marker);
-    const auto& statistics = study_.poses[planned];
-    if (!statistics)
-        return std::nullopt;
-    Corners corners;
-    for (const Eigen::Vector3d& point : station_.marker.points_mm) {
-        const auto pixel = told_.project(camera_from_marker * point);
-        if (!pixel)
-            return std::nullopt;
-        corners.push_back(*pixel);
-    }
-    Eigen::VectorXd displacement = statistics->bias + statistics->noise_bias;
+// As a render of this pose shows it to the detector, its noise that of the mean of all exposures.
+Corners RunSimulator::detector_bias(const Draws* draws, std::size_t pose) const {
+    const DetectorStatistics& statistics = *study_.poses[pose];
+    Eigen::VectorXd bias = statistics.bias + statistics.noise_bias;
     if (draws) {
-        RandomStream random(draws->seed, first_render_stream + static_cast<std::uint32_t>(planned),
+        RandomStream random(draws->seed, first_render_stream + static_cast<std::uint32_t>(pose),
                             draws->run);
-        displacement += frame_noise(*statistics, random) /
-                        std::sqrt(RenderedCorners::exposures_per_frame * station_.plan.frames);
+        bias += frame_noise(statistics, random) /
+                std::sqrt(RenderedCorners::exposures_per_frame * station_.plan.frames);
     }
-    add(displacement, corners);
+    Corners corners(station_.marker.points_mm.size(), Eigen::Vector2d::Zero());
+    add(bias, corners);
     return corners;
 }
 
@@ -300,7 +279,7 @@ Vector6d RunSimulator::drawn_shift(const Draws& draws, std::size_t pose,
     return shift + left_difference(told, base_from_carriage(axes, position));
 }
 
-// Sets the pose's corners and what its frames tell of their noise.
+// Sets the pose's corners, what its frames tell of their noise, and the detector's bias.
 void RunSimulator::photograph(const RunTruth& truth, const Draws* draws, std::size_t index,
                               Pose& pose) const {
     const auto& statistics = study_.poses[index];
@@ -321,14 +300,14 @@ void RunSimulator::photograph(const RunTruth& truth, const Draws* draws, std::si
         corners = edges_moved_inwards(corners, truth.edges_inwards_px);
     add(displacement, corners);
     pose.corners = corners;
+    pose.detector_bias_px = detector_bias(draws, index);
 }
 
 QualificationInput RunSimulator::input(const RunTruth& truth, const Draws* draws) const {
     QualificationInput input = declared_;
     for (std::size_t i = 0; i < input.poses.size(); ++i)
         photograph(truth, draws, i, input.poses[i]);
-    const std::optional<Draws> drawn = draws ? std::optional(*draws) : std::nullopt;
-    input.render_and_detect = [this, drawn](const Rigid& pose) { return render(pose, drawn); };
+    input.expected_poses = expected_;
     return input;
 }
 

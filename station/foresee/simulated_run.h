@@ -81,9 +81,7 @@ private:
     struct Draws;
 
     std::vector<std::vector<double>> lost_motion() const;
-    std::size_t planned_near(const Rigid& camera_from_marker) const;
-    std::optional<Corners> render(const Rigid& camera_from_marker,
-                                  const std::optional<Draws>& draws) const;
+    Corners detector_bias(const Draws* draws, std::size_t pose) const;
     Vector6d drawn_shift(const Draws& draws, std::size_t pose, RandomStream& random) const;
     void photograph(const RunTruth& truth, const Draws* draws, std::size_t index, Pose& pose) const;
     QualificationInput input(const RunTruth& truth, const Draws* draws) const;

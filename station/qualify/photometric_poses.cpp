@@ -51,6 +51,8 @@ PhotometricPoses::PhotometricPoses(const QualifyResult& result, std::stop_token 
       stop_(std::move(stop)),
       detector_(result.station.camera.model, result.station.marker, result.station.marker.spec,
                 result.station.background),
+      rendered_(expected_scene(result.station), result.station.plan.frames,
+                result.station.plan.seed),
       area_(compared_area(result.station.marker, {}, result.station.marker.spec)),
       whole_(printed_area(result.station.marker)),
       calibration_(result.station.camera.model) {}
@@ -65,7 +67,7 @@ PhotometricPoses::~PhotometricPoses() {
 }
 
 void PhotometricPoses::add(const Pose& pose) {
-    if (!pose.hold_out || !pose.is_detected() || found_.contains(pose.index))
+    if (!pose.is_detected() || found_.contains(pose.index))
         return;
     Found& found = found_[pose.index];
     found.pose = pose;
@@ -73,32 +75,50 @@ void PhotometricPoses::add(const Pose& pose) {
         if (stop_.stop_requested())
             return;
         try {
-            read(found);
+            find(found);
         } catch (const NumericalError& error) {
             found.refusal = error.what();
         }
     });
 }
 
-void PhotometricPoses::read(Found& found) const {
-    const Marker& marker = run_.station.marker;
-    const auto start =
-        estimate_pose(detector_.camera()->projector(), marker.points_mm, found.pose.corners);
+PhotometricPose PhotometricPoses::seen_in(const FrameRecord& frame, const Rigid& start) const {
+    return detector_.find(recorded_photo(run_, frame), start, detector_error_px);
+}
+
+void PhotometricPoses::find(Found& found) const {
+    const auto start = estimate_pose(detector_.camera()->projector(), run_.station.marker.points_mm,
+                                     found.pose.corners);
     if (!start)
         throw NumericalError("its corners determine no pose to start from");
+    if (found.pose.hold_out)
+        return read(found, start->camera_from_marker);
+    const PhotometricPose seen = seen_in(*first_whole(found.pose), start->camera_from_marker);
+    require_unambiguous(seen);
+    find_bias(found, seen.camera_from_marker);
+}
+
+void PhotometricPoses::read(Found& found, const Rigid& start) const {
     const CodeImage first = recorded_photo(run_, *first_whole(found.pose));
-    found.findings = in_words(examine_marker(first, marker, area_, detector_.camera()->projector(),
-                                             start->camera_from_marker));
+    found.findings = in_words(
+        examine_marker(first, run_.station.marker, area_, detector_.camera()->projector(), start));
     std::vector<PhotometricPose> poses;
     for (const FrameRecord& frame : found.pose.frames)
         if (!frame.file.empty())
-            poses.push_back(detector_.find(recorded_photo(run_, frame), start->camera_from_marker,
-                                           detector_error_px));
+            poses.push_back(seen_in(frame, start));
     const auto compared = attempted([&] { compare(found, first, poses.front()); });
     for (const PhotometricPose& pose : poses)
         require_unambiguous(pose);
     found.reading = mean_of(poses);
+    find_bias(found, found.reading->camera_from_marker);
     found.refusal = compared.cause;  // its pose holds all the same
+}
+
+void PhotometricPoses::find_bias(Found& found, const Rigid& camera_from_marker) const {
+    if (const auto corners = rendered_.at(camera_from_marker))
+        found.detector_bias_px =
+            differences(*corners, projected(detector_.camera()->projector(),
+                                            run_.station.marker.points_mm, camera_from_marker));
 }
 
 // At a pose that need not have settled: with a wrong tone curve it may never, and it is solved
@@ -131,6 +151,8 @@ RunPixels PhotometricPoses::pixels() const {
     std::vector<PhotoPixels> at_zero;
     std::vector<std::vector<PhotoFinding>> findings;
     for (const auto& [index, found] : found_) {
+        if (!found.pose.hold_out)
+            continue;
         findings.push_back(found.findings);
         if (!found.pixels)
             continue;
@@ -168,8 +190,9 @@ void PhotometricPoses::set_in(QualifyResult& result) {
         if (found == found_.end())
             continue;
         pose.photometric = found->second.reading;
+        pose.detector_bias_px = found->second.detector_bias_px;
         const std::string& refusal = found->second.refusal;
-        if (!refusal.empty())
+        if (pose.hold_out && !refusal.empty())
             result.remarks.push_back(fmt::format(
                 "pose {} {}: {}", pose.index,
                 pose.photometric ? "is not among the compared pixels" : "has no photometric pose",

@@ -1,6 +1,6 @@
 // The photometric poses of a run's photographs, from all pixels of the marker
-// (compare/photometric/photometric_pose.h), and what the pixels show beside the pose
-// (compare/match/photo_pixels.h).
+// (compare/photometric/photometric_pose.h), what the pixels show beside the pose
+// (compare/match/photo_pixels.h), and how the detector is off there (compare/verdict/pose_bias.h).
 #pragma once
 
 #include <tbb/task_group.h>
@@ -10,15 +10,18 @@
 #include <stop_token>
 #include <string>
 
+#include "compare/expect/rendered_corners.h"
 #include "compare/match/photo_pixels.h"
 #include "compare/photometric/photometric_detector.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {
 
-// Of hold-out poses whose marker was detected, from all their whole frames in the record, starting
-// at the detector's pose: a pure function of these. They are found on other threads while the stage
-// moves on, some 30 ms of CPU time per frame and 0.2 s per pose. Used from one thread.
+// Of poses whose marker was detected: of hold-out poses from all their whole frames in the record,
+// of training poses, where only the detector's bias is wanted, from the first. They start at the
+// detector's pose and are a pure function of these frames. All is found on other threads while the
+// stage moves on, some 30 ms of CPU time per frame, 0.1 s for the bias and 0.2 s in all per pose.
+// Used from one thread.
 class PhotometricPoses {
 public:
     // Of `result`, which must outlive it, station, settings and folder are read and must stay as
@@ -31,9 +34,10 @@ public:
     // Begins with a pose whose frames are in the record.
     void add(const Pose& pose);
 
-    // Sets them in all poses of the result, also in those that were not added; one that gets none
-    // is named in the remarks. The same for any number of threads and whatever was added before.
-    // Throws ConfigError when a frame cannot be read and Interrupted when a stop was requested.
+    // Sets them in all poses of the result, also in those that were not added; a hold-out pose that
+    // gets none is named in the remarks. The same for any number of threads and whatever was added
+    // before. Throws ConfigError when a frame cannot be read and Interrupted when a stop was
+    // requested.
     void set_in(QualifyResult& result);
 
     // The first whole photographs of the hold-out poses that were set, against their renders. Costs
@@ -41,17 +45,23 @@ public:
     // found.
     RunPixels pixels() const;
 
+    const RenderedCorners& rendered() const { return rendered_; }
+
 private:
     struct Found {
         Pose pose;
         std::optional<PhotometricReading> reading;
+        std::vector<Eigen::Vector2d> detector_bias_px;
         std::string refusal;
         Rigid compared_at;  // the pose that `pixels` are measured at
         std::optional<PhotoPixels> pixels;
         std::vector<PhotoFinding> findings;
     };
 
-    void read(Found& found) const;
+    PhotometricPose seen_in(const FrameRecord& frame, const Rigid& start) const;
+    void find(Found& found) const;
+    void read(Found& found, const Rigid& start) const;
+    void find_bias(Found& found, const Rigid& camera_from_marker) const;
     void compare(Found& found, const CodeImage& image, const PhotometricPose& seen) const;
     PhotoPixels measured(const CodeImage& image, const Rigid& camera_from_marker,
                          const DeviatingCamera& camera, std::optional<double> noise_scale) const;
@@ -59,6 +69,7 @@ private:
     const QualifyResult& run_;
     std::stop_token stop_;
     PhotometricDetector detector_;
+    RenderedCorners rendered_;
     ComparedArea area_;
     std::optional<ComparedArea> whole_;  // of what is printed, where it has a background beside it
     DeviatingCamera calibration_;

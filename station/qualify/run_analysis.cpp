@@ -4,10 +4,8 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <map>
 #include <opencv2/imgcodecs.hpp>
 
-#include "compare/expect/rendered_corners.h"
 #include "compare/photometric/photo_match.h"
 #include "core/errors.h"
 #include "core/text.h"
@@ -16,14 +14,12 @@
 namespace etalon {
 namespace {
 
+using namespace std::chrono_literals;
+
 void throw_if_stopped(const std::stop_token& stop) {
     if (stop.stop_requested())
         throw Interrupted();
 }
-
-// Of the hold-out poses by their index, as PNG: what the judgement has rendered is not rendered
-// again, and a marker before a plain background takes little room.
-using Renders = std::map<int, std::string>;
 
 std::string png_of(const CodeImage& image) {
     std::vector<unsigned char> bytes;
@@ -54,7 +50,7 @@ std::vector<Pose*> judged_poses(std::vector<Pose>& poses) {
 
 // Each hold-out photograph against the calibration at its registered pose. The renders are kept,
 // for people and for re-analysis.
-void compare_photos(QualifyResult& result, const Renders& renders, Progress& progress,
+void compare_photos(QualifyResult& result, const ExpectedView& view, Progress& progress,
                     const std::stop_token& stop) {
     const StationFile& station = result.station;
     const PhotometricCamera camera(station.camera.model);
@@ -65,7 +61,7 @@ void compare_photos(QualifyResult& result, const Renders& renders, Progress& pro
         throw_if_stopped(stop);
         Pose& pose = *judged[i];
         pose.render_file = fmt::format("renders/{:04}.png", pose.index);
-        write_text(result.folder / pose.render_file, renders.at(pose.index));
+        write_text(result.folder / pose.render_file, png_of(view.at(pose.bias.predicted)));
         try {
             pose.residual = residual_of(recorded_photo(result, *first_whole(pose)), station, area,
                                         camera, pose.bias.predicted);
@@ -81,12 +77,6 @@ void compare_photos(QualifyResult& result, const Renders& renders, Progress& pro
     }
 }
 
-// Three rounds over the training poses at most; hold-out poses are rendered to judge, and compared.
-int expected_steps(const std::vector<Pose>& poses) {
-    const auto hold_out = std::ranges::count(poses, true, &Pose::hold_out);
-    return static_cast<int>(3 * std::ssize(poses) - hold_out);
-}
-
 RunOutcome outcome_of(Outcome verdict) {
     if (verdict == Outcome::pass)
         return RunOutcome::pass;
@@ -98,7 +88,6 @@ RunOutcome outcome_of(Outcome verdict) {
 void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress& progress,
                  const std::stop_token& stop) {
     const StationFile& station = result.station;
-    const RenderedCorners rendered(expected_scene(station), station.plan.frames, station.plan.seed);
     photometric.set_in(result);
     QualificationInput input = declared_input(station, result.poses);
     input.monte_carlo = true;
@@ -106,24 +95,13 @@ void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress&
     input.pixels = match_pixels(photometric.pixels(), station.camera.model);
     input.render_and_detect = [&](const Rigid& camera_from_marker) {
         throw_if_stopped(stop);
-        auto corners = rendered.at(camera_from_marker);
-        progress.step();
-        return corners;
+        return photometric.rendered().at(camera_from_marker);
     };
-    Renders renders;
-    input.render_hold_out = [&](const Pose& pose, const Rigid& camera_from_marker) {
-        throw_if_stopped(stop);
-        const ExpectedExposures exposures(rendered.view(), camera_from_marker);
-        auto corners = rendered.in(exposures);
-        renders[pose.index] = png_of(exposures.without_noise());
-        progress.step();
-        return corners;
-    };
-    const int steps = expected_steps(result.poses);
-    progress.begin("analysing", steps, steps * std::chrono::milliseconds(200));
+    const auto hold_out = std::ranges::count(result.poses, true, &Pose::hold_out);
+    progress.begin("analysing", static_cast<int>(hold_out), hold_out * 10ms);
     result.analysis = qualify(input);
     result.poses = std::move(input.poses);
-    compare_photos(result, renders, progress, stop);
+    compare_photos(result, photometric.rendered().view(), progress, stop);
     result.outcome = outcome_of(result.analysis->verdict);
     result.reason.clear();
     progress.end();

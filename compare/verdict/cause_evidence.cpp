@@ -1,0 +1,101 @@
+#include "compare/verdict/cause_evidence.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "compare/verdict/declared.h"
+#include "compare/verdict/qualification.h"
+
+namespace etalon {
+namespace {
+
+// Of a corner's coordinate in the mean over the frames, and as much more as the render has; where
+// repeats tell none, what registration has left.
+double corner_variance_px2(const QualificationInput& input, const Pose& pose,
+                           const Qualification& result) {
+    const double left = result.registration->registration.residual_rms_px;
+    const double seen = pose.corner_noise ? pose.corner_noise->variance_px2 : left * left;
+    return std::max(seen, 1e-12) * (1.0 + input.render_noise_ratio);
+}
+
+Eigen::VectorXd stacked_pixels(const std::vector<Eigen::Vector2d>& pixels) {
+    return Eigen::Map<const Eigen::VectorXd>(pixels.front().data(), 2 * std::ssize(pixels));
+}
+
+// Turns the x axis of every point's pixels to where the marker's x axis points in the image.
+Eigen::MatrixXd marker_axes_from_image(const SignatureChain& chain, std::size_t pose) {
+    const Eigen::MatrixXd by_shift = chain.pose_jacobian(pose).rightCols<3>();
+    const Eigen::Vector3d x_axis =
+        chain.camera_from_marker(pose).rotation * Eigen::Vector3d::UnitX();
+    Eigen::Vector2d along = Eigen::Vector2d::Zero();
+    for (Eigen::Index k = 0; k < by_shift.rows(); k += 2)
+        along += by_shift.middleRows<2>(k) * x_axis;
+    along.normalize();
+    Eigen::Matrix2d turn;
+    turn << along.x(), along.y(), -along.y(), along.x();
+    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(by_shift.rows(), by_shift.rows());
+    for (Eigen::Index k = 0; k < by_shift.rows(); k += 2)
+        all.block<2, 2>(k, k) = turn;
+    return all;
+}
+
+// How the noise of a marker's corners hangs together, with the mean variance 1: corners that two
+// fitted edges make do not move on their own. Pooled over the frames of all poses in the marker's
+// axes, drawn towards independence by one frame's weight a coordinate. Independent where frames
+// keep no corners.
+Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
+    const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
+    Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(rows, rows);
+    double freedom = 0.0;
+    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
+        const Pose& pose = chain.poses[i];
+        if (!pose.corner_noise || pose.frames.empty())
+            continue;
+        const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
+        const double frame_variance = pose.corner_noise->variance_px2 * pose.detections;
+        for (const FrameRecord& frame : pose.frames) {
+            if (frame.corners.size() != pose.corners.size())
+                continue;
+            const Eigen::VectorXd off =
+                turned * stacked_pixels(differences(frame.corners, pose.corners));
+            sum += off * off.transpose() / frame_variance;
+        }
+        freedom += pose.detections - 1;
+    }
+    const auto prior = static_cast<double>(rows);
+    sum.diagonal().array() += prior;
+    return sum / (freedom + prior);
+}
+
+}  // namespace
+
+CauseEvidence cause_evidence(const QualificationInput& input, const SignatureChain& chain,
+                             const Qualification& result) {
+    CauseEvidence evidence{{chain, stage_errors_of(input), axis_motions_of(input), {}, {}},
+                           {},
+                           {},
+                           declared_uncertainties(input)};
+    if (input.pixels) {
+        evidence.request.pixel_errors = input.pixels->evidence.errors;
+        evidence.pixels = input.pixels->evidence.observed;
+        evidence.pixel_covariance = input.pixels->evidence.covariance;
+    }
+    const Eigen::MatrixXd correlation = corner_correlation(chain);
+    const Eigen::MatrixXd modes = Eigen::LLT<Eigen::MatrixXd>(correlation).matrixL();
+    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
+        const Pose& pose = chain.poses[i];
+        if (pose.settled_s)
+            evidence.request.times_s.push_back(*pose.settled_s);
+        const Eigen::MatrixXd by_shift = chain.pose_jacobian(i).rightCols<3>(),
+                              turned = marker_axes_from_image(chain, i);
+        evidence.difference_px.push_back(stacked_pixels(pose.bias.difference_px));
+        evidence.corner_modes.push_back(turned.transpose() * modes);
+        evidence.covariance_px2.push_back(
+            (repeatability_mm2(input) + error_maps_mm2(input)) * by_shift * by_shift.transpose() +
+            corner_variance_px2(input, pose, result) * turned.transpose() * correlation * turned);
+    }
+    return evidence;
+}
+
+}  // namespace etalon

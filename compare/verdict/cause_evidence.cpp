@@ -6,6 +6,8 @@
 
 #include "compare/verdict/declared.h"
 #include "compare/verdict/qualification.h"
+#include "core/distributions.h"
+#include "core/median.h"
 
 namespace etalon {
 namespace {
@@ -68,6 +70,37 @@ Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
     return sum / (freedom + prior);
 }
 
+// How far the detector's corners lie from where the pixels of the same photograph put them, as a
+// square over the corners' noise; nothing where that is not known.
+std::optional<double> slip_square(const SignatureChain& chain, std::size_t i,
+                                  const Eigen::MatrixXd& noise_px2) {
+    const Pose& pose = chain.poses[i];
+    if (!pose.seen_at)
+        return std::nullopt;
+    const auto expected = projected(chain.projector, chain.points_mm, *pose.seen_at);
+    const Eigen::VectorXd slip =
+        stacked_pixels(differences(differences(pose.corners, expected), pose.detector_bias_px));
+    return slip.dot(noise_px2.llt().solve(slip));
+}
+
+// A detector slips now and then: its corners in one photograph are off by several times their
+// noise, though the stage and the camera did nothing. In such poses, those beyond 99.9 % of what
+// most poses show, the corners' noise is as large as the slip. A marker that was elsewhere slips by
+// nothing.
+void widen_where_slipped(const SignatureChain& chain, std::vector<Eigen::MatrixXd>& noise_px2) {
+    const auto freedom = static_cast<double>(2 * chain.points_mm.size());
+    constexpr double normal_999 = 3.0902;
+    std::vector<double> squares;
+    for (std::size_t i = 0; i < noise_px2.size(); ++i)
+        squares.push_back(slip_square(chain, i, noise_px2[i]).value_or(0.0));
+    const double usual = std::max(1.0, median(squares) / freedom);
+    for (std::size_t i = 0; i < noise_px2.size(); ++i) {
+        const double times = squares[i] / (usual * freedom);
+        if (times > reduced_chi_square(normal_999, freedom))
+            noise_px2[i] *= times;
+    }
+}
+
 }  // namespace
 
 CauseEvidence cause_evidence(const QualificationInput& input, const SignatureChain& chain,
@@ -87,13 +120,17 @@ CauseEvidence cause_evidence(const QualificationInput& input, const SignatureCha
         const Pose& pose = chain.poses[i];
         if (pose.settled_s)
             evidence.request.times_s.push_back(*pose.settled_s);
-        const Eigen::MatrixXd by_shift = chain.pose_jacobian(i).rightCols<3>(),
-                              turned = marker_axes_from_image(chain, i);
+        const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
         evidence.difference_px.push_back(stacked_pixels(pose.bias.difference_px));
         evidence.corner_modes.push_back(turned.transpose() * modes);
-        evidence.covariance_px2.push_back(
-            (repeatability_mm2(input) + error_maps_mm2(input)) * by_shift * by_shift.transpose() +
-            corner_variance_px2(input, pose, result) * turned.transpose() * correlation * turned);
+        evidence.covariance_px2.push_back(corner_variance_px2(input, pose, result) *
+                                          turned.transpose() * correlation * turned);
+    }
+    widen_where_slipped(chain, evidence.covariance_px2);
+    const double stage_mm2 = repeatability_mm2(input) + error_maps_mm2(input);
+    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
+        const Eigen::MatrixXd by_shift = chain.pose_jacobian(i).rightCols<3>();
+        evidence.covariance_px2[i] += stage_mm2 * by_shift * by_shift.transpose();
     }
     return evidence;
 }

@@ -62,7 +62,9 @@ struct Pose {
     // repeats do not show rounding.
     std::optional<CornerNoise> corner_noise = {};
     std::optional<PhotometricReading> photometric = {};  // of hold-out poses
-    // Corners less truth, px, in a render where the photograph shows the marker; empty: not known.
+    // Where the photograph's pixels show the marker (its photometric pose), and of a render there
+    // the corners less the truth, px; nothing and empty: not known.
+    std::optional<Rigid> seen_at = {};
     std::vector<Eigen::Vector2d> detector_bias_px = {};
 
     bool is_detected() const { return !corners.empty(); }

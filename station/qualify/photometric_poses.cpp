@@ -115,10 +115,13 @@ void PhotometricPoses::read(Found& found, const Rigid& start) const {
 }
 
 void PhotometricPoses::find_bias(Found& found, const Rigid& camera_from_marker) const {
-    if (const auto corners = rendered_.at(camera_from_marker))
-        found.detector_bias_px =
-            differences(*corners, projected(detector_.camera()->projector(),
-                                            run_.station.marker.points_mm, camera_from_marker));
+    const auto corners = rendered_.at(camera_from_marker);
+    if (!corners)
+        return;
+    found.seen_at = camera_from_marker;
+    found.detector_bias_px =
+        differences(*corners, projected(detector_.camera()->projector(),
+                                        run_.station.marker.points_mm, camera_from_marker));
 }
 
 // At a pose that need not have settled: with a wrong tone curve it may never, and it is solved
@@ -190,6 +193,7 @@ void PhotometricPoses::set_in(QualifyResult& result) {
         if (found == found_.end())
             continue;
         pose.photometric = found->second.reading;
+        pose.seen_at = found->second.seen_at;
         pose.detector_bias_px = found->second.detector_bias_px;
         const std::string& refusal = found->second.refusal;
         if (pose.hold_out && !refusal.empty())

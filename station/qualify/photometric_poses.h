@@ -51,6 +51,7 @@ private:
     struct Found {
         Pose pose;
         std::optional<PhotometricReading> reading;
+        std::optional<Rigid> seen_at;
         std::vector<Eigen::Vector2d> detector_bias_px;
         std::string refusal;
         Rigid compared_at;  // the pose that `pixels` are measured at

@@ -1,6 +1,7 @@
 #include "compare/verdict/acceptance.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Dense>
 #include <array>
@@ -57,6 +58,19 @@ AcceptanceCondition volume_coverage(const std::vector<Pose>& poses) {
                    fmt::format("in the emptiest octant of the volume {:.0f} % of the hold-out "
                                "poses were used, {:.0f} % are needed",
                                100.0 * smallest, 100.0 * min_share));
+}
+
+// ------------------------------------------------------------------------------------ outliers
+
+AcceptanceCondition poses_that_fit(const Qualification& result) {
+    const std::vector<std::string>& outlying = result.outlying;
+    return checked(
+        "poses that fit", outlying.empty(), static_cast<double>(outlying.size()), 0.0, "1",
+        outlying.empty() ? "no pose lies where no field puts it"
+                         : fmt::format("the stage was not where it said, the camera showed an old "
+                                       "frame, or the detector took something else for the "
+                                       "marker: {}; left out",
+                                       fmt::join(outlying, ", ")));
 }
 
 // --------------------------------------------------------------------------------- residuals
@@ -151,7 +165,9 @@ struct RepeatedPair {
 // Both at the same target: camera model, detector and stage errors other than random ones are alike
 // and drop out.
 std::vector<RepeatedPair> repeated_pairs(const QualificationInput& input) {
-    const auto usable = [](const Pose& pose) { return pose.bias.b2 && pose.corner_noise; };
+    const auto usable = [](const Pose& pose) {
+        return pose.bias.b2 && pose.corner_noise && !pose.outlying;
+    };
     std::vector<RepeatedPair> pairs;
     for (std::size_t i = 0; i < input.poses.size(); ++i) {
         const Pose& pose = input.poses[i];
@@ -200,8 +216,8 @@ const char* name(State state) {
 std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput& input,
                                                        const Qualification& result,
                                                        std::span<const FieldSample> samples) {
-    return {volume_coverage(input.poses), residuals(result), drift(input, result, samples),
-            repeatability(input)};
+    return {volume_coverage(input.poses), poses_that_fit(result), residuals(result),
+            drift(input, result, samples), repeatability(input)};
 }
 
 Eigen::Matrix3d position_covariance(const QualificationInput& input, const Pose& pose,

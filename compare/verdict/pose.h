@@ -70,7 +70,8 @@ struct Pose {
     bool is_detected() const { return !corners.empty(); }
 
     // ---- judged (compare/verdict/qualification.h)
-    bool used = false;   // in the registration (training) or in the field (hold-out)
+    bool used = false;      // in the registration (training) or in the field (hold-out)
+    bool outlying = false;  // left out of both (compare/verdict/outlying_poses.h)
     PoseBias bias = {};  // of training poses B2 alone, for the record; never judged
     bool is_judged() const { return hold_out && used; }
     // Of hold-out poses: the render at the registered pose, with the camera's bit depth and

@@ -10,6 +10,7 @@
 #include "compare/verdict/cause_evidence.h"
 #include "compare/verdict/declared.h"
 #include "compare/verdict/judged_quantities.h"
+#include "compare/verdict/outlying_poses.h"
 #include "compare/verdict/qualification_budget.h"
 #include "core/errors.h"
 
@@ -125,30 +126,64 @@ std::optional<Rigid> first_estimate(const QualificationInput& input, const Proje
     return estimate ? std::optional(estimate->camera_from_marker) : std::nullopt;
 }
 
-// Registers on the training poses with a pose estimate; false when there are too few of them.
-bool registered(QualificationInput& input, const Projector& projector, Qualification& result) {
-    std::vector<RegistrationPose> training;
+// Those to register on, and their indices among the input's.
+struct TrainingPoses {
+    std::vector<RegistrationPose> poses;
     std::vector<std::vector<Eigen::Vector2d>> known_bias;
     std::vector<std::size_t> indices;
+};
+
+TrainingPoses training_poses(const QualificationInput& input, const Projector& projector) {
+    TrainingPoses training;
     for (std::size_t i = 0; i < input.poses.size(); ++i) {
         const Pose& pose = input.poses[i];
-        if (pose.hold_out || !pose.is_detected())
+        if (pose.hold_out || pose.outlying || !pose.is_detected())
             continue;
         const auto estimate = first_estimate(input, projector, i);
         if (!estimate)
             continue;
-        training.push_back({pose.base_from_carriage, *estimate, pose.corners});
-        known_bias.push_back(pose.detector_bias_px);
-        indices.push_back(i);
+        training.poses.push_back({pose.base_from_carriage, *estimate, pose.corners});
+        training.known_bias.push_back(pose.detector_bias_px);
+        training.indices.push_back(i);
     }
-    if (std::ssize(training) < min_training_poses)
+    return training;
+}
+
+void leave_out(QualificationInput& input, std::size_t pose, const Eigen::Vector3d& off_mm,
+               Qualification& result) {
+    const Registration& registration = result.registration->registration;
+    input.poses[pose].outlying = true;
+    input.poses[pose].used = false;
+    result.outlying.push_back(fmt::format(
+        "pose {}{}", input.poses[pose].index,
+        off_text(registration.camera_from_base.rotation.conjugate() * off_mm, input.axis_motions,
+                 input.poses[pose].base_from_carriage, registration.carriage_from_marker, pose)));
+}
+
+// Registers on the training poses with a pose estimate, but for those that are outlying; false when
+// there are too few of them.
+bool registered(QualificationInput& input, const Projector& projector, Qualification& result) {
+    TrainingPoses training = training_poses(input, projector);
+    if (std::ssize(training.poses) < min_training_poses)
         return false;
-    require_motion_of(training, input.stage_reach);
-    result.registration = register_bias_corrected(projector, input.points_mm, training,
-                                                  input.nominal_carriage_from_marker,
-                                                  input.render_and_detect, known_bias);
+    require_motion_of(training.poses, input.stage_reach);
+    const auto register_all = [&] {
+        result.registration = register_bias_corrected(projector, input.points_mm, training.poses,
+                                                      input.nominal_carriage_from_marker,
+                                                      input.render_and_detect, training.known_bias);
+    };
+    register_all();
+    const auto outlying =
+        outlying_registered(projector, input.points_mm, *result.registration, training.poses,
+                            input.limits.b3_position_field_rms_mm.value());
+    for (const OutlyingPose& each : outlying)
+        leave_out(input, training.indices[each.index], each.off_mm, result);
+    if (!outlying.empty()) {
+        training = training_poses(input, projector);
+        register_all();
+    }
     for (std::size_t& used : result.registration->used) {
-        used = indices[used];
+        used = training.indices[used];
         input.poses[used].used = true;
     }
     return std::ssize(result.registration->used) >= min_training_poses;
@@ -238,7 +273,7 @@ std::vector<FieldSample> position_samples(const std::vector<Pose>& poses) {
 std::vector<FieldSample> photometric_samples(const std::vector<Pose>& poses) {
     std::vector<FieldSample> samples;
     for (const Pose& pose : poses)
-        if (pose.hold_out && pose.bias.b4)
+        if (pose.hold_out && !pose.outlying && pose.bias.b4)
             samples.push_back(position_sample(pose.bias, pose.bias.b4->translation_mm,
                                               pose.photometric->covariance));
     return samples;
@@ -251,11 +286,28 @@ std::vector<Eigen::Vector3d> volume_of(const std::vector<Pose>& poses) {
     return volume;
 }
 
-void fit_fields(const QualificationInput& input, Qualification& result) {
-    const std::vector<Eigen::Vector3d> volume = volume_of(input.poses);
-    const NoiseDraws draws(input.seed);
+// The field of the hold-out poses' positions, but for those that are outlying.
+void fit_position_field(QualificationInput& input, Qualification& result) {
     const std::vector<FieldSample> positions = position_samples(input.poses);
     result.position_field = fit_smooth_field(positions, FieldBasis::position);
+    const auto outlying = outlying_samples(positions, *result.position_field,
+                                           input.limits.b3_position_field_rms_mm.value());
+    if (outlying.empty())
+        return;
+    std::vector<std::size_t> judged;
+    for (std::size_t i = 0; i < input.poses.size(); ++i)
+        if (input.poses[i].is_judged())
+            judged.push_back(i);
+    for (const OutlyingPose& each : outlying)
+        leave_out(input, judged[each.index], each.off_mm, result);
+    result.position_field = fit_smooth_field(position_samples(input.poses), FieldBasis::position);
+}
+
+void fit_fields(QualificationInput& input, Qualification& result) {
+    const std::vector<Eigen::Vector3d> volume = volume_of(input.poses);
+    const NoiseDraws draws(input.seed);
+    fit_position_field(input, result);
+    const std::vector<FieldSample> positions = position_samples(input.poses);
     result.position_summary = summarize(*result.position_field, volume, draws);
     result.rotation_field =
         fit_smooth_field(samples_of(input.poses, rotation_sample), FieldBasis::linear);
@@ -470,7 +522,7 @@ double DetectionCounts::rate() const {
 Qualification qualify(QualificationInput& input) {
     require_usable(input);
     for (Pose& pose : input.poses) {
-        pose.used = false;
+        pose.used = pose.outlying = false;
         pose.bias = {};
     }
     const Projector projector(*input.camera);

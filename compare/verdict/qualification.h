@@ -142,6 +142,9 @@ struct Qualification {
     std::optional<PhotometricField> photometric;  // nothing with too few photometric poses
     std::optional<PixelMatch> pixels;             // nothing where not compared
 
+    // Poses that no registration and no field explains, left out of both: "pose 7 along x by 96.1
+    // mm".
+    std::vector<std::string> outlying;
     std::vector<AcceptanceCondition> conditions;  // one that is NOT MET withholds PASS
 
     std::vector<BudgetRow> budget;

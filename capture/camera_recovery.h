@@ -1,4 +1,5 @@
-// A frame from a camera that may be gone for a while: a cable that was pulled, a power cycle.
+// A camera that may be gone for a while: a cable that was pulled, a power cycle, or a program that
+// was killed and seems to hold it still.
 #pragma once
 
 #include <functional>
@@ -9,6 +10,13 @@ namespace etalon {
 
 // How long a lost camera is waited for.
 inline constexpr std::chrono::seconds reconnect_time{20};
+
+// `open()`. A camera that another program controls is tried again until a dead program would have
+// been noticed: for its heartbeat time-out and a second. `tell` is told once what is waited for and
+// how long. Throws what `open` throws, CameraBusy in the end; Interrupted when a stop is requested.
+std::unique_ptr<Camera> open_when_free(const std::function<std::unique_ptr<Camera>()>& open,
+                                       Clock& clock, const std::stop_token& stop,
+                                       const std::function<void(const std::string&)>& tell);
 
 // camera.frame_after(), and once more after reconnecting a camera that failed. `log` is told
 // "camera lost" and "camera reconnected" with the details. Throws what the camera throws: of a

@@ -92,7 +92,7 @@ public:
     virtual void arm() = 0;
 
     // Triggers and returns a frame whose exposure began after `t`. Bad frames are triggered again,
-    // at most `retries` times, and counted; then the last one comes back with its status.
+    // at most `retries` times, and counted; then the last one that came comes back with its status.
     // Throws DeviceError when the device is gone, Interrupted when a stop was requested.
     virtual Frame frame_after(Instant t, int retries, std::stop_token stop) = 0;
 

@@ -6,6 +6,7 @@
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <utility>
 
 #include "capture/frame/camera.h"
 #include "capture/frame/pixel_formats.h"
@@ -51,19 +52,22 @@ std::optional<SettingDifference> first_difference(const CaptureSettings& wanted,
                                                   double exposure_step_us);
 
 // The retries of Camera::frame_after(): takes frames until one is complete, at most 1 + `retries`,
-// and counts them. Returns the last.
+// and counts them. Returns the last that came at all, if any did: a camera whose frames break is
+// not one that is gone.
 template <class Take>
 Frame first_complete_frame(int retries, CaptureStatistics& statistics, const Take& take) {
-    Frame frame;
+    Frame last;
     for (int attempt = 0; attempt <= retries; ++attempt) {
-        frame = take();
+        Frame frame = take();
         if (frame.status == FrameStatus::complete) {
             ++statistics.delivered;
             return frame;
         }
         ++statistics.rejected;
+        if (attempt == 0 || frame.status != FrameStatus::timed_out)
+            last = std::move(frame);
     }
-    return frame;
+    return last;
 }
 
 // Returns once the clock is past t. Throws Interrupted when a stop is requested.

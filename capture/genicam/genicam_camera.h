@@ -31,7 +31,8 @@
 namespace etalon {
 
 // `id` is an IP address or a device id as `etalon devices` prints it. Throws DeviceError when the
-// device does not answer (within 3 s) or is controlled by another program.
+// device does not answer (within 3 s), CameraBusy when it is controlled by another program. What an
+// earlier program left streaming is ended.
 std::unique_ptr<Camera> open_genicam_camera(const std::string& id, const CameraLink& link,
                                             Clock& clock);
 

@@ -7,6 +7,7 @@
 #include <system_error>
 #include <thread>
 
+#include "capture/frame/camera_busy.h"
 #include "capture/genicam/genicam_support.h"
 #include "core/errors.h"
 
@@ -67,6 +68,7 @@ GenicamDevice::GenicamDevice(const std::string& id, const CameraLink& link)
     : name_("camera genicam:" + id) {
     open(id, link);
     watch_control();
+    end_stream_of_another();
     read_identity(id);
     set_up_transport(link);
 }
@@ -112,7 +114,24 @@ void GenicamDevice::open(const std::string& id, const CameraLink& link) {
         fail("open", "no such device");
     if (arv_camera_is_gv_device(camera()) &&
         !arv_gv_device_is_controller(ARV_GV_DEVICE(arv_camera_get_device(camera()))))
-        fail("open", "it is controlled by another program");
+        throw CameraBusy(name_, heartbeat_timeout());
+}
+
+// 3 s is the standard's default; anybody may read the register.
+std::chrono::milliseconds GenicamDevice::heartbeat_timeout() const {
+    constexpr guint64 heartbeat_register = 0x0938;
+    ErrorSlot error;
+    guint32 ms = 0;
+    const bool known = arv_device_read_register(arv_camera_get_device(camera()), heartbeat_register,
+                                                &ms, error.out());
+    return std::chrono::milliseconds(known && ms > 0 ? ms : 3000);
+}
+
+// A program that was killed leaves its stream running. A camera that is taken over before it has
+// noticed would go on sending there, and nothing to us.
+void GenicamDevice::end_stream_of_another() {
+    ErrorSlot ignored;  // a device that streams to nobody may refuse
+    arv_camera_stop_acquisition(camera(), ignored.out());
 }
 
 // The heartbeat thread of a GigE device is asked, not listened to: while it emits a signal it holds
@@ -125,9 +144,8 @@ void GenicamDevice::watch_control() {
 }
 
 bool GenicamDevice::lost() const {
-    return *lost_ ||
-           (arv_camera_is_gv_device(camera()) &&
-            !arv_gv_device_is_controller(ARV_GV_DEVICE(arv_camera_get_device(camera()))));
+    return *lost_ || (arv_camera_is_gv_device(camera()) &&
+                      !arv_gv_device_is_controller(ARV_GV_DEVICE(arv_camera_get_device(camera()))));
 }
 
 void GenicamDevice::read_identity(const std::string& id) {

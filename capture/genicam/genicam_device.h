@@ -4,6 +4,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <memory>
 #include <string>
 #include <type_traits>
@@ -46,7 +47,8 @@ void release_in_background(std::shared_ptr<void> object) noexcept;
 
 class GenicamDevice {
 public:
-    // `id`: an IP address or a device id. Throws DeviceError.
+    // `id`: an IP address or a device id. Throws DeviceError; CameraBusy while another program has
+    // control.
     GenicamDevice(const std::string& id, const CameraLink& link);
     ~GenicamDevice();
     GenicamDevice(const GenicamDevice&) = delete;
@@ -90,7 +92,9 @@ public:
 private:
     void require_answer(const std::string& request, const ErrorSlot& error) const;
     void open(const std::string& id, const CameraLink& link);
+    std::chrono::milliseconds heartbeat_timeout() const;
     void watch_control();
+    void end_stream_of_another();
     void read_identity(const std::string& id);
     void set_up_transport(const CameraLink& link);
     void set_packets(const CameraLink& link);

@@ -48,7 +48,8 @@ void GenicamStream::set_properties() {
         return;
     g_object_set(stream_.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
                  "socket-buffer-size", static_cast<gint>(receive_buffer_bytes), "packet-timeout",
-                 static_cast<guint>(packet_timeout.count()), "frame-retention",
+                 static_cast<guint>(packet_timeout.count()), "packet-resend",
+                 ARV_GV_STREAM_PACKET_RESEND_ALWAYS, "frame-retention",
                  static_cast<guint>(frame_retention.count()), nullptr);
 }
 

@@ -25,13 +25,18 @@ public:
     Frame frame_after(Instant t, int retries, std::stop_token stop) override;
     void disarm() noexcept override { armed = false; }
     void reconnect(Instant deadline, std::stop_token stop) override;
-    CaptureStatistics statistics() const override { return statistics_; }
+    CaptureStatistics statistics() const override {
+        CaptureStatistics now = statistics_;
+        now.missing_packets = missing_packets;
+        return now;
+    }
 
     // What becomes of the next triggers, in order; afterwards all are complete.
     std::deque<FrameStatus> script;
     // Triggers until the camera is gone and every call throws DeviceError; negative: never.
     int triggers_left = -1;
-    bool unplugged = false;  // now: gone until this is false again and reconnect() was called
+    long missing_packets = 0;  // as counted
+    bool unplugged = false;    // now: gone until this is false again and reconnect() was called
     void lose_once() { lost_ = true; }  // gone until reconnect()
     // How far a device's settings differ from what was asked, before they are read back and
     // compared.

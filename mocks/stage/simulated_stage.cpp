@@ -233,13 +233,15 @@ std::vector<AxisStatus> SimulatedStage::status() {
     std::vector<AxisStatus> statuses;
     for (const AxisState& axis : states_)
         statuses.push_back(status_of(axis, t));
+    // An axis that lies may be photographed while it moves: the picture follows it.
     const bool lies = std::ranges::any_of(states_, &AxisState::claims_arrival);
-    if (!ready_ || lies || any_moves(t))
+    const bool moves = any_moves(t);
+    if (!ready_ || (moves && !lies))
         return statuses;
     const auto ready = ready_;
     const std::vector<double> truth = true_positions_at(t);
     lock.unlock();
-    if (!ready(truth)) {
+    if (!ready(truth) && !moves) {
         for (AxisStatus& status : statuses)
             status.in_position = false;
     }

@@ -1,5 +1,7 @@
 #include "stage/motion/axis_signals.h"
 
+#include <fmt/format.h>
+
 namespace etalon {
 
 bool is_on(const AxisStatus& axis, Signal signal) {
@@ -24,6 +26,35 @@ bool is_on(const AxisStatus& axis, Signal signal) {
             return axis.limit;
     }
     return false;
+}
+
+namespace {
+
+std::string words(const Condition& condition, const AxisStatus& axis, const StageProfile& profile) {
+    switch (condition.signal) {
+        case Signal::emergency_stop:
+            return ": emergency stop";
+        case Signal::limit:
+            return " is at a limit switch";
+        case Signal::alarm:
+            return ": " + profile.describe_alarm(axis.alarm);
+        case Signal::enabled:
+            return " is not enabled any more";
+        default:
+            return fmt::format(" is {}{}", condition.on ? "" : "not ", name_of(condition.signal));
+    }
+}
+
+}  // namespace
+
+std::string disturbance(std::span<const Axis> axes, std::span<const AxisStatus> statuses,
+                        std::span<const Condition> conditions, const StageProfile& profile) {
+    for (const Condition& condition : conditions)
+        for (std::size_t i = 0; i < statuses.size(); ++i)
+            if (holds(statuses[i], condition))
+                return fmt::format("axis {}{}", axes[i].name,
+                                   words(condition, statuses[i], profile));
+    return "";
 }
 
 }  // namespace etalon

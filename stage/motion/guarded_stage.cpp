@@ -1,24 +1,12 @@
 #include "stage/motion/guarded_stage.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
+#include <array>
+
+#include "stage/motion/axis_signals.h"
 
 namespace etalon {
 namespace {
-
-void require_undisturbed(const Axis& axis, const AxisStatus& status) {
-    const auto fail = [&](const std::string& what) {
-        throw DeviceError("stage", "read the positions",
-                          fmt::format("axis {}: {}", axis.name, what));
-    };
-    if (status.emergency_stop)
-        fail("emergency stop");
-    if (status.alarm != 0)
-        fail(fmt::format("alarm {}", status.alarm));
-    if (status.limit)
-        fail("at a limit");
-}
 
 std::vector<double> positions_of(const std::vector<AxisStatus>& statuses) {
     std::vector<double> positions;
@@ -49,8 +37,11 @@ void GuardedStage::limit_speed(double share) {
 
 std::vector<double> GuardedStage::position() {
     const std::vector<AxisStatus> statuses = stage_->status();
-    for (std::size_t i = 0; i < statuses.size(); ++i)
-        require_undisturbed(axes().at(i), statuses[i]);
+    static const StageProfile unknown;  // the stage inside may be any
+    const std::string cause =
+        disturbance(axes(), statuses, std::array{pressed, at_limit, alarmed}, unknown);
+    if (!cause.empty())
+        throw DeviceError("stage", "read the positions", cause);
     return positions_of(statuses);
 }
 

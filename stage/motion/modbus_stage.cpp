@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/units.h"
+#include "stage/motion/axis_signals.h"
 
 namespace etalon {
 namespace {
@@ -106,11 +107,12 @@ void ModbusStage::guarded(const std::function<void()>& action) {
     }
 }
 
-ModbusStage::Run ModbusStage::begin(const char* request, Guards guards, std::stop_token stop) {
+ModbusStage::Run ModbusStage::begin(const char* request, std::vector<Condition> ends,
+                                    std::stop_token stop) {
     if (stop.stop_requested())
         throw Interrupted();
     Run run{.request = request,
-            .guards = guards,
+            .ends = std::move(ends),
             .stop = std::move(stop),
             .target = {},
             .before = {},
@@ -129,10 +131,10 @@ void ModbusStage::enable(std::stop_token stop) {
             throw DeviceError(link_.device(), "enable",
                               "an earlier program's stop is still on and cannot be ended");
         if (std::ranges::any_of(axes, [](const AxisStatus& axis) { return axis.alarm != 0; })) {
-            Run reset = begin("reset the alarms", {.emergency_stop = true}, stop);
+            Run reset = begin("reset the alarms", {pressed}, stop);
             carry_out(profile_.sequences.reset, reset);
         }
-        Run run = begin("enable", {.alarm = true, .emergency_stop = true}, stop);
+        Run run = begin("enable", {pressed, alarmed}, stop);
         carry_out(profile_.sequences.enable, run);
         state_ = State::enabled;
     });
@@ -154,8 +156,7 @@ void ModbusStage::home(std::stop_token stop) {
     guarded([&] {
         state_ = State::enabled;
         left_at_.clear();
-        Run run = begin("home", {.alarm = true, .emergency_stop = true, .disabled = true},
-                        std::move(stop));
+        Run run = begin("home", {pressed, alarmed, disabled}, std::move(stop));
         keep_watchdog(true);
         carry_out(profile_.sequences.home, run);
         state_ = State::homed;
@@ -199,9 +200,8 @@ void ModbusStage::move(std::span<const double> target, std::stop_token stop) {
         throw DeviceError(link_.device(), "move", "the axes are not homed");
     require_within_limits(axes_, target, {link_.device(), 0, "move"});
     guarded([&] {
-        Run run =
-            begin("move", {.alarm = true, .emergency_stop = true, .limit = true, .disabled = true},
-                  std::move(stop));
+        Run run = begin("move", {pressed, at_limit, alarmed, disabled}, std::move(stop));
+        require_own_commands(run);
         require_left_alone(run.now);
         left_at_.clear();
         run.target = target;
@@ -231,6 +231,14 @@ void ModbusStage::require_left_alone(const Statuses& axes) const {
                           fmt::format("the axes are not where they were left: {}, not {}",
                                       describe(axes), describe(left)));
     }
+}
+
+// A stop that was not ours: the next start would undo it.
+void ModbusStage::require_own_commands(const Run& run) {
+    for (StageUnit& unit : units_)
+        if (const std::string change = unit.changed_by_others(); !change.empty())
+            throw DeviceError(unit.device(), run.request,
+                              "another program or the operator stopped the stage: " + change);
 }
 
 std::string ModbusStage::describe(const Statuses& axes) const {

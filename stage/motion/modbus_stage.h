@@ -65,15 +65,10 @@ private:
     enum class State { connected, enabled, homed, faulted };
     using Statuses = std::vector<AxisStatus>;
 
-    // What ends a sequence as soon as a poll shows it.
-    struct Guards {
-        bool alarm = false, emergency_stop = false, limit = false, disabled = false;
-    };
-
     // One sequence that is being carried out.
     struct Run {
-        const char* request;  // "move", for errors
-        Guards guards;
+        const char* request;          // "move", for errors
+        std::vector<Condition> ends;  // end it as soon as a poll shows one of an axis
         std::stop_token stop;
         std::span<const double> target;  // of a move
         Statuses before;                 // when it began
@@ -85,8 +80,9 @@ private:
     // modbus_stage.cpp
     void require_usable(const char* request) const;
     void guarded(const std::function<void()>& action);
-    Run begin(const char* request, Guards guards, std::stop_token stop);
+    Run begin(const char* request, std::vector<Condition> ends, std::stop_token stop);
     void require_left_alone(const Statuses& axes) const;
+    void require_own_commands(const Run& run);
     void require_homed(const Statuses& axes) const;
     bool is_stop_left_on() const;
     std::string describe(const Statuses& axes) const;
@@ -103,7 +99,6 @@ private:
     void wait_done(Run& run);
     void wait_until(Run& run, const std::function<bool(const Statuses&)>& done, Duration held,
                     Duration limit);
-    void check(const Run& run, const Statuses& axes) const;
     void check_plausible(const Run& run, const Statuses& axes, Instant now) const;
     bool has_started(const Run& run, const Statuses& axes, std::size_t axis) const;
     bool is_at(const AxisStatus& status, std::size_t axis, double target) const;

@@ -35,31 +35,13 @@ std::vector<AxisStatus> ModbusStage::poll(int attempts) {
 void ModbusStage::poll(Run& run) {
     const Instant start = clock_.now();
     Statuses axes = poll();
-    check(run, axes);
+    if (const std::string cause = disturbance(axes_, axes, run.ends, profile_); !cause.empty())
+        throw DeviceError(link_.device(), run.request, cause);
     if (!run.target.empty() && !run.now.empty())
         check_plausible(run, axes, clock_.now());
     run.now = std::move(axes);
     run.polled = start;
     run.fresh = true;
-}
-
-void ModbusStage::check(const Run& run, const Statuses& axes) const {
-    const auto fail = [&](std::size_t i, const std::string& cause) {
-        throw DeviceError(link_.device(), run.request,
-                          fmt::format("axis {}{}", axes_[i].name, cause));
-    };
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-        if (run.guards.emergency_stop && axes[i].emergency_stop)
-            fail(i, ": emergency stop");
-        if (run.guards.limit && axes[i].limit)
-            fail(i, " is at a limit switch");
-        if (run.guards.alarm && axes[i].alarm != 0)
-            fail(i, axes[i].alarm == alarm_without_code
-                        ? ": alarm without a code"
-                        : ": " + profile_.describe_alarm(axes[i].alarm));
-        if (run.guards.disabled && !axes[i].enabled)
-            fail(i, " is not enabled any more");
-    }
 }
 
 // A position that the axis cannot have reached since the last poll is another register's, or the
@@ -238,12 +220,18 @@ void ModbusStage::wait_until(Run& run, const std::function<bool(const Statuses&)
             stable_since = now;
         if (stable >= profile_.done.stable_polls && now - stable_since >= held)
             return;
-        if (now >= deadline) {
-            const auto allowed = std::chrono::duration_cast<std::chrono::milliseconds>(limit);
+        const bool rests = std::ranges::none_of(run.now, &AxisStatus::moving);
+        if (stable == 0 && rests)
+            require_own_commands(run);
+        if (now >= deadline)
             throw DeviceError(
                 link_.device(), run.request,
-                fmt::format("not done after {} ms: {}", allowed.count(), describe(run.now)));
-        }
+                fmt::format("not done after {} ms: {}{}",
+                            std::chrono::duration_cast<std::chrono::milliseconds>(limit).count(),
+                            describe(run.now),
+                            rests ? "; nothing moves: another program or the operator may have "
+                                    "stopped it"
+                                  : ""));
         clock_.wait_for(poll_period, run.stop);
     }
 }

@@ -192,6 +192,19 @@ bool StageUnit::is_on(Input input) const {
            is_given(found->second.value, point);
 }
 
+std::string StageUnit::changed_by_others() {
+    for (const auto& [place, word] : words_) {
+        if (!word.reads_back || !word.certain)
+            continue;
+        const std::uint16_t now = read(place, 1).front();
+        if (now != word.value)
+            return fmt::format("command {} {} reads {:#x} and was left at {:#x}",
+                               is_bits(place.first) ? "coil" : "register", place.second, now,
+                               word.value);
+    }
+    return "";
+}
+
 // Where the reply is missing: reads back before anything is written again.
 void StageUnit::write_verified(Place place, std::span<const std::uint16_t> values, bool reads_back,
                                bool repeatable) {

@@ -34,6 +34,10 @@ public:
     // As last read or written; false when that is not known, and for codes.
     bool is_on(Input input) const;
 
+    // What of the inputs that read back is not as this object left it: another master wrote there.
+    // Empty where nothing is.
+    std::string changed_by_others();
+
     // One input on or off; an edge that is on already goes off first. A missing reply is followed
     // by reading back, and only if that shows that nothing was written, by writing again. Throws
     // UncertainWrite where reading back tells nothing: the same input must not be given again then

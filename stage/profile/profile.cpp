@@ -100,6 +100,8 @@ double StageProfile::tolerance(const Axis& axis) const {
 }
 
 std::string StageProfile::describe_alarm(int code) const {
+    if (code < 0)
+        return "alarm without a code";
     const auto known = alarms.find(code);
     return known == alarms.end() ? fmt::format("alarm {}", code)
                                  : fmt::format("alarm {} ({})", code, known->second);

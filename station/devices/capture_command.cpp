@@ -100,7 +100,7 @@ int run_capture(const CaptureArguments& arguments) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
     SteadyClock clock;
-    const auto camera = open_camera(arguments.camera, camera_link(arguments), clock);
+    const auto camera = opened_camera(arguments, clock, stop.get_token());
     CaptureResult result;
     {
         LivePrinter live(arguments.live, clock);

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "capture/camera_recovery.h"
 #include "core/errors.h"
 #include "core/text.h"
 
@@ -25,6 +26,14 @@ std::map<std::string, double> parse_controls(const std::vector<std::string>& wor
     return controls;
 }
 
+CameraLink camera_link(const CaptureArguments& arguments) {
+    CameraLink link;
+    link.packet_size = arguments.packet_size;
+    link.frame_timeout = std::chrono::milliseconds(arguments.frame_timeout_ms);
+    link.interface = arguments.interface;
+    return link;
+}
+
 }  // namespace
 
 CaptureSettings capture_settings(const CaptureArguments& arguments) {
@@ -41,12 +50,11 @@ CaptureSettings capture_settings(const CaptureArguments& arguments) {
     return settings;
 }
 
-CameraLink camera_link(const CaptureArguments& arguments) {
-    CameraLink link;
-    link.packet_size = arguments.packet_size;
-    link.frame_timeout = std::chrono::milliseconds(arguments.frame_timeout_ms);
-    link.interface = arguments.interface;
-    return link;
+std::unique_ptr<Camera> opened_camera(const CaptureArguments& arguments, Clock& clock,
+                                      const std::stop_token& stop) {
+    return open_when_free(
+        [&] { return open_camera(arguments.camera, camera_link(arguments), clock); }, clock, stop,
+        [](const std::string& text) { fmt::print(stderr, "{}\n", text); });
 }
 
 }  // namespace etalon

@@ -120,7 +120,7 @@ int run_capture_drift(const CaptureArguments& arguments) {
     SteadyClock real;
     VirtualClock recorded;
     Clock& clock = is_recording(arguments) ? static_cast<Clock&>(recorded) : real;
-    const auto camera = open_camera(arguments.camera, camera_link(arguments), clock);
+    const auto camera = opened_camera(arguments, clock, stop.get_token());
     std::filesystem::create_directories(arguments.out);
     std::optional<DriftResult> result;
     {

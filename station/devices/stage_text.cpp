@@ -32,18 +32,13 @@ std::string print(const Json& json) {
     return text_of(json) + "\n";
 }
 
-// An alarm without a code is -1.
-std::string alarm_words(const StageProfile& profile, int code) {
-    return code > 0 ? profile.describe_alarm(code) : "alarm without a code";
-}
-
 // The worst first.
 std::vector<std::string> state_words(const AxisStatus& status, const StageProfile& profile) {
     std::vector<std::string> words;
     if (status.emergency_stop)
         words.push_back("EMERGENCY STOP");
     if (status.alarm != 0)
-        words.push_back(alarm_words(profile, status.alarm));
+        words.push_back(profile.describe_alarm(status.alarm));
     if (status.limit)
         words.push_back("at a limit switch");
     words.push_back(status.enabled ? "enabled" : "off");

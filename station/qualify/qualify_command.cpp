@@ -3,6 +3,7 @@
 
 #include <cstdio>
 
+#include "capture/camera_recovery.h"
 #include "core/errors.h"
 #include "core/file_lock.h"
 #include "station/qualify/commands.h"
@@ -62,29 +63,17 @@ int print_result(const QualifyResult& result, bool json) {
     return exit_code(result.outcome);
 }
 
-DeviceOpeners openers(const StationFile& station, Clock& clock) {
-    return {[&] { return open_camera(station.camera.uri, station.camera.link, clock); },
-            [&] {
+DeviceOpeners openers(const StationFile& station, Clock& clock, Progress& progress,
+                      const std::stop_token& stop) {
+    const auto camera = [&] {
+        return open_when_free(
+            [&] { return open_camera(station.camera.uri, station.camera.link, clock); }, clock,
+            stop, [&](const std::string& text) { progress.note(text); });
+    };
+    return {camera, [&] {
                 return open_stage(station.stage.link, station.stage.profile, station.stage.axes,
                                   clock);
             }};
-}
-
-// A GigE Vision camera belongs to a program that was killed until its heartbeat is missed, 3 s, and
-// then takes a moment to end that program's stream: who opens it in between gets no frames. So it
-// is left alone for 4 s.
-std::unique_ptr<Camera> open_when_free(const std::function<std::unique_ptr<Camera>()>& open,
-                                       Clock& clock, const std::stop_token& stop) {
-    constexpr int attempts = 3;
-    for (int i = 1; i < attempts; ++i) {
-        try {
-            return open();
-        } catch (const DeviceError&) {
-            if (!clock.wait_for(std::chrono::seconds(4), stop))
-                throw Interrupted();
-        }
-    }
-    return open();
 }
 
 QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& progress,
@@ -94,16 +83,15 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
     announce(recorded, progress);
     if (!arguments.station.empty())
         require_same_inputs(recorded.result.station.inputs, read_station(arguments.station).inputs);
-    DeviceOpeners open = openers(recorded.result.station, clock);
-    open.camera = [&, open_now = open.camera] { return open_when_free(open_now, clock, stop); };
-    return resume_qualification(recorded, open, clock, progress, stop);
+    return resume_qualification(recorded, openers(recorded.result.station, clock, progress, stop),
+                                clock, progress, stop);
 }
 
 QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                     const std::stop_token& stop) {
     const StationFile station = read_station(arguments.station);
-    return run_qualification(station, arguments.out, openers(station, clock), clock, progress,
-                             stop);
+    return run_qualification(station, arguments.out, openers(station, clock, progress, stop), clock,
+                             progress, stop);
 }
 
 // What the command line cannot say by itself: a new run needs a station and a folder.

@@ -6,7 +6,9 @@
 #include <functional>
 
 #include "capture/camera_recovery.h"
+#include "compare/detect/tags_in_view.h"
 #include "compare/make_detector.h"
+#include "compare/match/match_outcome.h"
 #include "core/errors.h"
 #include "core/file_lock.h"
 #include "core/version.h"
@@ -37,11 +39,13 @@ struct Run {
     void log(const std::string& state, const std::string& detail = "") const {
         record.log(state_event(now_s(), state, detail));
     }
-    void remark(const std::string& text) const {
+    // False for what was remarked before.
+    bool remark(const std::string& text) const {
         if (std::find(result.remarks.begin(), result.remarks.end(), text) != result.remarks.end())
-            return;
+            return false;
         result.remarks.push_back(text);
         log("remark", text);
+        return true;
     }
     void throw_if_stopped() const {
         if (stop.stop_requested())
@@ -85,6 +89,23 @@ Frame take_frame(const Run& run, Camera& camera, Instant after) {
     return frame;
 }
 
+// What a lossy link costs is time, but nobody should wonder where it goes.
+constexpr const char* link_advice =
+    "the camera's link loses packets, and most frames are taken again: look at cable, switch and "
+    "network card; give the receive buffer room (sysctl net.core.rmem_max=4194304); set "
+    "packet_size "
+    "to what the whole way carries (1400, or 8000 with jumbo frames)";
+
+// More frames break than arrive whole. One that breaks now and then is in the counters.
+bool is_lossy(const CaptureStatistics& counts) {
+    return counts.missing_packets > 0 && counts.rejected > counts.delivered;
+}
+
+void mention_losses(const Run& run, const Camera& camera) {
+    if (is_lossy(camera.statistics()) && run.remark(link_advice))
+        run.progress.note(link_advice);
+}
+
 // Calls `after_each` after every frame.
 std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, Pose& pose,
                                const std::function<void()>& after_each) {
@@ -101,13 +122,33 @@ std::vector<Frame> take_frames(const Run& run, Camera& camera, Instant settled, 
         pose.frames.push_back(record);
         after_each();
     }
-    if (std::none_of(frames.begin(), frames.end(),
-                     [](const Frame& f) { return f.status == FrameStatus::complete; }))
-        throw DeviceError(
-            "camera " + run.result.station.camera.uri,
-            fmt::format("take the frames of pose {}", pose.index),
-            fmt::format("none is complete; the last one: {}", name(frames.back().status)));
+    mention_losses(run, camera);
     return frames;
+}
+
+// A pose whose frames all arrive broken is photographed again: at 2 % of lost packets without
+// resending one frame of 20 is whole, and ten rounds of 5 frames with 5 retries fail once in 10^7.
+constexpr int max_rounds = 10;
+
+std::vector<Frame> take_frames_until_one_is_whole(const Run& run, Camera& camera, Pose& pose,
+                                                  Stage& stage) {
+    const Instant settled = run.clock.now();
+    FrameStatus last{};
+    for (int round = 0; round < max_rounds; ++round) {
+        pose.frames.clear();
+        pose.readings = {stage.position()};
+        std::vector<Frame> frames = take_frames(run, camera, settled, pose,
+                                                [&] { pose.readings.push_back(stage.position()); });
+        if (std::ranges::find(frames, FrameStatus::complete, &Frame::status) != frames.end())
+            return frames;
+        last = frames.back().status;
+    }
+    throw DeviceError(
+        "camera " + run.result.station.camera.uri,
+        fmt::format("take the frames of pose {}", pose.index),
+        fmt::format("none of {} is complete; the last one: {}{}",
+                    max_rounds * run.result.station.plan.frames, name(last),
+                    is_lossy(camera.statistics()) ? std::string("; ") + link_advice : ""));
 }
 
 std::vector<int> approach(const std::vector<Axis>& axes, const std::vector<double>& from,
@@ -141,11 +182,8 @@ Pose visit(const Run& run, Pose pose, const std::vector<double>& from, Camera& c
     stage.move(pose.target, run.stop);
     rest(run, stage, run.result.station.plan.settle);
     run.throw_if_stopped();
-    const Instant settled = run.clock.now();
-    pose.settled_s = run.seconds_until(settled);
-    pose.readings = {stage.position()};
-    const std::vector<Frame> frames =
-        take_frames(run, camera, settled, pose, [&] { pose.readings.push_back(stage.position()); });
+    pose.settled_s = run.now_s();
+    const std::vector<Frame> frames = take_frames_until_one_is_whole(run, camera, pose, stage);
     average_readings(pose, run.result.station.stage.axes);
     for (std::size_t i = 0; i < frames.size(); ++i)
         if (frames[i].status == FrameStatus::complete)
@@ -195,6 +233,39 @@ std::vector<Pose> missing_poses(const QualifyResult& result) {
     return missing;
 }
 
+// Three poses in succession that lack the marker are no accident of their places.
+constexpr int poses_without_marker = 3;
+
+// What such a pose shows in the marker's place, and what to look at.
+std::string seen_instead(const QualifyResult& result, const Pose& pose, Detector& detector) {
+    const FrameRecord& frame = *first_whole(pose);
+    const CodeImage photo = recorded_photo(result, frame);
+    const std::vector<std::string> tags = tags_in_view(photo, result.station.marker);
+    if (!tags.empty())
+        return fmt::format(
+            "seen instead: {}. Compare `marker` in station.yaml with the one that is mounted",
+            fmt::join(tags, ", "));
+    std::string text = "no other tag is seen either";
+    for (const Finding& finding : examine_missing_marker(photo, detector))
+        text += "; " + finding.sentence;
+    return text + fmt::format(
+                      ". Look at {}: is the marker mounted, lit, in focus and in the view? "
+                      "`etalon plan` tells where it should be",
+                      (result.folder / frame.file).string());
+}
+
+// Ends a run that would measure in vain.
+void require_marker_in_view(const Run& run, Detector& detector) {
+    const QualifyResult& result = run.result;
+    const bool any = std::ranges::any_of(result.poses, &Pose::detections);
+    if (any || result.sessions.back().poses != poses_without_marker)
+        return;
+    throw DeviceError(
+        "camera " + result.station.camera.uri, "see the marker",
+        fmt::format("{} is in none of the first {} poses; {}", result.station.marker.spec,
+                    poses_without_marker, seen_instead(result, result.poses.back(), detector)));
+}
+
 void visit_missing(const Run& run, Camera& camera, Stage& stage, PhotometricPoses& photometric) {
     const QualifyResult& result = run.result;
     const auto detector =
@@ -209,6 +280,7 @@ void visit_missing(const Run& run, Camera& camera, Stage& stage, PhotometricPose
         Pose pose = visit(run, planned, from, camera, stage, *detector);
         from = pose.read_back;
         keep(run, std::move(pose), camera.statistics());
+        require_marker_in_view(run, *detector);
         photometric.add(result.poses.back());
         run.progress.step();
     }

@@ -1,6 +1,9 @@
 // A qualification run from the plan to the written record: move, settle, photograph, detect; then
 // the analysis (compare/verdict/qualification.h) and the report.
 //
+// The first three poses must show the marker in one of them at least: a run that would measure in
+// vain ends there and says what is seen instead.
+//
 // Whatever happens after the first motion, the axes are stopped and what was measured is on disk.
 #pragma once
 

@@ -5,8 +5,10 @@
 #include <set>
 #include <thread>
 
+#include "capture/camera_recovery.h"
 #include "core/errors.h"
 #include "tests/loopback/gige_rig.h"
+#include "tests/loopback/program.h"
 
 namespace etalon {
 namespace {
@@ -265,6 +267,24 @@ TEST_F(GenicamFeatures, SaysThatAFrozenCameraIsGoneAndTakesItUpAgain) {
     EXPECT_EQ(rig.asked().exposure, 7000us);
     EXPECT_EQ(rig.asked().gain_db, 5.0);
     EXPECT_EQ(camera->statistics().reconnects, 1);
+}
+
+// The dead one's stream still runs when it is taken over, and would go on to where nobody listens.
+TEST_F(GenicamFeatures, StreamsToTheNextProgramWhenTheOneBeforeWasKilled) {
+    GigeRig rig(sensor());
+    {
+        Program victim("etalon", {"capture", "--camera", "genicam:127.0.0.1", "--live"});
+        while (rig.asked().width == 0)  // until a frame is exposed
+            rig.clock_.wait_for(5ms, {});
+        victim.send(SIGKILL);
+        victim.exit_code();
+    }
+    const Instant killed = rig.clock_.now();
+    const auto camera = open_when_free([&] { return rig.open(); }, rig.clock_, {}, [](auto&) {});
+    camera->configure({});
+    camera->arm();
+    EXPECT_EQ(camera->frame_after(rig.clock_.now(), 5, {}).status, FrameStatus::complete);
+    EXPECT_LT(rig.clock_.now() - killed, 8s);
 }
 
 TEST_F(GenicamFeatures, DoesNotTakeAnotherCameraForTheOneThatWasLost) {

@@ -20,8 +20,9 @@ public:
         : station(read_station(write_station(folder, text))),
           null_(std::fopen("/dev/null", "w")),
           progress(null_, false, clock) {
-        picture = [](const CaptureSettings&) {
-            return CodeImage{cv::Mat(240, 320, CV_8UC1, cv::Scalar(130)), 8};
+        // The marker at the first pose alone: enough to go on, too little to analyse.
+        picture = [this](const CaptureSettings&) {
+            return carriage == first_target ? marked() : gray();
         };
     }
     ~StationOfMocks() { std::fclose(null_); }
@@ -34,6 +35,14 @@ public:
         return resume_qualification(read(), openers(), clock, progress, stop.get_token());
     }
     std::filesystem::path record() const { return folder / "record"; }
+
+    static CodeImage gray() { return {cv::Mat(240, 320, CV_8UC1, cv::Scalar(130)), 8}; }
+    // The station's marker in mid picture.
+    CodeImage marked() const { return pictured(station); }
+    static CodeImage pictured(const StationFile& station) {
+        const ExpectedView view(expected_scene(station));
+        return view.at({rotation_from_vector({0.3, 0.1, 0.2}), {5.0, -3.0, 330.0}});
+    }
 
     std::vector<nlohmann::json> events(const std::string& kind) const {
         std::vector<nlohmann::json> found;
@@ -57,7 +66,7 @@ public:
     std::function<void(std::size_t move)> before_move = [](std::size_t) {};
     int opened = 0, moves = 0, stops = 0, closings = 0;  // closing a stage stops it, too
     bool stage_is_silent = false;
-    std::vector<double> carriage;
+    std::vector<double> carriage, first_target;
 
 private:
     // Tells what it went through when the run lets it go.
@@ -77,6 +86,8 @@ private:
             stage_.move(target, token);
             owner_.moves = static_cast<int>(stage_.moves.size());
             owner_.carriage.assign(target.begin(), target.end());
+            if (owner_.first_target.empty())
+                owner_.first_target = owner_.carriage;
         }
         void limit_speed(double share) override { stage_.limit_speed(share); }
         std::vector<double> position() override {

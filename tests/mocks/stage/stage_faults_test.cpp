@@ -65,13 +65,25 @@ TEST(StageFaults, FalseInPositionLastsUntilTheNextCommand) {
     EXPECT_FALSE(rig.x().moving || rig.x().in_position);
 }
 
-// The lie is not held back for the twin's picture.
-TEST(StageFaults, FalseInPositionDoesNotWaitForThePicture) {
+// The lie is not held back for the twin's picture, but the picture follows the truth, and an axis
+// that rests has it awaited like any other.
+TEST(StageFaults, FalseInPositionDoesNotWaitForThePictureWhichShowsWhereTheAxisTrulyIs) {
     FaultyStageRig rig({{.kind = Kind::false_in_position, .at = {When::move, 1}, .axis = 0}});
-    rig.stage.hold_in_position_until([](const std::vector<double>&) { return false; });
-    EXPECT_FALSE(rig.x().in_position);
+    std::vector<double> wished;
+    bool finished = false;
+    rig.stage.hold_in_position_until([&](const std::vector<double>& positions) {
+        wished = positions;
+        return finished;
+    });
     rig.start(200.0, 0.0);
+    rig.clock.advance(500ms);
+    EXPECT_TRUE(rig.x().in_position);
+    ASSERT_EQ(wished.size(), 2u);
+    EXPECT_NEAR(wished[0], 47.5, 1e-9);
     rig.clock.advance(10s);
+    EXPECT_FALSE(rig.x().in_position);
+    EXPECT_NEAR(wished[0], 200.0, 1e-9);
+    finished = true;
     EXPECT_TRUE(rig.x().in_position);
 }
 

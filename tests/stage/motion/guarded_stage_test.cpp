@@ -84,9 +84,9 @@ TEST(GuardedStage, EndsTheMoveWhereAMotionFails) {
 }
 
 TEST(GuardedStage, TellsWhatDisturbsTheAxesAtRest) {
-    const auto error_with = [](void (*disturb)(AxisStatus&)) -> std::string {
+    const auto error_with = [](void (*disturb)(AxisStatus & x, AxisStatus & z)) -> std::string {
         Rig rig;
-        rig.fake.on_status = [disturb](std::vector<AxisStatus>& axes) { disturb(axes[1]); };
+        rig.fake.on_status = [disturb](auto& axes) { disturb(axes[0], axes[1]); };
         try {
             rig.guarded.position();
         } catch (const DeviceError& error) {
@@ -94,11 +94,17 @@ TEST(GuardedStage, TellsWhatDisturbsTheAxesAtRest) {
         }
         return "no error";
     };
-    const std::string read = "stage: read the positions: axis z: ";
-    EXPECT_EQ(error_with([](AxisStatus&) {}), "no error");
-    EXPECT_EQ(error_with([](AxisStatus& z) { z.alarm = 7; }), read + "alarm 7");
-    EXPECT_EQ(error_with([](AxisStatus& z) { z.emergency_stop = true; }), read + "emergency stop");
-    EXPECT_EQ(error_with([](AxisStatus& z) { z.limit = true; }), read + "at a limit");
+    const std::string read = "stage: read the positions: axis ";
+    EXPECT_EQ(error_with([](AxisStatus&, AxisStatus&) {}), "no error");
+    EXPECT_EQ(error_with([](AxisStatus&, AxisStatus& z) { z.alarm = 7; }), read + "z: alarm 7");
+    EXPECT_EQ(error_with([](AxisStatus&, AxisStatus& z) { z.emergency_stop = true; }),
+              read + "z: emergency stop");
+    EXPECT_EQ(error_with([](AxisStatus&, AxisStatus& z) { z.limit = true; }),
+              read + "z is at a limit switch");
+    // The alarm of a limit switch is its whole controller's.
+    EXPECT_EQ(
+        error_with([](AxisStatus& x, AxisStatus& z) { x.alarm = z.alarm = 4 * (z.limit = true); }),
+        read + "z is at a limit switch");
 }
 
 TEST(GuardedStage, MayLeaveTheLimitSwitchThatItWasHomedTo) {

@@ -301,11 +301,55 @@ INSTANTIATE_TEST_SUITE_P(
                     "axis x: emergency stop"},
         Disturbance{"Limit", [](SimulatedStage& s) { s.hit_limit(0); },
                     "axis x is at a limit switch"},
+        Disturbance{"LimitOfTheOtherAxis", [](SimulatedStage& s) { s.hit_limit(1); },
+                    "axis rz is at a limit switch"},
         Disturbance{"Disabled", [](SimulatedStage& s) { s.enable(false); },
                     "axis x is not enabled any more"},
         Disturbance{"EncoderJump", [](SimulatedStage& s) { s.jump_encoder(0, 30.0); },
                     "axis x cannot have come so far"}),
     [](const auto& test) { return std::string(test.param.name); });
+
+// ---- another master
+
+// What `etalon stage stop` does beside a run.
+void stop_from_elsewhere(Rig& rig) {
+    EXPECT_TRUE(rig.connect(Opening::asks_nothing)->stop());
+}
+
+TEST(ModbusStageMoves, AStopByAnotherMasterEndsTheMove) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    rig.once_beyond(20.0, [&] { stop_from_elsewhere(rig); });
+    const Instant begin = rig.clock.now();
+    const std::string error = device_error_of([&] { stage->move(std::vector{600.0, 1.0}, {}); });
+    EXPECT_TRUE(has(error,
+                    "move: another program or the operator stopped the stage: command register "
+                    "200 reads 0x1 and was left at 0x5; the axes were stopped"))
+        << error;
+    EXPECT_LT(rig.clock.now() - begin, 500ms);
+    EXPECT_LT(rig.simulation.true_positions()[0], 100.0);
+}
+
+// By a panel: the commands read as they were left.
+TEST(ModbusStageMoves, AStopThatNoCommandTellsEndsTheMoveAtItsTimeLimit) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    rig.once_beyond(20.0, [&] { rig.simulation.stop(); });
+    const std::string error = device_error_of([&] { stage->move(std::vector{600.0, 1.0}, {}); });
+    EXPECT_TRUE(has(error, "; nothing moves: another program or the operator may have stopped it"))
+        << error;
+}
+
+TEST(ModbusStageMoves, AStopByAnotherMasterAtRestKeepsTheNextMoveFromStarting) {
+    Rig rig;
+    auto stage = rig.connect_and_home();
+    stage->move(std::vector{70.0, 0.5}, {});
+    stop_from_elsewhere(rig);
+    const std::string error = device_error_of([&] { stage->move(std::vector{50.0, 1.0}, {}); });
+    EXPECT_TRUE(has(error, "another program or the operator stopped the stage")) << error;
+    EXPECT_EQ(rig.simulation.moves_started(), 1);
+    EXPECT_NEAR(rig.simulation.true_positions()[0], 70.0, 1e-3);
+}
 
 TEST(ModbusStageProfiles, AxesMustFitEveryRegisterThatCountsThem) {
     Rig rig;

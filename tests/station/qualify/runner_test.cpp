@@ -149,9 +149,9 @@ struct Disturbance {
     const char* cause;
 };
 const Disturbance disturbances[] = {
-    {[](AxisStatus& axis) { axis.emergency_stop = true; }, "emergency stop"},
-    {[](AxisStatus& axis) { axis.alarm = 12; }, "alarm 12"},
-    {[](AxisStatus& axis) { axis.limit = true; }, "at a limit"}};
+    {[](AxisStatus& axis) { axis.emergency_stop = true; }, ": emergency stop"},
+    {[](AxisStatus& axis) { axis.alarm = 12; }, ": alarm 12"},
+    {[](AxisStatus& axis) { axis.limit = true; }, " is at a limit switch"}};
 
 // During an exposure at the third pose: the pose's other frame is not taken.
 TEST(Runner, EndsWhenTheEmergencyStopIsPressedWhileTheAxesRest) {
@@ -169,7 +169,7 @@ TEST(Runner, EndsWhenTheEmergencyStopIsPressedWhileTheAxesRest) {
         const QualifyResult result = mocks.run();
         EXPECT_EQ(result.outcome, RunOutcome::error);
         EXPECT_EQ(result.reason,
-                  std::string("stage: read the positions: axis z: ") + disturbance.cause);
+                  std::string("stage: read the positions: axis z") + disturbance.cause);
         EXPECT_EQ(result.poses.size(), 2u);
         EXPECT_EQ(pictures_since, 1);
         EXPECT_EQ(mocks.moves, 3);
@@ -257,11 +257,35 @@ TEST(Runner, GoesOnWithTheOtherFramesOfAPoseWhenOneIsBroken) {
     EXPECT_FALSE(std::filesystem::exists(mocks.folder / "record/frames/0000_0.png"));
 }
 
+// On a link that loses packets: the first pose's two frames fail with their three retries, then one
+// comes.
+TEST(Runner, TakesTheFramesOfAPoseAgainWhenNoneIsComplete) {
+    StationOfMocks mocks;
+    mocks.on_camera = [](FakeCamera& camera) {
+        camera.script.assign(8 + 4, FrameStatus::corrupt);
+        camera.missing_packets = 75;
+    };
+    mocks.before_move = [&](std::size_t move) {
+        if (move == 2)
+            mocks.stop.request_stop();
+    };
+    const QualifyResult result = mocks.run();
+    ASSERT_EQ(result.poses.size(), 2u);
+    EXPECT_EQ(result.poses[0].frames.size(), 2u);
+    EXPECT_EQ(result.poses[0].readings.size(), 3u);
+    EXPECT_EQ(result.poses[0].frames[1].file, "frames/0000_1.png");
+    EXPECT_THAT(result.remarks, testing::Contains(HasSubstr("net.core.rmem_max")));
+    EXPECT_EQ(mocks.events("remark").size(), 1u);
+    mocks.stop = {};
+    EXPECT_EQ(mocks.read().result.poses.size(), 2u);
+}
+
 TEST(Runner, EndsWhenNoFrameOfAPoseIsComplete) {
     StationOfMocks mocks;
-    mocks.on_camera = [](FakeCamera& camera) { camera.script.assign(8, FrameStatus::corrupt); };
+    mocks.on_camera = [](FakeCamera& camera) { camera.script.assign(80, FrameStatus::corrupt); };
     EXPECT_EQ(mocks.run().outcome, RunOutcome::error);
-    EXPECT_THAT(mocks.run_file()["reason"].get<std::string>(), HasSubstr("none is complete"));
+    EXPECT_THAT(mocks.run_file()["reason"].get<std::string>(),
+                HasSubstr("none of 20 is complete; the last one: corrupt"));
 }
 
 TEST(Runner, TakesFramesOnlyAfterTheStageHasSettled) {
@@ -278,12 +302,38 @@ TEST(Runner, TakesFramesOnlyAfterTheStageHasSettled) {
     }
 }
 
-TEST(Runner, IsInconclusiveWhenTheMarkerIsNeverSeen) {
+TEST(Runner, EndsAfterThreePosesWithoutTheMarkerAndSaysWhatIsSeenInstead) {
     StationOfMocks mocks;
+    StationFile other = mocks.station;
+    other.marker = parse_marker("apriltag:36h11:17@60mm", "test");
+    mocks.picture = [shown = StationOfMocks::pictured(other)](const auto&) { return shown; };
+    const QualifyResult result = mocks.run();
+    EXPECT_EQ(result.outcome, RunOutcome::error);
+    EXPECT_EQ(mocks.moves, 3);
+    EXPECT_EQ(result.poses.size(), 3u);
+    EXPECT_EQ(mocks.stops, 1);
+    EXPECT_EQ(result.reason,
+              "camera genicam:127.0.0.1: see the marker: apriltag:36h11:5@60mm is in none of the "
+              "first 3 poses; seen instead: apriltag:36h11:17. Compare `marker` in station.yaml "
+              "with the one that is mounted");
+}
+
+TEST(Runner, SaysWhereToLookWhenNoMarkerIsSeenAtAll) {
+    StationOfMocks mocks;
+    mocks.picture = [](const auto&) { return StationOfMocks::gray(); };
+    const std::string reason = mocks.run().reason;
+    EXPECT_THAT(reason, HasSubstr("no other tag is seen either; the whole photograph spans 0 gray "
+                                  "values: empty, dark or without contrast. Look at "));
+    EXPECT_THAT(reason, HasSubstr("record/frames/0002_0.png"));
+}
+
+// At the edge of the view a pose may miss the marker: one of three that shows it is enough.
+TEST(Runner, GoesOnWhenOneOfTheFirstThreePosesShowsTheMarker) {
+    StationOfMocks mocks;
+    mocks.picture = [&](const auto&) { return mocks.moves == 3 ? mocks.marked() : mocks.gray(); };
     const QualifyResult result = mocks.run();
     EXPECT_EQ(result.outcome, RunOutcome::inconclusive) << result.reason;
     EXPECT_EQ(result.poses.size(), 25u);
-    EXPECT_EQ(mocks.run_file()["detection"]["rate"], 0.0);
 }
 
 // The whole chain in process.

@@ -38,21 +38,21 @@ public:
     std::vector<std::string> keys() const;
 
     // Of an optional key, 0 without it.
-    double number_or_zero(std::string_view key, Range range = any_number) const;
+    double number_or_zero(std::string_view key, Range range) const;
 
     // Of a list.
     std::vector<Value> items() const;
 
     // Of a scalar. A quoted number is text, not a number. What has a unit has the range of that
     // unit (core/range.h).
-    double number(Range range = any_number) const;
+    double number(Range range) const;
     int integer(int low, int high) const;
     bool flag() const;  // true or false
     std::string text() const;
     std::string one_of(std::initializer_list<std::string_view> words) const;
 
     // A list of exactly `count` numbers; any length if `count` is 0.
-    std::vector<double> numbers(std::size_t count, Range range = any_number) const;
+    std::vector<double> numbers(std::size_t count, Range range) const;
 
     bool is_mapping() const;
     bool is_list() const;

@@ -1,8 +1,15 @@
 #include "core/clock.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace etalon {
+
+Duration duration_of(double seconds) {
+    constexpr double most_s = 1e9;
+    const double within = std::isnan(seconds) ? 0.0 : std::clamp(seconds, -most_s, most_s);
+    return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(within));
+}
 
 Instant SteadyClock::now() const {
     return std::chrono::steady_clock::now();

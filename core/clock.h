@@ -12,6 +12,10 @@ namespace etalon {
 using Instant = std::chrono::steady_clock::time_point;
 using Duration = std::chrono::steady_clock::duration;
 
+// Some 32 years at most in either direction, so that sums of a few never overflow; not a number is
+// 0.
+Duration duration_of(double seconds);
+
 class Clock {
 public:
     virtual ~Clock() = default;

@@ -78,9 +78,9 @@ FrameRecord read_frame_record(const JsonEntry& line) {
     frame.status = read_status(line.at("status"));
     frame.status_detail = line.at("status_detail").text();
     frame.device_id = line.at("device_id").whole();
-    frame.exposure_start_s = line.at("t").number();
+    frame.exposure_start_s = line.at("t").number(units::s.either_sign());
     frame.exposure_start_uncertainty_s =
-        line.at("exposure_start_uncertainty_s").number(non_negative);
+        line.at("exposure_start_uncertainty_s").number(units::s.non_negative());
     frame.time_source = read_time_source(line.at("time_source"));
     frame.device_time_ns = line.at("device_time_ns").whole();
     frame.settings = read_settings(line.at("settings"));

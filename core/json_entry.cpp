@@ -87,9 +87,7 @@ double JsonEntry::number(Range range) const {
     if (!json_at(json_).is_number())
         fail("must be a number");
     const double value = json_at(json_).get<double>();
-    const bool inside =
-        value <= range.high && (range.open_low ? value > range.low : value >= range.low);
-    if (!std::isfinite(value) || !inside)
+    if (!std::isfinite(value) || !range.contains(value))
         fail(fmt::format("{} is out of range", value));
     return value;
 }

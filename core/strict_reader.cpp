@@ -9,6 +9,7 @@
 #include <set>
 
 #include "core/text.h"
+#include "core/yaml_text.h"
 
 namespace etalon {
 
@@ -20,7 +21,9 @@ struct Value::Shared {
 
 namespace {
 
-constexpr int max_nodes = 1'000'000;  // an alias bomb expands to more
+// Of one mapping; of one key. Whoever reads all keys of a mapping looks each of them up among all,
+// and every value carries its path.
+constexpr std::size_t max_keys = 1000, max_key_bytes = 200;
 
 int line_of(const YAML::Node& node) {
     return node.Mark().line + 1;
@@ -34,60 +37,34 @@ std::string item_path(const std::string& path, std::size_t index) {
     return path + "[" + std::to_string(index) + "]";
 }
 
-YAML::Node parse(const std::string& text, const std::string& file) {
-    try {
-        return YAML::Load(text);
-    } catch (const YAML::Exception& error) {
-        throw ConfigError({file, error.mark.line + 1}, error.msg);
-    }
-}
-
-// Calls visit(path, key node, value node) for every key of every mapping in the tree.
-using Visit = std::function<void(const std::string&, const YAML::Node&, const YAML::Node&)>;
-void visit_keys(const YAML::Node& node, const std::string& path, const std::string& file,
-                int& budget, const Visit& visit) {
-    if (--budget < 0)
-        throw ConfigError({file}, "has more than a million values");
+// Calls visit(path, mapping) for every mapping in the tree, the outer ones first.
+using Visit = std::function<void(const std::string&, const YAML::Node&)>;
+void visit_mappings(const YAML::Node& node, const std::string& path, const Visit& visit) {
     if (node.IsMap()) {
-        for (const auto& entry : node) {
-            if (!entry.first.IsScalar())
-                throw ConfigError({file, line_of(entry.first), path}, "a key must be a word");
-            visit(path, entry.first, entry.second);
-            visit_keys(entry.second, join(path, entry.first.Scalar()), file, budget, visit);
-        }
+        visit(path, node);
+        for (const auto& entry : node)
+            visit_mappings(entry.second, join(path, entry.first.Scalar()), visit);
     } else if (node.IsSequence()) {
         for (std::size_t i = 0; i < node.size(); ++i)
-            visit_keys(node[i], item_path(path, i), file, budget, visit);
+            visit_mappings(node[i], item_path(path, i), visit);
     }
 }
 
-void refuse_doubled_keys(const YAML::Node& root, const std::string& file) {
+void require_sound_keys(const YAML::Node& mapping, const std::string& path,
+                        const std::string& file) {
+    if (mapping.size() > max_keys)
+        throw ConfigError({file, line_of(mapping), path},
+                          fmt::format("has more than {} keys", max_keys));
     std::map<std::string, int> first_line;
-    int budget = max_nodes;
-    visit_keys(root, "", file, budget,
-               [&](const std::string& path, const YAML::Node& key, const YAML::Node&) {
-                   const std::string full = join(path, key.Scalar());
-                   const auto [seen, is_new] = first_line.emplace(full, line_of(key));
-                   if (!is_new)
-                       throw ConfigError(
-                           {file, line_of(key), full},
-                           fmt::format("doubled key, first given in line {}", seen->second));
-               });
-}
-
-std::string describe(Range range) {
-    if (range.open_low && std::isinf(range.high))
-        return fmt::format("greater than {}", range.low);
-    if (std::isinf(range.high))
-        return fmt::format("at least {}", range.low);
-    if (std::isinf(range.low))
-        return fmt::format("at most {}", range.high);
-    return fmt::format("between {} and {}", range.low, range.high);
-}
-
-bool contains(Range range, double value) {
-    const bool above = range.open_low ? value > range.low : value >= range.low;
-    return above && value <= range.high;
+    for (const auto& entry : mapping) {
+        const YAML::Node& key = entry.first;
+        if (!key.IsScalar() || key.Scalar().size() > max_key_bytes)
+            throw ConfigError({file, line_of(key), path}, "a key must be a word");
+        const auto [seen, is_new] = first_line.emplace(key.Scalar(), line_of(key));
+        if (!is_new)
+            throw ConfigError({file, line_of(key), join(path, key.Scalar())},
+                              fmt::format("doubled key, first given in line {}", seen->second));
+    }
 }
 
 }  // namespace
@@ -151,8 +128,8 @@ double Value::number(Range range) const {
     const auto value = parse_number(node_->Scalar());
     if (!value)
         fail(fmt::format("must be a finite number, not '{}'", node_->Scalar()));
-    if (!contains(range, *value))
-        fail(fmt::format("must be {}, not {}", describe(range), *value));
+    if (!range.contains(*value))
+        fail(fmt::format("must be {}, not {}", range.words(), *value));
     return *value;
 }
 
@@ -225,9 +202,11 @@ StrictFile StrictFile::from_text(const std::string& text, const std::string& nam
 StrictFile::StrictFile(const std::string& text, const std::filesystem::path& path,
                        std::string_view kind)
     : path_(path),
-      root_(std::make_shared<YAML::Node>(parse(text, path.string())), "",
+      root_(std::make_shared<YAML::Node>(parse_yaml(text, path.string())), "",
             std::make_shared<Value::Shared>(Value::Shared{path.string(), {}, {}})) {
-    refuse_doubled_keys(*root_.node_, path.string());
+    visit_mappings(*root_.node_, "", [&](const std::string& at, const YAML::Node& mapping) {
+        require_sound_keys(mapping, at, path.string());
+    });
     if (!root_.node_->IsMap())
         throw ConfigError({path.string(), 1}, fmt::format("must begin with 'etalon: {}'", kind));
     const Value declared = root_.at("etalon");
@@ -241,19 +220,20 @@ std::filesystem::path StrictFile::resolve(const std::string& relative) const {
 
 void StrictFile::finish() const {
     const Value::Shared& shared = *root_.shared_;
-    int budget = max_nodes;
-    visit_keys(*root_.node_, "", shared.file, budget,
-               [&](const std::string& path, const YAML::Node& key, const YAML::Node&) {
-                   const std::string full = join(path, key.Scalar());
-                   if (shared.asked.contains(full))
-                       return;
-                   const auto known = shared.known.find(path);
-                   const std::string meant =
-                       known == shared.known.end() ? "" : nearest_word(key.Scalar(), known->second);
-                   throw ConfigError({shared.file, line_of(key), full},
-                                     meant.empty() ? "unknown key"
-                                                   : "unknown key; did you mean '" + meant + "'?");
-               });
+    visit_mappings(*root_.node_, "", [&](const std::string& path, const YAML::Node& mapping) {
+        for (const auto& entry : mapping) {
+            const std::string full = join(path, entry.first.Scalar());
+            if (shared.asked.contains(full))
+                continue;
+            const auto known = shared.known.find(path);
+            const std::string meant = known == shared.known.end()
+                                          ? ""
+                                          : nearest_word(entry.first.Scalar(), known->second);
+            throw ConfigError(
+                {shared.file, line_of(entry.first), full},
+                meant.empty() ? "unknown key" : "unknown key; did you mean '" + meant + "'?");
+        }
+    });
 }
 
 bool is_etalon_file(const std::filesystem::path& path) {

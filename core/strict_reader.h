@@ -4,7 +4,7 @@
 //
 //     StrictFile file("camera.yml", "camera/1");
 //     const Value intrinsics = file.root().at("intrinsics");
-//     const double fx = intrinsics.at("fx").number(positive);
+//     const double fx = intrinsics.at("fx").number(units::px.positive());
 //     file.finish();                       // throws if any key was never asked for
 //
 // Not for foreign files with keys of their own (OpenCV, ROS): see calib/. Not thread-safe.
@@ -12,7 +12,6 @@
 
 #include <filesystem>
 #include <initializer_list>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -20,22 +19,13 @@
 #include <vector>
 
 #include "core/errors.h"
+#include "core/range.h"
 
 namespace YAML {
 class Node;
 }
 
 namespace etalon {
-
-// Allowed values of a number. The bounds themselves are allowed unless `open`.
-struct Range {
-    double low = -std::numeric_limits<double>::infinity();
-    double high = std::numeric_limits<double>::infinity();
-    bool open_low = false;
-};
-inline constexpr Range any_number{};
-inline constexpr Range positive{0.0, std::numeric_limits<double>::infinity(), true};
-inline constexpr Range non_negative{0.0};
 
 class StrictFile;
 
@@ -48,20 +38,21 @@ public:
     std::vector<std::string> keys() const;
 
     // Of an optional key, 0 without it.
-    double number_or_zero(std::string_view key, Range range = any_number) const;
+    double number_or_zero(std::string_view key, Range range) const;
 
     // Of a list.
     std::vector<Value> items() const;
 
-    // Of a scalar. A quoted number is text, not a number.
-    double number(Range range = any_number) const;
+    // Of a scalar. A quoted number is text, not a number. What has a unit has the range of that
+    // unit (core/range.h).
+    double number(Range range) const;
     int integer(int low, int high) const;
     bool flag() const;  // true or false
     std::string text() const;
     std::string one_of(std::initializer_list<std::string_view> words) const;
 
     // A list of exactly `count` numbers; any length if `count` is 0.
-    std::vector<double> numbers(std::size_t count, Range range = any_number) const;
+    std::vector<double> numbers(std::size_t count, Range range) const;
 
     bool is_mapping() const;
     bool is_list() const;

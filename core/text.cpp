@@ -12,8 +12,6 @@
 #include <sstream>
 #include <system_error>
 
-#include "core/errors.h"
-
 namespace etalon {
 namespace {
 
@@ -46,7 +44,40 @@ std::optional<Number> parse_whole(std::string_view text) {
     return value;
 }
 
+// Bytes of the UTF-8 character that the text begins with; 0 if it begins with none.
+std::size_t character_bytes(std::string_view text) {
+    const auto byte = [&](std::size_t i) {
+        return i < text.size() ? static_cast<unsigned char>(text[i]) : 0u;
+    };
+    const unsigned first = byte(0);
+    if (first > 0 && first < 0x80)
+        return 1;
+    if (first < 0xc2 || first > 0xf4)
+        return 0;
+    const unsigned low = first == 0xe0 ? 0xa0 : first == 0xf0 ? 0x90 : 0x80;
+    const unsigned high = first == 0xed ? 0x9f : first == 0xf4 ? 0x8f : 0xbf;
+    if (byte(1) < low || byte(1) > high)
+        return 0;
+    const std::size_t bytes = first < 0xe0 ? 2 : first < 0xf0 ? 3 : 4;
+    for (std::size_t i = 2; i < bytes; ++i)
+        if (byte(i) < 0x80 || byte(i) > 0xbf)
+            return 0;
+    return bytes;
+}
+
 }  // namespace
+
+void require_utf8(std::string_view text, SourcePlace place) {
+    for (std::size_t at = 0; at < text.size();) {
+        const std::size_t bytes = character_bytes(text.substr(at));
+        if (bytes == 0) {
+            const auto byte = static_cast<unsigned char>(text[at]);
+            throw ConfigError(place, fmt::format("is not UTF-8: a byte 0x{:02x}", byte));
+        }
+        place.line += text[at] == '\n';
+        at += bytes;
+    }
+}
 
 std::optional<double> parse_number(std::string_view text) {
     const auto value = parse_whole<double>(text);
@@ -143,7 +174,12 @@ std::string read_text(const std::filesystem::path& path) {
     text << file.rdbuf();
     if (!file)
         throw ConfigError({path.string()}, "cannot be read");
-    return std::move(text).str();
+    constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
+    std::string whole = std::move(text).str();
+    if (whole.starts_with(byte_order_mark))
+        whole.erase(0, byte_order_mark.size());
+    require_utf8(whole, {path.string(), 1});
+    return whole;
 }
 
 void write_text(const std::filesystem::path& path, std::string_view text) {

@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "core/errors.h"
+
 namespace etalon {
 
 // The whole of `text` as a finite number, independent of the locale; nothing if it is not one.
@@ -35,8 +37,13 @@ std::string wrapped_words(std::string line, const std::vector<std::string>& word
 // The text's words after `head`, further lines below its text.
 std::string wrapped_text(const std::string& head, std::string_view text, std::size_t columns = 79);
 
-// Whole file as text. Throws ConfigError when it cannot be read or is larger than 64 MiB.
+// Whole file as text, without the byte order mark that some programs put before it. Throws
+// ConfigError when it cannot be read, is larger than 64 MiB, or is not UTF-8.
 std::string read_text(const std::filesystem::path& path);
+
+// Throws ConfigError with the line, `place` being that of the text's first one, at a byte that is
+// not UTF-8 (Unicode 15, table 3-7) or is zero, which would end the text for some libraries.
+void require_utf8(std::string_view text, SourcePlace place);
 
 // Replaces the file in one step: readers see the old or the new text, never a part.
 void write_text(const std::filesystem::path& path, std::string_view text);

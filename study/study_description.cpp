@@ -123,7 +123,7 @@ StudyDescription describe(const StudyFile& study, const std::filesystem::path& f
     if (!study.focus_mm.empty())
         description.axes.push_back({"focus-mm", "mm"});
     ordered_json made_from{{"version", version},
-                           {"study_sha256", sha256(read_text(file))},
+                           {"study_sha256", sha256_of_file(file)},
                            {"camera_sha256", camera_sha256(study.camera_file, study.camera)}};
     if (!study.poses.file.empty())
         made_from["poses_sha256"] = sha256_of_file(study.poses.file);

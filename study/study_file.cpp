@@ -19,7 +19,7 @@ namespace {
 constexpr int max_poses = 10'000'000;
 
 // [low, high], or one number that is both.
-Interval read_interval(const Value& value, Range range = any_number, double unit = 1.0) {
+Interval read_interval(const Value& value, Range range, double unit = 1.0) {
     if (value.is_scalar()) {
         const double fixed = value.number(range) * unit;
         return {fixed, fixed};
@@ -38,15 +38,15 @@ Interval read_angle(const Value& poses, const char* key) {
 PoseVolume read_volume(const Value& poses) {
     PoseVolume volume;
     if (const auto x = poses.find("x_mm"))
-        volume.x_mm = read_interval(*x);
+        volume.x_mm = read_interval(*x, units::mm.either_sign());
     if (const auto y = poses.find("y_mm"))
-        volume.y_mm = read_interval(*y);
-    volume.z_mm = read_interval(poses.at("z_mm"), positive);
+        volume.y_mm = read_interval(*y, units::mm.either_sign());
+    volume.z_mm = read_interval(poses.at("z_mm"), units::mm.positive());
     volume.roll = read_angle(poses, "roll_deg");
     volume.pitch = read_angle(poses, "pitch_deg");
     volume.yaw = read_angle(poses, "yaw_deg");
     if (const auto margin = poses.find("margin_px"))
-        volume.margin_px = margin->number(non_negative);
+        volume.margin_px = margin->number(units::px.non_negative());
     return volume;
 }
 
@@ -179,7 +179,7 @@ void read_disturbances(const Value& section, StudyFile& study) {
     for (const std::string& name : section.keys()) {
         const Value value = section.at(name);
         if (name == "focus-mm") {
-            study.focus_mm = value.numbers(0, positive);
+            study.focus_mm = value.numbers(0, units::mm.positive());
             if (study.focus_mm.empty() || !study.camera.lens)
                 value.fail(study.camera.lens ? "must name a distance"
                                              : "the camera states no lens that could be focused");
@@ -188,7 +188,7 @@ void read_disturbances(const Value& section, StudyFile& study) {
         const DisturbanceAxis* axis = disturbance_axis(name);
         if (!axis)
             value.fail("there is no such disturbance");
-        study.disturbances.push_back({axis, read_interval(value)});
+        study.disturbances.push_back({axis, read_interval(value, units::one.either_sign())});
         const Interval& values = study.disturbances.back().values;
         if (!axis->is_valid(values.low) || !axis->is_valid(values.high))
             value.fail(fmt::format("must lie within {} to {}", axis->least, axis->most));

@@ -7,17 +7,17 @@
 
 #include "calib/camera/parameter_names.h"
 #include "calib/files/camera_formats.h"
+#include "core/csv_file.h"
 #include "core/strict_reader.h"
-#include "core/text.h"
 
 namespace etalon {
 namespace {
 
 Intrinsics read_intrinsics(const Value& value) {
-    return {.fx = value.at("fx").number(positive),
-            .fy = value.at("fy").number(positive),
-            .cx = value.at("cx").number(),
-            .cy = value.at("cy").number()};
+    return {.fx = value.at("fx").number(units::px.positive()),
+            .fy = value.at("fy").number(units::px.positive()),
+            .cx = value.at("cx").number(units::px.either_sign()),
+            .cy = value.at("cy").number(units::px.either_sign())};
 }
 
 Distortion read_distortion(const Value& value) {
@@ -26,8 +26,8 @@ Distortion read_distortion(const Value& value) {
         const bool is_tilt = i >= 12;
         constexpr double right_angle = std::numbers::pi / 2;
         if (const auto given = value.find(distortion_names[i]))
-            coefficients[i] =
-                given->number(is_tilt ? Range{-right_angle, right_angle} : any_number);
+            coefficients[i] = given->number(is_tilt ? Range{-right_angle, right_angle}
+                                                    : units::one.either_sign());
     }
     return Distortion::from_opencv_order(coefficients);
 }
@@ -71,7 +71,8 @@ ParameterCovariance read_covariance(const Value& value) {
     if (n == 0)
         value.at("order").fail("must name at least one parameter");
     const Value lower = value.at("lower");
-    const std::vector<double> entries = lower.numbers(n * (n + 1) / 2);
+    constexpr double most = units::one.most * units::one.most;
+    const std::vector<double> entries = lower.numbers(n * (n + 1) / 2, {-most, most});
     covariance.matrix.resize(n, n);
     std::size_t next = 0;
     for (std::size_t row = 0; row < n; ++row)
@@ -92,13 +93,13 @@ struct MeasuredTable {
 MeasuredTable read_profile(const std::filesystem::path& path) {
     const StrictFile file(path, "psf/1");
     const Value radius = file.root().at("radius_px"), density = file.root().at("density");
-    const std::vector<double> radii = radius.numbers(0, non_negative);
+    const std::vector<double> radii = radius.numbers(0, units::px.non_negative());
     if (radii.size() < 4)
         radius.fail("needs at least 4 radii");
-    const std::vector<double> densities = density.numbers(radii.size(), non_negative);
+    const std::vector<double> densities = density.numbers(radii.size(), units::one.non_negative());
     MeasuredTable profile;
     if (const auto uncertainty = file.root().find("standard_uncertainty"))
-        profile.uncertainties = uncertainty->numbers(radii.size(), non_negative);
+        profile.uncertainties = uncertainty->numbers(radii.size(), units::one.non_negative());
     file.finish();
     if (radii.front() != 0.0)
         radius.fail("must begin with 0");
@@ -123,25 +124,25 @@ PointSpread read_point_spread(const StrictFile& file, const Value& value,
         return {.kind = PointSpread::Kind::measured, .profile = std::move(profile.pairs)};
     }
     return {.kind = PointSpread::Kind::gaussian,
-            .sigma_px = value.at("gaussian").at("sigma_px").number(positive)};
+            .sigma_px = value.at("gaussian").at("sigma_px").number(units::px.positive())};
 }
 
 double read_focus_distance(const Value& value) {
     if (value.is_scalar() && value.text() == "infinity")
         return std::numeric_limits<double>::infinity();
-    return value.number(positive);
+    return value.number(units::mm.positive());
 }
 
 // Engraved f-number from whichever is given: N = N_w f / v = N_w / (1 + v / z_f).
 double read_f_number(const Value& lens, double image_distance_mm, double focus_distance_mm) {
     const auto engraved = lens.find("f_number"), working = lens.find("working_f_number");
     if (!working)
-        return lens.at("f_number").number(positive);
+        return lens.at("f_number").number(units::f_number.positive());
     const double from_working =
-        working->number(positive) / (1.0 + image_distance_mm / focus_distance_mm);
+        working->number(units::f_number.positive()) / (1.0 + image_distance_mm / focus_distance_mm);
     if (!engraved)
         return from_working;
-    const double f_number = engraved->number(positive);
+    const double f_number = engraved->number(units::f_number.positive());
     if (!(std::abs(from_working / f_number - 1.0) <= 1e-6))
         working->fail(
             fmt::format("contradicts f_number {}: belongs to {}", f_number, from_working));
@@ -152,7 +153,7 @@ Lens read_lens(const StrictFile& file, const Value& value, const CameraModel& ca
                CameraUncertainty& uncertainty) {
     Lens lens;
     if (camera.projection == Projection::telecentric) {
-        lens.focus_distance_mm = value.at("focus_distance_mm").number(positive);
+        lens.focus_distance_mm = value.at("focus_distance_mm").number(units::mm.positive());
         lens.object_na = value.at("object_na").number({0.0, 1.0, true});
         if (lens.object_na == 1.0)
             value.at("object_na").fail("must be less than 1");
@@ -162,52 +163,34 @@ Lens read_lens(const StrictFile& file, const Value& value, const CameraModel& ca
         lens.focus_distance_mm = read_focus_distance(value.at("focus_distance_mm"));
         lens.f_number = read_f_number(value, image_distance_mm, lens.focus_distance_mm);
     }
-    lens.wavelength_nm = value.at("wavelength_nm").number(positive);
+    lens.wavelength_nm = value.at("wavelength_nm").number(units::nm.positive());
     if (const auto psf = value.find("psf"))
         lens.psf = read_point_spread(file, *psf, uncertainty.psf_density);
     return lens;
 }
 
-// The numbers of one line of a transfer table; throws for anything else.
-std::vector<double> read_table_line(const std::string& line, std::size_t columns, int full_scale,
-                                    const SourcePlace& place) {
-    std::vector<double> numbers;
-    for (const std::string& cell : split(line, ','))
-        if (const auto number = parse_number(cell))
-            numbers.push_back(*number);
-    if (numbers.size() != columns || split(line, ',').size() != columns)
-        throw ConfigError(place,
-                          fmt::format("must be {} finite numbers", columns == 2 ? "two" : "three"));
-    if (numbers[0] < 0.0 || numbers[1] < 0.0 || numbers[1] > full_scale)
+void require_transfer(const std::vector<double>& row, int full_scale, const SourcePlace& place) {
+    if (row[0] < 0.0 || row[1] < 0.0 || row[1] > full_scale)
         throw ConfigError(
             place,
             fmt::format("radiance must be at least 0 and code between 0 and {}", full_scale));
-    if (columns == 3 && numbers[2] < 0.0)
+    if (row.size() == 3 && row[2] < 0.0)
         throw ConfigError(place, "a standard uncertainty must be at least 0");
-    return numbers;
 }
 
 // CSV `radiance,code` or `radiance,code,u_code`; codes become fractions of full scale.
 MeasuredTable read_transfer_table(const std::filesystem::path& path, int full_scale) {
     MeasuredTable table;
-    const std::vector<std::string> lines = split(read_text(path), '\n');
-    const std::string header(trimmed(lines.front()));
-    if (header != "radiance,code" && header != "radiance,code,u_code")
-        throw ConfigError({path.string(), 1},
-                          "must begin with the header radiance,code or radiance,code,u_code");
-    const std::size_t columns = header == "radiance,code" ? 2 : 3;
-    for (std::size_t i = 1; i < lines.size(); ++i) {
-        const SourcePlace place{path.string(), static_cast<int>(i) + 1};
-        if (trimmed(lines[i]).empty())
-            continue;
-        const std::vector<double> line = read_table_line(lines[i], columns, full_scale, place);
-        const std::pair<double, double> entry(line[0], line[1] / full_scale);
+    for (const CsvRow& row : read_csv(path, {"radiance,code", "radiance,code,u_code"}).rows) {
+        const std::vector<double> numbers = row.numbers();
+        require_transfer(numbers, full_scale, row.place);
+        const std::pair<double, double> entry(numbers[0], numbers[1] / full_scale);
         if (!table.pairs.empty() &&
             (entry.first <= table.pairs.back().first || entry.second <= table.pairs.back().second))
-            throw ConfigError(place, "must be greater than the line before, in both columns");
+            throw ConfigError(row.place, "must be greater than the line before, in both columns");
         table.pairs.push_back(entry);
-        if (columns == 3)
-            table.uncertainties.push_back(line[2] / full_scale);
+        if (numbers.size() == 3)
+            table.uncertainties.push_back(numbers[2] / full_scale);
     }
     if (table.pairs.size() < 2)
         throw ConfigError({path.string()}, "must have at least two lines of numbers");
@@ -232,7 +215,7 @@ Illumination read_illumination(const Value& value, Projection projection) {
         polynomial->fail("excludes cos4: it is the whole relative illumination");
     if (polynomial) {
         illumination.kind = Illumination::Kind::polynomial;
-        const std::vector<double> coefficients = polynomial->numbers(3);
+        const std::vector<double> coefficients = polynomial->numbers(3, units::one.either_sign());
         std::copy(coefficients.begin(), coefficients.end(), illumination.polynomial.begin());
     } else if (value.at("cos4").flag()) {
         if (projection == Projection::telecentric)
@@ -253,7 +236,7 @@ void read_mosaic(const Value& value, Sensor& sensor) {
     if (const auto response = value.find("channel_response")) {
         if (sensor.mosaic == Mosaic::none)
             response->fail("needs a mosaic");
-        const std::vector<double> channels = response->numbers(3, positive);
+        const std::vector<double> channels = response->numbers(3, units::one.positive());
         std::copy(channels.begin(), channels.end(), sensor.channel_response.begin());
     }
 }
@@ -265,15 +248,15 @@ Sensor read_sensor(const StrictFile& file, const Value& value, Projection projec
         const auto given = value.find(key);
         return given ? given->number(range) : 0.0;
     };
-    sensor.pixel_pitch_um = number("pixel_pitch_um", positive);
+    sensor.pixel_pitch_um = number("pixel_pitch_um", units::um.positive());
     if (const auto bits = value.find("bits"))
         sensor.bits = bits->integer(1, 16);
     const int full_scale = (1 << sensor.bits) - 1;
     if (const auto transfer = value.find("transfer"))
         sensor.transfer = read_transfer(file, *transfer, full_scale, uncertainty.transfer_code);
     sensor.black_dn = number("black", {0.0, static_cast<double>(full_scale)});
-    sensor.gain_e_per_dn = number("gain_e_per_dn", non_negative);
-    sensor.read_noise_e = number("read_noise_e", non_negative);
+    sensor.gain_e_per_dn = number("gain_e_per_dn", units::electrons.non_negative());
+    sensor.read_noise_e = number("read_noise_e", units::electrons.non_negative());
     if (sensor.read_noise_e > 0.0 && sensor.gain_e_per_dn == 0.0)
         value.at("read_noise_e").fail("needs gain_e_per_dn to become code values");
     if (const auto illumination = value.find("illumination"))
@@ -319,7 +302,8 @@ Projection read_projection(const Value& root) {
 void check_distortion(const CameraModel& camera, const Value& distortion) {
     if (camera.projection == Projection::telecentric)
         for (const char* key : {"tau_x", "tau_y"})
-            if (const auto tilt = distortion.find(key); tilt && tilt->number() != 0.0)
+            if (const auto tilt = distortion.find(key);
+                tilt && tilt->number(units::one.either_sign()) != 0.0)
                 tilt->fail("belongs to a perspective camera");
 }
 
@@ -328,30 +312,31 @@ void read_uncertainty(const Value& root, const CameraModel& camera, CameraUncert
     const auto given = root.find("standard_uncertainty");
     if (!given)
         return;
-    const auto number = [&](const char* key, const char* section, std::optional<double>& target) {
+    const auto number = [&](const char* key, const char* section, const Unit& unit,
+                            std::optional<double>& target) {
         const auto value = given->find(key);
         if (!value)
             return;
         const auto holder = root.find(section);
         if (!holder || !holder->find(key))
             value->fail(fmt::format("is of {}.{}, which this file does not have", section, key));
-        target = value->number(non_negative);
+        target = value->number(unit.non_negative());
     };
-    number("f_number", "lens", result.f_number);
-    number("focus_distance_mm", "lens", result.focus_distance_mm);
-    number("black", "sensor", result.black_dn);
-    number("gain_e_per_dn", "sensor", result.gain_e_per_dn);
-    number("read_noise_e", "sensor", result.read_noise_e);
+    number("f_number", "lens", units::f_number, result.f_number);
+    number("focus_distance_mm", "lens", units::mm, result.focus_distance_mm);
+    number("black", "sensor", units::one, result.black_dn);
+    number("gain_e_per_dn", "sensor", units::electrons, result.gain_e_per_dn);
+    number("read_noise_e", "sensor", units::electrons, result.read_noise_e);
     if (const auto sigma = given->find("psf_sigma_px")) {
         if (!camera.lens || camera.lens->psf.kind != PointSpread::Kind::gaussian)
             sigma->fail("is of lens.psf.gaussian, which this file does not have");
-        result.psf_sigma_px = sigma->number(non_negative);
+        result.psf_sigma_px = sigma->number(units::px.non_negative());
     }
     if (const auto illumination = given->find("illumination")) {
         if (!camera.sensor || camera.sensor->illumination.kind != Illumination::Kind::polynomial)
             illumination->fail(
                 "is of sensor.illumination.polynomial, which this file does not have");
-        const std::vector<double> deviations = illumination->numbers(3, non_negative);
+        const std::vector<double> deviations = illumination->numbers(3, units::one.non_negative());
         result.illumination = {deviations[0], deviations[1], deviations[2]};
     }
 }
@@ -384,7 +369,7 @@ CameraModel read_own_camera(const std::filesystem::path& path) {
         check_illumination(camera, *sensor);
     }
     if (const auto lens = root.find("lens")) {
-        root.at("sensor").at("pixel_pitch_um").number(positive);
+        root.at("sensor").at("pixel_pitch_um").number(units::um.positive());
         camera.lens = read_lens(file, *lens, camera, uncertainty);
         check_lens(camera, *lens);
     }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "calib/camera/parameter_names.h"
+#include "core/range.h"
 #include "core/text.h"
 
 namespace etalon {
@@ -63,6 +64,12 @@ Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy,
             throw ConfigError(place, "has a number that is not finite");
     if (fx <= 0.0 || fy <= 0.0)
         throw ConfigError(place, fmt::format("fx and fy must be positive, not {} and {}", fx, fy));
+    for (const double focal_length : {fx, fy})
+        if (const Range range = units::px.positive(); !range.contains(focal_length))
+            throw ConfigError(place, fmt::format("{} must be {}", focal_length, range.words()));
+    for (const double centre : {cx, cy})
+        if (const Range range = units::px.either_sign(); !range.contains(centre))
+            throw ConfigError(place, fmt::format("{} must be {}", centre, range.words()));
     return {.fx = fx, .fy = fy, .cx = cx, .cy = cy};
 }
 

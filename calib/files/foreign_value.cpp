@@ -4,6 +4,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "core/text.h"
+#include "core/yaml_text.h"
 
 namespace etalon {
 
@@ -11,18 +12,14 @@ ForeignValue::ForeignValue(const YAML::Node& node, SourcePlace place)
     : node_(std::make_shared<YAML::Node>(node)), place_(std::move(place)) {}
 
 ForeignValue ForeignValue::parse(const std::string& text, const std::string& file) {
-    try {
-        const YAML::Node root = YAML::Load(text);
-        if (text.starts_with("Model = CAHV"))
-            throw ConfigError({file, 1},
-                              "is a CAHV, CAHVOR or CAHVORE model, which is not supported: its "
-                              "distortion has no exact form in OpenCV's parameters");
-        if (!root.IsMap())
-            throw ConfigError({file, 1}, "is no camera calibration of a known format");
-        return {root, {file, 1}};
-    } catch (const YAML::Exception& error) {
-        throw ConfigError({file, error.mark.line + 1}, error.msg);
-    }
+    const YAML::Node root = parse_yaml(text, file);
+    if (text.starts_with("Model = CAHV"))
+        throw ConfigError({file, 1},
+                          "is a CAHV, CAHVOR or CAHVORE model, which is not supported: its "
+                          "distortion has no exact form in OpenCV's parameters");
+    if (!root.IsMap())
+        throw ConfigError({file, 1}, "is no camera calibration of a known format");
+    return {root, {file, 1}};
 }
 
 std::optional<ForeignValue> ForeignValue::find(std::string_view key) const {

@@ -16,7 +16,7 @@ Limits read_limits(const std::filesystem::path& path) {
         const auto given = kind.is_required ? root.at(kind.name) : root.find(kind.name);
         if (!given)
             continue;
-        limits.*kind.limit = given->at("limit").number(positive);
+        limits.*kind.limit = given->at("limit").number(unit_named(kind.unit).positive());
         given->at("unit").one_of({kind.unit});
     }
     if (const auto pixels = root.find("pixels")) {

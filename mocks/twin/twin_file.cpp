@@ -18,9 +18,9 @@ CameraErrors read_camera_errors(const Value& value) {
     CameraErrors errors;
     const Range above_minus_half{-50.0, 50.0};  // percent; more is another camera
     errors.focal_length_percent = value.number_or_zero("focal_length_percent", above_minus_half);
-    errors.k1_percent = value.number_or_zero("k1_percent");
+    errors.k1_percent = value.number_or_zero("k1_percent", units::percent.either_sign());
     if (const auto shift = value.find("principal_point_px")) {
-        const std::vector<double> px = shift->numbers(2);
+        const std::vector<double> px = shift->numbers(2, units::px.either_sign());
         errors.principal_point_px = {px[0], px[1]};
     }
     return errors;
@@ -44,8 +44,10 @@ void read_twin_camera(const StrictFile& file, const Value& camera, TwinFile& twi
 }
 
 Rigid read_rigid(const Value& value) {
-    const std::vector<double> rotation_deg = value.at("rotation_deg").numbers(3);
-    const std::vector<double> translation_mm = value.at("translation_mm").numbers(3);
+    const std::vector<double> rotation_deg =
+        value.at("rotation_deg").numbers(3, units::deg.either_sign());
+    const std::vector<double> translation_mm =
+        value.at("translation_mm").numbers(3, units::mm.either_sign());
     const Eigen::Vector3d rotation(rotation_deg[0], rotation_deg[1], rotation_deg[2]);
     return {rotation_from_vector(rotation * rad_per_deg),
             {translation_mm[0], translation_mm[1], translation_mm[2]}};

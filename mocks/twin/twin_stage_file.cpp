@@ -25,12 +25,15 @@ std::chrono::milliseconds optional_ms(const Value& mapping, const std::string& k
 struct Units {
     std::string fine, coarse;  // ends of keys
     double per_fine, per_coarse;
+    const Unit &fine_unit, &coarse_unit;
 
     explicit Units(Axis::Kind kind)
         : fine(kind == Axis::Kind::linear ? "_um" : "_deg"),
           coarse(kind == Axis::Kind::linear ? "_mm" : "_deg"),
           per_fine(kind == Axis::Kind::linear ? 1e-3 : rad_per_deg),
-          per_coarse(kind == Axis::Kind::linear ? 1.0 : rad_per_deg) {}
+          per_coarse(kind == Axis::Kind::linear ? 1.0 : rad_per_deg),
+          fine_unit(kind == Axis::Kind::linear ? units::um : units::deg),
+          coarse_unit(kind == Axis::Kind::linear ? units::mm : units::deg) {}
 };
 
 std::size_t index_of_axis(const Value& place, const std::string& name,
@@ -45,9 +48,10 @@ void read_periodic(const Value& value, const Units& units, AxisErrors& errors) {
     const auto amplitude = value.find("periodic" + units.fine);
     if (!amplitude)
         return;
-    errors.periodic = amplitude->number() * units.per_fine;
-    errors.period = value.at("period" + units.coarse).number(positive) * units.per_coarse;
-    errors.phase = value.number_or_zero("phase_deg") * rad_per_deg;
+    errors.periodic = amplitude->number(units.fine_unit.either_sign()) * units.per_fine;
+    errors.period =
+        value.at("period" + units.coarse).number(units.coarse_unit.positive()) * units.per_coarse;
+    errors.phase = value.number_or_zero("phase_deg", units::deg.either_sign()) * rad_per_deg;
 }
 
 void read_lean(const Value& value, std::size_t axis, const std::vector<Axis>& axes,
@@ -62,21 +66,24 @@ void read_lean(const Value& value, std::size_t axis, const std::vector<Axis>& ax
         if (towards == axis || axes[axis].kind != Axis::Kind::linear ||
             axes[towards].kind != Axis::Kind::linear)
             angle.fail("only a linear axis leans, towards another linear one");
-        errors.lean[towards] = angle.number({-1e5, 1e5}) * 1e-6;
+        errors.lean[towards] = angle.number(units::urad.either_sign()) * 1e-6;
     }
 }
 
 AxisErrors read_axis_errors(const Value& value, std::size_t axis, const std::vector<Axis>& axes) {
     const Units units(axes[axis].kind);
+    const Range fine = units.fine_unit.non_negative();
     AxisErrors errors;
-    errors.scale = value.number_or_zero("scale_ppm", {-1e5, 1e5}) * 1e-6;
+    errors.scale = value.number_or_zero("scale_ppm", units::ppm.either_sign()) * 1e-6;
     errors.repeatability =
-        value.number_or_zero("repeatability" + units.fine, non_negative) * units.per_fine;
-    errors.backlash = value.number_or_zero("backlash" + units.fine, non_negative) * units.per_fine;
+        value.number_or_zero("repeatability" + units.fine, fine) * units.per_fine;
+    errors.backlash = value.number_or_zero("backlash" + units.fine, fine) * units.per_fine;
     errors.encoder_noise =
-        value.number_or_zero("encoder_noise" + units.fine, non_negative) * units.per_fine;
-    errors.drift = value.number_or_zero("drift" + units.fine + "_per_k") * units.per_fine;
-    errors.expansion = value.number_or_zero("expansion_ppm_per_k", {-1e5, 1e5}) * 1e-6;
+        value.number_or_zero("encoder_noise" + units.fine, fine) * units.per_fine;
+    errors.drift =
+        value.number_or_zero("drift" + units.fine + "_per_k", units.fine_unit.either_sign()) *
+        units.per_fine;
+    errors.expansion = value.number_or_zero("expansion_ppm_per_k", units::ppm.either_sign()) * 1e-6;
     read_periodic(value, units, errors);
     read_lean(value, axis, axes, errors);
     return errors;
@@ -84,14 +91,17 @@ AxisErrors read_axis_errors(const Value& value, std::size_t axis, const std::vec
 
 AxisServo read_servo(const Value& value, const Units& units) {
     AxisServo servo;
-    servo.parameters.bandwidth_hz = value.at("bandwidth_hz").number(positive);
-    servo.parameters.damping = value.at("damping").number(positive);
-    servo.parameters.drive_lag = value.number_or_zero("drive_lag_us", non_negative) * 1e-6;
+    servo.parameters.bandwidth_hz = value.at("bandwidth_hz").number(units::hz.positive());
+    servo.parameters.damping = value.at("damping").number(units::one.positive());
+    servo.parameters.drive_lag =
+        value.number_or_zero("drive_lag_us", units::us.non_negative()) * 1e-6;
     if (const auto resonance = value.find("resonance_hz")) {
-        servo.parameters.resonance_hz = resonance->number(positive);
-        servo.parameters.resonance_damping = value.at("resonance_damping").number(positive);
+        servo.parameters.resonance_hz = resonance->number(units::hz.positive());
+        servo.parameters.resonance_damping =
+            value.at("resonance_damping").number(units::one.positive());
     }
-    servo.window = value.at("window" + units.fine).number(positive) * units.per_fine;
+    servo.window =
+        value.at("window" + units.fine).number(units.fine_unit.positive()) * units.per_fine;
     return servo;
 }
 
@@ -126,7 +136,8 @@ StageFault read_stage_fault(const Value& value, StageFault::Kind kind,
     }
     if (kind == Kind::encoder_jump) {
         const Units units(axes[fault.axis].kind);
-        fault.size = value.at("size" + units.fine).number() * units.per_fine;
+        fault.size =
+            value.at("size" + units.fine).number(units.fine_unit.either_sign()) * units.per_fine;
     }
     if (kind == Kind::alarm)
         fault.code = value.at("code").integer(1, 65535);
@@ -238,7 +249,7 @@ TwinStage read_twin_stage(const StrictFile& file, const Value& section) {
     options.homing = optional_ms(section, "homing_ms", 0, options.homing);
     if (const auto temperature = section.find("temperature"))
         options.temperature = {temperature->at("change_k").number({-300.0, 300.0}),
-                               temperature->at("time_constant_s").number(positive)};
+                               temperature->at("time_constant_s").number(units::s.positive())};
     read_errors(section, stage);
     if (const auto faults = section.find("faults"))
         for (const Value& fault : faults->items())

@@ -4,6 +4,7 @@
 
 #include <numbers>
 
+#include "core/csv_file.h"
 #include "core/errors.h"
 #include "core/strict_reader.h"
 #include "core/text.h"
@@ -30,43 +31,25 @@ Rigid pose_from_numbers(const std::vector<double>& numbers, const SourcePlace& p
     return rigid_from_vector(pose);
 }
 
-std::vector<double> numbers_of_line(const std::string& line, const SourcePlace& place) {
-    try {
-        return parse_numbers(line, 6, place.file);
-    } catch (const ConfigError& error) {
-        // The same words with the line's number before them.
-        const std::string words = error.what();
-        throw ConfigError(place, words.substr(place.file.size() + 2));
-    }
-}
-
-std::vector<Rigid> read_csv(const std::filesystem::path& path) {
-    const std::string name = path.string();
-    std::vector<std::string> lines = split(read_text(path), '\n');
-    while (!lines.empty() && trimmed(lines.back()).empty())
-        lines.pop_back();
-    if (lines.empty() || trimmed(lines[0]) != csv_header)
-        throw ConfigError({name, 1}, fmt::format("the first line must be '{}'", csv_header));
+std::vector<Rigid> read_csv_poses(const std::filesystem::path& path) {
     std::vector<Rigid> poses;
-    for (std::size_t i = 1; i < lines.size(); ++i) {
-        const SourcePlace place{name, static_cast<int>(i) + 1};
-        poses.push_back(pose_from_numbers(numbers_of_line(lines[i], place), place));
-    }
+    for (const CsvRow& row : read_csv(path, {csv_header}).rows)
+        poses.push_back(pose_from_numbers(row.numbers(), row.place));
     return poses;
 }
 
 Rigid pose_from_json(const Value& value) {
     if (value.is_list())
-        return pose_from_numbers(value.numbers(6), value.place());
+        return pose_from_numbers(value.numbers(6, any_number), value.place());
     std::vector<double> numbers;
     for (const std::string& key : split(std::string(csv_header), ','))
-        numbers.push_back(value.at(key).number());
+        numbers.push_back(value.at(key).number(any_number));
     return pose_from_numbers(numbers, value.place());
 }
 
 // A bare list has no place for `etalon: KIND`: it is put into one that has, on the same line, so
 // that the strict reader's checks and line numbers hold.
-std::vector<Rigid> read_json(const std::filesystem::path& path) {
+std::vector<Rigid> read_json_poses(const std::filesystem::path& path) {
     const std::string wrapped = "{\"etalon\": \"poses/1\", \"poses\": " + read_text(path) + "\n}";
     const StrictFile file = StrictFile::from_text(wrapped, path.string(), "poses/1");
     std::vector<Rigid> poses;
@@ -91,7 +74,7 @@ Rigid parse_pose(const std::string& text, const std::string& place) {
 }
 
 std::vector<Rigid> read_poses(const std::filesystem::path& path) {
-    std::vector<Rigid> poses = is_json(path) ? read_json(path) : read_csv(path);
+    std::vector<Rigid> poses = is_json(path) ? read_json_poses(path) : read_csv_poses(path);
     if (poses.empty())
         throw ConfigError({path.string()}, "holds no pose");
     return poses;

@@ -10,7 +10,7 @@ namespace etalon {
 namespace {
 
 Eigen::Vector3d read_direction(const Value& value) {
-    const std::vector<double> numbers = value.numbers(3);
+    const std::vector<double> numbers = value.numbers(3, units::one.either_sign());
     const Eigen::Vector3d direction(numbers[0], numbers[1], numbers[2]);
     const double length = direction.stableNorm();
     if (!(length > 0.0) || !std::isfinite(length))
@@ -23,6 +23,9 @@ struct Units {
     bool rotary;
     double position() const { return rotary ? rad_per_deg : 1.0; }
     double small() const { return rotary ? rad_per_deg : 1e-3; }
+    const Unit& large_unit() const { return rotary ? units::deg : units::mm; }
+    const Unit& small_unit() const { return rotary ? units::deg : units::um; }
+    const Unit& speed_unit() const { return rotary ? units::deg_per_s : units::mm_per_s; }
     std::string large_key(const std::string& name) const { return name + (rotary ? "_deg" : ""); }
     std::string mm_key(const std::string& name) const { return name + (rotary ? "_deg" : "_mm"); }
     std::string small_key(const std::string& name) const {
@@ -38,31 +41,37 @@ std::optional<double> optional_number(const Value& item, const std::string& key,
 
 // A length in um or an angle in degrees.
 std::optional<double> small_size(const Value& item, const std::string& name, const Units& units) {
-    return optional_number(item, units.small_key(name), non_negative, units.small());
+    return optional_number(item, units.small_key(name), units.small_unit().non_negative(),
+                           units.small());
 }
 
-void read_travel(const Value& value, double unit, Axis& axis) {
-    const std::vector<double> travel = value.numbers(2);
+void read_travel(const Value& value, const Units& units, Axis& axis) {
+    const std::vector<double> travel = value.numbers(2, units.large_unit().either_sign());
     if (travel[0] >= travel[1])
         value.fail(
             fmt::format("must be [low, high] with low < high, not [{}, {}]", travel[0], travel[1]));
-    axis.low = travel[0] * unit;
-    axis.high = travel[1] * unit;
+    axis.low = travel[0] * units.position();
+    axis.high = travel[1] * units.position();
 }
 
 void read_controller(const Value& item, const Units& units, Axis& axis) {
     if (const auto value = item.find("unit"))
         axis.unit = value->integer(0, 255);
     const std::string counts = units.mm_key("counts_per");
-    axis.counts_per_unit = optional_number(item, counts, any_number, 1.0 / units.position());
-    if (axis.counts_per_unit == 0.0)
-        item.at(counts).fail("must not be 0");
-    axis.lead = optional_number(item, units.mm_key("lead"), positive, units.position());
+    if (const auto value = item.find(counts)) {
+        const double per_unit = value->number(units::counts.either_sign());
+        if (std::abs(per_unit) < units::counts.least)
+            value->fail(
+                fmt::format("must be at least {} in size, not {}", units::counts.least, per_unit));
+        axis.counts_per_unit = per_unit / units.position();
+    }
+    axis.lead = optional_number(item, units.mm_key("lead"), units.large_unit().positive(),
+                                units.position());
 }
 
 Rigid read_mount(const Value& mount) {
     const auto rotation = mount.at("rotation_deg").numbers(3, {-360.0, 360.0});
-    const auto translation = mount.at("translation_mm").numbers(3);
+    const auto translation = mount.at("translation_mm").numbers(3, units::mm.either_sign());
     return {rotation_from_vector(Eigen::Vector3d(rotation.data()) * rad_per_deg),
             Eigen::Vector3d(translation.data())};
 }
@@ -77,7 +86,7 @@ void read_errors(const Value& value, Axis& axis) {
 void read_approach(const Value& value, const Units& units, Axis& axis) {
     axis.approach = value.at("from").one_of({"below", "above"}) == "below" ? 1 : -1;
     const Value overrun = value.at(units.small_key("overrun"));
-    axis.overrun = overrun.number(positive) * units.small();
+    axis.overrun = overrun.number(units.small_unit().positive()) * units.small();
     if (axis.overrun < axis.backlash)
         overrun.fail("must be at least the backlash");
 }
@@ -85,13 +94,16 @@ void read_approach(const Value& value, const Units& units, Axis& axis) {
 void read_geometry(const Value& item, const Units& units, Axis& axis) {
     axis.direction = read_direction(item.at("direction"));
     if (units.rotary)
-        axis.point_mm = Eigen::Vector3d(item.at("point_mm").numbers(3).data());
+        axis.point_mm =
+            Eigen::Vector3d(item.at("point_mm").numbers(3, units::mm.either_sign()).data());
     if (const auto mount = item.find("mount"))
         axis.previous_from_mount = read_mount(*mount);
-    read_travel(item.at(units.large_key("travel")), units.position(), axis);
-    axis.speed = item.at(units.large_key("speed")).number(positive) * units.position();
-    axis.zero =
-        optional_number(item, units.large_key("zero"), any_number, units.position()).value_or(0.0);
+    read_travel(item.at(units.large_key("travel")), units, axis);
+    const Value speed = item.at(units.large_key("speed"));
+    axis.speed = speed.number(units.speed_unit().positive()) * units.position();
+    axis.zero = optional_number(item, units.large_key("zero"), units.large_unit().either_sign(),
+                                units.position())
+                    .value_or(0.0);
     if (const auto map = item.find("error_map"))
         read_errors(*map, axis);
     axis.backlash = small_size(item, "backlash", units).value_or(0.0);
@@ -100,14 +112,16 @@ void read_geometry(const Value& item, const Units& units, Axis& axis) {
 }
 
 void read_uncertainties(const Value& item, const Units& units, Axis& axis) {
-    axis.scale_uncertainty = optional_number(item, "scale_uncertainty_ppm", non_negative, 1e-6);
+    axis.scale_uncertainty =
+        optional_number(item, "scale_uncertainty_ppm", units::ppm.non_negative(), 1e-6);
     axis.repeatability = small_size(item, "repeatability", units);
     axis.backlash_uncertainty = small_size(item, "backlash_uncertainty", units);
     axis.read_noise = small_size(item, "read_noise", units);
     axis.direction_uncertainty =
-        optional_number(item, "direction_uncertainty_urad", non_negative, 1e-6);
+        optional_number(item, "direction_uncertainty_urad", units::urad.non_negative(), 1e-6);
     if (units.rotary)
-        axis.point_uncertainty = optional_number(item, "point_uncertainty_um", non_negative, 1e-3);
+        axis.point_uncertainty =
+            optional_number(item, "point_uncertainty_um", units::um.non_negative(), 1e-3);
 }
 
 Axis read_axis(const Value& item) {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "core/text.h"
+#include "core/csv_file.h"
 #include "core/units.h"
 
 namespace etalon {
@@ -15,26 +15,23 @@ namespace {
 constexpr double mm_per_um = 1e-3;
 
 ErrorMapPoint point_of(const std::vector<double>& row, bool rotary, const SourcePlace& place) {
+    const Range position = (rotary ? units::deg : units::mm).either_sign();
+    const Range error = (rotary ? units::deg : units::um).either_sign();
+    for (std::size_t i = 0; i < row.size(); ++i)
+        if (const Range& range = i == 0 ? position : error; !range.contains(row[i]))
+            throw ConfigError(place, fmt::format("{} must be {}", row[i], range.words()));
     if (row[2] < 0.0)
         throw ConfigError(place, fmt::format("the standard uncertainty {} is negative", row[2]));
     const double error_unit = rotary ? rad_per_deg : mm_per_um;
     return {row[0] * (rotary ? rad_per_deg : 1.0), row[1] * error_unit, row[2] * error_unit};
 }
 
-ErrorMap read_csv(const std::filesystem::path& path, bool rotary) {
-    const std::string header =
+ErrorMap read_csv_map(const std::filesystem::path& path, bool rotary) {
+    const char* header =
         rotary ? "position_deg,error_deg,uncertainty_deg" : "position_mm,error_um,uncertainty_um";
-    const std::vector<std::string> lines = split(read_text(path), '\n');
-    if (trimmed(lines.front()) != header)
-        throw ConfigError({path.string(), 1}, fmt::format("must be '{}'", header));
     std::vector<ErrorMapPoint> points;
-    for (std::size_t i = 1; i < lines.size(); ++i) {
-        if (trimmed(lines[i]).empty())
-            continue;
-        const std::string place = fmt::format("{}:{}", path.string(), i + 1);
-        const SourcePlace line{path.string(), static_cast<int>(i) + 1};
-        points.push_back(point_of(parse_numbers(trimmed(lines[i]), 3, place), rotary, line));
-    }
+    for (const CsvRow& row : read_csv(path, {header}).rows)
+        points.push_back(point_of(row.numbers(), rotary, row.place));
     return {std::move(points), {path.string()}};
 }
 
@@ -69,11 +66,11 @@ ErrorMap read_error_map(const Value& value, bool rotary) {
     if (value.is_mapping()) {
         const std::filesystem::path folder =
             std::filesystem::path(value.place().file).parent_path();
-        return read_csv(folder / value.at("file").text(), rotary);
+        return read_csv_map(folder / value.at("file").text(), rotary);
     }
     std::vector<ErrorMapPoint> points;
     for (const Value& row : value.items())
-        points.push_back(point_of(row.numbers(3), rotary, row.place()));
+        points.push_back(point_of(row.numbers(3, any_number), rotary, row.place()));
     return {std::move(points), value.place()};
 }
 

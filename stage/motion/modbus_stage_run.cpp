@@ -199,8 +199,7 @@ Duration ModbusStage::time_limit(const Run& run) const {
             ++i;
         }
     }
-    const std::chrono::duration<double> motion(seconds * profile_.limits.move_factor);
-    return std::chrono::duration_cast<Duration>(motion) + profile_.limits.move_margin;
+    return duration_of(seconds * profile_.limits.move_factor) + profile_.limits.move_margin;
 }
 
 // Until `done` was so in several successive polls and for `held`.

@@ -80,8 +80,7 @@ public:
         double longest_s = 0.0;
         for (std::size_t i = 0; i < axes_.size(); ++i)
             longest_s = std::max(longest_s, std::abs(to[i] - from[i]) / axes_[i].speed);
-        segment.time = std::chrono::duration_cast<Duration>(
-            std::chrono::duration<double>(longest_s / segment.speed_share));
+        segment.time = duration_of(longest_s / segment.speed_share);
         return segment;
     }
 
@@ -295,7 +294,8 @@ void require_approach(const Space& space, const MotionRules& rules, const Positi
 // ---- Reading
 
 AxisInterval read_side(const Value& value, const Axis& axis) {
-    const std::vector<double> bounds = value.numbers(2);
+    const Unit& length = is_rotary(axis) ? units::deg : units::mm;
+    const std::vector<double> bounds = value.numbers(2, length.either_sign());
     if (bounds[0] >= bounds[1])
         value.fail(
             fmt::format("must be [low, high] with low < high, not [{}, {}]", bounds[0], bounds[1]));
@@ -321,9 +321,11 @@ void read_slow_zone(const Value& value, std::span<const Axis> axes, MotionRules&
     for (const Axis& axis : axes) {
         const auto distance = margin.find(axis.name);
         const double unit = is_rotary(axis) ? rad_per_deg : 1.0;
-        rules.slow_margin.push_back(distance ? distance->number(non_negative) * unit : 0.0);
+        const Unit& length = is_rotary(axis) ? units::deg : units::mm;
+        rules.slow_margin.push_back(distance ? distance->number(length.non_negative()) * unit
+                                             : 0.0);
     }
-    rules.slow_share = value.at("speed_share").number({0.0, 1.0, true});
+    rules.slow_share = value.at("speed_share").number({1e-3, 1.0});
     if (rules.forbidden.empty())
         value.fail("there is no forbidden box to be near to");
 }

@@ -28,13 +28,13 @@ void read_counts(const Layers& section, StageProfile::Counts& counts) {
     if (const auto from = section.find("from")) {
         from->one_of({"axis"});
     } else {
-        counts.per_mm = section.at("per_mm").number(positive);
-        counts.per_deg = section.at("per_deg").number(positive);
+        counts.per_mm = section.at("per_mm").number(units::counts.positive());
+        counts.per_deg = section.at("per_deg").number(units::counts.positive());
     }
     if (const auto sign = section.find("sign"))
         counts.sign = sign->one_of({"1", "-1"}) == "1" ? 1.0 : -1.0;
     if (const auto offset = section.find("offset"))
-        counts.offset = offset->number();
+        counts.offset = offset->number(units::counts.either_sign());
 }
 
 void read_speed(const Layers& section, StageProfile::Speed& speed) {
@@ -42,7 +42,7 @@ void read_speed(const Layers& section, StageProfile::Speed& speed) {
     const std::string unit = section.at("unit").one_of({"counts_per_s", "rpm"});
     speed.unit = unit == "rpm" ? Unit::rpm : Unit::counts_per_s;
     if (const auto step = section.find("step"))
-        speed.step = step->number(positive);
+        speed.step = step->number(units::one.positive());
 }
 
 void read_done(const Layers& section, StageProfile& profile) {
@@ -52,8 +52,8 @@ void read_done(const Layers& section, StageProfile& profile) {
     if (done.in_position && !profile.has(Signal::in_position))
         in_position.fail("signal 'in_position' is unavailable");
     done.start_seen = section.at("start_seen").flag();
-    done.tolerance_mm = section.at("tolerance_um").number(positive) * 1e-3;
-    done.tolerance_deg = section.at("tolerance_deg").number(positive);
+    done.tolerance_mm = section.at("tolerance_um").number(units::um.positive()) * 1e-3;
+    done.tolerance_deg = section.at("tolerance_deg").number(units::deg.positive());
     done.stable_polls = section.at("stable_polls").integer(1, 1000);
     done.settle = read_ms(section.at("settle_ms"), 0);
 }

@@ -9,9 +9,9 @@
 #include "calib/files/camera_file.h"
 #include "compare/characterise/characterisation.h"
 #include "compare/detect/photo_pose.h"
+#include "core/csv_file.h"
 #include "core/errors.h"
 #include "core/exit_codes.h"
-#include "core/text.h"
 #include "report/json_text.h"
 #include "station/calibrate/characterise_report.h"
 #include "station/calibrate/commands.h"
@@ -66,20 +66,10 @@ private:
 // CSV `file,exposure_us`; files are seen from the CSV's folder.
 std::vector<ExposedPhoto> read_exposures(const std::filesystem::path& path, PhotoReader& reader) {
     std::vector<ExposedPhoto> photos;
-    const std::vector<std::string> lines = split(read_text(path), '\n');
-    if (trimmed(lines.front()) != "file,exposure_us")
-        throw ConfigError({path.string(), 1}, "must begin with the header file,exposure_us");
-    for (std::size_t i = 1; i < lines.size(); ++i) {
-        if (trimmed(lines[i]).empty())
-            continue;
-        const SourcePlace place{path.string(), static_cast<int>(i) + 1};
-        const auto cells = split(lines[i], ',');
-        const auto time = cells.size() == 2 ? parse_number(trimmed(cells[1])) : std::nullopt;
-        if (!time || !(*time > 0.0))
-            throw ConfigError(place, "must be a file and an exposure time above 0 us");
-        const NamedPhoto photo =
-            reader.read_for_noise(path.parent_path() / std::string(trimmed(cells[0])));
-        photos.push_back({photo.image, *time, photo.name});
+    for (const CsvRow& row : read_csv(path, {"file,exposure_us"}).rows) {
+        const double exposure_us = row.number(1, units::us.positive());
+        const NamedPhoto photo = reader.read_for_noise(path.parent_path() / row.cells[0]);
+        photos.push_back({photo.image, exposure_us, photo.name});
     }
     return photos;
 }

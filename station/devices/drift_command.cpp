@@ -37,8 +37,7 @@ DriftRequest drift_request(const CaptureArguments& arguments) {
                           fmt::format("must be 0.001 at least and make at most {} frames in {} "
                                       "minutes",
                                       max_frames, max_min));
-    request.interval =
-        std::chrono::duration_cast<Duration>(std::chrono::duration<double>(interval_s));
+    request.interval = duration_of(interval_s);
     request.frames = static_cast<int>(frames);
     return request;
 }

@@ -32,7 +32,7 @@ std::vector<InputFile> read_inputs(const JsonEntry& list) {
 Plan read_plan(const JsonEntry& entry, std::size_t axes) {
     entry.require_keys({"expected_duration_s", "poses"});
     Plan plan;
-    const double seconds = entry.at("expected_duration_s").number({0.0, 1e9});
+    const double seconds = entry.at("expected_duration_s").number(units::s.non_negative());
     plan.expected_duration = std::chrono::nanoseconds(std::llround(seconds * 1e9));
     for (const JsonEntry& pose : entry.at("poses").items()) {
         pose.require_keys({"target", "hold_out"});
@@ -85,7 +85,7 @@ private:
     }
 
     void take(const JsonEntry& line) {
-        const double t = line.at("t").number();
+        const double t = line.at("t").number(units::s.either_sign());
         const std::string event = line.at("event").text();
         if (result_.plan.poses.empty() != (event == "run"))
             line.fail("the first line, and no other, must be the one of the run");
@@ -167,8 +167,8 @@ private:
             pose.approach.push_back(static_cast<int>(side.integer(-1, 1)));
         if (pose.approach.size() != axes())
             line.at("approach").fail("is not of all axes");
-        pose.move_start_s = line.at("move_start_s").number(non_negative);
-        pose.settled_s = line.at("settled_s").number(non_negative);
+        pose.move_start_s = line.at("move_start_s").number(units::s.non_negative());
+        pose.settled_s = line.at("settled_s").number(units::s.non_negative());
         pose.done_s = t;
         pose.frames = frames_of(line, pose.index);
         average_readings(pose, result_.station.stage.axes);

@@ -431,8 +431,7 @@ void require_recorded_camera(const QualifyResult& result, const CameraIdentity& 
 Instant resumed_start(const RecordedRun& recorded, const std::string& now_utc, Instant now) {
     const double passed_s =
         utc_seconds(now_utc).value_or(0.0) - utc_seconds(recorded.result.started_utc).value_or(0.0);
-    const std::chrono::duration<double> passed(std::max(passed_s, recorded.end_s));
-    return now - std::chrono::duration_cast<Duration>(passed);
+    return now - duration_of(std::max(passed_s, recorded.end_s));
 }
 
 }  // namespace

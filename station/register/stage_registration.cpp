@@ -9,8 +9,8 @@
 #include "compare/expect/rendered_corners.h"
 #include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
+#include "core/csv_file.h"
 #include "core/errors.h"
-#include "core/text.h"
 #include "core/units.h"
 #include "stage/axes/kinematics.h"
 #include "station/setup/stage_terms.h"
@@ -24,63 +24,29 @@ std::string column_name(const Axis& axis) {
     return axis.name + (axis.kind == Axis::Kind::rotary ? "_deg" : "_mm");
 }
 
-std::vector<std::string> cells_of(const std::string& line) {
-    std::vector<std::string> cells;
-    for (const std::string& cell : split(line, ','))
-        cells.emplace_back(trimmed(cell));
-    return cells;
+double position_in(const CsvRow& row, std::size_t column, const Axis& axis) {
+    return axis.kind == Axis::Kind::rotary
+               ? row.number(column, units::deg.either_sign()) * rad_per_deg
+               : row.number(column, units::mm.either_sign());
 }
 
-std::size_t column_of(const std::string& name, const std::vector<std::string>& header,
-                      const SourcePlace& place) {
-    const auto found = std::find(header.begin(), header.end(), name);
-    if (found == header.end())
-        throw ConfigError(place, fmt::format("the header lacks the column '{}'", name));
-    return static_cast<std::size_t>(found - header.begin());
-}
-
-// Where the photograph's and each axis' numbers are.
-struct Columns {
-    std::size_t photo;
-    std::vector<std::size_t> axes;
-    std::size_t count;
-};
-
-// Columns are named `prefix` and the axis.
-Columns read_header(const std::string& line, const std::string& photo, const std::string& prefix,
-                    const std::vector<Axis>& axes, const SourcePlace& place) {
-    const std::vector<std::string> header = cells_of(line);
-    Columns columns{column_of(photo, header, place), {}, header.size()};
+// Of the columns `photo`, which is taken as it stands, and one for each axis, named `prefix` and
+// the axis.
+std::vector<StagePhoto> read_rows(const CsvFile& file, const std::string& photo,
+                                  const std::string& prefix, const std::vector<Axis>& axes) {
+    const std::size_t photo_column = file.column(photo);
+    std::vector<std::size_t> columns;
     for (const Axis& axis : axes)
-        columns.axes.push_back(column_of(prefix + column_name(axis), header, place));
-    return columns;
-}
-
-// `photo` is the cell as it stands.
-StagePhoto read_row(const std::string& line, const Columns& columns, const std::vector<Axis>& axes,
-                    const SourcePlace& place) {
-    const std::vector<std::string> cells = cells_of(line);
-    if (cells.size() != columns.count)
-        throw ConfigError(place, fmt::format("{} cells, expected {}", cells.size(), columns.count));
-    StagePhoto row{cells[columns.photo], {}};
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-        const auto value = parse_number(cells[columns.axes[i]]);
-        if (!value)
-            throw ConfigError(place, "not a number: '" + cells[columns.axes[i]] + "'");
-        row.positions.push_back(*value * (axes[i].kind == Axis::Kind::rotary ? rad_per_deg : 1.0));
+        columns.push_back(file.column(prefix + column_name(axis)));
+    std::vector<StagePhoto> photos;
+    for (const CsvRow& row : file.rows) {
+        photos.push_back({row.cells[photo_column], {}});
+        for (std::size_t i = 0; i < axes.size(); ++i)
+            photos.back().positions.push_back(position_in(row, columns[i], axes[i]));
     }
-    return row;
-}
-
-std::vector<StagePhoto> read_rows(const std::vector<std::string>& lines, const Columns& columns,
-                                  const std::vector<Axis>& axes, const std::string& file) {
-    std::vector<StagePhoto> rows;
-    for (std::size_t i = 1; i < lines.size(); ++i)
-        if (!trimmed(lines[i]).empty())
-            rows.push_back(read_row(lines[i], columns, axes, {file, static_cast<int>(i) + 1}));
-    if (rows.empty())
-        throw ConfigError({file, 1}, "no photograph is listed");
-    return rows;
+    if (photos.empty())
+        throw ConfigError(file.place, "no photograph is listed");
+    return photos;
 }
 
 // Of pose `number`; empty when none is whole.
@@ -179,13 +145,12 @@ void register_photometric(const StationFile& station, std::vector<Sighting>& see
 
 std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
                                           const std::vector<Axis>& axes) {
-    const std::vector<std::string> lines = split(read_text(csv), '\n');
-    const Columns columns = read_header(lines.front(), "photo", "", axes, {csv.string(), 1});
-    if (columns.count != axes.size() + 1)
+    const CsvFile file = read_csv(csv);
+    std::vector<StagePhoto> photos = read_rows(file, "photo", "", axes);
+    if (file.header.size() != axes.size() + 1)
         throw ConfigError(
-            {csv.string(), 1},
+            file.place,
             fmt::format("must have `photo` and one column for each of {} axes", axes.size()));
-    std::vector<StagePhoto> photos = read_rows(lines, columns, axes, csv.string());
     for (StagePhoto& photo : photos) {
         require_within_limits(axes, photo.positions, {csv.string()});
         photo.photo = csv.parent_path() / photo.photo;
@@ -195,12 +160,9 @@ std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
 
 std::vector<StagePhoto> read_record_photos(const std::filesystem::path& record,
                                            const std::vector<Axis>& axes) {
-    const std::filesystem::path csv = record / "poses.csv";
-    const std::vector<std::string> lines = split(read_text(csv), '\n');
-    const Columns columns =
-        read_header(lines.front(), "pose", "read_back_", axes, {csv.string(), 1});
+    const CsvFile file = read_csv(record / "poses.csv");
     std::vector<StagePhoto> photos;
-    for (StagePhoto& row : read_rows(lines, columns, axes, csv.string())) {
+    for (StagePhoto& row : read_rows(file, "pose", "read_back_", axes)) {
         row.photo = first_frame(record, row.photo.string());
         if (!row.photo.empty())
             photos.push_back(row);

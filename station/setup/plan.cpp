@@ -147,6 +147,13 @@ std::vector<std::size_t> short_path(const TravelTable& travel) {
     return path;
 }
 
+// A plan that nobody would wait for comes of a speed or a time that is meant in another unit.
+void require_believable(Duration duration, const SourcePlace& place) {
+    constexpr std::chrono::hours year(365 * 24);
+    if (duration > year)
+        throw ConfigError(place, "the poses would take more than a year");
+}
+
 // Of the hold-out poses, evenly along the path, in reverse.
 void add_repeats(const PlanRequest& request, std::vector<Pose>& path) {
     std::vector<Pose> judging;
@@ -166,7 +173,7 @@ Duration travel_time(std::span<const Axis> axes, std::span<const double> from,
     double longest_s = 0.0;
     for (std::size_t i = 0; i < axes.size(); ++i)
         longest_s = std::max(longest_s, std::abs(to[i] - from[i]) / axes[i].speed);
-    return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(longest_s));
+    return duration_of(longest_s);
 }
 
 Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
@@ -190,6 +197,7 @@ Plan make_plan(const PlanRequest& request, std::span<const Axis> axes,
         for (const MotionSegment& segment : plan.legs.back())
             plan.expected_duration += segment.time;
         plan.expected_duration += per_pose;
+        require_believable(plan.expected_duration, request.place);
         at = target;
     }
     return plan;

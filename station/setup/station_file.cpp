@@ -48,16 +48,16 @@ CaptureSettings read_settings(const Value& camera, const CameraModel& model) {
     settings.width = model.width;
     settings.height = model.height;
     settings.bits = model.sensor ? model.sensor->bits : 8;
-    const double exposure_us = number_or(camera, "exposure_us", 0.0, {0.0, 60e6, true});
+    const double exposure_us = number_or(camera, "exposure_us", 0.0, {1.0, 60e6});
     settings.exposure = std::chrono::microseconds(std::llround(exposure_us));
     settings.gain_db = number_or(camera, "gain_db", 0.0, {0.0, 100.0});
     if (const auto black_level = camera.find("black_level"))
-        settings.black_level = black_level->number();
+        settings.black_level = black_level->number(units::one.either_sign());
     settings.format = text_or(camera, "format", "");
     settings.trigger = text_or(camera, "trigger", "");
     if (const auto controls = camera.find("controls"))
         for (const std::string& name : controls->keys())
-            settings.controls[name] = controls->at(name).number();
+            settings.controls[name] = controls->at(name).number(units::one.either_sign());
     return settings;
 }
 
@@ -98,17 +98,18 @@ StationStage read_stage_section(const StrictFile& file, const Value& section) {
 
 Rigid read_mount(const Value& mount) {
     const auto rotation_deg = mount.at("rotation_deg").numbers(3, {-360.0, 360.0});
-    const auto translation = mount.at("translation_mm").numbers(3);
+    const auto translation = mount.at("translation_mm").numbers(3, units::mm.either_sign());
     const Eigen::Vector3d rotation = Eigen::Map<const Eigen::Vector3d>(rotation_deg.data());
     return {rotation_from_vector(rotation * rad_per_deg),
             Eigen::Map<const Eigen::Vector3d>(translation.data())};
 }
 
 PlanRequest::Interval read_interval(const Value& value, const Axis& axis) {
-    const auto bounds = value.numbers(2);
+    const bool rotary = axis.kind == Axis::Kind::rotary;
+    const auto bounds = value.numbers(2, (rotary ? units::deg : units::mm).either_sign());
     if (bounds[0] > bounds[1])
         value.fail(fmt::format("must be [low, high], not [{}, {}]", bounds[0], bounds[1]));
-    const double unit = axis.kind == Axis::Kind::rotary ? rad_per_deg : 1.0;
+    const double unit = rotary ? rad_per_deg : 1.0;
     const double low = bounds[0] * unit, high = bounds[1] * unit;
     if (low < axis.low || high > axis.high)
         value.fail(fmt::format("[{}, {}] leaves the soft limits [{}, {}] of axis {}", bounds[0],
@@ -184,9 +185,9 @@ StationFile read_station(const std::filesystem::path& path) {
     if (const auto mount = root.find("camera_mount"))
         station.camera_from_base_nominal = read_mount(*mount);
     if (const auto ppm = root.find("marker_size_uncertainty_ppm"))
-        station.marker_size_uncertainty = ppm->number({0.0, 1e5}) * 1e-6;
+        station.marker_size_uncertainty = ppm->number(units::ppm.non_negative()) * 1e-6;
     if (const auto um = root.find("marker_flatness_um"))
-        station.marker_flatness_mm = um->number({0.0, 1e5}) * 1e-3;
+        station.marker_flatness_mm = um->number(units::um.non_negative()) * 1e-3;
     if (const auto temperature = root.find("temperature"))
         station.temperature = read_temperature(*temperature);
     station.background = number_or(root, "background", 1.0, {0.0, 1.0});

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace etalon {
 namespace {
 
@@ -35,6 +37,15 @@ TEST(SteadyClock, ReachesTheInstantItWaitsFor) {
     const Instant until = clock.now() + 3ms;
     EXPECT_TRUE(clock.wait_until(until, {}));
     EXPECT_GE(clock.now(), until);
+}
+
+TEST(Clock, DurationsNeverOverflow) {
+    EXPECT_EQ(duration_of(-7.25), -std::chrono::milliseconds(7250));
+    for (const double much : {1e300, std::numeric_limits<double>::infinity()}) {
+        EXPECT_EQ(duration_of(much), std::chrono::seconds(1'000'000'000));
+        EXPECT_EQ(duration_of(-much), -std::chrono::seconds(1'000'000'000));
+    }
+    EXPECT_EQ(duration_of(std::numeric_limits<double>::quiet_NaN()), Duration{});
 }
 
 }  // namespace

@@ -22,16 +22,16 @@ std::string error_of(Read read) {
 
 TEST(StrictReader, ReadsNumbersTextsListsAndNesting) {
     const StrictFile file = open("a: {b: -7.5, c: word}\nlist: [5, 7, 11]\n");
-    EXPECT_EQ(file.root().at("a").at("b").number(), -7.5);
+    EXPECT_EQ(file.root().at("a").at("b").number(any_number), -7.5);
     EXPECT_EQ(file.root().at("a").at("c").text(), "word");
-    EXPECT_EQ(file.root().at("list").numbers(3), (std::vector<double>{5, 7, 11}));
+    EXPECT_EQ(file.root().at("list").numbers(3, any_number), (std::vector<double>{5, 7, 11}));
     file.finish();
 }
 
 TEST(StrictReader, ReadsJsonToo) {
     const auto file =
         StrictFile::from_text(R"({"etalon": "test/1", "a": {"b": 7}})", "t.json", "test/1");
-    EXPECT_EQ(file.root().at("a").at("b").number(), 7.0);
+    EXPECT_EQ(file.root().at("a").at("b").number(any_number), 7.0);
     file.finish();
 }
 
@@ -57,7 +57,7 @@ TEST(StrictReader, NamesFileLineAndKeyOfEveryFault) {
 
 TEST(StrictReader, AnUnreadSectionIsAnUnknownKey) {
     const StrictFile file = open("a: 1\nextra: {b: 2}\n");
-    file.root().at("a").number();
+    file.root().at("a").number(any_number);
     EXPECT_EQ(error_of([&] { file.finish(); }), "test.yml:3: extra: unknown key");
 }
 
@@ -75,6 +75,25 @@ TEST(StrictReader, RefusesAnotherKindAndBrokenYaml) {
     EXPECT_NE(error_of([] { StrictFile::from_text("etalon: [", "c.yml", "test/1"); }), "no error");
     EXPECT_NE(error_of([] { StrictFile::from_text("", "c.yml", "test/1"); }), "no error");
     EXPECT_NE(error_of([] { StrictFile::from_text("- a\n", "c.yml", "test/1"); }), "no error");
+}
+
+TEST(StrictReader, RefusesAliasesOfThemselvesAndTextBehindTheDocument) {
+    EXPECT_EQ(error_of([] { open("id: &a [*a]\n"); }),
+              "test.yml:2: an alias of the value that it is part of");
+    EXPECT_NE(error_of([] { open("a: 1\n--- {a: 2}\n"); }), "no error");
+}
+
+// A reader of all keys of a mapping looks each of them up; every value carries its path.
+TEST(StrictReader, LimitsKeysByNumberAndLength) {
+    std::string keys = "a:\n";
+    for (int i = 0; i < 1000; ++i)
+        keys += "  k" + std::to_string(i) + ": 7\n";
+    open(keys);
+    EXPECT_EQ(error_of([&] { open(keys + "  last: 7\n"); }),
+              "test.yml:3: a: has more than 1000 keys");
+    open(std::string(200, 'k') + ": 7\n");
+    EXPECT_EQ(error_of([] { open(std::string(201, 'k') + ": 7\n"); }),
+              "test.yml:2: a key must be a word");
 }
 
 TEST(StrictReader, RefusesWholeNumbersThatAreNotAndWordsThatAreNotAllowed) {

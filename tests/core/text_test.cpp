@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/errors.h"
+#include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
@@ -19,6 +20,36 @@ TEST(Text, ListOfNumbersMustHaveTheAskedLength) {
     EXPECT_EQ(parse_numbers("7,-5,0.25", 3, "--pose"), (std::vector<double>{7, -5, 0.25}));
     EXPECT_THROW(parse_numbers("7,-5", 3, "--pose"), ConfigError);
     EXPECT_THROW(parse_numbers("7,,5", 3, "--pose"), ConfigError);
+}
+
+// Table 3-7 of the Unicode standard: the first and the last character of each length, and what lies
+// beside them.
+TEST(Text, Utf8IsWhatTheStandardSays) {
+    const auto error = [](std::string_view text) -> std::string {
+        try {
+            require_utf8(text, {"t", 3});
+        } catch (const ConfigError& fault) {
+            return fault.what();
+        }
+        return "";
+    };
+    for (const char* good : {"\x01\x7f", "\xc2\x80\xdf\xbf", "\xe0\xa0\x80\xed\x9f\xbf\xef\xbf\xbf",
+                             "\xf0\x90\x80\x80\xf4\x8f\xbf\xbf"})
+        EXPECT_EQ(error(good), "");
+    for (const char* bad :
+         {"\x80", "\xc1\xbf", "\xe0\x9f\xbf", "\xed\xa0\x80", "\xf0\x8f\xbf\xbf",
+          "\xf4\x90\x80\x80", "\xf5\x80\x80\x80", "\xff", "\xc2", "\xe2\x82", "\xf0\x9f\x98x"})
+        EXPECT_NE(error(bad), "") << bad;
+    EXPECT_EQ(error("ab\n\n\xe9t\xe9"), "t:5: is not UTF-8: a byte 0xe9");
+    EXPECT_EQ(error(std::string_view("a\n\0", 3)), "t:4: is not UTF-8: a byte 0x00");
+}
+
+TEST(Text, FilesLoseTheirByteOrderMarkAndMustBeUtf8) {
+    const TemporaryFolder folder;
+    write_text(folder / "t", "\xef\xbb\xbfx\n\xef\xbb\xbf");
+    EXPECT_EQ(read_text(folder / "t"), "x\n\xef\xbb\xbf");
+    write_text(folder / "t", "\xff\xfex\0");
+    EXPECT_THROW(read_text(folder / "t"), ConfigError);
 }
 
 TEST(Text, ExactNumbersReadBackAsTheSameDouble) {

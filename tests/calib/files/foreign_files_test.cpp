@@ -153,6 +153,10 @@ TEST(KalibrFile, NamesFileLineAndKeyOfWhatItRefuses) {
     EXPECT_THAT(with("radtan", "fov"), HasSubstr("must be radtan or none, not 'fov'"));
     EXPECT_THAT(with("461.5", "-461.5"), HasSubstr("case:6: cam0.intrinsics: fx and fy must be"));
     EXPECT_THAT(with("461.5", ".nan"), HasSubstr("case:6: cam0.intrinsics: must be a finite"));
+    EXPECT_THAT(with("461.5", "1e-300"), HasSubstr("case:6: cam0.intrinsics: 1e-300 must be"));
+    EXPECT_THAT(with("362.75", "1e300"), HasSubstr("case:6: cam0.intrinsics: 1e+300 must be"));
+    EXPECT_THAT(with("461.5, ", "&a [*a], "), HasSubstr("case:6: an alias of the value"));
+    EXPECT_THAT(with("radtan", "\xc3("), HasSubstr("case:5: is not UTF-8: a byte 0xc3"));
     EXPECT_THAT(with("461.5, ", ""), HasSubstr("cam0.intrinsics: must have 4 numbers, not 3"));
     EXPECT_THAT(with("0.067, ", ""), HasSubstr("case:4: cam0.distortion_coeffs: must have 4"));
     EXPECT_THAT(with("752", "752.5"), HasSubstr("case:7: cam0.resolution: must be a whole"));

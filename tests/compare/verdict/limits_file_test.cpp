@@ -3,7 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
+#include "compare/verdict/judged_quantities.h"
 #include "core/errors.h"
+#include "core/range.h"
 #include "core/text.h"
 #include "tests/temporary_folder.h"
 
@@ -93,6 +97,13 @@ TEST(LimitsFile, ReadsLimitsOfPixels) {
     EXPECT_EQ(limits.pixel_shading_percent, 3.0);
     EXPECT_TRUE(limits.pixels_must_match);
     EXPECT_THAT(refusal(std::string(good) + "pixels: maybe\n"), HasSubstr("limits.yaml:5"));
+}
+
+TEST(LimitsFile, KnowsTheRangeOfEveryQuantity) {
+    for (const QuantityKind& kind : quantity_kinds())
+        EXPECT_TRUE(std::ranges::any_of(units::all, [&](const Unit& unit) {
+            return std::string(unit.name) == kind.unit;
+        })) << kind.name;
 }
 
 }  // namespace

@@ -59,7 +59,16 @@ TEST(Axes, NameFileLineAndKeyOfEveryFault) {
     EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [5, 5], speed: 7}"),
               "s.yml:3: axes[0].travel: must be [low, high] with low < high, not [5, 5]");
     EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 0}"),
-              "s.yml:3: axes[0].speed: must be greater than 0, not 0");
+              "s.yml:3: axes[0].speed: must be between 0.0001 and 100000 mm/s, not 0");
+    EXPECT_EQ(
+        error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 1e-300}"),
+        "s.yml:3: axes[0].speed: must be between 0.0001 and 100000 mm/s, not 1e-300");
+    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 1e300],"
+                       " speed: 7}"),
+              "s.yml:3: axes[0].travel[1]: must be between -10000000 and 10000000 mm, not 1e+300");
+    EXPECT_EQ(error_of("- {name: x, kind: linear, direction: [1, 0, 0], travel: [0, 5], speed: 7,"
+                       " counts_per_mm: -1e-300}"),
+              "s.yml:3: axes[0].counts_per_mm: must be at least 0.001 in size, not -1e-300");
     EXPECT_EQ(error_of("- {name: x, kind: rotary, direction: [1, 0, 0], point_mm: [0, 0, 0],"
                        " travel: [0, 5], speed_deg: 7}"),
               "s.yml:3: axes[0].travel_deg: missing");
@@ -109,7 +118,8 @@ TEST(Axes, RefuseWhatContradictsItself) {
                         " speed: 7}");
     };
     EXPECT_EQ(with(""), "no error");
-    EXPECT_EQ(with("counts_per_mm: 0,"), "s.yml:3: axes[0].counts_per_mm: must not be 0");
+    EXPECT_EQ(with("counts_per_mm: 0,"),
+              "s.yml:3: axes[0].counts_per_mm: must be at least 0.001 in size, not 0");
     EXPECT_EQ(with("counts_per_deg: 7,"),
               "s.yml:3: axes[0].counts_per_deg: unknown key; did you mean 'counts_per_mm'?");
     EXPECT_EQ(with("error_map: [[-7, 1, 1], [49, 1, 1]],"),

@@ -84,9 +84,9 @@ TEST(ErrorMap, NamesThePlaceOfEveryFault) {
         return "no error";
     };
     EXPECT_EQ(error("position_deg,error_deg,uncertainty_deg\n1,2,3\n2,3,4\n"),
-              ":1: must be 'position_mm,error_um,uncertainty_um'");
+              ":1: the first line must be 'position_mm,error_um,uncertainty_um'");
     const std::string header = "position_mm,error_um,uncertainty_um\n";
-    EXPECT_EQ(error(header + "1,2,3\n2,3\n"), ":3: expected 3 numbers separated by commas, got 2");
+    EXPECT_EQ(error(header + "1,2,3\n2,3\n"), ":3: has 2 cells, not the header's 3");
     EXPECT_EQ(error(header + "1,2,3\n2,x,4\n"), ":3: 'x' is not a finite number");
     EXPECT_EQ(error(header + "1,2,3\n2,3,-4\n"), ":3: the standard uncertainty -4 is negative");
 }

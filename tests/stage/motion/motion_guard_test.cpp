@@ -92,7 +92,7 @@ TEST(MotionRules, NameThePlaceOfEveryFault) {
               "s.yml:2: slow_near: there is no forbidden box to be near to");
     EXPECT_EQ(
         error("forbidden: [{name: a, x: [5, 7]}]\nslow_near: {margin: {x: 5}, speed_share: 0}"),
-        "s.yml:3: slow_near.speed_share: must be between 0 and 1, not 0");
+        "s.yml:3: slow_near.speed_share: must be between 0.001 and 1, not 0");
 }
 
 TEST(MotionGuard, GoesStraightWhereNothingIsInTheWay) {

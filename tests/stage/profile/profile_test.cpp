@@ -235,7 +235,7 @@ TEST(StageProfile, NamesFileLineAndKeyOfSequencesThatAreWrong) {
 
 TEST(StageProfile, NamesFileLineAndKeyOfEveryOtherFault) {
     EXPECT_EQ(error_of(replaced("per_mm: 500", "per_mm: 0")),
-              "p.yaml:9: counts.per_mm: must be greater than 0, not 0");
+              "p.yaml:9: counts.per_mm: must be between 0.001 and 10000000000 counts, not 0");
     EXPECT_EQ(error_of(replaced("stable_polls: 5, ", "")), "p.yaml:41: done.stable_polls: missing");
     EXPECT_EQ(error_of(replaced("bit: 15, act", "bit: 15, brake: 4, act")),
               "p.yaml:32: inputs.reset.brake: unknown key");

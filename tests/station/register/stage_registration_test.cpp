@@ -120,7 +120,7 @@ TEST(StageRegistration, RefusesATableThatItCannotUse) {
     EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm,rz_deg\n"), HasSubstr("no photograph"));
     EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm,rz_deg,w_mm\n"), HasSubstr("one column for each"));
     EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm,rz_deg\na.png,1,2,nan,4\n"),
-                HasSubstr("table.csv:2: not a number: 'nan'"));
+                HasSubstr("table.csv:2: 'nan' is not a finite number"));
     EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm,rz_deg\na.png,1,2,3\n"), HasSubstr("4 cells"));
     EXPECT_THAT(refusal("photo,x_mm,y_mm,z_mm,rz_deg\na.png,61,2,3,4\n"), HasSubstr("x"));
 }

@@ -286,5 +286,23 @@ TEST(Plan, ExpectsAtLeastTravelSettlingAndExposures) {
     EXPECT_LT(std::chrono::duration<double>(plan.expected_duration).count(), 2 * least_s);
 }
 
+// 230 mm at 1e-7 mm/s are 73 years; at 1e-300 no clock counts that far.
+TEST(Plan, RefusesWhatWouldTakeMoreThanAYear) {
+    for (const double speed : {1e-7, 1e-300}) {
+        std::vector<Axis> slow = axes;
+        slow[0].speed = speed;
+        EXPECT_GT(
+            travel_time(slow, std::vector<double>{-120, 0, 0}, std::vector<double>{110, 0, 0}),
+            Duration{});
+        try {
+            make_plan(request(), slow, std::chrono::milliseconds(5));
+            ADD_FAILURE() << speed;
+        } catch (const ConfigError& error) {
+            EXPECT_STREQ(error.what(),
+                         "station.yaml:17: plan.volume: the poses would take more than a year");
+        }
+    }
+}
+
 }  // namespace
 }  // namespace etalon

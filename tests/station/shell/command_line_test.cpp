@@ -95,6 +95,8 @@ TEST(CommandLine, QualifyRefusesBadInputBeforeAnythingIsTouched) {
         EXPECT_FALSE(std::filesystem::exists(folder / "record")) << by;
     };
     refused("frames: 2", "frames: two", "station.yaml:28: plan.frames: must be a finite number");
+    refused("frames: 2", "frames: &a [*a]", "station.yaml:28: an alias of the value");
+    refused("frames: 2", "frames: \xe9", "station.yaml:28: is not UTF-8: a byte 0xe9");
     refused("y: [-40, 45]", "y: [-40, 56]", "station.yaml:25: plan.volume.y: ");
     refused("calibration: camera.yml", "calibration: c.yml",
             "station.yaml:5: camera.calibration: ");

@@ -3,56 +3,105 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <string_view>
 
 #include "core/errors.h"
 #include "core/text.h"
+#include "report/number_text.h"
 
 namespace etalon {
 namespace {
 
+// Tables of more than three columns become paragraphs on narrow screens (`stack`): what a row is
+// about and its outcome, then what the header says before each value.
 constexpr const char* style = R"css(
-:root{--paper:#fbfbf9;--card:#fff;--text:#1d2329;--soft:#5a6570;--line:#dfe3e6;--pass:#0b7a4b;
---fail:#b3261e;--unsure:#9a6700;color-scheme:light dark}
-@media(prefers-color-scheme:dark){:root{--paper:#14181b;--card:#1c2226;--text:#e4e8ea;
---soft:#9aa5ad;--line:#313a40;--pass:#3ccf8e;--fail:#ff8a80;--unsure:#f2c14e}}
+:root{--paper:#f7f8f8;--card:#fff;--text:#1b2127;--soft:#56616b;--line:#dce1e5;--good:#0b7a4b;
+--bad:#b3261e;--unsure:#8a5a00;color-scheme:light dark}
+.blue{--ink:#0072b2}.orange{--ink:#e69f00}.green{--ink:#009e73}.red{--ink:#d55e00}
+.purple{--ink:#aa4f8b}.sky{--ink:#3f9fd8}.gray{--ink:#8a949b}
+@media screen and (prefers-color-scheme:dark){:root{--paper:#14181b;--card:#1c2226;--text:#e4e8ea;
+--soft:#9aa5ad;--line:#343d44;--good:#3ccf8e;--bad:#ff8a80;--unsure:#f2c14e}
+.blue{--ink:#4aa9e6}.orange{--ink:#f0b52e}.green{--ink:#2cc79c}.red{--ink:#ff8450}
+.purple{--ink:#dd8fc3}.sky{--ink:#8fd0f7}}
 *{box-sizing:border-box}
-body{margin:0;background:var(--paper);color:var(--text);font:16px/1.5 system-ui,sans-serif}
-main{max-width:1120px;margin:0 auto;padding:24px 20px 64px}
-header h1{font-size:1.5rem;margin:.2em 0 0}header p{color:var(--soft);margin:.1em 0 1em}
-h2{font-size:1.15rem;margin:2.2em 0 .5em;padding-bottom:.25em;border-bottom:1px solid var(--line)}
-p{max-width:75ch;margin:.5em 0}
-.verdict{border-left:10px solid var(--tone);background:var(--card);padding:14px 20px;
-border-radius:6px;box-shadow:0 1px 3px #0002}
-.verdict strong{display:block;font-size:2rem;letter-spacing:.04em;color:var(--tone)}
-.verdict p{margin:.1em 0}
-.PASS{--tone:var(--pass)}.FAIL,.ERROR{--tone:var(--fail)}.verdict{--tone:var(--unsure)}
-.verdict.PASS{--tone:var(--pass)}.verdict.FAIL,.verdict.ERROR{--tone:var(--fail)}
-dl.facts{display:grid;grid-template-columns:repeat(auto-fill,minmax(150px,1fr));gap:10px;margin:16px 0}
-dl.facts div{background:var(--card);border:1px solid var(--line);border-radius:6px;padding:8px 12px}
+body{margin:0;background:var(--paper);color:var(--text);
+font:16px/1.5 system-ui,"Segoe UI",Roboto,"Helvetica Neue",Arial,sans-serif}
+main{max-width:1160px;margin:0 auto;padding:24px 20px 64px}
+main>header h1{font-size:1.5rem;line-height:1.25;margin:.2em 0 0}
+main>header p{max-width:none;color:var(--soft);margin:.2em 0 1.2em;overflow-wrap:anywhere}
+h2{font-size:1.2rem;margin:2.2em 0 .6em;padding-bottom:.3em;border-bottom:1px solid var(--line)}
+p,li{max-width:75ch}p{margin:.5em 0}ul{margin:.5em 0;padding-left:1.2em}li{margin:.2em 0}
+.good{--tone:var(--good)}.bad{--tone:var(--bad)}.unsure{--tone:var(--unsure)}.plain{--tone:var(--soft)}
+.verdict{background:var(--card);border:1px solid var(--line);border-left:8px solid var(--tone,var(--soft));
+border-radius:8px;overflow:hidden;margin:0 0 20px}
+.verdict>div:first-child{display:flex;flex-wrap:wrap;align-items:baseline;gap:2px 24px;padding:14px 22px;
+background:color-mix(in srgb,var(--tone,var(--soft)) 9%,var(--card))}
+.verdict strong{font-size:2.4rem;line-height:1.2;letter-spacing:.02em;color:var(--tone,var(--text))}
+.verdict>div:first-child p{flex:1 1 320px;max-width:none;font-size:1.05rem}
+.answers{display:flex;flex-wrap:wrap}
+.answers>div{flex:1 1 380px;padding:12px 22px;border-top:1px solid var(--line)}
+.answers h2{font-size:.85rem;color:var(--soft);border:0;padding:0;margin:0}
+.answers p,.answers ul{margin:.2em 0}
+dl.facts{display:flex;flex-wrap:wrap;gap:1px;margin:16px 0;
+background:var(--line);border:1px solid var(--line);border-radius:8px;overflow:hidden}
+dl.facts div{flex:1 1 150px;background:var(--card);padding:8px 12px}
 dt{color:var(--soft);font-size:.8rem}dd{margin:0;font-variant-numeric:tabular-nums;overflow-wrap:anywhere}
-.scroll{overflow-x:auto;margin:.8em 0;border:1px solid var(--line);border-radius:6px;background:var(--card)}
+.table{overflow-x:auto;margin:.8em 0;border:1px solid var(--line);border-radius:8px;background:var(--card)}
 table{border-collapse:collapse;width:100%;font-size:.9rem;font-variant-numeric:tabular-nums}
 th,td{padding:6px 12px;text-align:left;border-bottom:1px solid var(--line);vertical-align:top}
-th{color:var(--soft);font-weight:600;min-width:9ch}@media(min-width:700px){td:first-child{white-space:nowrap}}tr:last-child td{border-bottom:0}
-@media(max-width:500px){th,td{padding:5px 7px}th{min-width:0}}
-td.n,th.n{text-align:right;white-space:nowrap}td.PASS,td.FAIL{color:var(--tone);font-weight:700}
-.figures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,440px),1fr));gap:16px;margin:1em 0}
-figure{margin:0;background:var(--card);border:1px solid var(--line);border-radius:6px;padding:10px}
+th{color:var(--soft);font-weight:600;vertical-align:bottom}tr:last-child td{border-bottom:0}
+td{overflow-wrap:break-word}td.n,th.n{text-align:right}td.n,td.tone{white-space:nowrap}
+td.tone{color:var(--tone);font-weight:700}td.plain{font-weight:400}
+.notes{color:var(--soft);font-size:.9rem}.notes li{max-width:95ch}
+.figures{display:grid;grid-template-columns:minmax(0,1fr);gap:16px;margin:1em 0}
+figure{margin:0;background:var(--card);border:1px solid var(--line);border-radius:8px;padding:10px}
 figure img{width:100%;height:auto;image-rendering:pixelated;display:block}
-figcaption{color:var(--soft);font-size:.85rem;margin-top:6px}
-svg.plot{width:100%;height:auto;font:12px system-ui,sans-serif;display:block}
+figcaption{color:var(--soft);font-size:.85rem;margin-top:6px;max-width:80ch}
+svg.plot{width:100%;height:auto;font:12px system-ui,"Segoe UI",Roboto,Arial,sans-serif;display:block}
 .plot text{fill:var(--text)}.plot .grid{stroke:var(--line)}.plot .axis{stroke:var(--soft);fill:none}
-.blue{--ink:#0072b2}.orange{--ink:#e69f00}.green{--ink:#009e73}.red{--ink:#d55e00}
-.purple{--ink:#cc79a7}.sky{--ink:#56b4e9}.gray{--ink:#8a949b}
+.plot g>text{paint-order:stroke;stroke:var(--card);stroke-width:3px;stroke-linejoin:round}
 .plot .mark{fill:var(--ink)}.plot .stroke{stroke:var(--ink);fill:none}.plot .area{fill:var(--ink);opacity:.2}
 details{margin:1em 0}summary{cursor:pointer;font-weight:600}code{font-size:.92em}
-@media print{body{background:#fff}.figures{break-inside:avoid}details>*{display:block}}
+@media print,(min-width:760px){.figures{grid-template-columns:repeat(2,minmax(0,1fr))}
+.figures>figure:last-child:nth-child(odd){grid-column:1/-1;display:grid;align-items:center;
+grid-template-columns:3fr 2fr;column-gap:24px}}
+@media screen and (min-width:1000px){.figures.three{grid-template-columns:repeat(3,minmax(0,1fr))}
+.figures.three>figure:last-child:nth-child(odd){grid-column:auto;display:block}}
+@media print,(max-width:1000px){table{font-size:.84rem}th,td{padding:5px 6px}}
+@media screen and (max-width:760px){table:not(.stack) td{overflow-wrap:anywhere}
+.stack,.stack tbody,.stack td{display:block}.stack thead{display:none}
+.stack tr{display:flex;flex-wrap:wrap;gap:0 16px;padding:8px 12px;border-bottom:1px solid var(--line)}
+.stack tr:last-child{border-bottom:0}.stack td{border:0;padding:0;text-align:left;white-space:normal}
+.stack td::before{content:attr(data-label) " ";color:var(--soft)}.stack td:first-child{flex:1 1 65%;font-weight:600}
+.stack td:first-child::before,.stack td.tone::before{content:""}.stack td:empty{display:none}}
+@media print{@page{size:A4;margin:14mm}body{background:#fff;font-size:10pt}main{max-width:none;padding:0}
+h2,h2+p{break-after:avoid}h2{margin-top:1.4em}.verdict,.table,figure,tr,dl.facts{break-inside:avoid}
+details::details-content{content-visibility:visible;height:auto}summary{list-style:none}}
 )css";
 
-bool is_numeric(const std::string& cell) {
-    return cell.empty() || cell == "–" || parse_number(cell).has_value();
+// What a word says of what it stands beside; empty for words that are no outcome.
+std::string tone_of(const std::string& word) {
+    static const std::map<std::string_view, const char*> tones{
+        {"PASS", "good"},           {"met", "good"},
+        {"matched", "good"},        {"STABLE", "good"},
+        {"used", "good"},           {"FAIL", "bad"},
+        {"ERROR", "bad"},           {"NOT MET", "bad"},
+        {"DRIFT", "bad"},           {"refused", "bad"},
+        {"INCONCLUSIVE", "unsure"}, {"NOT_OBSERVABLE", "unsure"},
+        {"SKIPPED", "unsure"},      {"ABORTED", "unsure"},
+        {"NOT STABLE", "unsure"},   {"not checked", "unsure"},
+        {"no limit", "plain"},      {"not matched", "unsure"}};
+    const auto found = tones.find(word);
+    return found == tones.end() ? "" : found->second;
+}
+
+bool is_numeric(std::string_view cell) {
+    if (cell.starts_with(below))
+        cell.remove_prefix(std::string_view(below).size());
+    return cell.empty() || cell == dash || cell == "-" || cell == "unknown" ||
+           parse_number(cell).has_value();
 }
 
 // Which columns hold only numbers (and at least one).
@@ -88,6 +137,21 @@ std::string data_uri(const cv::Mat& picture, const std::string& extension,
     return "data:" + media_type + ";base64," + base64(bytes);
 }
 
+std::string list_html(const std::vector<std::string>& items, const char* css) {
+    std::string text = fmt::format("<ul{}>", css);
+    for (const std::string& item : items)
+        text += "<li>" + escape_html(item) + "</li>";
+    return text + "</ul>\n";
+}
+
+std::string cell_html(const std::string& cell, const std::string& label, bool is_number) {
+    const std::string tone = tone_of(cell);
+    const std::string css = is_number ? "n" : tone.empty() ? "" : "tone " + tone;
+    return fmt::format("<td{}{}>{}</td>", css.empty() ? "" : " class=\"" + css + "\"",
+                       label.empty() ? "" : " data-label=\"" + escape_html(label) + "\"",
+                       escape_html(cell));
+}
+
 std::string image_element(const cv::Mat& picture, const std::string& uri, const std::string& alt) {
     return fmt::format("<img alt=\"{}\" width=\"{}\" height=\"{}\" src=\"{}\">", escape_html(alt),
                        picture.cols, picture.rows, uri);
@@ -102,9 +166,19 @@ void HtmlPage::add_style(const std::string& css) {
     style_ += css;
 }
 
-void HtmlPage::add_verdict(const std::string& outcome, const std::string& sentence) {
-    body_ += fmt::format("<section class=\"verdict {}\"><strong>{}</strong><p>{}</p></section>\n",
-                         escape_html(outcome), escape_html(outcome), escape_html(sentence));
+void HtmlPage::add_verdict(const std::string& outcome, const std::string& sentence,
+                           const std::vector<Answer>& answers) {
+    body_ += fmt::format(
+        "<section class=\"verdict {}\"><div><strong>{}</strong><p>{}</p></div><div "
+        "class=\"answers\">",
+        tone_of(outcome), escape_html(outcome), escape_html(sentence));
+    for (const auto& [question, sentences] : answers)
+        if (!sentences.empty())
+            body_ +=
+                fmt::format("<div><h2>{}</h2>{}</div>", escape_html(question),
+                            sentences.size() == 1 ? "<p>" + escape_html(sentences.front()) + "</p>"
+                                                  : list_html(sentences, ""));
+    body_ += "</div></section>\n";
 }
 
 void HtmlPage::add_heading(const std::string& text) {
@@ -113,6 +187,11 @@ void HtmlPage::add_heading(const std::string& text) {
 
 void HtmlPage::add_paragraph(const std::string& text) {
     body_ += "<p>" + escape_html(text) + "</p>\n";
+}
+
+void HtmlPage::add_notes(const std::vector<std::string>& notes) {
+    if (!notes.empty())
+        body_ += list_html(notes, " class=\"notes\"");
 }
 
 void HtmlPage::add_html(std::string html) {
@@ -133,19 +212,17 @@ void HtmlPage::add_table(const std::vector<std::string>& header, const TableRows
 
 std::string table_html(const std::vector<std::string>& header, const TableRows& rows) {
     const std::vector<bool> numeric = numeric_columns(header.size(), rows);
-    std::string text = "<div class=\"scroll\"><table><thead><tr>";
+    const bool is_stacked = header.size() > 3;
+    std::string text = fmt::format("<div class=\"table\"><table{}><thead><tr>",
+                                   is_stacked ? " class=\"stack\"" : "");
     for (std::size_t i = 0; i < header.size(); ++i)
         text +=
             fmt::format("<th{}>{}</th>", numeric[i] ? " class=\"n\"" : "", escape_html(header[i]));
     text += "</tr></thead><tbody>";
     for (const auto& row : rows) {
         text += "<tr>";
-        for (std::size_t i = 0; i < row.size(); ++i) {
-            const bool outcome = row[i] == "PASS" || row[i] == "FAIL";
-            const std::string css = i < numeric.size() && numeric[i] ? "n" : outcome ? row[i] : "";
-            text += fmt::format("<td{}>{}</td>", css.empty() ? "" : " class=\"" + css + "\"",
-                                escape_html(row[i]));
-        }
+        for (std::size_t i = 0; i < row.size() && i < header.size(); ++i)
+            text += cell_html(row[i], is_stacked ? header[i] : "", numeric[i]);
         text += "</tr>";
     }
     return text + "</tbody></table></div>";
@@ -159,7 +236,7 @@ void HtmlPage::add_software(const std::vector<SoftwareVersion>& software) {
 }
 
 void HtmlPage::add_figures(const Figures& figures) {
-    body_ += "<div class=\"figures\">";
+    body_ += fmt::format("<div class=\"figures{}\">", figures.size() % 3 == 0 ? " three" : "");
     for (const Figure& figure : figures)
         body_ += figure_html(figure.html, escape_html(figure.caption));
     body_ += "</div>\n";

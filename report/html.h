@@ -21,26 +21,36 @@ public:
     // Rules of one report only, after those of every page.
     void add_style(const std::string& css);
 
-    // The large banner on top; outcome is PASS, FAIL, INCONCLUSIVE or another word in capitals.
-    void add_verdict(const std::string& outcome, const std::string& sentence);
+    // What a reader asks behind the verdict, and the answer; several sentences make a list.
+    struct Answer {
+        std::string question;
+        std::vector<std::string> sentences;  // none: left out
+    };
+    // The large banner on top: an outcome (PASS, FAIL, ... in its colour) or the page's figure.
+    void add_verdict(const std::string& outcome, const std::string& sentence,
+                     const std::vector<Answer>& answers = {});
 
     void add_heading(const std::string& text);
     void add_paragraph(const std::string& text);
+    // A list in small letters, for what does not fit into a table; nothing without notes.
+    void add_notes(const std::vector<std::string>& notes);
     void add_html(std::string html);
 
     // Short facts side by side.
     void add_facts(const Facts& facts);
 
-    // A table that scrolls sideways on its own when the page is narrow. Columns that hold only
-    // numbers are aligned right. Cells are text.
+    // Columns that hold only numbers are aligned right, outcomes have their colour. On a narrow
+    // screen each row of more than three columns becomes a paragraph: nothing is scrolled away, and
+    // an outcome in the second column stays beside the name. Cells are text.
     void add_table(const std::vector<std::string>& header, const TableRows& rows);
     // The versions of what made the page or its record.
     void add_software(const std::vector<SoftwareVersion>& software);
 
-    // Figures side by side where there is room; each is an <svg> or <img> element.
+    // Figures in full rows: three, two or one beside each other, as many as there are and room is.
+    // Each is an <svg> or <img> element.
     struct Figure {
         std::string html;
-        std::string caption;
+        std::string caption;  // also what to look at
     };
     using Figures = std::vector<Figure>;
     void add_figures(const Figures& figures);

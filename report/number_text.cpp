@@ -23,14 +23,19 @@ std::string significant(const std::optional<double>& value, int digits, const ch
     return value ? significant(*value, digits, missing) : missing;
 }
 
+std::string value_or_below(double value, double expanded_uncertainty, int digits) {
+    return value == 0.0 && expanded_uncertainty > 0.0 ? below + significant(expanded_uncertainty, 2)
+                                                      : significant(value, digits);
+}
+
 int decimals_of(double uncertainty) {
     if (!(uncertainty > 0.0))
         return 6;
     return std::clamp(1 - static_cast<int>(std::floor(std::log10(uncertainty))), 0, 12);
 }
 
-std::string counted(std::size_t count, const std::string& noun) {
-    return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
+std::string counted(std::size_t count, const std::string& noun, const std::string& plural) {
+    return fmt::format("{} {}", count, count == 1 ? noun : plural.empty() ? noun + "s" : plural);
 }
 
 }  // namespace etalon

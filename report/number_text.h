@@ -14,10 +14,14 @@ std::string fixed(const std::optional<double>& value, int decimals, const char* 
 std::string significant(double value, int digits, const char* missing = dash);
 std::string significant(const std::optional<double>& value, int digits, const char* missing = dash);
 
+// A measured value; one that is lost in noise, 0, is below its U: "below 0.037".
+inline constexpr const char* below = "below ";
+std::string value_or_below(double value, double expanded_uncertainty, int digits);
+
 // Decimals that show two digits of an uncertainty.
 int decimals_of(double uncertainty);
 
-// "1 photograph", "7 photographs".
-std::string counted(std::size_t count, const std::string& noun);
+// "1 photograph", "7 photographs"; "2 quantities" where the plural is said.
+std::string counted(std::size_t count, const std::string& noun, const std::string& plural = "");
 
 }  // namespace etalon

@@ -46,7 +46,7 @@ struct Arrows {
 class SvgPlot {
 public:
     // Size in CSS pixels; the picture scales with the page.
-    SvgPlot(std::string x_label, std::string y_label, int width = 640, int height = 320);
+    SvgPlot(std::string x_label, std::string y_label, int width = 560, int height = 400);
     void set_size(int width, int height);
     // Equal scales on both axes (maps), y growing downwards as in an image.
     void set_image_axes();

@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "core/errors.h"
 #include "core/text.h"
 #include "core/version.h"
 #include "report/html.h"
+#include "report/number_text.h"
 #include "study/pair_matrix.h"
 #include "study/study_plots.h"
 
@@ -210,9 +212,14 @@ using AxisValues = std::vector<const std::vector<double>*>;
 
 HtmlPage::Figures error_figures(const std::string& label,
                                 const std::vector<BinnedDetector>& binned) {
-    return {{median_error_plot(label, z, binned).svg(), "Median |Z error|, with 95 % intervals"},
-            {median_error_plot(label, angle, binned).svg(),
-             "Median angle between the poses, with 95 % intervals"}};
+    return {
+        {median_error_plot(label, z, binned).svg(),
+         "Median |Z error|, with 95 % intervals. Look where lines cross: the better detector "
+         "changes "
+         "there."},
+        {median_error_plot(label, angle, binned).svg(),
+         "Median angle between the poses, with 95 % intervals. Lines whose bands overlap are not "
+         "told apart."}};
 }
 
 void add_axis(HtmlPage& page, const StudyResults& results, const std::string& label,
@@ -225,8 +232,9 @@ void add_axis(HtmlPage& page, const StudyResults& results, const std::string& la
         shared.push_back({name, binned_statistics(only(errors, common), *values[i])});
     }
     HtmlPage::Figures figures = error_figures(label, own);
-    figures.insert(figures.begin(),
-                   {detection_rate_plot(label, own).svg(), "Detected, with 95 % intervals"});
+    figures.insert(figures.begin(), {detection_rate_plot(label, own).svg(),
+                                     "Detected, with 95 % intervals. Look where a line leaves 100 "
+                                     "%: the detector's reach ends."});
     page.add_figures(figures);
     page.begin_details(fmt::format("The errors on the {} poses that every detector detects",
                                    std::ranges::count(common, true)));
@@ -261,10 +269,36 @@ std::vector<PairMatrix> matrices_of(const StudyResults& results) {
     return matrices;
 }
 
+// Which detects most, and which is least off.
+std::string best_sentence(const StudyResults& results,
+                          const std::vector<DetectorSummary>& detectors) {
+    const auto name = [&](const DetectorSummary& one) {
+        return results.description.detectors[static_cast<std::size_t>(&one - detectors.data())]
+            .name;
+    };
+    const auto share = [](const DetectorSummary& one) {
+        return one.own.detected ? one.own.detected->value : 0.0;
+    };
+    const auto z_error = [](const DetectorSummary& one) {
+        return one.common.all ? (*one.common.all)[z].median_absolute.value
+                              : std::numeric_limits<double>::infinity();
+    };
+    const DetectorSummary& most = *std::ranges::max_element(detectors, {}, share);
+    const DetectorSummary& best = *std::ranges::min_element(detectors, {}, z_error);
+    std::string text =
+        fmt::format("{} detects most, {:.1f} % of the poses.", name(most), 100.0 * share(most));
+    if (best.common.all)
+        text += fmt::format(" Where all detect, {} is least off in depth: median |Z error| {} mm.",
+                            name(best), figure_text(z_error(best)));
+    return text;
+}
+
 std::string html_of(const StudyResults& results, const StudySummary& summary,
                     const std::vector<PairMatrix>& matrices) {
     const StudyDescription& description = results.description;
     HtmlPage page("Study " + description.id, "detectors compared on rendered images");
+    page.add_verdict(counted(description.detectors.size(), "detector"),
+                     best_sentence(results, summary.detectors[0]));
     page.add_facts({{"poses", fmt::format("{}", description.poses)},
                     {"detectors", fmt::format("{}", description.detectors.size())},
                     {"poses that all detect", fmt::format("{}", summary.common[0])},

@@ -20,12 +20,16 @@ void add_summary(HtmlPage& page, const CalibrationRun& run) {
     const bool predicted = calibration.leave_one_out_rms_px.has_value();
     const double error = predicted ? *calibration.leave_one_out_rms_px : calibration.rms_px;
     const std::size_t used = photos_used(calibration);
+    const std::vector<std::string> remarks = calibration_remarks(run);
+    const std::vector<std::string> nothing_against_it{
+        "Nothing in these photos speaks against the calibration."};
     page.add_verdict(
         fmt::format("{:.3f} px", error),
         predicted ? fmt::format("is how far the calibration is off, RMS over {} photos, on a photo "
                                 "that it has not seen; {:.3f} px on those that it was fitted to.",
                                 used, calibration.rms_px)
-                  : fmt::format("RMS of the fit over {} photos, too few to leave any out.", used));
+                  : fmt::format("RMS of the fit over {} photos, too few to leave any out.", used),
+        {{"Before you trust it", remarks.empty() ? nothing_against_it : remarks}});
     const auto& models = calibration.advice.advised;
     const ProjectionUncertainty& uncertainty = calibration.uncertainty;
     page.add_facts(
@@ -47,18 +51,6 @@ void add_summary(HtmlPage& page, const CalibrationRun& run) {
          {"Image among corners", fmt::format("{:.0f} %", 100.0 * uncertainty.share_among_points())},
          {"Two halves differ by",
           calibration.halves ? fmt::format("{:.3f} px", calibration.halves->rms_px) : dash}});
-}
-
-void add_remarks(HtmlPage& page, const CalibrationRun& run) {
-    page.add_heading("Before you trust it");
-    const std::vector<std::string> remarks = calibration_remarks(run);
-    if (remarks.empty())
-        page.add_paragraph("Nothing in these photos speaks against the calibration.");
-    std::string list;
-    for (const std::string& remark : remarks)
-        list += "<li>" + escape_html(remark) + "</li>";
-    if (!list.empty())
-        page.add_html("<ul>" + list + "</ul>\n");
 }
 
 void add_parameters(HtmlPage& page, const CameraCalibration& calibration) {
@@ -114,7 +106,8 @@ std::string difference(const ModelScore& score, const ModelScore& best) {
     if (&score == &best)
         return "0 (best)";
     const double twice = *score.leave_one_out_rms_px + *best.leave_one_out_rms_px;
-    return fmt::format("{:.4f} ± {:.4f}", score.above_best / twice, score.above_best_error / twice);
+    return fmt::format("{:.4f}\u00a0±\u00a0{:.4f}", score.above_best / twice,
+                       score.above_best_error / twice);
 }
 
 void add_models(HtmlPage& page, const CalibrationRun& run) {
@@ -122,16 +115,15 @@ void add_models(HtmlPage& page, const CalibrationRun& run) {
     page.add_heading("Which model these photos support");
     TableRows rows;
     for (const ModelScore& score : advice.models)
-        rows.push_back({score.model, std::to_string(score.parameters),
+        rows.push_back({score.model, judged(run, score), std::to_string(score.parameters),
                         score.fit ? fixed(score.rms_px, 4) : dash,
                         fixed(score.leave_one_out_rms_px, 4),
                         advice.best ? difference(score, advice.models[*advice.best]) : dash,
                         significant(score.projection_deviation_px, 3, dash),
                         significant(score.halves_px, 3, dash),
-                        score.fit ? fmt::format("{:.1e}", score.fit->condition_number) : dash,
-                        judged(run, score)});
-    page.add_table({"model", "parameters", "fit / px", "left out / px", "above the best / px",
-                    "certain to / px", "halves / px", "condition", "judged"},
+                        score.fit ? fmt::format("{:.1e}", score.fit->condition_number) : dash});
+    page.add_table({"model", "judged", "parameters", "fit / px", "left out / px",
+                    "above the best / px", "certain to / px", "halves / px", "condition"},
                    rows);
     page.add_paragraph(
         "Left out: every photo in turn is taken away, the camera calibrated from the others, and "
@@ -200,20 +192,20 @@ void add_photos(HtmlPage& page, const CalibrationRun& run) {
         const CalibratedView& view = run.calibration.views[i];
         const auto left_out = std::count(view.left_out.begin(), view.left_out.end(), true);
         const auto& pose = view.camera_from_target;
-        rows.push_back({short_name(run.photos[i]), std::to_string(view.left_out.size()),
-                        std::to_string(left_out), pose ? fixed(view.rms_px, 3) : dash,
-                        fixed(view.left_out_rms_px, 3),
+        rows.push_back({short_name(run.photos[i]),
+                        view.used() ? "used" : "left out: does not fit the others",
+                        std::to_string(view.left_out.size()), std::to_string(left_out),
+                        pose ? fixed(view.rms_px, 3) : dash, fixed(view.left_out_rms_px, 3),
                         pose ? fixed(pose->translation.norm(), 0) : dash,
-                        pose ? fixed(tilt_deg(*pose), 1) : dash,
-                        view.used() ? "used" : "left out: does not fit the others"});
+                        pose ? fixed(tilt_deg(*pose), 1) : dash});
     }
     for (const std::string& photo : run.without_target)
-        rows.push_back({short_name(photo), "0", dash, dash, dash, dash, dash, "target not found"});
+        rows.push_back({short_name(photo), "target not found", "0", dash, dash, dash, dash, dash});
     for (const std::string& photo : run.others.photos)
-        rows.push_back({short_name(photo), dash, dash, dash, dash, dash, dash,
-                        "not used: another zoom, focus or camera"});
-    page.add_table({"photo", "corners", "left out", "fit / px", "predicted / px", "distance / mm",
-                    "tilt / deg", "state"},
+        rows.push_back({short_name(photo), "not used: another zoom, focus or camera", dash, dash,
+                        dash, dash, dash, dash});
+    page.add_table({"photo", "state", "corners", "left out", "fit / px", "predicted / px",
+                    "distance / mm", "tilt / deg"},
                    rows);
 }
 
@@ -231,7 +223,6 @@ std::string calibration_html(const CalibrationRun& run) {
                   fmt::format("{} x {} px, {} photos of {}", camera.width, camera.height,
                               run.photos.size(), run.target));
     add_summary(page, run);
-    add_remarks(page, run);
     add_parameters(page, run.calibration);
     add_models(page, run);
     add_residuals(page, run);

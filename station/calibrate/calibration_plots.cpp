@@ -12,10 +12,8 @@
 namespace etalon {
 namespace {
 
-constexpr int map_width = 560, map_height = 440;
-
 SvgPlot image_plot(const CameraModel& camera) {
-    SvgPlot plot("x / px", "y / px", map_width, map_height);
+    SvgPlot plot("x / px", "y / px");
     plot.show_image(camera.width, camera.height);
     return plot;
 }
@@ -74,7 +72,7 @@ HtmlPage::Figure model_figure(const CameraCalibration& calibration) {
             left_out.add(score.parameters, *error,
                          fmt::format("{}: {:.4f} px left out", score.model, *error));
     }
-    SvgPlot plot("free parameters of the camera", "error / px", map_width, map_height);
+    SvgPlot plot("free parameters of the camera", "error / px");
     plot.add_curve(fitted, Ink::gray, "in the fit");
     plot.add_curve(left_out, Ink::blue, "on photos left out");
     return {plot.svg(),
@@ -95,14 +93,14 @@ HtmlPage::Figure deviation_figure(const CameraCalibration& calibration) {
         if (each.bootstrap)
             bootstrap.add(i + 0.12, *each.bootstrap / each.formal);
     }
-    SvgPlot plot("", "standard deviation / formal one", map_width, map_height);
+    SvgPlot plot("", "standard deviation / formal one");
     plot.add_bars(names, std::vector<double>(names.size(), 1.0), Ink::gray);
     plot.add_points(robust, Ink::blue, "cluster-robust");
     plot.add_points(bootstrap, Ink::orange, "bootstrap");
     plot.add_level(suspicious_deviation_ratio, Ink::red, "suspicious above");
     return {plot.svg(),
             "Standard deviations over photos against the formal one (gray), which takes all "
-            "corners for independent."};
+            "corners for independent. Points above the line: the corners of a photo err together."};
 }
 
 HtmlPage::Figure photo_figure(const CalibrationRun& run) {
@@ -112,7 +110,7 @@ HtmlPage::Figure photo_figure(const CalibrationRun& run) {
         left_out.push_back(view.left_out_rms_px.value_or(0.0));
     }
     const std::vector<std::string> labels = short_labels(run.photos);
-    SvgPlot plot("photo", "error / px", map_width, map_height);
+    SvgPlot plot("photo", "error / px");
     plot.add_bars(labels, left_out, Ink::orange);
     plot.add_bars(labels, fitted, Ink::blue);
     return {plot.svg(),
@@ -180,8 +178,7 @@ HtmlPage::Figure radial_figure(const CalibrationRun& run) {
         if (counts[ring] >= min_for_a_mean)
             ring_means.add((static_cast<double>(ring) + 0.5) / rings * corner,
                            sums[ring] / counts[ring]);
-    SvgPlot plot("distance from the principal point / px", "outward residual / px", map_width,
-                 map_height);
+    SvgPlot plot("distance from the principal point / px", "outward residual / px");
     plot.add_points(radial, Ink::blue, "corner");
     plot.add_line(ring_means, Ink::orange, "mean of a ring");
     return {plot.svg(),
@@ -208,7 +205,9 @@ std::vector<HtmlPage::Figure> uncertainty_figures(const CameraCalibration& calib
         return HtmlPage::Figure{
             heat_map_svg(heat),
             fmt::format("{}: {:.2f} px in the mean over the image, {:.2f} px at worst among the "
-                        "corners, where the scale ends, and {:.2f} px beyond them.",
+                        "corners, where the scale ends, and {:.2f} px beyond them. Do not measure "
+                        "where it is "
+                        "bright.",
                         what, map.mean(value), map.worst_among_points(value), map.worst(value))};
     };
     return {figure(&PixelUncertainty::held,
@@ -241,10 +240,13 @@ HtmlPage::Figure height_figure(const BoardShape& board) {
                                Eigen::Vector2d::Constant(0.5 * cell));
         heat.values.push_back(point.displacement_mm.z() - lowest);
     }
-    return {heat_map_svg(heat),
-            fmt::format("How far each point lies along z = x cross y beyond the one that lies "
-                        "least far: {:.3f} mm at most. The board as drawn, x to the right, y down.",
-                        highest - lowest)};
+    return {
+        heat_map_svg(heat),
+        fmt::format(
+            "How far each point lies along z = x cross y beyond the one that lies "
+            "least far: {:.3f} mm at most. The board as drawn, x to the right, y down. A bow or a "
+            "twist is paper or a plate that bends.",
+            highest - lowest)};
 }
 
 std::vector<HtmlPage::Figure> board_figures(const BoardShape& board) {
@@ -258,12 +260,13 @@ std::vector<HtmlPage::Figure> board_figures(const BoardShape& board) {
         box.extend(point.drawn_mm.head<2>());
     }
     const double factor = round_scale(box.sizes().x() / 20.0 / std::max(arrows.longest(), 1e-9));
-    SvgPlot plot("x / mm", "y / mm", map_width, map_height);
+    SvgPlot plot("x / mm", "y / mm");
     plot.set_image_axes();
     plot.add_arrows(arrows, factor, Ink::blue, "in the plane");
     return {height_figure(board),
             {plot.svg(), fmt::format("How far the points lie from the drawing in its plane, "
-                                     "enlarged {:g} times.",
+                                     "enlarged {:g} times. Arrows that grow outwards "
+                                     "are a print of another scale.",
                                      factor)}};
 }
 
@@ -280,9 +283,11 @@ HtmlPage::Figure halves_figure(const CameraCalibration& calibration) {
     SvgPlot plot = image_plot(calibration.camera);
     plot.add_arrows(arrows, factor, Ink::green, "second half minus first");
     return {plot.svg(),
-            fmt::format("How differently the two halves project, after the best rotation; "
-                        "enlarged {:g} times.",
-                        factor)};
+            fmt::format(
+                "How differently the two halves project, after the best rotation; "
+                "enlarged {:g} times. Look for an edge where they part: the photos do not hold the "
+                "camera there.",
+                factor)};
 }
 
 }  // namespace etalon

@@ -15,8 +15,21 @@
 namespace etalon {
 namespace {
 
+void add_summary(HtmlPage& page, const Characterisation& result) {
+    const auto written = std::ranges::count_if(result.values, &MeasuredValue::is_written);
+    std::vector<std::string> missing;
+    for (const NotMeasured& entry : result.not_measured)
+        missing.push_back(fmt::format("{} ({}): {}", entry.quantity,
+                                      entry.was_refused ? "refused" : "not measured",
+                                      entry.reason));
+    page.add_verdict(counted(result.values.size(), "value"),
+                     fmt::format("measured, {} of them for the camera's file; {} could not be "
+                                 "measured.",
+                                 written, counted(missing.size(), "quantity", "quantities")),
+                     {{"Before you trust them", result.remarks}, {"Not measured", missing}});
+}
+
 void add_values(HtmlPage& page, const Characterisation& result) {
-    page.add_heading("What was measured");
     TableRows rows;
     for (const MeasuredValue& value : result.values) {
         const int decimals = decimals_of(2.0 * value.standard_uncertainty);
@@ -27,14 +40,6 @@ void add_values(HtmlPage& page, const Characterisation& result) {
     }
     page.add_table({"quantity", "value", "U (k = 2)", "u", "unit", "in the camera file", "from"},
                    rows);
-    if (result.not_measured.empty())
-        return;
-    page.add_heading("What was not");
-    TableRows missing;
-    for (const NotMeasured& entry : result.not_measured)
-        missing.push_back(
-            {entry.quantity, entry.was_refused ? "refused" : "not measured", entry.reason});
-    page.add_table({"quantity", "", "why"}, missing);
 }
 
 HtmlPage::Figure photon_transfer_plot(const PhotonTransfer& photon) {
@@ -54,14 +59,14 @@ HtmlPage::Figure photon_transfer_plot(const PhotonTransfer& photon) {
     plot.add_points(measured, Ink::blue, "measured");
     if (!left_out.empty())
         plot.add_points(left_out, Ink::orange, "left out (clipped, rounding)");
-    return {
-        plot.svg(),
-        fmt::format("Photon transfer: variance between repeats against signal. Slope 1/gain, "
-                    "height at 0 the read noise; rounding is taken out. Reduced chi-square {:.2f} "
-                    "with {} degrees of freedom; between the repeats the light changed by {:.2g} % "
-                    "and the view by {:.2g} px.",
-                    photon.reduced_chi_square, photon.degrees_of_freedom,
-                    100.0 * photon.brightness_drift, photon.shift_px)};
+    return {plot.svg(),
+            fmt::format(
+                "Photon transfer: variance between repeats against signal. Slope 1/gain, "
+                "height at 0 the read noise; rounding is taken out. Reduced chi-square {:.2f} "
+                "with {} degrees of freedom; between the repeats the light changed by {:.2g} % "
+                "and the view by {:.2g} px. Look for points off the line: light or view changed.",
+                photon.reduced_chi_square, photon.degrees_of_freedom,
+                100.0 * photon.brightness_drift, photon.shift_px)};
 }
 
 HtmlPage::Figure transfer_plot(const TransferEstimate& estimate) {
@@ -75,11 +80,12 @@ HtmlPage::Figure transfer_plot(const TransferEstimate& estimate) {
     plot.add_line(ends, ends, Ink::gray, "straight line");
     plot.add_points(patches, Ink::blue, "patches");
     plot.add_line(curve, Ink::red, "transfer curve");
-    return {plot.svg(),
-            fmt::format(
-                "Transfer curve from {} patches in {} photos, seen from {:.3f} to {:.3f} of "
-                "full scale and continued beyond.",
-                estimate.patches, estimate.photos, estimate.lowest_code, estimate.highest_code)};
+    return {
+        plot.svg(),
+        fmt::format(
+            "Transfer curve from {} patches in {} photos, seen from {:.3f} to {:.3f} of "
+            "full scale and continued beyond. Points beside the curve are patches in uneven light.",
+            estimate.patches, estimate.photos, estimate.lowest_code, estimate.highest_code)};
 }
 
 // What the curve itself hides: how far the patches are from a straight line through black.
@@ -98,7 +104,8 @@ HtmlPage::Figure nonlinearity_plot(const TransferEstimate& estimate) {
     return {plot.svg(),
             fmt::format(
                 "The patches' departure from the straight line through black that fits them "
-                "best. Largest of the measured curve between 5 and 95 %: {:.3f} % ± {:.3f} % "
+                "best; a bend is a tone curve. Largest of the measured curve between 5 and 95 %: "
+                "{:.3f} % ± {:.3f} % "
                 "(k = 2).",
                 100.0 * estimate.nonlinearity, 200.0 * estimate.nonlinearity_standard_uncertainty)};
 }
@@ -126,10 +133,13 @@ HtmlPage::Figure illumination_plot(const CameraModel& camera,
     plot.add_points(white_parts, Ink::gray, every == 1 ? "white parts" : "some of the white parts");
     plot.add_band(curve, Ink::red, "U (k = 2)");
     plot.add_line(curve, Ink::red, "polynomial");
-    return {plot.svg(),
-            fmt::format("Relative illumination: white parts, their photo's own level and "
-                        "plane divided out; they scatter by {:.2g} %.",
-                        100.0 * estimate.residual_rms)};
+    return {
+        plot.svg(),
+        fmt::format(
+            "Relative illumination: white parts, their photo's own level and "
+            "plane divided out; they scatter by {:.2g} %. Look whether they follow the curve to "
+            "the end: beyond it nothing was seen.",
+            100.0 * estimate.residual_rms)};
 }
 
 HtmlPage::Figure illumination_map(const CameraModel& camera, const IlluminationEstimate& estimate) {
@@ -148,7 +158,7 @@ HtmlPage::Figure illumination_map(const CameraModel& camera, const IlluminationE
         }
     return {embedded_png(picture, "relative illumination over the image"),
             fmt::format("Relative illumination over the image in steps of 2 %; {:.1f} % in the "
-                        "farthest corner.",
+                        "farthest corner. Rings off the middle are vignetting off the axis.",
                         100.0 * estimate.at_corner)};
 }
 
@@ -164,9 +174,11 @@ HtmlPage::Figure modulation_plot(const Characterisation& result) {
         plot.add_line(edge, inks[i % inks.size()],
                       fmt::format("({:.0f}, {:.0f})", at.centre_px.x(), at.centre_px.y()));
     }
-    return {plot.svg(),
-            "Slanted-edge MTF (ISO 12233) of lens, pixel and camera together, one edge for "
-            "each part of the image (its middle in px), in linear radiance."};
+    return {
+        plot.svg(),
+        "Slanted-edge MTF (ISO 12233) of lens, pixel and camera together, one edge for "
+        "each part of the image (its middle in px), in linear radiance. A curve above 1 tells of "
+        "sharpening, one that lies far below the others of blur in its part."};
 }
 
 HtmlPage::Figure edge_spread_plot(const PointSpreadEstimate& spread) {
@@ -178,7 +190,8 @@ HtmlPage::Figure edge_spread_plot(const PointSpreadEstimate& spread) {
     plot.add_band(mean, Ink::blue, "U (k = 2)");
     plot.add_line(mean, Ink::blue, "mean of all edges");
     return {plot.svg(),
-            fmt::format("Edge spread. Overshoot {:.2f} %, undershoot {:.2f} % of the contrast: {}.",
+            fmt::format("Edge spread; look for bumps before and behind the edge. Overshoot {:.2f} "
+                        "%, undershoot {:.2f} % of the contrast: {}.",
                         100.0 * spread.sharpening.overshoot, 100.0 * spread.sharpening.undershoot,
                         spread.sharpening.is_detected ? "the camera sharpens"
                                                       : "no sharpening in the camera")};
@@ -224,7 +237,9 @@ std::optional<HtmlPage::Figure> defocus_plot(const Characterisation& result) {
     return HtmlPage::Figure{
         plot.svg(),
         fmt::format("Blur against depth: {} edges nearer than focus, {} farther. The groups "
-                    "are for the eye; the fit is on every edge's pixels.",
+                    "are for the eye, the fit is on every edge's pixels: look whether they lie on "
+                    "it on both "
+                    "sides of focus.",
                     defocus.edges_nearer, defocus.edges_farther)};
 }
 
@@ -277,13 +292,9 @@ void write_characterise_report(const std::filesystem::path& folder, const Charac
         fmt::format("{} x {} px, {} bit; target {}, found in {} of {} photos", input.camera.width,
                     input.camera.height, result.camera.sensor->bits, input.target.board.spec,
                     result.photos_with_target, input.photos.size()));
+    add_summary(page, result);
     add_values(page, result);
     add_curves(page, result);
-    if (!result.remarks.empty()) {
-        page.add_heading("Remarks");
-        for (const std::string& remark : result.remarks)
-            page.add_paragraph(remark);
-    }
     write_text(folder / "report.html", page.finish());
 }
 

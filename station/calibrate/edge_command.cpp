@@ -138,14 +138,16 @@ HtmlPage::Figure curve_of(const std::filesystem::path& photo, const FoundSlanted
     plot.add_band(curve, Ink::blue, "U (k = 2)");
     plot.add_line(curve, Ink::blue, "modulation");
     return {plot.svg(),
-            fmt::format("{}, {}: {:.1f} degrees from the pixels' axis.", photo.filename().string(),
-                        place_of(each.region), each.edge.angle_deg)};
+            fmt::format("{}, {}: {:.1f} degrees from the pixels' axis. A curve above 1 tells of "
+                        "sharpening.",
+                        photo.filename().string(), place_of(each.region), each.edge.angle_deg)};
 }
 
 std::string page_of(const std::vector<PhotoEdges>& photos) {
     HtmlPage page("Slanted edges", "spatial frequency response, ISO 12233");
     TableRows rows;
     HtmlPage::Figures figures;
+    std::vector<double> mtf50;
     for (const PhotoEdges& all : photos)
         for (const FoundSlantedEdge& each : all.edges) {
             const SlantedEdge& edge = each.edge;
@@ -154,12 +156,20 @@ std::string page_of(const std::vector<PhotoEdges>& photos) {
                             with_u(edge.mtf50_cycles_per_px, edge.mtf50_standard_uncertainty),
                             with_u(edge.at_nyquist, edge.at_nyquist_standard_uncertainty)});
             figures.push_back(curve_of(all.photo, each));
+            mtf50.push_back(edge.mtf50_cycles_per_px);
         }
+    if (!mtf50.empty()) {
+        const auto [low, high] = std::ranges::minmax(mtf50);
+        page.add_verdict(fmt::format("{:.3f} to {:.3f}", low, high),
+                         fmt::format("cycles per px is where the modulation has fallen to one half "
+                                     "(MTF50), over {}.",
+                                     counted(mtf50.size(), "edge")));
+    }
     page.add_table({"photo", "region / px", "angle / deg", "MTF50 / cycles per px", "at Nyquist"},
                    rows);
-    page.add_paragraph(
-        "Lens, pixel and what the camera did to the picture, together. U (k = 2) is that of the "
-        "pixels' noise. A modulation above 1 tells of sharpening.");
+    page.add_notes(
+        {"Lens, pixel and what the camera did to the picture, together. U (k = 2) is that "
+         "of the pixels' noise."});
     page.add_figures(figures);
     return page.finish();
 }

@@ -107,14 +107,14 @@ std::string significance_caption(const ComparedFit& fit) {
     if (fit.noise_source == NoiseSource::camera)
         return scale + fmt::format(
                            "Significance: residual over the camera's noise (RMS {:.2f} "
-                           "gray){}",
+                           "gray){}. Noise alone looks even.",
                            fit.noise_gray,
                            fit.scored.significant ? fmt::format("; {:.1f} % of the pixels over 3 σ",
                                                                 100.0 * *fit.scored.significant)
                                                   : "");
     return scale + fmt::format(
                        "Significance against this photograph's own scatter, {:.2f} gray: "
-                       "the camera's noise is not known",
+                       "the camera's noise is not known. Noise alone looks even.",
                        fit.noise_gray);
 }
 
@@ -133,17 +133,24 @@ std::string pictures_html(const ComparedPhoto& photo, std::size_t number, bool s
         "</figcaption></figure>";
     text += figure_html(zoomable(pictures.overlay),
                         fmt::format("Red: the photograph is brighter, cyan: the rendering is; "
-                                    "differences × {:.0f}",
+                                    "differences × {:.0f}. A coloured rim is an edge out of "
+                                    "place.",
                                     overlay_gain));
     const std::string scale = colour_scale_html(residual_map_scale_gray, "gray");
-    text += figure_html(zoomable(pictures.residual), scale + "Residual at the pose under test");
+    text += figure_html(zoomable(pictures.residual),
+                        scale +
+                            "Residual at the pose under test. Stripes along edges are pose or "
+                            "blur, patches are light.");
     if (!pictures.refined_residual.empty())
-        text += figure_html(zoomable(pictures.refined_residual),
-                            scale + "Residual at the refined pose");
+        text +=
+            figure_html(zoomable(pictures.refined_residual),
+                        scale + "Residual at the refined pose. What is left is not the pose's.");
     if (photo.refined && !photo.refined->edges.empty())
-        text += figure_html(
-            zoomable(edge_map_svg(photo.refined->edges, pictures.part, magnification)),
-            fmt::format("Edge shifts at the refined pose × {:.0f}; red: over 3 σ", magnification));
+        text +=
+            figure_html(zoomable(edge_map_svg(photo.refined->edges, pictures.part, magnification)),
+                        fmt::format("Edge shifts at the refined pose × {:.0f}; red: over 3 σ. "
+                                    "Neighbours that agree are distortion or the print.",
+                                    magnification));
     if (photo.calibrated)
         text +=
             figure_html(zoomable(pictures.significance),
@@ -182,8 +189,8 @@ std::string card_html(const Comparison& comparison, std::size_t number, bool sta
     if (!photo.pictures.overlay.empty())
         text += pictures_html(photo, number, starts_in_turn, arrow_magnification(comparison));
     else if (!photo.pictures.photo.empty())
-        text +=
-            "<div class=\"pictures\">" + figure_html(zoomable(photo.pictures.photo), "") + "</div>";
+        text += "<div class=\"pictures\">" +
+                figure_html(zoomable(photo.pictures.photo), "The photograph as it is.") + "</div>";
     if (photo.calibrated)
         text += parameters_html(photo);
     return text + "</article>\n";

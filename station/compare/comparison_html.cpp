@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "core/text.h"
 #include "report/html.h"
@@ -31,9 +32,28 @@ std::string verdict_sentence(const Comparison& comparison) {
     return text;
 }
 
+// What was found, each with the photographs that it was found on.
+std::vector<std::string> found_by_name(const Comparison& comparison) {
+    std::map<std::string, std::vector<std::string>> photos;
+    for (const ComparedPhoto& photo : comparison.photos) {
+        const std::string name = photo.photo.filename().string();
+        if (!photo.has_figures())
+            photos["could not be compared"].push_back(name + " (" + photo.reason() + ")");
+        for (const Finding& finding : photo.findings)
+            if (photo.has_figures())
+                photos[finding.name].push_back(name);
+    }
+    std::vector<std::string> found;
+    for (const auto& [what, names] : photos)
+        found.push_back(fmt::format("{}: {}", what, fmt::join(names, ", ")));
+    return found;
+}
+
 void add_summary(HtmlPage& page, const Comparison& comparison) {
     page.add_verdict(fmt::format("{:.1f} gray", comparison.mean_rms_gray()),
-                     verdict_sentence(comparison));
+                     verdict_sentence(comparison),
+                     {{"Found", found_by_name(comparison)},
+                      {"Not seen by this comparison", blind_spots(comparison)}});
     Facts facts = {{"photographs that match",
                     fmt::format("{} of {}", comparison.matched(), comparison.photos.size())}};
     if (const auto refined = comparison.refined_mean_rms_gray())
@@ -47,16 +67,6 @@ void add_summary(HtmlPage& page, const Comparison& comparison) {
                            fmt::format("{:.2f} px", comparison.mean_psf_sigma_px()));
     facts.emplace_back("poses under test", source_of_poses(comparison));
     page.add_facts(facts);
-}
-
-void add_blind_spots(HtmlPage& page, const Comparison& comparison) {
-    std::string text = "<section class=\"unseen\"><strong>Not seen by this comparison</strong><ul>";
-    for (const std::string& spot : blind_spots(comparison)) {
-        const auto colon = spot.find(": ");
-        text += "<li><b>" + escape_html(spot.substr(0, colon)) + "</b>" +
-                escape_html(spot.substr(std::min(colon, spot.size()))) + "</li>";
-    }
-    page.add_html(text + "</ul></section>\n");
 }
 
 void add_method(HtmlPage& page, const Comparison& comparison) {
@@ -93,7 +103,6 @@ std::vector<std::string> table_row(const ComparedPhoto& photo) {
     std::vector<std::string> row = {photo.photo.filename().string(), photo.outcome()};
     if (!photo.calibrated) {
         row.insert(row.end(), 7, dash);
-        row.push_back(photo.reason());
         return row;
     }
     const ComparedFit& fit = *photo.calibrated;
@@ -140,14 +149,14 @@ void add_baseline(HtmlPage& page, const BaselineChange& change) {
     add_names("Not paired, because a name occurs twice: ", change.ambiguous);
     TableRows rows;
     for (const PairedChange& quantity : change.quantities)
-        rows.push_back({quantity.quantity, std::to_string(quantity.pairs),
-                        fixed(quantity.earlier, 4), fixed(quantity.now, 4),
-                        fmt::format("{:+.4f}", quantity.mean), fixed(quantity.half_width, 4),
-                        quantity.unit,
+        rows.push_back({quantity.quantity,
                         quantity.changed()    ? "changed"
                         : quantity.half_width ? "not significant"
-                                              : "one pair says nothing"});
-    page.add_table({"quantity", "pairs", "then", "now", "change", "±", "unit", ""}, rows);
+                                              : "one pair says nothing",
+                        std::to_string(quantity.pairs), fixed(quantity.earlier, 4),
+                        fixed(quantity.now, 4), fmt::format("{:+.4f}", quantity.mean),
+                        fixed(quantity.half_width, 4), quantity.unit});
+    page.add_table({"quantity", "outcome", "pairs", "then", "now", "change", "±", "unit"}, rows);
 }
 
 void add_plots(HtmlPage& page, const std::vector<ComparisonPlot>& plots) {
@@ -206,7 +215,6 @@ std::string comparison_html(const Comparison& comparison,
         fmt::format("{}, {}", comparison.camera_file.filename().string(), comparison.marker));
     page.add_style(comparison_style);
     add_summary(page, comparison);
-    add_blind_spots(page, comparison);
     page.add_heading("Photographs");
     page.add_html(contact_sheet_html(comparison));
     add_photo_table(page, comparison);

@@ -47,15 +47,13 @@ margin:0 0 20px;scroll-margin-top:8px}
 .zoom input:focus-visible~*{outline:2px solid var(--soft)}
 .photo figure:has(.zoom input:checked){grid-column:1/-1}.zoom:has(input:checked){cursor:zoom-out}
 .tag{display:inline-block;padding:0 9px;border-radius:99px;font-size:.8rem;font-weight:600;
-border:1px solid currentColor;color:var(--unsure)}.tag.ok{color:var(--pass)}
-.tag.no{color:var(--fail)}
+border:1px solid currentColor;color:var(--unsure)}.tag.ok{color:var(--good)}
+.tag.no{color:var(--bad)}
 ul.findings{margin:.4em 0;padding-left:1.2em}
 .sheet{display:grid;gap:10px;grid-template-columns:repeat(auto-fill,minmax(150px,1fr));margin:1em 0}
 .sheet a{color:inherit;text-decoration:none;background:var(--card);border:1px solid var(--line);
 border-radius:6px;overflow:hidden;font-size:.82rem}.sheet a:hover{border-color:var(--soft)}
 .sheet img{width:100%;height:auto;aspect-ratio:4/3;object-fit:cover;display:block}.sheet p{margin:0;padding:5px 8px}
-.unseen{border-left:4px solid var(--unsure);padding:2px 0 2px 14px;margin:1em 0}
-.unseen ul{margin:.2em 0;padding-left:1.1em}.unseen li{margin:.15em 0}
 .scale{display:flex;gap:8px;align-items:center;font-size:.8rem;color:var(--soft)}
 .scale i{flex:1;height:10px;border:1px solid var(--line);
 background:linear-gradient(90deg,rgb(0,145,170),#fff,rgb(205,25,30))}

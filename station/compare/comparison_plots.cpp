@@ -13,7 +13,7 @@ namespace {
 
 // Names under bars; where there are too many to read, every second or third or ...
 std::vector<std::string> bar_names(const std::vector<std::string>& photos) {
-    constexpr std::size_t readable = 14;
+    constexpr std::size_t readable = 10;
     const std::size_t step = (photos.size() + readable - 1) / readable;
     std::vector<std::string> names;
     for (std::size_t i = 0; i < photos.size(); ++i)
@@ -43,7 +43,8 @@ ComparisonPlot residual_by_photo(const Comparison& comparison) {
                    fmt::format("mean {:.1f}", comparison.mean_rms_gray()));
     return {"residual-by-photo.svg", plot.svg(),
             "Residual of each photograph, scored half: bars at the pose under test, points at the "
-            "photometric pose."};
+            "photometric pose. Look for a bar that stands out; a point far below its bar is a pose "
+            "that was wrong."};
 }
 
 void draw_profile(SvgPlot& plot, const ResidualProfile& profile, Ink ink, const std::string& name,
@@ -89,7 +90,8 @@ ComparisonPlot baseline_plot(const BaselineChange& change) {
     SvgPlot plot("photograph", "change of the residual / gray");
     plot.add_bars(bar_names(names), differences, Ink::blue);
     return {"baseline-residual.svg", plot.svg(),
-            "Residual now minus residual then, photograph by photograph, at the poses under test."};
+            "Residual now minus residual then, photograph by photograph, at the poses under test. "
+            "Bars of one sign are a change of the camera, a single one of its photograph."};
 }
 
 }  // namespace

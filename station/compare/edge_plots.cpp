@@ -89,7 +89,7 @@ ComparisonPlot field_plot(const std::vector<ShiftVector>& field, const CameraMod
                                vector.position_px.x(), vector.position_px.y(), vector.shift_px.x(),
                                vector.shift_px.y(), std::sqrt(vector.covariance_px2(0, 0)),
                                std::sqrt(vector.covariance_px2(1, 1)), vector.edges));
-    SvgPlot plot("x / px", "y / px", 640, 480);
+    SvgPlot plot("x / px", "y / px");
     plot.show_image(camera.width, camera.height);
     plot.add_arrows(arrows, magnification, Ink::blue,
                     fmt::format("photograph minus rendering × {:.0f}", magnification));
@@ -196,14 +196,17 @@ std::vector<ComparisonPlot> edge_plots(const Comparison& comparison) {
                                "at the poses under test"));
     plots.push_back(field_plot(shift_field(after, image, spacing), camera, magnification,
                                "edge-shift-field-refined.svg", "at the refined poses"));
-    plots.push_back(shift_plot(edges_by_radius(before, image, bins),
-                               edges_by_radius(after, image, bins),
-                               "distance from the image's centre / px", "edge-shift-by-radius.svg",
-                               "Edge shift by distance from the image's centre, noise taken out; "
-                               "bands: one standard deviation."));
-    plots.push_back(shift_plot(edges_by_depth(before, bins), edges_by_depth(after, bins),
-                               "depth / mm", "edge-shift-by-depth.svg",
-                               "Edge shift by depth, noise taken out."));
+    plots.push_back(
+        shift_plot(edges_by_radius(before, image, bins), edges_by_radius(after, image, bins),
+                   "distance from the image's centre / px", "edge-shift-by-radius.svg",
+                   "Edge shift by distance from the image's centre, noise taken out; "
+                   "bands: one standard deviation. What grows outwards and stays at the "
+                   "refined poses is distortion."));
+    plots.push_back(
+        shift_plot(edges_by_depth(before, bins), edges_by_depth(after, bins), "depth / mm",
+                   "edge-shift-by-depth.svg",
+                   "Edge shift by depth, noise taken out. What the refined poses take away "
+                   "was the poses' error."));
     if (camera.lens)
         plots.push_back(width_plot(comparison));
     return plots;

@@ -183,15 +183,13 @@ void add_jumps(HtmlPage& page, const DriftMonitor& monitor) {
 
 void add_limits_of_the_method(HtmlPage& page) {
     page.add_heading("What this cannot tell");
-    page.add_paragraph(
-        "Whether the camera moved or the target: a static target shows the drift of one against "
-        "the other. Both must stand on one rigid base, and lamps must not warm the target.");
-    page.add_paragraph(
-        "What a growth is: a change of focal length, or of distance. One of 100 ppm is 50 µm at "
-        "500 mm.");
-    page.add_paragraph(
-        "Fluctuations that are slower than the minutes which a rate is taken over count as drift, "
-        "or hide it; and what happens later, when the room or the load of the camera changes.");
+    page.add_notes(
+        {"Whether the camera moved or the target: a static target shows the drift of one against "
+         "the other. Both must stand on one rigid base, and lamps must not warm the target.",
+         "What a growth is: a change of focal length, or of distance. One of 100 ppm is 50 µm at "
+         "500 mm.",
+         "Fluctuations that are slower than the minutes which a rate is taken over count as drift, "
+         "or hide it; and what happens later, when the room or the load of the camera changes."});
 }
 
 }  // namespace
@@ -251,11 +249,14 @@ std::string drift_html(const DriftResult& result, const std::string& target) {
         {movement_plot(result.monitor),
          "Movement of the target's image since the first frame, and after a jump since the first "
          "frame behind it. Growth and turn as what they move a point by that is as far from the "
-         "target's middle as its points are on average."}};
+         "target's middle as its points are on average. Look for lines that level off: then it is "
+         "warm."}};
     if (!result.monitor.rates().empty())
         figures.push_back({rate_plot(result.monitor),
                            "Drift at that corner of the image where it is largest, and what it is "
-                           "below: of the last 5, 10 or 20 minutes, whichever says most."});
+                           "below: of the last 5, 10 or 20 minutes, whichever says most. It is "
+                           "stable where the band "
+                           "stays under the limit."});
     page.add_figures(figures);
     add_jumps(page, result.monitor);
     add_limits_of_the_method(page);

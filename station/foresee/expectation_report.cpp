@@ -42,6 +42,8 @@ const MarkerPlace& worst_place(const Expectation& expectation, std::size_t compo
 
 // ---- Plots
 
+constexpr int plot_width = 420, plot_height = 320;  // three beside each other stay readable
+
 struct Abscissa {
     Variable variable;
     const char* label;
@@ -91,7 +93,8 @@ std::vector<double> places_of(const Expectation& expectation, const Abscissa& al
 std::string bias_plot(const Expectation& expectation, std::size_t component,
                       const Abscissa& along) {
     const ErrorComponent& named = error_components[component];
-    SvgPlot plot(along.label, fmt::format("B1 {}, {}", named.name, named.unit));
+    SvgPlot plot(along.label, fmt::format("B1 {}, {}", named.name, named.unit), plot_width,
+                 plot_height);
     const std::vector<double> xs = places_of(expectation, along, &ExpectedPose::bias);
     plot.add_points(xs, expectation.biases(static_cast<int>(component)), Ink::gray, "pose");
     add_average(plot, (*expectation.bias_maps)[component], along, xs, itself, Ink::blue);
@@ -101,7 +104,8 @@ std::string bias_plot(const Expectation& expectation, std::size_t component,
 std::string noise_plot(const Expectation& expectation, std::size_t component,
                        const Abscissa& along) {
     const ErrorComponent& named = error_components[component];
-    SvgPlot plot(along.label, fmt::format("noise {}, {}", named.name, named.unit));
+    SvgPlot plot(along.label, fmt::format("noise {}, {}", named.name, named.unit), plot_width,
+                 plot_height);
     const std::vector<double> xs = places_of(expectation, along, &ExpectedPose::noise);
     plot.add_points(xs, expectation.noises(static_cast<int>(component)), Ink::gray, "pose");
     add_average(plot, (*expectation.noise_maps)[component], along, xs, exponential, Ink::orange);
@@ -113,7 +117,8 @@ void add_bias_plots_of(HtmlPage& page, const Expectation& expectation, std::size
     for (const Abscissa& along : abscissae)
         figures.push_back({bias_plot(expectation, component, along),
                            fmt::format("Bias {}: each pose, and the smooth map averaged over the "
-                                       "other two variables",
+                                       "other two variables. A line that leaves zero can be "
+                                       "corrected, the scatter about it cannot.",
                                        error_components[component].name)});
     page.add_figures(figures);
 }
@@ -126,9 +131,11 @@ void add_plots(HtmlPage& page, const Expectation& expectation) {
     HtmlPage::Figures figures;
     for (const std::size_t component : {std::size_t{0}, std::size_t{4}})
         for (const Abscissa& along : abscissae)
-            figures.push_back({noise_plot(expectation, component, along),
-                               fmt::format("Noise {}: standard deviation of a single frame",
-                                           error_components[component].name)});
+            figures.push_back(
+                {noise_plot(expectation, component, along),
+                 fmt::format("Noise {}: standard deviation of a single frame. Where the "
+                             "line rises, average frames or stay nearer.",
+                             error_components[component].name)});
     page.add_figures(figures);
 }
 
@@ -209,18 +216,31 @@ std::vector<std::vector<std::string>> summary_rows(const Expectation& expectatio
 }
 
 void add_expectation(HtmlPage& page, const Expectation& expectation) {
+    page.add_verdict(
+        expectation.bias_maps
+            ? fmt::format("{} mm", significant(rms(expectation.biases(0)), 2))
+            : fmt::format("{} of {}", expectation.detected(), expectation.poses.size()),
+        expectation.bias_maps
+            ? fmt::format(
+                  "is the bias along the line of sight, RMS over the volume; across it {} "
+                  "mm.",
+                  significant(std::hypot(rms(expectation.biases(1)), rms(expectation.biases(2))),
+                              2))
+            : fmt::format("poses were detected, too few for a map: {} are needed.",
+                          ExpectationMap::min_poses));
     page.add_paragraph(fmt::format(
         "Marker detected at {} of {} poses without noise, and in {:.1f} % of all frames; the other "
         "planar solution fitted better in {:.1f} % of the frames with noise.{}",
         expectation.detected(), expectation.poses.size(), 100.0 * expectation.detection_rate(),
         100.0 * expectation.flip_rate(),
         expectation.no_noise.empty() ? "" : " No noise: " + expectation.no_noise + "."));
-    if (!expectation.bias_maps) {
-        page.add_paragraph(fmt::format("Too few detected poses for a map: {} are needed.",
-                                       ExpectationMap::min_poses));
+    if (!expectation.bias_maps)
         return;
-    }
     page.add_table(summary_header(), summary_rows(expectation));
+    page.add_notes(
+        {"Bias is B1: the pose that the detector finds in a render, less the pose that was "
+         "rendered. Scatter is that of the poses about the smooth map; worst is where the "
+         "map is largest, at this depth, distance from the principal point and tilt."});
     add_plots(page, expectation);
 }
 
@@ -274,6 +294,7 @@ void write_expectation(const ExpectationRequest& request, const Expectation& exp
                        const std::filesystem::path& folder) {
     make_out_folder(folder);
     HtmlPage page("Expected pose errors", request.scene.marker.spec);
+    add_expectation(page, expectation);
     page.add_facts(
         {{"marker", request.scene.marker.spec},
          {"detector", request.scene.detector},
@@ -284,7 +305,6 @@ void write_expectation(const ExpectationRequest& request, const Expectation& exp
          {"tilt", fmt::format("up to {:.0f} deg", request.volume.max_tilt * deg_per_rad)},
          {"poses", std::to_string(expectation.poses.size())},
          {"frames with noise, each", std::to_string(expectation.frames)}});
-    add_expectation(page, expectation);
     write_text(folder / "report.html", page.finish());
     write_text(folder / "expectation.json", expectation_json(request, expectation));
     write_text(folder / "poses.csv", expectation_csv(expectation));

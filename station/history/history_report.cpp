@@ -141,17 +141,24 @@ void add_chart(HtmlPage& page, std::span<const HistoricRun> runs, const Quantity
                     {"Marker", history.marker},
                     {"Drift alarm", history.drifts() ? "YES" : "no"}});
     const Columns columns = columns_of(runs, history);
-    page.add_figures({{value_plot(columns, history).svg(), "Values, with U as a band."},
-                      {drift_plot(columns).svg(), "How far they have moved from those before."}});
+    HtmlPage::Figures figures{
+        {value_plot(columns, history).svg(),
+         "Values, with U as a band. Look for steps and trends, and how near the limit they come."}};
+    if (!columns.ewma.empty())
+        figures.push_back(
+            {drift_plot(columns).svg(),
+             "How far they have moved from those before. Beyond the lines it is drift."});
+    page.add_figures(figures);
     TableRows rows;
     for (const ChartedRun& charted : history.runs) {
         const HistoricRun& run = runs[charted.run];
-        rows.push_back({run.started_utc, number(charted.quantity.value, 4),
-                        number(charted.quantity.expanded_uncertainty, 3), charted.quantity.outcome,
+        const double u = charted.quantity.expanded_uncertainty.value_or(0.0);
+        rows.push_back({run.started_utc, charted.quantity.outcome,
+                        value_or_below(*charted.quantity.value, u, 4), significant(u, 3),
                         number(charted.chart.ewma, 3), charted.chart.alarm ? "DRIFT" : "",
                         fmt::format("{}", charted.baseline), short_hash(run)});
     }
-    page.add_table({"run", "value", "U", "outcome", "EWMA", "alarm", "baseline", "calibration"},
+    page.add_table({"run", "outcome", "value", "U", "EWMA", "alarm", "baseline", "calibration"},
                    rows);
 }
 
@@ -181,16 +188,25 @@ void write_history_report(std::span<const HistoricRun> runs,
                           std::span<const QuantityHistory> charts,
                           const std::filesystem::path& folder) {
     make_out_folder(folder);
-    HtmlPage page("Cameras over time", fmt::format("{} runs", runs.size()));
-    page.add_paragraph(method_text() +
-                       " A new calibration begins a new baseline, of which the first two runs only "
-                       "tell the mean and the spread.");
+    HtmlPage page("Cameras over time", counted(runs.size(), "run"));
+    std::vector<std::string> drifting;
+    for (const QuantityHistory& history : charts)
+        if (history.drifts())
+            drifting.push_back(fmt::format("Camera {}: {}", history.camera, title_of(history)));
+    page.add_verdict(
+        drifting.empty() ? "NO ALARM" : "DRIFT",
+        fmt::format("{} of {} show an alarm.", drifting.size(), counted(charts.size(), "chart")),
+        {{"What drifts", drifting}});
     int count = 0;
     for (const QuantityHistory& history : charts) {
         add_chart(page, runs, history);
         write_text(folder / fmt::format("chart-{}.svg", ++count),
                    value_plot(columns_of(runs, history), history).svg(/*stand_alone=*/true));
     }
+    page.add_notes(
+        {method_text() +
+         " A new calibration begins a new baseline, of which the first two runs only tell "
+         "the mean and the spread."});
     write_text(folder / "report.html", page.finish());
     write_text(folder / "history.json", history_json(runs, charts));
 }

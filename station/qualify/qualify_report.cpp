@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
@@ -30,125 +31,211 @@ std::string joined(const std::vector<std::string>& parts, const std::string& sep
     return fmt::format("{}", fmt::join(parts, separator));
 }
 
-// A relative number in percent, a coefficient as it is, any other with its unit.
-std::string with_unit(double value, const std::string& unit) {
-    if (!std::isfinite(value))
-        return "none";
-    if (unit == "1")
-        return significant(100.0 * value, 2) + " %";
-    return unit.empty() ? significant(value, 2) : significant(value, 2) + " " + unit;
+// In the unit that people read: a relative number in percent, a coefficient as it is.
+struct ReadUnit {
+    double factor;
+    std::string text;  // " mm"
+};
+
+ReadUnit read_unit(const std::string& unit) {
+    return unit == "1" ? ReadUnit{100.0, " %"} : ReadUnit{1.0, unit.empty() ? "" : " " + unit};
 }
 
-// The sentence under the verdict: the judged quantity that is nearest to its limit.
-std::string deciding_sentence(const QualifyResult& result) {
-    if (!result.analysis)
-        return result.reason;
+std::string with_unit(double value, const std::string& unit) {
+    const ReadUnit read = read_unit(unit);
+    return std::isfinite(value) ? significant(read.factor * value, 2) + read.text : "none";
+}
+
+// ---- verdict, cause, what to do -------------------------------------------------------------
+
+// The judged quantity that is nearest to its limit, or farthest beyond; null when none was
+// measured.
+const JudgedQuantity* deciding_quantity(const Qualification& analysis) {
     const JudgedQuantity* deciding = nullptr;
     double worst = -1.0;
-    for (const JudgedQuantity& each : result.analysis->quantities) {
+    for (const JudgedQuantity& each : analysis.quantities) {
         const double used = (each.value + each.expanded_uncertainty) / each.limit;
         if (each.outcome != Outcome::skipped && used > worst) {
             worst = used;
             deciding = &each;
         }
     }
-    if (!deciding)
-        return joined(result.analysis->reasons, " ");
-    return fmt::format("{}: {} {} with U = {} {} (k = {:.2f}) against a limit of {} {}.",
-                       quantity_kind(deciding->name).words, significant(deciding->value, 2),
-                       deciding->unit, significant(deciding->expanded_uncertainty, 2),
-                       deciding->unit, deciding->coverage_factor, number(deciding->limit),
-                       deciding->unit);
+    return deciding;
+}
+
+std::string deciding_sentence(const JudgedQuantity& deciding) {
+    const std::string& unit = deciding.unit;
+    std::string text =
+        fmt::format("{}: {} {}", quantity_kind(deciding.name).words,
+                    value_or_below(deciding.value, deciding.expanded_uncertainty, 2), unit);
+    if (deciding.value != 0.0)
+        text +=
+            fmt::format(", U = {} {} (k = {:.2f})", significant(deciding.expanded_uncertainty, 2),
+                        unit, deciding.coverage_factor);
+    return text + fmt::format("; the limit is {} {}.", number(deciding.limit), unit);
+}
+
+// A line of the analysis or the station as a sentence.
+std::string sentence(std::string text) {
+    if (text.empty())
+        return text;
+    text.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(text.front())));
+    return text.back() == '.' ? text : text + ".";
+}
+
+// Why there is no PASS, beside the quantity that the verdict's sentence is about; in words where
+// the analysis says a quantity's name.
+std::vector<std::string> other_reasons(const Qualification& analysis,
+                                       const JudgedQuantity* deciding) {
+    std::vector<std::string> reasons;
+    for (std::string reason : analysis.reasons) {
+        const std::string first = reason.substr(0, reason.find(' '));
+        if (deciding && first == deciding->name)
+            continue;
+        const auto kind = std::ranges::find(quantity_kinds(), first, &QuantityKind::name);
+        if (kind != quantity_kinds().end())
+            reason.replace(0, first.size(), kind->words);
+        reasons.push_back(sentence(reason));
+    }
+    return reasons;
 }
 
 std::string size_text(const CausingError& error) {
-    return fmt::format("{} +- {}", with_unit(error.size, error.unit),
-                       significant(error.expanded_uncertainty, 2));
+    const ReadUnit read = read_unit(error.unit);
+    const double expanded = read.factor * error.expanded_uncertainty;
+    const int decimals = decimals_of(expanded);
+    return fmt::format("{} ± {}{}", fixed(read.factor * error.size, decimals),
+                       fixed(expanded, decimals), read.text);
 }
 
-// What to do about the named cause: each error's first remedy, or all of those that the run cannot
-// tell apart.
-std::string what_to_do(const Cause& cause) {
-    std::string all;
-    for (const CausingError& error : cause.errors) {
-        const std::string one = fmt::format("{}", fmt::join(error.remedies, ", or "));
-        all += (all.empty() ? "" : "; and ") + one;
-    }
-    all.front() = static_cast<char>(std::toupper(all.front()));
-    return all + ".";
+std::string sizes_text(const Cause& cause) {
+    std::vector<std::string> sizes;
+    for (const CausingError& error : cause.errors)
+        sizes.push_back(size_text(error));
+    return joined(sizes, "; ");
 }
 
-void add_causes(HtmlPage& page, const Causes& causes) {
-    const Cause* named = causes.named();
-    if (named)
-        page.add_paragraph(fmt::format("Most probable cause ({:.0f} %): {}. What to do: {}",
-                                       100.0 * named->probability, named->text(),
-                                       what_to_do(*named)));
-    else if (causes.none_of_these > 0.5)
-        page.add_paragraph("What differs is none of the errors that are looked for.");
-    if (causes.ranked.empty() || causes.no_error > 0.5)
-        return;
-    TableRows rows;
-    for (const Cause& cause : causes.ranked) {
-        std::string sizes;
-        for (const CausingError& error : cause.errors)
-            sizes += (sizes.empty() ? "" : "; ") + size_text(error);
-        rows.push_back({fmt::format("{:.0f} %", 100.0 * cause.probability), cause.text(), sizes});
+std::string percent(double probability) {
+    return fmt::format("{:.0f} %", 100.0 * probability);
+}
+
+std::vector<std::string> cause_sentences(const Causes& causes) {
+    if (const Cause* named = causes.named()) {
+        std::vector<std::string> sentences;
+        for (const CausingError& error : named->errors)
+            sentences.push_back(fmt::format("{}: {} (U, k = 2).", error.text(), size_text(error)));
+        sentences.back() += fmt::format(" Probability {}.", percent(named->probability));
+        return sentences;
     }
-    rows.push_back({fmt::format("{:.0f} %", 100.0 * causes.none_of_these), "none of these", ""});
-    rows.push_back({fmt::format("{:.0f} %", 100.0 * causes.no_error), "no error", ""});
-    page.add_table({"probability", "cause (~: cannot be told apart)", "size and U"}, rows);
+    if (causes.no_error > 0.5)
+        return {fmt::format("None: noise and what the station declares explain what was seen ({}).",
+                            percent(causes.no_error))};
+    if (causes.none_of_these > 0.5)
+        return {"What differs is none of the errors that are looked for."};
+    if (!causes.ranked.empty())
+        return {"No single one is more probable than not; the table of causes has them all."};
+    return {};
+}
+
+// Each error's first remedy, or all of those that the run cannot tell apart.
+std::vector<std::string> what_to_do(const Causes& causes) {
+    std::vector<std::string> all;
+    if (const Cause* named = causes.named())
+        for (const CausingError& error : named->errors)
+            all.push_back(sentence(joined(error.remedies, ", or ")));
+    return all;
 }
 
 void add_summary(HtmlPage& page, const QualifyResult& result) {
-    page.add_verdict(name(result.outcome), deciding_sentence(result));
-    Facts facts{
-        {"Camera", joined({result.camera.vendor, result.camera.model, result.camera.serial}, " ")},
-        {"Station", result.station.id},
-        {"Limits", result.station.limits.id},
-        {"Marker", result.station.marker.spec},
-        {"Poses measured", fmt::format("{} of {}", result.poses.size(), result.plan.poses.size())},
-        {"Duration", fmt::format("{:.0f} s", result.duration_s)}};
-    if (result.analysis) {
-        facts.emplace_back("Marker detected",
-                           fmt::format("{:.1f} %", 100.0 * result.analysis->detection.rate()));
-        if (result.analysis->registration)
-            facts.emplace_back(
-                "Registration residual",
-                fmt::format("{} px RMS",
-                            number(result.analysis->registration->registration.residual_rms_px)));
-    }
-    page.add_facts(facts);
-    if (!result.analysis)
+    if (!result.analysis) {
+        page.add_verdict(name(result.outcome), result.reason);
         return;
-    for (const std::string& reason : result.analysis->reasons)
-        page.add_paragraph(reason);
-    if (result.analysis->pixels)
-        for (const std::string& finding : result.analysis->pixels->findings)
-            page.add_paragraph("Photographs and renders: " + finding + ".");
-    if (result.analysis->causes)
-        add_causes(page, *result.analysis->causes);
+    }
+    const Qualification& analysis = *result.analysis;
+    const JudgedQuantity* deciding = deciding_quantity(analysis);
+    const Causes causes = analysis.causes.value_or(Causes{});
+    std::vector<std::string> findings;
+    if (analysis.pixels)
+        std::ranges::transform(analysis.pixels->findings, std::back_inserter(findings), sentence);
+    page.add_verdict(name(result.outcome),
+                     deciding ? deciding_sentence(*deciding) : "Nothing could be judged.",
+                     {{"Most probable cause", cause_sentences(causes)},
+                      {"What to do", what_to_do(causes)},
+                      {result.outcome == RunOutcome::pass ? "Beside it" : "Why it is not PASS",
+                       other_reasons(analysis, deciding)},
+                      {"Photographs against renders", findings}});
 }
 
-// A value of exactly 0 is a finding, not a gap.
-std::string note_of(const JudgedQuantity& quantity) {
-    const bool measured = quantity.outcome != Outcome::skipped;
-    if (quantity.reason.empty() && measured && quantity.value == 0.0)
-        return "the field is no stronger than noise alone makes it";
-    return quantity.reason;
+void add_causes(HtmlPage& page, const Causes& causes) {
+    if (causes.ranked.empty() || causes.no_error > 0.5)
+        return;
+    TableRows rows;
+    for (const Cause& cause : causes.ranked)
+        rows.push_back({cause.text(), percent(cause.probability), sizes_text(cause)});
+    rows.push_back({"none of these", percent(causes.none_of_these), ""});
+    rows.push_back({"no error", percent(causes.no_error), ""});
+    page.add_heading("Causes");
+    page.add_table({"cause", "probability", "size, U with k = 2"}, rows);
+    page.add_notes({"What ~ joins explains the same: this run cannot tell it apart."});
 }
+
+// ---- what was judged ------------------------------------------------------------------------
 
 std::vector<std::string> quantity_row(const JudgedQuantity& each, bool is_judged) {
     const auto figure = [&](double value) { return each.measured ? significant(value, 2) : dash; };
     return {quantity_kind(each.name).words,
-            figure(each.value),
+            is_judged ? name(each.outcome) : "no limit",
+            each.measured ? value_or_below(each.value, each.expanded_uncertainty, 2) : dash,
             figure(each.expanded_uncertainty),
             figure(each.coverage_factor),
-            significant(each.monte_carlo_uncertainty, 3),
-            is_judged ? number(each.limit) : "none",
-            each.unit,
-            is_judged ? name(each.outcome) : "reported",
-            is_judged ? note_of(each) : ""};
+            is_judged ? number(each.limit) : dash,
+            each.unit};
+}
+
+// Each reason once, behind the quantities that it is given for.
+std::vector<std::string> quantity_notes(const Qualification& analysis) {
+    std::map<std::string, std::vector<std::string>> by_reason;
+    for (const JudgedQuantity& each : analysis.quantities)
+        if (!each.reason.empty())
+            by_reason[each.reason].emplace_back(quantity_kind(each.name).words);
+    std::vector<std::string> notes;
+    for (const auto& [reason, quantities] : by_reason)
+        notes.push_back(joined(quantities, "; ") + ": " + reason + ".");
+    return notes;
+}
+
+void add_judged(HtmlPage& page, const Qualification& analysis) {
+    page.add_heading("Judged on the hold-out poses");
+    TableRows rows;
+    for (const JudgedQuantity& each : analysis.quantities)
+        rows.push_back(quantity_row(each, true));
+    for (const JudgedQuantity& each : analysis.reported)
+        rows.push_back(quantity_row(each, false));
+    page.add_table({"quantity", "outcome", "value", "U", "k", "limit", "unit"}, rows);
+    std::vector<std::string> notes = quantity_notes(analysis);
+    notes.insert(
+        notes.end(),
+        {"value + U <= limit is PASS, value - U > limit is FAIL, anything between is INCONCLUSIVE. "
+         "U is the expanded uncertainty, one-sided 97.7 %, and k its coverage factor; \"below\" U "
+         "is a field that is no stronger than noise alone makes it.",
+         "Judged is a smooth field of the bias over the volume, never its mean: registration makes "
+         "the mean vanish whatever the camera.",
+         fmt::format("A camera with any judged quantity at its limit gets PASS in at most {:.1f} % "
+                     "of runs; one with all {} at their limits gets FAIL in at most {:.1f} %.",
+                     100.0 * analysis.risk.wrong_pass, analysis.risk.judged,
+                     100.0 * analysis.risk.wrong_fail)});
+    page.add_notes(notes);
+    page.add_facts(
+        {{"B1, reported",
+          "Bias of the detector: the pose found in a render less the pose that was "
+          "rendered."},
+         {"B2, reported",
+          "The pose found in the photograph less the one that stage and "
+          "registration give."},
+         {"B3, judged",
+          "The pose found in the photograph less the one found in its render: the "
+          "detector's own bias drops out, camera model and stage are left."},
+         {"B4", "As B3, of photometric poses: fitted to all pixels in place of corners."}});
 }
 
 void add_conditions(HtmlPage& page, const Qualification& analysis) {
@@ -159,26 +246,6 @@ void add_conditions(HtmlPage& page, const Qualification& analysis) {
     for (const AcceptanceCondition& each : analysis.conditions)
         rows.push_back({each.name, name(each.state), each.text});
     page.add_table({"condition", "this run", "found"}, rows);
-}
-
-void add_judged(HtmlPage& page, const Qualification& analysis) {
-    page.add_heading("Judged on the hold-out poses");
-    TableRows rows;
-    for (const JudgedQuantity& each : analysis.quantities)
-        rows.push_back(quantity_row(each, true));
-    for (const JudgedQuantity& each : analysis.reported)
-        rows.push_back(quantity_row(each, false));
-    page.add_table(
-        {"quantity", "value", "U", "k", "U by Monte Carlo", "limit", "unit", "outcome", "note"},
-        rows);
-    page.add_paragraph(fmt::format(
-        "Risks: a camera with any judged quantity at its limit gets PASS in at most {:.1f} % of "
-        "runs; one with all {} judged quantities at their limits gets FAIL in at most {:.1f} %.",
-        100.0 * analysis.risk.wrong_pass, analysis.risk.judged, 100.0 * analysis.risk.wrong_fail));
-    page.add_paragraph(
-        "value + U <= limit is PASS, value - U > limit is FAIL, anything between is INCONCLUSIVE. "
-        "Judged is a smooth field of the bias over the volume, never its mean: registration makes "
-        "the mean vanish whatever the camera.");
 }
 
 void add_unseen(HtmlPage& page, const Qualification& analysis) {
@@ -225,12 +292,8 @@ std::vector<std::string> bias_row(const std::string& label, const std::vector<Po
 void add_biases(HtmlPage& page, const std::vector<Pose>& poses) {
     page.add_heading("Pose biases on the hold-out poses");
     page.add_paragraph(
-        "B1 is what the detector does to a perfect image: detector(render) - truth. B2 compares "
-        "the "
-        "photographs with the registered stage, B3 with renders at the registered stage; B3 is "
-        "what "
-        "is left of camera model and stage when the detector's own bias is out. B1 and B2 are "
-        "reported and not judged.");
+        "Mean and scatter by component, in the camera frame. Judged is the field of B3 and, where "
+        "there is a limit, of B4; B1 and B2 are reported.");
     constexpr double mrad = 1e-3;
     TableRows rows;
     const std::pair<const char*, std::optional<PoseError> PoseBias::*> biases[] = {
@@ -251,46 +314,60 @@ struct BudgetColumn {
     const char* quantity;
     const char* heading;
 };
-constexpr BudgetColumn budget_columns[] = {
-    {quantity::position_rms, "in the position field's RMS / mm"},
-    {quantity::position_max, "in its maximum / mm"},
-    {quantity::length_max, "in lengths / mm"},
-    {quantity::rotation_rms, "in the rotation field's RMS / mrad"}};
+constexpr BudgetColumn budget_columns[] = {{quantity::position_rms, "RMS / mm"},
+                                           {quantity::position_max, "maximum / mm"},
+                                           {quantity::length_max, "lengths / mm"},
+                                           {quantity::rotation_rms, "rotation / mrad"}};
 
 std::string contribution(const BudgetRow& row, const char* quantity) {
     if (!row.sensitivity.contains(quantity))
         return dash;
     if (row.standard_uncertainty)
-        return number(row.contribution(quantity));
-    return row.widest ? "up to " + number(row.sensitivity.at(quantity) * *row.widest) : unknown;
+        return significant(row.contribution(quantity), 2);
+    return row.widest ? "up to " + significant(row.sensitivity.at(quantity) * *row.widest, 2)
+                      : unknown;
+}
+
+// Degrees of freedom are said where they are not infinite.
+std::string origin_of(const BudgetRow& row) {
+    std::string text = row.counted ? row.basis : "not in U: " + row.basis;
+    text += std::string("; ") + name(row.distribution);
+    if (std::isfinite(row.degrees_of_freedom))
+        text += fmt::format(", {:.0f} degrees of freedom", row.degrees_of_freedom);
+    return text;
 }
 
 void add_budget(HtmlPage& page, const Qualification& analysis) {
     page.add_heading("Uncertainty budget");
-    std::vector<std::string> headings{"source", "standard uncertainty", "unit", "distribution",
-                                      "degrees of freedom"};
+    std::vector<std::string> headings{"source", "u", "unit"};
     for (const BudgetColumn& column : budget_columns)
         headings.emplace_back(column.heading);
     headings.emplace_back("from");
     TableRows rows;
     for (const BudgetRow& row : analysis.budget) {
-        std::vector<std::string> cells{
-            row.source, significant(row.standard_uncertainty, 3, unknown), row.unit,
-            name(row.distribution),
-            std::isfinite(row.degrees_of_freedom) ? number(row.degrees_of_freedom) : "∞"};
+        std::vector<std::string> cells{row.source,
+                                       significant(row.standard_uncertainty, 2, unknown), row.unit};
         for (const BudgetColumn& column : budget_columns)
             cells.push_back(contribution(row, column.quantity));
-        cells.push_back(row.counted ? row.basis : "not in U: " + row.basis);
+        cells.push_back(origin_of(row));
         rows.push_back(cells);
     }
     page.add_table(headings, rows);
-    page.add_paragraph(
-        "Contributions are standard uncertainties and add in quadrature; the coverage factor of U "
-        "follows from the effective degrees of freedom (Welch-Satterthwaite).");
+    std::vector<std::string> notes{
+        "u is the source's standard uncertainty; RMS, maximum, lengths and rotation are what it "
+        "contributes to the position field's RMS and maximum, to lengths and to the rotation "
+        "field's RMS. Contributions add in quadrature; the coverage factor of U follows from the "
+        "effective degrees of freedom (Welch-Satterthwaite)."};
+    for (const JudgedQuantity& each : analysis.quantities)
+        if (each.monte_carlo_uncertainty)
+            notes.push_back(fmt::format("Propagated by Monte Carlo, U is {} {}: {}.",
+                                        significant(*each.monte_carlo_uncertainty, 2), each.unit,
+                                        quantity_kind(each.name).words));
     if (!analysis.budget_complete)
-        page.add_paragraph(
+        notes.emplace_back(
             "A source marked unknown is not zero. Where it could change the outcome there is no "
             "PASS with it.");
+    page.add_notes(notes);
 }
 
 void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected) {
@@ -304,15 +381,17 @@ void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected
          {"Condition number", number(registration.condition_number)},
          {"Residual", fmt::format("{} px RMS", number(registration.residual_rms_px))},
          {"Points held for outliers", fmt::format("{}", registration.down_weighted_points)}});
+    std::vector<std::string> notes;
     for (const GaugeFreedom& freedom : registration.freedoms)
-        page.add_paragraph("Not determined by this stage's motion, fixed by the nominal mount: " +
-                           freedom.name + ".");
+        notes.push_back("Not determined by this stage's motion, fixed by the nominal mount: " +
+                        freedom.name + ".");
     for (const WeakDirection& weak : registration.weak)
-        page.add_paragraph(fmt::format(
+        notes.push_back(fmt::format(
             "Badly determined: {}, standard deviation {} {}. All poses say less about it than one "
             "would if the mounting were known.",
             weak.name, number(std::sqrt(registration.reduced_squares) * weak.deviation),
             weak.is_shift() ? "mm" : "rad"));
+    page.add_notes(notes);
     const auto row = [](const std::string& label, const Rigid& transform) {
         const Vector6d pose = vector_from_rigid(transform);
         std::vector<std::string> cells{label};
@@ -394,7 +473,7 @@ HtmlPage::Figure pose_figure(const QualifyResult& result, const Extreme& shown) 
     const Pose& pose = *shown.pose;
     const std::string caption = fmt::format(
         "Pose {} ({}): photograph, render, and their difference enlarged {:.0f} times (red: the "
-        "photograph is brighter, cyan: the render is).",
+        "photograph is brighter, cyan: the render is). A coloured rim is an edge out of place.",
         pose.index, shown.label, gain);
     try {
         const CodeImage photo = recorded_photo(result, *first_whole(pose));
@@ -425,17 +504,22 @@ void add_pictures(HtmlPage& page, const QualifyResult& result) {
 void add_run(HtmlPage& page, const QualifyResult& result) {
     const CaptureStatistics counters = result.statistics();
     page.add_heading("The run");
-    page.add_facts({{"Started", result.started_utc},
-                    {"Camera address", result.camera.uri},
-                    {"Frames delivered", fmt::format("{}", counters.delivered)},
-                    {"Frames rejected and triggered again", fmt::format("{}", counters.rejected)},
-                    {"Packets missed", fmt::format("{}", counters.missing_packets)},
-                    {"Exposure", fmt::format("{} µs", result.settings.exposure.count())},
-                    {"Gain", fmt::format("{} dB", number(result.settings.gain_db))},
-                    {"Image", fmt::format("{} x {} px, {} bit", result.settings.width,
-                                          result.settings.height, result.settings.bits)}});
-    for (const std::string& remark : result.remarks)
-        page.add_paragraph(remark);
+    page.add_facts(
+        {{"Started", result.started_utc},
+         {"Duration", fmt::format("{:.0f} s", result.duration_s)},
+         {"Poses measured", fmt::format("{} of {}", result.poses.size(), result.plan.poses.size())},
+         {"Marker detected",
+          result.analysis ? fmt::format("{:.1f} %", 100.0 * result.analysis->detection.rate())
+                          : dash},
+         {"Camera address", result.camera.uri},
+         {"Frames delivered", fmt::format("{}", counters.delivered)},
+         {"Frames rejected and triggered again", fmt::format("{}", counters.rejected)},
+         {"Packets missed", fmt::format("{}", counters.missing_packets)},
+         {"Exposure", fmt::format("{} µs", result.settings.exposure.count())},
+         {"Gain", fmt::format("{} dB", number(result.settings.gain_db))},
+         {"Image", fmt::format("{} x {} px, {} bit", result.settings.width, result.settings.height,
+                               result.settings.bits)}});
+    page.add_notes(result.remarks);
     TableRows inputs;
     for (const InputFile& input : result.station.inputs)
         inputs.push_back({input.role, input.path.filename().string(), input.sha256});
@@ -449,6 +533,8 @@ void add_analysis(HtmlPage& page, const QualifyResult& result) {
     const Qualification& analysis = *result.analysis;
     add_judged(page, analysis);
     add_conditions(page, analysis);
+    if (analysis.causes)
+        add_causes(page, *analysis.causes);
     add_bias_plots(page, result);
     add_pictures(page, result);
     add_unseen(page, analysis);
@@ -462,10 +548,11 @@ void add_analysis(HtmlPage& page, const QualifyResult& result) {
 }  // namespace
 
 void write_qualify_report(const QualifyResult& result, const std::filesystem::path& path) {
-    const std::string camera =
-        result.camera.serial.empty() ? result.camera.uri : result.camera.serial;
-    HtmlPage page("Qualification of camera " + camera,
-                  fmt::format("Station {}, {}", result.station.id, result.started_utc));
+    const CameraIdentity& camera = result.camera;
+    HtmlPage page("Qualification of camera " + (camera.serial.empty() ? camera.uri : camera.serial),
+                  fmt::format("{}, {} {}, station {}, limits {}, marker {}", result.started_utc,
+                              camera.vendor, camera.model, result.station.id,
+                              result.station.limits.id, result.station.marker.spec));
     add_summary(page, result);
     if (result.analysis)
         add_analysis(page, result);

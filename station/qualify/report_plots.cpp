@@ -11,6 +11,8 @@
 namespace etalon {
 namespace {
 
+constexpr int plot_width = 420, plot_height = 340;  // three beside each other stay readable
+
 // The hold-out poses that have a B3: place and tangent of the marker's centre in the camera frame,
 // its bias, and the fitted field there.
 struct HoldOut {
@@ -48,24 +50,26 @@ HtmlPage::Figure arrow_figure(const HoldOut& poses) {
     const double longest = std::max({1e-9, poses.biases.longest(), poses.field.longest()});
     const double factor = round_scale(poses.span_mm / 6.0 / longest);
     SvgPlot plot("x / mm", "y / mm");
-    plot.set_size(560, 440);
+    plot.set_size(plot_width, plot_height);
     plot.set_image_axes();
     plot.add_arrows(poses.field, factor, Ink::gray, "fitted field");
     plot.add_arrows(poses.biases, factor, Ink::blue, "B3");
-    return {plot.svg(),
-            fmt::format("Lateral position bias across the field of view, seen by the camera; "
-                        "arrows are enlarged {:g} times.",
-                        factor)};
+    return {
+        plot.svg(),
+        fmt::format("B3 across the field of view, seen by the camera, enlarged {:g} times. Look "
+                    "for arrows that turn or grow together: that is the field which is judged "
+                    "(gray), the rest is noise.",
+                    factor)};
 }
 
 HtmlPage::Figure component_figure(const std::array<Series, 3>& biases, const std::string& label,
                                   const std::string& caption, double limit) {
     SvgPlot plot(label, "B3 / mm");
-    plot.set_size(560, 440);
+    plot.set_size(plot_width, plot_height);
     plot.add_points(biases[0], Ink::blue, "x");
     plot.add_points(biases[1], Ink::green, "y");
     plot.add_points(biases[2], Ink::orange, "z");
-    plot.add_level(limit, Ink::red, fmt::format("limit of the field's maximum, {:g} mm", limit));
+    plot.add_level(limit, Ink::red, fmt::format("limit of the maximum, {:g} mm", limit));
     plot.add_level(-limit, Ink::red, "");
     return {plot.svg(), caption};
 }
@@ -85,9 +89,14 @@ void add_bias_plots(HtmlPage& page, const QualifyResult& result) {
     page.add_heading("Bias over the volume");
     page.add_figures(
         {arrow_figure(poses),
-         component_figure(poses.by_depth, "depth z / mm", "Position bias against depth.", limit),
+         component_figure(poses.by_depth, "depth z / mm",
+                          "B3 against depth. Look for z rising or falling with depth: focal "
+                          "length, marker size or stage scale.",
+                          limit),
          component_figure(poses.by_tangent, "tangent of the angle to the optical axis",
-                          "Position bias against the distance from the axis.", limit)});
+                          "B3 against the distance from the axis. Look for points that leave "
+                          "zero on the right: distortion.",
+                          limit)});
 }
 
 void add_residual_summary(HtmlPage& page, const QualifyResult& result) {
@@ -105,11 +114,14 @@ void add_residual_summary(HtmlPage& page, const QualifyResult& result) {
         "marker's cells; scored on the other half.",
         *mean_residual_gray(result), residuals.xs.size()));
     SvgPlot plot("pose", "residual RMS / gray");
-    plot.set_size(560, 260);
+    plot.set_size(640, 260);
     plot.add_points(residuals, Ink::blue, "");
     plot.set_y_range(0.0,
                      1.15 * *std::max_element(residuals.ys.begin(), residuals.ys.end()) + 1e-9);
-    page.add_figures({{plot.svg(), "Photograph minus render, RMS per hold-out pose."}});
+    page.add_figures(
+        {{plot.svg(),
+          "Photograph minus render, RMS per hold-out pose. Look for poses that stand out: "
+          "something covered the marker, moved or reflected there."}});
 }
 
 }  // namespace etalon

@@ -1,6 +1,6 @@
 #include "report/html.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <opencv2/imgcodecs.hpp>
 
@@ -37,6 +37,34 @@ TEST(HtmlPage, AlignsOnlyColumnsOfNumbersToTheRight) {
     page.add_table({"name", "value"}, {{"rms", "0.5"}, {"max", "-7"}});
     const std::string html = page.finish();
     EXPECT_NE(html.find("<td>rms</td><td class=\"n\">0.5</td>"), std::string::npos);
+}
+
+TEST(HtmlPage, AlignsValuesThatAreBelowSomethingWithNumbers) {
+    EXPECT_THAT(table_html({"name", "value"}, {{"rms", "below 0.037"}, {"max", "7"}}),
+                testing::HasSubstr("<td class=\"n\">below 0.037</td>"));
+}
+
+// Rows become paragraphs on narrow screens: each value then says what it is.
+TEST(HtmlPage, LabelsTheCellsOfWideTables) {
+    const std::string html =
+        table_html({"name", "outcome", "value", "<unit>"}, {{"rms", "NOT_OBSERVABLE", "7", "mm"}});
+    EXPECT_THAT(html, testing::HasSubstr("class=\"stack\""));
+    EXPECT_THAT(html, testing::HasSubstr(
+                          "<td class=\"tone unsure\" data-label=\"outcome\">NOT_OBSERVABLE</td>"
+                          "<td class=\"n\" data-label=\"value\">7</td>"
+                          "<td data-label=\"&lt;unit&gt;\">mm</td>"));
+}
+
+TEST(HtmlPage, AnswersBehindTheVerdictAreParagraphsOrLists) {
+    HtmlPage page("t", "s");
+    page.add_verdict("FAIL", "too large",
+                     {{"Cause", {"k1 & k4"}}, {"Do", {"one", "two"}}, {"No", {}}});
+    EXPECT_THAT(
+        page.finish(),
+        testing::HasSubstr(
+            "<section class=\"verdict bad\"><div><strong>FAIL</strong><p>too large</p></div>"
+            "<div class=\"answers\"><div><h2>Cause</h2><p>k1 &amp; k4</p></div>"
+            "<div><h2>Do</h2><ul><li>one</li><li>two</li></ul>\n</div></div></section>"));
 }
 
 }  // namespace

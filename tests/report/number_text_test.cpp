@@ -24,6 +24,13 @@ TEST(NumberText, ShowsADashWhereNothingIsKnown) {
 TEST(NumberText, CountsOneAndMany) {
     EXPECT_EQ(counted(1, "photograph"), "1 photograph");
     EXPECT_EQ(counted(7, "photograph"), "7 photographs");
+    EXPECT_EQ(counted(2, "quantity", "quantities"), "2 quantities");
+}
+
+TEST(NumberText, SaysOfAValueLostInNoiseWhatItIsBelow) {
+    EXPECT_EQ(value_or_below(0.0, 0.0371, 4), "below 0.037");
+    EXPECT_EQ(value_or_below(0.013, 0.0371, 2), "0.013");
+    EXPECT_EQ(value_or_below(0.0, 0.0, 2), "0");
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "sim/marker/stag_codes.h"
 #include "study/study_report.h"
 #include "study/study_run.h"
+#include "tests/pages.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -256,7 +257,8 @@ TEST_F(StudyTest, ReportsCornersBySizeAndWhyPosesWereMissed) {
     EXPECT_THAT(csv, HasSubstr(fmt::format("as is,apriltag,size,{},", sizes[0].poses)));
     EXPECT_THAT(csv, HasSubstr(",25,40,"));
     const std::string page = study_html(found, summary);
-    EXPECT_THAT(page, HasSubstr("<td>25 to 40</td>"));
+    EXPECT_THAT(page, HasSubstr(">25 to 40</td>"));
+    test::expect_readable_page(page);
     EXPECT_THAT(page, HasSubstr("not detected"));
     EXPECT_THAT(page, HasSubstr(escape_html(found.failures[0].begin()->first)));
 }

@@ -11,6 +11,7 @@
 #include "core/text.h"
 #include "station/calibrate/commands.h"
 #include "tests/calib/intrinsics/bent_boards.h"
+#include "tests/pages.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -91,6 +92,7 @@ TEST_F(CalibrationReport, PageStandsAloneAndEscapesNames) {
     EXPECT_THAT(page, AllOf(Not(HasSubstr("http://")), Not(HasSubstr("https://")),
                             Not(HasSubstr("<script"))));
     EXPECT_THAT(page, AllOf(Not(HasSubstr("nan")), Not(HasSubstr("inf "))));
+    test::expect_readable_page(page);
     for (const char* part : {"Which model", "its standard deviations", "Two halves", "in pixels"})
         EXPECT_THAT(page, HasSubstr(part));
 }

@@ -14,6 +14,7 @@
 #include "sim/sensor/sensor_model.h"
 #include "station/devices/commands.h"
 #include "station/devices/drift_report.h"
+#include "tests/pages.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -205,6 +206,7 @@ TEST_F(DriftCommand, SaysThatARecordedCameraWasStableAndLeavesARecord) {
     const std::string page = read_text(arguments_.out / "report.html");
     EXPECT_THAT(page, HasSubstr("STABLE"));
     EXPECT_THAT(page, HasSubstr("<svg"));
+    test::expect_readable_page(page);
     EXPECT_THAT(page, HasSubstr("Whether the camera moved or the target"));
 }
 

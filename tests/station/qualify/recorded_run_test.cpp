@@ -9,6 +9,7 @@
 
 #include "core/random.h"
 #include "core/sha256.h"
+#include "tests/pages.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace etalon {
@@ -241,6 +242,7 @@ TEST(RecordedRun, IsAnalysedAgainToTheSameBytes) {
     StationOfMocks mocks;
     show_a_true_camera(mocks);
     ASSERT_EQ(mocks.run().outcome, RunOutcome::pass);
+    test::expect_readable_page(read_text(mocks.record() / "report.html"));
     const auto before = files_of(mocks.record());
     for (const char* file : {"run.json", "report.html", "poses.csv", "junit.xml"})
         std::filesystem::remove(mocks.record() / file);

@@ -77,7 +77,7 @@ grid-template-columns:3fr 2fr;column-gap:24px}}
 .stack td::before{content:attr(data-label) " ";color:var(--soft)}.stack td:first-child{flex:1 1 65%;font-weight:600}
 .stack td:first-child::before,.stack td.tone::before{content:""}.stack td:empty{display:none}}
 @media print{@page{size:A4;margin:14mm}body{background:#fff;font-size:10pt}main{max-width:none;padding:0}
-h2,h2+p{break-after:avoid}h2{margin-top:1.4em}.verdict,.table,figure,tr,dl.facts{break-inside:avoid}
+h2,h2+p{break-after:avoid}p{break-inside:avoid}h2{margin-top:1.4em}.verdict,.table,figure,tr,dl.facts{break-inside:avoid}
 details::details-content{content-visibility:visible;height:auto}summary{list-style:none}}
 )css";
 

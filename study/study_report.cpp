@@ -269,27 +269,28 @@ std::vector<PairMatrix> matrices_of(const StudyResults& results) {
     return matrices;
 }
 
-// Which detects most, and which is least off.
+// Who detect most, and who is least off.
 std::string best_sentence(const StudyResults& results,
                           const std::vector<DetectorSummary>& detectors) {
-    const auto name = [&](const DetectorSummary& one) {
-        return results.description.detectors[static_cast<std::size_t>(&one - detectors.data())]
-            .name;
-    };
-    const auto share = [](const DetectorSummary& one) {
-        return one.own.detected ? one.own.detected->value : 0.0;
-    };
-    const auto z_error = [](const DetectorSummary& one) {
-        return one.common.all ? (*one.common.all)[z].median_absolute.value
-                              : std::numeric_limits<double>::infinity();
-    };
-    const DetectorSummary& most = *std::ranges::max_element(detectors, {}, share);
-    const DetectorSummary& best = *std::ranges::min_element(detectors, {}, z_error);
+    double most = 0.0, least_mm = std::numeric_limits<double>::infinity();
+    std::string who_most, who_least;
+    for (std::size_t i = 0; i < detectors.size(); ++i) {
+        const std::string& name = results.description.detectors[i].name;
+        const double share = detectors[i].own.detected ? detectors[i].own.detected->value : 0.0;
+        if (share >= most)
+            who_most = share > most || who_most.empty() ? name : who_most + ", " + name;
+        most = std::max(most, share);
+        const auto& common = detectors[i].common.all;
+        if (common && (*common)[z].median_absolute.value < least_mm) {
+            least_mm = (*common)[z].median_absolute.value;
+            who_least = name;
+        }
+    }
     std::string text =
-        fmt::format("{} detects most, {:.1f} % of the poses.", name(most), 100.0 * share(most));
-    if (best.common.all)
+        fmt::format("Most poses are detected by {}: {:.1f} %.", who_most, 100.0 * most);
+    if (!who_least.empty())
         text += fmt::format(" Where all detect, {} is least off in depth: median |Z error| {} mm.",
-                            name(best), figure_text(z_error(best)));
+                            who_least, figure_text(least_mm));
     return text;
 }
 

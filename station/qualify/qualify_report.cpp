@@ -100,7 +100,10 @@ std::vector<std::string> other_reasons(const Qualification& analysis,
     return reasons;
 }
 
+// Empty for what has no size, as an exposure that is too long.
 std::string size_text(const CausingError& error) {
+    if (!(error.expanded_uncertainty > 0.0))
+        return "";
     const ReadUnit read = read_unit(error.unit);
     const double expanded = read.factor * error.expanded_uncertainty;
     const int decimals = decimals_of(expanded);
@@ -123,7 +126,10 @@ std::vector<std::string> cause_sentences(const Causes& causes) {
     if (const Cause* named = causes.named()) {
         std::vector<std::string> sentences;
         for (const CausingError& error : named->errors)
-            sentences.push_back(fmt::format("{}: {} (U, k = 2).", error.text(), size_text(error)));
+            sentences.push_back(
+                size_text(error).empty()
+                    ? error.text() + "."
+                    : fmt::format("{}: {} (U, k = 2).", error.text(), size_text(error)));
         sentences.back() += fmt::format(" Probability {}.", percent(named->probability));
         return sentences;
     }

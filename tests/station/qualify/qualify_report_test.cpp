@@ -113,9 +113,12 @@ TEST_F(QualifyReport, ExplainsTheBiasesWhereTheyAreFirstUsed) {
 TEST_F(QualifyReport, SaysOnTopWhyNothingCouldBeJudged) {
     result.outcome = RunOutcome::inconclusive;
     analysis().reasons = {"white is at the end of the scale"};
+    analysis().causes.emplace();
+    analysis().causes->ranked = {{{{{"overexposed"}, 0.0, 0.0, "", {"expose less"}}}, 1.0}};
     analysis().quantities = {
         judged(quantity::position_rms, 0.0, 0.0, 0.16, Outcome::skipped, "overexposed")};
     const std::string text = page();
+    EXPECT_THAT(text, HasSubstr("<p>overexposed. Probability 100 %.</p>"));
     EXPECT_LT(text.find("White is at the end of the scale."), text.find("<table"));
     result.analysis.reset();
     result.reason = "stage: alarm 12";

@@ -21,6 +21,19 @@ CameraModel with_lens(const CameraModel& camera, const PixelDeviation& deviating
     return changed;
 }
 
+bool is_common(int photos, const std::vector<std::vector<PhotoFinding>>& findings) {
+    constexpr double often = 0.05;
+    constexpr int least = 2;
+    return photos >= least && photos > often * static_cast<double>(findings.size());
+}
+
+bool is_overexposed(const std::vector<std::vector<PhotoFinding>>& findings) {
+    const auto saturated = std::ranges::count_if(findings, [](const auto& of_photo) {
+        return std::ranges::find(of_photo, "saturated", &PhotoFinding::name) != of_photo.end();
+    });
+    return is_common(static_cast<int>(saturated), findings);
+}
+
 double blur_sigma_px(const CameraModel& camera, double depth_mm, const PixelDeviation& deviating) {
     constexpr double box_px2 = 1.0 / 12.0, unknown_px = 0.5, airy = 0.42;
     if (!camera.lens)

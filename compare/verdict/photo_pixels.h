@@ -66,6 +66,12 @@ struct RunPixels {
     std::vector<std::vector<PhotoFinding>> findings;
 };
 
+// Whether what so many photographs show is no chance: more than 1 in 20 do, and two at least.
+bool is_common(int photos, const std::vector<std::vector<PhotoFinding>>& findings);
+
+// White is at the end of the scale in so many photographs that nothing can be measured in them.
+bool is_overexposed(const std::vector<std::vector<PhotoFinding>>& findings);
+
 // Standard deviation in px of a lens' whole blur at a depth, the pixel's box within: the disk's
 // radius / 2, an Airy pattern's as that of the Gaussian nearest to it, 0.42 wavelength x f-number.
 // `deviating`: with this put in. Without a lens section 0.5 px stand for it.

@@ -277,8 +277,6 @@ void add_findings(const PixelEstimate& shown, const CameraModel& camera, PixelMa
 
 // What single photographs show, where more than 1 in 20 of them do.
 void add_common_findings(const RunPixels& pixels, PixelMatch& match) {
-    constexpr double often = 0.05;
-    constexpr int least = 2;
     static const std::set<std::string> by_figures{"blur_differs", "unexplained"};
     struct Seen {
         int count = 0;
@@ -291,13 +289,12 @@ void add_common_findings(const RunPixels& pixels, PixelMatch& match) {
             all[finding.name].sentence = finding.sentence;
         }
     for (const auto& [name, seen] : all) {
-        if (by_figures.contains(name) || seen.count < least ||
-            seen.count <= often * static_cast<double>(pixels.findings.size()))
+        if (by_figures.contains(name) || !is_common(seen.count, pixels.findings))
             continue;
         match.findings.push_back(fmt::format("{} of {} photographs: {}", seen.count,
                                              pixels.findings.size(), seen.sentence));
-        match.is_overexposed = match.is_overexposed || name == "saturated";
     }
+    match.is_overexposed = is_overexposed(pixels.findings);
 }
 
 // ------------------------------------------------------------------------------------- evidence

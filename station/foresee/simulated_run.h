@@ -9,9 +9,7 @@
 // Drawn anew for every run, from what the station declares: each stage term of the budget, the
 // marker's print size and flatness, the temperature, repeatability and read-back noise of each axis
 // at each pose, image noise of every frame. Backlash follows from the path. Not simulated: error
-// maps' own uncertainties, the calibration's covariance (it is the camera under test), drift, and
-// that the detector's bias changes within the fraction of a pixel by which photo and render differ
-// (its size: docs/operating-characteristic.md).
+// maps' own uncertainties, the calibration's covariance (it is the camera under test), and drift.
 #pragma once
 
 #include <functional>

@@ -162,6 +162,8 @@ RunPixels PhotometricPoses::pixels() const {
         compared.push_back(&found);
         at_zero.push_back(*found.pixels);
     }
+    if (is_overexposed(findings))
+        return {.findings = std::move(findings)};
     const CameraModel& model = run_.station.camera.model;
     RunPixels run =
         settled_pixels(model, std::move(at_zero),

@@ -40,7 +40,8 @@ public:
     // requested.
     void set_in(QualifyResult& result);
 
-    // The first whole photographs of the hold-out poses that were set, against their renders. Costs
+    // The first whole photographs of the hold-out poses that were set, against their renders; of
+    // overexposed ones only what they show. Costs
     // nothing more where they match, some 10 s of CPU time where a tone curve or a focus has to be
     // found.
     RunPixels pixels() const;

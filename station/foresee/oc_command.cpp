@@ -244,7 +244,7 @@ void declare_oc(Command& program) {
         run_oc, "oc", "operating characteristic: what its PASS means",
         "Simulates thousands of runs with errors of known size put in, and prints how\n"
         "often each judged quantity comes out as PASS and FAIL. 1x is the size whose\n"
-        "field just reaches the quantity's limit. About 30 ms of CPU a run; --runs 200\n"
+        "field just reaches the quantity's limit. About 15 ms of CPU a run; --runs 200\n"
         "for a first look. Explained in docs/operating-characteristic.md.\n\n"
         "Example:\n  etalon oc examples/demo/station.yaml --error \"focal length\"\n");
     command.required("STATION", asked->station, "station.yaml");

@@ -5,342 +5,21 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <deque>
 #include <limits>
 #include <numbers>
 #include <numeric>
 #include <optional>
 
+#include "compare/verdict/axis_spectrum.h"
+#include "compare/verdict/explanations.h"
 #include "core/errors.h"
 
 namespace etalon {
 namespace {
 
-constexpr double no_trace = 1e-6;  // of a column before X and Y are solved
-
-// ---------------------------------------------------------------------------------- whitening
-
-// Rows in units of their standard deviation, freed of what X and Y can absorb: the corners of all
-// poses, and beneath them what the pixels tell.
-class FreedRows {
-public:
-    explicit FreedRows(const CauseEvidence& evidence)
-        : FreedRows(evidence, by_registration(evidence)) {}
-
-    // `by_registration`: what X and Y do to the rows.
-    FreedRows(const CauseEvidence& evidence, const Eigen::MatrixXd& by_registration)
-        : pixel_rows_(evidence.pixels.size()) {
-        if (pixel_rows_ > 0)
-            pixel_factor_.compute(evidence.pixel_covariance);
-        for (std::size_t i = 0; i < evidence.covariance_px2.size(); ++i) {
-            factors_.emplace_back(evidence.covariance_px2[i]);
-            if (factors_.back().info() != Eigen::Success)
-                throw NumericalError(
-                    fmt::format("causes: pose {} has no covariance of its corners", i));
-        }
-        const Eigen::MatrixXd xy = whitened(by_registration);
-        const Eigen::VectorXd unscale = xy.colwise().norm().cwiseInverse();
-        Eigen::ColPivHouseholderQR<Eigen::MatrixXd> solver;
-        solver.setThreshold(1e-9);
-        solver.compute(xy * unscale.asDiagonal());
-        absorbed_ = solver.householderQ() * Eigen::MatrixXd::Identity(xy.rows(), solver.rank());
-    }
-
-    static Eigen::MatrixXd by_registration(const CauseEvidence& evidence) {
-        const SignatureChain& chain = evidence.request.chain;
-        const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
-        Eigen::MatrixXd xy =
-            Eigen::MatrixXd::Zero(rows * std::ssize(chain.poses) + evidence.pixels.size(), 12);
-        for (std::size_t i = 0; i < chain.poses.size(); ++i)
-            xy.middleRows(static_cast<Eigen::Index>(i) * rows, rows) = registration_jacobian(
-                chain.projector, chain.points_mm, chain.camera_from_base,
-                chain.poses[i].base_from_carriage, chain.carriage_from_marker);
-        return xy;
-    }
-
-    Eigen::MatrixXd whitened(Eigen::MatrixXd columns) const {
-        const Eigen::Index rows = (columns.rows() - pixel_rows_) / std::ssize(factors_);
-        for (std::size_t i = 0; i < factors_.size(); ++i) {
-            auto block = columns.middleRows(static_cast<Eigen::Index>(i) * rows, rows);
-            factors_[i].matrixL().solveInPlace(block);
-        }
-        if (pixel_rows_ > 0) {
-            auto block = columns.bottomRows(pixel_rows_);
-            pixel_factor_.matrixL().solveInPlace(block);
-        }
-        return columns;
-    }
-
-    // A suspect's columns over all rows.
-    Eigen::MatrixXd columns_of(const Suspect& suspect) const {
-        const Eigen::Index corners = suspect.corners_px.rows();
-        Eigen::MatrixXd all =
-            Eigen::MatrixXd::Zero(corners + pixel_rows_, suspect.corners_px.cols());
-        all.topRows(corners) = suspect.corners_px;
-        if (pixel_rows_ > 0 && suspect.pixels.rows() == pixel_rows_)
-            all.bottomRows(pixel_rows_) = suspect.pixels;
-        return all;
-    }
-    Eigen::VectorXd whitened_corners(const Eigen::VectorXd& column) const {
-        Eigen::VectorXd all = Eigen::VectorXd::Zero(column.size() + pixel_rows_);
-        all.head(column.size()) = column;
-        return whitened(all).col(0).head(column.size());
-    }
-    Eigen::MatrixXd freed(const Suspect& suspect) const { return freed(columns_of(suspect)); }
-
-    Eigen::MatrixXd freed(const Eigen::MatrixXd& columns) const {
-        const Eigen::MatrixXd white = whitened(columns);
-        return white - absorbed_ * (absorbed_.transpose() * white);
-    }
-
-    const Eigen::MatrixXd& absorbed() const { return absorbed_; }
-
-    // Of the covariance of all poses.
-    double log_determinant() const {
-        double sum = 0.0;
-        for (const Eigen::LLT<Eigen::MatrixXd>& factor : factors_)
-            sum += 2.0 * Eigen::MatrixXd(factor.matrixL()).diagonal().array().log().sum();
-        return sum;
-    }
-
-    Eigen::Index degrees_of_freedom() const { return absorbed_.rows() - absorbed_.cols(); }
-
-private:
-    std::vector<Eigen::LLT<Eigen::MatrixXd>> factors_;
-    Eigen::LLT<Eigen::MatrixXd> pixel_factor_;
-    Eigen::Index pixel_rows_ = 0;
-    Eigen::MatrixXd absorbed_;
-};
-
-// What was observed, and what the declared errors make of products of columns: with the whitened
-// covariance I + U U^T (U: each declared error at its standard uncertainty)
-// a^T (I + U U^T)^-1 b = a^T b - (U^T a)^T (I + U^T U)^-1 (U^T b).
-class Metric {
-public:
-    explicit Metric(Eigen::MatrixXd declared)
-        : declared_(std::move(declared)),
-          inverse_(Eigen::MatrixXd(Eigen::MatrixXd::Identity(declared_.cols(), declared_.cols()) +
-                                   declared_.transpose() * declared_)) {}
-
-    Eigen::MatrixXd product(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) const {
-        const Eigen::MatrixXd plain = a.transpose() * b;
-        if (declared_.cols() == 0)
-            return plain;
-        const Eigen::MatrixXd of_a = declared_.transpose() * a, of_b = declared_.transpose() * b;
-        return plain - of_a.transpose() * inverse_.solve(of_b);
-    }
-
-    Eigen::VectorXd weighted(const Eigen::VectorXd& a) const {
-        return declared_.cols() == 0
-                   ? a
-                   : Eigen::VectorXd(a - declared_ * inverse_.solve(Eigen::VectorXd(
-                                                         declared_.transpose() * a)));
-    }
-
-private:
-    Eigen::MatrixXd declared_;
-    Eigen::LDLT<Eigen::MatrixXd> inverse_;
-};
-
-Eigen::VectorXd stacked(const std::vector<Eigen::VectorXd>& parts) {
-    Eigen::VectorXd all;
-    for (const Eigen::VectorXd& part : parts) {
-        all.conservativeResize(all.size() + part.size());
-        all.tail(part.size()) = part;
-    }
-    return all;
-}
-
-// The corners of all poses, and what the pixels tell.
-Eigen::VectorXd observed(const CauseEvidence& evidence) {
-    std::vector<Eigen::VectorXd> parts = evidence.difference_px;
-    parts.push_back(evidence.pixels);
-    return stacked(parts);
-}
-
-Eigen::MatrixXd declared_columns(const CauseEvidence& evidence, const FreedRows& rows,
-                                 const std::vector<Suspect>& suspects) {
-    Eigen::MatrixXd columns(observed(evidence).size(), 0);
-    for (const Suspect& suspect : suspects) {
-        const auto declared = evidence.declared.find(suspect.name);
-        if (declared == evidence.declared.end() || suspect.corners_px.cols() != 1)
-            continue;
-        columns.conservativeResize(Eigen::NoChange, columns.cols() + 1);
-        columns.rightCols<1>() = rows.freed(suspect) * (declared->second / suspect.size);
-    }
-    return columns;
-}
-
-// What was observed, freed of X and Y, and what an explanation of it is held against.
-struct Observation {
-    // `known`: how many suspects each is one of.
-    Observation(const CauseEvidence& evidence, const FreedRows& rows, const Metric& measure,
-                std::size_t known)
-        : metric(&measure),
-          values(rows.freed(observed(evidence))),
-          square(measure.product(values, values)(0, 0)),
-          freedom(static_cast<double>(rows.degrees_of_freedom())),
-          log_determinant(rows.log_determinant()),
-          known(static_cast<double>(known)) {}
-
-    const Metric* metric;
-    Eigen::VectorXd values;
-    double square, freedom, log_determinant, known;
-};
-
-// ---------------------------------------------------------------------------------- the search
-
-// Products of the columns of all suspects with each other and with what was observed: all that the
-// comparison of explanations needs.
-class Explanations {
-public:
-    using Set = std::vector<std::size_t>;  // ascending indices of suspects
-
-    explicit Explanations(Observation of) : of_(std::move(of)) {}
-
-    // The same with these suspects alone.
-    Explanations only(const Set& set) const {
-        Explanations few(of_);
-        for (const std::size_t i : set)
-            few.add(suspect(i), columns_.middleCols(suspects_[i].first, suspects_[i].count));
-        return few;
-    }
-
-    // `freed`: its columns, freed of X and Y. Leaves out nothing: ask leaves_a_trace() before.
-    void add(const Suspect& suspect, const Eigen::MatrixXd& freed) {
-        const Eigen::Index before = columns_.cols(), count = freed.cols();
-        columns_.conservativeResize(of_.values.size(), before + count);
-        columns_.rightCols(count) = freed;
-        const Eigen::MatrixXd mixed = of_.metric->product(columns_, freed);
-        products_.conservativeResize(before + count, before + count);
-        products_.rightCols(count) = mixed;
-        products_.bottomRows(count) = mixed.transpose();
-        seen_.conservativeResize(before + count);
-        seen_.tail(count) = of_.metric->product(freed, of_.values);
-        suspects_.push_back({&suspect, before, count});
-    }
-
-    std::size_t size() const { return suspects_.size(); }
-    const Suspect& suspect(std::size_t i) const { return *suspects_[i].suspect; }
-
-    // Numbers of a set's columns, in units of the suspects' sizes; nothing where they cannot be
-    // told apart at all.
-    struct Fit {
-        Eigen::VectorXd numbers;
-        double rest = 0.0;  // sum of squares that is left
-    };
-    std::optional<Fit> fit(const Set& set) const {
-        const std::vector<Eigen::Index> at = columns_of(set);
-        const Eigen::MatrixXd plain = products_(at, at);
-        const Eigen::VectorXd unscale = plain.diagonal().cwiseSqrt().cwiseInverse();
-        const Eigen::LDLT<Eigen::MatrixXd> solver(
-            Eigen::MatrixXd(unscale.asDiagonal() * plain * unscale.asDiagonal()));
-        constexpr double apart = 1e-5;  // of the last column's square
-        if (!at.empty() && !(solver.vectorD().minCoeff() > apart))
-            return std::nullopt;
-        const Eigen::VectorXd seen = seen_(at);
-        Fit fit;
-        fit.numbers =
-            unscale.cwiseProduct(solver.solve(Eigen::VectorXd(unscale.cwiseProduct(seen))));
-        fit.rest = of_.square - seen.dot(fit.numbers);
-        return fit;
-    }
-
-    // Of the numbers of a set that can be told apart.
-    Eigen::MatrixXd covariance(const Set& set) const {
-        const std::vector<Eigen::Index> at = columns_of(set);
-        return products_(at, at).inverse();
-    }
-
-    // What a set leaves of the observed, weighted as the covariance says.
-    Eigen::VectorXd residual(const Set& set) const {
-        const std::vector<Eigen::Index> at = columns_of(set);
-        const Eigen::VectorXd explained = columns_(Eigen::all, at) * fit(set)->numbers;
-        return of_.metric->weighted(of_.values - explained);
-    }
-
-    double scatter(const Fit& fit) const {
-        return std::sqrt(
-            std::max(1.0, fit.rest / (of_.freedom - static_cast<double>(fit.numbers.size()))));
-    }
-
-    // Log of the posterior odds against everything else, up to a constant: the likelihood under the
-    // covariance, with the corners' scatter at its best value from 1 up, Schwarz's price of each
-    // number, and the prior.
-    double score(const Set& set) const {
-        const auto found = fit(set);
-        if (!found)
-            return -std::numeric_limits<double>::infinity();
-        const double enlarged = std::max(1.0, found->rest / of_.freedom);
-        double score = -0.5 * (of_.log_determinant + found->rest / enlarged +
-                               of_.freedom * std::log(enlarged)) -
-                       0.5 * static_cast<double>(found->numbers.size()) * std::log(of_.freedom);
-        for (const std::size_t i : set)
-            score -= std::log(of_.known * suspect(i).tried);
-        return score;
-    }
-
-private:
-    std::vector<Eigen::Index> columns_of(const Set& set) const {
-        std::vector<Eigen::Index> at;
-        for (const std::size_t i : set)
-            for (Eigen::Index k = 0; k < suspects_[i].count; ++k)
-                at.push_back(suspects_[i].first + k);
-        return at;
-    }
-
-    struct Place {
-        const Suspect* suspect;
-        Eigen::Index first, count;
-    };
-
-    Observation of_;
-    Eigen::MatrixXd columns_, products_;
-    Eigen::VectorXd seen_;
-    std::vector<Place> suspects_;
-};
-
-using Set = Explanations::Set;
-using Scores = std::map<Set, double>;
-
-Set with(Set set, std::size_t member) {
-    set.insert(std::ranges::upper_bound(set, member), member);
-    return set;
-}
-
-Set without(Set set, std::size_t member) {
-    std::erase(set, member);
-    return set;
-}
-
-std::vector<Set> best_of(const Scores& scores, std::size_t members, std::size_t count) {
-    std::vector<std::pair<double, Set>> of_size;
-    for (const auto& [set, score] : scores)
-        if (set.size() == members)
-            of_size.emplace_back(-score, set);
-    std::ranges::sort(of_size);
-    std::vector<Set> best;
-    for (std::size_t i = 0; i < std::min(count, of_size.size()); ++i)
-        best.push_back(of_size[i].second);
-    return best;
-}
-
-// Nothing, every suspect, every pair, and the best larger sets grown from the best smaller ones.
-Scores all_scores(const Explanations& comparison) {
-    constexpr std::size_t most_members = 4, grown_from = 40;
-    Scores scores{{{}, comparison.score({})}};
-    for (std::size_t members = 0; members < most_members; ++members) {
-        const std::size_t bases =
-            members < 2 ? std::numeric_limits<std::size_t>::max() : grown_from;
-        for (const Set& base : best_of(scores, members, bases))
-            for (std::size_t i = 0; i < comparison.size(); ++i)
-                if (!std::ranges::binary_search(base, i))
-                    if (const Set set = with(base, i); !scores.contains(set))
-                        scores[set] = comparison.score(set);
-    }
-    return scores;
-}
+using Set = SuspectSet;
+using Scores = SuspectScores;
 
 // -------------------------------------------------------------------------------- the ranking
 
@@ -469,10 +148,6 @@ Eigen::MatrixXd spanned(const Eigen::MatrixXd& columns) {
     return solver.householderQ() * Eigen::MatrixXd::Identity(columns.rows(), solver.rank());
 }
 
-bool leaves_a_trace(const Suspect& suspect, const FreedRows& rows, const Eigen::MatrixXd& freed) {
-    return freed.norm() > no_trace * rows.whitened(rows.columns_of(suspect)).norm();
-}
-
 void require_usable(const CauseEvidence& evidence) {
     const std::size_t poses = evidence.request.chain.poses.size();
     const auto rows = static_cast<Eigen::Index>(2 * evidence.request.chain.points_mm.size());
@@ -515,77 +190,6 @@ const Suspect* best_member(const std::vector<Suspect>& family, const FreedRows& 
     }
     return best;
 }
-
-// Least-squares spectrum (N. R. Lomb, Astrophys. Space Sci. 39, 1976) of one axis' error over its
-// positions, beside what is blamed already: each pose's corners tell of its axis by one number.
-class AxisSpectrum {
-public:
-    AxisSpectrum(const StageAxisMotion& axis, const Eigen::VectorXd& white_advance,
-                 const Eigen::VectorXd& residual, const Eigen::MatrixXd& absorbed)
-        : positions_(
-              Eigen::Map<const Eigen::VectorXd>(axis.position.data(), std::ssize(axis.position))) {
-        const Eigen::Index poses = positions_.size(), rows = white_advance.size() / poses;
-        told_.resize(poses);
-        weight_.resize(poses);
-        absorbed_.resize(absorbed.cols(), poses);
-        for (Eigen::Index i = 0; i < poses; ++i) {
-            const auto advance = white_advance.segment(i * rows, rows);
-            told_[i] = advance.dot(residual.segment(i * rows, rows));
-            weight_[i] = advance.squaredNorm();
-            absorbed_.col(i) = absorbed.middleRows(i * rows, rows).transpose() * advance;
-        }
-    }
-
-    // How much of the residual's square sines and cosines explain, of each frequency from `first`
-    // up to `last`: from one to the next every position's phase turns by its own constant.
-    std::vector<double> powers(double first, double last, double step) const {
-        using namespace std::complex_literals;
-        const Eigen::ArrayXcd turns = 2.0i * std::numbers::pi * positions_.array();
-        Eigen::ArrayXcd phase = (first * turns).exp();
-        const Eigen::ArrayXcd next = (step * turns).exp();
-        std::vector<double> all;
-        for (double frequency = first; frequency <= last; frequency += step, phase *= next)
-            all.push_back(power(phase));
-        return all;
-    }
-
-    // The longest of the periods that explain next to as much as the best, then the others; nothing
-    // where the axis hardly moves. `tried`: how many could be told apart.
-    std::vector<double> periods(double shortest, int& tried) const {
-        constexpr int per_resolution = 8, most_periods = 4;
-        constexpr double as_good = 6.0, as_good_part = 0.03;
-        const double travel = positions_.maxCoeff() - positions_.minCoeff();
-        tried = static_cast<int>(2.0 * travel / shortest) - 1;
-        if (tried < 1)
-            return {};
-        const double step = 0.5 / travel / per_resolution;
-        const double first = (2 * per_resolution - 1) * step;
-        const std::vector<double> powers = this->powers(first, 1.0 / shortest + step, step);
-        const double highest = *std::ranges::max_element(powers);
-        const double least = highest - std::max(as_good, as_good_part * highest);
-        std::vector<double> found;
-        for (std::size_t k = 1; k + 1 < powers.size() && found.size() < most_periods; ++k)
-            if (powers[k] >= least && powers[k] >= powers[k - 1] && powers[k] > powers[k + 1])
-                found.push_back(1.0 / (first + step * static_cast<double>(k)));
-        return found;
-    }
-
-private:
-    double power(const Eigen::ArrayXcd& phase) const {
-        Eigen::MatrixXd waves(phase.size(), 2);
-        waves << phase.imag(), phase.real();
-        const Eigen::Vector2d seen = waves.transpose() * told_;
-        const Eigen::MatrixXd lost = absorbed_ * waves;
-        const Eigen::Matrix2d information =
-            waves.transpose() * weight_.asDiagonal() * waves - lost.transpose() * lost;
-        if (!(information.determinant() > 1e-6 * std::pow(information.trace(), 2)))
-            return 0.0;  // one wave of the two is lost
-        return seen.dot(information.inverse() * seen);
-    }
-
-    Eigen::VectorXd positions_, told_, weight_;
-    Eigen::MatrixXd absorbed_;
-};
 
 // The best period of each axis that moves, beside what is blamed already.
 std::vector<Suspect> best_periods(const CauseEvidence& evidence, const FreedRows& rows,
@@ -655,7 +259,7 @@ public:
 private:
     void add(const Suspect& suspect) {
         const Eigen::MatrixXd freed = rows_.freed(suspect);
-        if (leaves_a_trace(suspect, rows_, freed))
+        if (rows_.leaves_a_trace(suspect, freed))
             comparison_.add(suspect, freed);
     }
 
@@ -740,7 +344,7 @@ std::optional<Scattered> best_scatter(const CauseEvidence& evidence,
                                       const std::vector<Suspect>& beside, std::size_t known) {
     constexpr double rad_per_mm = 1e-2;
     std::optional<Scattered> best;
-    const Eigen::MatrixXd xy = FreedRows::by_registration(evidence);
+    const Eigen::MatrixXd xy = registration_columns(evidence);
     const double without = score_with(evidence, FreedRows(evidence, xy), beside, known);
     for (const ScatterSuspect& suspect : suspects)
         for (const double each : sizes) {

@@ -146,11 +146,11 @@ void register_photometric(const StationFile& station, std::vector<Sighting>& see
 std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
                                           const std::vector<Axis>& axes) {
     const CsvFile file = read_csv(csv);
-    std::vector<StagePhoto> photos = read_rows(file, "photo", "", axes);
-    if (file.header.size() != axes.size() + 1)
+    if (file.header.size() > axes.size() + 1)
         throw ConfigError(
             file.place,
             fmt::format("must have `photo` and one column for each of {} axes", axes.size()));
+    std::vector<StagePhoto> photos = read_rows(file, "photo", "", axes);
     for (StagePhoto& photo : photos) {
         require_within_limits(axes, photo.positions, {csv.string()});
         photo.photo = csv.parent_path() / photo.photo;

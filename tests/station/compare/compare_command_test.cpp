@@ -17,6 +17,7 @@
 #include "sim/sensor/sensor_model.h"
 #include "station/compare/commands.h"
 #include "tests/pages.h"
+#include "tests/read_bytes.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -219,7 +220,7 @@ TEST_F(CompareCommand, RefusesContradictoryArgumentsBeforeItWritesAnything) {
 std::map<std::string, std::string> contents(const fs::path& folder) {
     std::map<std::string, std::string> files;
     for (const auto& entry : fs::directory_iterator(folder))
-        files[entry.path().filename().string()] = read_text(entry.path());
+        files[entry.path().filename().string()] = read_bytes(entry.path());
     return files;
 }
 

@@ -10,6 +10,7 @@
 #include "core/random.h"
 #include "core/sha256.h"
 #include "tests/pages.h"
+#include "tests/read_bytes.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace etalon {
@@ -104,7 +105,7 @@ TEST_F(RecordOfARun, IsRefusedWhenAFileIsNotWhatTheRunUsed) {
 
 TEST_F(RecordOfARun, IsRefusedWhenAFrameIsMissingOrChanged) {
     const auto frame = mocks.record() / "frames/0004_1.png";
-    const std::string bytes = read_text(frame);
+    const std::string bytes = read_bytes(frame);
     write_text(frame, bytes + "x");
     EXPECT_THAT(refusal_of([&] { mocks.read(); }),
                 HasSubstr("0004_1.png: is not the frame that was taken"));

@@ -5,8 +5,8 @@
 
 #include "core/errors.h"
 #include "core/image.h"
-#include "core/text.h"
 #include "station/render/commands.h"
+#include "tests/read_bytes.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -32,7 +32,7 @@ TEST(MarkerCommand, WritesEachFormatByItsExtension) {
     for (const auto& [name, beginning] :
          {std::pair{"a.svg", "<?xml"}, {"a.pdf", "%PDF-1."}, {"a.png", "\x89PNG"}}) {
         EXPECT_EQ(run_marker({"apriltag:36h11:5@50mm", temporary(name), 10.0}), 0);
-        EXPECT_THAT(read_text(temporary(name)), testing::StartsWith(beginning));
+        EXPECT_THAT(read_bytes(temporary(name)), testing::StartsWith(beginning));
     }
 }
 

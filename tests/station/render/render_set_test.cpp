@@ -11,6 +11,7 @@
 #include "core/image.h"
 #include "core/sha256.h"
 #include "core/text.h"
+#include "tests/read_bytes.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -85,7 +86,7 @@ TEST_F(RenderSet, HoldsWhatSingleImagesShow) {
     for (const auto& [i, pose] : {std::pair{1, "0.3,-0.2,0.5,-3,4,120"}, {2, "0,0,0,7,-5,100"}}) {
         single.poses = {pose};
         run_render(single);
-        EXPECT_EQ(read_text(image(i)), read_text(single.out));
+        EXPECT_EQ(read_bytes(image(i)), read_bytes(single.out));
     }
 }
 
@@ -109,7 +110,7 @@ TEST_F(RenderSet, SaysHowEveryImageWasMade) {
 
 TEST_F(RenderSet, RendersAgainOnlyWhatIsMissing) {
     render();
-    const std::string first = read_text(image(0)), second = read_text(image(1));
+    const std::string first = read_bytes(image(0)), second = read_bytes(image(1));
     const auto long_ago = std::filesystem::file_time_type::clock::now() - std::chrono::hours(5);
     for (const int i : {0, 2})
         std::filesystem::last_write_time(image(i), long_ago);
@@ -119,8 +120,8 @@ TEST_F(RenderSet, RendersAgainOnlyWhatIsMissing) {
     EXPECT_EQ(result.already_there, 2u);
     for (const int i : {0, 2})
         EXPECT_EQ(std::filesystem::last_write_time(image(i)), long_ago);
-    EXPECT_EQ(read_text(image(0)), first);
-    EXPECT_EQ(read_text(image(1)), second);
+    EXPECT_EQ(read_bytes(image(0)), first);
+    EXPECT_EQ(read_bytes(image(1)), second);
     EXPECT_EQ(manifest().size(), 3u);
 }
 
@@ -145,7 +146,7 @@ TEST_F(RenderSet, StopsOnRequestAndGoesOnLater) {
 
 TEST_F(RenderSet, RefusesAFolderMadeWithOtherArgumentsAndNamesTheFirst) {
     render();
-    const std::string before = read_text(image(0));
+    const std::string before = read_bytes(image(0));
     const RenderArguments good = arguments_;
     const auto refuses = [&](auto change, const char* words) {
         arguments_ = good;
@@ -165,7 +166,7 @@ TEST_F(RenderSet, RefusesAFolderMadeWithOtherArgumentsAndNamesTheFirst) {
     // The same name, other cells.
     write_image(folder_ / "cells.png", {cv::Mat(2, 3, CV_8UC1, cv::Scalar(70)), 8});
     EXPECT_THAT(complaint(), HasSubstr("'markers'"));
-    EXPECT_EQ(read_text(image(0)), before);
+    EXPECT_EQ(read_bytes(image(0)), before);
 }
 
 TEST_F(RenderSet, RefusesAFolderThatHoldsSomethingElse) {
@@ -213,7 +214,7 @@ TEST_F(RenderSet, PlacesMarkersInTheScene) {
     single.out = folder_ / "single.png";
     single.poses = {"0,0,0,9,-4,100", "0,0,0.4,-18,-2,100"};
     run_render(single);
-    EXPECT_EQ(read_text(image(0)), read_text(single.out));
+    EXPECT_EQ(read_bytes(image(0)), read_bytes(single.out));
 }
 
 TEST_F(RenderSet, WritesRadianceAsTiff) {

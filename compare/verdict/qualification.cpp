@@ -149,6 +149,15 @@ TrainingPoses training_poses(const QualificationInput& input, const Projector& p
     return training;
 }
 
+// Whether the photograph's pixels show the marker elsewhere, too: where only its corners lie off,
+// the detector slipped, and that the field's robust fit can bear.
+bool was_elsewhere(const Pose& pose, const Registration& registration,
+                   const Eigen::Vector3d& off_mm) {
+    const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
+    return !pose.seen_at ||
+           (pose.seen_at->translation - predicted.translation).norm() > 0.5 * off_mm.norm();
+}
+
 void leave_out(QualificationInput& input, std::size_t pose, const Eigen::Vector3d& off_mm,
                Qualification& result) {
     const Registration& registration = result.registration->registration;
@@ -173,9 +182,13 @@ bool registered(QualificationInput& input, const Projector& projector, Qualifica
                                                       input.render_and_detect, training.known_bias);
     };
     register_all();
-    const auto outlying =
+    auto outlying =
         outlying_registered(projector, input.points_mm, *result.registration, training.poses,
                             input.limits.b3_position_field_rms_mm.value());
+    std::erase_if(outlying, [&](const OutlyingPose& each) {
+        return !was_elsewhere(input.poses[training.indices[each.index]],
+                              result.registration->registration, each.off_mm);
+    });
     for (const OutlyingPose& each : outlying)
         leave_out(input, training.indices[each.index], each.off_mm, result);
     if (!outlying.empty()) {
@@ -290,14 +303,18 @@ std::vector<Eigen::Vector3d> volume_of(const std::vector<Pose>& poses) {
 void fit_position_field(QualificationInput& input, Qualification& result) {
     const std::vector<FieldSample> positions = position_samples(input.poses);
     result.position_field = fit_smooth_field(positions, FieldBasis::position);
-    const auto outlying = outlying_samples(positions, *result.position_field,
-                                           input.limits.b3_position_field_rms_mm.value());
-    if (outlying.empty())
-        return;
     std::vector<std::size_t> judged;
     for (std::size_t i = 0; i < input.poses.size(); ++i)
         if (input.poses[i].is_judged())
             judged.push_back(i);
+    auto outlying = outlying_samples(positions, *result.position_field,
+                                     input.limits.b3_position_field_rms_mm.value());
+    std::erase_if(outlying, [&](const OutlyingPose& each) {
+        return !was_elsewhere(input.poses[judged[each.index]], result.registration->registration,
+                              each.off_mm);
+    });
+    if (outlying.empty())
+        return;
     for (const OutlyingPose& each : outlying)
         leave_out(input, judged[each.index], each.off_mm, result);
     result.position_field = fit_smooth_field(position_samples(input.poses), FieldBasis::position);

@@ -68,5 +68,23 @@ TEST(OutlyingPoses, AreLeftOutAndWithholdPass) {
     }
 }
 
+// Corners lie aside while the photographs' pixels show the marker at its place: the detector
+// slipped, the stage did not, and the field's robust fit bears one such pose.
+TEST(OutlyingPoses, AreNotThoseWhereOnlyTheDetectorSlipped) {
+    SimulatedRun run = demo_run();
+    QualificationInput input = input_of(run, 1);
+    for (const std::size_t slipped : {43u, 12u}) {
+        Pose& pose = input.poses[slipped];
+        pose.seen_at = run.camera_from_base * pose.base_from_carriage * run.carriage_from_marker;
+        pose.detector_bias_px.assign(4, Eigen::Vector2d::Zero());
+        for (Eigen::Vector2d& corner : pose.corners)
+            corner += Eigen::Vector2d(0.8, -0.6);
+    }
+    EXPECT_TRUE(qualify(input).outlying.empty());
+    for (const std::size_t slipped : {43u, 12u})
+        input.poses[slipped].seen_at.reset();
+    EXPECT_EQ(qualify(input).outlying.size(), 2u);
+}
+
 }  // namespace
 }  // namespace etalon

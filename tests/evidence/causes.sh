@@ -27,7 +27,7 @@ nothing|twin.yaml|/^seed:/s/7/7/|^$
 aspect 0.3 %|true.yml|s/fy: 431.0/fy: 432.3/|^aspect of fx, fy$
 focal length 0.5 %|true.yml|s/fx: 431.0, fy: 431.0/fx: 433.2, fy: 433.2/|focal length
 k1 10 %|true.yml|s/k1: -0.286/k1: -0.315/|k1
-k3, p1, p2|true.yml|s/p1: 0, p2: 0, k3: 0.112/p1: 6e-4, p2: -4e-4, k3: 0.16/|p1.* and p2.* and .*k3
+k3, p1, p2|true.yml|s/p1: 0, p2: 0, k3: 0.112/p1: 6e-4, p2: -4e-4, k3: 0.16/|k3.* and p1 and p2
 p1, p2|true.yml|s/p1: 0, p2: 0/p1: 6e-4, p2: -4e-4/|^p1.* and p2
 sensor tilt 0.57 deg|true.yml|s/p1: 0,/tau_x: 0.01, p1: 0,/|^sensor tilt tau_x$
 sensor tilt 0.29 deg|true.yml|s/p1: 0,/tau_y: 0.005, p1: 0,/|^sensor tilt tau_y$

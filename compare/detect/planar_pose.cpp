@@ -96,8 +96,8 @@ using Refined = Fitted<Rigid>;
 // nothing, is taken in full and unseen: what it does to the loss is lost in rounding, but not what
 // it does to the pose, which so does not depend on the start.
 std::optional<Refined> refine(const Projector& projector, const Points& points,
-                              const Pixels& pixels, const Rigid& start) {
-    const LeastSquaresRule rule;
+                              const Pixels& pixels, const Rigid& start,
+                              const LeastSquaresRule& rule = {}) {
     const auto equations = [&](const Rigid& at) {
         return linearised(projector, points, pixels, at);
     };
@@ -169,7 +169,9 @@ std::optional<PoseEstimate> estimate_pose_near(const Projector& projector, const
     require_perspective(projector.camera(), "estimating a marker's pose");
     if (!usable(points_mm, pixels))
         return std::nullopt;
-    const auto refined = refine(projector, points_mm, pixels, start);
+    LeastSquaresRule rule;
+    rule.descent.first_damping = 1e-9;  // from near by, Gauss and Newton's step is the shorter way
+    const auto refined = refine(projector, points_mm, pixels, start, rule);
     return refined ? estimate_of(*refined, points_mm) : std::nullopt;
 }
 

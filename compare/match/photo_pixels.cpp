@@ -175,9 +175,8 @@ std::optional<double> gray_beside(const cv::Mat& gray, const cv::Mat& printed, d
     return std::accumulate(seen.begin(), seen.end(), 0.0) / static_cast<double>(seen.size());
 }
 
-std::optional<double> background_less_expected(const PhotoOfMarker& photo,
-                                               const PhotometricCamera& camera,
-                                               const PhotoState& state, const ComparedArea& whole) {
+void add_background(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                    const PhotoState& state, const ComparedArea& whole, PhotoPixels& pixels) {
     constexpr int reach = 40;
     const cv::Mat printed =
         pixel_uses(camera.projector(), state.camera_from_marker, whole) != pixel_outside;
@@ -189,11 +188,12 @@ std::optional<double> background_less_expected(const PhotoOfMarker& photo,
         std::min(blur_sigma_px(camera.model(), state.camera_from_marker.translation.z()), 9.0);
     const auto seen = gray_beside(photo.gray(region), printed(region), blur_px);
     if (!seen)
-        return std::nullopt;
+        return;
     const cv::Point middle = (region.tl() + region.br()) / 2;
     const Vector6d terms = level_terms(middle.x, middle.y, printed.size());
-    return *seen -
-           state.photometry.at(terms, camera.curve(state.photometry).value(photo.background)).gray;
+    const double expected = camera.curve(state.photometry).value(photo.background);
+    pixels.background_gray = *seen - state.photometry.at(terms, expected).gray;
+    pixels.background_by_tone_gray = expected * (1.0 - expected) * pixels.contrast_gray;
 }
 
 void add_levels(const PhotoOfMarker& photo, const PhotometricCamera& camera,
@@ -211,7 +211,7 @@ void add_levels(const PhotoOfMarker& photo, const PhotometricCamera& camera,
         pixels.black_gray = black - sensor->black_dn * 255.0 / ((1 << sensor->bits) - 1);
     pixels.shading = state.photometry.white.segment<2>(1) / white;
     if (whole)
-        pixels.background_gray = background_less_expected(photo, camera, state, *whole);
+        add_background(photo, camera, state, *whole, pixels);
 }
 
 }  // namespace

@@ -63,7 +63,9 @@ AcceptanceCondition volume_coverage(const std::vector<Pose>& poses) {
 // ------------------------------------------------------------------------------------ outliers
 
 AcceptanceCondition poses_that_fit(const Qualification& result) {
-    const std::vector<std::string>& outlying = result.outlying;
+    std::vector<std::string> outlying;
+    for (const LeftOutPose& pose : result.outlying)
+        outlying.push_back(pose.text);
     return checked(
         "poses that fit", outlying.empty(), static_cast<double>(outlying.size()), 0.0, "1",
         outlying.empty() ? "no pose lies where no field puts it"

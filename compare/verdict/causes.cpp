@@ -81,9 +81,28 @@ std::map<Set, double> probabilities(const Scores& scores, double log_total) {
     return of_needed;
 }
 
-// The best unclaimed set with every one that differs from it in a member that could be another.
+// Takes sets of as many members that are as good as the best, whatever their members: the best ones
+// first.
+void claim_instead(const Explanations& comparison, std::size_t members, double least,
+                   std::map<Set, double>& left, Cause& cause) {
+    std::vector<std::pair<double, Set>> others;
+    for (const auto& [set, probability] : left)
+        if (set.size() == members && probability > least)
+            others.emplace_back(-probability, set);
+    std::ranges::sort(others);
+    for (const auto& [negative, set] : others) {
+        std::vector<std::string>& names = cause.instead.emplace_back();
+        for (const std::size_t i : set)
+            names.push_back(comparison.suspect(i).name);
+        cause.probability -= negative;
+        left.erase(set);
+    }
+}
+
+// The best unclaimed set with every one that differs from it in a member that could be another, and
+// with those that differ in more.
 Cause claimed(const Explanations& comparison, const Set& best, std::map<Set, double>& left) {
-    constexpr double as_good = 0.05;
+    constexpr double as_good = 0.01;
     Cause cause;
     const double probability = left.at(best);
     cause.probability = probability;
@@ -105,6 +124,8 @@ Cause claimed(const Explanations& comparison, const Set& best, std::map<Set, dou
         }
         cause.errors.push_back(std::move(error));
     }
+    if (best.size() > 1)
+        claim_instead(comparison, best.size(), as_good * probability, left, cause);
     return cause;
 }
 
@@ -416,18 +437,6 @@ Start start_of(const CauseEvidence& evidence) {
     return start;
 }
 
-// The ranking with a random error in every explanation, and alone in place of none.
-void blame(const CausingError& random, double probability, Causes& causes) {
-    for (Cause& cause : causes.ranked) {
-        cause.probability *= probability;
-        cause.errors.insert(cause.errors.begin(), random);
-    }
-    causes.ranked.push_back({{random}, probability * causes.no_error});
-    causes.none_of_these *= probability;
-    causes.no_error = 0.0;
-    std::ranges::stable_sort(causes.ranked, std::greater(), &Cause::probability);
-}
-
 }  // namespace
 
 std::string CausingError::text() const {
@@ -435,14 +444,31 @@ std::string CausingError::text() const {
 }
 
 std::string Cause::text() const {
-    std::string all;
+    std::vector<std::string> together;
     for (const CausingError& error : errors)
-        all += (all.empty() ? "" : " and ") + error.text();
+        together.push_back(error.text());
+    std::string all = fmt::format("{}", fmt::join(together, " and "));
+    for (const std::vector<std::string>& names : instead)
+        all += fmt::format(", or {}", fmt::join(names, " and "));
     return all;
 }
 
 const Cause* Causes::named() const {
     return !ranked.empty() && ranked.front().probability > 0.5 ? &ranked.front() : nullptr;
+}
+
+Causes blaming(const CausingError& error, double probability, Causes causes) {
+    for (Cause& cause : causes.ranked) {
+        cause.probability *= probability;
+        cause.errors.insert(cause.errors.begin(), error);
+        for (std::vector<std::string>& names : cause.instead)
+            names.insert(names.begin(), error.names.front());
+    }
+    causes.ranked.push_back({{error}, probability * causes.no_error});
+    causes.none_of_these *= probability;
+    causes.no_error = 0.0;
+    std::ranges::stable_sort(causes.ranked, std::greater(), &Cause::probability);
+    return causes;
 }
 
 Causes find_causes(const CauseEvidence& evidence) {
@@ -465,8 +491,7 @@ Causes find_causes(const CauseEvidence& evidence) {
         if (!(odds > best_odds))
             continue;
         best_odds = odds;
-        causes = ranked(search, smooth);
-        blame(scattered->error, 1.0 / (1.0 + std::exp(-odds)), causes);
+        causes = blaming(scattered->error, 1.0 / (1.0 + std::exp(-odds)), ranked(search, smooth));
     }
     causes.corner_scatter_px = start.corner_scatter_px;
     return causes;

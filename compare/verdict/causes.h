@@ -32,7 +32,7 @@ namespace etalon {
 // One error of an explanation.
 struct CausingError {
     // The best name first, then those that would explain as much in its place: the run cannot tell
-    // them apart (less than 1 in 20 against the best).
+    // them apart (more than 1 to 100 against the best).
     std::vector<std::string> names;
     double size = 0.0;  // of the best: its amount, or the length of its several numbers
     double expanded_uncertainty = 0.0;  // k = 2, enlarged like the corners' scatter
@@ -45,8 +45,10 @@ struct CausingError {
 struct Cause {
     std::vector<CausingError> errors;  // that act together
     double probability = 0.0;          // of this explanation and of those its names stand for
+    // Names of as many errors which would together explain as much in place of all of these.
+    std::vector<std::vector<std::string>> instead = {};
 
-    std::string text() const;  // "k3 and p1 and p2"
+    std::string text() const;  // "k3 and p1 and p2, or k6 and p1 and sensor tilt tau_y"
 };
 
 struct Causes {
@@ -61,6 +63,10 @@ struct Causes {
     // The cause, where it is more probable than not.
     const Cause* named() const;
 };
+
+// The ranking with this error, which is there with a probability, in every explanation, and alone
+// in place of none.
+Causes blaming(const CausingError& error, double probability, Causes causes);
 
 struct CauseEvidence {
     SuspectRequest request;

@@ -51,6 +51,8 @@ Found rest_of(const Analysis& a) {
 }
 
 Found length_of(const Analysis& a) {
+    if (!a.lengths)
+        return std::nullopt;
     return MeasuredQuantity{a.lengths->field_max_mm, a.lengths->field_max_uncertainty_mm};
 }
 
@@ -65,10 +67,14 @@ constexpr QuantityKind kinds[] = {
      [](const Analysis& a) { return max_of(a.position_summary); }, "", &Monte::max, true},
     {quantity::rotation_rms, "mrad", "Rotation bias, RMS of the field over the volume",
      &Limits::b3_rotation_field_rms_mrad,
-     [](const Analysis& a) { return rms_of(a.rotation_summary, milli); }},
+     [](const Analysis& a) {
+         return a.rotation_field ? rms_of(a.rotation_summary, milli) : Found();
+     }},
     {quantity::rotation_max, "mrad", "Rotation bias, largest value of the field in the volume",
      &Limits::b3_rotation_field_max_mrad,
-     [](const Analysis& a) { return max_of(a.rotation_summary, milli); }},
+     [](const Analysis& a) {
+         return a.rotation_field ? max_of(a.rotation_summary, milli) : Found();
+     }},
     {quantity::rest_rms, "mm", "Position bias, RMS of what the field leaves, without noise",
      &Limits::b3_position_rest_rms_mm, rest_of, no_noise},
     {quantity::length_max, "mm", "Length error, largest that the field makes between two poses",

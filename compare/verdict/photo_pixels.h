@@ -51,6 +51,7 @@ struct PhotoPixels {
     Eigen::Vector2d shading = Eigen::Vector2d::Zero();  // change of white along the image's width
                                                         // and height, as part of white
     std::optional<double> background_gray;              // beside the marker, less the expected
+    double background_by_tone_gray = 0.0;               // that a tone of 1 would add to it
 };
 
 // What one photograph alone shows (compare/match/match_outcome.h).

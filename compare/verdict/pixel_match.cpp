@@ -170,6 +170,26 @@ std::optional<PixelFigure> mean_figure(const std::vector<PhotoPixels>& photos, d
     return PixelFigure{found.mean(), k * std::hypot(std::sqrt(variance), floor)};
 }
 
+// Of what is beside the marker, where it is as bright as stated: freed of the tone that was found.
+std::optional<PixelFigure> background_of(const RunPixels& pixels, const PixelEstimate& estimate,
+                                         double floor) {
+    const double tone = estimate.value[deviation::tone] - pixels.at[deviation::tone];
+    auto figure = mean_figure(pixels.photos, floor, [&](const PhotoPixels& photo) {
+        return photo.background_gray
+                   ? std::optional(*photo.background_gray - tone * photo.background_by_tone_gray)
+                   : std::nullopt;
+    });
+    if (!figure)
+        return std::nullopt;
+    double by_tone = 0.0;
+    for (const PhotoPixels& photo : pixels.photos)
+        by_tone += photo.background_by_tone_gray / static_cast<double>(pixels.photos.size());
+    const double of_tone =
+        by_tone * std::sqrt(estimate.covariance(deviation::tone, deviation::tone));
+    figure->expanded_uncertainty = std::hypot(figure->expanded_uncertainty, k * of_tone);
+    return figure;
+}
+
 PixelFigure shading_of(const std::vector<PhotoPixels>& photos) {
     constexpr double floor_percent = 0.2, percent = 100.0;
     const auto along = [&](int axis) {
@@ -353,8 +373,7 @@ PixelMatch match_pixels(const RunPixels& pixels, const CameraModel& camera) {
     match.noise_ratio = mean_figure(photos, noise_floor, [](const PhotoPixels& photo) {
         return photo.noise_ratio ? std::optional(*photo.noise_ratio - 1.0) : std::nullopt;
     });
-    match.background_gray = mean_figure(
-        photos, level_floor_gray, [](const PhotoPixels& photo) { return photo.background_gray; });
+    match.background_gray = background_of(pixels, estimate, level_floor_gray);
     match.black_gray = mean_figure(photos, level_floor_gray,
                                    [](const PhotoPixels& photo) { return photo.black_gray; });
     add_findings(needed(estimate), camera, match);

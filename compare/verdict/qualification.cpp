@@ -57,9 +57,11 @@ void count_detections(const QualificationInput& input, Qualification& result) {
 }
 
 // All quantities in the documented order: those with a limit are judged, the others reported.
-void list_quantities(const Limits& limits, Qualification& result) {
+void list_quantities(const QualificationInput& input, Qualification& result) {
     for (const QuantityKind& kind : quantity_kinds()) {
-        const std::optional<double>& limit = limits.*kind.limit;
+        const std::optional<double>& limit = input.limits.*kind.limit;
+        if (!limit && !input.measure_reported)
+            continue;
         JudgedQuantity quantity;
         quantity.name = kind.name;
         quantity.unit = kind.unit;
@@ -163,10 +165,11 @@ void leave_out(QualificationInput& input, std::size_t pose, const Eigen::Vector3
     const Registration& registration = result.registration->registration;
     input.poses[pose].outlying = true;
     input.poses[pose].used = false;
-    result.outlying.push_back(fmt::format(
-        "pose {}{}", input.poses[pose].index,
+    const int index = input.poses[pose].index;
+    const std::string off =
         off_text(registration.camera_from_base.rotation.conjugate() * off_mm, input.axis_motions,
-                 input.poses[pose].base_from_carriage, registration.carriage_from_marker, pose)));
+                 input.poses[pose].base_from_carriage, registration.carriage_from_marker, pose);
+    result.outlying.push_back({index, fmt::format("pose {}{}", index, off)});
 }
 
 // Registers on the training poses with a pose estimate, but for those that are outlying; false when
@@ -320,16 +323,25 @@ void fit_position_field(QualificationInput& input, Qualification& result) {
     result.position_field = fit_smooth_field(position_samples(input.poses), FieldBasis::position);
 }
 
-void fit_fields(QualificationInput& input, Qualification& result) {
+bool is_listed(const Qualification& result, const char* quantity) {
+    const auto holds = [&](const std::vector<JudgedQuantity>& list) {
+        return std::ranges::find(list, quantity, &JudgedQuantity::name) != list.end();
+    };
+    return holds(result.quantities) || holds(result.reported);
+}
+
+void fit_fields(QualificationInput& input, const NoiseDraws& draws, Qualification& result) {
     const std::vector<Eigen::Vector3d> volume = volume_of(input.poses);
-    const NoiseDraws draws(input.seed);
     fit_position_field(input, result);
-    const std::vector<FieldSample> positions = position_samples(input.poses);
     result.position_summary = summarize(*result.position_field, volume, draws);
-    result.rotation_field =
-        fit_smooth_field(samples_of(input.poses, rotation_sample), FieldBasis::linear);
-    result.rotation_summary = summarize(*result.rotation_field, volume, draws);
-    result.lengths = length_errors(*result.position_field, positions, draws);
+    if (is_listed(result, quantity::rotation_rms) || is_listed(result, quantity::rotation_max)) {
+        result.rotation_field =
+            fit_smooth_field(samples_of(input.poses, rotation_sample), FieldBasis::linear);
+        result.rotation_summary = summarize(*result.rotation_field, volume, draws);
+    }
+    if (is_listed(result, quantity::length_max))
+        result.lengths =
+            length_errors(*result.position_field, position_samples(input.poses), draws);
     const std::vector<FieldSample> photometric = photometric_samples(input.poses);
     if (std::ssize(photometric) < min_hold_out_poses)
         return;
@@ -521,6 +533,40 @@ void judge_pixels(const QualificationInput& input, Qualification& result) {
     }
 }
 
+// Whether an explanation of all poses covers those that were left out as well as the others.
+bool covers_left_out(const Causes& of_all, const Causes& of_used, const Qualification& result) {
+    constexpr double as_well = 1.1;
+    const Cause* named = of_all.named();
+    return named && of_all.scatter <= as_well * of_used.scatter &&
+           std::ranges::none_of(result.outlying, [&](const LeftOutPose& pose) {
+               return std::ranges::any_of(named->errors, [&](const CausingError& error) {
+                   return error.names.front() == misplaced_pose_name(pose.index);
+               });
+           });
+}
+
+// Of the used poses, with a word on each that was left out; unless an error that explains the used
+// ones explains those, too, as a distortion that is far off does near the image's corners.
+Causes causes_of(QualificationInput input, const Projector& projector,
+                 const Qualification& result) {
+    const SignatureChain used = chain_of(input, projector, result);
+    Causes causes = find_causes(cause_evidence(input, used, result));
+    if (result.outlying.empty())
+        return causes;
+    for (Pose& pose : input.poses)
+        pose.used = pose.used || (pose.outlying && !pose.bias.difference_px.empty());
+    const SignatureChain all = chain_of(input, projector, result);
+    const Causes of_all = find_causes(cause_evidence(input, all, result));
+    if (covers_left_out(of_all, causes, result))
+        return of_all;
+    for (const LeftOutPose& pose : result.outlying) {
+        const CausingError error{
+            {misplaced_pose_name(pose.index)}, 0.0, 0.0, "", {misplaced_pose_remedy(pose.text)}};
+        causes = blaming(error, 1.0, std::move(causes));
+    }
+    return causes;
+}
+
 void explain_verdict(Qualification& result) {
     if (result.verdict == Outcome::pass)
         return;
@@ -544,7 +590,7 @@ Qualification qualify(QualificationInput& input) {
     }
     const Projector projector(*input.camera);
     Qualification result;
-    list_quantities(input.limits, result);
+    list_quantities(input, result);
     count_detections(input, result);
     result.pixels = input.pixels;
     if (result.pixels && result.pixels->is_overexposed)
@@ -563,7 +609,7 @@ Qualification qualify(QualificationInput& input) {
     if (usable < min_hold_out_poses)
         return skipped(std::move(result),
                        "too few hold-out poses whose render is detected as well");
-    fit_fields(input, result);
+    fit_fields(input, input.known_draws ? *input.known_draws : NoiseDraws(input.seed), result);
     const SignatureChain chain = chain_of(input, projector, result);
     find_signatures(input, chain, result);
     find_position_rest(input, result);
@@ -577,7 +623,7 @@ Qualification qualify(QualificationInput& input) {
         add_monte_carlo(input, budget.inputs, result);
     explain_verdict(result);
     if (input.look_for_causes)
-        result.causes = find_causes(cause_evidence(input, chain, result));
+        result.causes = causes_of(input, projector, result);
     return result;
 }
 

@@ -102,6 +102,9 @@ struct QualificationInput {
     // from the geometry, and making them takes most of qualify()'s time. Taken when they are of as
     // many hold-out poses; nothing: made from this run.
     const std::vector<ErrorSignature>* known_signatures = nullptr;
+    const NoiseDraws* known_draws = nullptr;  // for the same; nothing: drawn by `seed`
+    // Also measure what has no limit. Studies of thousands of runs that read verdicts do without.
+    bool measure_reported = true;
     // Also propagate the budget by Monte Carlo: beside U, for comparison. Some 0.3 s.
     bool monte_carlo = false;
     // Also look for what causes the differences. Some 0.5 s.
@@ -113,6 +116,12 @@ struct QualificationInput {
 struct DetectionCounts {
     int training = 0, training_detected = 0, hold_out = 0, hold_out_detected = 0;
     double rate() const;  // of all poses; 0 when there are none
+};
+
+// A pose that no registration and no field explains.
+struct LeftOutPose {
+    int index = 0;
+    std::string text;  // "pose 7 along x by 96.1 mm"
 };
 
 // The field of B4 on hold-out poses.
@@ -142,9 +151,7 @@ struct Qualification {
     std::optional<PhotometricField> photometric;  // nothing with too few photometric poses
     std::optional<PixelMatch> pixels;             // nothing where not compared
 
-    // Poses that no registration and no field explains, left out of both: "pose 7 along x by 96.1
-    // mm".
-    std::vector<std::string> outlying;
+    std::vector<LeftOutPose> outlying;            // left out of registration and fields
     std::vector<AcceptanceCondition> conditions;  // one that is NOT MET withholds PASS
 
     std::vector<BudgetRow> budget;

@@ -46,12 +46,12 @@ void contribute(BudgetRow& row, const std::string& quantity, double contribution
         row.sensitivity[quantity] = contribution / size;
 }
 
-// Of the part of U that the photographs' noise makes.
+// Of the part of U that the photographs' noise makes; nothing to what is not measured.
 void contribute_noise(BudgetRow& row, const Qualification& result,
                       std::initializer_list<const char*> quantities) {
     for (const char* name : quantities)
-        contribute(row, name,
-                   quantity_kind(name).measured(result)->noise_uncertainty / field_coverage_factor);
+        if (const auto measured = quantity_kind(name).measured(result))
+            contribute(row, name, measured->noise_uncertainty / field_coverage_factor);
 }
 
 // What moves positions counts in the fields of B3 and B4 alike.
@@ -89,7 +89,10 @@ class Builder {
 public:
     Builder(const QualificationInput& input, const Qualification& result,
             std::span<const FieldSample> samples)
-        : input_(input), result_(result), lengthening_(pair_lengthening(samples)) {}
+        : input_(input), result_(result) {
+        if (result.lengths)
+            lengthening_ = pair_lengthening(samples);
+    }
 
     QualificationBudget build(std::span<const ErrorSignature> calibration) {
         add_noise();
@@ -126,13 +129,14 @@ private:
                            [&](const ErrorSignature& each) { return each.name == name; });
     }
 
-    Eigen::MatrixXd lengthened(const Eigen::MatrixXd& shifts) const {
-        return lengthening_ * shifts;
+    // By which shifts, a column each, change a length at most; 0 where no lengths are measured.
+    double largest_lengthening(const Eigen::MatrixXd& shifts) const {
+        return lengthening_.rows() == 0 ? 0.0 : (lengthening_ * shifts).rowwise().norm().maxCoeff();
     }
 
     void set_sensitivity(BudgetRow& row, const Effect& effect) const {
         row.sensitivity = by_position(rms_norm(effect.position_mm), max_norm(effect.position_mm),
-                                      lengthened(effect.position_mm).cwiseAbs().maxCoeff());
+                                      largest_lengthening(effect.position_mm));
         row.sensitivity[quantity::rotation_rms] = rms_norm(effect.rotation_rad) / mrad;
         row.sensitivity[quantity::rotation_max] = max_norm(effect.rotation_rad) / mrad;
     }
@@ -166,11 +170,12 @@ private:
                          {quantity::position_rms, quantity::position_max, quantity::length_max});
         budget_.rows.push_back(row);
 
-        const SmoothField& turns = *result_.rotation_field;
-        row = noise_row("image noise, rotations", "mrad",
-                        std::max(turns.residual_along, turns.residual_across) / mrad, turns);
-        contribute_noise(row, result_, {quantity::rotation_rms, quantity::rotation_max});
-        budget_.rows.push_back(row);
+        if (const auto& turns = result_.rotation_field) {
+            row = noise_row("image noise, rotations", "mrad",
+                            std::max(turns->residual_along, turns->residual_across) / mrad, *turns);
+            contribute_noise(row, result_, {quantity::rotation_rms, quantity::rotation_max});
+            budget_.rows.push_back(row);
+        }
 
         if (const auto& rest = result_.position_rest) {
             row = noise_row("image noise, rest", "mm", rest->noise_rms, field);
@@ -242,7 +247,7 @@ private:
             shifts.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = hold_out[i];
 
         contribute_positions(row, std::sqrt(shift), std::sqrt(largest_shift),
-                             lengthened(shifts).rowwise().norm().maxCoeff());
+                             largest_lengthening(shifts));
         contribute(row, quantity::rotation_rms, std::sqrt(turn) / mrad);
         contribute(row, quantity::rotation_max, std::sqrt(largest_turn) / mrad);
         budget_.inputs.push_back({shifts, row.distribution, row.degrees_of_freedom});
@@ -288,9 +293,8 @@ private:
         row.basis = "the map's own uncertainties";
         const double max = checked(row.source, map.marker_max_mm);
         contribute_positions(row, map.marker_rms_mm, max, 2.0 * max);
-        const auto rows = lengthening_.cols();
-        budget_.inputs.push_back(
-            {Eigen::VectorXd::Constant(rows, map.marker_rms_mm / std::sqrt(3.0))});
+        budget_.inputs.push_back({Eigen::VectorXd::Constant(3 * result_.position_field->samples,
+                                                            map.marker_rms_mm / std::sqrt(3.0))});
         budget_.rows.push_back(std::move(row));
     }
 

@@ -238,16 +238,25 @@ std::vector<Suspect> suspects(const SuspectRequest& request,
     return all;
 }
 
+std::string misplaced_pose_name(int index) {
+    return fmt::format("pose {} does not fit", index);
+}
+
+std::string misplaced_pose_remedy(const std::string& pose) {
+    return "the stage was not where it said, the camera showed an old frame, or the detector "
+           "slipped: " +
+           pose;
+}
+
 std::vector<Suspect> misplaced_poses(const SuspectRequest& request) {
     const std::size_t poses = request.chain.poses.size();
     const auto rows = static_cast<Eigen::Index>(2 * request.chain.points_mm.size());
     std::vector<Suspect> family;
     for (std::size_t i = 0; i < poses; ++i) {
-        Suspect suspect{fmt::format("pose {} does not fit", request.chain.poses[i].index),
+        const int index = request.chain.poses[i].index;
+        Suspect suspect{misplaced_pose_name(index),
                         "mm",
-                        fmt::format("the stage was not where it said, the camera showed an old "
-                                    "frame, or the detector slipped: pose {}",
-                                    request.chain.poses[i].index),
+                        misplaced_pose_remedy(fmt::format("pose {}", index)),
                         1.0,
                         Eigen::MatrixXd::Zero(rows * static_cast<Eigen::Index>(poses), 3),
                         {},

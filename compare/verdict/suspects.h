@@ -57,6 +57,8 @@ std::vector<Suspect> suspects(const SuspectRequest& request,
 
 // Of which only the best is worth a word: that the marker was elsewhere at one of the poses.
 std::vector<Suspect> misplaced_poses(const SuspectRequest& request);
+std::string misplaced_pose_name(int index);
+std::string misplaced_pose_remedy(const std::string& pose);  // "pose 7 along x by 96.1 mm"
 
 // Random errors: every pose moves on its own. What a motion of 1 mm (rad) does to a pose's corners,
 // one column for each way in which it can.

@@ -25,11 +25,24 @@ std::vector<JudgedQuantity> judged(const Qualification& result) {
     return quantities;
 }
 
+// What all runs have in common.
+struct Known {
+    Signatures signatures;
+    NoiseDraws draws;
+};
+
+// What has a limit, and nothing else: that is what takes no longer than it must.
+Qualification judgement(QualificationInput input, const Known& known) {
+    input.known_signatures = &known.signatures;
+    input.known_draws = &known.draws;
+    input.measure_reported = false;
+    return qualify(input);
+}
+
 class LimitSearch {
 public:
-    LimitSearch(const RunSimulator& simulator, const Signatures& signatures,
-                const InjectedError& error)
-        : simulator_(simulator), signatures_(signatures), error_(error) {}
+    LimitSearch(const RunSimulator& simulator, const Known& known, const InjectedError& error)
+        : simulator_(simulator), known_(known), error_(error) {}
 
     // The size whose exact field has the value `limit`; values grow nearly in proportion to the
     // size. Nothing when that does not settle, or the field cannot be had at such a size.
@@ -54,11 +67,8 @@ private:
         RunTruth truth = simulator_.as_told();
         error_.apply(truth, size);
         // Nothing where the error is so large that the marker leaves the image, say.
-        auto qualified = attempted([&] {
-            QualificationInput input = simulator_.exact(truth);
-            input.known_signatures = &signatures_;
-            return judged(qualify(input));
-        });
+        auto qualified =
+            attempted([&] { return judged(judgement(simulator_.exact(truth), known_)); });
         if (qualified)
             for (const JudgedQuantity& quantity : *qualified)
                 if (quantity.name == name)
@@ -67,7 +77,7 @@ private:
     }
 
     const RunSimulator& simulator_;
-    const Signatures& signatures_;
+    const Known& known_;
     const InjectedError& error_;
 };
 
@@ -121,10 +131,10 @@ CharacteristicPoint summed(double size, const std::vector<RunResult>& results,
 class Study {
 public:
     Study(const RunSimulator& simulator, const CharacteristicRequest& request)
-        : simulator_(simulator), request_(request) {
+        : simulator_(simulator), request_(request), known_{{}, NoiseDraws(request.seed)} {
         QualificationInput input = simulator.draw(simulator.as_told(), request.seed, 0);
         const Qualification told = qualify(input);
-        signatures_ = told.signatures;
+        known_.signatures = told.signatures;
         quantities_ = judged(told);
         if (quantities_.empty())
             throw NumericalError(
@@ -149,8 +159,8 @@ public:
 
 private:
     const ErrorSignature* signature_of(const std::string& name) const {
-        const auto found = std::ranges::find(signatures_, name, &ErrorSignature::name);
-        return found == signatures_.end() ? nullptr : &*found;
+        const auto found = std::ranges::find(known_.signatures, name, &ErrorSignature::name);
+        return found == known_.signatures.end() ? nullptr : &*found;
     }
 
     bool is_wanted(const std::string& name) const {
@@ -191,7 +201,7 @@ private:
                                    signature.reason, {},         {}};
         if (!signature.observable)
             return result;
-        const LimitSearch search(simulator_, signatures_, error);
+        const LimitSearch search(simulator_, known_, error);
         std::vector<double> sizes;
         for (const JudgedQuantity& quantity : quantities_) {
             const double start = signature.size *
@@ -221,9 +231,8 @@ private:
         std::vector<RunResult> results(static_cast<std::size_t>(request_.runs));
         tbb::parallel_for(std::size_t{0}, results.size(), [&](std::size_t run) {
             const auto qualified = attempted([&] {
-                QualificationInput input = simulator_.draw(truth, request_.seed, run);
-                input.known_signatures = &signatures_;
-                results[run] = result_of(qualify(input), quantities_);
+                results[run] = result_of(
+                    judgement(simulator_.draw(truth, request_.seed, run), known_), quantities_);
             });
             results[run].refused = !qualified;
         });
@@ -234,7 +243,7 @@ private:
 
     const RunSimulator& simulator_;
     const CharacteristicRequest& request_;
-    Signatures signatures_;
+    Known known_;
     std::vector<JudgedQuantity> quantities_;
     int done_ = 0, all_ = 1;
 };

@@ -295,6 +295,8 @@ void RunSimulator::photograph(const RunTruth& truth, const Draws* draws, std::si
         displacement += noise.mean;
         pose.corner_noise = noise.of_mean;
     }
+    // What the pixels show is not what a detector that slips makes of them.
+    pose.seen_at = truth.camera_from_base * base_from_carriage * truth.carriage_from_marker;
     Corners corners = seen(truth, base_from_carriage, draws ? draws->points_mm : truth.points_mm);
     if (truth.edges_inwards_px != 0.0)
         corners = edges_moved_inwards(corners, truth.edges_inwards_px);

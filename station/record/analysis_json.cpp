@@ -195,8 +195,10 @@ Json causes_json(const Causes& causes) {
                               {"expanded_uncertainty", error.expanded_uncertainty},
                               {"unit", error.unit},
                               {"remedies", error.remedies}});
-        ranked.push_back(
-            {{"text", cause.text()}, {"probability", cause.probability}, {"errors", errors}});
+        ranked.push_back({{"text", cause.text()},
+                          {"probability", cause.probability},
+                          {"errors", errors},
+                          {"instead", cause.instead}});
     }
     return {{"ranked", ranked},
             {"no_error", causes.no_error},

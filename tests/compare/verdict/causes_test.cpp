@@ -70,6 +70,33 @@ TEST(Causes, NameTheLongestPeriodThatExplainsAnAxis) {
     EXPECT_NEAR(causes.named()->errors.front().size, 0.03, 0.006);
 }
 
+// So far off that a pose in the image's corner lies where the field of the others does not put it:
+// the same error explains it, and nobody is sent to look at the stage.
+TEST(Causes, BlameNoLeftOutPoseThatTheErrorExplains) {
+    SimulatedRun run = demo_run();
+    run.true_camera.distortion.s2 += 0.01;
+    run.look_for_causes = true;
+    const Qualification result = qualify(input_of(run, 999));
+    EXPECT_EQ(result.outlying.size(), 1u);
+    ASSERT_TRUE(result.causes->named());
+    EXPECT_EQ(result.causes->named()->text(), "thin prism s2");
+}
+
+// A shift along y with a turn about it is, with these corners, as well half a pixel both ways with
+// a tilt: two errors for two others.
+TEST(Causes, NameWholeExplanationsThatNobodyCanTellApart) {
+    SimulatedRun run = demo_run();
+    run.true_camera.intrinsics.cy += 0.84;
+    run.true_camera.distortion.s1 += 6e-4;
+    const Causes causes = causes_of(run, 1004);
+    ASSERT_TRUE(causes.named());
+    const std::string text = causes.named()->text();
+    EXPECT_THAT(text, HasSubstr("c_y and thin prism s1"));
+    EXPECT_THAT(text, HasSubstr("half pixel and sensor tilt tau_y"));
+    EXPECT_THAT(text, HasSubstr(", or "));
+    EXPECT_GT(causes.named()->probability, 0.95);
+}
+
 // One pose's corners lie 0.15 px aside. Where its pixels show the marker at its place the detector
 // slipped, and nothing is wrong; where they show it aside, too, or nobody asked them, it was there.
 TEST(Causes, BlameNoPoseWhereOnlyTheDetectorSlipped) {

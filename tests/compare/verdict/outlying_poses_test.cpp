@@ -57,10 +57,14 @@ TEST(OutlyingPoses, AreLeftOutAndWithholdPass) {
             if (i == wrong)
                 q[1] += q[1] > 0.0 ? -40.0 : 40.0;
         };
+        run.look_for_causes = true;
         QualificationInput input = input_of(run, 1);
         const Qualification result = qualify(input);
+        ASSERT_TRUE(result.causes->named());
+        EXPECT_EQ(result.causes->named()->text(), fmt::format("pose {} does not fit", wrong));
         const std::string expected = fmt::format("pose {} along y by (39|40)[.0-9]* mm", wrong);
-        EXPECT_THAT(result.outlying, ElementsAre(testing::ContainsRegex(expected)));
+        EXPECT_THAT(result.outlying, ElementsAre(testing::Field(&LeftOutPose::text,
+                                                                testing::ContainsRegex(expected))));
         EXPECT_EQ(result.verdict, Outcome::inconclusive) << wrong;
         EXPECT_FALSE(input.poses[wrong].used);
         for (const JudgedQuantity& each : result.quantities)

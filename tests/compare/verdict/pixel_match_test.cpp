@@ -68,7 +68,9 @@ RunPixels run_with(const PixelDeviation& truth, double noise_ratio = 1.0,
         photo.noise_ratio = noise_ratio + 0.01 * random.normal();
         photo.contrast_gray = 190.0;
         photo.black_gray = 0.2 * random.normal();
-        photo.background_gray = background_gray + 0.3 * random.normal();
+        photo.background_by_tone_gray = 47.0;
+        photo.background_gray = background_gray + 0.3 * random.normal() +
+                                photo.background_by_tone_gray * truth[deviation::tone];
         photo.shading = {0.002 * random.normal(), 0.002 * random.normal()};
         run.photos.push_back(photo);
         run.findings.emplace_back();
@@ -115,7 +117,8 @@ TEST(PixelMatch, SaysWhichApertureTheLensHas) {
     EXPECT_THAT(match.findings[1], HasSubstr("its file says f/1.8"));
 }
 
-// The middle tone of 190 gray of contrast is lifted by a quarter of tone x contrast.
+// The middle tone of 190 gray of contrast is lifted by a quarter of tone x contrast. What is beside
+// the marker is lifted, too: no word about the background.
 TEST(PixelMatch, GivesToneInGrayAndEdgesInPixels) {
     const PixelMatch tone = match_pixels(run_with(deviating(deviation::tone, 0.06)), camera());
     EXPECT_NEAR(tone.tone_gray->value, 0.25 * 190.0 * 0.06, tone.tone_gray->expanded_uncertainty);

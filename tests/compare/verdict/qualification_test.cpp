@@ -238,5 +238,26 @@ TEST(Qualification, MeasuresNothingThatIsOverexposed) {
     EXPECT_EQ(result.causes->named()->text(), "overexposed");
 }
 
+// Only the figures that have a limit, and those as they are beside all others.
+TEST(Qualification, MeasuresNothingElseWhereOnlyVerdictsAreRead) {
+    const SimulatedRun run = demo_run();
+    QualificationInput input = input_of(run, 12);
+    const Qualification all = qualify(input);
+    const NoiseDraws draws(input.seed);
+    input.known_draws = &draws;
+    input.measure_reported = false;
+    const Qualification judged = qualify(input);
+    EXPECT_TRUE(judged.reported.empty());
+    EXPECT_FALSE(judged.rotation_field || judged.lengths);
+    ASSERT_EQ(judged.quantities.size(), all.quantities.size());
+    for (std::size_t i = 0; i < all.quantities.size(); ++i) {
+        EXPECT_EQ(judged.quantities[i].value, all.quantities[i].value);
+        EXPECT_EQ(judged.quantities[i].expanded_uncertainty,
+                  all.quantities[i].expanded_uncertainty);
+        EXPECT_EQ(judged.quantities[i].outcome, all.quantities[i].outcome);
+    }
+    EXPECT_EQ(judged.verdict, all.verdict);
+}
+
 }  // namespace
 }  // namespace etalon

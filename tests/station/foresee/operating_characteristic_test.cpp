@@ -104,6 +104,18 @@ TEST_F(SimulatedRun, DrawsTheSameRunForTheSameNumberAndAnotherForAnother) {
     EXPECT_NE(one.poses[3].corners, other.poses[3].corners);
 }
 
+// A detector that slips at a pose is one of the things that a run has: the stage stood where it
+// said, which the photograph's pixels show.
+TEST_F(SimulatedRun, LeavesNoPoseOutWhereTheDetectorSlips) {
+    QualificationInput input = simulator_.draw(simulator_.as_told(), 5, 7);
+    const auto slipped = std::ranges::find(input.poses, true, &Pose::hold_out);
+    for (Eigen::Vector2d& corner : slipped->corners)
+        corner += Eigen::Vector2d(2.4, -1.8);
+    EXPECT_TRUE(qualify(input).outlying.empty());
+    slipped->seen_at.reset();
+    EXPECT_EQ(qualify(input).outlying.size(), 1u);
+}
+
 TEST_F(SimulatedRun, NeedsToKnowWhereTheCameraIs) {
     station_.camera_from_base_nominal.reset();
     EXPECT_THROW(expected_poses(station_, plan_), ConfigError);

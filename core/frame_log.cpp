@@ -45,8 +45,8 @@ LogLength read_log(const std::filesystem::path& folder,
     std::string text;
     for (int line = 1; std::getline(file, text); ++line) {
         // getline() meets the end of the file only where the line has no end of its own.
-        if (file.eof()) {
-            length.broken_bytes = text.size();
+        if (file.eof() || text.find('\0') != std::string::npos) {
+            length.broken_bytes = std::filesystem::file_size(path) - length.whole_bytes;
             break;
         }
         take(JsonEntry(text, {path.string(), line, ""}));

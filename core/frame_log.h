@@ -19,7 +19,9 @@ inline constexpr const char* log_file = "events.jsonl";
 
 struct LogLength {
     std::uintmax_t whole_bytes = 0;   // of the lines that have their end
-    std::uintmax_t broken_bytes = 0;  // of a last one that has none: its program was killed
+    // Behind them: a line without its end, as of a program that was killed, or what a power cut
+    // left of the last lines, which begins with zeros.
+    std::uintmax_t broken_bytes = 0;
 };
 
 // Hands on every line that has its end, in their order. Throws ConfigError with file and line for

@@ -6,6 +6,7 @@
 #include <ctime>
 #include <system_error>
 
+#include "core/durable.h"
 #include "core/errors.h"
 #include "core/sha256.h"
 #include "core/text.h"
@@ -89,11 +90,16 @@ void RunRecord::log(const std::string& line) {
 void RunRecord::log_pose(Pose& pose, const CaptureStatistics& counts) {
     images_.flush();
     for (FrameRecord& frame : pose.frames) {
-        if (!frame.file.empty())
-            frame.sha256 = sha256_of_file(folder_ / frame.file);
-        log(frame_event(pose.index, frame));
+        if (frame.file.empty())
+            continue;
+        bring_to_disk(folder_ / frame.file);
+        frame.sha256 = sha256_of_file(folder_ / frame.file);
     }
+    bring_to_disk(folder_ / "frames");
+    for (const FrameRecord& frame : pose.frames)
+        log(frame_event(pose.index, frame));
     log(pose_event(pose, counts));
+    bring_to_disk(folder_ / log_file);
 }
 
 void RunRecord::write(const QualifyResult& result) {

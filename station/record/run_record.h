@@ -14,9 +14,10 @@
 //     renders/         hold-out poses as the calibration says they should look: NNNN.png
 //     report.html      (station/qualify/qualify_report.h)
 //
-// A crash at any moment loses at most the pose in flight: run.json is there from the start with the
-// outcome ERROR and is replaced at the end; a pose is logged when its frames are written. (Against
-// a crash of the machine itself nothing is promised: files are not synced to the disk.)
+// A crash at any moment, of the program or of the machine, loses at most the pose in flight: its
+// frames are on the disk before the log tells of it, and the log is before the next pose begins.
+// run.json is there from the start with the outcome ERROR and is replaced at the end; what follows
+// from the log may be torn by a power cut, and `etalon report` writes it anew.
 #pragma once
 
 #include <cstdint>
@@ -60,7 +61,8 @@ public:
 
     // A line of station/record/run_events.h. Flushed before it returns.
     void log(const std::string& line);
-    // The pose with its frames, when these are written; sets the hashes of their files.
+    // The pose with its frames, when these are on the disk; sets the hashes of their files. On the
+    // disk before it returns, with all that was logged before.
     void log_pose(Pose& pose, const CaptureStatistics& counts);
 
     // Replace run.json and poses.csv by what is known now.

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "core/durable.h"
 #include "core/errors.h"
 #include "core/sha256.h"
 #include "core/strict_reader.h"
@@ -107,7 +108,11 @@ void copy_inputs(std::vector<InputFile>& inputs, const Path& record) {
             throw ConfigError({input.path.string()}, "cannot be copied: " + error.message());
         input.copy = copy.generic_string();
         require_recorded_bytes(record, input);
+        for (Path kept = full_path(record / copy); kept != full_path(record).parent_path();
+             kept = kept.parent_path())
+            bring_to_disk(kept);
     }
+    bring_to_disk(full_path(record).parent_path());
 }
 
 StationFile read_recorded_station(const Path& record, const std::vector<InputFile>& inputs) {

@@ -45,6 +45,7 @@ gain 12 e/DN|true.yml|s/gain_e_per_dn: 60/gain_e_per_dn: 12/|^noise$
 Rec. 709 curve|true.yml|s/transfer: linear/transfer: rec709/|^tone curve$
 background 0.9|twin.yaml|s/background: 0.6/background: 0.9/|^background$
 black level 16|true.yml|s/black: 8 /black: 16 /|^black level$
+false in position x|twin.yaml|0,/^  errors:/s/^  errors:/  faults: [{fault: false_in_position, axis: x, at: {move: 8}}]\n&/|^$
 exposed twice as long|twin.yaml|s/nominal_exposure_us: 5000/nominal_exposure_us: 2500/|^overexposed$
 CASES
 )

@@ -4,7 +4,7 @@
 // that, then pairs of errors at 5x each, then no error. What corners show is simulated as corners
 // (a station like the demo's, 70 poses), what pixels show as photographs.
 //
-//     causes [RUNS]      runs of each, 50 where nothing is said; some 20 minutes
+//     causes [RUNS]      runs of each, 50 where nothing is said; half an hour
 //
 // Prints the table of docs/causes.md. Right: the first of the ranked explanations is the injected
 // error, by its name or one that the run says it cannot tell from it, and nothing else.

@@ -101,6 +101,18 @@ void widen_where_slipped(const SignatureChain& chain, std::vector<Eigen::MatrixX
     }
 }
 
+// Whether an explanation of all poses covers those that were left out as well as the others.
+bool covers_left_out(const Causes& of_all, const Causes& of_used, const Qualification& result) {
+    constexpr double as_well = 1.1;
+    const Cause* named = of_all.named();
+    return named && of_all.scatter <= as_well * of_used.scatter &&
+           std::ranges::none_of(result.outlying, [&](const LeftOutPose& pose) {
+               return std::ranges::any_of(named->errors, [&](const CausingError& error) {
+                   return error.names.front() == misplaced_pose_name(pose.index);
+               });
+           });
+}
+
 }  // namespace
 
 CauseEvidence cause_evidence(const QualificationInput& input, const SignatureChain& chain,
@@ -133,6 +145,25 @@ CauseEvidence cause_evidence(const QualificationInput& input, const SignatureCha
         evidence.covariance_px2[i] += stage_mm2 * by_shift * by_shift.transpose();
     }
     return evidence;
+}
+
+Causes causes_of_run(QualificationInput input, SignatureChain chain, const Qualification& result) {
+    Causes causes = find_causes(cause_evidence(input, chain, result));
+    if (result.outlying.empty())
+        return causes;
+    for (Pose& pose : input.poses)
+        pose.used = pose.used || (pose.outlying && !pose.bias.difference_px.empty());
+    chain.poses.clear();
+    std::ranges::copy_if(input.poses, std::back_inserter(chain.poses), &Pose::used);
+    const Causes of_all = find_causes(cause_evidence(input, chain, result));
+    if (covers_left_out(of_all, causes, result))
+        return of_all;
+    for (const LeftOutPose& pose : result.outlying) {
+        const CausingError error{
+            {misplaced_pose_name(pose.index)}, 0.0, 0.0, "", {misplaced_pose_remedy(pose.text)}};
+        causes = blaming(error, 1.0, std::move(causes));
+    }
+    return causes;
 }
 
 }  // namespace etalon

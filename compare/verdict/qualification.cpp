@@ -533,40 +533,6 @@ void judge_pixels(const QualificationInput& input, Qualification& result) {
     }
 }
 
-// Whether an explanation of all poses covers those that were left out as well as the others.
-bool covers_left_out(const Causes& of_all, const Causes& of_used, const Qualification& result) {
-    constexpr double as_well = 1.1;
-    const Cause* named = of_all.named();
-    return named && of_all.scatter <= as_well * of_used.scatter &&
-           std::ranges::none_of(result.outlying, [&](const LeftOutPose& pose) {
-               return std::ranges::any_of(named->errors, [&](const CausingError& error) {
-                   return error.names.front() == misplaced_pose_name(pose.index);
-               });
-           });
-}
-
-// Of the used poses, with a word on each that was left out; unless an error that explains the used
-// ones explains those, too, as a distortion that is far off does near the image's corners.
-Causes causes_of(QualificationInput input, const Projector& projector,
-                 const Qualification& result) {
-    const SignatureChain used = chain_of(input, projector, result);
-    Causes causes = find_causes(cause_evidence(input, used, result));
-    if (result.outlying.empty())
-        return causes;
-    for (Pose& pose : input.poses)
-        pose.used = pose.used || (pose.outlying && !pose.bias.difference_px.empty());
-    const SignatureChain all = chain_of(input, projector, result);
-    const Causes of_all = find_causes(cause_evidence(input, all, result));
-    if (covers_left_out(of_all, causes, result))
-        return of_all;
-    for (const LeftOutPose& pose : result.outlying) {
-        const CausingError error{
-            {misplaced_pose_name(pose.index)}, 0.0, 0.0, "", {misplaced_pose_remedy(pose.text)}};
-        causes = blaming(error, 1.0, std::move(causes));
-    }
-    return causes;
-}
-
 void explain_verdict(Qualification& result) {
     if (result.verdict == Outcome::pass)
         return;
@@ -623,7 +589,7 @@ Qualification qualify(QualificationInput& input) {
         add_monte_carlo(input, budget.inputs, result);
     explain_verdict(result);
     if (input.look_for_causes)
-        result.causes = causes_of(input, projector, result);
+        result.causes = causes_of_run(input, chain, result);
     return result;
 }
 

@@ -17,9 +17,14 @@ GigeCameraOptions camera_options(const TwinFile& file) {
 
 }  // namespace
 
-Twin::Twin(const TwinFile& file)
-    : rig_(file),
-      camera_(camera_options(file), [this](const CaptureSettings& s) { return expose(s); }) {}
+Twin::Twin(const TwinFile& file) : rig_(file), camera_options_(camera_options(file)) {
+    plug_camera_in(camera_options_.serial);
+}
+
+void Twin::plug_camera_in(const std::string& serial) {
+    camera_options_.serial = serial;
+    camera_.emplace(camera_options_, [this](const CaptureSettings& s) { return expose(s); });
+}
 
 // On the camera's thread.
 CodeImage Twin::expose(const CaptureSettings& settings) {

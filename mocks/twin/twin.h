@@ -6,6 +6,8 @@
 
 #include <atomic>
 #include <cstdint>
+#include <optional>
+#include <string>
 
 #include "mocks/camera/gige_camera.h"
 #include "mocks/twin/twin_rig.h"
@@ -24,13 +26,19 @@ public:
     SimulatedStage& stage() { return rig_.stage(); }
     const TwinPhysics& physics() const { return rig_.physics(); }
     Radiance picture() const { return rig_.picture(); }
+    GigeCamera& camera() { return *camera_; }
+
+    // The camera is gone; another comes in its place. Not while another thread uses camera().
+    void unplug_camera() { camera_.reset(); }
+    void plug_camera_in(const std::string& serial);
 
 private:
     CodeImage expose(const CaptureSettings& settings);
 
     TwinRig rig_;
     std::atomic<std::uint32_t> frames_ = 0;
-    GigeCamera camera_;  // last: its thread uses all the others
+    GigeCameraOptions camera_options_;
+    std::optional<GigeCamera> camera_;  // last: its thread uses all the others
 };
 
 }  // namespace etalon

@@ -10,7 +10,7 @@
 #include "core/random.h"
 #include "core/sha256.h"
 #include "tests/loopback/program.h"
-#include "tests/station/stations.h"
+#include "tests/loopback/quick_station.h"
 
 namespace etalon {
 namespace {
@@ -18,51 +18,14 @@ namespace {
 using namespace std::chrono_literals;
 using Json = nlohmann::json;
 
-constexpr int poses = 24;
+constexpr int poses = quick_station_poses;
 constexpr int killed = -1;  // the exit code that Program gives to the victim of a signal
-
-const char* const twin_text = R"(etalon: twin/1
-seed: 7
-stage:
-  port: 0
-  axes:
-    - {name: x, kind: linear, direction: [1, 0, 0], travel: [-70, 60], speed: 2000}
-    - {name: y, kind: linear, direction: [0, 1, 0], travel: [-50, 55], speed: 2000}
-    - {name: z, kind: linear, direction: [0, 0, 1], travel: [-80, 90], speed: 2000}
-    - {name: rz, kind: rotary, direction: [0, 0, 1], point_mm: [0, 0, 0],
-       travel_deg: [-190, 190], speed_deg: 3000}
-camera:
-  calibration: camera.yml
-  nominal_exposure_us: 2500
-scene:
-  marker: "apriltag:36h11:5@60mm"
-  background: 0.7
-  camera_from_base: {rotation_deg: [1.7, -1.1, 0.6], translation_mm: [4, -6, 330]}
-  carriage_from_marker: {rotation_deg: [20.5, -0.4, 0.7], translation_mm: [5.3, -7.2, 11.5]}
-)";
-
-// The station of the unit tests, fast and small, at the port that the twin has taken.
-std::string quick_station(const std::string& port) {
-    std::string text = replaced(station_text, "port: 1599, unit: 2", "port: " + port);
-    for (const auto& [what, by] : std::vector<std::pair<std::string, std::string>>{
-             {"speed: 100,", "speed: 2000,"},
-             {"speed: 90,", "speed: 2000,"},
-             {"speed: 80,", "speed: 2000,"},
-             {"speed_deg: 120,", "speed_deg: 3000,"},
-             {"white_level: 0.9", "white_level: 0.8"},
-             {"poses: 25", fmt::format("poses: {}", poses)},
-             {"hold_out: 0.6", "hold_out: 0.625"},
-             {"frames: 2", "frames: 1"},
-             {"settle_ms: 40", "settle_ms: 5"}})
-        text = replaced(text, what, by);
-    return text;
-}
 
 class KilledRun : public testing::Test {
 protected:
     KilledRun() {
         write_station(folder_, station_text);
-        write_text(folder_ / "twin.yaml", twin_text);
+        write_text(folder_ / "twin.yaml", quick_twin_text);
         start_twin();
     }
 
@@ -73,7 +36,7 @@ protected:
         if (twin_) {
             twin_->send(SIGTERM);
             twin_->exit_code();
-            write_text(folder_ / "twin.yaml", replaced(twin_text, "port: 0", "port: " + before));
+            write_text(folder_ / "twin.yaml", replaced(quick_twin_text, "port: 0", "port: " + before));
         }
         twin_ = std::make_unique<Program>(
             "etalon-twin", std::vector<std::string>{(folder_ / "twin.yaml").string()});

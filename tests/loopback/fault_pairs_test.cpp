@@ -1,0 +1,208 @@
+// Two faults in one run of `etalon qualify` over the real protocols: one of the camera with one of
+// the stage, and some of these with a disk that becomes full or with SIGTERM as a third. The run
+// ends in time, with no wrong verdict, and leaves no axis in motion.
+//
+// Each pair is tried once, with one of three thirds (nothing, disk, SIGTERM) and with a camera
+// whose calibration is true or false by turns; all three: --gtest_random_seed=0, 1, 2.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <csignal>
+#include <functional>
+#include <map>
+#include <thread>
+
+#include "core/clock.h"
+#include "core/exit_codes.h"
+#include "mocks/twin/twin.h"
+#include "tests/loopback/program.h"
+#include "tests/loopback/quick_station.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr int faulty_move = 6;
+constexpr Duration longest_run = 90s;  // of two seconds and what four time-outs of each device cost
+
+const std::vector<std::string> stage_faults{
+    "",
+    "{fault: stuck_axis, axis: x, at: {move: 6}}",
+    "{fault: false_in_position, axis: x, at: {move: 6}}",
+    "{fault: encoder_jump, axis: y, at: {move: 6}, size_um: 3000}",
+    "{fault: limit_hit, axis: y, at: {move: 6}}",
+    "{fault: alarm, axis: z, at: {move: 6}, code: 21}",
+    "{fault: emergency_stop, at: {move: 6}}",
+    "{fault: late_reply, at: {move: 6}, delay_ms: 400, requests: 3}",
+    "{fault: slow_bytes, at: {move: 6}, delay_ms: 50}",
+    "{fault: exception, at: {move: 6}, code: 4, requests: 2}",
+    "{fault: silence, at: {move: 6}, requests: 500}",
+    "{fault: silence, at: {move: 6}, requests: 2, carried_out: false}",
+    "{fault: garbage, at: {move: 6}}",
+    "{fault: wrong_id, at: {move: 6}, requests: 2}",
+    "{fault: half_open, at: {move: 6}}",
+    "{fault: reset, at: {move: 6}, carried_out: false}"};
+
+enum class Third { none, full_disk, terminated };
+constexpr std::array<const char*, 3> third_names{"", ", disk full", ", SIGTERM"};
+
+struct Ended {
+    int code = 0;
+    std::string printed, log;
+    Duration after{0};
+    bool axes_move = false;
+};
+
+class FaultPairs : public testing::Test {
+protected:
+    using CameraFault = std::function<void(Twin&)>;
+
+    // The camera's fault with every one of the stage's.
+    void try_with_every_stage_fault(const CameraFault& camera_fault) {
+        int number = GTEST_FLAG_GET(random_seed);
+        std::map<int, int> ended;
+        for (const std::string& stage_fault : stage_faults) {
+            const Third third = static_cast<Third>(number % 3);
+            const bool camera_is_true = number++ % 2 == 0;
+            SCOPED_TRACE(fmt::format("{}{}, calibration {}", stage_fault,
+                                     third_names[static_cast<std::size_t>(third)],
+                                     camera_is_true ? "true" : "false"));
+            const Ended end = run(camera_fault, stage_fault, third, camera_is_true);
+            ++ended[end.code];
+            expect_an_honest_end(end, camera_is_true);
+        }
+        for (const auto& [code, runs] : ended)
+            fmt::print("{} runs with exit code {}\n", runs, code);
+    }
+
+    virtual bool may_pass() const { return true; }
+
+private:
+    Ended run(const CameraFault& camera_fault, const std::string& stage_fault, Third third,
+              bool camera_is_true) {
+        TemporaryFolder folder;
+        Twin twin(twin_file(folder, stage_fault, camera_is_true));
+        write_station(folder, quick_station(fmt::to_string(twin.stage_port())));
+        const auto disk = folder / "disk", copy = folder / "copy";
+        std::filesystem::create_directory(disk);
+        std::filesystem::create_directory(copy);
+        std::vector<std::string> command{"qualify", (folder / "station.yaml").string(), "--out",
+                                         (disk / "record").string()};
+        std::string program = "etalon";
+        if (third == Third::full_disk) {
+            command.insert(command.begin(), {"400k", disk, copy, ETALON_BINARY_DIR "/etalon"});
+            program = ETALON_SOURCE_DIR "/tests/loopback/on_small_disk.sh";
+        }
+        SteadyClock clock;
+        const Instant start = clock.now();
+        Program station(program, command);
+        std::jthread hand([&](std::stop_token stop) {
+            while (twin.stage().moves_started() < faulty_move && !stop.stop_requested())
+                clock.wait_for(2ms, stop);
+            if (!stop.stop_requested())
+                camera_fault(twin);
+            if (third == Third::terminated && clock.wait_for(100ms, stop))
+                station.send(SIGTERM);
+            clock.wait_until(start + longest_run, stop);
+            if (!stop.stop_requested())
+                station.send(SIGKILL);
+        });
+        Ended end;
+        end.printed = station.rest();
+        end.axes_move = twin.stage().is_moving();
+        hand.request_stop();
+        hand.join();
+        end.code = station.exit_code();
+        end.after = clock.now() - start;
+        const auto log = (third == Third::full_disk ? copy : disk) / "record/events.jsonl";
+        end.log = std::filesystem::exists(log) ? read_text(log) : "";
+        return end;
+    }
+
+    static TwinFile twin_file(const TemporaryFolder& folder, const std::string& stage_fault,
+                              bool camera_is_true) {
+        write_text(folder / "camera.yml", camera_text);
+        std::string text = quick_twin_text;
+        if (!stage_fault.empty())
+            text = replaced(text, "  port: 0\n", "  port: 0\n  faults: [" + stage_fault + "]\n");
+        if (!camera_is_true)
+            text = replaced(text, "  nominal_exposure_us",
+                            "  errors: {k1_percent: 80}\n  nominal_exposure_us");
+        write_text(folder / "twin.yaml", text);
+        return read_twin_file(folder / "twin.yaml");
+    }
+
+    void expect_an_honest_end(const Ended& end, bool camera_is_true) const {
+        EXPECT_LT(end.after, longest_run) << end.printed;
+        EXPECT_TRUE(end.code == ExitCode::pass || end.code == ExitCode::fail ||
+                    end.code == ExitCode::inconclusive || end.code == ExitCode::run_error ||
+                    end.code == ExitCode::interrupted)
+            << end.code << ": " << end.printed;
+        const int wrong_verdict = camera_is_true ? ExitCode::fail : ExitCode::pass;
+        EXPECT_NE(end.code, wrong_verdict) << end.printed;
+        EXPECT_TRUE(may_pass() || end.code > ExitCode::inconclusive) << end.printed;
+        const bool not_confirmed = end.log.find("NOT confirmed") != std::string::npos;
+        EXPECT_TRUE(!end.axes_move || not_confirmed) << end.printed << end.log;
+    }
+};
+
+TEST_F(FaultPairs, OfACameraThatWorks) {
+    try_with_every_stage_fault([](Twin&) {});
+}
+
+TEST_F(FaultPairs, OfACameraThatLosesPackets) {
+    try_with_every_stage_fault([](Twin& twin) { twin.camera().lose_packets(0.02, 1000); });
+}
+
+TEST_F(FaultPairs, OfACameraThatCutsFramesShort) {
+    try_with_every_stage_fault([](Twin& twin) { twin.camera().cut_short(3); });
+}
+
+TEST_F(FaultPairs, OfACameraThatFreezes) {
+    try_with_every_stage_fault([](Twin& twin) { twin.camera().freeze(); });
+}
+
+TEST_F(FaultPairs, OfACameraThatFreezesForASecond) {
+    try_with_every_stage_fault([](Twin& twin) {
+        twin.camera().freeze();
+        SteadyClock().wait_for(1s, {});
+        twin.camera().thaw();
+    });
+}
+
+TEST_F(FaultPairs, OfACameraThatChangesItsSize) {
+    try_with_every_stage_fault([](Twin& twin) { twin.camera().change_size_unasked(312, 240); });
+}
+
+TEST_F(FaultPairs, OfACameraWhoseClockJumps) {
+    try_with_every_stage_fault([](Twin& twin) { twin.camera().jump_clock(-7s); });
+}
+
+TEST_F(FaultPairs, OfACameraThatIsUnplugged) {
+    try_with_every_stage_fault([](Twin& twin) { twin.unplug_camera(); });
+}
+
+TEST_F(FaultPairs, OfACameraThatComesBack) {
+    try_with_every_stage_fault([](Twin& twin) {
+        twin.unplug_camera();
+        SteadyClock().wait_for(500ms, {});
+        twin.plug_camera_in("CAM-7");
+    });
+}
+
+class FaultPairsOfAnotherCamera : public FaultPairs {
+    bool may_pass() const override { return false; }
+};
+
+TEST_F(FaultPairsOfAnotherCamera, ThatComesBackInItsPlace) {
+    try_with_every_stage_fault([](Twin& twin) {
+        twin.unplug_camera();
+        SteadyClock().wait_for(500ms, {});
+        twin.plug_camera_in("CAM-8");
+    });
+}
+
+}  // namespace
+}  // namespace etalon

@@ -284,6 +284,7 @@ void visit_missing(const Run& run, Camera& camera, Stage& stage, PhotometricPose
         photometric.add(result.poses.back());
         run.progress.step();
     }
+    stage.position();  // refuses, as the next move would, an axis that was pushed at the last pose
     run.progress.end();
 }
 

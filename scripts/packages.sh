@@ -6,10 +6,10 @@ build_packages="g++ cmake ninja-build ccache pkg-config libopencv-dev libopencv-
     libmodbus-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev libfmt-dev libhwy-dev libtbb-dev \
     libboost-math-dev libssl-dev"
 test_packages="libgtest-dev libgmock-dev poppler-utils"
-# ./test.sh --all: Google Benchmark; a virtual machine for tests with real camera drivers (its
-# emulator, what its first file system is made of, and the service that tells programs about
-# devices); a cluster of one node.
-all_test_packages="libbenchmark-dev qemu-system-x86 busybox-static kmod cpio udev slurm-wlm"
+# ./test.sh --all: Google Benchmark; a system clock that jumps; a virtual machine for tests with real
+# camera drivers (its emulator, what its first file system is made of, and the service that tells
+# programs about devices); a cluster of one node.
+all_test_packages="libbenchmark-dev libfaketime qemu-system-x86 busybox-static kmod cpio udev slurm-wlm"
 
 missing_packages() {
     local package

@@ -1,5 +1,9 @@
 #include "mocks/stage/fake_stage.h"
 
+#include <array>
+
+#include "stage/motion/axis_signals.h"
+
 namespace etalon {
 namespace {
 
@@ -44,6 +48,18 @@ void FakeStage::move(std::span<const double> target, std::stop_token stop) {
     position_.assign(target.begin(), target.end());
     for (std::size_t i = 0; i < read_back_error.size() && i < position_.size(); ++i)
         position_[i] += read_back_error[i];
+}
+
+std::vector<double> FakeStage::position() {
+    const std::vector<AxisStatus> axes = status();
+    static const StageProfile profile;
+    const std::string cause =
+        disturbance(axes_, axes, std::array{pressed, at_limit, alarmed}, profile);
+    require(cause.empty(), "read the positions", cause.c_str());
+    std::vector<double> positions;
+    for (const AxisStatus& axis : axes)
+        positions.push_back(axis.position);
+    return positions;
 }
 
 std::vector<AxisStatus> FakeStage::status() {

@@ -19,7 +19,7 @@ public:
     void resume() override;
     void move(std::span<const double> target, std::stop_token stop) override;
     void limit_speed(double share) override { speed_share_ = share; }
-    std::vector<double> position() override { return position_; }
+    std::vector<double> position() override;
     std::vector<AxisStatus> status() override;
     bool stop() noexcept override;
 

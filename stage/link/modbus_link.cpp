@@ -13,6 +13,9 @@ using Outcome = ModbusReply::Outcome;
 
 constexpr std::size_t trace_length = 200;
 
+// Of a reply in a hurry: a controller that is there takes no longer.
+constexpr std::chrono::milliseconds min_reply_time{5};
+
 // Exceptions after which nobody knows whether a write is carried out: "accepted, takes long" and
 // "the device behind the gateway did not answer".
 constexpr int acknowledged = 5, gateway_heard_nothing = 11;
@@ -110,8 +113,12 @@ void ModbusLink::drop_connection() {
     connected_ = false;
 }
 
-void ModbusLink::set_response_timeout(std::chrono::milliseconds timeout) {
-    link_.response_timeout = timeout;
+std::chrono::milliseconds ModbusLink::reply_time() const {
+    if (!deadline_)
+        return link_.response_timeout;
+    const auto half =
+        std::chrono::duration_cast<std::chrono::milliseconds>((*deadline_ - clock_.now()) / 2);
+    return std::clamp(half, min_reply_time, link_.response_timeout);
 }
 
 void ModbusLink::record(const ModbusExchange& exchange) {
@@ -143,40 +150,47 @@ void ModbusLink::pause_after_failures() {
 }
 
 // Returns why not, or nothing.
-std::string ModbusLink::make_connection() {
-    std::string failure = transport_->connect(link_.response_timeout);
+std::string ModbusLink::make_connection(const ModbusRequest& request) {
+    std::string failure = transport_->connect(reply_time());
     connected_ = failure.empty();
-    if (connected_ && link_.is_serial()) {
-        failure = drain();
-        if (!failure.empty())
-            drop_connection();
-    }
+    if (!connected_ || !link_.is_serial())
+        return failure;
+    const auto heard = drain();
+    const bool stops = deadline_ && !request.values.empty();
+    if (heard == ModbusTransport::Heard::hang_up)
+        failure = "the line is gone";
+    else if (heard == ModbusTransport::Heard::something && !stops)
+        failure = "the line does not become quiet: another master, or wrong settings?";
+    if (!failure.empty())
+        drop_connection();
     return failure;
 }
 
-// Reads the line empty until nothing has arrived for as long as the slowest reply takes. Returns
-// why not, or nothing.
-std::string ModbusLink::drain() {
-    const Instant deadline = clock_.now() + 3 * link_.quiet;
-    for (;;) {
-        const auto heard = transport_->discard(link_.quiet);
-        if (heard == ModbusTransport::Heard::nothing)
-            return {};
-        if (heard == ModbusTransport::Heard::hang_up)
-            return "the line is gone";
-        if (clock_.now() >= deadline)
-            return "the line does not become quiet: another master, or wrong settings?";
+// Reads the line empty until nothing has arrived for as long as the slowest reply takes, or the
+// time for that is over. Returns what it came to: `something` is a line that is not quiet.
+ModbusTransport::Heard ModbusLink::drain() {
+    using Heard = ModbusTransport::Heard;
+    const Instant start = clock_.now();
+    Instant end = start + 4 * link_.quiet;
+    if (deadline_)
+        end = std::min(end, start + (*deadline_ - start) / 2);
+    for (Instant now = start; now < end; now = clock_.now()) {
+        const Duration wait = std::min<Duration>(link_.quiet, end - now);
+        const Heard heard = transport_->discard(wait);
+        if (heard == Heard::hang_up || (heard == Heard::nothing && wait == link_.quiet))
+            return heard;
     }
+    return Heard::something;
 }
 
 // Over the open connection, or a new one.
 ModbusReply ModbusLink::exchange(const ModbusRequest& request) {
     if (!connected_) {
-        std::string failure = make_connection();
+        std::string failure = make_connection(request);
         if (!failure.empty())
             return {.outcome = Outcome::not_sent, .values = {}, .cause = std::move(failure)};
     }
-    return transport_->exchange(request, link_.response_timeout);
+    return transport_->exchange(request, reply_time());
 }
 
 // Whatever may still arrive after a failure belongs to that request, so the connection is given up.

@@ -18,6 +18,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -72,8 +73,12 @@ public:
     // The same for one holding register by function 6, which some devices ask for.
     void write_single(int unit, int address, std::uint16_t value);
 
-    // From the next request on; for a caller with little time left.
-    void set_response_timeout(std::chrono::milliseconds timeout);
+    // From the next request on, until told otherwise by nothing: for stopping, which has to be over
+    // then. Each request gives half of what is left to opening the connection, emptying the line
+    // included, and half of the rest to its reply. A write is sent even on a line that does not
+    // become quiet: a stop into noise is better than none. Reading is not, since nothing that is
+    // heard there can be believed.
+    void hurry(std::optional<Instant> deadline) { deadline_ = deadline; }
 
     // Closes the connection; the next request opens a new one, without a pause.
     void close();
@@ -92,8 +97,9 @@ private:
     void send_write(const ModbusRequest& request, RegisterSpace space);
     ModbusReply transact(const ModbusRequest& request, RegisterSpace space);
     ModbusReply exchange(const ModbusRequest& request);
-    std::string make_connection();
-    std::string drain();
+    std::chrono::milliseconds reply_time() const;
+    std::string make_connection(const ModbusRequest& request);
+    ModbusTransport::Heard drain();
     void drop_connection();
     void pause_after_failures();
     void record(const ModbusExchange& exchange);
@@ -104,6 +110,7 @@ private:
     std::unique_ptr<ModbusTransport> transport_;
     bool connected_ = false;
     int failures_ = 0;  // in a row
+    std::optional<Instant> deadline_;
     std::function<void(const ModbusExchange&)> sink_;
     mutable std::mutex trace_mutex_;
     std::deque<ModbusExchange> trace_;

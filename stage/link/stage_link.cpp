@@ -46,6 +46,20 @@ SerialPort read_line(const Value& link, SerialPort port) {
     return port;
 }
 
+// A line that is quiet for less than the controller may take to answer can still bring a reply, to
+// an earlier program for example, which the next request would take for its own.
+void require_quiet_enough(const Value& link, Milliseconds response_timeout, Milliseconds quiet) {
+    if (quiet >= response_timeout)
+        return;
+    constexpr std::array keys = {"quiet_ms", "response_timeout_ms", "device"};
+    const auto said =
+        std::ranges::find_if(keys, [&](const char* key) { return link.find(key).has_value(); });
+    link.at(*said).fail(fmt::format(
+        "quiet_ms ({}) may not be shorter than response_timeout_ms ({}): a late reply would be "
+        "taken for the next one's",
+        quiet.count(), response_timeout.count()));
+}
+
 std::string non_empty(const Value& value) {
     if (value.text().empty())
         value.fail("must not be empty");
@@ -95,6 +109,8 @@ LinkDefaults read_link_defaults(const Value& link) {
     defaults.response_timeout =
         milliseconds_or(link, "response_timeout_ms", defaults.response_timeout);
     defaults.quiet = milliseconds_or(link, "quiet_ms", defaults.quiet);
+    if (defaults.transport == LinkDefaults::Transport::rtu || link.find("quiet_ms"))
+        require_quiet_enough(link, defaults.response_timeout, defaults.quiet);
     return defaults;
 }
 
@@ -112,6 +128,8 @@ StageLink read_stage_link(const Value& link, const LinkDefaults& defaults) {
         read.unit = integer_or(link, "unit", read.unit, 0, 255);
     }
     read.response_timeout = milliseconds_or(link, "response_timeout_ms", defaults.response_timeout);
+    if (read.is_serial())
+        require_quiet_enough(link, read.response_timeout, read.quiet);
     return read;
 }
 

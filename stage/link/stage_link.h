@@ -29,8 +29,8 @@ struct StageLink {
 
     // Serial only: the line counts as free of old replies when nothing arrived during this time.
     // A reply of a serial line does not say which request it answers, so this must be longer than
-    // the controller's slowest reply takes.
-    std::chrono::milliseconds quiet{250};
+    // the controller's slowest reply takes: no file may say less than the response time-out.
+    std::chrono::milliseconds quiet{300};
 
     bool is_serial() const { return std::holds_alternative<SerialPort>(address); }
 };
@@ -44,7 +44,7 @@ struct LinkDefaults {
     enum class Transport { tcp, rtu };
     Transport transport = Transport::tcp;  // the usual one
     SerialPort serial;                     // without the device
-    std::chrono::milliseconds response_timeout{300}, quiet{250};
+    std::chrono::milliseconds response_timeout{300}, quiet{300};
 };
 
 // Reads {transport: tcp or rtu, baud, parity: none, even or odd, data_bits, stop_bits,

@@ -1,9 +1,6 @@
 #include "stage/motion/guarded_stage.h"
 
 #include <algorithm>
-#include <array>
-
-#include "stage/motion/axis_signals.h"
 
 namespace etalon {
 namespace {
@@ -18,7 +15,10 @@ std::vector<double> positions_of(const std::vector<AxisStatus>& statuses) {
 }  // namespace
 
 GuardedStage::GuardedStage(std::unique_ptr<Stage> stage, MotionRules rules)
-    : stage_(std::move(stage)), rules_(std::move(rules)) {}
+    : stage_(std::move(stage)), rules_(std::move(rules)) {
+    stage_->limit_speed(rules_.slow_share);
+    stage_->limit_speed(speed_share_);
+}
 
 void GuardedStage::move(std::span<const double> target, std::stop_token stop) {
     // Not position(): an axis that was homed to its limit switch stands there, and may leave.
@@ -33,16 +33,6 @@ void GuardedStage::move(std::span<const double> target, std::stop_token stop) {
 void GuardedStage::limit_speed(double share) {
     stage_->limit_speed(share);  // refuses what is none
     speed_share_ = share;
-}
-
-std::vector<double> GuardedStage::position() {
-    const std::vector<AxisStatus> statuses = stage_->status();
-    static const StageProfile unknown;  // the stage inside may be any
-    const std::string cause =
-        disturbance(axes(), statuses, std::array{pressed, at_limit, alarmed}, unknown);
-    if (!cause.empty())
-        throw DeviceError("stage", "read the positions", cause);
-    return positions_of(statuses);
 }
 
 }  // namespace etalon

@@ -16,13 +16,15 @@ namespace etalon {
 
 class GuardedStage final : public Stage {
 public:
-    // `rules` belong to the stage's axes.
+    // `rules` belong to the stage's axes. Throws ConfigError when an axis cannot be as slow as they
+    // ask for.
     GuardedStage(std::unique_ptr<Stage> stage, MotionRules rules);
 
     const std::vector<Axis>& axes() const override { return stage_->axes(); }
     void enable(std::stop_token stop) override { stage_->enable(stop); }
     void home(std::stop_token stop) override { stage_->home(stop); }
     void resume() override { stage_->resume(); }
+    void take_for_homed() override { stage_->take_for_homed(); }
 
     // Throws ConfigError, before anything moves, for a target that is not allowed or to which no
     // way is found.
@@ -31,9 +33,7 @@ public:
     // An upper limit: slow zones stay as slow as they are.
     void limit_speed(double share) override;
 
-    // Throws DeviceError when an axis tells an alarm, an emergency stop or a limit.
-    std::vector<double> position() override;
-
+    std::vector<double> position() override { return stage_->position(); }
     std::vector<AxisStatus> status() override { return stage_->status(); }
     bool stop() noexcept override { return stage_->stop(); }
     std::string trace() const override { return stage_->trace(); }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
 #include <utility>
@@ -40,8 +41,7 @@ std::vector<StageUnit> make_units(ModbusLink& link, const StageProfile& profile,
 
 ModbusStage::ModbusStage(const StageLink& link, StageProfile profile, std::vector<Axis> axes,
                          Clock& clock, std::unique_ptr<ModbusTransport> transport, Opening opening)
-    : link_settings_(link),
-      profile_(std::move(profile)),
+    : profile_(std::move(profile)),
       axes_(std::move(axes)),
       clock_(clock),
       link_(link, clock, std::move(transport)),
@@ -76,8 +76,15 @@ std::vector<AxisStatus> ModbusStage::status() {
 }
 
 std::vector<double> ModbusStage::position() {
+    constexpr const char* request = "read the positions";
+    const Statuses axes = poll();
+    const std::string cause =
+        disturbance(axes_, axes, std::array{pressed, at_limit, alarmed}, profile_);
+    if (!cause.empty())
+        throw DeviceError(link_.device(), request, cause);
+    require_left_alone(request, axes);
     std::vector<double> positions;
-    for (const AxisStatus& axis : poll())
+    for (const AxisStatus& axis : axes)
         positions.push_back(axis.position);
     return positions;
 }
@@ -116,6 +123,7 @@ ModbusStage::Run ModbusStage::begin(const char* request, std::vector<Condition> 
             .stop = std::move(stop),
             .target = {},
             .before = {},
+            .started = std::vector<bool>(axes_.size()),
             .now = {}};
     poll(run);
     run.before = run.now;
@@ -159,14 +167,30 @@ void ModbusStage::home(std::stop_token stop) {
         Run run = begin("home", {pressed, alarmed, disabled}, std::move(stop));
         keep_watchdog(true);
         carry_out(profile_.sequences.home, run);
+        require_seen_to_home(run);
         state_ = State::homed;
     });
 }
 
+// Rest alone is no homing: a controller that does not tell may have ignored it.
+void ModbusStage::require_seen_to_home(const Run& run) const {
+    if (profile_.has(Signal::homed) || taken_for_homed_)
+        return;
+    const auto still = std::ranges::find(run.started, false);
+    if (still != run.started.end())
+        throw DeviceError(
+            link_.device(), run.request,
+            fmt::format("axis {} did not move, and its controller does not tell whether it is "
+                        "homed: it may stand at its zero, or not have obeyed. Look at it, then "
+                        "say that it is homed: --homed with qualify, stage move or stage jog",
+                        axes_[static_cast<std::size_t>(still - run.started.begin())].name));
+}
+
 void ModbusStage::require_homed(const Statuses& axes) const {
-    if (!profile_.has(Signal::homed))
+    if (!profile_.has(Signal::homed) && !taken_for_homed_)
         throw DeviceError(link_.device(), "resume",
-                          "the controller does not tell whether its axes are homed");
+                          "the controller does not tell whether its axes are homed: say that they "
+                          "are (--homed), if they were homed since they were switched on");
     const auto refuse = [&](std::size_t i, const std::string& what) {
         throw DeviceError(link_.device(), "resume", fmt::format("axis {} {}", axes_[i].name, what));
     };
@@ -202,7 +226,7 @@ void ModbusStage::move(std::span<const double> target, std::stop_token stop) {
     guarded([&] {
         Run run = begin("move", {pressed, at_limit, alarmed, disabled}, std::move(stop));
         require_own_commands(run);
-        require_left_alone(run.now);
+        require_left_alone(run.request, run.now);
         left_at_.clear();
         run.target = target;
         keep_watchdog(true);
@@ -215,11 +239,13 @@ void ModbusStage::move(std::span<const double> target, std::stop_token stop) {
 void ModbusStage::limit_speed(double share) {
     if (!(share > 0.0 && share <= 1.0))
         throw ConfigError({"stage speed"}, fmt::format("a share of {} is not in (0, 1]", share));
+    for (const StageUnit& unit : units_)
+        unit.require_speed(share);
     speed_share_ = share;
 }
 
 // An encoder that jumped, or a stage that was pushed, has lost its zero.
-void ModbusStage::require_left_alone(const Statuses& axes) const {
+void ModbusStage::require_left_alone(const char* request, const Statuses& axes) const {
     for (std::size_t i = 0; i < left_at_.size(); ++i) {
         if (std::abs(axes[i].position - left_at_[i]) <=
             rest_tolerances * profile_.tolerance(axes_[i]))
@@ -227,7 +253,7 @@ void ModbusStage::require_left_alone(const Statuses& axes) const {
         Statuses left = axes;
         for (std::size_t k = 0; k < left.size(); ++k)
             left[k].position = left_at_[k];
-        throw DeviceError(link_.device(), "move",
+        throw DeviceError(link_.device(), request,
                           fmt::format("the axes are not where they were left: {}, not {}",
                                       describe(axes), describe(left)));
     }
@@ -256,7 +282,7 @@ bool ModbusStage::stop() noexcept {
     try {
         left_at_.clear();
         const bool stopped = stop_by(clock_.now() + stop_time());
-        link_.set_response_timeout(link_settings_.response_timeout);
+        link_.hurry({});
         if (!stopped)
             state_ = State::faulted;
         return stopped;

@@ -50,6 +50,7 @@ public:
     void enable(std::stop_token stop) override;
     void home(std::stop_token stop) override;
     void resume() override;
+    void take_for_homed() override { taken_for_homed_ = true; }
     void move(std::span<const double> target, std::stop_token stop) override;
     void limit_speed(double share) override;
     std::vector<double> position() override;
@@ -72,6 +73,7 @@ private:
         std::stop_token stop;
         std::span<const double> target;  // of a move
         Statuses before;                 // when it began
+        std::vector<bool> started;       // axes that were seen to start since then
         Statuses now;                    // the last poll
         Instant polled{};                // when that began
         bool fresh = false;              // nothing was written since then
@@ -81,9 +83,10 @@ private:
     void require_usable(const char* request) const;
     void guarded(const std::function<void()>& action);
     Run begin(const char* request, std::vector<Condition> ends, std::stop_token stop);
-    void require_left_alone(const Statuses& axes) const;
+    void require_left_alone(const char* request, const Statuses& axes) const;
     void require_own_commands(const Run& run);
     void require_homed(const Statuses& axes) const;
+    void require_seen_to_home(const Run& run) const;
     bool is_stop_left_on() const;
     std::string describe(const Statuses& axes) const;
 
@@ -107,20 +110,20 @@ private:
 
     // modbus_stage_stop.cpp
     Duration stop_time() const;
-    void limit_requests_to(Instant deadline);
+    void hurry_unit(Instant deadline);
     bool stop_by(Instant deadline);
     bool stop_once(Instant deadline);
     bool tell(const Step& step, Instant deadline);
     bool confirm(const Step& step, Instant deadline);
 
-    StageLink link_settings_;
     StageProfile profile_;
     std::vector<Axis> axes_;
     Clock& clock_;
     ModbusLink link_;
     std::vector<StageUnit> units_;  // in the order of the axes
     State state_ = State::connected;
-    bool ever_enabled_ = false;    // by this object
+    bool ever_enabled_ = false;  // by this object
+    bool taken_for_homed_ = false;
     double speed_share_ = 1.0;     // of each axis' speed
     std::vector<double> left_at_;  // by the last homing or move; empty: unknown
     std::optional<Instant> watchdog_written_;

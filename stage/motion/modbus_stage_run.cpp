@@ -40,6 +40,8 @@ void ModbusStage::poll(Run& run) {
     if (!run.target.empty() && !run.now.empty())
         check_plausible(run, axes, clock_.now());
     run.now = std::move(axes);
+    for (std::size_t i = 0; i < run.before.size(); ++i)
+        run.started[i] = run.started[i] || has_started(run, run.now, i);
     run.polled = start;
     run.fresh = true;
 }
@@ -139,11 +141,11 @@ bool ModbusStage::has_started(const Run& run, const Statuses& axes, std::size_t 
     const AxisStatus &before = run.before[axis], &now = axes[axis];
     if (now.moving || (before.in_position && !now.in_position))
         return true;
+    const double came = std::abs(now.position - before.position);
     if (run.target.empty())
-        return before.homed != now.homed;
+        return before.homed != now.homed || came > profile_.tolerance(axes_[axis]);
     const double way = std::abs(run.target[axis] - before.position);
-    return way <= profile_.tolerance(axes_[axis]) ||
-           std::abs(now.position - before.position) >= 0.5 * way;
+    return way <= profile_.tolerance(axes_[axis]) || came >= 0.5 * way;
 }
 
 void ModbusStage::require_conditions(const Step& step, Run& run) {
@@ -171,12 +173,11 @@ void ModbusStage::wait(const Step& step, Run& run) {
 }
 
 void ModbusStage::wait_done(Run& run) {
-    std::vector<bool> started(axes_.size(), !profile_.done.start_seen);
     const auto done = [&](const Statuses& axes) {
         bool all = true;
         for (std::size_t i = 0; i < axes.size(); ++i) {
-            started[i] = started[i] || has_started(run, axes, i);
-            all = all && started[i] && is_at(axes[i], i, run.target[i]);
+            const bool started = run.started[i] || !profile_.done.start_seen;
+            all = all && started && is_at(axes[i], i, run.target[i]);
         }
         return all;
     };

@@ -53,7 +53,7 @@ bool ModbusStage::tell(const Step& step, Instant deadline) {
     bool all = true;
     for (StageUnit& unit : units_) {
         try {
-            limit_requests_to(deadline);
+            hurry_unit(deadline);
             unit.set_at_once(step.input, step.kind != Step::Kind::clear);
             if (step.kind == Step::Kind::pulse &&
                 profile_.inputs.at(step.input).act != InputPoint::Act::code)
@@ -74,7 +74,7 @@ bool ModbusStage::confirm(const Step& step, Instant deadline) {
     for (int resting = 0; resting < profile_.done.stable_polls;) {
         if (clock_.now() >= deadline)
             return false;
-        limit_requests_to(deadline);
+        link_.hurry(deadline);
         try {
             resting = std::ranges::all_of(poll(1), rests) ? resting + 1 : 0;
         } catch (const std::exception&) {
@@ -86,13 +86,10 @@ bool ModbusStage::confirm(const Step& step, Instant deadline) {
     return true;
 }
 
-// A request may have to connect first, so each of the two gets half of what is left; with several
-// units a silent one may not use up the others' time.
-void ModbusStage::limit_requests_to(Instant deadline) {
-    const auto share = std::chrono::duration_cast<std::chrono::milliseconds>(
-        (deadline - clock_.now()) / static_cast<int>(2 * units_.size()));
-    link_.set_response_timeout(
-        std::clamp<std::chrono::milliseconds>(share, 5ms, link_settings_.response_timeout));
+// With several units a silent one may not use up the others' time.
+void ModbusStage::hurry_unit(Instant deadline) {
+    const Instant now = clock_.now();
+    link_.hurry(now + (deadline - now) / static_cast<int>(units_.size()));
 }
 
 }  // namespace etalon

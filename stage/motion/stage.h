@@ -45,6 +45,11 @@ public:
     // and has no alarm.
     virtual void resume() = 0;
 
+    // The operator's word, for controllers that do not tell whether their axes are homed: resume()
+    // takes them for it, and home() takes an axis that does not move for one at its zero. Without
+    // it both are DeviceErrors. Of a controller that tells, it changes nothing.
+    virtual void take_for_homed() {}
+
     // Moves all axes together, returns when every one is done and settled. Throws ConfigError for a
     // target outside the soft limits (before anything moves), DeviceError for an alarm, a lost link
     // or a move that does not end in time, Interrupted on request; the axes are stopped first.
@@ -53,7 +58,8 @@ public:
     // Moves from now on run at this share of each axis' speed, 0 < share <= 1; at first 1.
     virtual void limit_speed(double share) = 0;
 
-    // Read back from the device, mm or rad, one per axis.
+    // Read back from axes at rest, mm or rad, one per axis. Throws DeviceError when one tells an
+    // alarm, an emergency stop or a limit, or is not where the last move left it.
     virtual std::vector<double> position() = 0;
     virtual std::vector<AxisStatus> status() = 0;
 

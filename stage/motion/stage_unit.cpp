@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "core/units.h"
+
 namespace etalon {
 namespace {
 
@@ -34,31 +36,76 @@ const TargetBlock::Field& field_of(const StageProfile& profile, TargetBlock::Fie
     throw ConfigError({"stage profile", 0, "target"}, "has no target or no speed");
 }
 
+bool is_counted(const TargetBlock::Field& field) {
+    return field.type != NumberType::float32;
+}
+
+// Counts that are off by the last digits of a conversion count as whole.
+constexpr double count_noise = 1e-6;
+
+// In whole counts, and none of them beyond a soft limit.
+double target_number(const StageProfile& profile, const TargetBlock::Field& field, const Axis& axis,
+                     double target) {
+    const double counts = profile.counts_of(axis, target);
+    if (!is_counted(field))
+        return counts;
+    const auto [low, high] =
+        std::minmax({profile.counts_of(axis, axis.low), profile.counts_of(axis, axis.high)});
+    return std::max(std::ceil(low - count_noise),
+                    std::min(std::floor(high + count_noise), std::round(counts)));
+}
+
 double speed_number(const StageProfile& profile, const TargetBlock::Field& field, const Axis& axis,
                     double share) {
     const double number = profile.register_of_speed(axis, share * axis.speed);
-    if (field.type == NumberType::float32)
-        return number;
-    return std::max(1.0, std::floor(number * (1.0 + 1e-12)));
+    return is_counted(field) ? std::floor(number * (1.0 + 1e-12)) : number;
+}
+
+[[noreturn]] void refuse(const Axis& axis, const std::string& message) {
+    throw ConfigError({"stage axes", 0, axis.name}, message);
+}
+
+void require_speed_fits(const StageProfile& profile, const Axis& axis, double share) {
+    const TargetBlock::Field& field = field_of(profile, TargetBlock::Field::Is::speed);
+    const double speed = speed_number(profile, field, axis, share);
+    const double least = is_counted(field) ? 1.0 : 1e-30, most = range_of(field.type).high;
+    if (!(speed >= least && speed <= most))
+        refuse(axis, fmt::format("{:.6g} % of its speed is not {} to {} in the speed register",
+                                 share * 100.0, is_counted(field) ? "1" : "more than 0", most));
+}
+
+// An arrival is told by the counts that are read, and an approach is made in whole ones: the two
+// ends of an overrun of two counts are never the same one.
+void require_fine_enough(const StageProfile& profile, const Axis& axis) {
+    const double count =
+        1.0 / std::abs(profile.counts_of(axis, 1.0) - profile.counts_of(axis, 0.0));
+    const bool linear = axis.kind == Axis::Kind::linear;
+    const auto shown = [&](double length) {
+        return fmt::format("{:.6g} {}", linear ? length : length * deg_per_rad,
+                           linear ? "mm" : "deg");
+    };
+    if (count > profile.tolerance(axis) * (1.0 + count_noise))
+        refuse(axis, fmt::format("one of its counts, {}, is more than the profile's tolerance, {}: "
+                                 "it would never arrive",
+                                 shown(count), shown(profile.tolerance(axis))));
+    if (axis.approach != 0 && axis.overrun < 2.0 * count)
+        refuse(axis, fmt::format("its overrun before the approach, {}, is less than two of its "
+                                 "counts, {}",
+                                 shown(axis.overrun), shown(2.0 * count)));
 }
 
 void require_fits(const StageProfile& profile, const Axis& axis) {
-    const NumberRange target = range_of(field_of(profile, TargetBlock::Field::Is::target).type);
-    const NumberRange position = range_of(profile.position.type);
+    const TargetBlock::Field& field = field_of(profile, TargetBlock::Field::Is::target);
+    const NumberRange target = range_of(field.type), position = range_of(profile.position.type);
     for (const double limit : {axis.low, axis.high}) {
         const double counts = profile.counts_of(axis, limit);
         if (!(counts >= std::max(target.low, position.low) &&
               counts <= std::min(target.high, position.high)))
-            throw ConfigError({"stage axes", 0, axis.name},
-                              "its soft limits exceed what the controller's registers count");
+            refuse(axis, "its soft limits exceed what the controller's registers count");
     }
-    const TargetBlock::Field& field = field_of(profile, TargetBlock::Field::Is::speed);
-    const double speed = profile.register_of_speed(axis, axis.speed);
-    const double least = field.type == NumberType::float32 ? 1e-30 : 1.0;
-    if (!(speed >= least && speed <= range_of(field.type).high))
-        throw ConfigError({"stage axes", 0, axis.name},
-                          fmt::format("its speed is not 1 to {} in the speed register",
-                                      range_of(field.type).high));
+    if (is_counted(field))
+        require_fine_enough(profile, axis);
+    require_speed_fits(profile, axis, 1.0);
 }
 
 }  // namespace
@@ -285,7 +332,7 @@ void StageUnit::write_block(const TargetBlock& block, std::span<const double> ta
         for (const TargetBlock::Field& field : block.fields) {
             const double number = field.is == Is::constant ? field.constant
                                   : field.is == Is::target
-                                      ? profile_.counts_of(axes_[i], target[i])
+                                      ? target_number(profile_, field, axes_[i], target[i])
                                       : speed_number(profile_, field, axes_[i], speed_share);
             append_number(registers, number, field.type, profile_.word_order);
         }
@@ -302,6 +349,11 @@ void StageUnit::feed_watchdog() {
     const auto ms = static_cast<std::uint16_t>(profile_.watchdog->timeout.count());
     write_verified({RegisterSpace::holding_registers, profile_.watchdog->address}, {&ms, 1}, true,
                    true);
+}
+
+void StageUnit::require_speed(double share) const {
+    for (const Axis& axis : axes_)
+        require_speed_fits(profile_, axis, share);
 }
 
 double StageUnit::commanded_speed(const Axis& axis, double speed_share) const {

@@ -18,8 +18,9 @@ inline constexpr int alarm_without_code = -1;
 
 class StageUnit {
 public:
-    // Throws ConfigError when the axes do not fit the profile: their number, or travel and speed in
-    // the counts of its registers. The link and the profile must outlive this. Sends nothing.
+    // Throws ConfigError when the axes do not fit the profile: their number, or travel, speed,
+    // tolerance and approach in the counts of its registers. The link and the profile must outlive
+    // this. Sends nothing.
     StageUnit(ModbusLink& link, const StageProfile& profile, int unit, std::vector<Axis> axes);
 
     const std::vector<Axis>& axes() const { return axes_; }
@@ -56,8 +57,11 @@ public:
 
     void feed_watchdog();
 
-    // What the speed register makes of it: rounded down, but at least 1. mm/s or rad/s.
+    // What the speed register makes of it: rounded down. mm/s or rad/s.
     double commanded_speed(const Axis& axis, double speed_share) const;
+
+    // Throws ConfigError for an axis that would be slower than its register's smallest step.
+    void require_speed(double share) const;
 
 private:
     using Place = std::pair<RegisterSpace, int>;

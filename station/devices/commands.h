@@ -48,6 +48,7 @@ struct StageArguments {
     double speed_percent = 100.0;      // of the axes' speeds
     int polls = 1;                     // trace
     bool yes = false;                  // home: do not ask
+    bool homed = false;                // move and jog: the operator's word
     bool trace = false;                // print every exchange on stderr
     bool json = false;
 };

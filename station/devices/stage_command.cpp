@@ -72,6 +72,8 @@ int move_axes(const StageArguments& arguments, bool relative) {
     const StopOnSignals signals(stop);
     const StationStage station = read_station_stage(arguments.station);
     Session session(station, arguments.trace);
+    if (arguments.homed)
+        session.stage().take_for_homed();
     session.stage().resume();
     const std::vector<double> target =
         typed_target(station.axes, arguments.targets, session.stage().position(), relative);
@@ -163,10 +165,13 @@ void declare_motion(Command& stage, StageAction action, const char* name, const 
     auto [command, asked] = declare_on_stage(
         stage, action, name, summary,
         "Axes that are not named stay. The axes must be homed (`etalon stage home`); soft\n"
-        "limits, forbidden boxes and slow zones hold as in a run. Ctrl-C stops the axes.\n");
+        "limits, forbidden boxes and slow zones hold as in a run. Ctrl-C stops the axes.\n"
+        "A controller that does not tell whether its axes are homed takes your word for\n"
+        "it, if they were homed since they were switched on: --homed.\n");
     command.required("TARGET", asked->targets, target);
     command.option("--speed", asked->speed_percent, "percent of the axes' speeds (100)", "P")
         .in_range(0.1, 100.0);
+    command.flag("--homed", asked->homed, homed_help);
 }
 
 void declare_homing(Command& stage) {

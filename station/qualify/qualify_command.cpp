@@ -20,6 +20,7 @@ namespace {
 struct QualifyArguments {
     std::filesystem::path station, out;
     std::filesystem::path resume;  // in place of out: the record to go on with
+    bool homed = false;            // the operator's word, Stage::take_for_homed()
     bool json = false;
 };
 
@@ -63,17 +64,21 @@ int print_result(const QualifyResult& result, bool json) {
     return exit_code(result.outcome);
 }
 
-DeviceOpeners openers(const StationFile& station, Clock& clock, Progress& progress,
+DeviceOpeners openers(const StationFile& station, bool homed, Clock& clock, Progress& progress,
                       const std::stop_token& stop) {
     const auto camera = [&] {
         return open_when_free(
             [&] { return open_camera(station.camera.uri, station.camera.link, clock); }, clock,
             stop, [&](const std::string& text) { progress.note(text); });
     };
-    return {camera, [&] {
-                return open_stage(station.stage.link, station.stage.profile, station.stage.axes,
-                                  clock);
-            }};
+    const auto stage = [&, homed] {
+        auto opened =
+            open_stage(station.stage.link, station.stage.profile, station.stage.axes, clock);
+        if (homed)
+            opened->take_for_homed();
+        return opened;
+    };
+    return {camera, stage};
 }
 
 QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& progress,
@@ -83,14 +88,16 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
     announce(recorded, progress);
     if (!arguments.station.empty())
         require_same_inputs(recorded.result.station.inputs, read_station(arguments.station).inputs);
-    return resume_qualification(recorded, openers(recorded.result.station, clock, progress, stop),
-                                clock, progress, stop);
+    return resume_qualification(
+        recorded, openers(recorded.result.station, arguments.homed, clock, progress, stop), clock,
+        progress, stop);
 }
 
 QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                     const std::stop_token& stop) {
     const StationFile station = read_station(arguments.station);
-    return run_qualification(station, arguments.out, openers(station, clock, progress, stop), clock,
+    return run_qualification(station, arguments.out,
+                             openers(station, arguments.homed, clock, progress, stop), clock,
                              progress, stop);
 }
 
@@ -142,12 +149,15 @@ void declare_qualify(Command& program) {
         "end: the poses that DIR has are kept, the rest of the plan is measured. It\n"
         "works from DIR's own copies of station.yaml and calibration; where STATION is\n"
         "given too, it must be the same.\n\n"
+        "An axis whose controller does not tell whether it is homed must be seen to\n"
+        "move when it is homed, or you say that it stands at its zero: --homed.\n\n"
         "Everything that the run needs is said in station.yaml: examples/demo has one\n"
         "with every key explained.\n");
     command.option("STATION", asked->station, "station.yaml: devices, marker, plan, limits");
     const Option out = command.option("--out", asked->out, "folder of the record", "DIR");
     command.option("--resume", asked->resume, "in place of --out: go on with this record", "DIR")
         .excludes(out);
+    command.flag("--homed", asked->homed, homed_help);
 }
 
 void declare_report(Command& program) {

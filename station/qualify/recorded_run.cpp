@@ -121,7 +121,7 @@ private:
     }
 
     void take_session(const JsonEntry& line, double t) {
-        line.require_keys({"t", "event", "started_utc", "version", "camera"});
+        line.require_keys({"t", "event", "started_utc", "boot", "boot_s", "version", "camera"});
         const CameraIdentity camera = read_identity(line.at("camera"));
         if (result_.sessions.empty()) {
             result_.camera = camera;
@@ -133,6 +133,8 @@ private:
         session.started_utc = line.at("started_utc").text();
         if (!utc_seconds(session.started_utc))
             line.at("started_utc").fail("must be a time as 2026-03-07T14:05:09Z");
+        session.started = {line.at("boot").text(),
+                           line.at("boot_s").number(units::s.non_negative())};
         session.start_s = t;
         session.version = line.at("version").text();
         result_.sessions.push_back(session);

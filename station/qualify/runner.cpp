@@ -284,6 +284,7 @@ void visit_missing(const Run& run, Camera& camera, Stage& stage, PhotometricPose
         photometric.add(result.poses.back());
         run.progress.step();
     }
+    stage.position();  // refuses, as the next move would, an axis that was pushed at the last pose
     run.progress.end();
 }
 
@@ -383,11 +384,16 @@ void close_record(const Run& run) {
         attempt([&] { run.record.write(result); });
 }
 
-void begin_session(const Run& run, const std::string& started_utc) {
+RunSession new_session() {
     RunSession session;
-    session.started_utc = started_utc;
-    session.start_s = run.now_s();
+    session.started_utc = utc_now();
+    session.started = boot_moment();
     session.version = version;
+    return session;
+}
+
+void begin_session(const Run& run, RunSession session) {
+    session.start_s = run.now_s();
     run.result.sessions.push_back(session);
     run.result.outcome = RunOutcome::error;
     run.result.reason = unfinished_run;  // what a crash leaves behind
@@ -426,11 +432,14 @@ void require_recorded_camera(const QualifyResult& result, const CameraIdentity& 
                                       result.camera.serial, camera.uri, camera.serial));
 }
 
-// How long ago the run began: by the wall clock, as the steady one does not outlive a program, but
-// never before what its log says.
-Instant resumed_start(const RecordedRun& recorded, const std::string& now_utc, Instant now) {
+// How long ago the run began. The system's clock is asked only where the machine was started anew,
+// and never believed to be before what the log says.
+Instant resumed_start(const RecordedRun& recorded, const RunSession& session, Instant now) {
+    const RunSession& first = recorded.result.sessions.front();
+    const double by_system_clock_s = utc_seconds(session.started_utc).value_or(0.0) -
+                                     utc_seconds(first.started_utc).value_or(0.0);
     const double passed_s =
-        utc_seconds(now_utc).value_or(0.0) - utc_seconds(recorded.result.started_utc).value_or(0.0);
+        seconds_between(first.started, session.started).value_or(by_system_clock_s);
     return now - duration_of(std::max(passed_s, recorded.end_s));
 }
 
@@ -456,10 +465,11 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
     RunRecord record(folder);
     const FileLock lock(folder / log_file);
     copy_inputs(result.station.inputs, folder);
-    result.started_utc = utc_now();
+    const RunSession session = new_session();
+    result.started_utc = session.started_utc;
     record.log(run_event(result));
     const Run run{result, record, clock, progress, stop, clock.now()};
-    begin_session(run, result.started_utc);
+    begin_session(run, session);
     carry_out(run, std::move(camera), std::move(stage));
     close_record(run);
     return result;
@@ -478,10 +488,10 @@ QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& op
         stage = guarded(result.station, open);
     }
     RunRecord record(result.folder, recorded.whole_bytes);
-    const std::string now_utc = utc_now();
+    const RunSession session = new_session();
     const Run run{result,   record, clock,
-                  progress, stop,   resumed_start(recorded, now_utc, clock.now())};
-    begin_session(run, now_utc);
+                  progress, stop,   resumed_start(recorded, session, clock.now())};
+    begin_session(run, session);
     for (const std::string& dropped : recorded.dropped)
         run.log("dropped", dropped);
     carry_out(run, std::move(camera), std::move(stage));

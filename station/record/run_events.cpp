@@ -49,6 +49,8 @@ std::string session_event(const RunSession& session, const CameraIdentity& camer
     return line_of({{"t", session.start_s},
                     {"event", "session"},
                     {"started_utc", session.started_utc},
+                    {"boot", session.started.boot},
+                    {"boot_s", session.started.seconds},
                     {"version", session.version},
                     {"camera", device_json(camera)}});
 }

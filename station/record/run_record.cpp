@@ -23,6 +23,12 @@ std::filesystem::path made(const std::filesystem::path& folder,
     return folder;
 }
 
+static_assert(sizeof(std::time_t) == 8, "dates after 2038-01-19 need 64 bits");
+
+std::string utc_text(std::time_t time) {
+    return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(time));
+}
+
 // The log, without what follows the whole lines.
 std::filesystem::path cut(const std::filesystem::path& log, std::uintmax_t whole_bytes) {
     std::error_code error;
@@ -54,7 +60,7 @@ void make_record_folders(const std::filesystem::path& folder,
 }
 
 std::string utc_now() {
-    return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+    return utc_text(std::time(nullptr));
 }
 
 std::optional<double> utc_seconds(const std::string& utc) {
@@ -62,7 +68,10 @@ std::optional<double> utc_seconds(const std::string& utc) {
     const char* end = strptime(utc.c_str(), "%Y-%m-%dT%H:%M:%SZ", &time);
     if (!end || *end != '\0')
         return std::nullopt;
-    return static_cast<double>(timegm(&time));
+    const std::time_t seconds = timegm(&time);
+    if (utc_text(seconds) != utc)  // "2026-3-7T...", or the 30th of February
+        return std::nullopt;
+    return static_cast<double>(seconds);
 }
 
 RunRecord::RunRecord(const std::filesystem::path& folder, std::initializer_list<const char*> parts)

@@ -150,6 +150,8 @@ int run_command_line(int argc, char** argv, const ProgramText& text,
     return run ? run() : fail(ExitCode::usage_error, "no command given; see `etalon --help`");
 }
 
+const std::string homed_help = "your word that axes which do not tell are homed";
+
 const std::string marker_help =
     "Markers:\n"
     "  apriltag:36h11:5@50mm   family, id, side of the black square\n"

@@ -97,6 +97,6 @@ int run_command_line(int argc, char** argv, const ProgramText& text,
 int fail(int exit_code, const std::string& message);
 
 // Help on what several commands ask for.
-extern const std::string marker_help, pose_help;
+extern const std::string marker_help, pose_help, homed_help;
 
 }  // namespace etalon

@@ -124,7 +124,7 @@ private:
     static TwinFile twin_file(const TemporaryFolder& folder, const std::string& stage_fault,
                               bool camera_is_true) {
         write_text(folder / "camera.yml", camera_text);
-        std::string text = quick_twin_text;
+        std::string text = quick_twin;
         if (!stage_fault.empty())
             text = replaced(text, "  port: 0\n", "  port: 0\n  faults: [" + stage_fault + "]\n");
         if (!camera_is_true)

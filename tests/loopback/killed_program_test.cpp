@@ -181,6 +181,33 @@ TEST_F(KilledProgram, IsOutlivedByAMotionWithoutAWatchdogAndTheCheckSaysSo) {
     EXPECT_EQ(check.exit_code(), 0);
 }
 
+// As a suspended machine is to its controller: nobody writes its watchdog.
+TEST_F(KilledProgram, ThatWasOnlyFrozenFindsItsAxesStoppedAndSaysSo) {
+    start_rig("generic");
+    Program program("etalon", move_to("690"));
+    ASSERT_TRUE(is_under_way()) << program.rest();
+    program.send(SIGSTOP);
+    time_until_rest(5s);
+    EXPECT_EQ(rig->simulation.status()[0].alarm, StageAlarm::watchdog);
+    program.send(SIGCONT);
+    const std::string text = program.rest();
+    EXPECT_NE(text.find("alarm 3 (watchdog expired while moving)"), std::string::npos) << text;
+    EXPECT_EQ(program.exit_code(), 4);
+    EXPECT_LT(rig->simulation.true_positions()[0], 600.0);
+}
+
+TEST_F(KilledProgram, ThatWasOnlyFrozenFindsItsAxesAtTheTargetWithoutAWatchdog) {
+    start_rig(forgetful_profile());
+    Program program("etalon", move_to("400"));
+    ASSERT_TRUE(is_under_way()) << program.rest();
+    program.send(SIGSTOP);
+    time_until_rest(5s);
+    program.send(SIGCONT);
+    const std::string text = program.rest();
+    EXPECT_NE(text.find("400.0000 mm"), std::string::npos) << text;
+    EXPECT_EQ(program.exit_code(), 0);
+}
+
 class ToldToEnd : public KilledProgram, public testing::WithParamInterface<int> {};
 
 TEST_P(ToldToEnd, StopsTheAxesAndHasItConfirmedBeforeItEnds) {

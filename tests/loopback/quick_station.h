@@ -12,9 +12,9 @@
 
 namespace etalon {
 
-constexpr int quick_station_poses = 24;
+constexpr int quick_poses = 24;
 
-inline const char* const quick_twin_text = R"(etalon: twin/1
+inline const char* const quick_twin = R"(etalon: twin/1
 seed: 7
 stage:
   port: 0
@@ -43,7 +43,7 @@ inline std::string quick_station(const std::string& port) {
              {"speed: 80,", "speed: 2000,"},
              {"speed_deg: 120,", "speed_deg: 3000,"},
              {"white_level: 0.9", "white_level: 0.8"},
-             {"poses: 25", fmt::format("poses: {}", quick_station_poses)},
+             {"poses: 25", fmt::format("poses: {}", quick_poses)},
              {"hold_out: 0.6", "hold_out: 0.625"},
              {"frames: 2", "frames: 1"},
              {"settle_ms: 40", "settle_ms: 5"}})

@@ -4,12 +4,22 @@
 #include <fstream>
 
 #include "core/errors.h"
+#include "core/text.h"
 #include "station/devices/commands.h"
 #include "tests/loopback/stage_rig.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
 namespace {
+
+const char* const tacit = R"(etalon: stage-profile/1
+name: tacit
+extends: generic
+signals: {homed: unavailable}
+sequences:
+  home: [{set: home}, {wait: [not moving], within_ms: 60000, for_ms: 100}, {clear: home}]
+  move: [{require: [enabled, not moving]}, {write: target}, {set: start}, {wait: done}]
+)";
 
 class StageCommand : public testing::Test {
 protected:
@@ -71,6 +81,21 @@ TEST_F(StageCommand, MovesNothingThatIsNotHomed) {
     EXPECT_THROW(run(run_stage_move, {"x=12.5"}), DeviceError);
     EXPECT_THROW(run(run_stage_jog, {"x=1"}), DeviceError);
     EXPECT_TRUE(rig.server->writes().empty());
+}
+
+// Without the controller's word it takes the operator's: --homed.
+TEST_F(StageCommand, MovesAxesThatDoNotTellOnTheOperatorsWord) {
+    const std::string profile = (folder.path() / "tacit.yaml").string();
+    write_text(profile, tacit);
+    const std::string station = read_text(arguments.station), key = "stage:\n";
+    write_text(arguments.station, std::string(station).insert(station.find(key) + key.size(),
+                                                              "  profile: " + profile + "\n"));
+    EXPECT_EQ(run(run_stage_home), 0);
+    EXPECT_THROW(run(run_stage_move, {"x=12.5"}), DeviceError);
+    EXPECT_EQ(rig.count_writes(start_bit), 0);
+    arguments.homed = true;
+    EXPECT_EQ(run(run_stage_move, {"x=12.5"}), 0);
+    EXPECT_NEAR(rig.simulation.true_positions()[0], 12.5, 1e-4);
 }
 
 TEST_F(StageCommand, KeepsToTheStationsRules) {

@@ -238,9 +238,9 @@ TEST(ModbusStage, ALateReplyIsNeverTakenForANewValue) {
         }
         return ModbusReaction{};
     });
-    EXPECT_NEAR(stage->position()[0], 5.0, 1e-9);
+    EXPECT_NEAR(stage->status()[0].position, 5.0, 1e-9);
     EXPECT_EQ(requests, 2);
-    EXPECT_NEAR(stage->position()[0], 5.0, 1e-9);
+    EXPECT_NEAR(stage->status()[0].position, 5.0, 1e-9);
 }
 
 TEST(ModbusStage, AStartWhoseReplyIsLostIsReadBackAndNotRepeated) {

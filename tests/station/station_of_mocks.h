@@ -98,9 +98,7 @@ private:
         std::vector<AxisStatus> status() override {
             if (owner_.stage_is_silent)
                 throw DeviceError("stage fake", "status", "no answer");
-            auto axes = stage_.status();
-            owner_.on_status(axes);
-            return axes;
+            return stage_.status();
         }
         std::string trace() const override { return "-3 ms read registers 0..13\n"; }
         bool stop() noexcept override {
@@ -127,6 +125,7 @@ private:
     std::unique_ptr<Stage> opened_stage() {
         ++opened;
         FakeStage stage(station.stage.axes);
+        stage.on_status = on_status;
         on_stage(stage);
         return std::make_unique<ObservedStage>(std::move(stage), *this);
     }

@@ -14,6 +14,7 @@ public:
     struct Record {
         std::vector<std::string> steps;  // "connect", "drain", "read 3 @7", ...
         std::vector<ModbusRequest> requests;
+        std::vector<std::chrono::milliseconds> time_limits;  // of the requests
         std::vector<ModbusReply> replies;  // in order; then everything is answered
         std::vector<Heard> heard;          // by the next discards; then nothing
     };
@@ -25,8 +26,9 @@ public:
         return {};
     }
     void close() noexcept override { record_.steps.push_back("close"); }
-    ModbusReply exchange(const ModbusRequest& request, std::chrono::milliseconds) override {
+    ModbusReply exchange(const ModbusRequest& request, std::chrono::milliseconds limit) override {
         record_.steps.push_back("request");
+        record_.time_limits.push_back(limit);
         record_.requests.push_back(request);
         if (record_.replies.empty())
             return {ModbusReply::Outcome::answered,
@@ -45,7 +47,8 @@ public:
         const Heard heard = record_.heard.empty() ? Heard::nothing : record_.heard.front();
         if (!record_.heard.empty())
             record_.heard.erase(record_.heard.begin());
-        clock_.advance(heard == Heard::nothing ? wait : wait / 2);
+        clock_.advance(heard == Heard::nothing ? wait
+                                               : std::max(wait / 2, std::min<Duration>(wait, 1ms)));
         return heard;
     }
 
@@ -200,6 +203,30 @@ TEST(ModbusLink, SendsNothingOnALineThatDoesNotBecomeQuiet) {
     }
     EXPECT_TRUE(rig.record.requests.empty());
     EXPECT_LE(rig.clock.now().time_since_epoch(), 4 * 70ms);
+}
+
+// 300 ms are left: 150 for a line that chatters, then the stop goes out all the same, with half of
+// the rest for its reply. What is read into the noise could be anybody's, so nothing is.
+TEST(ModbusLink, AStopIsSentInTimeOnALineThatDoesNotBecomeQuietAndNothingIsReadThere) {
+    ScriptedLink rig(true);
+    rig.record.heard.assign(100, Heard::something);
+    rig.link.hurry(rig.clock.now() + 300ms);
+    const std::uint16_t value = 5;
+    rig.link.write(1, holding, 3, std::span(&value, 1));
+    EXPECT_EQ(rig.record.requests.size(), 1U);
+    const Duration sent = rig.clock.now().time_since_epoch();
+    EXPECT_GE(sent, 150ms);
+    EXPECT_LE(sent, 151ms);
+    EXPECT_EQ(rig.record.time_limits.back(), 75ms);
+    rig.link.close();
+    EXPECT_THROW(rig.link.read(1, holding, 5, 1, 1), DeviceError);
+    EXPECT_EQ(rig.record.requests.size(), 1U);
+    EXPECT_LE(rig.clock.now().time_since_epoch(), 226ms);
+
+    rig.link.hurry({});
+    rig.record.heard.clear();
+    rig.link.read(1, holding, 5, 1);
+    EXPECT_EQ(rig.record.time_limits.back(), 300ms);
 }
 
 TEST(ModbusLink, TakesAFreshConnectionWhenSomethingCameUnasked) {

@@ -64,6 +64,31 @@ TEST(StageLink, TakesFromTheProfileWhatTheStationLeavesOut) {
     EXPECT_EQ(link.response_timeout, 300ms);
 }
 
+std::string fault_of_defaults(const std::string& text) {
+    try {
+        read_link_defaults(file_with(text).root().at("link"));
+    } catch (const ConfigError& error) {
+        return error.what();
+    }
+    return "";
+}
+
+// A reply may take as long as the response time-out: a line that was quiet for less can bring one.
+TEST(StageLink, RefusesALineThatIsTakenForQuietBeforeAReplyIsLate) {
+    EXPECT_EQ(fault("{device: /dev/ttyS3, response_timeout_ms: 190, quiet_ms: 189}"),
+              "s.yaml:2: link.quiet_ms: quiet_ms (189) may not be shorter than response_timeout_ms "
+              "(190): a late reply would be taken for the next one's");
+    EXPECT_EQ(fault("{device: /dev/ttyS3, response_timeout_ms: 190, quiet_ms: 190}"), "");
+    EXPECT_THAT(fault("{device: /dev/ttyS3, response_timeout_ms: 301}"),
+                HasSubstr("s.yaml:2: link.response_timeout_ms: quiet_ms (300) may not"));
+    EXPECT_EQ(fault("{host: a, port: 7, response_timeout_ms: 700}"), "") << "TCP drains nothing";
+    EXPECT_THAT(fault_of_defaults("{transport: rtu, response_timeout_ms: 170, quiet_ms: 110}"),
+                HasSubstr("s.yaml:2: link.quiet_ms: quiet_ms (110) may not"));
+    EXPECT_THAT(fault_of_defaults("{transport: rtu, response_timeout_ms: 700}"),
+                HasSubstr("link.response_timeout_ms: quiet_ms (300) may not"));
+    EXPECT_EQ(fault_of_defaults("{transport: tcp, response_timeout_ms: 700}"), "");
+}
+
 TEST(StageLink, RefusesWhatNoLinkCanBe) {
     EXPECT_THAT(fault("{host: a, port: 0}"), HasSubstr("s.yaml:2: link.port: must be"));
     EXPECT_THAT(fault("{host: a}"), HasSubstr("link.port"));

@@ -72,6 +72,34 @@ TEST(GuardedStage, IsSlowNearABoxAndNeverFasterThanItWasLimitedTo) {
     EXPECT_EQ(rig.fake.speed_shares, (std::vector<double>{1.0, 0.2, 0.1, 0.1}));
 }
 
+// 15 mm beside the lens at 0.1 % of 5 mm/s: half of what the speed register can say.
+TEST(GuardedStage, RefusesASlowZoneThatIsSlowerThanTheControllerCanBeBeforeAnythingMoves) {
+    MotionRules rules = lens;
+    rules.slow_share = 0.001;
+    VirtualClock clock;
+    SimulatedStage simulation(xz(), {}, clock);
+    StageProfile profile = builtin_stage_profile("generic");
+    profile.speed.step = 100.0;  // counts a second: 0.01 mm/s
+    ModbusController controller(simulation, profile);
+    const auto open = [&] {
+        GuardedStage(std::make_unique<ModbusStage>(
+                         StageLink{}, profile, xz(), clock,
+                         std::make_unique<MemoryTransport>(controller, clock, false)),
+                     rules);
+    };
+    try {
+        open();
+        ADD_FAILURE() << "taken";
+    } catch (const ConfigError& error) {
+        EXPECT_NE(std::string(error.what()).find("stage axes: z: 0.1 % of its speed is not 1 to"),
+                  std::string::npos)
+            << error.what();
+    }
+    EXPECT_TRUE(controller.writes().empty());
+    rules.slow_share = 0.002;
+    open();
+}
+
 TEST(GuardedStage, EndsTheMoveWhereAMotionFails) {
     Rig rig;
     rig.guarded.move(Positions{-40, 120}, {});
@@ -94,7 +122,7 @@ TEST(GuardedStage, TellsWhatDisturbsTheAxesAtRest) {
         }
         return "no error";
     };
-    const std::string read = "stage: read the positions: axis ";
+    const std::string read = "fake stage: read the positions: axis ";
     EXPECT_EQ(error_with([](AxisStatus&, AxisStatus&) {}), "no error");
     EXPECT_EQ(error_with([](AxisStatus&, AxisStatus& z) { z.alarm = 7; }), read + "z: alarm 7");
     EXPECT_EQ(error_with([](AxisStatus&, AxisStatus& z) { z.emergency_stop = true; }),

@@ -147,6 +147,20 @@ TEST_F(History, FitsEightyColumnsAndWritesAReport) {
     EXPECT_EQ(read_text(folder / "report/history.json"), history_json(runs, charts));
 }
 
+// Folders by their names would be the other way round; 32 bits would take 2039 for 1902.
+TEST_F(History, GoesByTheDatesOfTheRunsAcross2038) {
+    const char* dates[] = {"2037-12-31T23:59:59Z", "2038-01-19T03:14:08Z", "2039-01-20T11:07:05Z"};
+    for (int i = 0; i < 3; ++i) {
+        Json run = run_of(1, 0.03);
+        run["started_utc"] = dates[i];
+        add(fmt::format("run-{}", 9 - i), run);
+    }
+    const auto runs = read();
+    ASSERT_EQ(runs.size(), 3u);
+    for (std::size_t i = 0; i < 3; ++i)
+        EXPECT_EQ(runs[i].started_utc, dates[i]);
+}
+
 TEST_F(History, RefusesWhatIsNoRecord) {
     EXPECT_THAT(refusal({folder / "."}), HasSubstr("holds no record"));
     EXPECT_THAT(refusal({folder / "nothing"}), HasSubstr("holds no record"));
@@ -155,6 +169,7 @@ TEST_F(History, RefusesWhatIsNoRecord) {
     for (const auto& [key, value] :
          std::vector<std::pair<std::string, Json>>{{"etalon", "run/2"},
                                                    {"started_utc", "yesterday"},
+                                                   {"started_utc", "2026-3-7T14:05:09Z"},
                                                    {"camera", 7},
                                                    {"measurements", Json::array({Json::object()})},
                                                    {"inputs", Json::array()}}) {

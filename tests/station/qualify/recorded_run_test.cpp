@@ -1,12 +1,15 @@
 // A record read back, analysed again and gone on with; and what is refused.
 #include "station/qualify/recorded_run.h"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <ctime>
 #include <fstream>
 #include <map>
 
+#include "core/boot_moment.h"
 #include "core/random.h"
 #include "core/sha256.h"
 #include "tests/pages.h"
@@ -236,6 +239,37 @@ TEST_F(RecordOfARun, CountsItsTimeOnWhereItIsGoneOnWith) {
     EXPECT_GE(result.sessions[1].start_s, before);
     EXPECT_GE(result.poses[7].move_start_s, result.poses[6].done_s);
     EXPECT_EQ(result.statistics().delivered, 50);
+}
+
+// The system's clock says that the first session was years ago, or is to come.
+TEST_F(RecordOfARun, IsGoneOnWithAsLateAsItIsWhateverTheSystemsClockWasSetTo) {
+    const std::string kept = log_until("\"event\":\"pose\"", 6);
+    const std::string key = "\"started_utc\":\"";
+    const auto at = kept.find(key) + key.size();
+    for (const std::string begun : {"2019-03-07T14:05:09Z", "2039-01-20T03:14:07Z"}) {
+        write_text(mocks.record() / "events.jsonl",
+                   std::string(kept).replace(at, begun.size(), begun));
+        const double before = mocks.read().end_s;
+        const QualifyResult result = mocks.resume();
+        ASSERT_EQ(result.sessions.size(), 2u);
+        EXPECT_EQ(result.started_utc, begun);
+        EXPECT_GE(result.sessions[1].start_s, before);
+        EXPECT_LT(result.sessions[1].start_s, before + 60.0);
+    }
+}
+
+// After a restart of the machine nothing else tells: five hours ago by the system's clock.
+TEST_F(RecordOfARun, IsGoneOnWithByTheSystemsClockAfterARestartOfTheMachine) {
+    std::string kept = log_until("\"event\":\"pose\"", 6);
+    const std::string boot = boot_moment().boot;
+    kept.replace(kept.find(boot), boot.size(), "another");
+    const std::time_t then = std::time(nullptr) - 18000;
+    const std::string begun = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(then));
+    const std::string key = "\"started_utc\":\"";
+    kept.replace(kept.find(key) + key.size(), begun.size(), begun);
+    write_text(mocks.record() / "events.jsonl", kept);
+    const QualifyResult result = mocks.resume();
+    EXPECT_NEAR(result.sessions[1].start_s, 18000.0, 60.0);
 }
 
 // With the marker in the pictures: everything that an analysis computes.

@@ -56,6 +56,20 @@ TEST(Runner, StopsTheAxesWhenOneHasAnAlarmWhileItRests) {
     EXPECT_EQ(mocks.events("axes stopped").at(0)["detail"], "confirmed");
 }
 
+// Seen by the next move at any other pose; the measured poses stay, as there.
+TEST(Runner, EndsWhenAnAxisIsPushedAfterTheLastPicture) {
+    StationOfMocks mocks;
+    mocks.on_status = [&](std::vector<AxisStatus>& axes) {
+        if (mocks.moves == 25 && mocks.events("pose").size() == 25)
+            axes[1].alarm = 17;
+    };
+    const QualifyResult result = mocks.run();
+    EXPECT_EQ(result.outcome, RunOutcome::error);
+    EXPECT_THAT(result.reason, HasSubstr("read the positions: axis y: alarm 17"));
+    EXPECT_EQ(result.poses.size(), 25u);
+    EXPECT_EQ(mocks.stops, 1);
+}
+
 TEST(Runner, StopsTheAxesWhenTheCameraIsGone) {
     StationOfMocks mocks;
     mocks.on_camera = [](FakeCamera& camera) { camera.triggers_left = 5; };  // 2 frames a pose
@@ -169,7 +183,7 @@ TEST(Runner, EndsWhenTheEmergencyStopIsPressedWhileTheAxesRest) {
         const QualifyResult result = mocks.run();
         EXPECT_EQ(result.outcome, RunOutcome::error);
         EXPECT_EQ(result.reason,
-                  std::string("stage: read the positions: axis z") + disturbance.cause);
+                  std::string("fake stage: read the positions: axis z") + disturbance.cause);
         EXPECT_EQ(result.poses.size(), 2u);
         EXPECT_EQ(pictures_since, 1);
         EXPECT_EQ(mocks.moves, 3);

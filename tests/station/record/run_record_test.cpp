@@ -71,6 +71,13 @@ TEST(RunRecord, KnowsTheTimesThatItWrites) {
     EXPECT_EQ(utc_seconds("1970-01-02T00:00:07Z"), 86407.0);
     EXPECT_TRUE(utc_seconds(utc_now()));
     EXPECT_FALSE(utc_seconds("1970-01-02 00:00:07"));
+    // 2^31 s after 1970, where 32 bits end, and one later.
+    EXPECT_EQ(utc_seconds("2038-01-19T03:14:08Z"), 2147483648.0);
+    EXPECT_EQ(utc_seconds("2039-01-20T11:07:05Z"), 2179134425.0);
+    // Texts that are taken are in the order of their times.
+    for (const char* text : {"2026-3-7T14:05:09Z", "2026-02-30T14:05:09Z", "2026-03-07T14:05:60Z",
+                             " 2026-03-07T14:05:09Z", "2026-03-07T14:05:09Zz"})
+        EXPECT_FALSE(utc_seconds(text)) << text;
 }
 
 TEST(RunRecord, LogsAPoseOnlyWhenItsFramesAreWritten) {

@@ -71,14 +71,10 @@ DeviceOpeners openers(const StationFile& station, bool homed, Clock& clock, Prog
             [&] { return open_camera(station.camera.uri, station.camera.link, clock); }, clock,
             stop, [&](const std::string& text) { progress.note(text); });
     };
-    const auto stage = [&, homed] {
-        auto opened =
-            open_stage(station.stage.link, station.stage.profile, station.stage.axes, clock);
-        if (homed)
-            opened->take_for_homed();
-        return opened;
+    const auto stage = [&] {
+        return open_stage(station.stage.link, station.stage.profile, station.stage.axes, clock);
     };
-    return {camera, stage};
+    return {camera, stage, homed};
 }
 
 QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& progress,

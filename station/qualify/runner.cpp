@@ -401,8 +401,17 @@ void begin_session(const Run& run, RunSession session) {
     run.record.write(run.result);
 }
 
+void remark_on_homing(const Run& run, const DeviceOpeners& open) {
+    if (open.homed)
+        run.remark("axes that do not tell whether they are homed were taken for homed on the "
+                   "operator's word (--homed)");
+}
+
 std::unique_ptr<Stage> guarded(const StationFile& station, const DeviceOpeners& open) {
-    return std::make_unique<GuardedStage>(open.stage(), station.stage.rules);
+    std::unique_ptr<Stage> stage = open.stage();
+    if (open.homed)
+        stage->take_for_homed();
+    return std::make_unique<GuardedStage>(std::move(stage), station.stage.rules);
 }
 
 // ---- resuming
@@ -470,6 +479,7 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
     record.log(run_event(result));
     const Run run{result, record, clock, progress, stop, clock.now()};
     begin_session(run, session);
+    remark_on_homing(run, open);
     carry_out(run, std::move(camera), std::move(stage));
     close_record(run);
     return result;
@@ -492,6 +502,7 @@ QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& op
     const Run run{result,   record, clock,
                   progress, stop,   resumed_start(recorded, session, clock.now())};
     begin_session(run, session);
+    remark_on_homing(run, open);
     for (const std::string& dropped : recorded.dropped)
         run.log("dropped", dropped);
     carry_out(run, std::move(camera), std::move(stage));

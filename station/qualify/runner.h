@@ -22,6 +22,7 @@ namespace etalon {
 struct DeviceOpeners {
     std::function<std::unique_ptr<Camera>()> camera;
     std::function<std::unique_ptr<Stage>()> stage;
+    bool homed = false;  // the operator's word, Stage::take_for_homed(): remarked in the record
 };
 
 // Runs on the calling thread, which owns both devices throughout. `progress` is told the plan and

@@ -8,7 +8,9 @@ namespace etalon {
 namespace {
 
 using Json = nlohmann::json;
+using testing::Contains;
 using testing::HasSubstr;
+using testing::Not;
 
 TEST(Runner, KeepsWhatWasMeasuredAndStopsTheAxesWhenTheStageFails) {
     StationOfMocks mocks;
@@ -214,6 +216,14 @@ TEST(Runner, SeesAnEmergencyStopWithinOnePollPeriodWhileTheAxesSettle) {
         EXPECT_EQ(mocks.stops, 1);
         EXPECT_EQ(result.poses.size(), 2u);
     }
+}
+
+TEST(Runner, RecordsTheOperatorsWordThatAxesAreHomed) {
+    StationOfMocks mocks;
+    EXPECT_THAT(mocks.run().remarks, Not(Contains(HasSubstr("--homed"))));
+    std::filesystem::remove_all(mocks.record());
+    mocks.homed = true;
+    EXPECT_THAT(mocks.run().remarks, Contains(HasSubstr("on the operator's word (--homed)")));
 }
 
 TEST(Runner, KeepsOutOfForbiddenBoxes) {

@@ -297,8 +297,10 @@ void describe_choice(const GenicamDevice& device, CameraControl& control) {
     if (!missing)
         control.choices.assign(names, names + count);
     g_free(names);
-    control.value = text_or_empty(
-        arv_camera_get_string(device.camera(), control.name.c_str(), unreadable.out()));
+    const char* now =
+        arv_camera_get_string(device.camera(), control.name.c_str(), unreadable.out());
+    if (!unreadable)
+        control.value = text_or_empty(now);
 }
 
 std::optional<CameraControl> described(const GenicamDevice& device, const std::string& name) {

@@ -70,6 +70,8 @@ run_target() {
         -close_fd_mask=3 -print_final_stats=1 "${with_words[@]}" \
         -artifact_prefix="build/fuzz/findings/$target-" "$kept" $(seeds_of "$target"); } \
         2>"$log" || status=$?
+    # What it says of a finding, which the run keeps from the terminal.
+    [ "$status" -eq 0 ] || "build/fuzz/build/$target" "build/fuzz/findings/$target"-* >>"$log" 2>&1 || true
     awk -v target="$target" -v status="$status" '
         match($0, / cov: [0-9]+/) { covered = substr($0, RSTART + 6, RLENGTH - 6) }
         /^stat::number_of_executed_units/ { runs = $2 }
@@ -84,7 +86,9 @@ TMPDIR=$(mktemp -d)
 export TMPDIR
 trap 'rm -rf "$TMPDIR"' EXIT
 if [ $# -eq 0 ]; then
-    set -- $(cd tests/fuzz/coverage && ls -- *.cpp | sed 's/\.cpp$//')
+    set -- tests/fuzz/coverage/*.cpp
+    set -- "${@##*/}"
+    set -- "${@%.cpp}"
 fi
 printf '%-17s %11s %9s %8s  %s\n' target executions "edges" "CPU s" findings
 printf '%s\n' "$@" | xargs -P "$(nproc)" -I {} bash -c 'run_target {}' || exit 1

@@ -4,6 +4,7 @@
 #include <array>
 #include <cerrno>
 #include <fstream>
+#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string_view>
@@ -24,6 +25,23 @@ bool is_heif(const std::filesystem::path& path) {
     return box == "ftyp" && std::ranges::find(brands, brand) != brands.end();
 }
 
+// Whether a JPEG lacks the marker that ends it, FF D9, behind its segments (ITU-T T.81, B.1.1); one
+// in a segment, of a thumbnail, is another picture's. It would be decoded as far as it goes.
+bool is_cut_jpeg(const std::filesystem::path& path) {
+    constexpr std::string_view begin = "\xff\xd8", end = "\xff\xd9";
+    std::string bytes(begin.size(), 0);
+    std::ifstream file(path, std::ios::binary);
+    if (!file.read(bytes.data(), static_cast<std::streamsize>(bytes.size())) || bytes != begin)
+        return false;
+    bytes.append(std::istreambuf_iterator<char>(file), {});
+    const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
+    constexpr unsigned char marker = 0xff, start_of_scan = 0xda;
+    std::size_t at = begin.size();
+    while (at + 4 <= bytes.size() && byte(at) == marker && byte(at + 1) != start_of_scan)
+        at += byte(at + 1) == marker ? 1U : 2U + (byte(at + 2) << 8 | byte(at + 3));
+    return bytes.find(end, at) == std::string::npos;
+}
+
 cv::Mat read_any(const std::filesystem::path& path) {
     std::error_code ignored;
     if (!std::filesystem::exists(path, ignored))  // OpenCV would print a warning of its own
@@ -32,6 +50,8 @@ cv::Mat read_any(const std::filesystem::path& path) {
         throw ConfigError({path.string()},
                           "is HEIC, which is not read here: convert it to PNG, or "
                           "to JPEG of quality 95 (heif-convert)");
+    if (is_cut_jpeg(path))
+        throw ConfigError({path.string()}, "is a JPEG that ends early: copy or download it again");
     cv::Mat image;
     try {
         // As the sensor has it: whichever way up a viewer is told to show it, a camera is one.

@@ -1,10 +1,27 @@
 #include "report/json_text.h"
 
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
+
+#include "core/errors.h"
+#include "core/text.h"
+#include "core/yaml_text.h"
 
 namespace etalon {
 
 using nlohmann::ordered_json;
+
+ordered_json read_json(const std::filesystem::path& path) {
+    const auto require_depth = [&](int depth, ordered_json::parse_event_t, ordered_json&) {
+        if (depth > static_cast<int>(max_yaml_depth))
+            throw ConfigError(
+                {path.string()},
+                fmt::format("has more than {} lists and objects in each other", max_yaml_depth));
+        return true;
+    };
+    return ordered_json::parse(read_text(path), require_depth, /*allow_exceptions=*/false);
+}
 
 std::string text_of(const ordered_json& json, int indent) {
     return json.dump(indent, ' ', false, ordered_json::error_handler_t::replace);

@@ -3,6 +3,7 @@
 // a second.
 #pragma once
 
+#include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
@@ -11,6 +12,11 @@
 #include "report/software_versions.h"
 
 namespace etalon {
+
+// A file of ours, read back; discarded when it is no JSON. Throws ConfigError when it cannot be
+// read, or has more lists and objects in each other than max_yaml_depth (core/yaml_text.h):
+// comparing or writing what is as deep as a file can be takes more stack than there is.
+nlohmann::ordered_json read_json(const std::filesystem::path& path);
 
 // Bytes that are not UTF-8 are replaced. `indent` -1: on one line. No line end behind it.
 std::string text_of(const nlohmann::ordered_json& json, int indent = 2);

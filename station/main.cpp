@@ -1,4 +1,4 @@
-// The command line of `etalon`: its commands in the order of its help, and what an error ends with.
+// The program `etalon`: its command line, and what an error ends with.
 #include <fmt/format.h>
 
 #include <malloc.h>
@@ -11,16 +11,7 @@
 #include "core/exit_codes.h"
 #include "core/version.h"
 #include "report/software_versions.h"
-#include "station/calibrate/commands.h"
-#include "station/compare/commands.h"
-#include "station/devices/commands.h"
-#include "station/foresee/commands.h"
-#include "station/history/commands.h"
-#include "station/qualify/commands.h"
-#include "station/register/commands.h"
-#include "station/render/commands.h"
-#include "station/shell/command.h"
-#include "station/studies/commands.h"
+#include "station/commands.h"
 
 namespace etalon {
 namespace {
@@ -36,16 +27,6 @@ std::string version_text() {
         text += fmt::format("  {:<14}{}\n", backend.name, backend.detail);
     text += "stage backends:\n  modbus-tcp    built in";
     return text;
-}
-
-void declare_commands(Command& program) {
-    for (const auto declare :
-         {declare_qualify, declare_plan,    declare_oc,        declare_report,
-          declare_history, declare_compare, declare_calibrate, declare_characterise,
-          declare_render,  declare_detect,  declare_marker,    declare_devices,
-          declare_capture, declare_stage,   declare_register,  declare_expect,
-          declare_study,   declare_camera,  declare_bench,     declare_stability})
-        declare(program);
 }
 
 // Pictures of many megapixels come and go: memory that a run has got it keeps, for new pages cost
@@ -64,7 +45,7 @@ int main(int argc, char** argv) {
     // A reader that goes away (`etalon qualify ... | head`) must not end a run with moving axes.
     std::signal(SIGPIPE, SIG_IGN);
     try {
-        return run_command_line(
+        const auto command = parse_command_line(
             argc, argv,
             {"etalon: qualifies calibrated cameras on a motorised stage",
              "Exit codes: 0 PASS or done, 1 FAIL, 2 INCONCLUSIVE, 3 usage or input error,\n"
@@ -72,6 +53,7 @@ int main(int argc, char** argv) {
              "`etalon COMMAND --help` explains a command.\n",
              version_text},
             declare_commands);
+        return command();
     } catch (const ConfigError& error) {
         return fail(ExitCode::usage_error, error.what());
     } catch (const Interrupted& error) {

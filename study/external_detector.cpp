@@ -91,8 +91,9 @@ std::optional<Rigid> pose_in(const nlohmann::json& numbers) {
     return rigid_from_vector(pose);
 }
 
-// Nothing when the line is no answer.
-std::optional<ExternalAnswer> answer_in(const std::string& line) {
+}  // namespace
+
+std::optional<ExternalAnswer> external_answer(const std::string& line) {
     const auto json = nlohmann::json::parse(line, nullptr, false);
     if (!json.is_object())
         return std::nullopt;
@@ -105,8 +106,6 @@ std::optional<ExternalAnswer> answer_in(const std::string& line) {
         return std::nullopt;
     return without_pose(failure->get<std::string>());
 }
-
-}  // namespace
 
 ExternalDetector::ExternalDetector(std::vector<std::string> command, milliseconds time_out,
                                    const std::string& place)
@@ -212,7 +211,7 @@ ExternalAnswer ExternalDetector::receive(Deadline deadline) {
     }
     if (line.find('\n') + 1 != line.size())
         return failed("the answer is more than one line");
-    const auto answer = answer_in(line);
+    const auto answer = external_answer(line);
     return answer ? *answer : failed("the answer is neither a pose nor a failure");
 }
 

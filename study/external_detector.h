@@ -35,6 +35,9 @@ struct ExternalAnswer {
     std::string failure;  // why there is none
 };
 
+// What a line of its output says; nothing when the line is no answer.
+std::optional<ExternalAnswer> external_answer(const std::string& line);
+
 // Not thread-safe: one per thread.
 class ExternalDetector {
 public:

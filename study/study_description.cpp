@@ -136,8 +136,7 @@ StudyDescription describe(const StudyFile& study, const std::filesystem::path& f
 
 StudyDescription read_description(const std::filesystem::path& folder) {
     const std::filesystem::path path = folder / file_name;
-    const ordered_json json =
-        ordered_json::parse(read_text(path), nullptr, /*allow_exceptions=*/false);
+    const ordered_json json = read_json(path);
     if (!json.is_object() || json.value("etalon", ordered_json()) != kind)
         throw ConfigError({path.string()}, std::string("is not of ") + kind);
     try {

@@ -150,8 +150,9 @@ bool GenicamDevice::lost() const {
 
 void GenicamDevice::read_identity(const std::string& id) {
     const auto text = [&](auto getter) {
-        ErrorSlot ignored;  // not every device says all of these
-        return text_or_empty(getter(camera(), ignored.out()));
+        ErrorSlot unknown;  // not every device says all of these; what was not read has no end
+        const char* said = getter(camera(), unknown.out());
+        return unknown ? "" : text_or_empty(said);
     };
     identity_.uri = "genicam:" + id;
     identity_.vendor = text(arv_camera_get_vendor_name);

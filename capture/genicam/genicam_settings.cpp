@@ -14,6 +14,17 @@ namespace {
 
 using std::chrono::microseconds;
 
+// A list of the library's, which is freed here. Entries to which a description gives no name are
+// left out: nobody can choose them.
+std::vector<std::string> taken_names(const char** names, guint count) {
+    std::vector<std::string> taken;
+    for (guint i = 0; i < count; ++i)
+        if (names[i])
+            taken.push_back(names[i]);
+    g_free(names);
+    return taken;
+}
+
 // ---- off: whatever changes pixels by itself --------------------------------------------------
 
 void switch_automatics_off(const GenicamDevice& device) {
@@ -55,9 +66,7 @@ std::vector<std::string> available_formats(const GenicamDevice& device) {
     const char** names = device.ask("read pixel formats", [&](GError** e) {
         return arv_camera_dup_available_pixel_formats_as_strings(device.camera(), &count, e);
     });
-    std::vector<std::string> formats(names, names + count);
-    g_free(names);
-    return formats;
+    return taken_names(names, count);
 }
 
 // The plainest monochrome format of the device that holds `bits`.
@@ -294,11 +303,11 @@ void describe_choice(const GenicamDevice& device, CameraControl& control) {
     ErrorSlot missing, unreadable;
     const char** names = arv_camera_dup_available_enumerations_as_strings(
         device.camera(), control.name.c_str(), &count, missing.out());
-    if (!missing)
-        control.choices.assign(names, names + count);
-    g_free(names);
-    control.value = text_or_empty(
-        arv_camera_get_string(device.camera(), control.name.c_str(), unreadable.out()));
+    control.choices = taken_names(names, missing ? 0 : count);
+    const char* now =
+        arv_camera_get_string(device.camera(), control.name.c_str(), unreadable.out());
+    if (!unreadable)
+        control.value = text_or_empty(now);
 }
 
 std::optional<CameraControl> described(const GenicamDevice& device, const std::string& name) {

@@ -142,7 +142,7 @@ std::string text_at(const ordered_json& object, const char* key) {
 // made with.
 std::filesystem::path station_of_record(const std::filesystem::path& record) {
     const std::filesystem::path file = record / "run.json";
-    const auto run = ordered_json::parse(read_text(file), nullptr, false);
+    const ordered_json run = read_json(file);
     if (run.is_object() && run.contains("inputs") && run["inputs"].is_array())
         for (const auto& input : run["inputs"]) {
             if (!input.is_object() || text_at(input, "role") != "station")

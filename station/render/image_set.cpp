@@ -31,8 +31,7 @@ void make_set_folder(const std::filesystem::path& folder) {
 }
 
 void check_same(const std::filesystem::path& folder, const ordered_json& settings) {
-    const ordered_json there =
-        ordered_json::parse(read_text(folder / settings_file), nullptr, /*allow_exceptions=*/false);
+    const ordered_json there = read_json(folder / settings_file);
     if (!there.is_object() || there.value("etalon", ordered_json()) != kind ||
         !there.contains("settings"))
         refuse(folder, fmt::format("holds a {} that is not of {}", settings_file, kind));

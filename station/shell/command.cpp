@@ -128,8 +128,8 @@ int fail(int exit_code, const std::string& message) {
     return exit_code;
 }
 
-int run_command_line(int argc, char** argv, const ProgramText& text,
-                     const std::function<void(Command&)>& declare) {
+std::function<int()> parse_command_line(int argc, char** argv, const ProgramText& text,
+                                        const std::function<void(Command&)>& declare) {
     CLI::App app(text.summary, "etalon");
     app.set_help_flag("-h,--help", "show this help");
     app.set_version_flag("--version", text.version, "show versions and backends");
@@ -140,14 +140,18 @@ int run_command_line(int argc, char** argv, const ProgramText& text,
     std::function<int()> run;
     Command program(app, run);
     declare(program);
+    int exit_code = 0;
     try {
         app.parse(argc, argv);
+        if (run)
+            return run;
+        exit_code = fail(ExitCode::usage_error, "no command given; see `etalon --help`");
     } catch (const CLI::Success& request) {  // --help, --version
-        return app.exit(request);
+        exit_code = app.exit(request);
     } catch (const CLI::ParseError& error) {
-        return fail(ExitCode::usage_error, error.what());
+        exit_code = fail(ExitCode::usage_error, error.what());
     }
-    return run ? run() : fail(ExitCode::usage_error, "no command given; see `etalon --help`");
+    return [exit_code] { return exit_code; };
 }
 
 const std::string homed_help = "your word that axes which do not tell are homed";

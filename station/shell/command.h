@@ -88,10 +88,11 @@ struct ProgramText {
     std::function<std::string()> version;
 };
 
-// Parses the command line and runs the chosen command: its exit code, 0 after --help and --version,
-// or ExitCode::usage_error with one line on stderr. Throws what the action throws.
-int run_command_line(int argc, char** argv, const ProgramText& text,
-                     const std::function<void(Command&)>& declare);
+// Parses the command line. What is returned runs the chosen command, throws what that throws, and
+// returns its exit code: 0 after --help and --version, which have printed, ExitCode::usage_error
+// after a line on stderr.
+std::function<int()> parse_command_line(int argc, char** argv, const ProgramText& text,
+                                        const std::function<void(Command&)>& declare);
 
 // One line on stderr, whatever the message that was thrown; returns `exit_code`.
 int fail(int exit_code, const std::string& message);

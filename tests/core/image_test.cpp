@@ -47,6 +47,27 @@ TEST(Image, RefusesWhatIsNoImageAndNamesTheFile) {
     EXPECT_THROW(read_image(temporary("missing.png")), ConfigError);
 }
 
+// OpenCV decodes one as far as it goes, gray below. The thumbnail in front has an end of its own,
+// and what cameras write behind the picture is no part of it.
+TEST(Image, RefusesAJpegThatEndsEarly) {
+    cv::Mat pixels(64, 48, CV_8UC1);
+    cv::randu(pixels, 0, 255);
+    write_image(temporary("whole.jpg"), {pixels, 8});
+    const std::string whole = [] {
+        std::ifstream file(temporary("whole.jpg"), std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(file), {});
+    }();
+    const std::string thumbnail("\xff\xe1\x00\x06\xff\xd8\xff\xd9", 8);
+    const std::string photo = whole.substr(0, 2) + thumbnail + whole.substr(2);
+    const auto read = [](const std::string& bytes) {
+        std::ofstream(temporary("photo.jpg"), std::ios::binary) << bytes;
+        return read_image(temporary("photo.jpg")).pixels;
+    };
+    EXPECT_EQ(cv::norm(read(photo + "trailer"), read(whole), cv::NORM_INF), 0.0);
+    for (const std::size_t cut : {std::size_t{2}, photo.size() / 2, photo.size() - 40})
+        EXPECT_THROW(read(photo.substr(0, photo.size() - cut)), ConfigError) << cut;
+}
+
 TEST(Image, LeavesNothingBehindWhenItCannotWrite) {
     const auto folder = temporary("folder");
     std::filesystem::remove_all(folder);

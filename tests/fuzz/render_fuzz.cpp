@@ -1,6 +1,5 @@
 // The differential fuzzer: random scenes, ordinary and hostile, rendered with the automatic plan, E
-// and C, compared with each other and with the reference integrator; and damaged camera and pose
-// files, which must be read or refused.
+// and C, compared with each other and with the reference integrator.
 //
 //     render_fuzz SECONDS [SEED]
 //
@@ -13,16 +12,9 @@
 
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
 #include <map>
 
-#include "calib/files/camera_file.h"
-#include "core/errors.h"
-#include "core/random.h"
-#include "sim/scene/pose_file.h"
-#include "tests/fuzz/damaged_files.h"
 #include "tests/fuzz/scene_check.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon::test {
 namespace {
@@ -59,7 +51,7 @@ struct Worst {
 };
 
 struct Tally {
-    long inputs = 0, rendered = 0, compared = 0, violations = 0, files_read = 0, files_refused = 0;
+    long inputs = 0, rendered = 0, compared = 0, violations = 0;
     std::map<std::string, long> refusals;  // by their words, without numbers
     Worst methods, reference, slowest;
 };
@@ -106,31 +98,13 @@ void fuzz_scene(std::uint64_t seed, KeptRenderer& kept, Tally& tally) {
     tally.slowest.see(taken.count(), seed);
 }
 
-void fuzz_files(std::uint64_t seed, const std::filesystem::path& folder, Tally& tally) {
-    for (const DamagedFile& file : damaged_files(seed)) {
-        const auto path = folder / file.name;
-        std::ofstream(path, std::ios::binary) << file.content;
-        try {
-            if (path.extension() == ".yml")
-                read_camera(path);
-            else
-                read_poses(path);
-            ++tally.files_read;
-        } catch (const ConfigError&) {
-            ++tally.files_refused;
-        }
-    }
-}
-
-void fuzz(std::uint64_t seed, const std::filesystem::path& folder, KeptRenderer& kept,
-          Tally& tally) {
+void fuzz(std::uint64_t seed, KeptRenderer& kept, Tally& tally) {
     current_seed = seed;
     const itimerval limit{.it_interval = {}, .it_value = {.tv_sec = max_input_cpu_s, .tv_usec = 0}};
     setitimer(ITIMER_PROF, &limit, nullptr);
     ++tally.inputs;
     try {
         fuzz_scene(seed, kept, tally);
-        fuzz_files(seed, folder, tally);
     } catch (const std::exception& error) {
         report(tally, seed, "exception", error.what());
     }
@@ -147,7 +121,6 @@ void print(const Tally& tally) {
         tally.methods.gray, static_cast<unsigned long long>(tally.methods.seed),
         tally.reference.gray, static_cast<unsigned long long>(tally.reference.seed),
         tally.slowest.gray, static_cast<unsigned long long>(tally.slowest.seed));
-    std::printf("files: %ld read, %ld refused\n", tally.files_read, tally.files_refused);
     std::printf("%ld violations\n", tally.violations);
 }
 
@@ -164,12 +137,11 @@ int main(int argc, char** argv) {
     std::uint64_t seed = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 1;
     for (const int number : {SIGPROF, SIGSEGV, SIGABRT, SIGFPE, SIGBUS, SIGILL})
         signal(number, tell_seed);
-    const etalon::TemporaryFolder folder;
     Tally tally;
     KeptRenderer kept;
     const auto start = std::chrono::steady_clock::now();
     do
-        fuzz(seed++, folder.path(), kept, tally);
+        fuzz(seed++, kept, tally);
     while (std::chrono::steady_clock::now() - start < duration);
     print(tally);
     return tally.violations > 0 ? 1 : 0;

@@ -3,15 +3,8 @@
 #include <gmock/gmock.h>
 #include <tbb/global_control.h>
 
-#include <fstream>
-
-#include "calib/files/camera_file.h"
-#include "core/errors.h"
-#include "sim/scene/pose_file.h"
-#include "tests/fuzz/damaged_files.h"
 #include "tests/fuzz/scene_check.h"
 #include "tests/gray.h"
-#include "tests/temporary_folder.h"
 
 namespace etalon::test {
 namespace {
@@ -101,24 +94,6 @@ TEST(RandomScenes, AWrongRenderIsNoticed) {
         Renderer(input.camera).render(moved).radiance, input.camera, input.scene,
         probe_pixels(input.camera, input.scene, 12, 3), 0.1, {.samples_per_scramble = 256});
     EXPECT_FALSE(check.within());
-}
-
-TEST(DamagedFiles, AreReadOrRefused) {
-    const TemporaryFolder folder;
-    int read = 0, refused = 0;
-    for (std::uint64_t seed = 1; seed <= 150; ++seed)
-        for (const DamagedFile& file : damaged_files(seed)) {
-            const auto path = folder / file.name;
-            std::ofstream(path, std::ios::binary) << file.content;
-            try {
-                path.extension() == ".yml" ? (void)read_camera(path) : (void)read_poses(path);
-                ++read;
-            } catch (const ConfigError&) {
-                ++refused;
-            }
-        }
-    EXPECT_GT(read, 0);
-    EXPECT_GT(refused, 100);
 }
 
 }  // namespace

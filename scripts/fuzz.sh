@@ -1,0 +1,94 @@
+#!/usr/bin/env bash
+# Fuzzes with coverage: builds tests/fuzz/coverage with clang and runs each of its targets.
+#
+#     scripts/fuzz.sh SECONDS [TARGET...]      scripts/fuzz.sh 3600 own_files
+#
+# As many targets at a time as there are processors. Prints a table; exit code 1 when a target found
+# something: its input is then in build/fuzz/findings/, and `build/fuzz/build/TARGET INPUT` repeats
+# it. What was found worth trying is kept in build/fuzz/corpus/. 77: cannot run here, and why.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+if [ $# -eq 0 ] || [ "$1" = --help ] || [ "$1" = -h ]; then
+    sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "$0"
+    exit 3
+fi
+export seconds=$1
+shift
+
+if ! echo 'extern "C" int LLVMFuzzerTestOneInput(const char*, unsigned long) { return 0; }' |
+        clang++ -x c++ -fsanitize=fuzzer - -o /dev/null 2>/dev/null; then
+    echo "skipped: no clang++ with libFuzzer here (packages clang and libclang-rt-dev)"
+    exit 77
+fi
+. scripts/packages.sh
+build_etalon etalon etalon-twin
+mkdir -p build/fuzz/findings
+if ! { cmake --install build/release --prefix build/fuzz/etalon &&
+        cmake -S tests/fuzz/coverage -B build/fuzz/build -G Ninja -DCMAKE_CXX_COMPILER=clang++ \
+            -DCMAKE_PREFIX_PATH="$PWD/build/fuzz/etalon" &&
+        cmake --build build/fuzz/build --target "${@:-all}"; } >build/fuzz/build.log 2>&1; then
+    echo "The build failed:" >&2
+    grep -E -A 5 'error|FAILED' build/fuzz/build.log | head -n 40 >&2
+    exit 1
+fi
+
+# Seeds that lie elsewhere, as what they are.
+seeds_of() {
+    echo "tests/fuzz/corpus/$1"
+    if [ "$1" = own_files ]; then
+        echo examples/demo examples/study stage/profiles tests/vm/qualify
+    fi
+}
+
+# Its dictionary: the words that the sources of its readers hold in quotes.
+words_of() {
+    local sources
+    case $1 in
+        own_files) sources="compare/verdict mocks/twin stage sim/marker/marker.cpp station/compare \
+            station/setup study calib/files/camera_file.cpp calib/camera/parameter_names.h core/units.h" ;;
+        foreign_cameras) sources=calib/files ;;
+        event_log) sources="core/frame_log.cpp core/image.cpp station/qualify/recorded_run.cpp station/record" ;;
+        records) sources="station/history station/render/image_set.cpp study/study_description.cpp" ;;
+        command_lines) sources="station sim/marker" ;;
+        detector_answers) sources=study/external_detector.cpp ;;
+        *) return ;;
+    esac
+    # shellcheck disable=SC2086
+    grep -rhoE '"[A-Za-z0-9_./,-]{2,30}"' $sources | sed 's/,[^"]*//' | grep -v '^""$' | sort -u
+}
+
+# One line of the table. The time is the processor's.
+run_target() {
+    local target=$1 log=build/fuzz/$1.log kept=build/fuzz/corpus/$1 status=0
+    mkdir -p "$kept"
+    words_of "$target" >"build/fuzz/$target.dict"
+    local with_words=()
+    [ ! -s "build/fuzz/$target.dict" ] || with_words=("-dict=build/fuzz/$target.dict")
+    TIMEFORMAT='cpu %U %S'
+    # shellcheck disable=SC2046
+    { time "build/fuzz/build/$target" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=3000 \
+        -close_fd_mask=3 -print_final_stats=1 "${with_words[@]}" \
+        -artifact_prefix="build/fuzz/findings/$target-" "$kept" $(seeds_of "$target"); } \
+        2>"$log" || status=$?
+    # What it says of a finding, which the run keeps from the terminal.
+    [ "$status" -eq 0 ] || "build/fuzz/build/$target" "build/fuzz/findings/$target"-* >>"$log" 2>&1 || true
+    awk -v target="$target" -v status="$status" '
+        match($0, / cov: [0-9]+/) { covered = substr($0, RSTART + 6, RLENGTH - 6) }
+        /^stat::number_of_executed_units/ { runs = $2 }
+        /^cpu / { cpu = $2 + $3 }
+        END { printf "%-17s %11d %9d %8.0f  %s\n", target, runs, covered, cpu,
+                     status == 0 ? "nothing" : "FINDING, see build/fuzz/" target ".log" }' "$log"
+    return "$status"
+}
+export -f run_target seeds_of words_of
+
+TMPDIR=$(mktemp -d)
+export TMPDIR
+trap 'rm -rf "$TMPDIR"' EXIT
+if [ $# -eq 0 ]; then
+    set -- tests/fuzz/coverage/*.cpp
+    set -- "${@##*/}"
+    set -- "${@%.cpp}"
+fi
+printf '%-17s %11s %9s %8s  %s\n' target executions "edges" "CPU s" findings
+printf '%s\n' "$@" | xargs -P "$(nproc)" -I {} bash -c 'run_target {}' || exit 1

@@ -1,0 +1,40 @@
+// Descriptions of GenICam devices, of which Aravis makes nodes: a device in this process that has
+// such a one is opened, set up and asked what our cameras are asked.
+#include <arv.h>
+
+#include "capture/genicam/genicam_clock.h"
+#include "capture/genicam/genicam_settings.h"
+#include "tests/fuzz/coverage/fuzz_input.h"
+
+namespace etalon::test {
+namespace {
+
+void open(const std::filesystem::path& description) {
+    arv_set_fake_camera_genicam_filename(description.c_str());
+    const GenicamDevice device("Fake_1", {});
+    const CaptureSettings wanted{.exposure = std::chrono::microseconds(2000), .gain_db = 1.0};
+    const GenicamCapture capture = configure_genicam(device, wanted);
+    require(capture.format != nullptr, "a capture without a format");
+    require_all_finite(std::array{capture.exposure_step_us, capture.settings.gain_db});
+    genicam_abilities(device);
+    const SteadyClock clock;
+    read_genicam_clock(device, clock);
+    read_ptp(device);
+}
+
+}  // namespace
+}  // namespace etalon::test
+
+extern "C" int LLVMFuzzerInitialize(int*, char***) {
+    for (const char* network : {"GigEVision", "USB3Vision"})
+        arv_disable_interface(network);
+    arv_enable_interface("Fake");
+    return 0;
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    using namespace etalon::test;
+    const auto path = write_input("description.xml", text_of(data, size));
+    read_or_refuse([&] { open(path); });
+    return 0;
+}

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <csignal>
 #include <functional>
@@ -63,6 +64,7 @@ protected:
     void try_with_every_stage_fault(const CameraFault& camera_fault) {
         int number = GTEST_FLAG_GET(random_seed);
         std::map<int, int> ended;
+        Duration longest{0};
         for (const std::string& stage_fault : stage_faults) {
             const Third third = static_cast<Third>(number % 3);
             const bool camera_is_true = number++ % 2 == 0;
@@ -71,10 +73,12 @@ protected:
                                      camera_is_true ? "true" : "false"));
             const Ended end = run(camera_fault, stage_fault, third, camera_is_true);
             ++ended[end.code];
+            longest = std::max(longest, end.after);
             expect_an_honest_end(end, camera_is_true);
         }
         for (const auto& [code, runs] : ended)
             fmt::print("{} runs with exit code {}\n", runs, code);
+        fmt::print("the longest took {:.1f} s\n", std::chrono::duration<double>(longest).count());
     }
 
     virtual bool may_pass() const { return true; }

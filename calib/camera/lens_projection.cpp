@@ -1,0 +1,253 @@
+#include "calib/camera/lens_projection.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "core/errors.h"
+
+namespace etalon {
+namespace {
+
+using Kind = LensProjection::Kind;
+
+// g of the header and its derivatives; by_s is that with respect to s = X^2 + Y^2.
+struct Scale {
+    double g, by_s, by_z, by_a = 0.0, by_b = 0.0;
+};
+
+// Of 1 / q.
+Scale inverse_of(const Scale& q) {
+    const double g = 1.0 / q.g, slope = -g * g;
+    return {g, slope * q.by_s, slope * q.by_z, slope * q.by_a, slope * q.by_b};
+}
+
+// theta / R. Near the axis its difference quotient cancels: there the series of atan in t = s /
+// z^2.
+Scale angle_over_radius(double s, double z) {
+    const double by_z = -1.0 / (s + z * z);
+    const double t = s / (z * z);
+    if (z > 0.0 && t < 1e-3) {
+        double g = 0.0, by_t = 0.0;
+        for (int n = 6; n >= 1; --n) {
+            const double term = (n % 2 == 0 ? 1.0 : -1.0) / (2 * n + 1);
+            by_t = n * term + t * by_t;
+            g = t * (term + g);
+        }
+        return {(1.0 + g) / z, by_t / (z * z * z), by_z};
+    }
+    const double g = std::atan2(std::sqrt(s), z) / std::sqrt(s);
+    return {g, (-z * by_z - g) / (2.0 * s), by_z};
+}
+
+// 2 tan(a / 2) / a, 1 at 0.
+double tangent_over_angle(double a) {
+    return a < 1e-8 ? 1.0 : 2.0 * std::tan(0.5 * a) / a;
+}
+
+Scale field_of_view(double a, double s, double z) {
+    const double stretch = tangent_over_angle(a), factor = stretch * a;  // 2 tan(a/2)
+    const Scale angle = angle_over_radius(factor * factor * s, z);
+    // (1 + factor^2 / 4 - stretch) / a, which cancels where a is small.
+    const double stretch_by_a = a < 0.02
+                                    ? a / 6.0 * (1.0 + a * a / 5.0 + 17.0 / 560.0 * a * a * a * a)
+                                    : (1.0 + 0.25 * factor * factor - stretch) / a;
+    const double factor_by_a = 1.0 + 0.25 * factor * factor;
+    return {stretch * angle.g, stretch * factor * factor * angle.by_s, stretch * angle.by_z,
+            stretch_by_a * angle.g + stretch * angle.by_s * 2.0 * factor * factor_by_a * s};
+}
+
+// Behind the camera the sum z + a d cancels.
+Scale unified(double a, double s, double z) {
+    const double d = std::sqrt(s + z * z);
+    const double sum = z > 0.0 ? z + a * d : (a * a * s + (a * a - 1.0) * z * z) / (a * d - z);
+    return inverse_of({sum, 0.5 * a / d, 1.0 + a * z / d, d});
+}
+
+// 2 / (d + z); behind the camera d + z cancels and is s / (d - z).
+Scale stereographic(double s, double z) {
+    const double d = std::sqrt(s + z * z);
+    const double sum = z > 0.0 ? d + z : s / (d - z);
+    const double g = 2.0 / sum;
+    return {g, -g / sum / (2.0 * d), -g / d};
+}
+
+Scale extended_unified(double a, double b, double s, double z) {
+    const double d = std::sqrt(b * s + z * z);
+    return inverse_of(
+        {a * d + (1.0 - a) * z, 0.5 * a * b / d, a * z / d + 1.0 - a, d - z, 0.5 * a * s / d});
+}
+
+Scale double_sphere(double a, double b, double s, double z) {
+    const double first = std::sqrt(s + z * z), w = a * first + z;
+    const double second = std::sqrt(s + w * w);
+    const double by_w = b * w / second + 1.0 - b;
+    return inverse_of({b * second + (1.0 - b) * w, 0.5 * b / second + by_w * 0.5 * a / first,
+                       by_w * (a * z / first + 1.0), by_w * first, second - w});
+}
+
+Scale scale_of(const LensProjection& p, double s, double z) {
+    switch (p.kind) {
+        case Kind::perspective:
+            return {1.0 / z, 0.0, -1.0 / (z * z)};
+        case Kind::telecentric:
+            return {1.0, 0.0, 0.0};
+        case Kind::equidistant:
+            return angle_over_radius(s, z);
+        case Kind::stereographic:
+            return stereographic(s, z);
+        case Kind::field_of_view:
+            return field_of_view(p.a, s, z);
+        case Kind::unified:
+            return unified(p.a, s, z);
+        case Kind::extended_unified:
+            return extended_unified(p.a, p.b, s, z);
+        case Kind::double_sphere:
+            return double_sphere(p.a, p.b, s, z);
+    }
+    return {};
+}
+
+// The papers' w1: the cosine's bound of the outer sphere.
+double outer_bound(double alpha) {
+    return alpha <= 0.5 ? alpha / (1.0 - alpha) : (1.0 - alpha) / alpha;
+}
+
+bool has_image(const LensProjection& p, double s, double z) {
+    const double d = std::sqrt(s + z * z);
+    switch (p.kind) {
+        case Kind::perspective:
+        case Kind::telecentric:
+            return z > 0.0;
+        case Kind::equidistant:
+        case Kind::stereographic:
+            return s > 0.0 || z > 0.0;
+        case Kind::field_of_view:
+            return z > 0.0 || (s > 0.0 && p.a > 0.0);
+        case Kind::unified:
+            return z > -d * (p.a > 1.0 ? 1.0 / p.a : p.a);
+        case Kind::extended_unified:
+            return z > -outer_bound(p.a) * std::sqrt(p.b * s + z * z);
+        case Kind::double_sphere: {
+            const double w = p.a * d + z;
+            return w > -outer_bound(p.b) * std::sqrt(s + w * w);
+        }
+    }
+    return false;
+}
+
+using Ray = std::optional<Eigen::Vector3d>;
+
+Ray at_angle(const Eigen::Vector2d& m, double angle, double sine_over_radius) {
+    if (!(angle < std::numbers::pi))
+        return std::nullopt;
+    return Eigen::Vector3d(sine_over_radius * m.x(), sine_over_radius * m.y(), std::cos(angle));
+}
+
+double sinc(double x) {
+    return x < 1e-8 ? 1.0 : std::sin(x) / x;
+}
+
+// Of the unit sphere about (0, 0, -a), seen from there: Mei's lift of (x, y, z).
+Ray lifted(double a, double x, double y, double z) {
+    const double squared = x * x + y * y;
+    const double root = z * z + (1.0 - a * a) * squared;
+    if (!(root >= 0.0))
+        return std::nullopt;
+    const double k = (z * a + std::sqrt(root)) / (z * z + squared);
+    return Eigen::Vector3d(k * x, k * y, k * z - a);
+}
+
+// The depth at which alpha and beta put the point of the plane.
+std::optional<double> plane_depth(double alpha, double beta, double squared) {
+    const double root = 1.0 - (2.0 * alpha - 1.0) * beta * squared;
+    if (!(root >= 0.0))
+        return std::nullopt;
+    return (1.0 - alpha * alpha * beta * squared) / (alpha * std::sqrt(root) + 1.0 - alpha);
+}
+
+Ray ray_at(const LensProjection& p, const Eigen::Vector2d& m) {
+    const double radius = m.norm();
+    switch (p.kind) {
+        case Kind::perspective:
+        case Kind::telecentric:
+            return Eigen::Vector3d(m.x(), m.y(), 1.0);
+        case Kind::equidistant:
+            return at_angle(m, radius, sinc(radius));
+        case Kind::stereographic: {
+            const double t = 0.25 * radius * radius;
+            return Eigen::Vector3d(m.x(), m.y(), 1.0 - t) / (1.0 + t);
+        }
+        case Kind::field_of_view: {
+            const double angle = p.a * radius;
+            const Ray ray = at_angle(m, angle, sinc(angle) / tangent_over_angle(p.a));
+            return ray ? Ray(ray->normalized()) : ray;
+        }
+        case Kind::unified:
+            return lifted(p.a, m.x(), m.y(), 1.0);
+        case Kind::extended_unified: {
+            const auto depth = plane_depth(p.a, p.b, radius * radius);
+            return depth ? Ray(Eigen::Vector3d(m.x(), m.y(), *depth).normalized()) : std::nullopt;
+        }
+        case Kind::double_sphere: {
+            const auto depth = plane_depth(p.b, 1.0, radius * radius);
+            return depth ? lifted(p.a, m.x(), m.y(), *depth) : std::nullopt;
+        }
+    }
+    return std::nullopt;
+}
+
+}  // namespace
+
+void require_possible(const LensProjection& p) {
+    const bool finite = std::isfinite(p.a) && std::isfinite(p.b);
+    const auto is_share = [](double x) { return x >= 0.0 && x <= 1.0; };
+    bool possible = finite;
+    switch (p.kind) {
+        case Kind::field_of_view:
+            possible &= p.a >= 0.0 && p.a < std::numbers::pi;
+            break;
+        case Kind::unified:
+            possible &= p.a >= 0.0;
+            break;
+        case Kind::extended_unified:
+            possible &= is_share(p.a) && p.b > 0.0;
+            break;
+        case Kind::double_sphere:
+            possible &= p.a > -1.0 && p.a <= 1.0 && is_share(p.b);
+            break;
+        default:
+            break;
+    }
+    if (!possible)
+        throw NumericalError(
+            fmt::format("no lens projects with the parameters {} and {}", p.a, p.b));
+}
+
+std::optional<OnPlane> onto_plane(const LensProjection& projection, const Eigen::Vector3d& ray) {
+    const Eigen::Vector2d across = ray.head<2>();
+    const double s = across.squaredNorm(), z = ray.z();
+    if (!has_image(projection, s, z))
+        return std::nullopt;
+    const Scale scale = scale_of(projection, s, z);
+    OnPlane image;
+    image.point = scale.g * across;
+    image.by_ray.leftCols<2>() = 2.0 * scale.by_s * across * across.transpose();
+    image.by_ray.leftCols<2>().diagonal().array() += scale.g;
+    image.by_ray.col(2) = scale.by_z * across;
+    image.by_a = scale.by_a * across;
+    image.by_b = scale.by_b * across;
+    if (!image.point.allFinite() || !image.by_ray.allFinite())
+        return std::nullopt;
+    return image;
+}
+
+std::optional<Eigen::Vector3d> from_plane(const LensProjection& projection,
+                                          const Eigen::Vector2d& point) {
+    const auto ray = ray_at(projection, point);
+    if (!ray || !ray->allFinite() || !has_image(projection, ray->head<2>().squaredNorm(), ray->z()))
+        return std::nullopt;
+    return ray;
+}
+
+}  // namespace etalon

@@ -1,0 +1,68 @@
+// From rays to the plane on which a camera's distortion works, and back: the ideal projections that
+// lens models are built on. All are symmetric about the optical axis,
+//
+//     m = g (X, Y),    with R^2 = X^2 + Y^2, d^2 = R^2 + Z^2 and g one of
+//
+//     perspective       1 / Z                               Z > 0
+//     telecentric       1 (m in mm)                         Z > 0
+//     equidistant       theta / R                           below 180 degrees
+//     stereographic     2 / (d + Z)                         below 180 degrees
+//     field of view     atan2(2 R tan(a/2), Z) / (R a)      below 180 degrees
+//     unified           1 / (Z + a d)                       Z > -a d; for a > 1 Z > -d / a
+//     extended unified  1 / (a e + (1 - a) Z)               Z > -w(a) e, e^2 = b R^2 + Z^2
+//     double sphere     1 / (b e + (1 - b)(a d + Z))        a d + Z > -w(b) e,
+//                                                           e^2 = R^2 + (a d + Z)^2
+//
+// where w(c) is c / (1 - c) or its inverse, whichever is below 1. Up to that limit |m| grows with
+// the angle theta to the axis; there it folds back or is infinite.
+//
+// Sources, and who else has them: equidistant, Kannala and Brandt, PAMI 28 (2006) 1335 (OpenCV
+// fisheye, Kalibr equi, COLMAP's fisheyes, ROS); stereographic, mrcal; field of view, Devernay and
+// Faugeras, MVA 13 (2001) 14 (Kalibr fov, COLMAP FOV); unified, Mei and Rives, ICRA 2007 (OpenCV
+// omnidir, Kalibr omni); extended unified, Khomutenko, Garcia and Martinet, RA-L 1 (2016) 137
+// (Kalibr eucm); double sphere, Usenko, Demmel and Cremers, 3DV 2018 (Kalibr ds), whose own limit,
+// on Z / d, is up to some degrees stricter.
+#pragma once
+
+#include <Eigen/Core>
+#include <numbers>
+#include <optional>
+
+namespace etalon {
+
+struct LensProjection {
+    enum class Kind {
+        perspective,
+        telecentric,
+        equidistant,
+        stereographic,
+        field_of_view,     // a: the angle of view omega, 0..pi rad; 0 is perspective
+        unified,           // a: xi >= 0; 0 is perspective, 1 half of stereographic
+        extended_unified,  // a: alpha 0..1, b: beta > 0
+        double_sphere,     // a: xi -1..1, -1 excluded, b: alpha 0..1
+    };
+    Kind kind = Kind::perspective;
+    double a = 0.0, b = 0.0;
+};
+
+// Where a ray is imaged, in units of the focal length (telecentric: mm), with its derivatives.
+struct OnPlane {
+    Eigen::Vector2d point;
+    Eigen::Matrix<double, 2, 3> by_ray;
+    Eigen::Vector2d by_a, by_b;  // zero where the kind has no such parameter
+};
+
+// Throws NumericalError when a parameter is not finite or out of its range.
+void require_possible(const LensProjection& projection);
+
+// Of a point of the ray in the camera's frame, of any length (telecentric: in mm). Nothing where
+// the projection has no image of it, or for what is not finite. Tens of ns.
+std::optional<OnPlane> onto_plane(const LensProjection& projection, const Eigen::Vector3d& ray);
+
+// The inverse: the ray that is imaged there, of length 1 or, of a perspective or telecentric
+// camera, with Z = 1. Nothing where no ray is. Closed forms, right to some 1e-15 relative to the
+// radius plus 1.
+std::optional<Eigen::Vector3d> from_plane(const LensProjection& projection,
+                                          const Eigen::Vector2d& point);
+
+}  // namespace etalon

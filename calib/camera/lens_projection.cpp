@@ -136,9 +136,9 @@ bool has_image(const LensProjection& p, double s, double z) {
     return false;
 }
 
-using Ray = std::optional<Eigen::Vector3d>;
+using Found = std::optional<Eigen::Vector3d>;
 
-Ray at_angle(const Eigen::Vector2d& m, double angle, double sine_over_radius) {
+Found at_angle(const Eigen::Vector2d& m, double angle, double sine_over_radius) {
     if (!(angle < std::numbers::pi))
         return std::nullopt;
     return Eigen::Vector3d(sine_over_radius * m.x(), sine_over_radius * m.y(), std::cos(angle));
@@ -149,7 +149,7 @@ double sinc(double x) {
 }
 
 // Of the unit sphere about (0, 0, -a), seen from there: Mei's lift of (x, y, z).
-Ray lifted(double a, double x, double y, double z) {
+Found lifted(double a, double x, double y, double z) {
     const double squared = x * x + y * y;
     const double root = z * z + (1.0 - a * a) * squared;
     if (!(root >= 0.0))
@@ -166,7 +166,7 @@ std::optional<double> plane_depth(double alpha, double beta, double squared) {
     return (1.0 - alpha * alpha * beta * squared) / (alpha * std::sqrt(root) + 1.0 - alpha);
 }
 
-Ray ray_at(const LensProjection& p, const Eigen::Vector2d& m) {
+Found ray_at(const LensProjection& p, const Eigen::Vector2d& m) {
     const double radius = m.norm();
     switch (p.kind) {
         case Kind::perspective:
@@ -180,14 +180,14 @@ Ray ray_at(const LensProjection& p, const Eigen::Vector2d& m) {
         }
         case Kind::field_of_view: {
             const double angle = p.a * radius;
-            const Ray ray = at_angle(m, angle, sinc(angle) / tangent_over_angle(p.a));
-            return ray ? Ray(ray->normalized()) : ray;
+            const Found ray = at_angle(m, angle, sinc(angle) / tangent_over_angle(p.a));
+            return ray ? Found(ray->normalized()) : ray;
         }
         case Kind::unified:
             return lifted(p.a, m.x(), m.y(), 1.0);
         case Kind::extended_unified: {
             const auto depth = plane_depth(p.a, p.b, radius * radius);
-            return depth ? Ray(Eigen::Vector3d(m.x(), m.y(), *depth).normalized()) : std::nullopt;
+            return depth ? Found(Eigen::Vector3d(m.x(), m.y(), *depth).normalized()) : std::nullopt;
         }
         case Kind::double_sphere: {
             const auto depth = plane_depth(p.b, 1.0, radius * radius);

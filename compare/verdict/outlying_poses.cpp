@@ -15,7 +15,7 @@ namespace {
 
 constexpr double far_deviations = 8.0;
 
-// Its length over what one standard deviation of the sample's noise makes on the mean.
+// Its length in the sample's standard deviations along and across its axis.
 double deviations(const FieldSample& sample, const Eigen::Vector3d& off) {
     const double along = sample.axis.dot(off);
     const double across = (off - along * sample.axis).norm();
@@ -100,9 +100,10 @@ std::vector<OutlyingPose> outlying_registered(const Projector& projector,
         predicted.push_back(
             registration.registration.camera_from_marker(poses[i].base_from_carriage));
     const auto lengths = corner_distances(projector, points_mm, registration, predicted);
+    const double far_px = far_deviations * median(lengths);
     std::vector<OutlyingPose> outlying;
     for (std::size_t i = 0; i < lengths.size(); ++i) {
-        if (!(lengths[i] > far_deviations * median(lengths)))
+        if (!(lengths[i] > far_px))
             continue;
         const auto seen =
             estimate_pose_near(projector, points_mm, registration.corrected_px[i], predicted[i]);

@@ -121,7 +121,11 @@ private:
     }
 
     void take_session(const JsonEntry& line, double t) {
-        line.require_keys({"t", "event", "started_utc", "boot", "boot_s", "version", "camera"});
+        const bool knows_boot = line.has("boot");  // logs of before 2026-11-25 do not
+        if (knows_boot)
+            line.require_keys({"t", "event", "started_utc", "boot", "boot_s", "version", "camera"});
+        else
+            line.require_keys({"t", "event", "started_utc", "version", "camera"});
         const CameraIdentity camera = read_identity(line.at("camera"));
         if (result_.sessions.empty()) {
             result_.camera = camera;
@@ -133,8 +137,9 @@ private:
         session.started_utc = line.at("started_utc").text();
         if (!utc_seconds(session.started_utc))
             line.at("started_utc").fail("must be a time as 2026-03-07T14:05:09Z");
-        session.started = {line.at("boot").text(),
-                           line.at("boot_s").number(units::s.non_negative())};
+        if (knows_boot)
+            session.started = {line.at("boot").text(),
+                               line.at("boot_s").number(units::s.non_negative())};
         session.start_s = t;
         session.version = line.at("version").text();
         result_.sessions.push_back(session);

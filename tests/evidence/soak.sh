@@ -3,13 +3,13 @@
 # that costs time and not the run, and packets lost all along: what a program could lose slowly. Every
 # ten seconds memory, file descriptors and threads of both programs are read, and the log's time is
 # compared with that of the file system. Prints a table of the first and the last fifth of the run. Exit 0
-# when the run ends with PASS and nothing grew but what a pose is kept in.
+# when the run ends with PASS and nothing grows (4 KiB a pose, which its entry in the run may have).
 #
-#     tests/evidence/soak.sh [MINUTES]      60 where nothing is said, at most 60
+#     tests/evidence/soak.sh [MINUTES]      50 where nothing is said, at most 57
 set -euo pipefail
 project=$(cd "$(dirname "$0")/../.." && pwd)
 bin=${ETALON_BIN:-$project/build/release}
-minutes=${1:-60}
+minutes=${1:-50}
 if [ -z "${ETALON_SOAKING:-}" ] && unshare -n ip link set lo up 2>/dev/null; then
     ETALON_SOAKING=yes exec unshare -n "$0" "$minutes"
 fi
@@ -19,9 +19,9 @@ trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$work"' EXIT
 
 cp -r "$project/examples/demo" "$work/demo"
 cd "$work/demo"
-# A quarter of the speed: three seconds a pose.
+# A quarter of the speed: 1.7 seconds a pose.
 sed -i -E 's/(speed|speed_deg): ([0-9]+)0/\1: 25/' twin.yaml station.yaml
-sed -i "s/poses: 100/poses: $((20 * minutes))/" station.yaml
+sed -i "s/poses: 100/poses: $((35 * minutes))/" station.yaml
 faults=$(for ((s = 20; s < 60 * minutes; s += 20)); do
     case $((s / 20 % 6)) in
         0) echo "{fault: late_reply, at: {time_ms: ${s}000}, delay_ms: 400}" ;;
@@ -34,6 +34,8 @@ faults=$(for ((s = 20; s < 60 * minutes; s += 20)); do
 done | paste -sd,)
 sed -i "0,/^  errors:/s/^  errors:/  faults: [$faults]\n&/;s/^  nominal_exposure_us/  packet_loss: 0.0005\n&/" twin.yaml
 
+# One heap: with several, which threads that come and go leave half full, memory tells nothing.
+export MALLOC_ARENA_MAX=1
 "$bin/etalon-twin" twin.yaml --ready-file ready >twin.log 2>&1 &
 twin=$!
 for _ in $(seq 300); do [ -e ready ] && break; sleep 0.1; done
@@ -76,7 +78,7 @@ awk -v status=$status '
         kib = (mean[1] - first[1]) / poses
         drift = mean[8] - first[8]
         printf "%d samples, %d poses between the fifths: %.1f KiB a pose, the clocks drift by %.3f s\n", n, poses, kib, drift
-        bad = status != 0 || kib > 16 || mean[4] - first[4] > 8192 || drift > 0.05 || drift < -0.05
+        bad = status != 0 || kib > 4 || mean[4] - first[4] > 8192 || drift > 0.05 || drift < -0.05
         for (k = 2; k <= 6; ++k) if (k != 4 && (mean[k] - first[k] > 0.5)) bad = 1
         exit bad
     }' samples

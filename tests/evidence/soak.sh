@@ -8,7 +8,7 @@
 #     tests/evidence/soak.sh [MINUTES]      50 where nothing is said, at most 57
 set -euo pipefail
 project=$(cd "$(dirname "$0")/../.." && pwd)
-bin=${ETALON_BIN:-$project/build/release}
+bin=$(realpath "${ETALON_BIN:-$project/build/release}")
 minutes=${1:-50}
 if [ -z "${ETALON_SOAKING:-}" ] && unshare -n ip link set lo up 2>/dev/null; then
     ETALON_SOAKING=yes exec unshare -n "$0" "$minutes"

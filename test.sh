@@ -6,8 +6,9 @@
 # Without --all: what guards every day's work; it leaves out the labels statistical (many renders or
 # runs each, tolerances derived for their size), vm (two virtual machines with real camera drivers)
 # and evidence (whole runs that are repeated, killed or sent to a cluster, and a minute of fuzzing
-# for each target of scripts/fuzz.sh). --all: everything that this machine can run. Labels are these, unit, loopback, photo and install, and the room: -L sim/tiles.
-# What cannot run here says skipped and why. Times: README.md.
+# for each target of scripts/fuzz.sh). --all: everything that this machine can run. Labels are these,
+# unit, loopback, photo and install, and the room: -L sim/tiles. What cannot run here says skipped
+# and why. Times: README.md.
 set -euo pipefail
 cd "$(dirname "$0")"
 if [[ " $* " == *" --help "* || " $* " == *" -h "* ]]; then

@@ -1,4 +1,4 @@
-// What an action's DeviceError says, for tests of errors that people have to understand.
+// What an action's error says, for tests of errors that people have to understand.
 #pragma once
 
 #include <string>
@@ -7,15 +7,25 @@
 
 namespace etalon {
 
-// Runs `act`, which must fail with a DeviceError, and returns its text.
-template <class Act>
-std::string device_error_of(Act act) {
+// Runs `act`, which must fail with such an error, and returns its text.
+template <class Expected, class Act>
+std::string text_of_error(Act act) {
     try {
         act();
-    } catch (const DeviceError& error) {
+    } catch (const Expected& error) {
         return error.what();
     }
     return "no error";
+}
+
+template <class Act>
+std::string device_error_of(Act act) {
+    return text_of_error<DeviceError>(act);
+}
+
+template <class Act>
+std::string config_error_of(Act act) {
+    return text_of_error<ConfigError>(act);
 }
 
 inline bool has(const std::string& text, const std::string& part) {

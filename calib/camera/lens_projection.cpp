@@ -22,8 +22,7 @@ Scale inverse_of(const Scale& q) {
     return {g, slope * q.by_s, slope * q.by_z, slope * q.by_a, slope * q.by_b};
 }
 
-// theta / R. Near the axis its difference quotient cancels: there the series of atan in t = s /
-// z^2.
+// theta / R. Near the axis its difference quotient cancels: there atan's series in t = s / z^2.
 Scale angle_over_radius(double s, double z) {
     const double by_z = -1.0 / (s + z * z);
     const double t = s / (z * z);

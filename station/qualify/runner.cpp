@@ -31,6 +31,7 @@ struct Run {
     Progress& progress;
     std::stop_token stop;
     Instant start;  // of the run: where it was resumed, so long ago as its record says
+    bool homed;     // DeviceOpeners::homed
 
     double seconds_until(Instant instant) const {
         return std::chrono::duration<double>(instant - start).count();
@@ -216,6 +217,10 @@ void configure(const Run& run, Camera& camera) {
 }
 
 void prepare(const Run& run, Camera& camera, Stage& stage) {
+    if (run.homed)
+        run.remark(
+            "axes that do not tell whether they are homed were taken for homed on the "
+            "operator's word (--homed)");
     configure(run, camera);
     camera.arm();
     stage.enable(run.stop);
@@ -401,12 +406,6 @@ void begin_session(const Run& run, RunSession session) {
     run.record.write(run.result);
 }
 
-void remark_on_homing(const Run& run, const DeviceOpeners& open) {
-    if (open.homed)
-        run.remark("axes that do not tell whether they are homed were taken for homed on the "
-                   "operator's word (--homed)");
-}
-
 std::unique_ptr<Stage> guarded(const StationFile& station, const DeviceOpeners& open) {
     std::unique_ptr<Stage> stage = open.stage();
     if (open.homed)
@@ -477,9 +476,8 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
     const RunSession session = new_session();
     result.started_utc = session.started_utc;
     record.log(run_event(result));
-    const Run run{result, record, clock, progress, stop, clock.now()};
+    const Run run{result, record, clock, progress, stop, clock.now(), open.homed};
     begin_session(run, session);
-    remark_on_homing(run, open);
     carry_out(run, std::move(camera), std::move(stage));
     close_record(run);
     return result;
@@ -499,10 +497,9 @@ QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& op
     }
     RunRecord record(result.folder, recorded.whole_bytes);
     const RunSession session = new_session();
-    const Run run{result,   record, clock,
-                  progress, stop,   resumed_start(recorded, session, clock.now())};
+    const Instant start = resumed_start(recorded, session, clock.now());
+    const Run run{result, record, clock, progress, stop, start, open.homed};
     begin_session(run, session);
-    remark_on_homing(run, open);
     for (const std::string& dropped : recorded.dropped)
         run.log("dropped", dropped);
     carry_out(run, std::move(camera), std::move(stage));

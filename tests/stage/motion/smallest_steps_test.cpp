@@ -11,15 +11,6 @@ namespace {
 using namespace std::chrono_literals;
 using namespace test;
 
-std::string config_error_of(const std::function<void()>& action) {
-    try {
-        action();
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "no error";
-}
-
 // Below one count nothing could be told to arrive: every move would end at its time limit.
 TEST(ModbusStageSteps, AnAxisThatCountsCoarserThanItsToleranceIsRefused) {
     Rig rig;  // 1 um, 0.0002 degree

@@ -4,8 +4,9 @@
 #     scripts/fuzz.sh SECONDS [TARGET...]      scripts/fuzz.sh 3600 own_files
 #
 # As many targets at a time as there are processors. Prints a table; exit code 1 when a target found
-# something: its input is then in build/fuzz/findings/, and `build/fuzz/build/TARGET INPUT` repeats
-# it. What was found worth trying is kept in build/fuzz/corpus/. 77: cannot run here, and why.
+# something: its input is then in build/fuzz/findings/ and printed, and `build/fuzz/build/TARGET
+# INPUT` repeats it. What was found worth trying is kept in build/fuzz/corpus/. 77: cannot run here,
+# and why. ETALON_FUZZ_SEED: what the random numbers start from; else every run has its own.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 if [ $# -eq 0 ] || [ "$1" = --help ] || [ "$1" = -h ]; then
@@ -57,7 +58,16 @@ words_of() {
     grep -rhoE '"[A-Za-z0-9_./,-]{2,30}"' $sources | sed 's/,[^"]*//' | grep -v '^""$' | sort -u
 }
 
-# One line of the table. The time is the processor's.
+# What a finding says of itself, which the run keeps from the terminal, and its input.
+describe_finding() {
+    local found
+    for found in "build/fuzz/findings/$1"-*; do
+        timeout 60 "build/fuzz/build/$1" -timeout=20 "$found" || true
+        echo "input $found: $(base64 -w 0 "$found" | head -c 4000)"
+    done
+}
+
+# One line of the table, and below it the ends of what was found. The time is the processor's.
 run_target() {
     local target=$1 log=build/fuzz/$1.log kept=build/fuzz/corpus/$1 status=0
     mkdir -p "$kept"
@@ -66,21 +76,21 @@ run_target() {
     [ ! -s "build/fuzz/$target.dict" ] || with_words=("-dict=build/fuzz/$target.dict")
     TIMEFORMAT='cpu %U %S'
     # shellcheck disable=SC2046
-    { time "build/fuzz/build/$target" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=3000 \
+    { time "build/fuzz/build/$target" -seed="${ETALON_FUZZ_SEED:-0}" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=3000 \
         -close_fd_mask=3 -print_final_stats=1 "${with_words[@]}" \
         -artifact_prefix="build/fuzz/findings/$target-" "$kept" $(seeds_of "$target"); } \
         2>"$log" || status=$?
-    # What it says of a finding, which the run keeps from the terminal.
-    [ "$status" -eq 0 ] || "build/fuzz/build/$target" "build/fuzz/findings/$target"-* >>"$log" 2>&1 || true
+    [ "$status" -eq 0 ] || describe_finding "$target" >>"$log" 2>&1
     awk -v target="$target" -v status="$status" '
         match($0, / cov: [0-9]+/) { covered = substr($0, RSTART + 6, RLENGTH - 6) }
         /^stat::number_of_executed_units/ { runs = $2 }
         /^cpu / { cpu = $2 + $3 }
         END { printf "%-17s %11d %9d %8.0f  %s\n", target, runs, covered, cpu,
                      status == 0 ? "nothing" : "FINDING, see build/fuzz/" target ".log" }' "$log"
+    [ "$status" -eq 0 ] || grep -E '^input |ERROR: |^SUMMARY|^    #[0-9] ' "$log" | tail -n 40
     return "$status"
 }
-export -f run_target seeds_of words_of
+export -f run_target describe_finding seeds_of words_of
 
 TMPDIR=$(mktemp -d)
 export TMPDIR

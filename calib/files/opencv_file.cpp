@@ -51,6 +51,44 @@ void refuse_deep_nesting(const std::string& text, const std::string& file) {
                                       openings, most));
 }
 
+// Where the tag or comment that begins here ends, behind its '>'; npos: nowhere. In quotes '>' is
+// text.
+std::size_t end_of_tag(const std::string& text, std::size_t begin) {
+    if (text.compare(begin, 4, "<!--") == 0) {
+        const std::size_t end = text.find("-->", begin + 4);
+        return end == std::string::npos ? end : end + 3;
+    }
+    char quote = 0;
+    for (std::size_t i = begin + 1; i < text.size(); ++i) {
+        const char c = text[i];
+        if (quote != 0)
+            quote = c == quote ? 0 : quote;
+        else if (c == '"' || c == '\'')
+            quote = c;
+        else if (c == '>')
+            return i + 1;
+        else if (c == '<')
+            break;
+    }
+    return std::string::npos;
+}
+
+// OpenCV's XML parser (4.6) reads on behind the end of a text that stops within a tag, and crashes.
+void refuse_unfinished_xml(const std::string& text, const std::string& file) {
+    if (!trimmed(text).starts_with("<?xml"))
+        return;
+    for (std::size_t at = text.find('<'); at != std::string::npos;) {
+        const std::size_t end = end_of_tag(text, at);
+        if (end == std::string::npos)
+            throw ConfigError(
+                {file, 1 + static_cast<int>(std::count(text.begin(), text.begin() + at, '\n'))},
+                "a tag or comment of the XML does not end");
+        at = text.find('<', end);
+    }
+    if (!trimmed(text).ends_with("</opencv_storage>"))
+        throw ConfigError({file}, "is XML that does not end with </opencv_storage>");
+}
+
 std::string one_line(std::string text) {
     std::replace(text.begin(), text.end(), '\n', ' ');
     return std::string(trimmed(text));
@@ -69,6 +107,7 @@ OpenedFile open(const std::filesystem::path& path) {
     if (opened.text.size() > largest)
         throw ConfigError({opened.file}, "is larger than 1 MiB: no camera calibration");
     refuse_deep_nesting(opened.text, opened.file);
+    refuse_unfinished_xml(opened.text, opened.file);
     try {
         opened.storage.open(opened.text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
     } catch (const cv::Exception& error) {

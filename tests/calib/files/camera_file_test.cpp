@@ -503,7 +503,7 @@ TEST(OpenCvFile, SurvivesGarbageAndDeepNesting) {
     for (const std::string& text :
          {std::string("%YAML:1.0\n---\ncamera_matrix: [1, 2"), std::string("%YAML:1.0\n\x01\x02"),
           std::string("%YAML"), std::string("{"), std::string("{\"a\": }"),
-          std::string("<?xml version=\"1.0\"?>"),
+          std::string("<?xml versMoion="), std::string("<?xml version=\"1.0\"?>"),
           std::string("<?xml version=\"1.0\"?>\n<a><b></a>"),
           "<?xml version=\"1.0\"?>\n<opencv_storage>" + tags,
           "<?xml version=\"1.0\"?>\n<opencv_storage>" + std::string(300'000, '<'),
@@ -512,6 +512,15 @@ TEST(OpenCvFile, SurvivesGarbageAndDeepNesting) {
           std::string("%YAML:1.0\n---\n\0\0\0", 18), std::string(5000, '{'), std::string(),
           std::string("%YAML:1.0\n---\ncamera_matrix: !!binary |\n  QUJD\n")})
         EXPECT_NE(error_of(text), "no error") << text.substr(0, 60);
+}
+
+TEST(OpenCvFile, SaysWhereXmlDoesNotEnd) {
+    const std::string begin = "<?xml version=\"1.0\"?>\n<opencv_storage>\n";
+    for (const char* rest : {"<a b", "<a b=\"</opencv_storage>", "<!-- </opencv_storage>", "<a <b>"})
+        EXPECT_THAT(error_of(begin + rest), HasSubstr("case.yml:3: a tag or comment")) << rest;
+    EXPECT_THAT(error_of(begin + "<a>1</a>\n"), HasSubstr("does not end with </opencv_storage>"));
+    EXPECT_THAT(error_of(begin + "<!-- > \" --><a>1</a></opencv_storage>\n"),
+                HasSubstr("camera_matrix: missing"));
 }
 
 const std::string ros =

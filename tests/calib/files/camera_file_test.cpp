@@ -516,7 +516,8 @@ TEST(OpenCvFile, SurvivesGarbageAndDeepNesting) {
 
 TEST(OpenCvFile, SaysWhereXmlDoesNotEnd) {
     const std::string begin = "<?xml version=\"1.0\"?>\n<opencv_storage>\n";
-    for (const char* rest : {"<a b", "<a b=\"</opencv_storage>", "<!-- </opencv_storage>", "<a <b>"})
+    for (const char* rest :
+         {"<a b", "<a b=\"</opencv_storage>", "<!-- </opencv_storage>", "<a <b>"})
         EXPECT_THAT(error_of(begin + rest), HasSubstr("case.yml:3: a tag or comment")) << rest;
     EXPECT_THAT(error_of(begin + "<a>1</a>\n"), HasSubstr("does not end with </opencv_storage>"));
     EXPECT_THAT(error_of(begin + "<!-- > \" --><a>1</a></opencv_storage>\n"),

@@ -4,9 +4,10 @@
 #     scripts/fuzz.sh SECONDS [TARGET...]      scripts/fuzz.sh 3600 own_files
 #
 # As many targets at a time as there are processors. Prints a table; exit code 1 when a target found
-# something: its input is then in build/fuzz/findings/ and printed, and `build/fuzz/build/TARGET
-# INPUT` repeats it. What was found worth trying is kept in build/fuzz/corpus/. 77: cannot run here,
-# and why. ETALON_FUZZ_SEED: what the random numbers start from; else every run has its own.
+# something: its input is then in build/fuzz/findings/ and printed (base64 of gzip), and
+# `build/fuzz/build/TARGET INPUT` repeats it. What was found worth trying is kept in
+# build/fuzz/corpus/. 77: cannot run here, and why. ETALON_FUZZ_SEED: what the random numbers start
+# from; else every run has its own.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 if [ $# -eq 0 ] || [ "$1" = --help ] || [ "$1" = -h ]; then
@@ -63,7 +64,7 @@ describe_finding() {
     local found
     for found in "build/fuzz/findings/$1"-*; do
         timeout 60 "build/fuzz/build/$1" -timeout=20 "$found" || true
-        echo "input $found: $(base64 -w 0 "$found" | head -c 4000)"
+        echo "input $found: $(gzip -9cn "$found" | base64 -w 0)"
     done
 }
 
@@ -76,8 +77,9 @@ run_target() {
     [ ! -s "build/fuzz/$target.dict" ] || with_words=("-dict=build/fuzz/$target.dict")
     TIMEFORMAT='cpu %U %S'
     # shellcheck disable=SC2046
-    { time "build/fuzz/build/$target" -seed="${ETALON_FUZZ_SEED:-0}" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=3000 \
-        -close_fd_mask=3 -print_final_stats=1 "${with_words[@]}" \
+    { time "build/fuzz/build/$target" -seed="${ETALON_FUZZ_SEED:-0}" \
+        -max_total_time="$seconds" -timeout=20 -rss_limit_mb=3000 -close_fd_mask=3 \
+        -print_final_stats=1 "${with_words[@]}" \
         -artifact_prefix="build/fuzz/findings/$target-" "$kept" $(seeds_of "$target"); } \
         2>"$log" || status=$?
     [ "$status" -eq 0 ] || describe_finding "$target" >>"$log" 2>&1

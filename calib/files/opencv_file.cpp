@@ -21,6 +21,10 @@ constexpr Names distortion_keys{"distortion_coefficients", "dist_coeffs", "distC
 constexpr Names width_names{"image_width", "image_Width"};
 constexpr Names height_names{"image_height", "image_Height"};
 
+int line_at(const std::string& text, std::size_t at) {
+    return 1 + static_cast<int>(std::count(text.begin(), text.begin() + at, '\n'));
+}
+
 // cv::FileStorage does not say in which line a value stands: the first line that holds the key as
 // a word is where a reader will look.
 int line_of(const std::string& text, const std::string& key) {
@@ -31,7 +35,7 @@ int line_of(const std::string& text, const std::string& key) {
         const std::size_t end = at + key.size();
         if ((at > 0 && is_word(text[at - 1])) || (end < text.size() && is_word(text[end])))
             continue;
-        return 1 + static_cast<int>(std::count(text.begin(), text.begin() + at, '\n'));
+        return line_at(text, at);
     }
     return 0;
 }
@@ -80,9 +84,8 @@ void refuse_unfinished_xml(const std::string& text, const std::string& file) {
     for (std::size_t at = text.find('<'); at != std::string::npos;) {
         const std::size_t end = end_of_tag(text, at);
         if (end == std::string::npos)
-            throw ConfigError(
-                {file, 1 + static_cast<int>(std::count(text.begin(), text.begin() + at, '\n'))},
-                "a tag or comment of the XML does not end");
+            throw ConfigError({file, line_at(text, at)},
+                              "a tag or comment of the XML does not end");
         at = text.find('<', end);
     }
     if (!trimmed(text).ends_with("</opencv_storage>"))

@@ -19,6 +19,7 @@ pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)
 
 pkg_check_modules(MODBUS REQUIRED IMPORTED_TARGET libmodbus>=3.1.6)
 pkg_check_modules(ARAVIS IMPORTED_TARGET aravis-0.8)
+pkg_check_modules(LIBXML2 IMPORTED_TARGET libxml-2.0)   # Aravis' own
 pkg_check_modules(LIBCAMERA IMPORTED_TARGET libcamera)
 
 if(NOT TARGET yaml-cpp::yaml-cpp)
@@ -31,7 +32,10 @@ target_include_directories(etalon_opencv SYSTEM INTERFACE ${OpenCV_INCLUDE_DIRS}
 target_link_libraries(etalon_opencv INTERFACE ${OpenCV_LIBS})
 
 set(ETALON_HAVE_ARAVIS ${ARAVIS_FOUND})
-message(STATUS "Aravis (GenICam cameras): ${ARAVIS_FOUND} ${ARAVIS_VERSION}")
+if(NOT LIBXML2_FOUND)
+    set(ETALON_HAVE_ARAVIS 0)
+endif()
+message(STATUS "Aravis (GenICam cameras): ${ETALON_HAVE_ARAVIS} ${ARAVIS_VERSION}")
 
 set(ETALON_HAVE_LIBCAMERA ${LIBCAMERA_FOUND})
 message(STATUS "libcamera: ${LIBCAMERA_FOUND} ${LIBCAMERA_VERSION}")

@@ -53,6 +53,7 @@ words_of() {
         records) sources="station/history station/render/image_set.cpp study/study_description.cpp" ;;
         command_lines) sources="station sim/marker" ;;
         detector_answers) sources=study/external_detector.cpp ;;
+        descriptions) sources=capture/genicam ;;
         *) return ;;
     esac
     # shellcheck disable=SC2086

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "capture/frame/camera_busy.h"
+#include "capture/genicam/genicam_description.h"
 #include "capture/genicam/genicam_support.h"
 #include "core/errors.h"
 
@@ -97,24 +98,38 @@ bool GenicamDevice::has(const char* feature) const {
 }
 
 void GenicamDevice::open(const std::string& id, const CameraLink& link) {
-    camera_.reset(ask("open", [&](GError** e) -> ArvCamera* {
+    const std::unique_ptr<ArvDevice, UnrefObject> device(ask("open", [&](GError** e) {
         if (link.interface.empty())
-            return arv_camera_new(id.c_str(), e);
+            return arv_open_device(id.c_str(), e);
         const Address card(g_inet_address_new_from_string(link.interface.c_str()));
-        const Address device(g_inet_address_new_from_string(id.c_str()));
-        if (!card || !device)
+        const Address address(g_inet_address_new_from_string(id.c_str()));
+        if (!card || !address)
             fail("open", fmt::format("through the network card {} it can only be opened by its IP "
                                      "address",
                                      link.interface));
-        const std::unique_ptr<ArvDevice, UnrefObject> opened(
-            arv_gv_device_new(card.get(), device.get(), e));
-        return opened ? arv_camera_new_with_device(opened.get(), e) : nullptr;
+        return arv_gv_device_new(card.get(), address.get(), e);
     }));
+    if (!device)
+        fail("open", "no such device");
+    check_description(device.get());
+    camera_.reset(
+        ask("open", [&](GError** e) { return arv_camera_new_with_device(device.get(), e); }));
     if (!camera_)
         fail("open", "no such device");
     if (arv_camera_is_gv_device(camera()) &&
         !arv_gv_device_is_controller(ARV_GV_DEVICE(arv_camera_get_device(camera()))))
         throw CameraBusy(name_, heartbeat_timeout());
+}
+
+// Before anything is asked by name.
+void GenicamDevice::check_description(ArvDevice* device) const {
+    std::size_t size = 0;
+    const char* xml = arv_device_get_genicam_xml(device, &size);
+    try {
+        require_sound_description(xml ? std::string(xml, size) : "");
+    } catch (const Error& error) {
+        fail("read its description", error.what());
+    }
 }
 
 // 3 s is the standard's default; anybody may read the register.

@@ -13,6 +13,7 @@
 #include "capture/frame/camera.h"
 
 typedef struct _ArvCamera ArvCamera;  // Aravis' own declarations
+typedef struct _ArvDevice ArvDevice;
 typedef struct _GError GError;
 
 namespace etalon {
@@ -92,6 +93,7 @@ public:
 private:
     void require_answer(const std::string& request, const ErrorSlot& error) const;
     void open(const std::string& id, const CameraLink& link);
+    void check_description(ArvDevice* device) const;
     std::chrono::milliseconds heartbeat_timeout() const;
     void watch_control();
     void end_stream_of_another();

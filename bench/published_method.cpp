@@ -129,7 +129,8 @@ PublishedMethod::PublishedMethod(const CameraModel& camera, int rays_per_pixel,
         throw NumericalError(
             fmt::format("no camera has an image of {} x {} px", camera.width, camera.height));
     require_perspective(camera, "the published method");
-    if (camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0)
+    if (camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0 ||
+        camera.distortion.k7 != 0.0)
         throw NumericalError("the published method knows no tilted sensor");
     if (rays_per_pixel < 64 || rays_per_pixel > 65536 ||
         !std::has_single_bit(static_cast<unsigned>(rays_per_pixel)))

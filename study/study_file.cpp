@@ -215,7 +215,7 @@ StudyFile read_study(const std::filesystem::path& path) {
     study.id = root.at("id").text();
     study.camera_file = file.resolve(root.at("camera").text());
     study.camera = read_camera(study.camera_file);
-    if (study.camera.projection == Projection::telecentric)
+    if (study.camera.projection.kind == Projection::telecentric)
         root.at("camera").fail("is telecentric: poses need a perspective camera");
     study.background = read_radiance(root, "background");
     study.white_level = read_radiance(root, "white_level");

@@ -28,7 +28,7 @@ ThinLens thin_lens(const CameraModel& camera) {
 }
 
 TelecentricLens telecentric_lens(const CameraModel& camera) {
-    if (camera.projection != Projection::telecentric || !camera.lens || !camera.sensor)
+    if (camera.projection.kind != Projection::telecentric || !camera.lens || !camera.sensor)
         throw NumericalError(
             "a telecentric lens needs the lens and the sensor section of a telecentric camera");
     if (camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0)
@@ -47,8 +47,9 @@ TelecentricLens telecentric_lens(const CameraModel& camera) {
 }
 
 double working_f_number(const CameraModel& camera) {
-    return camera.projection == Projection::telecentric ? telecentric_lens(camera).working_f_number
-                                                        : thin_lens(camera).working_f_number;
+    return camera.projection.kind == Projection::telecentric
+               ? telecentric_lens(camera).working_f_number
+               : thin_lens(camera).working_f_number;
 }
 
 double blur_radius_px(const CameraModel& camera, double z_mm) {
@@ -56,7 +57,7 @@ double blur_radius_px(const CameraModel& camera, double z_mm) {
         throw NumericalError(fmt::format("blur at depth {} mm: not in front of the lens", z_mm));
     if (!camera.lens || camera.lens->psf.kind == PointSpread::Kind::measured)
         return 0.0;
-    if (camera.projection == Projection::telecentric) {
+    if (camera.projection.kind == Projection::telecentric) {
         const TelecentricLens lens = telecentric_lens(camera);
         return camera.intrinsics.fx * lens.cone_tangent * std::abs(z_mm - lens.focus_distance_mm);
     }
@@ -102,9 +103,9 @@ double least_polynomial_illumination(const CameraModel& camera) {
 }
 
 void require_perspective(const CameraModel& camera, const char* purpose) {
-    if (camera.projection == Projection::telecentric)
-        throw NumericalError(
-            fmt::format("{} needs a perspective camera; this one is telecentric", purpose));
+    if (camera.projection.kind != Projection::perspective)
+        throw NumericalError(fmt::format("{} needs a perspective camera; this one is {}", purpose,
+                                         name_of(camera.projection.kind).name));
 }
 
 }  // namespace etalon

@@ -1,6 +1,5 @@
-// What is known about a camera: intrinsics, OpenCV's 14 distortion coefficients, the lens and the
-// sensor. Plain data; projecting is in calib/camera/projector.h, files in
-// calib/files/camera_file.h.
+// What is known about a camera: projection, intrinsics, distortion, the lens and the sensor. Plain
+// data; projecting is in calib/camera/projector.h, files in calib/files/camera_file.h.
 //
 // A camera without lens and sensor sections (an OpenCV or ROS calibration) is a sharp pinhole:
 // nothing about blur or noise is invented for it.
@@ -14,15 +13,10 @@
 #include <utility>
 #include <vector>
 
+#include "calib/camera/lens_projection.h"
 #include "core/mosaic.h"
 
 namespace etalon {
-
-// How the chief rays reach the camera.
-enum class Projection {
-    perspective,  // through one point, the lens: normalised image coordinates are (X/Z, Y/Z)
-    telecentric,  // parallel to the axis (object-space telecentric): they are (X, Y) in mm
-};
 
 // Pixels; pixel centres at integers, (0, 0) is the centre of the top-left pixel. Of a telecentric
 // camera fx and fy are px per mm.
@@ -30,12 +24,22 @@ struct Intrinsics {
     double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
 };
 
-// OpenCV's model, on normalised image coordinates: radial rational (k1..k6), tangential (p1, p2),
-// thin prism (s1..s4) and sensor tilt (tau_x, tau_y, rad).
+// OpenCV's model, on the plane of the projection: radial rational (k1..k6), tangential (p1, p2),
+// thin prism (s1..s4) and sensor tilt (tau_x, tau_y, rad); and k7, of r^8 in the radial numerator,
+// which Kannala and Brandt's fourth coefficient is.
 struct Distortion {
     double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0, k4 = 0, k5 = 0, k6 = 0;
-    double s1 = 0, s2 = 0, s3 = 0, s4 = 0, tau_x = 0, tau_y = 0;
+    double s1 = 0, s2 = 0, s3 = 0, s4 = 0, tau_x = 0, tau_y = 0, k7 = 0;
 
+    static constexpr std::size_t count = 15;
+    std::array<double, count> coefficients() const {
+        return {k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y, k7};
+    }
+    static Distortion of(const std::array<double, count>& c) {
+        return {c[0], c[1], c[2],  c[3],  c[4],  c[5],  c[6], c[7],
+                c[8], c[9], c[10], c[11], c[12], c[13], c[14]};
+    }
+    // OpenCV's own, without k7.
     std::array<double, 14> in_opencv_order() const {
         return {k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y};
     }
@@ -43,7 +47,8 @@ struct Distortion {
         return {c[0], c[1], c[2], c[3],  c[4],  c[5],  c[6],
                 c[7], c[8], c[9], c[10], c[11], c[12], c[13]};
     }
-    bool is_zero() const { return in_opencv_order() == std::array<double, 14>{}; }
+    bool is_zero() const { return *this == Distortion{}; }
+    bool operator==(const Distortion&) const = default;
 };
 
 // Estimated covariance of some of the parameters, by name ("fx", "k1", ...), symmetric.
@@ -123,7 +128,7 @@ struct CameraUncertainty {
 struct CameraModel {
     std::string serial;  // empty: not known
     int width = 0, height = 0;
-    Projection projection = Projection::perspective;
+    LensProjection projection;
     Intrinsics intrinsics;
     Distortion distortion;
     std::optional<ParameterCovariance> covariance;
@@ -178,8 +183,8 @@ double illumination_radius_squared(const CameraModel& camera, const Eigen::Vecto
 // ends or where the cubic's derivative vanishes. NaN when a coefficient is.
 double least_polynomial_illumination(const CameraModel& camera);
 
-// For what is written for perspective cameras only. Throws NumericalError, naming `purpose`, for a
-// telecentric one.
+// For what is written for perspective cameras only. Throws NumericalError, naming `purpose`, for
+// any other.
 void require_perspective(const CameraModel& camera, const char* purpose);
 
 }  // namespace etalon

@@ -9,8 +9,8 @@ Distorted distort_before_tilt(const Distortion& d, const Eigen::Vector2d& undist
     const double x = undistorted.x(), y = undistorted.y();
     const double xx = x * x, yy = y * y, xy2 = 2.0 * x * y;
     const double s = xx + yy;  // r^2; primes are derivatives with respect to it
-    const double numerator = 1.0 + s * (d.k1 + s * (d.k2 + s * d.k3));
-    const double numerator_prime = d.k1 + s * (2.0 * d.k2 + s * 3.0 * d.k3);
+    const double numerator = 1.0 + s * (d.k1 + s * (d.k2 + s * (d.k3 + s * d.k7)));
+    const double numerator_prime = d.k1 + s * (2.0 * d.k2 + s * (3.0 * d.k3 + s * 4.0 * d.k7));
     const double denominator = 1.0 + s * (d.k4 + s * (d.k5 + s * d.k6));
     const double denominator_prime = d.k4 + s * (2.0 * d.k5 + s * 3.0 * d.k6);
     const double radial = numerator / denominator;

@@ -1,6 +1,6 @@
-// OpenCV's distortion with its Jacobian: rational radial, tangential, thin prism, then the tilted
-// sensor. Formulas: the documentation of OpenCV's calib3d module; the tilt is its matTilt, a
-// projective map applied after the others.
+// OpenCV's distortion with its Jacobian: rational radial (with one more coefficient, k7),
+// tangential, thin prism, then the tilted sensor. Formulas: the documentation of OpenCV's calib3d
+// module; the tilt is its matTilt, a projective map applied after the others.
 //
 // Says nothing about where the model may be used: see calib/camera/valid_region.h.
 #pragma once
@@ -12,7 +12,7 @@
 namespace etalon {
 
 struct Distorted {
-    Eigen::Vector2d point;     // distorted normalised coordinates
+    Eigen::Vector2d point;     // on the plane of the projection
     Eigen::Matrix2d jacobian;  // d point / d undistorted
     double denominator;        // of the rational radial part; <= 0 beyond a pole
     double tilt_depth = 1.0;   // third homogeneous coordinate of the tilt; <= 0 behind its horizon
@@ -24,7 +24,7 @@ struct Distorted {
     }
 };
 
-// The distortion of a point in normalised coordinates (X/Z, Y/Z), wherever it is finite. Tens of
+// The distortion of a point on the plane of the projection, wherever it is finite. Tens of
 // ns; with a tilt also four trigonometric functions.
 Distorted distort(const Distortion& distortion, const Eigen::Vector2d& undistorted);
 

@@ -3,13 +3,25 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 
 #include "core/errors.h"
 
 namespace etalon {
 namespace {
 
-using Kind = LensProjection::Kind;
+using Kind = Projection;
+
+constexpr ProjectionName names[] = {
+    {Kind::perspective, "perspective", {"", ""}},
+    {Kind::telecentric, "telecentric", {"", ""}},
+    {Kind::equidistant, "equidistant", {"", ""}},
+    {Kind::stereographic, "stereographic", {"", ""}},
+    {Kind::field_of_view, "field_of_view", {"omega", ""}},
+    {Kind::unified, "unified", {"xi", ""}},
+    {Kind::extended_unified, "extended_unified", {"beta", "alpha"}},
+    {Kind::double_sphere, "double_sphere", {"xi", "alpha"}},
+};
 
 // g of the header and its derivatives; by_s is that with respect to s = X^2 + Y^2.
 struct Scale {
@@ -72,9 +84,9 @@ Scale stereographic(double s, double z) {
 }
 
 Scale extended_unified(double a, double b, double s, double z) {
-    const double d = std::sqrt(b * s + z * z);
+    const double d = std::sqrt(a * s + z * z);
     return inverse_of(
-        {a * d + (1.0 - a) * z, 0.5 * a * b / d, a * z / d + 1.0 - a, d - z, 0.5 * a * s / d});
+        {b * d + (1.0 - b) * z, 0.5 * a * b / d, b * z / d + 1.0 - b, 0.5 * b * s / d, d - z});
 }
 
 Scale double_sphere(double a, double b, double s, double z) {
@@ -126,7 +138,7 @@ bool has_image(const LensProjection& p, double s, double z) {
         case Kind::unified:
             return z > -d * (p.a > 1.0 ? 1.0 / p.a : p.a);
         case Kind::extended_unified:
-            return z > -outer_bound(p.a) * std::sqrt(p.b * s + z * z);
+            return z > -outer_bound(p.b) * std::sqrt(p.a * s + z * z);
         case Kind::double_sphere: {
             const double w = p.a * d + z;
             return w > -outer_bound(p.b) * std::sqrt(s + w * w);
@@ -185,7 +197,7 @@ Found ray_at(const LensProjection& p, const Eigen::Vector2d& m) {
         case Kind::unified:
             return lifted(p.a, m.x(), m.y(), 1.0);
         case Kind::extended_unified: {
-            const auto depth = plane_depth(p.a, p.b, radius * radius);
+            const auto depth = plane_depth(p.b, p.a, radius * radius);
             return depth ? Found(Eigen::Vector3d(m.x(), m.y(), *depth).normalized()) : std::nullopt;
         }
         case Kind::double_sphere: {
@@ -197,6 +209,35 @@ Found ray_at(const LensProjection& p, const Eigen::Vector2d& m) {
 }
 
 }  // namespace
+
+std::span<const ProjectionName> projection_names() {
+    return names;
+}
+
+const ProjectionName& name_of(Projection kind) {
+    return names[static_cast<std::size_t>(kind)];
+}
+
+double plane_limit(const LensProjection& p) {
+    constexpr double none = std::numeric_limits<double>::infinity();
+    const auto of_alpha = [&](double beta) {
+        return p.b > 0.5 ? 1.0 / std::sqrt((2.0 * p.b - 1.0) * beta) : none;
+    };
+    switch (p.kind) {
+        case Kind::equidistant:
+            return std::numbers::pi;
+        case Kind::field_of_view:
+            return p.a > 0.0 ? std::numbers::pi / p.a : none;
+        case Kind::unified:
+            return p.a > 1.0 ? 1.0 / std::sqrt(p.a * p.a - 1.0) : none;
+        case Kind::extended_unified:
+            return of_alpha(p.a);
+        case Kind::double_sphere:
+            return of_alpha(1.0);
+        default:
+            return none;
+    }
+}
 
 void require_possible(const LensProjection& p) {
     const bool finite = std::isfinite(p.a) && std::isfinite(p.b);
@@ -210,7 +251,7 @@ void require_possible(const LensProjection& p) {
             possible &= p.a >= 0.0;
             break;
         case Kind::extended_unified:
-            possible &= is_share(p.a) && p.b > 0.0;
+            possible &= p.a > 0.0 && is_share(p.b);
             break;
         case Kind::double_sphere:
             possible &= p.a > -1.0 && p.a <= 1.0 && is_share(p.b);
@@ -219,8 +260,8 @@ void require_possible(const LensProjection& p) {
             break;
     }
     if (!possible)
-        throw NumericalError(
-            fmt::format("no lens projects with the parameters {} and {}", p.a, p.b));
+        throw NumericalError(fmt::format("no {} projection has the parameters {} and {}",
+                                         name_of(p.kind).name, p.a, p.b));
 }
 
 std::optional<OnPlane> onto_plane(const LensProjection& projection, const Eigen::Vector3d& ray) {

@@ -9,7 +9,7 @@
 //     stereographic     2 / (d + Z)                         below 180 degrees
 //     field of view     atan2(2 R tan(a/2), Z) / (R a)      below 180 degrees
 //     unified           1 / (Z + a d)                       Z > -a d; for a > 1 Z > -d / a
-//     extended unified  1 / (a e + (1 - a) Z)               Z > -w(a) e, e^2 = b R^2 + Z^2
+//     extended unified  1 / (b e + (1 - b) Z)               Z > -w(b) e, e^2 = a R^2 + Z^2
 //     double sphere     1 / (b e + (1 - b)(a d + Z))        a d + Z > -w(b) e,
 //                                                           e^2 = R^2 + (a d + Z)^2
 //
@@ -25,31 +25,54 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <numbers>
 #include <optional>
+#include <span>
 
 namespace etalon {
 
-struct LensProjection {
-    enum class Kind {
-        perspective,
-        telecentric,
-        equidistant,
-        stereographic,
-        field_of_view,     // a: the angle of view omega, 0..pi rad; 0 is perspective
-        unified,           // a: xi >= 0; 0 is perspective, 1 half of stereographic
-        extended_unified,  // a: alpha 0..1, b: beta > 0
-        double_sphere,     // a: xi -1..1, -1 excluded, b: alpha 0..1
-    };
-    Kind kind = Kind::perspective;
-    double a = 0.0, b = 0.0;
+enum class Projection {
+    perspective,  // through one point, the lens: (X/Z, Y/Z)
+    telecentric,  // parallel to the axis (object-space telecentric): (X, Y) in mm
+    equidistant,
+    stereographic,
+    field_of_view,     // a: the angle of view omega, 0..pi rad; 0 is perspective
+    unified,           // a: xi >= 0; 0 is perspective, 1 half of stereographic
+    extended_unified,  // a: beta > 0, b: alpha 0..1
+    double_sphere,     // a: xi -1..1, -1 excluded, b: alpha 0..1
 };
+
+struct LensProjection {
+    Projection kind = Projection::perspective;
+    double a = 0.0, b = 0.0;
+
+    bool operator==(const LensProjection&) const = default;
+    // Whether planes are imaged as planes: perspective and telecentric. The others see more than
+    // any plane has.
+    bool is_flat() const {
+        return kind == Projection::perspective || kind == Projection::telecentric;
+    }
+};
+
+// What files and people call a projection and its parameters ("" where it has none).
+struct ProjectionName {
+    Projection kind;
+    const char* name;
+    std::array<const char*, 2> parameters;  // of a and b
+};
+std::span<const ProjectionName> projection_names();
+const ProjectionName& name_of(Projection kind);
+
+// The radius on the plane at which the projection ends; infinity where it does not.
+double plane_limit(const LensProjection& projection);
 
 // Where a ray is imaged, in units of the focal length (telecentric: mm), with its derivatives.
 struct OnPlane {
     Eigen::Vector2d point;
     Eigen::Matrix<double, 2, 3> by_ray;
-    Eigen::Vector2d by_a, by_b;  // zero where the kind has no such parameter
+    Eigen::Vector2d by_a = Eigen::Vector2d::Zero();  // zero where the kind has no such parameter
+    Eigen::Vector2d by_b = Eigen::Vector2d::Zero();
 };
 
 // Throws NumericalError when a parameter is not finite or out of its range.

@@ -17,30 +17,29 @@ const CameraModel& checked(const CameraModel& camera) {
         !std::isfinite(i.cx) || !std::isfinite(i.cy))
         throw NumericalError(
             fmt::format("no camera has fx {}, fy {}, cx {}, cy {}", i.fx, i.fy, i.cx, i.cy));
-    for (const double coefficient : camera.distortion.in_opencv_order())
+    for (const double coefficient : camera.distortion.coefficients())
         if (!std::isfinite(coefficient))
             throw NumericalError("a distortion coefficient is not finite");
     const bool is_tilted = camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0;
-    if (camera.projection == Projection::telecentric && is_tilted)
-        throw NumericalError("tau_x and tau_y belong to a perspective camera, not a telecentric");
+    if (camera.projection.kind != Projection::perspective && is_tilted)
+        throw NumericalError(fmt::format("tau_x and tau_y belong to a perspective camera, not {}",
+                                         name_of(camera.projection.kind).name));
+    require_possible(camera.projection);
     return camera;
 }
 
-// d (normalised coordinates) / d (X, Y, Z).
-struct Normalised {
-    Eigen::Vector2d point;
-    Eigen::Matrix<double, 2, 3> jacobian;
-};
-
-Normalised normalised(Projection projection, const Eigen::Vector3d& p) {
-    Normalised result;
-    if (projection == Projection::telecentric) {
-        result.point = p.head<2>();
-        result.jacobian << 1, 0, 0, 0, 1, 0;
-    } else {
-        result.point = p.head<2>() / p.z();
-        result.jacobian << 1, 0, -result.point.x(), 0, 1, -result.point.y();
-        result.jacobian /= p.z();
+// The two flat projections, which rendering lives on, without the checks of onto_plane().
+std::optional<OnPlane> projected(const LensProjection& projection, const Eigen::Vector3d& p) {
+    if (!projection.is_flat())
+        return onto_plane(projection, p);
+    if (!(p.z() > 0.0))
+        return std::nullopt;
+    OnPlane result{p.head<2>()};
+    result.by_ray << 1, 0, 0, 0, 1, 0;
+    if (projection.kind == Projection::perspective) {
+        result.point /= p.z();
+        result.by_ray.col(2) = -result.point;
+        result.by_ray /= p.z();
     }
     return result;
 }
@@ -51,7 +50,7 @@ constexpr double stop_tolerance = 1e-14;  // at which no further step is worth i
 }  // namespace
 
 Projector::Projector(const CameraModel& camera)
-    : Projector(camera, ValidRegion(checked(camera).distortion)) {}
+    : Projector(camera, ValidRegion(checked(camera).distortion, plane_limit(camera.projection))) {}
 
 Projector::Projector(const CameraModel& camera, const Projector& like)
     : Projector(camera, like.region_) {}
@@ -81,10 +80,8 @@ bool Projector::is_valid(const Eigen::Vector2d& undistorted) const {
 }
 
 std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d& p_camera) const {
-    if (!(p_camera.z() > 0.0))
-        return std::nullopt;
-    const Normalised undistorted = normalised(camera_.projection, p_camera);
-    const auto d = distorted(undistorted.point);
+    const auto plane = projected(camera_.projection, p_camera);
+    const auto d = plane ? distorted(plane->point) : std::nullopt;
     if (!d)
         return std::nullopt;
     const Intrinsics& i = camera_.intrinsics;
@@ -92,8 +89,7 @@ std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d&
     result.pixel << i.fx * d->point.x() + i.cx, i.fy * d->point.y() + i.cy;
     if (!result.pixel.allFinite())
         return std::nullopt;
-    result.jacobian =
-        Eigen::Vector2d(i.fx, i.fy).asDiagonal() * (d->jacobian * undistorted.jacobian);
+    result.jacobian = Eigen::Vector2d(i.fx, i.fy).asDiagonal() * (d->jacobian * plane->by_ray);
     return result;
 }
 
@@ -152,13 +148,13 @@ std::optional<Eigen::Vector2d> Projector::solve_along_ray(const Eigen::Vector2d&
     return x;
 }
 
-std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel) const {
+std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pixel) const {
     const Intrinsics& i = camera_.intrinsics;
     const Eigen::Vector2d target((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
     if (!target.allFinite())
         return std::nullopt;
     if (!has_distortion_)
-        return target;
+        return region_.contains(target) ? std::optional(target) : std::nullopt;
     const auto before_tilt = has_tilt_ ? untilted(target) : target;
     if (!before_tilt)
         return std::nullopt;
@@ -174,6 +170,18 @@ std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel
     if (!x || !is_valid(*x))
         return std::nullopt;
     return x;
+}
+
+std::optional<Eigen::Vector3d> Projector::ray(const Eigen::Vector2d& pixel) const {
+    const auto point = undistorted(pixel);
+    return point ? from_plane(camera_.projection, *point) : std::nullopt;
+}
+
+std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel) const {
+    if (!camera_.projection.is_flat())
+        throw NumericalError(fmt::format("a {} camera has no normalised coordinates",
+                                         name_of(camera_.projection.kind).name));
+    return undistorted(pixel);
 }
 
 }  // namespace etalon

@@ -1,10 +1,10 @@
 // Projection of camera-frame points to pixels with its Jacobian, and the exact inverse.
 //
-// OpenCV's model: x = X/Z, y = Y/Z (of a telecentric camera X and Y in mm, the same at every
-// depth: its distortion coefficients are per mm^2, mm^4, ...), then radial (rational), tangential,
-// thin prism and tilt. It is used only in the region around the optical axis where it is invertible
-// (calib/camera/valid_region.h); outside, two rays share a pixel or a pole lies between. There
-// nothing is guessed: the functions return nothing.
+// First the projection onto its plane (calib/camera/lens_projection.h; of a telecentric camera that
+// is in mm: its distortion coefficients are per mm^2, mm^4, ...), then OpenCV's distortion: radial
+// (rational), tangential, thin prism and tilt. It is used only in the region around the optical
+// axis where it is invertible (calib/camera/valid_region.h); outside, two rays share a pixel or a
+// pole lies between. There nothing is guessed: the functions return nothing.
 //
 // Immutable after construction, safe from every thread. Construction costs 0.05 ms for a purely
 // radial distortion and some milliseconds otherwise (the border of the valid region is searched in
@@ -28,24 +28,33 @@ struct Projected {
 class Projector {
 public:
     // Throws NumericalError when an intrinsic or a coefficient is not finite, fx or fy is not
-    // positive, or a telecentric camera has a sensor tilt (tau_x, tau_y: a perspective model).
+    // positive, the projection's parameters are impossible, or a camera that is not perspective
+    // has a sensor tilt (tau_x, tau_y).
     explicit Projector(const CameraModel& camera);
 
     // A camera that differs from `like` by little, as differences need it: the border of its valid
     // region is taken from there, so that it costs next to nothing.
     Projector(const CameraModel& camera, const Projector& like);
 
-    // Nothing when the point is not in front of the camera (z <= 0), outside the valid region, or
-    // not finite. The pixel may lie outside the image.
+    // Nothing when the projection has no image of the point (of a flat one: z <= 0), when it is
+    // outside the valid region, or not finite. The pixel may lie outside the image.
     std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& p_camera) const;
     std::optional<Projected> project_with_jacobian(const Eigen::Vector3d& p_camera) const;
 
-    // Undistorted normalised coordinates (X/Z, Y/Z), or (X, Y), of a pixel: Newton's method, damped
-    // and kept inside the valid region, until the distorted point is right to 1e-12 (relative to
-    // its radius plus a pixel). Nothing when the pixel has no preimage there (this costs some us).
+    // The undistorted point of the projection's plane: Newton's method, damped and kept inside the
+    // valid region, until the distorted point is right to 1e-12 (relative to its radius plus a
+    // pixel). Nothing when the pixel has no preimage there (this costs some us).
+    std::optional<Eigen::Vector2d> undistorted(const Eigen::Vector2d& pixel) const;
+
+    // The ray of a pixel, of length 1 or, of a flat projection, with Z = 1 (telecentric: X and Y in
+    // mm). Nothing where undistorted() or the projection has none.
+    std::optional<Eigen::Vector3d> ray(const Eigen::Vector2d& pixel) const;
+
+    // undistorted() of a flat projection: normalised coordinates (X/Z, Y/Z), or (X, Y). Throws
+    // NumericalError for another.
     std::optional<Eigen::Vector2d> unproject(const Eigen::Vector2d& pixel) const;
 
-    // Whether an undistorted normalised point is inside the valid region.
+    // Whether an undistorted point of the plane is inside the valid region.
     bool is_valid(const Eigen::Vector2d& undistorted) const;
 
     const CameraModel& camera() const { return camera_; }

@@ -25,13 +25,14 @@ RadiusInterval interesting_radii(const Distortion& d) {
         double size;
         int power;
     };
-    const std::array<Term, 15> terms{{{1.0, 0},
+    const std::array<Term, 16> terms{{{1.0, 0},
                                       {d.k1, 2},
                                       {d.k2, 4},
                                       {d.k3, 6},
                                       {d.k4, 2},
                                       {d.k5, 4},
                                       {d.k6, 6},
+                                      {d.k7, 8},
                                       {d.p1, 1},
                                       {d.p2, 1},
                                       {d.s1, 1},
@@ -131,7 +132,7 @@ bool is_radial(const Distortion& d) {
 
 }  // namespace
 
-ValidRegion::ValidRegion(const Distortion& distortion) {
+ValidRegion::ValidRegion(const Distortion& distortion, double limit) {
     const int count = is_radial(distortion) ? 1 : direction_count;
     const RadiusInterval radii = interesting_radii(distortion);
     const double pole = pole_radius(distortion);
@@ -140,7 +141,7 @@ ValidRegion::ValidRegion(const Distortion& distortion) {
     for (int i = 0; i < count; ++i) {
         const double angle = 2.0 * std::numbers::pi * i / count;
         const Ray ray(distortion, tilt, {std::cos(angle), std::sin(angle)});
-        border_.push_back(std::min(ray.border(radii), pole));
+        border_.push_back(std::min({ray.border(radii), pole, limit}));
     }
     safe_radius_ = *std::min_element(border_.begin(), border_.end());
 }

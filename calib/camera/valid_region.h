@@ -1,5 +1,6 @@
 // Where a distortion model may be used: the points around the axis that a ray from the axis reaches
-// before the first fold (det J = 0), pole of the rational part or horizon of the tilt. Beyond it
+// before the first fold (det J = 0), pole of the rational part or horizon of the tilt, or where the
+// projection ends. Beyond it
 // two rays share a pixel, or none has it.
 //
 // The border is found along 256 directions (one, when the model is radially symmetric): by marching
@@ -17,9 +18,10 @@ namespace etalon {
 class ValidRegion {
 public:
     // Costs a few milliseconds, 0.05 ms for purely radial models. Coefficients must be finite.
-    explicit ValidRegion(const Distortion& distortion);
+    // `limit`: the radius on the plane at which the projection ends (plane_limit()).
+    ValidRegion(const Distortion& distortion, double limit);
 
-    // Whether an undistorted normalised point lies inside the border. False for NaN.
+    // Whether an undistorted point of the plane lies inside the border. False for NaN.
     bool contains(const Eigen::Vector2d& undistorted) const {
         return undistorted.squaredNorm() < safe_radius_ * safe_radius_ ||
                undistorted.norm() < border(undistorted);

@@ -33,8 +33,11 @@ CameraModel read_boofcv_camera(const std::filesystem::path& path) {
     const ForeignValue root = ForeignValue::parse(read_text(path), path.string());
     const ForeignValue model = root.at("model");
     const std::string name = model.text();
-    if (name != "pinhole" && name != "pinhole_radial_tangential")
-        model.fail("must be pinhole or pinhole_radial_tangential, not '" + name + "'");
+    if (name != "pinhole" && name != "pinhole_radial_tangential" &&
+        name != "omnidirectional_universal")
+        model.fail(
+            "must be pinhole, pinhole_radial_tangential or omnidirectional_universal, not '" +
+            name + "'");
     const ForeignValue pinhole = root.at("pinhole");
     const auto number = [&](const char* key) { return pinhole.at(key).number(); };
     if (const auto skew = pinhole.find("skew"); skew && skew->number() != 0.0)
@@ -45,27 +48,38 @@ CameraModel read_boofcv_camera(const std::filesystem::path& path) {
     camera.intrinsics = from_pixels_of(CalibrationTool::boofcv,
                                        checked_intrinsics(number("fx"), number("fy"), number("cx"),
                                                           number("cy"), pinhole.place()));
-    if (name == "pinhole_radial_tangential")
+    if (name != "pinhole")
         camera.distortion = boofcv_distortion(root.at("radial_tangential"));
+    if (name == "omnidirectional_universal") {
+        const ForeignValue offset = root.at("mirror_offset");
+        camera.projection =
+            checked_projection({Projection::unified, offset.number()}, offset.place());
+    }
     return camera;
 }
 
 void write_boofcv_camera(const std::filesystem::path& path, const CameraModel& camera) {
-    require_foreign_camera(camera, path, "a BoofCV file");
+    require_foreign_camera(camera, path, "a BoofCV file",
+                           {Projection::perspective, Projection::unified});
     shortest_distortion(camera, {5}, path, "a BoofCV file");
+    const bool is_unified = camera.projection.kind == Projection::unified;
     const Intrinsics i = to_pixels_of(CalibrationTool::boofcv, camera.intrinsics);
     const Distortion& d = camera.distortion;
-    write_text(path, fmt::format("# Pinhole camera model with radial and tangential distortion\n"
-                                 "model: pinhole_radial_tangential\n"
-                                 "version: 0\n"
-                                 "pinhole:\n"
-                                 "  width: {}\n  height: {}\n  fx: {}\n  fy: {}\n  skew: 0.0\n"
-                                 "  cx: {}\n  cy: {}\n"
-                                 "radial_tangential:\n"
-                                 "  radial:\n  - {}\n  - {}\n  - {}\n  t1: {}\n  t2: {}\n",
-                                 camera.width, camera.height, yaml_real(i.fx), yaml_real(i.fy),
-                                 yaml_real(i.cx), yaml_real(i.cy), yaml_real(d.k1), yaml_real(d.k2),
-                                 yaml_real(d.k3), yaml_real(d.p1), yaml_real(d.p2)));
+    const std::string offset =
+        is_unified ? "mirror_offset: " + yaml_real(camera.projection.a) + "\n" : "";
+    write_text(path,
+               fmt::format("# Camera model with radial and tangential distortion\n"
+                           "model: {}\n"
+                           "version: 0\n"
+                           "pinhole:\n"
+                           "  width: {}\n  height: {}\n  fx: {}\n  fy: {}\n  skew: 0.0\n"
+                           "  cx: {}\n  cy: {}\n"
+                           "radial_tangential:\n"
+                           "  radial:\n  - {}\n  - {}\n  - {}\n  t1: {}\n  t2: {}\n{}",
+                           is_unified ? "omnidirectional_universal" : "pinhole_radial_tangential",
+                           camera.width, camera.height, yaml_real(i.fx), yaml_real(i.fy),
+                           yaml_real(i.cx), yaml_real(i.cy), yaml_real(d.k1), yaml_real(d.k2),
+                           yaml_real(d.k3), yaml_real(d.p1), yaml_real(d.p2), offset));
 }
 
 }  // namespace etalon

@@ -1,6 +1,7 @@
 #include "calib/files/camera_file.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Eigenvalues>
 #include <numbers>
@@ -21,15 +22,15 @@ Intrinsics read_intrinsics(const Value& value) {
 }
 
 Distortion read_distortion(const Value& value) {
-    std::array<double, 14> coefficients{};
+    std::array<double, Distortion::count> coefficients{};
     for (std::size_t i = 0; i < coefficients.size(); ++i) {
-        const bool is_tilt = i >= 12;
+        const bool is_tilt = std::string_view(distortion_names[i]).starts_with("tau");
         constexpr double right_angle = std::numbers::pi / 2;
         if (const auto given = value.find(distortion_names[i]))
             coefficients[i] = given->number(is_tilt ? Range{-right_angle, right_angle}
                                                     : units::one.either_sign());
     }
-    return Distortion::from_opencv_order(coefficients);
+    return Distortion::of(coefficients);
 }
 
 std::vector<std::string> read_parameter_order(const Value& value) {
@@ -152,7 +153,7 @@ double read_f_number(const Value& lens, double image_distance_mm, double focus_d
 Lens read_lens(const StrictFile& file, const Value& value, const CameraModel& camera,
                CameraUncertainty& uncertainty) {
     Lens lens;
-    if (camera.projection == Projection::telecentric) {
+    if (camera.projection.kind == Projection::telecentric) {
         lens.focus_distance_mm = value.at("focus_distance_mm").number(units::mm.positive());
         lens.object_na = value.at("object_na").number({0.0, 1.0, true});
         if (lens.object_na == 1.0)
@@ -218,8 +219,9 @@ Illumination read_illumination(const Value& value, Projection projection) {
         const std::vector<double> coefficients = polynomial->numbers(3, units::one.either_sign());
         std::copy(coefficients.begin(), coefficients.end(), illumination.polynomial.begin());
     } else if (value.at("cos4").flag()) {
-        if (projection == Projection::telecentric)
-            cos4->fail("belongs to a perspective camera: a telecentric one has no field angle");
+        if (projection != Projection::perspective)
+            cos4->fail(fmt::format("belongs to a perspective camera: this one is {}",
+                                   name_of(projection).name));
         illumination.kind = Illumination::Kind::cos4;
     }
     return illumination;
@@ -277,7 +279,7 @@ void check_illumination(const CameraModel& camera, const Value& sensor) {
 
 // A lens whose numbers overflow or vanish in double precision is no lens.
 void check_lens(const CameraModel& camera, const Value& value) {
-    const bool is_telecentric = camera.projection == Projection::telecentric;
+    const bool is_telecentric = camera.projection.kind == Projection::telecentric;
     std::vector<double> lengths{working_f_number(camera)};
     if (is_telecentric) {
         const TelecentricLens lens = telecentric_lens(camera);
@@ -292,15 +294,37 @@ void check_lens(const CameraModel& camera, const Value& value) {
             value.fail("describes no lens: a length overflows or vanishes");
 }
 
-Projection read_projection(const Value& root) {
-    const auto word = root.find("projection");
-    const bool is_telecentric =
-        word && word->one_of({"perspective", "telecentric"}) == "telecentric";
-    return is_telecentric ? Projection::telecentric : Projection::perspective;
+// A word, or a word with its parameters.
+LensProjection read_projection(const Value& value) {
+    const std::string word =
+        value.is_mapping() && value.keys().size() == 1 ? value.keys().front() : value.text();
+    for (const ProjectionName& known : projection_names()) {
+        if (word != known.name)
+            continue;
+        LensProjection projection{known.kind};
+        double* const values[] = {&projection.a, &projection.b};
+        for (std::size_t i = 0; i < 2; ++i)
+            if (const std::string parameter = known.parameters[i]; !parameter.empty()) {
+                if (!value.is_mapping())
+                    value.fail(
+                        fmt::format("needs its parameters: {{{}: {{{}: ...}}}}", word, parameter));
+                *values[i] = value.at(word).at(parameter).number(units::one.either_sign());
+            }
+        try {
+            require_possible(projection);
+        } catch (const NumericalError& error) {
+            value.fail(error.what());
+        }
+        return projection;
+    }
+    std::vector<std::string> names;
+    for (const ProjectionName& known : projection_names())
+        names.push_back(known.name);
+    value.fail(fmt::format("must be {}, not '{}'", fmt::join(names, ", "), word));
 }
 
 void check_distortion(const CameraModel& camera, const Value& distortion) {
-    if (camera.projection == Projection::telecentric)
+    if (camera.projection.kind != Projection::perspective)
         for (const char* key : {"tau_x", "tau_y"})
             if (const auto tilt = distortion.find(key);
                 tilt && tilt->number(units::one.either_sign()) != 0.0)
@@ -356,7 +380,8 @@ CameraModel read_own_camera(const std::filesystem::path& path) {
         camera.serial = serial->text();
     camera.width = root.at("image").at("width").integer(1, 100'000);
     camera.height = root.at("image").at("height").integer(1, 100'000);
-    camera.projection = read_projection(root);
+    if (const auto projection = root.find("projection"))
+        camera.projection = read_projection(*projection);
     camera.intrinsics = read_intrinsics(root.at("intrinsics"));
     if (const auto distortion = root.find("distortion")) {
         camera.distortion = read_distortion(*distortion);
@@ -365,10 +390,15 @@ CameraModel read_own_camera(const std::filesystem::path& path) {
     if (const auto covariance = root.find("covariance"))
         camera.covariance = read_covariance(*covariance);
     if (const auto sensor = root.find("sensor")) {
-        camera.sensor = read_sensor(file, *sensor, camera.projection, uncertainty);
+        camera.sensor = read_sensor(file, *sensor, camera.projection.kind, uncertainty);
         check_illumination(camera, *sensor);
     }
     if (const auto lens = root.find("lens")) {
+        if (!camera.projection.is_flat())
+            lens->fail(
+                fmt::format("has no meaning yet for a lens that is {}: its blur is not "
+                            "rendered",
+                            name_of(camera.projection.kind).name));
         root.at("sensor").at("pixel_pitch_um").number(units::um.positive());
         camera.lens = read_lens(file, *lens, camera, uncertainty);
         check_lens(camera, *lens);
@@ -398,8 +428,18 @@ void settle_image_size(CameraModel& camera, const std::filesystem::path& path,
 
 }  // namespace
 
+CameraModel read_any_camera(const std::filesystem::path& path) {
+    CameraModel camera = is_etalon_file(path) ? read_own_camera(path) : read_foreign_camera(path);
+    settle_image_size(camera, path, std::nullopt);
+    return camera;
+}
+
 CameraModel read_camera(const std::filesystem::path& path, std::optional<cv::Size> image_size) {
     CameraModel camera = is_etalon_file(path) ? read_own_camera(path) : read_foreign_camera(path);
+    if (!camera.projection.is_flat())
+        throw ConfigError({path.string()},
+                          fmt::format("is of a lens that is {}: only `etalon camera` takes those",
+                                      name_of(camera.projection.kind).name));
     settle_image_size(camera, path, image_size);
     return camera;
 }

@@ -6,7 +6,7 @@
 //     serial: "U3V-1234"                                           # optional
 //     image: {width: 640, height: 480}                             # px
 //     intrinsics: {fx: 538.6, fy: 538.6, cx: 319.5, cy: 239.5}     # px
-//     distortion: {k1: -0.286, k2: 0.057}           # optional; 14 names, absent ones are 0
+//     distortion: {k1: -0.286, k2: 0.057}           # optional; 15 names, absent ones are 0
 //     covariance: {order: [fx, k1], lower: [0.04, 1e-5, 2e-6]}     # optional; by rows
 //     lens:                                         # optional; needs sensor.pixel_pitch_um
 //       {f_number: 2.8, focus_distance_mm: 150, wavelength_nm: 650, psf: ideal}
@@ -14,8 +14,11 @@
 //              read_noise_e: 0, illumination: {cos4: true}}        # optional
 //
 // and, less common: projection: telecentric (fx, fy in px/mm; the lens has object_na in place of
-// f_number), psf: {measured: {file: psf.yml}} or wave, illumination: {polynomial: [c1, c2, c3]},
-// mosaic: RGGB, channel_response: [r, g, b]. What they mean: docs/files.md.
+// f_number) or that of a wide lens, equidistant, stereographic, {field_of_view: {omega: 0.9}},
+// {unified: {xi: 1.2}}, {extended_unified: {beta: 1.1, alpha: 0.6}} or {double_sphere: {xi: -0.2,
+// alpha: 0.6}} (calib/camera/lens_projection.h; without a lens section), psf: {measured: {file:
+// psf.yml}} or wave, illumination: {polynomial: [c1, c2, c3]}, mosaic: RGGB, channel_response: [r,
+// g, b]. What they mean: docs/files.md.
 //
 // f_number is the engraved one; working_f_number may stand instead, or beside it if both agree to
 // 1e-6. focus_distance_mm may be the word infinity. psf: ideal or {gaussian: {sigma_px: 0.7}}.
@@ -39,7 +42,12 @@
 
 namespace etalon {
 
-// Reads ours or any other tool's; the content tells which one it is.
+// Reads ours or any other tool's, of any lens; the content tells which one it is.
+// Throws ConfigError with file, line and key for everything that cannot be a camera.
+CameraModel read_any_camera(const std::filesystem::path& path);
+
+// The same for what renders or estimates poses, which takes perspective and telecentric lenses so
+// far: wider ones are a ConfigError that names them.
 //
 // `image_size` is what the caller knows from elsewhere (a photo): it stands in where a foreign file
 // gives no size, and must agree where the file does.

@@ -24,8 +24,19 @@ std::string quoted(const std::string& text) {
     return result + "\"";
 }
 
+std::string projection_text(const LensProjection& projection) {
+    const ProjectionName& known = name_of(projection.kind);
+    const auto& [a, b] = known.parameters;
+    if (!*a)
+        return known.name;
+    std::string parameters = fmt::format("{}: {}", a, exact(projection.a));
+    if (*b)
+        parameters += fmt::format(", {}: {}", b, exact(projection.b));
+    return fmt::format("{{{}: {{{}}}}}", known.name, parameters);
+}
+
 std::string distortion_lines(const Distortion& distortion) {
-    const auto coefficients = distortion.in_opencv_order();
+    const auto coefficients = distortion.coefficients();
     std::string entries;
     for (std::size_t i = 0; i < coefficients.size(); ++i)
         if (coefficients[i] != 0.0 || i < 5)
@@ -91,7 +102,7 @@ std::string lens_lines(const CameraModel& camera, const std::filesystem::path& p
     const Lens& lens = *camera.lens;
     const std::string focus =
         std::isinf(lens.focus_distance_mm) ? "infinity" : exact(lens.focus_distance_mm);
-    const std::string aperture = camera.projection == Projection::telecentric
+    const std::string aperture = camera.projection.kind == Projection::telecentric
                                      ? "object_na: " + exact(lens.object_na)
                                      : "f_number: " + exact(lens.f_number);
     return fmt::format(
@@ -201,8 +212,8 @@ void write_camera(const std::filesystem::path& path, const CameraModel& camera) 
     if (!camera.serial.empty())
         text += "serial: " + quoted(camera.serial) + "\n";
     text += fmt::format("image: {{width: {}, height: {}}}\n", camera.width, camera.height);
-    if (camera.projection == Projection::telecentric)
-        text += "projection: telecentric\n";
+    if (camera.projection.kind != Projection::perspective)
+        text += "projection: " + projection_text(camera.projection) + "\n";
     text += fmt::format("intrinsics: {{fx: {}, fy: {}, cx: {}, cy: {}}}\n", exact(i.fx),
                         exact(i.fy), exact(i.cx), exact(i.cy));
     if (!camera.distortion.is_zero())

@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <array>
+#include <string_view>
 
+#include "calib/camera/parameter_names.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/files/pixel_origin.h"
 #include "core/text.h"
@@ -12,15 +15,41 @@
 namespace etalon {
 namespace {
 
-// A model's parameters after the focal lengths and the principal point.
+// A model's parameters after the focal lengths and the principal point: distortion coefficients by
+// our names, or omega.
 struct Model {
     const char* name;
     bool one_focal_length;
-    int coefficients;  // in OpenCV's order; of the radial ones only k1, k2 if not 4 or more
+    Projection projection;
+    std::vector<std::string_view> parameters;
 };
-constexpr std::array models{Model{"SIMPLE_PINHOLE", true, 0}, Model{"PINHOLE", false, 0},
-                            Model{"SIMPLE_RADIAL", true, 1},  Model{"RADIAL", true, 2},
-                            Model{"OPENCV", false, 4},        Model{"FULL_OPENCV", false, 8}};
+const std::vector<Model>& models() {
+    using enum Projection;
+    static const std::vector<Model> all{
+        {"SIMPLE_PINHOLE", true, perspective, {}},
+        {"PINHOLE", false, perspective, {}},
+        {"SIMPLE_RADIAL", true, perspective, {"k1"}},
+        {"RADIAL", true, perspective, {"k1", "k2"}},
+        {"OPENCV", false, perspective, {"k1", "k2", "p1", "p2"}},
+        {"FULL_OPENCV", false, perspective, {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}},
+        {"FOV", false, field_of_view, {"omega"}},
+        {"SIMPLE_RADIAL_FISHEYE", true, equidistant, {"k1"}},
+        {"RADIAL_FISHEYE", true, equidistant, {"k1", "k2"}},
+        {"OPENCV_FISHEYE", false, equidistant, {"k1", "k2", "k3", "k7"}},
+        {"THIN_PRISM_FISHEYE",
+         false,
+         equidistant,
+         {"k1", "k2", "p1", "p2", "k3", "k7", "s1", "s3"}}};
+    return all;
+}
+
+double& parameter(CameraModel& camera, std::array<double, Distortion::count>& coefficients,
+                  std::string_view name) {
+    if (name == "omega")
+        return camera.projection.a;
+    const auto at = std::find(distortion_names.begin(), distortion_names.end(), name);
+    return coefficients[static_cast<std::size_t>(at - distortion_names.begin())];
+}
 
 struct Line {
     SourcePlace place;
@@ -81,13 +110,34 @@ double number(const Line& line, std::size_t index, const std::string& name) {
 
 const Model& model_of(const Line& line) {
     const std::string name = line.words.size() > 1 ? line.words[1] : "";
-    for (const Model& model : models)
+    std::vector<std::string_view> known;
+    for (const Model& model : models()) {
         if (name == model.name)
             return model;
+        known.emplace_back(model.name);
+    }
     throw ConfigError({line.place.file, line.place.line, "MODEL"},
-                      "must be SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or "
-                      "FULL_OPENCV, not '" +
-                          name + "'");
+                      fmt::format("must be {}, not '{}'", fmt::join(known, ", "), name));
+}
+
+// The first model with two focal lengths that has a place for all that is not 0.
+const Model& model_for(const CameraModel& camera, const std::filesystem::path& path) {
+    const Model* last = nullptr;
+    for (const Model& model : models()) {
+        if (model.one_focal_length || model.projection != camera.projection.kind)
+            continue;
+        last = &model;
+        const auto coefficients = camera.distortion.coefficients();
+        bool holds = true;
+        for (std::size_t i = 0; i < coefficients.size(); ++i)
+            holds &= coefficients[i] == 0.0 ||
+                     std::find(model.parameters.begin(), model.parameters.end(),
+                               distortion_names[i]) != model.parameters.end();
+        if (holds)
+            return model;
+    }
+    require_only(camera, last->parameters, path, "COLMAP");
+    return *last;
 }
 
 }  // namespace
@@ -96,8 +146,7 @@ CameraModel read_colmap_camera(const std::filesystem::path& path, const std::str
     const Line line = choose_camera(path, id);
     const Model& model = model_of(line);
     const std::size_t first = 4, focal_lengths = model.one_focal_length ? 1 : 2;
-    const std::size_t coefficients = static_cast<std::size_t>(model.coefficients);
-    const std::size_t count = focal_lengths + 2 + coefficients;
+    const std::size_t count = focal_lengths + 2 + model.parameters.size();
     if (line.words.size() != first + count)
         throw ConfigError({line.place.file, line.place.line, "PARAMS"},
                           fmt::format("{} has {} parameters, not {}", model.name, count,
@@ -112,28 +161,32 @@ CameraModel read_colmap_camera(const std::filesystem::path& path, const std::str
     camera.intrinsics = from_pixels_of(
         CalibrationTool::colmap,
         checked_intrinsics(p[0], p[focal_lengths - 1], p[centre], p[centre + 1], line.place));
-    std::array<double, 14> all{};
-    std::copy(p.begin() + static_cast<std::ptrdiff_t>(centre + 2), p.end(), all.begin());
-    camera.distortion = Distortion::from_opencv_order(all);
+    camera.projection.kind = model.projection;
+    std::array<double, Distortion::count> coefficients{};
+    for (std::size_t i = 0; i < model.parameters.size(); ++i)
+        parameter(camera, coefficients, model.parameters[i]) = p[centre + 2 + i];
+    camera.distortion = Distortion::of(coefficients);
+    checked_projection(camera.projection, line.place);
     return camera;
 }
 
 void write_colmap_camera(const std::filesystem::path& path, const CameraModel& camera) {
-    require_foreign_camera(camera, path, "COLMAP");
-    const int count = shortest_distortion(camera, {0, 4, 8}, path, "COLMAP");
+    require_foreign_camera(
+        camera, path, "COLMAP",
+        {Projection::perspective, Projection::equidistant, Projection::field_of_view});
+    const Model& model = model_for(camera, path);
     const Intrinsics i = to_pixels_of(CalibrationTool::colmap, camera.intrinsics);
     std::vector<std::string> parameters{exact(i.fx), exact(i.fy), exact(i.cx), exact(i.cy)};
-    const auto coefficients = camera.distortion.in_opencv_order();
-    for (int k = 0; k < count; ++k)
-        parameters.push_back(exact(coefficients[static_cast<std::size_t>(k)]));
-    write_text(path, fmt::format("# Camera list with one line of data per camera:\n"
-                                 "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
-                                 "# Number of cameras: 1\n"
-                                 "1 {} {} {} {}\n",
-                                 count == 0   ? "PINHOLE"
-                                 : count == 4 ? "OPENCV"
-                                              : "FULL_OPENCV",
-                                 camera.width, camera.height, fmt::join(parameters, " ")));
+    CameraModel written = camera;
+    auto coefficients = camera.distortion.coefficients();
+    for (const std::string_view name : model.parameters)
+        parameters.push_back(exact(parameter(written, coefficients, name)));
+    write_text(path,
+               fmt::format("# Camera list with one line of data per camera:\n"
+                           "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+                           "# Number of cameras: 1\n"
+                           "1 {} {} {} {}\n",
+                           model.name, camera.width, camera.height, fmt::join(parameters, " ")));
 }
 
 }  // namespace etalon

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "calib/camera/parameter_names.h"
@@ -75,7 +76,7 @@ Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy,
 
 int shortest_distortion(const CameraModel& camera, std::initializer_list<int> counts,
                         const std::filesystem::path& path, const char* format) {
-    const auto coefficients = camera.distortion.in_opencv_order();
+    const auto coefficients = camera.distortion.coefficients();
     std::size_t needed = coefficients.size();
     while (needed > 0 && coefficients[needed - 1] == 0.0)
         --needed;
@@ -89,17 +90,54 @@ int shortest_distortion(const CameraModel& camera, std::initializer_list<int> co
     return 0;
 }
 
+void require_only(const CameraModel& camera, const std::vector<std::string_view>& names,
+                  const std::filesystem::path& path, const char* format) {
+    const auto coefficients = camera.distortion.coefficients();
+    for (std::size_t i = 0; i < coefficients.size(); ++i)
+        if (coefficients[i] != 0.0 &&
+            std::find(names.begin(), names.end(), distortion_names[i]) == names.end())
+            throw ConfigError({path.string()}, fmt::format("{} has no place for {} = {}", format,
+                                                           distortion_names[i], coefficients[i]));
+}
+
+void require_projection(const CameraModel& camera, const std::filesystem::path& path,
+                        const char* format, std::initializer_list<Projection> projections) {
+    const Projection kind = camera.projection.kind;
+    if (std::find(projections.begin(), projections.end(), kind) == projections.end())
+        throw ConfigError({path.string()},
+                          fmt::format("{} has no {} cameras", format, name_of(kind).name));
+    checked_projection(camera.projection, {path.string()});
+}
+
 void require_foreign_camera(const CameraModel& camera, const std::filesystem::path& path,
-                            const char* format) {
-    if (camera.projection != Projection::perspective)
-        throw ConfigError({path.string()}, fmt::format("{} has no telecentric cameras", format));
+                            const char* format, std::initializer_list<Projection> projections) {
+    require_projection(camera, path, format, projections);
     if (camera.width < 1 || camera.height < 1)
         throw ConfigError({path.string()}, "the image size is not known");
     const Intrinsics& i = camera.intrinsics;
     checked_intrinsics(i.fx, i.fy, i.cx, i.cy, {path.string()});
-    for (const double coefficient : camera.distortion.in_opencv_order())
+    for (const double coefficient : camera.distortion.coefficients())
         if (!std::isfinite(coefficient))
             throw ConfigError({path.string()}, "has a coefficient that is not finite");
+}
+
+Distortion kannala_brandt(const std::vector<double>& coefficients) {
+    std::array<double, 4> k{};
+    std::copy_n(coefficients.begin(), std::min(coefficients.size(), k.size()), k.begin());
+    return {.k1 = k[0], .k2 = k[1], .k3 = k[2], .k7 = k[3]};
+}
+
+std::array<double, 4> kannala_brandt_coefficients(const Distortion& d) {
+    return {d.k1, d.k2, d.k3, d.k7};
+}
+
+LensProjection checked_projection(const LensProjection& projection, const SourcePlace& place) {
+    try {
+        require_possible(projection);
+    } catch (const NumericalError& error) {
+        throw ConfigError(place, error.what());
+    }
+    return projection;
 }
 
 std::string yaml_real(double value) {

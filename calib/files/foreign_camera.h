@@ -2,9 +2,11 @@
 // distortion coefficients, checked here once for all formats.
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <initializer_list>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/camera/camera_model.h"
@@ -37,10 +39,26 @@ Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy, const 
 int shortest_distortion(const CameraModel& camera, std::initializer_list<int> counts,
                         const std::filesystem::path& path, const char* format);
 
-// What every writer of a foreign format requires: a perspective camera, an image size, finite
+// The same for a format that names its coefficients: those not in `names` must be 0.
+void require_only(const CameraModel& camera, const std::vector<std::string_view>& names,
+                  const std::filesystem::path& path, const char* format);
+
+// What every writer of a foreign format requires: a projection that it has, an image size, finite
 // numbers. Throws ConfigError at `path`.
+void require_projection(const CameraModel& camera, const std::filesystem::path& path,
+                        const char* format, std::initializer_list<Projection> projections);
 void require_foreign_camera(const CameraModel& camera, const std::filesystem::path& path,
-                            const char* format);
+                            const char* format,
+                            std::initializer_list<Projection> projections = {
+                                Projection::perspective});
+
+// Kannala and Brandt's coefficients of theta^3, ^5, ^7 and ^9, over the equidistant projection: k1,
+// k2, k3 and k7 here. Up to four, missing ones are 0.
+Distortion kannala_brandt(const std::vector<double>& coefficients);
+std::array<double, 4> kannala_brandt_coefficients(const Distortion& distortion);
+
+// A projection with the parameters of a file. Throws ConfigError at `place` where none has them.
+LensProjection checked_projection(const LensProjection& projection, const SourcePlace& place);
 
 // A number that reads back as the same double, with a decimal point: YAML 1.1, of PyYAML and
 // SnakeYAML, takes 5 for an integer and 1e-05 for text.

@@ -12,7 +12,8 @@ namespace etalon {
 namespace {
 
 constexpr const char* known_models =
-    "LENSMODEL_PINHOLE or LENSMODEL_OPENCV4, _OPENCV5, _OPENCV8 or _OPENCV12";
+    "LENSMODEL_PINHOLE, LENSMODEL_STEREOGRAPHIC or LENSMODEL_OPENCV4, _OPENCV5, _OPENCV8 or "
+    "_OPENCV12";
 
 // Python's literals as YAML: only the b before bytes has to go, which else would be a plain word
 // that ends at the first bracket of the base-85 text. Columns and lines stay.
@@ -38,7 +39,7 @@ std::string without_bytes_prefix(std::string text) {
 
 int coefficients_of(const ForeignValue& model) {
     const std::string name = model.text();
-    if (name == "LENSMODEL_PINHOLE")
+    if (name == "LENSMODEL_PINHOLE" || name == "LENSMODEL_STEREOGRAPHIC")
         return 0;
     for (const int count : {4, 5, 8, 12})
         if (name == fmt::format("LENSMODEL_OPENCV{}", count))
@@ -66,14 +67,21 @@ CameraModel read_mrcal_camera(const std::filesystem::path& path) {
     std::array<double, 14> all{};
     std::copy(i.begin() + 4, i.end(), all.begin());
     camera.distortion = Distortion::from_opencv_order(all);
+    if (lens_model(root).text() == "LENSMODEL_STEREOGRAPHIC")
+        camera.projection.kind = Projection::stereographic;
     camera.width = checked_image_side(sides[0], size.place());
     camera.height = checked_image_side(sides[1], size.place());
     return camera;
 }
 
 void write_mrcal_camera(const std::filesystem::path& path, const CameraModel& camera) {
-    require_foreign_camera(camera, path, "an mrcal OpenCV model");
-    const int count = shortest_distortion(camera, {0, 4, 5, 8, 12}, path, "an mrcal OpenCV model");
+    const bool is_stereographic = camera.projection.kind == Projection::stereographic;
+    const char* format = is_stereographic ? "mrcal's stereographic model" : "an mrcal OpenCV model";
+    require_foreign_camera(camera, path, format,
+                           {Projection::perspective, Projection::stereographic});
+    if (is_stereographic)
+        require_only(camera, {}, path, format);
+    const int count = shortest_distortion(camera, {0, 4, 5, 8, 12}, path, format);
     const Intrinsics i = to_pixels_of(CalibrationTool::mrcal, camera.intrinsics);
     std::vector<std::string> numbers{exact(i.fx), exact(i.fy), exact(i.cx), exact(i.cy)};
     const auto coefficients = camera.distortion.in_opencv_order();
@@ -86,7 +94,9 @@ void write_mrcal_camera(const std::filesystem::path& path, const CameraModel& ca
                                  "    'extrinsics': [ 0, 0, 0, 0, 0, 0,],\n\n"
                                  "    'imagersize': [ {}, {},],\n\n"
                                  "}}\n",
-                                 count == 0 ? "PINHOLE" : fmt::format("OPENCV{}", count),
+                                 is_stereographic ? "STEREOGRAPHIC"
+                                 : count == 0     ? "PINHOLE"
+                                                  : fmt::format("OPENCV{}", count),
                                  fmt::join(numbers, ", "), camera.width, camera.height));
 }
 

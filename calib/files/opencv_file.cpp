@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <span>
 
 #include "calib/camera/parameter_names.h"
 #include "calib/files/foreign_camera.h"
@@ -195,16 +196,26 @@ ForeignMatrix read_matrix(const OpenedFile& opened, const NamedNode& named) {
     return matrix;
 }
 
+// Of the coefficients that a file lists, in its order.
+std::array<const char*, 14> names_in_file(Projection projection) {
+    if (projection == Projection::equidistant)
+        return {"k1", "k2", "k3", "k7", "", "", "", "", "", "", "", "", "", ""};
+    std::array<const char*, 14> names{};
+    std::copy_n(distortion_names.begin(), names.size(), names.begin());
+    return names;
+}
+
 // Standard deviations as OpenCV's interactive-calibration writes them: of fx fy cx cy, and of the
 // first coefficients. Those of parameters that were held fixed are 0 and say nothing.
-void append_deviations(const OpenedFile& opened, Names names, bool of_intrinsics, std::size_t most,
+void append_deviations(const OpenedFile& opened, Names keys, std::span<const char* const> names,
                        std::vector<std::pair<std::string, double>>& deviations) {
-    const auto named = find(opened, names);
+    const auto named = find(opened, keys);
     if (!named)
         return;
     const ForeignMatrix list = read_matrix(opened, *named);
-    if ((list.rows != 1 && list.cols != 1) || list.values.size() > most)
-        throw ConfigError(list.place, fmt::format("must be a row or column of at most {}", most));
+    if ((list.rows != 1 && list.cols != 1) || list.values.size() > names.size())
+        throw ConfigError(list.place,
+                          fmt::format("must be a row or column of at most {}", names.size()));
     for (std::size_t i = 0; i < list.values.size(); ++i) {
         const double deviation = list.values[i];
         const double variance = deviation * deviation;
@@ -213,17 +224,19 @@ void append_deviations(const OpenedFile& opened, Names names, bool of_intrinsics
                               "has a standard deviation that is negative or whose square is no "
                               "finite number");
         if (deviation > 0.0)
-            deviations.emplace_back(of_intrinsics ? intrinsic_names[i] : distortion_names[i],
-                                    deviation);
+            deviations.emplace_back(names[i], deviation);
     }
 }
 
-std::optional<ParameterCovariance> read_covariance(const OpenedFile& opened) {
+std::optional<ParameterCovariance> read_covariance(const OpenedFile& opened,
+                                                   Projection projection) {
+    const auto names = names_in_file(projection);
+    const bool has_four = projection == Projection::equidistant;
     std::vector<std::pair<std::string, double>> deviations;
-    append_deviations(opened, {"camera_matrix_std_dev", "cameraMatrix_std_dev"}, true, 4,
+    append_deviations(opened, {"camera_matrix_std_dev", "cameraMatrix_std_dev"}, intrinsic_names,
                       deviations);
-    append_deviations(opened, {"distortion_coefficients_std_dev", "dist_coeffs_std_dev"}, false, 14,
-                      deviations);
+    append_deviations(opened, {"distortion_coefficients_std_dev", "dist_coeffs_std_dev"},
+                      std::span(names).first(has_four ? 4 : names.size()), deviations);
     if (deviations.empty())
         return std::nullopt;
     const auto n = static_cast<Eigen::Index>(deviations.size());
@@ -270,13 +283,36 @@ void read_image_size(const OpenedFile& opened, CameraModel& camera) {
     }
 }
 
+// What OpenCV's samples add to a file of cv::fisheye (fisheye_model) and cv::omnidir (xi).
+void read_wide_projection(const OpenedFile& opened, const ForeignMatrix& distortion,
+                          CameraModel& camera) {
+    const auto fisheye = find(opened, {"fisheye_model"}), xi = find(opened, {"xi"});
+    const bool is_fisheye = fisheye && number(fisheye->node, opened.place("fisheye_model")) != 0.0;
+    if (!is_fisheye && !xi)
+        return;
+    if (distortion.values.size() != 4 || (is_fisheye && xi))
+        throw ConfigError(distortion.place,
+                          "of a fisheye or omnidirectional camera must be four "
+                          "coefficients, of one of the two");
+    if (is_fisheye) {
+        camera.projection.kind = Projection::equidistant;
+        camera.distortion = kannala_brandt(distortion.values);
+    } else {
+        const SourcePlace place = opened.place("xi");
+        const double offset =
+            xi->node.isMap() ? read_matrix(opened, *xi).values.at(0) : number(xi->node, place);
+        camera.projection = checked_projection({Projection::unified, offset}, place);
+    }
+}
+
 CameraModel read_camera_from(const OpenedFile& opened) {
     refuse_other_models(opened);
     const ForeignMatrix camera_matrix = read_matrix(opened, require(opened, camera_matrix_names));
     const ForeignMatrix distortion = read_matrix(opened, require(opened, distortion_keys));
     CameraModel camera = camera_from_matrices(camera_matrix, distortion);
+    read_wide_projection(opened, distortion, camera);
     camera.intrinsics = from_pixels_of(CalibrationTool::opencv, camera.intrinsics);
-    camera.covariance = read_covariance(opened);
+    camera.covariance = read_covariance(opened, camera.projection.kind);
     read_image_size(opened, camera);
     return camera;
 }
@@ -318,12 +354,27 @@ CameraModel read_opencv_camera(const std::filesystem::path& path) {
 }
 
 void write_opencv_camera(const std::filesystem::path& path, const CameraModel& camera) {
-    require_perspective(camera, "an OpenCV calibration file");
+    constexpr const char* format = "an OpenCV calibration file";
+    const Projection projection = camera.projection.kind;
+    require_projection(camera, path, format,
+                       {Projection::perspective, Projection::equidistant, Projection::unified});
+    const bool is_fisheye = projection == Projection::equidistant;
+    if (is_fisheye)
+        require_only(camera, {"k1", "k2", "k3", "k7"}, path, format);
+    else
+        shortest_distortion(camera, {projection == Projection::unified ? 4 : 14}, path, format);
     const Intrinsics i = to_pixels_of(CalibrationTool::opencv, camera.intrinsics);
     const cv::Matx33d camera_matrix(i.fx, 0, i.cx, 0, i.fy, i.cy, 0, 0, 1);
-    const auto coefficients = camera.distortion.in_opencv_order();
-    const auto deviations = deviations_of(camera, distortion_names);
-    const int count = std::max(shortest_list(coefficients), shortest_list(deviations));
+    auto coefficients = camera.distortion.in_opencv_order();
+    if (is_fisheye) {
+        coefficients = {};
+        const auto k = kannala_brandt_coefficients(camera.distortion);
+        std::copy(k.begin(), k.end(), coefficients.begin());
+    }
+    const auto deviations = deviations_of(camera, names_in_file(projection));
+    const int count = projection == Projection::perspective
+                          ? std::max(shortest_list(coefficients), shortest_list(deviations))
+                          : 4;
 
     const std::string kind = path.extension();
     cv::FileStorage storage(kind == ".xml" || kind == ".json" ? kind : ".yml",
@@ -331,6 +382,10 @@ void write_opencv_camera(const std::filesystem::path& path, const CameraModel& c
     storage << "image_width" << camera.width << "image_height" << camera.height;
     storage << "camera_matrix" << cv::Mat(camera_matrix);
     storage << "distortion_coefficients" << cv::Mat(coefficients).rowRange(0, count).t();
+    if (is_fisheye)
+        storage << "fisheye_model" << 1;
+    if (projection == Projection::unified)
+        storage << "xi" << camera.projection.a;
     if (camera.covariance) {
         storage << "cameraMatrix_std_dev" << cv::Mat(deviations_of(camera, intrinsic_names));
         storage << "dist_coeffs_std_dev" << cv::Mat(deviations).rowRange(0, count);

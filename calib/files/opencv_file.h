@@ -7,8 +7,11 @@
 //   cameraMatrix_std_dev | camera_matrix_std_dev, dist_coeffs_std_dev |
 //   distortion_coefficients_std_dev             optional: a covariance without correlations
 //
-// Pixel (0, 0) is the centre of the top-left pixel there too. Four coefficients are read as
-// k1 k2 p1 p2: a file of cv::fisheye has four as well and does not say what they are.
+//   fisheye_model, not 0                        the four coefficients are cv::fisheye's
+//   xi                                          cv::omnidir's, a number or a 1x1 matrix
+//
+// Pixel (0, 0) is the centre of the top-left pixel there too. Four coefficients without one of
+// these two keys, which OpenCV's sample programs write, are k1 k2 p1 p2.
 #pragma once
 
 #include <filesystem>

@@ -23,12 +23,14 @@ ForeignMatrix read_matrix(const ForeignValue& entry) {
     return matrix;
 }
 
+// Of a model that is not `equidistant`, what camera_from_matrices() takes.
 void check_model(const ForeignValue& model, const ForeignMatrix& distortion) {
     const std::string name = model.text();
-    if (name != "plumb_bob" && name != "rational_polynomial")
-        throw ConfigError(model.place(),
-                          "must be plumb_bob or rational_polynomial, not '" + name + "'");
-    const std::size_t count = name == "plumb_bob" ? 5 : 8;
+    if (name != "plumb_bob" && name != "rational_polynomial" && name != "equidistant")
+        throw ConfigError(
+            model.place(),
+            "must be plumb_bob, rational_polynomial or equidistant, not '" + name + "'");
+    const std::size_t count = name == "plumb_bob" ? 5 : name == "equidistant" ? 4 : 8;
     if (distortion.values.size() != count)
         throw ConfigError(distortion.place, fmt::format("{} has {} coefficients, not {}", name,
                                                         count, distortion.values.size()));
@@ -44,6 +46,10 @@ CameraModel read_ros_camera(const std::filesystem::path& path) {
     check_model(root.at("distortion_model"), distortion);
     CameraModel camera = camera_from_matrices(read_matrix(camera_matrix), distortion);
     camera.intrinsics = from_pixels_of(CalibrationTool::ros, camera.intrinsics);
+    if (root.at("distortion_model").text() == "equidistant") {
+        camera.projection.kind = Projection::equidistant;
+        camera.distortion = kannala_brandt(distortion.values);
+    }
     const ForeignValue width = root.at("image_width"), height = root.at("image_height");
     camera.width = checked_image_side(width.number(), width.place());
     camera.height = checked_image_side(height.number(), height.place());
@@ -51,13 +57,21 @@ CameraModel read_ros_camera(const std::filesystem::path& path) {
 }
 
 void write_ros_camera(const std::filesystem::path& path, const CameraModel& camera) {
-    require_foreign_camera(camera, path, "ROS camera_info");
-    const int count = shortest_distortion(camera, {5, 8}, path, "ROS camera_info");
+    constexpr const char* format = "ROS camera_info";
+    require_foreign_camera(camera, path, format,
+                           {Projection::perspective, Projection::equidistant});
     const Intrinsics i = to_pixels_of(CalibrationTool::ros, camera.intrinsics);
-    const auto coefficients = camera.distortion.in_opencv_order();
     std::vector<std::string> listed;
-    for (int k = 0; k < count; ++k)
-        listed.push_back(yaml_real(coefficients[static_cast<std::size_t>(k)]));
+    if (camera.projection.kind == Projection::equidistant) {
+        require_only(camera, {"k1", "k2", "k3", "k7"}, path, format);
+        for (const double k : kannala_brandt_coefficients(camera.distortion))
+            listed.push_back(yaml_real(k));
+    } else {
+        const int count = shortest_distortion(camera, {5, 8}, path, format);
+        const auto coefficients = camera.distortion.in_opencv_order();
+        for (int k = 0; k < count; ++k)
+            listed.push_back(yaml_real(coefficients[static_cast<std::size_t>(k)]));
+    }
     const std::string fx = yaml_real(i.fx), fy = yaml_real(i.fy), cx = yaml_real(i.cx),
                       cy = yaml_real(i.cy);
     write_text(path,
@@ -71,8 +85,10 @@ void write_ros_camera(const std::filesystem::path& path, const CameraModel& came
                            "projection_matrix:\n  rows: 3\n  cols: 4\n"
                            "  data: [{}, 0.0, {}, 0.0, 0.0, {}, {}, 0.0, 0.0, 0.0, 1.0, 0.0]\n",
                            camera.width, camera.height, fx, cx, fy, cy,
-                           count == 5 ? "plumb_bob" : "rational_polynomial", count,
-                           fmt::join(listed, ", "), fx, cx, fy, cy));
+                           listed.size() == 4   ? "equidistant"
+                           : listed.size() == 5 ? "plumb_bob"
+                                                : "rational_polynomial",
+                           listed.size(), fmt::join(listed, ", "), fx, cx, fy, cy));
 }
 
 }  // namespace etalon

@@ -59,7 +59,7 @@ int parameter_index(std::string_view name) {
     for (std::size_t i = 0; i < intrinsic_names.size(); ++i)
         if (name == intrinsic_names[i])
             return static_cast<int>(i);
-    for (std::size_t i = 0; i < distortion_names.size(); ++i)
+    for (std::size_t i = 0; i + intrinsic_names.size() < camera_parameter_count; ++i)
         if (name == distortion_names[i])
             return static_cast<int>(intrinsic_names.size() + i);
     throw ConfigError({}, fmt::format("a camera has no parameter '{}'", name));

@@ -24,21 +24,28 @@ Eigen::Vector2d image_position(const CameraModel& camera, double x, double y) {
 
 double angle_between_deg(const Projector& projector, const Eigen::Vector2d& a,
                          const Eigen::Vector2d& b) {
-    const auto ray_a = projector.unproject(a), ray_b = projector.unproject(b);
+    const auto ray_a = projector.ray(a), ray_b = projector.ray(b);
     if (!ray_a || !ray_b)
         return not_a_number;
-    const Eigen::Vector3d u = ray_a->homogeneous(), v = ray_b->homogeneous();
-    return std::atan2(u.cross(v).norm(), u.dot(v)) * 180.0 / std::numbers::pi;
+    return std::atan2(ray_a->cross(*ray_b).norm(), ray_a->dot(*ray_b)) * 180.0 / std::numbers::pi;
 }
 
+// Of a wide lens by way of the middle, as it may see more than 180 degrees.
 void measure_field_of_view(const Projector& projector, CameraCheck& check) {
     const CameraModel& camera = projector.camera();
-    if (camera.projection == Projection::telecentric)
+    if (camera.projection.kind == Projection::telecentric)
         return;
-    const auto at = [&](double x, double y) { return image_position(camera, x, y); };
-    check.horizontal_deg = angle_between_deg(projector, at(0, 0.5), at(1, 0.5));
-    check.vertical_deg = angle_between_deg(projector, at(0.5, 0), at(0.5, 1));
-    check.diagonal_deg = angle_between_deg(projector, at(0, 0), at(1, 1));
+    const auto across = [&](double x, double y) {
+        const Eigen::Vector2d a = image_position(camera, x, y),
+                              b = image_position(camera, 1.0 - x, 1.0 - y),
+                              middle = image_position(camera, 0.5, 0.5);
+        if (camera.projection.is_flat())
+            return angle_between_deg(projector, a, b);
+        return angle_between_deg(projector, a, middle) + angle_between_deg(projector, middle, b);
+    };
+    check.horizontal_deg = across(0, 0.5);
+    check.vertical_deg = across(0.5, 0);
+    check.diagonal_deg = across(0, 0);
 }
 
 void measure_valid_region(const Projector& projector, CameraCheck& check) {
@@ -46,27 +53,50 @@ void measure_valid_region(const Projector& projector, CameraCheck& check) {
     check.margin = std::numeric_limits<double>::infinity();
     for (int row = 0; row <= steps; ++row)
         for (int col = 0; col <= steps; ++col) {
-            const auto ray = projector.unproject(
+            const auto point = projector.undistorted(
                 image_position(projector.camera(), double(col) / steps, double(row) / steps));
             const bool on_edge = row == 0 || row == steps || col == 0 || col == steps;
-            if (!ray)
+            if (!point)
                 ++without_ray;
-            else if (on_edge && ray->norm() > 0.0)
+            else if (on_edge && point->norm() > 0.0)
                 check.margin =
-                    std::min(check.margin, projector.valid_region().border(*ray) / ray->norm());
+                    std::min(check.margin, projector.valid_region().border(*point) / point->norm());
         }
     check.image_without_ray = without_ray / double((steps + 1) * (steps + 1));
 }
 
-void judge_valid_region(CameraCheck& check) {
+// Whether the largest circle about the principal point that fits the image has rays: a wide lens
+// may image no more than that.
+bool has_image_circle(const Projector& projector) {
+    const CameraModel& camera = projector.camera();
+    const Eigen::Vector2d centre(camera.intrinsics.cx, camera.intrinsics.cy);
+    const Eigen::Vector2d last(camera.width - 0.5, camera.height - 0.5);
+    const double radius = std::min((centre.array() + 0.5).minCoeff(), (last - centre).minCoeff());
+    for (int i = 0; i < steps && radius > 0.0; ++i) {
+        const double angle = 2.0 * std::numbers::pi * i / steps;
+        if (!projector.undistorted(centre +
+                                   radius * Eigen::Vector2d(std::cos(angle), std::sin(angle))))
+            return false;
+    }
+    return radius > 0.0;
+}
+
+void judge_valid_region(const Projector& projector, CameraCheck& check) {
     constexpr const char* about = "valid region";
-    if (check.image_without_ray > 0.0)
+    const double percent = 100.0 * check.image_without_ray;
+    const bool is_flat = projector.camera().projection.is_flat();
+    if (percent > 0.0 && !is_flat && has_image_circle(projector))
+        check.findings.push_back(
+            {Weight::note, about,
+             fmt::format(
+                 "{:.2g} % of the image has no ray: outside the circle that the lens images",
+                 percent)});
+    else if (percent > 0.0)
         check.findings.push_back(
             {Weight::fault, about,
-             fmt::format(
-                 "the distortion folds, or has a pole, inside the image: {:.2g} % of it has "
-                 "no ray",
-                 100.0 * check.image_without_ray)});
+             fmt::format("the distortion folds, or has a pole, inside the image: {:.2g} % of it "
+                         "has no ray",
+                         percent)});
     else if (check.margin < 1.05)
         check.findings.push_back(
             {Weight::warning, about,
@@ -120,7 +150,7 @@ void judge_telecentric_lens(const CameraModel& camera, std::vector<CameraFinding
 void judge_lens(const CameraModel& camera, std::vector<CameraFinding>& findings) {
     if (!camera.lens)
         return;
-    if (camera.projection == Projection::telecentric)
+    if (camera.projection.kind == Projection::telecentric)
         judge_telecentric_lens(camera, findings);
     else
         judge_thin_lens(camera, findings);
@@ -199,7 +229,7 @@ CameraCheck check_camera(const CameraModel& camera) {
     CameraCheck check;
     measure_field_of_view(projector, check);
     measure_valid_region(projector, check);
-    judge_valid_region(check);
+    judge_valid_region(projector, check);
     judge_intrinsics(camera, check.findings);
     judge_lens(camera, check.findings);
     judge_sensor(camera, check.findings);

@@ -51,6 +51,8 @@ void check_input(std::span<const CalibrationView> views, cv::Size size,
 // Also of poses and equations that are asked for: what Eigen would read beyond, or NaN.
 void check_camera(const CameraModel& camera, std::span<const Rigid> poses, std::size_t views) {
     require_perspective(camera, "calibrating");
+    if (camera.distortion.k7 != 0.0)
+        throw NumericalError("k7 is not calibrated");
     const CameraParameters parameters = all_parameters(camera);
     if (!parameters.allFinite() || !(parameters[0] > 0.0) || !(parameters[1] > 0.0))
         throw NumericalError(

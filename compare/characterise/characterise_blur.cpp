@@ -61,10 +61,10 @@ void take_defocus(Characterisation& result) {
 }
 
 void measure_defocus(const std::vector<StraightEdge>& edges, Characterisation& result) {
-    if (result.camera.projection == Projection::telecentric ||
+    if (result.camera.projection.kind == Projection::telecentric ||
         !(result.camera.sensor->pixel_pitch_um > 0.0))
         return refuse(result, "focus distance and f-number",
-                      result.camera.projection == Projection::telecentric
+                      result.camera.projection.kind == Projection::telecentric
                           ? "the camera is telecentric"
                           : "the camera file gives no pixel pitch");
     auto defocus = attempted([&] { return estimate_defocus(edges, result.camera); });

@@ -77,7 +77,7 @@ BlurModel::Transfer transfer_of(const StraightEdge& edge, const Setting& setting
 
 void require_usable(std::span<const StraightEdge> edges, const CameraModel& camera,
                     FocusSpread spread) {
-    if (camera.projection != Projection::perspective)
+    if (camera.projection.kind != Projection::perspective)
         throw NumericalError("defocus: the thin lens of a telecentric camera is not estimated");
     if (!camera.sensor || !(camera.sensor->pixel_pitch_um > 0.0))
         throw NumericalError("defocus: the pixel pitch is needed");

@@ -27,7 +27,7 @@ std::optional<Eigen::Vector2d> on_target(const Projector& projector,
     const auto undistorted = projector.unproject(pixel);
     if (!undistorted)
         return std::nullopt;
-    const bool is_telecentric = projector.camera().projection == Projection::telecentric;
+    const bool is_telecentric = projector.camera().projection.kind == Projection::telecentric;
     const Rigid marker_from_camera = camera_from_marker.inverse();
     const Eigen::Vector3d through(undistorted->x(), undistorted->y(), is_telecentric ? 0.0 : 1.0);
     const Eigen::Vector3d direction =

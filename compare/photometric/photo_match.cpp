@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 
+#include "calib/camera/parameter_names.h"
 #include "compare/photometric/photometric_steps.h"
 #include "core/errors.h"
 
@@ -144,12 +145,10 @@ std::vector<MatchParameter> calibration_parameters(const CameraModel& camera) {
     add_intrinsic("fy", k.fy, "px");
     add_intrinsic("cx", k.cx, "px");
     add_intrinsic("cy", k.cy, "px");
-    constexpr const char* names[] = {"k1", "k2", "p1", "p2", "k3", "k4",    "k5",
-                                     "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"};
-    const auto coefficients = camera.distortion.in_opencv_order();
+    const auto coefficients = camera.distortion.coefficients();
     for (std::size_t i = 0; i < coefficients.size(); ++i)
         if (coefficients[i] != 0.0)
-            add_intrinsic(names[i], coefficients[i], "");
+            add_intrinsic(distortion_names[i], coefficients[i], "");
     const CameraUncertainty known = camera.standard_uncertainty.value_or(CameraUncertainty{});
     if (camera.lens) {
         add("f-number", camera.lens->f_number, "", known.f_number);

@@ -159,7 +159,7 @@ private:
         const Ray ray = ray_through(x, Eigen::Vector2d::Zero());
         const double inverse_depth = markers_.front().inverse_depth(ray.from, ray.along);
         const double focus = aperture_.focus(x);
-        const double defocus = camera_.projection == Projection::telecentric
+        const double defocus = camera_.projection.kind == Projection::telecentric
                                    ? 1.0 / inverse_depth - focus
                                    : inverse_depth - focus;
         return camera_.intrinsics.fx * aperture_.radius_mm * std::abs(defocus);
@@ -199,7 +199,7 @@ private:
     Ray ray_through(const Eigen::Vector2d& x, const Eigen::Vector2d& l) const {
         const double focus = aperture_.focus(x);
         Ray ray{Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitZ()};
-        if (camera_.projection == Projection::telecentric) {
+        if (camera_.projection.kind == Projection::telecentric) {
             ray.from.head<2>() = x - focus * l;
             ray.along.head<2>() = l;
         } else {

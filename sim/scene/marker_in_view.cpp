@@ -11,7 +11,7 @@ constexpr int parts_of_bent_edge = 8;
 bool shows_front(const CameraModel& camera, const Rigid& camera_from_marker) {
     const Eigen::Vector3d inward = camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
     const double radius = camera.lens ? aperture_of(camera).radius_mm : 0.0;
-    const double before = camera.projection == Projection::telecentric
+    const double before = camera.projection.kind == Projection::telecentric
                               ? inward.z()
                               : inward.dot(camera_from_marker.translation);
     return before > radius * inward.head<2>().norm();

@@ -173,7 +173,7 @@ std::optional<Eigen::Vector3d> PoseSampler::position(const std::array<double, 6>
     const auto ray = projector_.unproject(pixel);
     if (!ray)
         return std::nullopt;
-    const double scale = camera.projection == Projection::telecentric ? 1.0 : z;
+    const double scale = camera.projection.kind == Projection::telecentric ? 1.0 : z;
     return Eigen::Vector3d(scale * ray->x(), scale * ray->y(), z);
 }
 

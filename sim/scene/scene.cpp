@@ -106,7 +106,7 @@ double seam_mm(const PlacedMarker& marker, const CameraModel& camera) {
     for (const Eigen::Vector3d& corner : corners_mm(marker.grid))
         depth = std::min(depth, (marker.camera_from_marker * corner).z());
     const double per_mm = std::max(camera.intrinsics.fx, camera.intrinsics.fy);
-    return allowed_seam_px / per_mm * (camera.projection == Projection::telecentric ? 1.0 : depth);
+    return allowed_seam_px / per_mm * (camera.projection.kind == Projection::telecentric ? 1.0 : depth);
 }
 
 bool side_by_side(const PlacedMarker& a, const PlacedMarker& b, double seam) {
@@ -129,7 +129,7 @@ void check_no_occlusion(const Scene& scene, const CameraModel& camera) {
     const double lens_radius = aperture_of(camera).radius_mm;
     std::vector<Corners> seen;
     for (const PlacedMarker& marker : scene.markers)
-        seen.push_back(seen_corners(marker, camera.projection, seen.size() + 1));
+        seen.push_back(seen_corners(marker, camera.projection.kind, seen.size() + 1));
     for (std::size_t j = 1; j < seen.size(); ++j)
         for (std::size_t i = 0; i < j; ++i)
             if (!no_ray_meets_both(seen[i], seen[j], lens_radius) &&

@@ -103,7 +103,7 @@ void check(const Sensor& sensor) {
 void check_illumination(const CameraModel& camera) {
     const Illumination& illumination = camera.sensor->illumination;
     if (illumination.kind == Illumination::Kind::cos4 &&
-        camera.projection == Projection::telecentric)
+        camera.projection.kind == Projection::telecentric)
         refuse("illumination", "cos4: a telecentric camera has no field angle");
     if (illumination.kind != Illumination::Kind::polynomial)
         return;

@@ -20,7 +20,7 @@ namespace {
 
 CameraModel selected_camera(const CameraFileArguments& arguments) {
     if (arguments.select.empty())
-        return read_camera(arguments.file);
+        return read_any_camera(arguments.file);
     if (is_etalon_file(arguments.file))
         throw ConfigError({"--select"}, "is for files with several cameras, Kalibr's and COLMAP's");
     return read_foreign_camera(arguments.file, arguments.select);
@@ -30,18 +30,30 @@ const char* format_of(const CameraFileArguments& arguments) {
     return is_etalon_file(arguments.file) ? "etalon" : name_of(tool_of(arguments.file));
 }
 
+template <typename Take>
+void each_parameter(const LensProjection& projection, const Take& take) {
+    const auto& names = name_of(projection.kind).parameters;
+    const std::array values{projection.a, projection.b};
+    for (std::size_t k = 0; k < values.size(); ++k)
+        if (*names[k])
+            take(names[k], values[k]);
+}
+
 nlohmann::json camera_json(const CameraModel& camera, const char* format) {
     const Intrinsics& i = camera.intrinsics;
     nlohmann::json distortion = nlohmann::json::object();
-    const auto coefficients = camera.distortion.in_opencv_order();
+    const auto coefficients = camera.distortion.coefficients();
     for (std::size_t k = 0; k < coefficients.size(); ++k)
         distortion[distortion_names[k]] = coefficients[k];
+    nlohmann::json parameters = nlohmann::json::object();
+    each_parameter(camera.projection,
+                   [&](const char* name, double value) { parameters[name] = value; });
     return {{"format", format},
             {"serial", camera.serial},
             {"width", camera.width},
             {"height", camera.height},
-            {"projection",
-             camera.projection == Projection::perspective ? "perspective" : "telecentric"},
+            {"projection", name_of(camera.projection.kind).name},
+            {"projection_parameters", parameters},
             {"intrinsics", {{"fx", i.fx}, {"fy", i.fy}, {"cx", i.cx}, {"cy", i.cy}}},
             {"distortion", distortion},
             {"covariance", camera.covariance.has_value()},
@@ -83,15 +95,20 @@ void print_uncertainties(const CameraModel& camera) {
 
 void print_camera(const CameraModel& camera, const char* format) {
     const Intrinsics& i = camera.intrinsics;
-    fmt::print("format      {}\nimage       {} x {} px{}\n", format, camera.width, camera.height,
-               camera.projection == Projection::telecentric ? ", telecentric" : "");
+    const bool is_perspective = camera.projection.kind == Projection::perspective;
+    fmt::print("format      {}\nimage       {} x {} px{}{}\n", format, camera.width, camera.height,
+               is_perspective ? "" : ", ",
+               is_perspective ? "" : name_of(camera.projection.kind).name);
     if (!camera.serial.empty())
         fmt::print("serial      {}\n", camera.serial);
     const std::array values{i.fx, i.fy, i.cx, i.cy};
     for (std::size_t k = 0; k < values.size(); ++k)
         fmt::print("{:<11} {}{}\n", intrinsic_names[k], values[k],
                    standard_deviation(camera, intrinsic_names[k]));
-    const auto coefficients = camera.distortion.in_opencv_order();
+    each_parameter(camera.projection, [&](const char* name, double value) {
+        fmt::print("{:<11} {}{}\n", name, value, standard_deviation(camera, name));
+    });
+    const auto coefficients = camera.distortion.coefficients();
     for (std::size_t k = 0; k < coefficients.size(); ++k)
         if (coefficients[k] != 0.0)
             fmt::print("{:<11} {}{}\n", distortion_names[k], coefficients[k],

@@ -192,7 +192,7 @@ void add_provenance(HtmlPage& page, const Comparison& comparison) {
     const CameraModel& camera = comparison.camera;
     const Intrinsics& k = camera.intrinsics;
     std::string coefficients;
-    for (const double value : camera.distortion.in_opencv_order())
+    for (const double value : camera.distortion.coefficients())
         coefficients += fmt::format("{}{:.6g}", coefficients.empty() ? "" : ", ", value);
     page.begin_details("Camera and software");
     page.add_table({"calibration", comparison.camera_file.string()},

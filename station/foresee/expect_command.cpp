@@ -45,7 +45,7 @@ ExpectationRequest request_of(const ExpectArguments& arguments) {
         .poses = arguments.poses,
         .frames = arguments.frames,
         .seed = arguments.seed};
-    if (request.scene.camera.projection == Projection::telecentric)
+    if (request.scene.camera.projection.kind == Projection::telecentric)
         throw ConfigError({"--camera"}, "is telecentric: poses need a perspective camera");
     return request;
 }

@@ -172,7 +172,7 @@ Scene ViewRenderer::scene(const std::vector<Rigid>& camera_from_marker) const {
     Scene scene{{}, background_};
     for (std::size_t i = 0; i < markers_.size(); ++i)
         scene.markers.push_back({markers_[i].grid, camera_from_marker.at(i)});
-    check_seen(scene, camera_.projection);
+    check_seen(scene, camera_.projection.kind);
     if (renderer_)
         check_no_occlusion(scene, camera_);
     return scene;

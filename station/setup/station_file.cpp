@@ -65,7 +65,7 @@ StationCamera read_camera_section(const StrictFile& file, const Value& section) 
     StationCamera camera;
     camera.uri = non_empty_text(section.at("uri"));
     camera.model = read_camera(existing_file(file, section.at("calibration")));
-    if (camera.model.projection == Projection::telecentric)
+    if (camera.model.projection.kind == Projection::telecentric)
         section.at("calibration")
             .fail("is of a telecentric camera: qualify needs a perspective one");
     camera.settings = read_settings(section, camera.model);

@@ -307,7 +307,7 @@ TEST(PublishedMethod, RefusesWhatItCannotDo) {
     camera.distortion.tau_x = 0.01;
     EXPECT_THROW(PublishedMethod(camera, 64, Undistortion::per_ray), NumericalError);
     camera.distortion.tau_x = 0.0;
-    camera.projection = Projection::telecentric;
+    camera.projection.kind = Projection::telecentric;
     EXPECT_THROW(PublishedMethod(camera, 64, Undistortion::per_ray), NumericalError);
     Scene scene = two_markers();
     scene.background = std::numeric_limits<double>::quiet_NaN();

@@ -126,7 +126,7 @@ CameraModel hostile_camera(Dice& dice) {
     camera.lens = Lens{dice.log_between(0.95, any_f_number ? 200.0 : 11.0), focus,
                        dice.log_between(200.0, 1000.0), random_spread(dice)};
     if (dice.chance(0.08)) {  // fx is px/mm
-        camera.projection = Projection::telecentric;
+        camera.projection.kind = Projection::telecentric;
         camera.intrinsics.fx = dice.log_between(2.0, 100.0);
         camera.intrinsics.fy = camera.intrinsics.fx * dice.between(0.8, 1.2);
         camera.distortion = {};
@@ -159,7 +159,7 @@ Eigen::Quaterniond orientation(Dice& dice, double tilt) {
 // The place at the depth that the pixel sees, or would without distortion.
 Eigen::Vector3d seen_at(const CameraModel& camera, const Eigen::Vector2d& pixel, double depth) {
     const Intrinsics& k = camera.intrinsics;
-    const double scale = camera.projection == Projection::telecentric ? 1.0 : depth;
+    const double scale = camera.projection.kind == Projection::telecentric ? 1.0 : depth;
     const Eigen::Vector2d plain((pixel.x() - k.cx) / k.fx, (pixel.y() - k.cy) / k.fy);
     const Eigen::Vector2d x = Projector(camera).unproject(pixel).value_or(plain);
     return {scale * x.x(), scale * x.y(), depth};
@@ -167,7 +167,7 @@ Eigen::Vector3d seen_at(const CameraModel& camera, const Eigen::Vector2d& pixel,
 
 PlacedMarker place(const CameraModel& camera, Dice& dice, double side_px, double depth, double tilt,
                    int most_cells, double aside_px) {
-    const double per_mm = camera.projection == Projection::telecentric
+    const double per_mm = camera.projection.kind == Projection::telecentric
                               ? camera.intrinsics.fx
                               : camera.intrinsics.fx / depth;
     PlacedMarker marker;
@@ -239,7 +239,7 @@ std::string poison(RandomInput& input, Dice& dice) {
                                    {"corner y", &marker.grid.corner_mm.y()},
                                    {"background", &input.scene.background},
                                    {"tolerance", &input.tolerance_gray}};
-    if (input.camera.lens && input.camera.projection == Projection::perspective) {
+    if (input.camera.lens && input.camera.projection.kind == Projection::perspective) {
         numbers.push_back({"f-number", &input.camera.lens->f_number});
         numbers.push_back({"pixel pitch", &input.camera.sensor->pixel_pitch_um});
         if (!(bad > 0.0))

@@ -13,7 +13,7 @@
 namespace etalon {
 namespace {
 
-using Kind = LensProjection::Kind;
+using Kind = Projection;
 using Complex = std::complex<double>;
 constexpr double pi = std::numbers::pi;
 
@@ -30,8 +30,8 @@ const std::vector<LensProjection> projections{
     {Kind::unified, 0.71},
     {Kind::unified, 1.0},
     {Kind::unified, 1.83},
-    {Kind::extended_unified, 0.31, 0.86},
-    {Kind::extended_unified, 0.62, 1.13},
+    {Kind::extended_unified, 0.86, 0.31},
+    {Kind::extended_unified, 1.13, 0.62},
     {Kind::double_sphere, -0.21, 0.57},
     {Kind::double_sphere, 0.34, 0.44},
     {Kind::double_sphere, 0.0, 0.66},
@@ -67,7 +67,7 @@ Complex radius_at(Kind kind, Complex a, Complex b, Complex sine, Complex cosine)
         case Kind::unified:
             return sine / (cosine + a);
         case Kind::extended_unified:
-            return sine / (a * std::sqrt(b * sine * sine + cosine * cosine) + (1.0 - a) * cosine);
+            return sine / (b * std::sqrt(a * sine * sine + cosine * cosine) + (1.0 - b) * cosine);
         case Kind::double_sphere:
             return sine / (b * root(a + cosine) + (1.0 - b) * (a + cosine));
     }
@@ -170,6 +170,19 @@ TEST(LensProjection, EndsWhereItsImageStopsToGrow) {
     }
 }
 
+TEST(LensProjection, EndsOnThePlaneWhereItEnds) {
+    for (const LensProjection& p : projections) {
+        SCOPED_TRACE(text(p));
+        const double at_limit =
+            onto_plane(p, ray_at(limit_of(p) * (1.0 - 1e-12), 0.4))->point.norm();
+        const double limit = plane_limit(p);
+        if (std::isfinite(limit))
+            EXPECT_NEAR(at_limit, limit, 1e-5 * limit);
+        else
+            EXPECT_GT(at_limit, 1e4);
+    }
+}
+
 TEST(LensProjection, HasItsSlopeOnTheAxis) {
     for (const LensProjection& p : projections) {
         SCOPED_TRACE(text(p));
@@ -188,7 +201,7 @@ TEST(LensProjection, MeetsPerspectiveWhereItsParameterIsZero) {
     const auto straight = onto_plane({}, ray);
     for (const LensProjection p : {LensProjection{Kind::unified, 0.0},
                                    {Kind::field_of_view, 0.0},
-                                   {Kind::extended_unified, 0.0, 1.7},
+                                   {Kind::extended_unified, 1.7, 0.0},
                                    {Kind::double_sphere, 0.0, 0.0}})
         EXPECT_LE((onto_plane(p, ray)->point - straight->point).norm(), 1e-15) << text(p);
 }
@@ -231,8 +244,8 @@ TEST(LensProjection, HasNoImageOfWhatIsNoRay) {
 TEST(LensProjection, RefusesParametersThatNoLensHas) {
     for (const LensProjection p : {LensProjection{Kind::field_of_view, 3.2},
                                    {Kind::unified, -0.1},
-                                   {Kind::extended_unified, 1.1, 1.0},
-                                   {Kind::extended_unified, 0.5, 0.0},
+                                   {Kind::extended_unified, 1.0, 1.1},
+                                   {Kind::extended_unified, 0.0, 0.5},
                                    {Kind::double_sphere, -1.0, 0.5},
                                    {Kind::double_sphere, 0.2, 1.01},
                                    {Kind::unified, std::numeric_limits<double>::quiet_NaN()}})

@@ -10,6 +10,7 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "tests/calib/cameras.h"
+#include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -141,8 +142,8 @@ TEST(CameraFile, NamesFileLineAndKeyOfWhatItRefuses) {
     EXPECT_THAT(error_of(head + "lens: {focus_distance_mm: 9, wavelength_nm: 650}\n"
                                 "sensor: {pixel_pitch_um: 8.3}\n"),
                 HasSubstr("case.yml:4: lens.f_number: missing"));
-    EXPECT_THAT(error_of(head + "distortion: {k7: 1}\n"),
-                HasSubstr("case.yml:4: distortion.k7: unknown"));
+    EXPECT_THAT(error_of(head + "distortion: {k8: 1}\n"),
+                HasSubstr("case.yml:4: distortion.k8: unknown"));
     EXPECT_THAT(error_of(head + "distortion: {tau_x: 2}\n"),
                 HasSubstr("case.yml:4: distortion.tau_x"));
     EXPECT_THAT(error_of(head + "sensor: {read_noise_e: 3}\n"),
@@ -244,7 +245,7 @@ TEST(CameraFile, ReadsATelecentricCamera) {
              "lens: {object_na: 0.03, focus_distance_mm: 150, wavelength_nm: 650, psf: wave}\n"
              "sensor: {pixel_pitch_um: 5, illumination: {polynomial: [-0.2, 0.1, -0.05]},"
              " mosaic: GRBG, channel_response: [0.6, 1, 0.45]}\n");
-    EXPECT_EQ(camera.projection, Projection::telecentric);
+    EXPECT_EQ(camera.projection.kind, Projection::telecentric);
     EXPECT_EQ(camera.lens->object_na, 0.03);
     EXPECT_EQ(camera.lens->psf.kind, PointSpread::Kind::wave);
     EXPECT_EQ(camera.sensor->illumination.kind, Illumination::Kind::polynomial);
@@ -254,7 +255,7 @@ TEST(CameraFile, ReadsATelecentricCamera) {
     write_camera(temporary("telecentric.yml"), camera);
     const CameraModel back = read_camera(temporary("telecentric.yml"));
     expect_same(back, camera);
-    EXPECT_EQ(back.projection, Projection::telecentric);
+    EXPECT_EQ(back.projection.kind, Projection::telecentric);
     EXPECT_EQ(back.lens->object_na, camera.lens->object_na);
     EXPECT_EQ(back.lens->focus_distance_mm, camera.lens->focus_distance_mm);
     EXPECT_EQ(back.lens->psf.kind, PointSpread::Kind::wave);
@@ -262,7 +263,7 @@ TEST(CameraFile, ReadsATelecentricCamera) {
     EXPECT_EQ(back.sensor->illumination.polynomial, camera.sensor->illumination.polynomial);
     EXPECT_EQ(back.sensor->mosaic, Mosaic::grbg);
     EXPECT_EQ(back.sensor->channel_response, camera.sensor->channel_response);
-    EXPECT_THROW(write_opencv_camera(temporary("opencv.yml"), camera), NumericalError);
+    EXPECT_THROW(write_opencv_camera(temporary("opencv.yml"), camera), ConfigError);
 }
 
 TEST(CameraFile, RefusesWhatATelecentricCameraCannotHave) {
@@ -283,7 +284,53 @@ TEST(CameraFile, RefusesWhatATelecentricCameraCannotHave) {
     EXPECT_THAT(error_of(telecentric_head + "sensor: {illumination: {cos4: true}}\n"),
                 HasSubstr("case.yml:5: sensor.illumination.cos4: belongs to a perspective camera"));
     EXPECT_THAT(error_of(head + "projection: fisheye\n"),
-                HasSubstr("case.yml:4: projection: must be one of perspective"));
+                HasSubstr("case.yml:4: projection: must be perspective, telecentric, equidistant"));
+}
+
+TEST(CameraFile, CarriesWideLenses) {
+    for (const LensProjection& projection : {LensProjection{Projection::equidistant},
+                                             {Projection::stereographic},
+                                             {Projection::field_of_view, 0.93},
+                                             {Projection::unified, 1.83},
+                                             {Projection::extended_unified, 1.13, 0.62},
+                                             {Projection::double_sphere, -0.21, 0.57}}) {
+        SCOPED_TRACE(name_of(projection.kind).name);
+        CameraModel camera =
+            test::camera_with(640, 480, {211, 209, 319.5, 239.5}, {.k1 = 0.1, .k7 = 0.02});
+        camera.projection = projection;
+        camera.sensor = Sensor{.pixel_pitch_um = 5};
+        write_camera(temporary("wide.yml"), camera);
+        const CameraModel back = read_any_camera(temporary("wide.yml"));
+        EXPECT_EQ(back.projection, projection);
+        EXPECT_EQ(back.distortion, camera.distortion);
+        EXPECT_THAT(text_of_error<ConfigError>([] { read_camera(temporary("wide.yml")); }),
+                    HasSubstr("wide.yml: is of a lens that is"));
+    }
+}
+
+TEST(CameraFile, RefusesWhatAWideLensCannotHave) {
+    const auto with = [](const std::string& lines) {
+        return text_of_error<ConfigError>([&] {
+            std::ofstream(temporary("wide.yml"))
+                << "etalon: camera/1\nimage: {width: 640, height: 480}\n"
+                   "intrinsics: {fx: 211, fy: 209, cx: 319.5, cy: 239.5}\n" +
+                       lines;
+            read_any_camera(temporary("wide.yml"));
+        });
+    };
+    EXPECT_THAT(with("projection: unified\n"),
+                HasSubstr("wide.yml:4: projection: needs its parameters: {unified: {xi: ...}}"));
+    EXPECT_THAT(with("projection: {unified: {alpha: 1}}\n"),
+                HasSubstr("projection.unified.xi: missing"));
+    EXPECT_THAT(with("projection: {unified: {xi: 1, alpha: 1}}\n"), HasSubstr("unknown key"));
+    EXPECT_THAT(with("projection: {double_sphere: {xi: -1, alpha: 0.5}}\n"),
+                HasSubstr("wide.yml:4: projection: no double_sphere projection has"));
+    EXPECT_THAT(with("projection: {equidistant: {}}\n"), HasSubstr("wide.yml:4: projection"));
+    EXPECT_THAT(with("projection: equidistant\ndistortion: {tau_x: 0.1}\n"),
+                HasSubstr("wide.yml:5: distortion.tau_x: belongs to a perspective camera"));
+    EXPECT_THAT(with("projection: equidistant\nsensor: {pixel_pitch_um: 5}\n"
+                     "lens: {f_number: 2.8, focus_distance_mm: 150, wavelength_nm: 650}\n"),
+                HasSubstr("wide.yml:6: lens: has no meaning yet"));
 }
 
 TEST(CameraFile, ReadsAMeasuredPointSpreadAndWritesItBack) {
@@ -552,9 +599,11 @@ TEST(RosFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
         return error_of(replaced(ros, from, to));
     };
+    EXPECT_THAT(with("plumb_bob", "fisheye"),
+                HasSubstr("case.yml:8: distortion_model: must be plumb_bob, rational_polynomial or "
+                          "equidistant, not 'fisheye'"));
     EXPECT_THAT(with("plumb_bob", "equidistant"),
-                HasSubstr("case.yml:8: distortion_model: must be plumb_bob or rational_polynomial, "
-                          "not 'equidistant'"));
+                HasSubstr("case.yml:9: distortion_coefficients: equidistant has 4"));
     EXPECT_THAT(with("plumb_bob", "rational_polynomial"),
                 HasSubstr("case.yml:9: distortion_coefficients: rational_polynomial has 8"));
     EXPECT_THAT(with("538, 0, 342.5", "538, 7, 342.5"),

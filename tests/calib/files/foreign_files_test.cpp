@@ -146,11 +146,13 @@ TEST(KalibrFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
         return error_of(replaced(kalibr, from, to));
     };
-    EXPECT_THAT(with("radtan", "equidistant"),
-                HasSubstr("case:5: cam0.distortion_model: must be radtan or none, not 'equidist"));
-    EXPECT_THAT(with("pinhole", "omni"),
-                HasSubstr("case:3: cam0.camera_model: must be pinhole, not 'omni'"));
-    EXPECT_THAT(with("radtan", "fov"), HasSubstr("must be radtan or none, not 'fov'"));
+    EXPECT_THAT(with("radtan", "rational"),
+                HasSubstr("case:5: cam0.distortion_model: of pinhole must be radtan, equidistant, "
+                          "fov or none, not 'rational'"));
+    EXPECT_THAT(with("pinhole", "cata"),
+                HasSubstr("case:3: cam0.camera_model: must be pinhole, omni, eucm or ds, not "));
+    EXPECT_THAT(with("pinhole", "omni"), HasSubstr("cam0.intrinsics: must have 5 numbers"));
+    EXPECT_THAT(with("radtan", "fov"), HasSubstr("cam0.distortion_coeffs: must have 1"));
     EXPECT_THAT(with("461.5", "-461.5"), HasSubstr("case:6: cam0.intrinsics: fx and fy must be"));
     EXPECT_THAT(with("461.5", ".nan"), HasSubstr("case:6: cam0.intrinsics: must be a finite"));
     EXPECT_THAT(with("461.5", "1e-300"), HasSubstr("case:6: cam0.intrinsics: 1e-300 must be"));
@@ -163,29 +165,48 @@ TEST(KalibrFile, NamesFileLineAndKeyOfWhatItRefuses) {
     EXPECT_THAT(with("rostopic", "resolution"), HasSubstr("case:8: cam0.resolution: doubled"));
 }
 
-// Each with the intrinsics and coefficients that Kalibr gives it (its wiki, "yaml formats").
-TEST(KalibrFile, RefusesEveryOtherModelOfKalibrByName) {
-    struct Model {
-        const char *camera, *intrinsics, *distortion, *coefficients, *refusal;
-    };
-    for (const Model& model :
-         {Model{"omni", "[0.8, 833.0, 830.3, 373.8, 253.7]", "radtan", "[-0.3, 0.1, 0.0, 0.0]",
-                "camera_model: must be pinhole, not 'omni'"},
-          Model{"ds", "[-0.2, 0.6, 190.0, 190.1, 254.9, 256.8]", "none", "[]",
-                "camera_model: must be pinhole, not 'ds'"},
-          Model{"eucm", "[0.6, 1.1, 190.0, 190.1, 254.9, 256.8]", "none", "[]",
-                "camera_model: must be pinhole, not 'eucm'"},
-          Model{"pinhole", "[190.9, 190.9, 254.9, 256.8]", "equidistant",
-                "[0.003, 0.0007, -0.002, 0.0002]",
-                "distortion_model: must be radtan or none, not 'equidistant'"},
-          Model{"pinhole", "[190.9, 190.9, 254.9, 256.8]", "fov", "[0.92]",
-                "distortion_model: must be radtan or none, not 'fov'"}})
-        EXPECT_THAT(error_of(std::string("cam0:\n  cam_overlaps: []\n  camera_model: ") +
-                             model.camera + "\n  distortion_coeffs: " + model.coefficients +
-                             "\n  distortion_model: " + model.distortion +
-                             "\n  intrinsics: " + model.intrinsics +
-                             "\n  resolution: [512, 512]\n  rostopic: /cam0/image_raw\n"),
-                    HasSubstr(model.refusal));
+std::string kalibr_of(const std::string& model, const std::string& intrinsics,
+                      const std::string& distortion, const std::string& coefficients) {
+    return "cam0:\n  cam_overlaps: []\n  camera_model: " + model +
+           "\n  distortion_coeffs: " + coefficients + "\n  distortion_model: " + distortion +
+           "\n  intrinsics: " + intrinsics +
+           "\n  resolution: [512, 512]\n  rostopic: /cam0/image_raw\n";
+}
+
+// Intrinsics and coefficients in the order that Kalibr gives them (its wiki, "supported models").
+TEST(KalibrFile, ReadsEveryModelOfKalibr) {
+    const CameraModel omni = read(kalibr_of("omni", "[0.8, 833.0, 830.3, 373.8, 253.7]", "radtan",
+                                            "[-0.3, 0.1, 0.02, 0.01]"));
+    EXPECT_EQ(omni.projection, (LensProjection{Projection::unified, 0.8}));
+    EXPECT_EQ(omni.intrinsics.fy, 830.3);
+    EXPECT_EQ(omni.distortion, (Distortion{.k1 = -0.3, .k2 = 0.1, .p1 = 0.02, .p2 = 0.01}));
+    const CameraModel ds =
+        read(kalibr_of("ds", "[-0.2, 0.6, 190.0, 190.1, 254.9, 256.8]", "none", "[]"));
+    EXPECT_EQ(ds.projection, (LensProjection{Projection::double_sphere, -0.2, 0.6}));
+    EXPECT_EQ(ds.intrinsics.fx, 190.0);
+    const CameraModel eucm =
+        read(kalibr_of("eucm", "[0.6, 1.1, 190.0, 190.1, 254.9, 256.8]", "none", "[]"));
+    EXPECT_EQ(eucm.projection, (LensProjection{Projection::extended_unified, 1.1, 0.6}));
+    const CameraModel equi = read(kalibr_of("pinhole", "[190.9, 190.8, 254.9, 256.8]",
+                                            "equidistant", "[0.003, 0.0007, -0.002, 0.0002]"));
+    EXPECT_EQ(equi.projection, LensProjection{Projection::equidistant});
+    EXPECT_EQ(equi.distortion, (Distortion{.k1 = 0.003, .k2 = 0.0007, .k3 = -0.002, .k7 = 0.0002}));
+    const CameraModel fov =
+        read(kalibr_of("pinhole", "[190.9, 190.8, 254.9, 256.8]", "fov", "[0.92]"));
+    EXPECT_EQ(fov.projection, (LensProjection{Projection::field_of_view, 0.92}));
+    EXPECT_TRUE(fov.distortion.is_zero());
+}
+
+TEST(KalibrFile, RefusesParametersThatNoLensHas) {
+    EXPECT_THAT(error_of(kalibr_of("ds", "[-0.2, 1.6, 190, 190, 255, 257]", "none", "[]")),
+                HasSubstr("case:6: cam0.intrinsics: no double_sphere projection has the parameters "
+                          "-0.2 and 1.6"));
+    EXPECT_THAT(error_of(kalibr_of("pinhole", "[190, 190, 255, 257]", "fov", "[3.3]")),
+                HasSubstr("cam0.distortion_coeffs: no field_of_view projection"));
+    EXPECT_THAT(error_of(kalibr_of("omni", "[0.8, 190, 190, 255, 257]", "equidistant", "[0]")),
+                HasSubstr("of omni must be radtan or none, not 'equidistant'"));
+    EXPECT_THAT(error_of(kalibr_of("ds", "[-0.2, 0.6, 190, 190, 255, 257]", "radtan", "[0]")),
+                HasSubstr("of ds must be none, not 'radtan'"));
 }
 
 TEST(MrcalFile, ReadsTheOpenCvModels) {
@@ -203,9 +224,11 @@ TEST(MrcalFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
         return error_of(replaced(mrcal, from, to));
     };
-    EXPECT_THAT(with("LENSMODEL_OPENCV8", "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30"),
-                HasSubstr("case:3: lensmodel: must be LENSMODEL_PINHOLE or LENSMODEL_OPENCV4, "
-                          "_OPENCV5, _OPENCV8 or _OPENCV12, not 'LENSMODEL_SPLINED"));
+    EXPECT_THAT(
+        with("LENSMODEL_OPENCV8", "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30"),
+        HasSubstr("case:3: lensmodel: must be LENSMODEL_PINHOLE, LENSMODEL_STEREOGRAPHIC or "
+                  "LENSMODEL_OPENCV4, _OPENCV5, _OPENCV8 or _OPENCV12, not "
+                  "'LENSMODEL_SPLINED"));
     EXPECT_THAT(with("OPENCV8", "OPENCV5"), HasSubstr("intrinsics: must have 9 numbers, not 12"));
     EXPECT_THAT(with("1766.5", "None"), HasSubstr("case:6: intrinsics: must be a finite number"));
     EXPECT_THAT(with("3840", "0"), HasSubstr("case:11: imagersize: must be a whole number"));
@@ -266,9 +289,9 @@ TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
         return error_of(replaced(boofcv, from, to));
     };
-    EXPECT_THAT(
-        with("model: pinhole_radial_tangential", "model: kannala_brandt"),
-        HasSubstr("case:13: model: must be pinhole or pinhole_radial_tangential, not 'kan"));
+    EXPECT_THAT(with("model: pinhole_radial_tangential", "model: kannala_brandt"),
+                HasSubstr("case:13: model: must be pinhole, pinhole_radial_tangential or "
+                          "omnidirectional_universal, not 'kan"));
     EXPECT_THAT(with("skew: 0.0", "skew: 1.5"), HasSubstr("case:6: pinhole.skew: must be 0"));
     EXPECT_THAT(with("fx: 530.75", "fx: wide"), HasSubstr("case:7: pinhole.fx: must be a finite"));
     EXPECT_THAT(with("  - 0.125\n", "  - 0.125\n  - 1\n  - 2\n"),
@@ -293,6 +316,100 @@ TEST(ColmapFile, ReadsEveryModelThatWeHave) {
     EXPECT_EQ(read("1 SIMPLE_RADIAL 640 480 500.5 320.5 241.5 0.25\n").distortion.k1, 0.25);
 }
 
+TEST(ColmapFile, ReadsTheWideModels) {
+    const CameraModel fisheye =
+        read("1 OPENCV_FISHEYE 640 480 200.5 202 320.5 241.5 0.1 -0.02 0.003 -0.0004\n");
+    EXPECT_EQ(fisheye.projection, LensProjection{Projection::equidistant});
+    EXPECT_EQ(fisheye.distortion, (Distortion{.k1 = 0.1, .k2 = -0.02, .k3 = 0.003, .k7 = -0.0004}));
+    EXPECT_EQ(read("1 SIMPLE_RADIAL_FISHEYE 640 480 200.5 320.5 241.5 0.1\n").distortion,
+              Distortion{.k1 = 0.1});
+    EXPECT_EQ(read("1 RADIAL_FISHEYE 640 480 200.5 320.5 241.5 0.1 0.2\n").distortion,
+              (Distortion{.k1 = 0.1, .k2 = 0.2}));
+    EXPECT_EQ(
+        read("1 THIN_PRISM_FISHEYE 640 480 200.5 202 320.5 241.5 1 2 3 4 5 6 7 8\n").distortion,
+        (Distortion{.k1 = 1, .k2 = 2, .p1 = 3, .p2 = 4, .k3 = 5, .s1 = 7, .s3 = 8, .k7 = 6}));
+    const CameraModel fov = read("1 FOV 640 480 200.5 202 320.5 241.5 0.9\n");
+    EXPECT_EQ(fov.projection, (LensProjection{Projection::field_of_view, 0.9}));
+    EXPECT_THAT(error_of("1 FOV 640 480 200.5 202 320.5 241.5 4\n"),
+                HasSubstr("case:1: no field_of_view projection"));
+}
+
+// As OpenCV's samples camera_calibration and omni_calibration write them.
+TEST(OpenCvFile, ReadsFisheyeAndOmnidir) {
+    const std::string text =
+        "{\"camera_matrix\": [[538.0, 0, 342.5], [0, 541.0, 233.5], [0, 0, 1]],\n"
+        "\"image_width\": 640, \"image_height\": 480,\n"
+        "\"distortion_coefficients\": [-0.25, 0.125, 0.5, -0.0625], EXTRA}\n";
+    const CameraModel fisheye = read(replaced(text, "EXTRA", "\"fisheye_model\": 1"));
+    EXPECT_EQ(fisheye.projection, LensProjection{Projection::equidistant});
+    EXPECT_EQ(fisheye.distortion, (Distortion{.k1 = -0.25, .k2 = 0.125, .k3 = 0.5, .k7 = -0.0625}));
+    const CameraModel omnidir = read(replaced(text, "EXTRA", "\"xi\": 1.25"));
+    EXPECT_EQ(omnidir.projection, (LensProjection{Projection::unified, 1.25}));
+    EXPECT_EQ(omnidir.distortion.p2, -0.0625);
+    EXPECT_TRUE(read(replaced(text, "EXTRA", "\"fisheye_model\": 0")).projection.is_flat());
+    EXPECT_THAT(error_of(replaced(text, "EXTRA", "\"xi\": -1")), HasSubstr("xi: no unified"));
+    EXPECT_THAT(error_of(replaced(text, "EXTRA", "\"xi\": 1, \"fisheye_model\": 1")),
+                HasSubstr("of one of the two"));
+}
+
+// Which projections each tool's files hold, and coefficients that they have there.
+struct WideCase {
+    CalibrationTool tool;
+    LensProjection projection;
+    Distortion distortion;
+};
+
+TEST(ForeignFiles, WriteWideLensesThatReadBack) {
+    using enum Projection;
+    const Distortion kb{.k1 = 0.1, .k2 = -0.02, .k3 = 0.003, .k7 = -0.0004};
+    const Distortion radtan{.k1 = -0.3, .k2 = 0.1, .p1 = 0.02, .p2 = 0.01};
+    const Distortion prism{.k1 = 0.1, .p2 = 0.01, .s3 = 0.002, .k7 = 0.001};
+    for (const WideCase& wide : {WideCase{CalibrationTool::opencv, {equidistant}, kb},
+                                 {CalibrationTool::opencv, {unified, 1.1}, radtan},
+                                 {CalibrationTool::ros, {equidistant}, kb},
+                                 {CalibrationTool::kalibr, {equidistant}, kb},
+                                 {CalibrationTool::kalibr, {field_of_view, 0.93}, {}},
+                                 {CalibrationTool::kalibr, {unified, 0.71}, radtan},
+                                 {CalibrationTool::kalibr, {extended_unified, 1.13, 0.62}, {}},
+                                 {CalibrationTool::kalibr, {double_sphere, -0.21, 0.57}, {}},
+                                 {CalibrationTool::colmap, {equidistant}, kb},
+                                 {CalibrationTool::colmap, {equidistant}, prism},
+                                 {CalibrationTool::colmap, {field_of_view, 0.93}, {}},
+                                 {CalibrationTool::boofcv, {unified, 1.83}, radtan},
+                                 {CalibrationTool::mrcal, {stereographic}, {}}}) {
+        SCOPED_TRACE(std::string(name_of(wide.tool)) + " " + name_of(wide.projection.kind).name);
+        CameraModel camera =
+            test::camera_with(700, 500, {211.5, 207.25, 361.0, 239.0}, wide.distortion);
+        camera.projection = wide.projection;
+        const auto path = written("");
+        write_foreign_camera(path, wide.tool, camera);
+        EXPECT_EQ(tool_of(path), wide.tool);
+        const CameraModel back = read_any_camera(path);
+        EXPECT_EQ(back.projection, camera.projection);
+        EXPECT_EQ(back.distortion, camera.distortion);
+        EXPECT_EQ(back.intrinsics.fy, camera.intrinsics.fy);
+        EXPECT_NEAR(back.intrinsics.cx, camera.intrinsics.cx, 1e-13);
+        EXPECT_THROW(read_camera(path), ConfigError);  // what renders takes flat ones
+        camera.distortion.k5 = 0.5;
+        EXPECT_THROW(write_foreign_camera(written(""), wide.tool, camera), ConfigError);
+        camera.distortion = {};
+        camera.projection = {wide.tool == CalibrationTool::mrcal ? double_sphere : stereographic};
+        EXPECT_THROW(write_foreign_camera(written(""), wide.tool, camera), ConfigError);
+    }
+}
+
+// BoofCV's own example of a Ricoh Theta camera, shortened.
+TEST(BoofCvFile, ReadsTheUniversalOmnidirectionalModel) {
+    const CameraModel camera =
+        read(replaced(boofcv, "model: pinhole_radial_tangential",
+                      "model: omnidirectional_universal\nmirror_offset: 2.945"));
+    EXPECT_EQ(camera.projection, (LensProjection{Projection::unified, 2.945}));
+    EXPECT_EQ(camera.distortion.k2, 0.125);
+    EXPECT_THAT(error_of(replaced(boofcv, "model: pinhole_radial_tangential",
+                                  "model: omnidirectional_universal\nmirror_offset: -1")),
+                HasSubstr("mirror_offset: no unified projection"));
+}
+
 TEST(ColmapFile, OneOfSeveralCamerasMustBeNamed) {
     const std::string two = colmap + "7 SIMPLE_PINHOLE 640 480 500 320 240\n";
     EXPECT_THAT(error_of(two), HasSubstr("has 2 cameras"));
@@ -302,9 +419,10 @@ TEST(ColmapFile, OneOfSeveralCamerasMustBeNamed) {
 }
 
 TEST(ColmapFile, NamesFileLineAndFieldOfWhatItRefuses) {
-    EXPECT_THAT(error_of(replaced(colmap, "FULL_OPENCV", "OPENCV_FISHEYE")),
+    EXPECT_THAT(error_of(replaced(colmap, "FULL_OPENCV", "DIVISION")),
                 HasSubstr("case:4: MODEL: must be SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, "
-                          "OPENCV or FULL_OPENCV, not 'OPENCV_FISHEYE'"));
+                          "OPENCV, FULL_OPENCV, FOV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, "
+                          "OPENCV_FISHEYE, THIN_PRISM_FISHEYE, not 'DIVISION'"));
     EXPECT_THAT(error_of(replaced(colmap, " 0.06", "")),
                 HasSubstr("case:4: PARAMS: FULL_OPENCV has 12 parameters, not 11"));
     EXPECT_THAT(error_of(replaced(colmap, "2559.75", "nan")),
@@ -505,7 +623,7 @@ TEST(ForeignFiles, SayWhatTheyDoNotHold) {
     camera.covariance->matrix(0, 1) = camera.covariance->matrix(1, 0) = 0.5;
     EXPECT_THAT(lost(CalibrationTool::opencv),
                 testing::ElementsAre("serial", "correlations of the covariance", "sensor"));
-    camera.projection = Projection::telecentric;
+    camera.projection.kind = Projection::telecentric;
     EXPECT_THROW(write_foreign_camera(written(""), CalibrationTool::colmap, camera), ConfigError);
 }
 

@@ -55,6 +55,25 @@ TEST(CameraCheck, FindsAFoldInsideTheImage) {
                 testing::Not(testing::Contains("principal point")));
 }
 
+// 95 degrees to each side, along x; the corners lie beyond 180 degrees.
+TEST(CameraCheck, LooksAtAFisheyeLensToo) {
+    constexpr double degree = std::numbers::pi / 180;
+    CameraModel camera = test::camera_with(
+        1000, 1000, {500.0 / (95 * degree), 500.0 / (95 * degree), 499.5, 499.5}, {});
+    camera.projection.kind = Projection::equidistant;
+    const CameraCheck check = check_camera(camera);
+    EXPECT_NEAR(check.horizontal_deg, 190.0, 1e-9);
+    EXPECT_NEAR(check.diagonal_deg, 190.0 * std::sqrt(2.0), 1e-9);
+    EXPECT_FALSE(check.has_fault());
+    camera.intrinsics.fx = camera.intrinsics.fy = 500.0 / (175 * degree);
+    const CameraCheck circle = check_camera(camera);
+    EXPECT_FALSE(circle.has_fault());
+    EXPECT_THAT(about(circle, CameraFinding::Weight::note), testing::Contains("valid region"));
+    EXPECT_TRUE(std::isnan(circle.diagonal_deg));
+    camera.distortion.k1 = -0.2;  // theta (1 - 0.2 theta^2) folds at 1.29 rad
+    EXPECT_TRUE(check_camera(camera).has_fault());
+}
+
 TEST(CameraCheck, TheMarginIsTheRatioOfRadii) {
     // The corner is 400 px from the centre: r (1 - 0.1 r^2) = 0.5 there. The fold: sqrt(10 / 3).
     const CameraModel camera = test::camera_with(640, 480, {800, 800, 319.5, 239.5}, {.k1 = -0.1});
@@ -119,7 +138,7 @@ TEST(CameraCheck, WarnsOfALensAndASensorThatDoNotAgree) {
 
 TEST(CameraCheck, LooksAtATelecentricLensToo) {
     CameraModel camera = test::camera_with(640, 480, {20, 20, 319.5, 239.5}, {});
-    camera.projection = Projection::telecentric;
+    camera.projection.kind = Projection::telecentric;
     camera.sensor = Sensor{.pixel_pitch_um = 5};
     camera.lens = Lens{.focus_distance_mm = 100, .wavelength_nm = 520, .object_na = 0.005};
     // Magnification 20 px/mm * 5 um = 0.1, working f-number 0.1 / 0.01 = 10.

@@ -361,7 +361,7 @@ TEST(Registration, RefusesATelecentricCamera) {
     CameraModel camera = test::webcam();
     const std::vector<RegistrationPose> good =
         observations(Projector(camera), stage_poses({.x = true, .y = true, .z = true}, 8));
-    camera.projection = Projection::telecentric;
+    camera.projection.kind = Projection::telecentric;
     EXPECT_THROW(register_stage(Projector(camera), {{0, 0, 0}, {10, 0, 0}, {10, 10, 0}, {0, 10, 0}},
                                 good, Rigid{}),
                  NumericalError);

@@ -208,7 +208,7 @@ TEST(EstimatePose, RefusesATelecentricCamera) {
     const Points corners = square(50.0);
     const Pixels pixels =
         projected(Projector(camera), corners, {Eigen::Quaterniond::Identity(), {7.0, 5.0, 400.0}});
-    camera.projection = Projection::telecentric;
+    camera.projection.kind = Projection::telecentric;
     EXPECT_THROW(estimate_pose(Projector(camera), corners, pixels), NumericalError);
 }
 

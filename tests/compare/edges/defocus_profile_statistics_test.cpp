@@ -151,7 +151,7 @@ TEST(DefocusProfile, SaysWhenAWidthHasNoLeastValue) {
     EXPECT_EQ(profile.photo.focus_distance_mm, 0.0);
     EXPECT_GT(profile.edges, 40);
     CameraModel telecentric = scene.camera;
-    telecentric.projection = Projection::telecentric;
+    telecentric.projection.kind = Projection::telecentric;
     EXPECT_THROW(defocus_profile(photo, rendering, Projector(telecentric), scene.board, scene.pose,
                                  compared_area(scene.board, {}, "test"), {}),
                  NumericalError);

@@ -276,7 +276,7 @@ TEST(DefocusEstimate, RefusesCamerasThatItCannotBeOf) {
     const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
     const auto edges = scene.edges(photo).edges;
     CameraModel telecentric = scene.camera;
-    telecentric.projection = Projection::telecentric;
+    telecentric.projection.kind = Projection::telecentric;
     EXPECT_THROW(estimate_defocus(edges, telecentric), NumericalError);
     CameraModel bare = scene.camera;
     bare.sensor.reset();

@@ -22,7 +22,7 @@ CameraModel telecentric(double object_na = 0.03) {
     CameraModel camera;
     camera.width = 160;
     camera.height = 120;
-    camera.projection = Projection::telecentric;
+    camera.projection.kind = Projection::telecentric;
     camera.intrinsics = {8.2, 7.9, 81.0, 57.0};
     camera.sensor = Sensor{.pixel_pitch_um = 5.0};
     camera.lens = Lens{.focus_distance_mm = 150.0, .wavelength_nm = 600.0, .object_na = object_na};

@@ -88,7 +88,7 @@ TEST(MarkerInView, WantsTheWholeLensBeforeTheMarkersPlane) {
 // tilted by 78 degrees all of them see its front, by 79 not.
 TEST(MarkerInView, WantsTheWholeConeOfATelecentricLensBeforeTheMarkersPlane) {
     CameraModel camera = camera_with({});
-    camera.projection = Projection::telecentric;
+    camera.projection.kind = Projection::telecentric;
     camera.intrinsics = {2.0, 2.0, 319.5, 239.5};  // px/mm
     camera.sensor = Sensor{.pixel_pitch_um = 5.0};
     camera.lens = Lens{.focus_distance_mm = 200.0, .wavelength_nm = 600.0, .object_na = 0.2};

@@ -384,7 +384,7 @@ TEST(PoseSampler, CoversTheViewOfATelecentricCamera) {
     CameraModel camera;
     camera.width = 640;
     camera.height = 480;
-    camera.projection = Projection::telecentric;
+    camera.projection.kind = Projection::telecentric;
     camera.intrinsics = {4.0, 4.0, 319.5, 239.5};
     PoseVolume volume = seen_volume();
     volume.roll = volume.pitch = {0.0, 0.0};

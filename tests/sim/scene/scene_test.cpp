@@ -106,7 +106,7 @@ TEST(SceneOcclusion, AcceptsPiecesOfOnePlaneThatTouchAndRefusesThoseThatOverlap)
 
 TEST(SceneOcclusion, FollowsTheConeOfATelecentricLens) {
     CameraModel camera = with_lens();
-    camera.projection = Projection::telecentric;
+    camera.projection.kind = Projection::telecentric;
     camera.intrinsics.fx = camera.intrinsics.fy = 2.0;
     camera.lens->object_na = 0.06;  // tangent 0.0601: 0.601 mm from 10 mm away
     const auto beside = [](double x) {

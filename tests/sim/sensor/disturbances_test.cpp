@@ -246,7 +246,7 @@ TEST(Occlusion, HidesItsShareOfTheMarkersPlane) {
 
 TEST(Occlusion, HidesItsShareFromATelecentricCamera) {
     CameraModel camera = small_camera();
-    camera.projection = Projection::telecentric;
+    camera.projection.kind = Projection::telecentric;
     camera.intrinsics.fx = camera.intrinsics.fy = 1.6;  // px/mm
     const PlacedMarker marker = marker_at({0.7, -0.4, 0.3}, {2.0, -3.0, 90.0});
     const Radiance image =

@@ -24,81 +24,90 @@ constexpr ProjectionName names[] = {
 };
 
 // g of the header and its derivatives; by_s is that with respect to s = X^2 + Y^2.
+template <typename Real>
 struct Scale {
-    double g, by_s, by_z, by_a = 0.0, by_b = 0.0;
+    Real g, by_s, by_z, by_a = 0, by_b = 0;
 };
 
 // Of 1 / q.
-Scale inverse_of(const Scale& q) {
-    const double g = 1.0 / q.g, slope = -g * g;
+template <typename Real>
+Scale<Real> inverse_of(const Scale<Real>& q) {
+    const Real g = 1 / q.g, slope = -g * g;
     return {g, slope * q.by_s, slope * q.by_z, slope * q.by_a, slope * q.by_b};
 }
 
 // theta / R. Near the axis its difference quotient cancels: there atan's series in t = s / z^2.
-Scale angle_over_radius(double s, double z) {
-    const double by_z = -1.0 / (s + z * z);
-    const double t = s / (z * z);
+template <typename Real>
+Scale<Real> angle_over_radius(Real s, Real z) {
+    const Real by_z = -1.0 / (s + z * z);
+    const Real t = s / (z * z);
     if (z > 0.0 && t < 1e-3) {
-        double g = 0.0, by_t = 0.0;
+        Real g = 0, by_t = 0;
         for (int n = 6; n >= 1; --n) {
-            const double term = (n % 2 == 0 ? 1.0 : -1.0) / (2 * n + 1);
+            const Real term = Real(n % 2 == 0 ? 1 : -1) / (2 * n + 1);
             by_t = n * term + t * by_t;
             g = t * (term + g);
         }
         return {(1.0 + g) / z, by_t / (z * z * z), by_z};
     }
-    const double g = std::atan2(std::sqrt(s), z) / std::sqrt(s);
+    const Real g = std::atan2(std::sqrt(s), z) / std::sqrt(s);
     return {g, (-z * by_z - g) / (2.0 * s), by_z};
 }
 
 // 2 tan(a / 2) / a, 1 at 0.
-double tangent_over_angle(double a) {
-    return a < 1e-8 ? 1.0 : 2.0 * std::tan(0.5 * a) / a;
+template <typename Real>
+Real tangent_over_angle(Real a) {
+    return a < 1e-8 ? Real(1) : 2 * std::tan(a / 2) / a;
 }
 
-Scale field_of_view(double a, double s, double z) {
-    const double stretch = tangent_over_angle(a), factor = stretch * a;  // 2 tan(a/2)
+template <typename Real>
+Scale<Real> field_of_view(Real a, Real s, Real z) {
+    const Real stretch = tangent_over_angle(a), factor = stretch * a;  // 2 tan(a/2)
     const Scale angle = angle_over_radius(factor * factor * s, z);
     // (1 + factor^2 / 4 - stretch) / a, which cancels where a is small.
-    const double stretch_by_a = a < 0.02
-                                    ? a / 6.0 * (1.0 + a * a / 5.0 + 17.0 / 560.0 * a * a * a * a)
-                                    : (1.0 + 0.25 * factor * factor - stretch) / a;
-    const double factor_by_a = 1.0 + 0.25 * factor * factor;
+    const Real stretch_by_a = a < 0.02 ? a / 6.0 * (1.0 + a * a / 5.0 + 17 * a * a * a * a / 560)
+                                       : (1.0 + 0.25 * factor * factor - stretch) / a;
+    const Real factor_by_a = 1.0 + 0.25 * factor * factor;
     return {stretch * angle.g, stretch * factor * factor * angle.by_s, stretch * angle.by_z,
             stretch_by_a * angle.g + stretch * angle.by_s * 2.0 * factor * factor_by_a * s};
 }
 
 // Behind the camera the sum z + a d cancels.
-Scale unified(double a, double s, double z) {
-    const double d = std::sqrt(s + z * z);
-    const double sum = z > 0.0 ? z + a * d : (a * a * s + (a * a - 1.0) * z * z) / (a * d - z);
-    return inverse_of({sum, 0.5 * a / d, 1.0 + a * z / d, d});
+template <typename Real>
+Scale<Real> unified(Real a, Real s, Real z) {
+    const Real d = std::sqrt(s + z * z);
+    const Real sum = z > 0.0 ? z + a * d : (a * a * s + (a * a - 1.0) * z * z) / (a * d - z);
+    return inverse_of<Real>({sum, 0.5 * a / d, 1.0 + a * z / d, d});
 }
 
 // 2 / (d + z); behind the camera d + z cancels and is s / (d - z).
-Scale stereographic(double s, double z) {
-    const double d = std::sqrt(s + z * z);
-    const double sum = z > 0.0 ? d + z : s / (d - z);
-    const double g = 2.0 / sum;
+template <typename Real>
+Scale<Real> stereographic(Real s, Real z) {
+    const Real d = std::sqrt(s + z * z);
+    const Real sum = z > 0.0 ? d + z : s / (d - z);
+    const Real g = 2.0 / sum;
     return {g, -g / sum / (2.0 * d), -g / d};
 }
 
-Scale extended_unified(double a, double b, double s, double z) {
-    const double d = std::sqrt(a * s + z * z);
-    return inverse_of(
+template <typename Real>
+Scale<Real> extended_unified(Real a, Real b, Real s, Real z) {
+    const Real d = std::sqrt(a * s + z * z);
+    return inverse_of<Real>(
         {b * d + (1.0 - b) * z, 0.5 * a * b / d, b * z / d + 1.0 - b, 0.5 * b * s / d, d - z});
 }
 
-Scale double_sphere(double a, double b, double s, double z) {
-    const double first = std::sqrt(s + z * z), w = a * first + z;
-    const double second = std::sqrt(s + w * w);
-    const double by_w = b * w / second + 1.0 - b;
-    return inverse_of({b * second + (1.0 - b) * w, 0.5 * b / second + by_w * 0.5 * a / first,
-                       by_w * (a * z / first + 1.0), by_w * first, second - w});
+template <typename Real>
+Scale<Real> double_sphere(Real a, Real b, Real s, Real z) {
+    const Real first = std::sqrt(s + z * z), w = a * first + z;
+    const Real second = std::sqrt(s + w * w);
+    const Real by_w = b * w / second + 1.0 - b;
+    return inverse_of<Real>({b * second + (1.0 - b) * w, 0.5 * b / second + by_w * 0.5 * a / first,
+                             by_w * (a * z / first + 1.0), by_w * first, second - w});
 }
 
-Scale scale_of(const LensProjection& p, double s, double z) {
-    switch (p.kind) {
+template <typename Real>
+Scale<Real> scale_of(Kind kind, Real a, Real b, Real s, Real z) {
+    switch (kind) {
         case Kind::perspective:
             return {1.0 / z, 0.0, -1.0 / (z * z)};
         case Kind::telecentric:
@@ -108,25 +117,27 @@ Scale scale_of(const LensProjection& p, double s, double z) {
         case Kind::stereographic:
             return stereographic(s, z);
         case Kind::field_of_view:
-            return field_of_view(p.a, s, z);
+            return field_of_view(a, s, z);
         case Kind::unified:
-            return unified(p.a, s, z);
+            return unified(a, s, z);
         case Kind::extended_unified:
-            return extended_unified(p.a, p.b, s, z);
+            return extended_unified(a, b, s, z);
         case Kind::double_sphere:
-            return double_sphere(p.a, p.b, s, z);
+            return double_sphere(a, b, s, z);
     }
     return {};
 }
 
 // The papers' w1: the cosine's bound of the outer sphere.
-double outer_bound(double alpha) {
-    return alpha <= 0.5 ? alpha / (1.0 - alpha) : (1.0 - alpha) / alpha;
+template <typename Real>
+Real outer_bound(Real alpha) {
+    return alpha <= 0.5 ? alpha / (1 - alpha) : (1 - alpha) / alpha;
 }
 
-bool has_image(const LensProjection& p, double s, double z) {
-    const double d = std::sqrt(s + z * z);
-    switch (p.kind) {
+template <typename Real>
+bool has_image(Kind kind, Real a, Real b, Real s, Real z) {
+    const Real d = std::sqrt(s + z * z);
+    switch (kind) {
         case Kind::perspective:
         case Kind::telecentric:
             return z > 0.0;
@@ -134,14 +145,14 @@ bool has_image(const LensProjection& p, double s, double z) {
         case Kind::stereographic:
             return s > 0.0 || z > 0.0;
         case Kind::field_of_view:
-            return z > 0.0 || (s > 0.0 && p.a > 0.0);
+            return z > 0.0 || (s > 0.0 && a > 0.0);
         case Kind::unified:
-            return z > -d * (p.a > 1.0 ? 1.0 / p.a : p.a);
+            return z > -d * (a > 1 ? 1 / a : a);
         case Kind::extended_unified:
-            return z > -outer_bound(p.b) * std::sqrt(p.a * s + z * z);
+            return z > -outer_bound(b) * std::sqrt(a * s + z * z);
         case Kind::double_sphere: {
-            const double w = p.a * d + z;
-            return w > -outer_bound(p.b) * std::sqrt(s + w * w);
+            const Real w = a * d + z;
+            return w > -outer_bound(b) * std::sqrt(s + w * w);
         }
     }
     return false;
@@ -239,41 +250,42 @@ double plane_limit(const LensProjection& p) {
     }
 }
 
-void require_possible(const LensProjection& p) {
-    const bool finite = std::isfinite(p.a) && std::isfinite(p.b);
+bool is_possible(const LensProjection& p) {
+    if (!std::isfinite(p.a) || !std::isfinite(p.b))
+        return false;
     const auto is_share = [](double x) { return x >= 0.0 && x <= 1.0; };
-    bool possible = finite;
     switch (p.kind) {
         case Kind::field_of_view:
-            possible &= p.a >= 0.0 && p.a < std::numbers::pi;
-            break;
+            return p.a >= 0.0 && p.a < std::numbers::pi;
         case Kind::unified:
-            possible &= p.a >= 0.0;
-            break;
+            return p.a >= 0.0;
         case Kind::extended_unified:
-            possible &= p.a > 0.0 && is_share(p.b);
-            break;
+            return p.a > 0.0 && is_share(p.b);
         case Kind::double_sphere:
-            possible &= p.a > -1.0 && p.a <= 1.0 && is_share(p.b);
-            break;
+            return p.a > -1.0 && p.a <= 1.0 && is_share(p.b);
         default:
-            break;
+            return true;
     }
-    if (!possible)
+}
+
+void require_possible(const LensProjection& p) {
+    if (!is_possible(p))
         throw NumericalError(fmt::format("no {} projection has the parameters {} and {}",
                                          name_of(p.kind).name, p.a, p.b));
 }
 
-std::optional<OnPlane> onto_plane(const LensProjection& projection, const Eigen::Vector3d& ray) {
-    const Eigen::Vector2d across = ray.head<2>();
-    const double s = across.squaredNorm(), z = ray.z();
-    if (!has_image(projection, s, z))
+template <typename Scalar>
+std::optional<BasicOnPlane<Scalar>> onto_plane(Projection kind, Scalar a, Scalar b,
+                                               const Eigen::Matrix<Scalar, 3, 1>& ray) {
+    const Eigen::Matrix<Scalar, 2, 1> across = ray.template head<2>();
+    const Scalar s = across.squaredNorm(), z = ray.z();
+    if (!has_image(kind, a, b, s, z))
         return std::nullopt;
-    const Scale scale = scale_of(projection, s, z);
-    OnPlane image;
+    const Scale<Scalar> scale = scale_of(kind, a, b, s, z);
+    BasicOnPlane<Scalar> image;
     image.point = scale.g * across;
-    image.by_ray.leftCols<2>() = 2.0 * scale.by_s * across * across.transpose();
-    image.by_ray.leftCols<2>().diagonal().array() += scale.g;
+    image.by_ray.template leftCols<2>() = 2 * scale.by_s * across * across.transpose();
+    image.by_ray.template leftCols<2>().diagonal().array() += scale.g;
     image.by_ray.col(2) = scale.by_z * across;
     image.by_a = scale.by_a * across;
     image.by_b = scale.by_b * across;
@@ -281,11 +293,21 @@ std::optional<OnPlane> onto_plane(const LensProjection& projection, const Eigen:
         return std::nullopt;
     return image;
 }
+template std::optional<BasicOnPlane<double>> onto_plane(Projection, double, double,
+                                                        const Eigen::Vector3d&);
+template std::optional<BasicOnPlane<long double>> onto_plane(
+    Projection, long double, long double, const Eigen::Matrix<long double, 3, 1>&);
+
+std::optional<OnPlane> onto_plane(const LensProjection& projection, const Eigen::Vector3d& ray) {
+    return onto_plane(projection.kind, projection.a, projection.b, ray);
+}
 
 std::optional<Eigen::Vector3d> from_plane(const LensProjection& projection,
                                           const Eigen::Vector2d& point) {
     const auto ray = ray_at(projection, point);
-    if (!ray || !ray->allFinite() || !has_image(projection, ray->head<2>().squaredNorm(), ray->z()))
+    if (!ray || !ray->allFinite() ||
+        !has_image(projection.kind, projection.a, projection.b, ray->head<2>().squaredNorm(),
+                   ray->z()))
         return std::nullopt;
     return ray;
 }

@@ -68,19 +68,27 @@ const ProjectionName& name_of(Projection kind);
 double plane_limit(const LensProjection& projection);
 
 // Where a ray is imaged, in units of the focal length (telecentric: mm), with its derivatives.
-struct OnPlane {
-    Eigen::Vector2d point;
-    Eigen::Matrix<double, 2, 3> by_ray;
-    Eigen::Vector2d by_a = Eigen::Vector2d::Zero();  // zero where the kind has no such parameter
-    Eigen::Vector2d by_b = Eigen::Vector2d::Zero();
+template <typename Scalar>
+struct BasicOnPlane {
+    using Vector2 = Eigen::Matrix<Scalar, 2, 1>;
+    Vector2 point;
+    Eigen::Matrix<Scalar, 2, 3> by_ray;
+    Vector2 by_a = Vector2::Zero(), by_b = Vector2::Zero();  // zero where there is no parameter
 };
+using OnPlane = BasicOnPlane<double>;
 
-// Throws NumericalError when a parameter is not finite or out of its range.
+// Whether the parameters are finite and within their ranges; throws NumericalError if not.
+bool is_possible(const LensProjection& projection);
 void require_possible(const LensProjection& projection);
 
 // Of a point of the ray in the camera's frame, of any length (telecentric: in mm). Nothing where
 // the projection has no image of it, or for what is not finite. Tens of ns.
 std::optional<OnPlane> onto_plane(const LensProjection& projection, const Eigen::Vector3d& ray);
+
+// The same with parameters and ray in any precision: double or long double.
+template <typename Scalar>
+std::optional<BasicOnPlane<Scalar>> onto_plane(Projection kind, Scalar a, Scalar b,
+                                               const Eigen::Matrix<Scalar, 3, 1>& ray);
 
 // The inverse: the ray that is imaged there, of length 1 or, of a perspective or telecentric
 // camera, with Z = 1. Nothing where no ray is. Closed forms, right to some 1e-15 relative to the

@@ -1,21 +1,28 @@
-// From undistorted coordinates to a pixel, with the derivatives by the ray and by all eighteen
+// From points in the camera's frame to pixels, with the derivatives by the point and by all
 // parameters of the camera, in any precision: what a bundle adjustment needs.
 //
-// Internal to calibrating; the formulas are those of calib/camera/distortion.h, which is the one to
-// use for everything else. Its tests hold the two together.
+// Internal to calibrating; the formulas of the distortion are those of calib/camera/distortion.h,
+// which is the one to use for everything else. Its tests hold the two together.
 #pragma once
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>  // homogeneous()
 #include <Eigen/LU>        // determinant()
+#include <optional>
+
+#include "calib/camera/lens_projection.h"
 
 namespace etalon {
 
-template <typename Scalar>
+// fx fy cx cy, the distortion in OpenCV's order, k7, and the projection's a and b.
+inline constexpr int camera_parameter_count = 21;
+
+// `of`: d pixel / d what the pixel is of, a point (3) or an undistorted point of the plane (2).
+template <typename Scalar, int Size>
 struct ModelPixel {
     Eigen::Matrix<Scalar, 2, 1> pixel;
-    Eigen::Matrix<Scalar, 2, 2> of_ray;  // d pixel / d (X/Z, Y/Z)
-    bool is_regular;                     // invertible here, and on this side of every pole
+    Eigen::Matrix<Scalar, 2, Size> of;
+    bool is_regular;  // invertible here, on this side of every pole, and imaged at all
 };
 
 template <typename Scalar>
@@ -24,10 +31,12 @@ public:
     using Vector2 = Eigen::Matrix<Scalar, 2, 1>;
     using Matrix2 = Eigen::Matrix<Scalar, 2, 2>;
     using Matrix3 = Eigen::Matrix<Scalar, 3, 3>;
-    using Parameters = Eigen::Matrix<Scalar, 18, 1>;  // fx fy cx cy, distortion in OpenCV's order
-    using OfParameters = Eigen::Matrix<Scalar, 2, 18>;
+    using Vector3 = Eigen::Matrix<Scalar, 3, 1>;
+    using Parameters = Eigen::Matrix<Scalar, camera_parameter_count, 1>;
+    using OfParameters = Eigen::Matrix<Scalar, 2, camera_parameter_count>;
 
-    explicit PixelModel(const Parameters& parameters) : p_(parameters) {
+    PixelModel(Projection projection, const Parameters& parameters)
+        : projection_(projection), p_(parameters) {
         using std::cos, std::sin;
         const Scalar cx = cos(p_[16]), sx = sin(p_[16]), cy = cos(p_[17]), sy = sin(p_[17]);
         Matrix3 about_x, about_y, of_x, of_y;
@@ -39,13 +48,20 @@ public:
         tilt_ = onto_sensor(rotation, 1) * rotation;
         tilt_of_x_ = change(rotation, about_y * of_x);
         tilt_of_y_ = change(rotation, of_y * about_x);
+        is_possible_ = etalon::is_possible(
+            {projection, static_cast<double>(p_[19]), static_cast<double>(p_[20])});
     }
 
-    ModelPixel<Scalar> operator()(const Vector2& u) const { return evaluate(u, nullptr); }
+    ModelPixel<Scalar, 3> operator()(const Vector3& p) const { return evaluate(p, nullptr); }
 
-    ModelPixel<Scalar> with_derivatives(const Vector2& u, OfParameters& of_parameters) const {
-        return evaluate(u, &of_parameters);
+    ModelPixel<Scalar, 3> with_derivatives(const Vector3& p, OfParameters& of_parameters) const {
+        return evaluate(p, &of_parameters);
     }
+
+    // Of an undistorted point of the projection's plane.
+    ModelPixel<Scalar, 2> on_plane(const Vector2& u) const { return distorted(u, nullptr); }
+
+    const Parameters& parameters() const { return p_; }
 
 private:
     // The map of points on the sensor's rotated plane along the axis; `one` is 0 in a derivative.
@@ -58,15 +74,29 @@ private:
         return onto_sensor(of_rotation, 0) * rotation + onto_sensor(rotation, 1) * of_rotation;
     }
 
-    ModelPixel<Scalar> evaluate(const Vector2& u, OfParameters* of_parameters) const {
+    ModelPixel<Scalar, 3> evaluate(const Vector3& p, OfParameters* of_parameters) const {
+        const auto plane =
+            is_possible_ ? onto_plane<Scalar>(projection_, p_[19], p_[20], p) : std::nullopt;
+        if (!plane)
+            return {Vector2::Zero(), Eigen::Matrix<Scalar, 2, 3>::Zero(), false};
+        const ModelPixel<Scalar, 2> seen = distorted(plane->point, of_parameters);
+        if (of_parameters) {
+            of_parameters->col(19) = seen.of * plane->by_a;
+            of_parameters->col(20) = seen.of * plane->by_b;
+        }
+        return {seen.pixel, seen.of * plane->by_ray, seen.is_regular};
+    }
+
+    ModelPixel<Scalar, 2> distorted(const Vector2& u, OfParameters* of_parameters) const {
         const Scalar x = u.x(), y = u.y(), xx = x * x, yy = y * y, xy2 = 2 * x * y, s = xx + yy;
         const Scalar k1 = p_[4], k2 = p_[5], p1 = p_[6], p2 = p_[7], k3 = p_[8];
         const Scalar k4 = p_[9], k5 = p_[10], k6 = p_[11];
-        const Scalar s1 = p_[12], s2 = p_[13], s3 = p_[14], s4 = p_[15];
+        const Scalar s1 = p_[12], s2 = p_[13], s3 = p_[14], s4 = p_[15], k7 = p_[18];
         const Scalar over = 1 + s * (k4 + s * (k5 + s * k6));
-        const Scalar radial = (1 + s * (k1 + s * (k2 + s * k3))) / over;
-        const Scalar radial_prime =
-            (k1 + s * (2 * k2 + s * 3 * k3) - radial * (k4 + s * (2 * k5 + s * 3 * k6))) / over;
+        const Scalar radial = (1 + s * (k1 + s * (k2 + s * (k3 + s * k7)))) / over;
+        const Scalar radial_prime = (k1 + s * (2 * k2 + s * (3 * k3 + s * 4 * k7)) -
+                                     radial * (k4 + s * (2 * k5 + s * 3 * k6))) /
+                                    over;
         const Vector2 before(x * radial + p1 * xy2 + p2 * (s + 2 * xx) + s * (s1 + s * s2),
                              y * radial + p1 * (s + 2 * yy) + p2 * xy2 + s * (s3 + s * s4));
         const Scalar shared = xy2 * radial_prime + 2 * (p1 * x + p2 * y);
@@ -83,11 +113,11 @@ private:
                                 tilted.z();
         const Vector2 focal(p_[0], p_[1]);
         const Matrix2 to_pixels = focal.asDiagonal() * of_tilt;
-        ModelPixel<Scalar> result;
+        ModelPixel<Scalar, 2> result;
         result.pixel = focal.cwiseProduct(point) + p_.template segment<2>(2);
-        result.of_ray = to_pixels * of_ray;
-        result.is_regular = over > 0 && tilted.z() > 0 && result.of_ray.determinant() > 0 &&
-                            result.pixel.allFinite();
+        result.of = to_pixels * of_ray;
+        result.is_regular =
+            over > 0 && tilted.z() > 0 && result.of.determinant() > 0 && result.pixel.allFinite();
         if (of_parameters) {
             auto& of = *of_parameters;
             of.template leftCols<4>() << point.x(), 0, 1, 0, 0, point.y(), 0, 1;
@@ -105,6 +135,7 @@ private:
             of.col(15) = s * of.col(14);
             of.col(16) = focal.cwiseProduct(moved(tilt_of_x_, before, point, tilted.z()));
             of.col(17) = focal.cwiseProduct(moved(tilt_of_y_, before, point, tilted.z()));
+            of.col(18) = s * of.col(8);
         }
         return result;
     }
@@ -115,7 +146,9 @@ private:
         return (change.template head<2>() - point * change.z()) / depth;
     }
 
+    Projection projection_;
     Parameters p_;
+    bool is_possible_;
     Matrix3 tilt_, tilt_of_x_, tilt_of_y_;
 };
 

@@ -438,7 +438,7 @@ CameraModel read_camera(const std::filesystem::path& path, std::optional<cv::Siz
     CameraModel camera = is_etalon_file(path) ? read_own_camera(path) : read_foreign_camera(path);
     if (!camera.projection.is_flat())
         throw ConfigError({path.string()},
-                          fmt::format("is of a lens that is {}: only `etalon camera` takes those",
+                          fmt::format("is of a lens that is {}: so far only `etalon camera` and `etalon calibrate` take those",
                                       name_of(camera.projection.kind).name));
     settle_image_size(camera, path, image_size);
     return camera;

@@ -123,7 +123,7 @@ struct ViewDesign {
 
 ViewDesign view_design(const CalibrationView& view, const DrawnBoard& board, const CameraFit& fit,
                        std::size_t index, const CalibrationModel& model, const ImageField* field) {
-    const PixelModel<double> pixel_model(all_parameters(fit.camera));
+    const PixelModel<double> pixel_model(fit.camera.projection.kind, all_parameters(fit.camera));
     const Rigid& pose = fit.camera_from_target[index];
     const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
     const Eigen::Index free = std::ssize(model.parameters), rows = 2 * std::ssize(view.pixels);
@@ -137,11 +137,9 @@ ViewDesign view_design(const CalibrationView& view, const DrawnBoard& board, con
         centre += view.true_point_mm(i) / static_cast<double>(view.points_mm.size());
     for (std::size_t i = 0; i < view.pixels.size(); ++i) {
         const Vector3d p = pose * view.true_point_mm(i);
-        const auto seen = pixel_model.with_derivatives(p.head<2>() / p.z(), of_parameters);
-        OfBoardPoint of_place;
-        of_place << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
+        const auto seen = pixel_model.with_derivatives(p, of_parameters);
         const double weight = 1.0 / view.sigma(i);
-        of_place = weight / p.z() * (seen.of_ray * of_place);
+        const OfBoardPoint of_place = weight * seen.of;
         const Vector3d arm = rotation * (view.true_point_mm(i) - centre);
         Eigen::Matrix3d of_turn;
         of_turn << 0, arm.z(), -arm.y(), -arm.z(), 0, arm.x(), arm.y(), -arm.x(), 0;

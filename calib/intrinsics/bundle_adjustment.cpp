@@ -64,9 +64,7 @@ std::optional<Scalar> view_cost(const BundleView<Scalar>& view, const PixelModel
     Scalar cost = 0;
     for (Eigen::Index i = 0; i < view.points_mm.cols(); ++i) {
         const Vector3<Scalar> p = rotation * view.points_mm.col(i) + pose.translation;
-        if (!(p.z() > 0))
-            return std::nullopt;
-        const ModelPixel<Scalar> seen = model(p.template head<2>() / p.z());
+        const auto seen = model(p);
         if (!seen.is_regular)
             return std::nullopt;
         cost += huber_cost(view.weights[i] * (view.pixels.col(i) - seen.pixel).norm(), huber);
@@ -83,14 +81,11 @@ std::vector<Eigen::Index> pulled(const BundleOptions& options) {
     return columns;
 }
 
-// d pixel / d left perturbation of the pose, of a point at `turned` + translation.
+// d pixel / d left perturbation of the pose, of a point at `turned` + translation, of d pixel / d
+// that point.
 template <typename Scalar>
-Eigen::Matrix<Scalar, 2, pose_size> pose_jacobian(const Eigen::Matrix<Scalar, 2, 2>& of_ray,
-                                                  const Vector3<Scalar>& turned,
-                                                  const Vector3<Scalar>& p) {
-    Eigen::Matrix<Scalar, 2, 3> of_point;
-    of_point << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
-    of_point = of_ray * of_point / p.z();
+Eigen::Matrix<Scalar, 2, pose_size> pose_jacobian(const Eigen::Matrix<Scalar, 2, 3>& of_point,
+                                                  const Vector3<Scalar>& turned) {
     Eigen::Matrix<Scalar, 3, 3> of_turn;
     of_turn << 0, turned.z(), -turned.y(), -turned.z(), 0, turned.x(), turned.y(), -turned.x(), 0;
     Eigen::Matrix<Scalar, 2, pose_size> jacobian;
@@ -319,9 +314,10 @@ private:
     }
 
     std::vector<Matrix<Scalar>> linearised(const Bundle<Scalar>& bundle) const {
+        const PixelModel<Scalar> model = bundle.model();
         std::vector<Matrix<Scalar>> triangles;
         for (std::size_t v = 0; v < views_.size(); ++v)
-            triangles.push_back(view_triangle(views_[v], bundle.camera, bundle.poses[v], options_));
+            triangles.push_back(view_triangle(views_[v], model, bundle.poses[v], options_));
         return triangles;
     }
 
@@ -369,7 +365,7 @@ Rigid rigid_from(const BundlePose<Scalar>& pose, const Eigen::Vector3d& centre_m
 template <typename Scalar>
 std::optional<Scalar> bundle_cost(const std::vector<BundleView<Scalar>>& views,
                                   const Bundle<Scalar>& bundle, const BundleOptions& options) {
-    const PixelModel<Scalar> model(bundle.camera);
+    const PixelModel<Scalar> model = bundle.model();
     Scalar total = 0;
     for (std::size_t v = 0; v < views.size(); ++v) {
         const auto cost = view_cost(views[v], model, bundle.poses[v], options.huber);
@@ -401,10 +397,10 @@ std::optional<BundleSolution<Scalar>> adjust_bundle(const std::vector<BundleView
 }
 
 template <typename Scalar>
-Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(
-    const BundleView<Scalar>& view, const Eigen::Matrix<Scalar, 18, 1>& camera,
-    const BundlePose<Scalar>& pose, const BundleOptions& options) {
-    const PixelModel<Scalar> model(camera);
+Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(const BundleView<Scalar>& view,
+                                                                    const PixelModel<Scalar>& model,
+                                                                    const BundlePose<Scalar>& pose,
+                                                                    const BundleOptions& options) {
     const Eigen::Index points = view.points_mm.cols();
     const Eigen::Index free = static_cast<Eigen::Index>(options.free.size());
     const Eigen::Matrix<Scalar, 3, 3> rotation = pose.rotation.toRotationMatrix();
@@ -414,12 +410,12 @@ Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(
     for (Eigen::Index i = 0; i < points; ++i) {
         const Vector3<Scalar> turned = rotation * view.points_mm.col(i);
         const Vector3<Scalar> p = turned + pose.translation;
-        const auto seen = model.with_derivatives(p.template head<2>() / p.z(), of_parameters);
+        const auto seen = model.with_derivatives(p, of_parameters);
         const Vector2<Scalar> residual = view.weights[i] * (view.pixels.col(i) - seen.pixel);
         const Scalar huber = huber_weight(residual.norm(), options.huber);
         const Scalar weight = huber * view.weights[i];
         auto of_point = rows.template middleRows<2>(2 * i);
-        of_point.template leftCols<pose_size>() = weight * pose_jacobian(seen.of_ray, turned, p);
+        of_point.template leftCols<pose_size>() = weight * pose_jacobian<Scalar>(seen.of, turned);
         for (Eigen::Index k = 0; k < free; ++k)
             of_point.col(pose_size + k) = weight * of_parameters.col(options.free[k]);
         of_point.col(pose_size + free) = huber * residual;
@@ -427,21 +423,21 @@ Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(
     for (Eigen::Index i = 0; i < std::ssize(held); ++i) {
         const int index = options.free[held[i]];
         rows(2 * points + i, pose_size + held[i]) = options.pull[index];
-        rows(2 * points + i, pose_size + free) = -options.pull[index] * camera[index];
+        rows(2 * points + i, pose_size + free) = -options.pull[index] * model.parameters()[index];
     }
     return triangle_of(rows);
 }
 
-#define ETALON_INSTANTIATE(Scalar)                                                                 \
-    template BundleView<Scalar> bundle_view(const CalibrationView&);                               \
-    template BundlePose<Scalar> bundle_pose(const Rigid&, const Eigen::Vector3d&);                 \
-    template Rigid rigid_from(const BundlePose<Scalar>&, const Eigen::Vector3d&);                  \
-    template std::optional<Scalar> bundle_cost(const std::vector<BundleView<Scalar>>&,             \
-                                               const Bundle<Scalar>&, const BundleOptions&);       \
-    template std::optional<BundleSolution<Scalar>> adjust_bundle(                                  \
-        const std::vector<BundleView<Scalar>>&, const Bundle<Scalar>&, const BundleOptions&);      \
-    template Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(                  \
-        const BundleView<Scalar>&, const Eigen::Matrix<Scalar, 18, 1>&, const BundlePose<Scalar>&, \
+#define ETALON_INSTANTIATE(Scalar)                                                            \
+    template BundleView<Scalar> bundle_view(const CalibrationView&);                          \
+    template BundlePose<Scalar> bundle_pose(const Rigid&, const Eigen::Vector3d&);            \
+    template Rigid rigid_from(const BundlePose<Scalar>&, const Eigen::Vector3d&);             \
+    template std::optional<Scalar> bundle_cost(const std::vector<BundleView<Scalar>>&,        \
+                                               const Bundle<Scalar>&, const BundleOptions&);  \
+    template std::optional<BundleSolution<Scalar>> adjust_bundle(                             \
+        const std::vector<BundleView<Scalar>>&, const Bundle<Scalar>&, const BundleOptions&); \
+    template Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(             \
+        const BundleView<Scalar>&, const PixelModel<Scalar>&, const BundlePose<Scalar>&,      \
         const BundleOptions&);
 
 ETALON_INSTANTIATE(double)

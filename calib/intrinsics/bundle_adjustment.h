@@ -1,8 +1,8 @@
 // The nonlinear least-squares problem of calib/intrinsics/camera_fit.h in any precision: double for
 // use, long double to show what rounding does to it (`etalon stability`).
 //
-// Levenberg-Marquardt on the eighteen parameters of the camera, of which `free` may move, and a
-// pose per view. Each view's Jacobian is brought to a triangle by Householder QR with the pose's
+// Levenberg-Marquardt on the parameters of the camera, of which `free` may move, and a pose per
+// view. Each view's Jacobian is brought to a triangle by Householder QR with the pose's
 // columns first; what is below them is the view's say about the camera. Damped trials start from
 // the triangles. Every iteration first tries the plain Gauss-Newton step, which converges in weak
 // directions too; damping only helps where the model's curvature asks for it.
@@ -15,6 +15,7 @@
 #include <optional>
 #include <vector>
 
+#include "calib/camera/pixel_model.h"
 #include "calib/intrinsics/calibration_view.h"
 #include "core/rigid.h"
 
@@ -44,16 +45,19 @@ Rigid rigid_from(const BundlePose<Scalar>& pose, const Eigen::Vector3d& centre_m
 
 template <typename Scalar>
 struct Bundle {
-    Eigen::Matrix<Scalar, 18, 1> camera;
+    Projection projection = Projection::perspective;
+    typename PixelModel<Scalar>::Parameters camera;
     std::vector<BundlePose<Scalar>> poses;
+
+    PixelModel<Scalar> model() const { return {projection, camera}; }
 };
 
 struct BundleOptions {
-    std::vector<int> free;  // which of the eighteen, in the order of the triangles' columns
+    std::vector<int> free;  // which parameters, in the order of the triangles' columns
     double huber = 0.0;
     int most_iterations = 100;
-    // Of the eighteen: weight of a further row of each view that wants the parameter to be zero.
-    Eigen::Matrix<double, 18, 1> pull = Eigen::Matrix<double, 18, 1>::Zero();
+    // Of each parameter: weight of a further row of each view that wants it to be zero.
+    PixelModel<double>::Parameters pull = PixelModel<double>::Parameters::Zero();
 };
 
 template <typename Scalar>
@@ -69,7 +73,7 @@ template <typename Scalar>
 std::optional<Scalar> bundle_cost(const std::vector<BundleView<Scalar>>& views,
                                   const Bundle<Scalar>& bundle, const BundleOptions& options);
 
-// Nothing when the start puts a point behind the camera or where the model is not regular.
+// Nothing when the start puts a point where the model is not regular.
 template <typename Scalar>
 std::optional<BundleSolution<Scalar>> adjust_bundle(const std::vector<BundleView<Scalar>>& views,
                                                     const Bundle<Scalar>& start,
@@ -78,8 +82,9 @@ std::optional<BundleSolution<Scalar>> adjust_bundle(const std::vector<BundleView
 // The view's residuals and Jacobian [pose | free parameters | residual], times an orthogonal matrix
 // from the left: upper triangular, 6 + free + 1 rows and columns. Every point must be regular.
 template <typename Scalar>
-Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(
-    const BundleView<Scalar>& view, const Eigen::Matrix<Scalar, 18, 1>& camera,
-    const BundlePose<Scalar>& pose, const BundleOptions& options);
+Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(const BundleView<Scalar>& view,
+                                                                    const PixelModel<Scalar>& model,
+                                                                    const BundlePose<Scalar>& pose,
+                                                                    const BundleOptions& options);
 
 }  // namespace etalon

@@ -9,6 +9,7 @@
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/camera_fit.h"
+#include "calib/intrinsics/wide_lens.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -54,11 +55,15 @@ void refuse_many_outliers(std::span<const CalibrationView> views, const CornerMa
                         count, all, 100.0 * max_outlier_share, fmt::join(of_views, ", ")));
 }
 
-std::vector<CalibrationModel> candidates(const CalibrationOptions& options) {
-    const CalibrationModel& named = calibration_model(options.model.value_or("standard"));
+// Of the named model's kind, or of the kind that follows the lens.
+std::vector<CalibrationModel> candidates(std::span<const CalibrationView> views,
+                                         cv::Size image_size, const CalibrationOptions& options) {
+    const bool is_wide =
+        options.model ? calibration_model(*options.model).projection != Projection::perspective
+                      : is_wide_lens(views, image_size);
     if (options.leave_one_out)
-        return calibration_models();
-    return {named};
+        return is_wide ? wide_calibration_models() : calibration_models();
+    return {calibration_model(options.model.value_or(is_wide ? "kannala_brandt" : "standard"))};
 }
 
 // Of models that were left out of and that are all in doubt.
@@ -73,7 +78,9 @@ std::vector<CalibrationModel> candidates(const CalibrationOptions& options) {
 
 // What the advice, or the user, chose among the scored models.
 const ModelScore& chosen_score(const ModelAdvice& advice, const CalibrationOptions& options) {
-    std::string name = options.model.value_or("standard");
+    const bool has_standard = std::ranges::any_of(
+        advice.models, [](const ModelScore& score) { return score.model == "standard"; });
+    std::string name = options.model.value_or(has_standard ? "standard" : "kannala_brandt");
     if (!options.model && advice.advised)
         name = advice.models[*advice.advised].model;
     else if (!options.model && std::ranges::any_of(advice.models, [](const ModelScore& score) {
@@ -124,7 +131,7 @@ void refuse_foreign_lens(const ModelAdvice& advice, std::span<const CalibrationV
         throw NumericalError(
             fmt::format("no model here fits this lens: {:.1f} px RMS at best ({}), where the "
                         "points of one photo "
-                        "scatter by {:.2f} px; a fisheye?",
+                        "scatter by {:.2f} px",
                         closest->rms_px, closest->model, scatter));
 }
 
@@ -141,7 +148,7 @@ struct Selection {
 
 Selection select(std::span<const CalibrationView> views, cv::Size image_size,
                  const CalibrationOptions& options) {
-    const std::vector<CalibrationModel> models = candidates(options);
+    const std::vector<CalibrationModel> models = candidates(views, image_size, options);
     Selection selection;
     selection.left_out = find_outlier_corners(views, image_size, models);
     for (;;) {

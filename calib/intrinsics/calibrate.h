@@ -74,7 +74,9 @@ struct CameraCalibration {
 
 struct CalibrationOptions {
     std::optional<std::string> model = std::nullopt;  // nothing: the advised one
-    bool leave_one_out = true;  // of every model; without it, "standard" when no model is named
+    // Of every model of the lens's kind, perspective or wide; without it "standard", or
+    // "kannala_brandt", when no model is named.
+    bool leave_one_out = true;
     int resamples = bootstrap_resamples;  // 0: no bootstrap
     bool fit_board = false;               // the board's shape with the camera
 };

@@ -28,40 +28,60 @@ const std::vector<CalibrationModel>& calibration_models() {
     return models;
 }
 
+const std::vector<CalibrationModel>& wide_calibration_models() {
+    using enum Projection;
+    static const std::vector<CalibrationModel> models{
+        {"field_of_view", {"fx", "fy", "cx", "cy", "omega"}, field_of_view},
+        {"double_sphere", {"fx", "fy", "cx", "cy", "xi", "alpha"}, double_sphere},
+        {"extended_unified", {"fx", "fy", "cx", "cy", "beta", "alpha"}, extended_unified},
+        {"kannala_brandt", {"fx", "fy", "cx", "cy", "k1", "k2", "k3", "k7"}, equidistant},
+        {"omnidirectional", {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "xi"}, unified},
+    };
+    return models;
+}
+
 const CalibrationModel& calibration_model(std::string_view name) {
     std::vector<std::string> names;
-    for (const CalibrationModel& model : calibration_models()) {
-        if (model.name == name)
-            return model;
-        names.push_back(model.name);
-    }
+    for (const auto* models : {&calibration_models(), &wide_calibration_models()})
+        for (const CalibrationModel& model : *models) {
+            if (model.name == name)
+                return model;
+            names.push_back(model.name);
+        }
     throw ConfigError({}, fmt::format("no calibration model is named '{}'; there are {}", name,
                                       fmt::join(names, ", ")));
 }
 
 CameraParameters all_parameters(const CameraModel& camera) {
     const Intrinsics& i = camera.intrinsics;
-    const auto coefficients = camera.distortion.in_opencv_order();
+    const auto coefficients = camera.distortion.coefficients();
     CameraParameters values;
     values << i.fx, i.fy, i.cx, i.cy,
-        Eigen::Map<const Eigen::Matrix<double, 14, 1>>(coefficients.data());
+        Eigen::Map<const Eigen::Matrix<double, Distortion::count, 1>>(coefficients.data()),
+        camera.projection.a, camera.projection.b;
     return values;
 }
 
 void set_all_parameters(CameraModel& camera, const CameraParameters& values) {
     camera.intrinsics = {values[0], values[1], values[2], values[3]};
-    std::array<double, 14> coefficients{};
-    std::copy(values.begin() + 4, values.end(), coefficients.begin());
-    camera.distortion = Distortion::from_opencv_order(coefficients);
+    std::array<double, Distortion::count> coefficients{};
+    std::copy_n(values.begin() + 4, coefficients.size(), coefficients.begin());
+    camera.distortion = Distortion::of(coefficients);
+    camera.projection.a = values[19];
+    camera.projection.b = values[20];
 }
 
 int parameter_index(std::string_view name) {
     for (std::size_t i = 0; i < intrinsic_names.size(); ++i)
         if (name == intrinsic_names[i])
             return static_cast<int>(i);
-    for (std::size_t i = 0; i + intrinsic_names.size() < camera_parameter_count; ++i)
+    for (std::size_t i = 0; i < distortion_names.size(); ++i)
         if (name == distortion_names[i])
             return static_cast<int>(intrinsic_names.size() + i);
+    for (const ProjectionName& projection : projection_names())
+        for (std::size_t i = 0; i < projection.parameters.size(); ++i)
+            if (!name.empty() && name == projection.parameters[i])
+                return static_cast<int>(intrinsic_names.size() + distortion_names.size() + i);
     throw ConfigError({}, fmt::format("a camera has no parameter '{}'", name));
 }
 

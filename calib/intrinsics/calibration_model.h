@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
+#include "calib/camera/pixel_model.h"
 
 namespace etalon {
 
@@ -17,23 +18,29 @@ namespace etalon {
 struct CalibrationModel {
     std::string name;
     std::vector<std::string> parameters;
+    Projection projection = Projection::perspective;
 };
 
-// From the simplest on: pinhole (fx fy cx cy), radial (and k1 k2), standard (and p1 p2 k3, what
-// OpenCV fits unless told otherwise), rational (and k4 k5 k6), prism (and s1 s2 s3 s4), tilted (and
-// tau_x tau_y).
+// Perspective ones, from the simplest on: pinhole (fx fy cx cy), radial (and k1 k2), standard (and
+// p1 p2 k3, what OpenCV fits unless told otherwise), rational (and k4 k5 k6), prism (and s1 s2 s3
+// s4), tilted (and tau_x tau_y).
 const std::vector<CalibrationModel>& calibration_models();
 
-// Throws ConfigError, listing the names there are.
+// Of wide lenses (calib/camera/lens_projection.h), those with fewer parameters first:
+// field_of_view, double_sphere and extended_unified without distortion, kannala_brandt
+// (equidistant with k1 k2 k3 k7) and omnidirectional (unified with k1 k2 p1 p2).
+const std::vector<CalibrationModel>& wide_calibration_models();
+
+// Of either kind. Throws ConfigError, listing the names there are.
 const CalibrationModel& calibration_model(std::string_view name);
 
-// All eighteen parameters: fx fy cx cy, then the distortion in OpenCV's order.
-inline constexpr int camera_parameter_count = 18;
+// All parameters, of which a model has some: calib/camera/pixel_model.h. The kind of the projection
+// stays as it is.
 using CameraParameters = Eigen::Matrix<double, camera_parameter_count, 1>;
 CameraParameters all_parameters(const CameraModel& camera);
 void set_all_parameters(CameraModel& camera, const CameraParameters& values);
 
-// Where a name stands among the eighteen. Throws ConfigError for a name that is none of them.
+// Where a name stands among them. Throws ConfigError for a name that is none of them.
 int parameter_index(std::string_view name);
 
 // The parameters of the model, in its order.

@@ -1,5 +1,7 @@
 #include "calib/intrinsics/calibration_start.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -230,6 +232,51 @@ Rigid rigid_of(const Plane& plane, const PlanePose& pose) {
     return {rotation, pose.translation / plane.scale - rotation * centre};
 }
 
+// Parameters of a projection to begin with: what lenses of 100 to 200 degrees have.
+std::vector<LensProjection> first_guesses(Projection kind) {
+    switch (kind) {
+        case Projection::field_of_view:
+            return {{kind, 0.5}, {kind, 0.9}, {kind, 1.2}};
+        case Projection::unified:
+            return {{kind, 0.5}, {kind, 1.0}, {kind, 2.0}};
+        case Projection::extended_unified:
+            return {{kind, 1.0, 0.3}, {kind, 1.0, 0.6}};
+        case Projection::double_sphere:
+            return {{kind, -0.2, 0.55}, {kind, 0.0, 0.55}, {kind, 0.3, 0.65}};
+        default:
+            return {{kind}};
+    }
+}
+
+// Poses of all views for a camera without distortion, and the sum of the squared distances that
+// they leave, px; nothing when it does not see all of them.
+struct PosedViews {
+    std::vector<BundlePose<double>> poses;
+    double squares = 0.0;
+};
+std::optional<PosedViews> posed_views(std::span<const CalibrationView> views,
+                                      const std::vector<BundleView<double>>& bundle_views,
+                                      const CameraModel& camera) {
+    const Intrinsics& i = camera.intrinsics;
+    Bundle<double> one{camera.projection.kind, all_parameters(camera), {}};
+    PosedViews posed;
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        std::vector<Eigen::Vector2d> plane;
+        for (const Eigen::Vector2d& pixel : views[v].pixels)
+            plane.emplace_back((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
+        const auto pose = pose_from_plane(views[v].points_mm, plane, camera.projection);
+        if (!pose)
+            return std::nullopt;
+        posed.poses.push_back(bundle_pose<double>(*pose, bundle_views[v].centre_mm));
+        one.poses = {posed.poses.back()};
+        const auto cost = bundle_cost<double>({bundle_views[v]}, one, {});
+        if (!cost)
+            return std::nullopt;
+        posed.squares += *cost;
+    }
+    return posed;
+}
+
 }  // namespace
 
 double plane_misfit(const CalibrationView& view) {
@@ -243,6 +290,38 @@ std::optional<Rigid> pose_from_homography(const std::vector<Eigen::Vector3d>& po
     if (!std::isfinite(fit.error))
         return std::nullopt;
     return rigid_of(plane, fit.pose);
+}
+
+std::optional<Rigid> pose_from_plane(const std::vector<Eigen::Vector3d>& points_mm,
+                                     const std::vector<Eigen::Vector2d>& undistorted,
+                                     const LensProjection& projection) {
+    constexpr double least_cosine = 0.17;  // of 80 degrees
+    std::vector<Eigen::Vector3d> rays;
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector2d& point : undistorted) {
+        const auto ray = from_plane(projection, point);
+        if (!ray)
+            return std::nullopt;
+        rays.push_back(ray->normalized());
+        mean += rays.back();
+    }
+    const Eigen::Quaterniond turn =
+        Eigen::Quaterniond::FromTwoVectors(mean, Eigen::Vector3d::UnitZ());
+    std::vector<Eigen::Vector3d> points;
+    std::vector<Eigen::Vector2d> across;
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+        const Eigen::Vector3d ray = turn * rays[i];
+        if (!(ray.z() > least_cosine))
+            continue;
+        points.push_back(points_mm[i]);
+        across.push_back(ray.hnormalized());
+    }
+    if (across.size() < etalon::min_view_points)
+        return std::nullopt;
+    const auto pose = pose_from_homography(points, across);
+    if (!pose || !pose->translation.allFinite())
+        return std::nullopt;
+    return Rigid{turn.conjugate() * pose->rotation, turn.conjugate() * pose->translation};
 }
 
 Rigid mirrored_pose(const Rigid& camera_from_target, const Eigen::Vector3d& centre_mm) {
@@ -260,8 +339,7 @@ CameraStart calibration_start(std::span<const CalibrationView> views, cv::Size i
     const std::vector<Plane> planes = undistorted_planes(views, principal);
     const Eigen::Vector2d focal =
         searched_focal(planes, std::hypot(image_size.width, image_size.height), principal);
-    Bundle<double> bundle;
-    bundle.camera.setZero();
+    Bundle<double> bundle{.camera = CameraParameters::Zero()};
     bundle.camera.head<4>() << focal, principal;
     std::vector<BundleView<double>> undistorted;
     for (std::size_t i = 0; i < views.size(); ++i) {
@@ -283,6 +361,40 @@ CameraStart calibration_start(std::span<const CalibrationView> views, cv::Size i
     for (std::size_t i = 0; i < views.size(); ++i)
         start.camera_from_target.push_back(rigid_from(bundle.poses[i], undistorted[i].centre_mm));
     return start;
+}
+
+std::vector<CameraStart> wide_calibration_starts(std::span<const CalibrationView> views,
+                                                 cv::Size image_size, Projection projection) {
+    const double diagonal = std::hypot(image_size.width, image_size.height);
+    std::vector<BundleView<double>> all;
+    for (const CalibrationView& view : views)
+        all.push_back(bundle_view<double>(view));
+    std::vector<CameraStart> starts;
+    for (const LensProjection& guess : first_guesses(projection)) {
+        std::optional<PosedViews> best;
+        CameraStart start;
+        for (double f = 0.05 * diagonal; f < 5.0 * diagonal; f *= 1.1) {
+            CameraModel camera;
+            camera.width = image_size.width;
+            camera.height = image_size.height;
+            camera.projection = guess;
+            camera.intrinsics = {f, f, 0.5 * (image_size.width - 1), 0.5 * (image_size.height - 1)};
+            auto posed = posed_views(views, all, camera);
+            if (!posed || (best && posed->squares >= best->squares))
+                continue;
+            best = std::move(posed);
+            start.camera = camera;
+        }
+        if (!best)
+            continue;
+        for (std::size_t i = 0; i < views.size(); ++i)
+            start.camera_from_target.push_back(rigid_from(best->poses[i], all[i].centre_mm));
+        starts.push_back(std::move(start));
+    }
+    if (starts.empty())
+        throw NumericalError(fmt::format("no {} lens sees all points as a plane",
+                                         name_of(projection).name));
+    return starts;
 }
 
 }  // namespace etalon

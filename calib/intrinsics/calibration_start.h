@@ -28,10 +28,23 @@ namespace etalon {
 // focal length puts every view in front of the camera.
 CameraStart calibration_start(std::span<const CalibrationView> views, cv::Size image_size);
 
+// Starts for a wide lens, whose views are no homographies: for each of a few guesses of the
+// projection's parameters the focal length, of a grid over what lenses have, with which the poses
+// of the views fit best. Throws NumericalError when no such camera sees every view.
+std::vector<CameraStart> wide_calibration_starts(std::span<const CalibrationView> views,
+                                                 cv::Size image_size, Projection projection);
+
 // The pose of points (x, y, 0) seen at undistorted normalised coordinates (X/Z, Y/Z), from their
 // homography. Nothing when the points would be behind the camera.
 std::optional<Rigid> pose_from_homography(const std::vector<Eigen::Vector3d>& points_mm,
                                           const std::vector<Eigen::Vector2d>& normalised);
+
+// The same of points seen at undistorted points of a projection's plane, from the homography onto
+// the plane across their mean ray; those more than 80 degrees from it do not count. Nothing for
+// fewer than four that count.
+std::optional<Rigid> pose_from_plane(const std::vector<Eigen::Vector3d>& points_mm,
+                                     const std::vector<Eigen::Vector2d>& undistorted,
+                                     const LensProjection& projection);
 
 // How far the pixels are from any homography of the view's plane: root mean square of the algebraic
 // distances, relative to the view's extent. Noise makes some thousandths of it, a strong distortion

@@ -207,7 +207,9 @@ void judge_completeness(const CameraModel& camera, std::vector<CameraFinding>& f
     const auto missing = [&](const char* what, const char* effect) {
         findings.push_back({Weight::note, "renderer", fmt::format("no {}: {}", what, effect)});
     };
-    if (!camera.lens)
+    if (!camera.projection.is_flat())
+        findings.push_back({Weight::note, "renderer", "takes no wide lenses so far"});
+    else if (!camera.lens)
         missing("lens section", "renders are sharp, neither defocus nor diffraction");
     if (!camera.sensor)
         missing("sensor section", "8 bits, linear, no noise, uniform illumination");

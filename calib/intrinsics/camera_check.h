@@ -34,8 +34,9 @@ struct CameraCheck {
 };
 
 // Of a telecentric camera the fields of view are 0. A wide lens may leave the image's corners
-// without rays: no fault as long as a circle as wide as the image has them. Looks at a grid of 65 x 65 pixel positions,
-// outer corners included: some milliseconds. Throws NumericalError where Projector does.
+// without rays: no fault as long as a circle as wide as the image has them. Looks at a grid of 65 x
+// 65 pixel positions, outer corners included: some milliseconds. Throws NumericalError where
+// Projector does.
 CameraCheck check_camera(const CameraModel& camera);
 
 }  // namespace etalon

@@ -50,9 +50,11 @@ void check_input(std::span<const CalibrationView> views, cv::Size size,
 
 // Also of poses and equations that are asked for: what Eigen would read beyond, or NaN.
 void check_camera(const CameraModel& camera, std::span<const Rigid> poses, std::size_t views) {
-    require_perspective(camera, "calibrating");
-    if (camera.distortion.k7 != 0.0)
-        throw NumericalError("k7 is not calibrated");
+    if (camera.projection.kind == Projection::telecentric)
+        throw NumericalError(
+            "a telecentric camera cannot be calibrated: the distance of its target "
+            "has no effect");
+    require_possible(camera.projection);
     const CameraParameters parameters = all_parameters(camera);
     if (!parameters.allFinite() || !(parameters[0] > 0.0) || !(parameters[1] > 0.0))
         throw NumericalError(
@@ -67,7 +69,7 @@ void check_camera(const CameraModel& camera, std::span<const Rigid> poses, std::
 
 Bundle<double> bundle_of(const CameraModel& camera, std::span<const Rigid> poses,
                          const Views& views) {
-    Bundle<double> bundle{all_parameters(camera), {}};
+    Bundle<double> bundle{camera.projection.kind, all_parameters(camera), {}};
     for (std::size_t i = 0; i < views.size(); ++i)
         bundle.poses.push_back(bundle_pose<double>(poses[i], views[i].centre_mm));
     return bundle;
@@ -78,11 +80,12 @@ Bundle<double> bundle_of(const CameraModel& camera, std::span<const Rigid> poses
         "the start puts a point behind the camera, or where the distortion folds over");
 }
 
+// With the bundle's camera.
 std::optional<BundleSolution<double>> adjusted_pose(const BundleView<double>& view,
-                                                    const CameraParameters& camera,
+                                                    const Bundle<double>& bundle,
                                                     const BundlePose<double>& pose,
                                                     const BundleOptions& options = {}) {
-    return adjust_bundle<double>({view}, {camera, {pose}}, options);
+    return adjust_bundle<double>({view}, {bundle.projection, bundle.camera, {pose}}, options);
 }
 
 BundlePose<double> mirrored(const BundlePose<double>& pose) {
@@ -96,9 +99,8 @@ bool choose_mirrored_poses(const Views& views, Bundle<double>& bundle, double hu
     const BundleOptions options{.free = {}, .huber = huber, .most_iterations = 8};
     bool changed = false;
     for (std::size_t i = 0; i < views.size(); ++i) {
-        const auto as_is = adjusted_pose(views[i], bundle.camera, bundle.poses[i], options);
-        const auto other =
-            adjusted_pose(views[i], bundle.camera, mirrored(bundle.poses[i]), options);
+        const auto as_is = adjusted_pose(views[i], bundle, bundle.poses[i], options);
+        const auto other = adjusted_pose(views[i], bundle, mirrored(bundle.poses[i]), options);
         if (as_is && other && other->cost < 0.999 * as_is->cost) {
             bundle.poses[i] = other->bundle.poses.front();
             changed = true;
@@ -151,9 +153,12 @@ CameraParameters prior_precisions(double r) {
     return precisions;
 }
 
-// For points that scatter as they do about this bundle.
+// For points that scatter as they do about this bundle. Models of wide lenses have none of these
+// parameters.
 CameraParameters pull_of(const Views& views, const Bundle<double>& bundle,
                          const BundleOptions& options) {
+    if (bundle.projection != Projection::perspective)
+        return CameraParameters::Zero();
     BundleOptions of_points = options;
     of_points.pull.setZero();
     const auto cost = bundle_cost(views, bundle, of_points);
@@ -187,40 +192,72 @@ std::optional<Solution> better(std::optional<Solution> one, std::optional<Soluti
     return other_is_better ? std::move(other) : std::move(one);
 }
 
-// The models from the simplest distortion on to the one that is asked for, each from the solution
-// of the one before, so that none fits worse than a model that it contains; and each from the start
-// at once, for lenses of 160 degrees, which the simpler ones cannot follow.
+// What is free, step by step. Of a perspective camera the models from the simplest distortion on to
+// the one that is asked for; of a wide lens first what every camera has.
+std::vector<std::vector<int>> stages_of(const CalibrationModel& model) {
+    const std::vector<int> all = indices_of(model);
+    std::vector<std::size_t> ends;
+    if (model.projection == Projection::perspective)
+        for (const CalibrationModel& simpler : calibration_models())
+            ends.push_back(simpler.parameters.size());
+    else
+        ends = {4, camera_parameter_count};
+    std::vector<std::vector<int>> stages;
+    for (const std::size_t end : ends) {
+        std::vector<int> free = all;
+        std::erase_if(free, [&](int i) { return i >= static_cast<int>(end); });
+        stages.push_back(free);
+        if (free.size() == all.size())
+            break;
+    }
+    return stages;
+}
+
+// Each stage from the solution of the one before, so that none fits worse than a model that it
+// contains; and each from the start at once, for lenses of 160 degrees, which the simpler ones
+// cannot follow.
 std::optional<Solution> adjust_in_stages(const Views& views, const Bundle<double>& start,
-                                         const BundleOptions& options) {
+                                         const BundleOptions& options,
+                                         const CalibrationModel& model) {
     std::optional<Solution> solution;
-    for (const CalibrationModel& model : calibration_models()) {
+    for (const std::vector<int>& free : stages_of(model)) {
         BundleOptions stage = options;
+        stage.free = free;
         if (solution)
             stage.pull = pull_of(views, solution->bundle, stage);
-        std::erase_if(stage.free, [&](int i) { return i >= std::ssize(model.parameters); });
         const auto from_simpler =
             solution ? adjust_with_mirrored(views, solution->bundle, stage) : std::nullopt;
         solution = better(from_simpler, adjust_with_mirrored(views, start, stage));
-        if (stage.free.size() == options.free.size())
-            break;
     }
     return solution;
 }
 
 std::optional<Solution> solve(std::span<const CalibrationView> views, cv::Size size,
-                              const Views& all, const CameraFitOptions& options,
+                              const CalibrationModel& model, const Views& all,
+                              const CameraFitOptions& options,
                               const BundleOptions& bundle_options) {
     if (options.start) {
         const CameraStart& start = *options.start;
         check_camera(start.camera, start.camera_from_target, views.size());
+        if (start.camera.projection.kind != model.projection)
+            throw NumericalError(fmt::format("model {} cannot start from a camera that is {}",
+                                             model.name,
+                                             name_of(start.camera.projection.kind).name));
         const Bundle<double> bundle = bundle_of(start.camera, start.camera_from_target, all);
         BundleOptions pulled = bundle_options;
         pulled.pull = pull_of(all, bundle, bundle_options);
         return adjust_bundle(all, bundle, pulled);
     }
-    const CameraStart start = calibration_start(views, size);
-    return adjust_in_stages(all, bundle_of(start.camera, start.camera_from_target, all),
-                            bundle_options);
+    const std::vector<CameraStart> starts =
+        model.projection == Projection::perspective
+            ? std::vector{calibration_start(views, size)}
+            : wide_calibration_starts(views, size, model.projection);
+    std::optional<Solution> best;
+    for (const CameraStart& start : starts)
+        best = better(std::move(best),
+                      adjust_in_stages(all, bundle_of(start.camera, start.camera_from_target, all),
+                                       bundle_options, model));
+    return best;
 }
 
 // The equations of all views below each other, columns scaled to length 1, after one more QR.
@@ -352,32 +389,40 @@ double weighted_squares(std::span<const CalibrationView> views, const CameraFit&
     return squares;
 }
 
-CameraModel pinhole_of(cv::Size size) {
+CameraModel plain_camera(cv::Size size, Projection projection) {
     CameraModel camera;
+    camera.projection.kind = projection;
     camera.width = size.width;
     camera.height = size.height;
     return camera;
 }
 
-// The undistorted coordinates of pixels by Newton's method from the distorted ones; where it does
-// not converge they stay near. For a start only.
+// The undistorted points of pixels by Newton's method from the distorted ones; where it does not
+// converge they stay near. For a start only.
 std::vector<Eigen::Vector2d> roughly_undistorted(const CameraModel& camera,
                                                  const std::vector<Eigen::Vector2d>& pixels) {
     constexpr int steps = 8;
-    const PixelModel<double> model(all_parameters(camera));
+    const PixelModel<double> model(camera.projection.kind, all_parameters(camera));
     const Intrinsics& i = camera.intrinsics;
-    std::vector<Eigen::Vector2d> normalised;
+    std::vector<Eigen::Vector2d> undistorted;
     for (const Eigen::Vector2d& pixel : pixels) {
         Eigen::Vector2d u((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
         for (int step = 0; step < steps; ++step) {
-            const auto seen = model(u);
+            const auto seen = model.on_plane(u);
             if (!seen.is_regular)
                 break;
-            u += seen.of_ray.inverse() * (pixel - seen.pixel);
+            u += seen.of.inverse() * (pixel - seen.pixel);
         }
-        normalised.push_back(u);
+        undistorted.push_back(u);
     }
-    return normalised;
+    return undistorted;
+}
+
+std::optional<Rigid> rough_pose(const CameraModel& camera, const CalibrationView& view) {
+    const std::vector<Eigen::Vector2d> undistorted = roughly_undistorted(camera, view.pixels);
+    if (camera.projection.kind == Projection::perspective)
+        return pose_from_homography(view.points_mm, undistorted);
+    return pose_from_plane(view.points_mm, undistorted, camera.projection);
 }
 
 }  // namespace
@@ -387,13 +432,15 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
     check_input(views, image_size, model);
     BundleOptions bundle_options{indices_of(model), options.huber};
     const Views all = bundle_views(views);
-    auto solution = solve(views, image_size, all, options, bundle_options);
+    auto solution = solve(views, image_size, model, all, options, bundle_options);
     if (!solution)
         refuse_start();
-    if (model.parameters.size() > calibration_model("standard").parameters.size())
+    if (model.projection == Projection::perspective &&
+        model.parameters.size() > calibration_model("standard").parameters.size())
         solution = with_its_own_pull(all, std::move(*solution), bundle_options);
-    CameraFit fit = fit_from(*solution, views, all,
-                             options.start ? options.start->camera : pinhole_of(image_size));
+    CameraFit fit = fit_from(
+        *solution, views, all,
+        options.start ? options.start->camera : plain_camera(image_size, model.projection));
     fit.pull = bundle_options.pull;
     fit.variance = variance_of(views, weighted_squares(views, fit), model);
     const ScaledTriangle scaled = scaled_triangle(view_equations(views, fit, model), model);
@@ -405,15 +452,14 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
 Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view) {
     check_camera(camera, {}, 0);
     check_view(view, 0, min_pose_points);
-    const auto start =
-        pose_from_homography(view.points_mm, roughly_undistorted(camera, view.pixels));
+    const auto start = rough_pose(camera, view);
     if (!start)
         throw NumericalError("no pose fits the view: its points would be behind the camera");
-    const CameraParameters parameters = all_parameters(camera);
+    const Bundle<double> bundle{camera.projection.kind, all_parameters(camera), {}};
     const BundleView<double> of_view = bundle_view<double>(view);
     const BundlePose<double> pose = bundle_pose<double>(*start, of_view.centre_mm);
-    auto best = adjusted_pose(of_view, parameters, pose);
-    const auto other = adjusted_pose(of_view, parameters, mirrored(pose));
+    auto best = adjusted_pose(of_view, bundle, pose);
+    const auto other = adjusted_pose(of_view, bundle, mirrored(pose));
     if (!best || (other && other->cost < best->cost))
         best = other;
     if (!best)
@@ -424,12 +470,11 @@ Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view) {
 std::vector<Eigen::Vector2d> view_residuals(const CameraModel& camera,
                                             const Rigid& camera_from_target,
                                             const CalibrationView& view) {
-    const PixelModel<double> model(all_parameters(camera));
+    const PixelModel<double> model(camera.projection.kind, all_parameters(camera));
     std::vector<Eigen::Vector2d> residuals;
     for (std::size_t i = 0; i < view.pixels.size(); ++i) {
-        const Eigen::Vector3d p = camera_from_target * view.true_point_mm(i);
-        const auto seen = model(p.head<2>() / p.z());
-        if (!(p.z() > 0.0) || !seen.is_regular)
+        const auto seen = model(camera_from_target * view.true_point_mm(i));
+        if (!seen.is_regular)
             throw NumericalError(fmt::format(
                 "the distortion folds over inside the image: no ray near pixel ({:.1f}, "
                 "{:.1f})",
@@ -439,10 +484,10 @@ std::vector<Eigen::Vector2d> view_residuals(const CameraModel& camera,
     return residuals;
 }
 
-Eigen::Matrix2Xd parameter_jacobian(const CameraModel& camera, const Eigen::Vector2d& undistorted,
+Eigen::Matrix2Xd parameter_jacobian(const CameraModel& camera, const Eigen::Vector3d& ray,
                                     const CalibrationModel& model) {
     PixelModel<double>::OfParameters all;
-    PixelModel<double>(all_parameters(camera)).with_derivatives(undistorted, all);
+    PixelModel<double>(camera.projection.kind, all_parameters(camera)).with_derivatives(ray, all);
     Eigen::Matrix2Xd jacobian(2, model.parameters.size());
     for (std::size_t i = 0; i < model.parameters.size(); ++i)
         jacobian.col(i) = all.col(parameter_index(model.parameters[i]));
@@ -452,14 +497,14 @@ Eigen::Matrix2Xd parameter_jacobian(const CameraModel& camera, const Eigen::Vect
 std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views,
                                           const CameraFit& fit, const CalibrationModel& model) {
     check_camera(fit.camera, fit.camera_from_target, views.size());
-    const CameraParameters parameters = all_parameters(fit.camera);
+    const PixelModel<double> pixel_model(fit.camera.projection.kind, all_parameters(fit.camera));
     const BundleOptions options{.free = indices_of(model), .pull = fit.pull};
     const Eigen::Index free = static_cast<Eigen::Index>(model.parameters.size());
     std::vector<ViewEquations> equations;
     for (std::size_t v = 0; v < views.size(); ++v) {
         const BundleView<double> view = bundle_view<double>(views[v]);
         const Eigen::MatrixXd triangle =
-            view_triangle(view, parameters,
+            view_triangle(view, pixel_model,
                           bundle_pose<double>(fit.camera_from_target[v], view.centre_mm), options);
         equations.push_back({triangle.block(6, 6, free, free),
                              triangle.col(6 + free).segment(6, free),

@@ -6,9 +6,10 @@
 // eliminated by Householder QR, not by normal equations, so that the condition number of the
 // problem counts once and not squared: k1..k6 that are correlated to 0.9999 keep their digits.
 //
-// Perspective cameras. Says nothing about whether the model predicts well, and no standard
-// deviations: see calib/intrinsics/calibrate.h. Thread-safe, deterministic, single-threaded. Eight
-// views of 54 points cost 1.3 ms from a start nearby and 9 ms from nothing, nine parameters free.
+// Perspective cameras and wide lenses. Says nothing about whether the model predicts well, and no
+// standard deviations: see calib/intrinsics/calibrate.h. Thread-safe, deterministic,
+// single-threaded. Eight views of 54 points cost 1.3 ms from a start nearby and 9 ms from nothing,
+// nine parameters free.
 #pragma once
 
 #include <Eigen/Core>
@@ -60,14 +61,14 @@ struct CameraFitOptions {
     double huber = 0.0;
 };
 
-// The start without CameraFitOptions::start has a principal point in the middle of the image and no
-// distortion; parameters that are not in `model` stay as in the start.
-// Throws NumericalError for fewer than three views, a view that check_view() refuses with four
-// points, more parameters than observations, a start that is none, and for views that do not
-// determine the camera: a rank lost, or a focal length that noise of 0.1 px makes uncertain by more
-// than a tenth; the combination of parameters that is weakest is named.
-// Every observed point is where the model is regular (calib/camera/distortion.h); a fold between
-// the axis and a point is for Projector to find.
+// The start without CameraFitOptions::start (calib/intrinsics/calibration_start.h) has a principal
+// point in the middle of the image and no distortion; parameters that are not in `model` stay as in
+// the start. Throws NumericalError for fewer than three views, a view that check_view() refuses
+// with four points, more parameters than observations, a start that is none, and for views that do
+// not determine the camera: a rank lost, or a focal length that noise of 0.1 px makes uncertain by
+// more than a tenth; the combination of parameters that is weakest is named. Every observed point
+// is where the model is regular (calib/camera/distortion.h); a fold between the axis and a point is
+// for Projector to find.
 CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size,
                      const CalibrationModel& model, const CameraFitOptions& options = {});
 
@@ -81,8 +82,8 @@ std::vector<Eigen::Vector2d> view_residuals(const CameraModel& camera,
                                             const Rigid& camera_from_target,
                                             const CalibrationView& view);
 
-// d pixel / d (parameters of the model) for the ray with undistorted coordinates (X/Z, Y/Z).
-Eigen::Matrix2Xd parameter_jacobian(const CameraModel& camera, const Eigen::Vector2d& undistorted,
+// d pixel / d (parameters of the model) for a ray of any length, which the camera must see.
+Eigen::Matrix2Xd parameter_jacobian(const CameraModel& camera, const Eigen::Vector3d& ray,
                                     const CalibrationModel& model);
 
 // What one view says of the parameters once its own pose is eliminated: a change d of the

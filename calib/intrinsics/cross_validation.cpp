@@ -46,11 +46,11 @@ Seen seen_by_second(const ImageRays& rays, const Projector& second,
     seen.deviations.resize(most);
     Eigen::Index count = 0;
     for (std::size_t i = 0; i < rays.pixels.size(); ++i) {
-        const auto pixel = second.project(rotation * rays.undistorted[i].homogeneous());
+        const auto pixel = second.project(rotation * rays.rays[i]);
         if (!pixel)
             continue;
         seen.rays.pixels.push_back(rays.pixels[i]);
-        seen.rays.undistorted.push_back(rays.undistorted[i]);
+        seen.rays.rays.push_back(rays.rays[i]);
         seen.differences.segment<2>(2 * count) = *pixel - rays.pixels[i];
         seen.deviations[count++] = deviations[static_cast<Eigen::Index>(i)];
     }

@@ -9,6 +9,7 @@
 #include "calib/intrinsics/bundle_adjustment.h"
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/camera_fit.h"
+#include "calib/intrinsics/wide_lens.h"
 #include "core/distributions.h"
 #include "core/errors.h"
 
@@ -58,7 +59,7 @@ GroupFit fit_first(std::span<const CalibrationView> views, cv::Size size,
 GroupFit fit_second(std::span<const CalibrationView> views, const CalibrationModel& model,
                     const CameraModel& first, int own) {
     std::vector<BundleView<double>> bundle_views;
-    Bundle<double> start{all_parameters(first), {}};
+    Bundle<double> start{first.projection.kind, all_parameters(first), {}};
     for (const CalibrationView& view : views) {
         bundle_views.push_back(bundle_view<double>(view));
         start.poses.push_back(
@@ -282,7 +283,9 @@ bool is_needed(const Split& split, double squares_of_one) {
 // follow, photos alike in place and tilt err alike.
 bool is_needed_with_richest(std::span<const CalibrationView> views, cv::Size size,
                             const Split& split) {
-    const CalibrationModel& model = calibration_models().back();
+    const CalibrationModel& model = split.model->projection == Projection::perspective
+                                        ? calibration_models().back()
+                                        : *split.model;
     auto common = attempted([&] { return fit_first(views, size, model); });
     const auto richest = fitted(views, size, model, split.rest, split.aside);
     return !common || !richest ||
@@ -342,10 +345,10 @@ ViewGroup of_indices(ViewGroup group, const Indices& indices) {
 }
 
 // As camera_groups(), of views that show planes, in any order.
-std::vector<ViewGroup> groups_among(std::span<const CalibrationView> views, cv::Size size) {
+std::vector<ViewGroup> groups_among(std::span<const CalibrationView> views, cv::Size size,
+                                    const CalibrationModel& model) {
     Indices all(views.size());
     std::iota(all.begin(), all.end(), std::size_t{0});
-    const CalibrationModel& model = calibration_model("standard");
     auto common = attempted([&] { return fit_first(views, size, model); });
     if (!common || views.size() < min_mixed_views)
         return {{all}};
@@ -357,7 +360,7 @@ std::vector<ViewGroup> groups_among(std::span<const CalibrationView> views, cv::
     const auto rest = described(split->rest, chosen(views, split->rest), split->first, model,
                                 split->dispersion());
     for (const ViewGroup& part : {rest, described_aside(views, size, *split)}) {
-        const auto parts = groups_among(chosen(views, part.views), size);
+        const auto parts = groups_among(chosen(views, part.views), size, model);
         if (parts.size() == 1)
             groups.push_back(part);
         else
@@ -374,8 +377,10 @@ std::vector<ViewGroup> camera_groups(std::span<const CalibrationView> views, cv:
     Indices planes, others;
     for (std::size_t i = 0; i < views.size(); ++i)
         (no_plane[i] ? others : planes).push_back(i);
+    const CalibrationModel& model = calibration_model(
+        views.size() >= min_views && is_wide_lens(views, size) ? "kannala_brandt" : "standard");
     std::vector<ViewGroup> groups;
-    for (const ViewGroup& group : groups_among(chosen(views, planes), size))
+    for (const ViewGroup& group : groups_among(chosen(views, planes), size, model))
         groups.push_back(of_indices(group, planes));
     std::ranges::stable_sort(groups, std::ranges::greater{},
                              [](const ViewGroup& group) { return group.views.size(); });

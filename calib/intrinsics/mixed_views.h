@@ -16,7 +16,7 @@
 // is the best of all: each of the C(n, m) that have m views aside is allowed an equal part of the
 // false alarm rate, so that it holds for the best one too. A model too poor for the lens errs alike
 // in photos that are alike: the split that the standard model finds must be needed with the richest
-// model as well.
+// model as well. Of a wide lens both are Kannala and Brandt's.
 #pragma once
 
 #include <opencv2/core.hpp>

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/camera/distortion.h"
+#include "calib/camera/pixel_model.h"
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/camera_fit.h"
 #include "core/errors.h"
@@ -48,9 +48,9 @@ ImageRays image_rays(const CameraModel& camera) {
         for (int column = 0; column < columns; ++column) {
             const Eigen::Vector2d pixel(-0.5 + rays.step_x_px * column,
                                         -0.5 + rays.step_y_px * row);
-            if (const auto undistorted = projector.unproject(pixel)) {
+            if (const auto ray = projector.ray(pixel)) {
                 rays.pixels.push_back(pixel);
-                rays.undistorted.push_back(*undistorted);
+                rays.rays.push_back(*ray);
             }
         }
     if (rays.pixels.empty())
@@ -74,33 +74,31 @@ ImageRays rays_among(const ImageRays& rays, std::span<const Eigen::Vector2d> pix
         if (!is_inside(hull, rays.pixels[i]))
             continue;
         among.pixels.push_back(rays.pixels[i]);
-        among.undistorted.push_back(rays.undistorted[i]);
+        among.rays.push_back(rays.rays[i]);
     }
     return among;
 }
 
 Eigen::MatrixXd parameter_jacobian(const CameraModel& camera, const ImageRays& rays,
                                    const CalibrationModel& model) {
-    const auto count = static_cast<Eigen::Index>(rays.undistorted.size());
+    const auto count = static_cast<Eigen::Index>(rays.rays.size());
     Eigen::MatrixXd jacobian(2 * count, static_cast<Eigen::Index>(model.parameters.size()));
     for (Eigen::Index i = 0; i < count; ++i)
         jacobian.middleRows<2>(2 * i) =
-            parameter_jacobian(camera, rays.undistorted[static_cast<std::size_t>(i)], model);
+            parameter_jacobian(camera, rays.rays[static_cast<std::size_t>(i)], model);
     return jacobian;
 }
 
-// The point (x, y, 1) turned by a small w moves by w x (x, y, 1).
+// A ray r turned by a small w moves by w x r.
 Eigen::MatrixXd rotation_jacobian(const CameraModel& camera, const ImageRays& rays) {
-    const auto count = static_cast<Eigen::Index>(rays.undistorted.size());
+    const PixelModel<double> model(camera.projection.kind, all_parameters(camera));
+    const auto count = static_cast<Eigen::Index>(rays.rays.size());
     Eigen::MatrixXd jacobian(2 * count, 3);
-    const Eigen::Vector2d focal(camera.intrinsics.fx, camera.intrinsics.fy);
     for (Eigen::Index i = 0; i < count; ++i) {
-        const Eigen::Vector2d& u = rays.undistorted[static_cast<std::size_t>(i)];
-        Eigen::Matrix<double, 2, 3> turned;
-        turned << -u.x() * u.y(), 1.0 + u.x() * u.x(), -u.y(),  //
-            -1.0 - u.y() * u.y(), u.x() * u.y(), u.x();
-        jacobian.middleRows<2>(2 * i) =
-            focal.asDiagonal() * distort(camera.distortion, u).jacobian * turned;
+        const Eigen::Vector3d& r = rays.rays[static_cast<std::size_t>(i)];
+        Eigen::Matrix3d turned;
+        turned << 0, r.z(), -r.y(), -r.z(), 0, r.x(), r.y(), -r.x(), 0;
+        jacobian.middleRows<2>(2 * i) = model(r).of * turned;
     }
     return jacobian;
 }

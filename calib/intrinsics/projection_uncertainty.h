@@ -23,7 +23,8 @@ namespace etalon {
 // Rays through a grid of pixel positions from border to border of the image; positions that no ray
 // reaches are left out.
 struct ImageRays {
-    std::vector<Eigen::Vector2d> pixels, undistorted;
+    std::vector<Eigen::Vector2d> pixels;
+    std::vector<Eigen::Vector3d> rays;  // Projector::ray()
     double step_x_px = 0.0, step_y_px = 0.0;
     double share_without_ray = 0.0;  // of the image, where the distortion folds over: 0 to 1
 };

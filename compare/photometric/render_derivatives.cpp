@@ -66,7 +66,7 @@ void ImageMotion::evaluate(const Projector& projector, const Rigid& camera_from_
     Eigen::Matrix2Xd motion(2, columns_);
     if (columns_ > 6)
         motion.leftCols(columns_ - 6) =
-            parameter_jacobian(projector.camera(), *undistorted, parameters);
+            parameter_jacobian(projector.camera(), undistorted->homogeneous(), parameters);
     motion.rightCols<6>() =
         projected->jacobian * moved_by_pose(*point - camera_from_marker.translation);
     if (!motion.allFinite())

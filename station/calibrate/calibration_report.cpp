@@ -164,11 +164,11 @@ std::string photo_table(const CalibrationRun& run) {
 }
 
 std::string model_table(const CameraCalibration& calibration) {
-    std::string text = "\nmodel     parameters  fit/px  left out/px  certain to/px  halves/px\n";
+    std::string text = "\nmodel            params  fit/px  left out/px  certain to/px  halves/px\n";
     for (const ModelScore& score : calibration.advice.models) {
         const bool advised = &score == advised_score(calibration);
         const bool chosen = &score == &chosen_score(calibration);
-        text += fmt::format("{:<9} {:>10} {:>7} {:>12} {:>14} {:>10}  {}\n", score.model,
+        text += fmt::format("{:<16} {:>6} {:>7} {:>12} {:>14} {:>10}  {}\n", score.model,
                             score.parameters, score.fit ? fixed(score.rms_px, 3) : "-",
                             fixed(score.leave_one_out_rms_px, 3, "-"),
                             significant(score.projection_deviation_px, 3, "-"),

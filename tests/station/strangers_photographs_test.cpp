@@ -5,12 +5,15 @@
 
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
 #include "calib/files/camera_file.h"
+#include "calib/intrinsics/cross_validation.h"
 #include "core/image.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
+#include "tests/calib/wide_views.h"
 #include "tests/compare/rendered_targets.h"
 #include "tests/station/built_program.h"
 
@@ -119,6 +122,61 @@ TEST_P(StrangersBoards, AreDetectedAndCompared) {
 INSTANTIATE_TEST_SUITE_P(OfEveryKind, StrangersBoards,
                          testing::Values("aprilgrid:36h11:3x2@32mm/9.6mm", "circles:4x3@30mm/18mm",
                                          "charuco:4X4_50:6x5@20mm/15mm"));
+
+// A chessboard with a white margin, 3 x 3 rays a pixel.
+CodeImage wide_photo(const Projector& projector, const Rigid& camera_from_board) {
+    constexpr int rays = 3;
+    const CameraModel& camera = projector.camera();
+    const Eigen::Matrix3d board = camera_from_board.rotation.toRotationMatrix();
+    const Eigen::Vector3d& origin = camera_from_board.translation;
+    cv::Mat sum(rays * camera.height, rays * camera.width, CV_32F, cv::Scalar(90));
+    for (int row = 0; row < sum.rows; ++row)
+        for (int column = 0; column < sum.cols; ++column) {
+            const auto ray = projector.ray({(column + 0.5) / rays - 0.5, (row + 0.5) / rays - 0.5});
+            const double along = ray ? board.col(2).dot(origin) / board.col(2).dot(*ray) : 0.0;
+            if (!(along > 0.0))
+                continue;
+            const Eigen::Vector3d point = board.transpose() * (along * *ray - origin) / 25.0;
+            const int x = static_cast<int>(std::floor(point.x())),
+                      y = static_cast<int>(std::floor(point.y()));
+            const bool on_sheet = x >= -2 && x <= 9 && y >= -2 && y <= 6;
+            const bool on_board = x >= -1 && x <= 8 && y >= -1 && y <= 5;
+            if (on_sheet)
+                sum.at<float>(row, column) = on_board && (x + y) % 2 == 0 ? 30.0f : 210.0f;
+        }
+    CodeImage photo;
+    cv::Mat mean;
+    cv::resize(sum, mean, {camera.width, camera.height}, 0, 0, cv::INTER_AREA);
+    mean.convertTo(photo.pixels, CV_8U);
+    return photo;
+}
+
+TEST_F(StrangersPhotographs, MayBeOfAFisheye) {
+    const CameraModel truth = wide_truth({Projection::double_sphere, -0.17, 0.59}, 155.0);
+    const Projector projector(truth);
+    std::string photos;
+    for (int i = 0; i < 9; ++i) {
+        const std::string name = fmt::format("a{}.png", i);
+        write_image(folder_ / name, wide_photo(projector, wide_pose(i)));
+        photos += " " + name;
+    }
+    const Finished finished =
+        etalon("calibrate --target chessboard:9x6@25mm --out camera.yml --report r" + photos);
+    ASSERT_EQ(finished.exit_code, 0) << finished.err;
+    const CameraModel found = read_any_camera(folder_ / "camera.yml");
+    EXPECT_FALSE(found.projection.is_flat()) << finished.out;
+    // After the best rotation, where boards were seen.
+    const ImageRays rays = image_rays(truth);
+    const auto off =
+        projection_difference(found, rays, Eigen::VectorXd::Ones(std::ssize(rays.pixels)));
+    for (std::size_t i = 0; i < off.pixels.size(); ++i) {
+        const double radius = (off.pixels[i] - Eigen::Vector2d(331, 243)).norm();
+        EXPECT_TRUE(radius > 200.0 || off.differences_px[i].norm() < 0.3) << radius;
+    }
+    EXPECT_EQ(etalon("camera check camera.yml").exit_code, 0);
+    expect_one_line_error(etalon("detect a0.png --camera camera.yml --marker chessboard:9x6@25mm"),
+                          3, "is of a lens that is");
+}
 
 TEST_F(StrangersPhotographs, MayBePatternsAndFilms) {
     const CameraModel camera = small_camera();

@@ -114,7 +114,7 @@ public:
     Eigen::VectorXd residuals(const Eigen::VectorXd& at, const CameraFit& about) const {
         CameraModel camera = about.camera;
         set_parameters(camera, standard(), parameters_of(about.camera, standard()) + at.head(9));
-        const PixelModel<double> projector(all_parameters(camera));
+        const PixelModel<double> projector(camera.projection.kind, all_parameters(camera));
         const Eigen::Index count = std::ssize(views_);
         Eigen::VectorXd all(108 * count + 162);
         const Eigen::VectorXd board = at.tail(162);
@@ -127,9 +127,9 @@ public:
                 const Eigen::Vector3d seen =
                     rotation_from_vector(step.head<3>()) * (pose.rotation * p) + pose.translation +
                     step.tail<3>();
-                all.segment<2>(108 * v + 2 * i) = (views_[std::size_t(v)].pixels[std::size_t(i)] -
-                                                   projector(seen.head<2>() / seen.z()).pixel) /
-                                                  std::sqrt(shape_.variance);
+                all.segment<2>(108 * v + 2 * i) =
+                    (views_[std::size_t(v)].pixels[std::size_t(i)] - projector(seen).pixel) /
+                    std::sqrt(shape_.variance);
             }
         }
         const double extent = std::hypot(200.0, 125.0);

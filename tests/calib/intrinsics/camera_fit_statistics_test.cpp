@@ -7,28 +7,29 @@
 
 #include <chrono>
 #include <cstdio>
+#include <set>
 
 #include "calib/intrinsics/camera_fit.h"
 #include "calib/intrinsics/projection_uncertainty.h"
 #include "core/distributions.h"
-#include "tests/calib/synthetic_views.h"
+#include "tests/calib/wide_views.h"
 
 namespace etalon {
 namespace {
 
 constexpr int runs = 2000, views = 8, points = 54, parameters = 9;
 constexpr int freedom = 2 * views * points - parameters - 6 * views;  // fewer by 9: the same here
-constexpr double noise_px = 0.1, limit = 3.7;
+constexpr double noise_px = 0.1;
 
 // Of nine rays through the image, the outer ones so many pixels from the middle.
-std::vector<Eigen::Vector2d> rays(const CameraModel& camera, const Eigen::Vector2d& from_middle) {
+std::vector<Eigen::Vector3d> rays(const CameraModel& camera, const Eigen::Vector2d& from_middle) {
     const Projector projector(camera);
-    std::vector<Eigen::Vector2d> all;
+    std::vector<Eigen::Vector3d> all;
     for (const double y : {-1.0, 0.0, 1.0})
         for (const double x : {-1.0, 0.0, 1.0}) {
             const Eigen::Vector2d pixel =
                 Eigen::Vector2d(320.0, 240.0) + from_middle.cwiseProduct(Eigen::Vector2d(x, y));
-            all.push_back(projector.unproject(pixel).value());
+            all.push_back(projector.ray(pixel).value());
         }
     return all;
 }
@@ -54,10 +55,11 @@ class Experiment {
 public:
     explicit Experiment(const CameraModel& truth = test::calibration_truth(),
                         const std::string& model = "standard",
-                        const Eigen::Vector2d& from_middle = image_corner)
+                        const Eigen::Vector2d& from_middle = image_corner,
+                        Rigid (*pose)(int) = near_pose)
         : truth_(truth), model_(calibration_model(model)), rays_(rays(truth_, from_middle)) {
         for (int v = 0; v < views; ++v) {
-            poses_.push_back(near_pose(v));
+            poses_.push_back(pose(v));
             exact_.push_back(test::synthetic_view(truth_, poses_.back(), 0.0, 0));
         }
     }
@@ -131,15 +133,13 @@ private:
         }
     }
 
-    static Eigen::Vector2d pixel(const CameraModel& camera, const Eigen::Vector2d& ray) {
-        const Eigen::Vector2d d = distort(camera.distortion, ray).point;
-        const Intrinsics& i = camera.intrinsics;
-        return {i.fx * d.x() + i.cx, i.fy * d.y() + i.cy};
+    static Eigen::Vector2d pixel(const CameraModel& camera, const Eigen::Vector3d& ray) {
+        return PixelModel<double>(camera.projection.kind, all_parameters(camera))(ray).pixel;
     }
 
     const CameraModel truth_;
     const CalibrationModel& model_;
-    std::vector<Eigen::Vector2d> rays_;
+    std::vector<Eigen::Vector3d> rays_;
     std::vector<Rigid> poses_;
     std::vector<CalibrationView> exact_;
 };
@@ -174,7 +174,8 @@ Column summary(const std::vector<double>& errors, const std::vector<double>& us)
     return {inside / n, mean, std::sqrt(squares / stated)};
 }
 
-void expect_stated(const std::string& name, const Column& column, bool every_figure) {
+void expect_stated(const std::string& name, const Column& column, bool every_figure,
+                   double limit = 3.7) {
     std::printf("%-14s coverage %.4f  mean %+.3f u  scatter / u %.3f\n", name.c_str(),
                 column.coverage, column.mean_error_in_u, column.scatter_over_u);
     EXPECT_NEAR(column.coverage, 0.95, limit * std::sqrt(0.95 * 0.05 / runs)) << name;
@@ -204,7 +205,7 @@ void expect_fisher(const std::vector<Calibrated>& all) {
         std::sqrt(2.0 * n * n * (m + n - 2) / (m * (n - 2) * (n - 2) * (n - 4)) / runs);
     std::printf("Mahalanobis    mean %.4f, expected %.4f +- %.4f; chi-square %.1f of 19 degrees\n",
                 mean, n / (n - 2), deviation, pearson);
-    EXPECT_NEAR(mean, n / (n - 2), limit * deviation);
+    EXPECT_NEAR(mean, n / (n - 2), 3.7 * deviation);
     EXPECT_LT(pearson, 49.0);
 }
 
@@ -267,6 +268,39 @@ void expect_rays_covered(const CameraModel& truth, const std::string& model, dou
                     column.scatter_over_u);
         EXPECT_GT(column.coverage, coverage - 3.5 * std::sqrt(coverage * (1.0 - coverage) / count));
         EXPECT_GT(column.scatter_over_u, 0.7);
+    }
+}
+
+// Of wide lenses: parameters and rays, out to 100 degrees. 123 statements at 0.01 / 123: 4.0
+// standard errors. Of the omnidirectional model focal length, xi, k1 and k2 trade for each other so
+// freely that these four are not normal: their 95 % intervals hold 88 % or more, those of the rays
+// 95 %.
+TEST(CameraFitStatistics, StatedCovariancesOfWideLensesAreWhatNoiseDoes) {
+    const std::set<std::string> trading{"fx", "fy", "k1", "k2", "xi"};
+    for (const auto& [name, truth] : test::wide_models()) {
+        if (name == std::string("field_of_view") || name == std::string("extended_unified"))
+            continue;  // as double_sphere, with less to tell
+        std::printf("%s\n", name);
+        const Experiment experiment(truth, name, {230.0, 150.0}, test::wide_pose);
+        std::vector<Calibrated> all;
+        for (int run = 0; run < runs; ++run)
+            all.push_back(experiment.calibrate(run));
+        for (Eigen::Index i = 0; i < all.front().error.size(); ++i) {
+            const std::string& parameter = experiment.model().parameters[std::size_t(i)];
+            const Column column =
+                column_of(all, [i](const Calibrated& r) { return std::pair(r.error[i], r.u[i]); });
+            if (name == std::string("omnidirectional") && trading.contains(parameter))
+                EXPECT_GT(column.coverage, 0.88 - 4.0 * std::sqrt(0.88 * 0.12 / runs)) << parameter;
+            else
+                expect_stated(parameter, column, true, 4.0);
+        }
+        for (int i = 0; i < 18; ++i)
+            expect_stated("ray " + std::to_string(i / 2) + (i % 2 ? " y" : " x"),
+                          column_of(all,
+                                    [i](const Calibrated& r) {
+                                        return std::pair(r.pixel_error[i], r.pixel_u[i]);
+                                    }),
+                          false, 4.0);
     }
 }
 

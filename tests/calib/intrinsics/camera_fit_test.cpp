@@ -43,19 +43,33 @@ double largest_difference_in_u(const CameraFit& fit, const Eigen::VectorXd& othe
 
 // ---- the model
 
-TEST(PixelModel, IsTheDistortionOfTheProjector) {
-    const CameraModel camera = test::all_fourteen();
-    const PixelModel<double> model(all_parameters(camera));
-    const Intrinsics& i = camera.intrinsics;
-    for (const Eigen::Vector2d& u : {Eigen::Vector2d(0.31, -0.23), Eigen::Vector2d(-0.47, 0.11)}) {
-        const Distorted expected = distort(camera.distortion, u);
-        const auto seen = model(u);
-        EXPECT_TRUE(seen.is_regular);
-        EXPECT_NEAR(seen.pixel.x(), i.fx * expected.point.x() + i.cx, 1e-11);
-        EXPECT_NEAR(seen.pixel.y(), i.fy * expected.point.y() + i.cy, 1e-11);
-        const Eigen::Matrix2d jacobian =
-            Eigen::Vector2d(i.fx, i.fy).asDiagonal() * expected.jacobian;
-        EXPECT_LT((seen.of_ray - jacobian).norm(), 1e-10);
+template <typename Scalar>
+PixelModel<Scalar> model_of(const CameraModel& camera) {
+    return {camera.projection.kind, all_parameters(camera).cast<Scalar>()};
+}
+
+// A perspective camera with every coefficient, and wide lenses with both parameters.
+std::vector<CameraModel> named_cameras() {
+    std::vector<CameraModel> cameras(3, test::all_fourteen());
+    cameras[1].distortion = {.k1 = 0.03, .p1 = 0.001, .s3 = -0.002, .k7 = 0.004};
+    cameras[2].distortion = cameras[1].distortion;
+    cameras[1].projection = {Projection::double_sphere, -0.21, 0.57};
+    cameras[2].projection = {Projection::extended_unified, 1.13, 0.62};
+    return cameras;
+}
+
+TEST(PixelModel, IsTheProjector) {
+    for (const CameraModel& camera : named_cameras()) {
+        const Projector projector(camera);
+        const auto model = model_of<double>(camera);
+        for (const Eigen::Vector3d& p :
+             {Eigen::Vector3d(310, -230, 1000), Eigen::Vector3d(-47, 11, 100)}) {
+            const auto expected = projector.project_with_jacobian(p);
+            const auto seen = model(p);
+            EXPECT_TRUE(seen.is_regular);
+            EXPECT_LT((seen.pixel - expected->pixel).norm(), 1e-11);
+            EXPECT_LT((seen.of - expected->jacobian).norm(), 1e-12);
+        }
     }
 }
 
@@ -63,33 +77,48 @@ TEST(PixelModel, IsTheDistortionOfTheProjector) {
 // times third derivatives of some 1000 px.
 TEST(PixelModel, HasTheDerivativesThatDifferencesHave) {
     using Model = PixelModel<long double>;
-    const Model::Parameters parameters = all_parameters(test::all_fourteen()).cast<long double>();
-    const Model::Vector2 u(0.41L, -0.29L);
-    Model::OfParameters of_parameters;
-    const auto seen = Model(parameters).with_derivatives(u, of_parameters);
     constexpr long double h = 1e-6L;
-    for (int k = 0; k < 18; ++k) {
-        const Model::Parameters step = h * Model::Parameters::Unit(k);
-        const Model::Vector2 difference =
-            (Model(parameters + step)(u).pixel - Model(parameters - step)(u).pixel) / (2 * h);
-        EXPECT_LT((difference - of_parameters.col(k)).norm(), 1e-8L) << k;
-        EXPECT_GT(of_parameters.col(k).norm(), 1e-3L) << k;
-    }
-    for (int k = 0; k < 2; ++k) {
-        const Model::Vector2 step = h * Model::Vector2::Unit(k);
-        const Model model(parameters);
-        const Model::Vector2 difference = (model(u + step).pixel - model(u - step).pixel) / (2 * h);
-        EXPECT_LT((difference - seen.of_ray.col(k)).norm(), 1e-8L) << k;
+    const Model::Vector3 p(0.41L, -0.29L, 1.07L);
+    for (const CameraModel& camera : named_cameras()) {
+        const Projection kind = camera.projection.kind;
+        const Model::Parameters parameters = all_parameters(camera).cast<long double>();
+        const Model model(kind, parameters);
+        Model::OfParameters of_parameters;
+        const auto seen = model.with_derivatives(p, of_parameters);
+        const int count = kind == Projection::perspective ? 19 : camera_parameter_count;
+        for (int k = 0; k < count; ++k) {
+            if (kind != Projection::perspective && (k == 16 || k == 17))
+                continue;  // the tilts
+            const Model::Parameters step = h * Model::Parameters::Unit(k);
+            const Model::Vector2 difference = (Model(kind, parameters + step)(p).pixel -
+                                               Model(kind, parameters - step)(p).pixel) /
+                                              (2 * h);
+            EXPECT_LT((difference - of_parameters.col(k)).norm(), 1e-8L) << k;
+            EXPECT_GT(of_parameters.col(k).norm(), 1e-4L) << k;
+        }
+        for (int k = 0; k < 3; ++k) {
+            const Model::Vector3 step = h * Model::Vector3::Unit(k);
+            const Model::Vector2 difference =
+                (model(p + step).pixel - model(p - step).pixel) / (2 * h);
+            EXPECT_LT((difference - seen.of.col(k)).norm(), 1e-8L) << k;
+        }
     }
 }
 
 TEST(PixelModel, IsNotRegularBehindAFoldOrAPole) {
     CameraModel camera = test::webcam();
+    const auto is_regular = [&](double x, double y) {
+        return model_of<double>(camera)({x, y, 1.0}).is_regular;
+    };
     camera.distortion = {.k1 = -0.9};  // folds at r = 0.61
-    EXPECT_TRUE(PixelModel<double>(all_parameters(camera))({0.5, 0.2}).is_regular);
-    EXPECT_FALSE(PixelModel<double>(all_parameters(camera))({0.6, 0.3}).is_regular);
+    EXPECT_TRUE(is_regular(0.5, 0.2));
+    EXPECT_FALSE(is_regular(0.6, 0.3));
+    EXPECT_FALSE(model_of<double>(camera)({0.1, 0.1, -1.0}).is_regular);
     camera.distortion = {.k4 = -2.0};  // pole at r = 0.71
-    EXPECT_FALSE(PixelModel<double>(all_parameters(camera))({0.6, 0.5}).is_regular);
+    EXPECT_FALSE(is_regular(0.6, 0.5));
+    camera.distortion = {};
+    camera.projection = {Projection::double_sphere, -0.2, 1.1};  // no such lens
+    EXPECT_FALSE(is_regular(0.1, 0.1));
 }
 
 // ---- calibration models
@@ -113,7 +142,16 @@ TEST(CalibrationModels, ContainEachTheOneBeforeAndSetWhatTheyName) {
     EXPECT_EQ(camera.distortion.k2, 0.77);
     EXPECT_EQ(camera.distortion.tau_y, -0.11);
     EXPECT_THAT(error_of([] { calibration_model("fisheye"); }), HasSubstr("pinhole, radial"));
-    EXPECT_THAT(error_of([] { parameter_index("k7"); }), HasSubstr("no parameter 'k7'"));
+    EXPECT_THAT(error_of([] { parameter_index("k8"); }), HasSubstr("no parameter 'k8'"));
+    for (const CalibrationModel& model : wide_calibration_models()) {
+        EXPECT_EQ(&calibration_model(model.name), &model);
+        CameraModel wide = test::webcam();
+        wide.projection = {model.projection, 0.4, 0.3};
+        const Eigen::VectorXd of_wide = parameters_of(wide, model);
+        set_parameters(wide, model, 2.0 * of_wide);
+        EXPECT_EQ(parameters_of(wide, model), 2.0 * of_wide) << model.name;
+    }
+    EXPECT_EQ(parameter_index("alpha"), parameter_index("xi") + 1);
 }
 
 // ---- the fit

@@ -63,7 +63,7 @@ TEST(ProjectionUncertainty, IsTheScatterOfRaysThroughDrawnCameras) {
             values[i] += deviations[i] * random.normal();
         set_parameters(drawn, model, values);
         const Intrinsics& k = drawn.intrinsics;
-        const Eigen::Vector2d d = distort(drawn.distortion, rays.undistorted[ray]).point;
+        const Eigen::Vector2d d = distort(drawn.distortion, rays.rays[ray].hnormalized()).point;
         const Eigen::Vector2d moved =
             Eigen::Vector2d(k.cx + k.fx * d.x(), k.cy + k.fy * d.y()) - rays.pixels[ray];
         scatter += moved * moved.transpose() / draws;

@@ -1,0 +1,95 @@
+// Calibrating lenses that see more than a plane: found from the views alone.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "calib/intrinsics/calibration_start.h"
+#include "calib/intrinsics/mixed_views.h"
+#include "calib/intrinsics/wide_lens.h"
+#include "core/errors.h"
+#include "tests/calib/wide_views.h"
+#include "tests/error_text.h"
+
+namespace etalon {
+namespace {
+
+using testing::HasSubstr;
+
+TEST(WideCalibration, FindsTheCameraThatMadeExactViews) {
+    for (const auto& [name, truth] : test::wide_models()) {
+        SCOPED_TRACE(name);
+        const CalibrationModel& model = calibration_model(name);
+        const CameraFit fit =
+            fit_camera(test::wide_views(truth, 9, 0.0, 1), test::image_size, model);
+        EXPECT_TRUE(fit.converged);
+        EXPECT_LT(
+            (parameters_of(fit.camera, model) - parameters_of(truth, model)).cwiseAbs().maxCoeff(),
+            1e-6);
+        EXPECT_EQ(fit.camera.projection.kind, truth.projection.kind);
+        for (int v = 0; v < 9; ++v)
+            EXPECT_LT((fit.camera_from_target[static_cast<std::size_t>(v)].translation -
+                       test::wide_pose(v).translation)
+                          .norm(),
+                      1e-4);
+    }
+}
+
+TEST(WideCalibration, FindsAPoseBesideTheAxis) {
+    for (const auto& [name, truth] : test::wide_models())
+        for (int v = 0; v < 6; ++v) {
+            const Rigid pose =
+                fit_view_pose(truth, test::synthetic_view(truth, test::wide_pose(v), 0.0, 1));
+            EXPECT_LT((pose.translation - test::wide_pose(v).translation).norm(), 1e-6)
+                << name << v;
+        }
+}
+
+TEST(WideCalibration, TellsWideLensesFromOthers) {
+    for (const auto& [name, truth] : test::wide_models())
+        EXPECT_TRUE(is_wide_lens(test::wide_views(truth, 9, 0.2, 3), test::image_size)) << name;
+    EXPECT_FALSE(is_wide_lens(test::synthetic_views(test::calibration_truth(), 9, 0.2, 3),
+                              test::image_size));
+    // Photos of two zooms follow neither kind.
+    CameraModel zoomed = test::calibration_truth();
+    zoomed.intrinsics.fx *= 1.3;
+    zoomed.intrinsics.fy *= 1.3;
+    auto mixed = test::synthetic_views(test::calibration_truth(), 4, 0.2, 3);
+    for (int v = 4; v < 8; ++v)
+        mixed.push_back(test::synthetic_view(zoomed, test::synthetic_pose(v), 0.2, v));
+    EXPECT_FALSE(is_wide_lens(mixed, test::image_size));
+}
+
+TEST(WideCalibration, AdvisesAModelThatFollowsTheLens) {
+    for (const auto& [name, truth] : test::wide_models()) {
+        SCOPED_TRACE(name);
+        const auto views = test::wide_views(truth, 12, 0.1, 5);
+        EXPECT_EQ(camera_groups(views, test::image_size).size(), 1u);
+        const CameraCalibration found = calibrate_camera(views, test::image_size, {.resamples = 0});
+        EXPECT_EQ(found.advice.models.size(), wide_calibration_models().size());
+        EXPECT_FALSE(found.camera.projection.is_flat());
+        EXPECT_LT(found.rms_px, 0.1 * std::sqrt(2.0) * 1.05);
+        EXPECT_LT(*found.leave_one_out_rms_px, 0.1 * std::sqrt(2.0) * 1.1);
+        // Where the rays of the truth land, after the best rotation.
+        const ImageRays rays = rays_among(image_rays(truth), all_pixels(views));
+        const auto off = projection_difference(found.camera, rays,
+                                               Eigen::VectorXd::Ones(std::ssize(rays.pixels)));
+        for (const Eigen::Vector2d& each : off.differences_px)
+            EXPECT_LT(each.norm(), 0.3);
+    }
+}
+
+TEST(WideCalibration, RefusesWhatItCannotMean) {
+    const auto views = test::wide_views(test::wide_models()[3].truth, 9, 0.1, 1);
+    EXPECT_THAT(text_of_error<NumericalError>([&] {
+                    fit_camera(
+                        views, test::image_size, calibration_model("kannala_brandt"),
+                        {.start = CameraStart{test::calibration_truth(), std::vector<Rigid>(9)}});
+                }),
+                HasSubstr("model kannala_brandt cannot start from a camera that is perspective"));
+    CameraModel telecentric = test::calibration_truth();
+    telecentric.projection.kind = Projection::telecentric;
+    EXPECT_THAT(text_of_error<NumericalError>([&] { fit_view_pose(telecentric, views[0]); }),
+                HasSubstr("telecentric"));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -44,6 +44,7 @@ std::vector<StabilityCase> camera_cases();        // distortion, f-number, focal
 std::vector<StabilityCase> input_cases();         // what is refused, and the sensor's bits
 std::vector<StabilityCase> invariant_cases();     // symmetries and limits
 std::vector<StabilityCase> projection_cases();    // there and back
+std::vector<StabilityCase> wide_lens_cases();     // the same of lenses that see more than a plane
 std::vector<StabilityCase> servo_cases();         // the twin's stage; no renderer is asked
 std::vector<StabilityCase> calibration_cases();   // fits in double and long double; none either
 std::vector<StabilityCase> registration_cases();  // what a stage leaves free; none either

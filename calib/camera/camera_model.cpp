@@ -102,10 +102,20 @@ double least_polynomial_illumination(const CameraModel& camera) {
     return least;
 }
 
+bool images_lines_straight(const CameraModel& camera) {
+    return camera.projection.is_flat() && camera.distortion.is_zero();
+}
+
 void require_perspective(const CameraModel& camera, const char* purpose) {
     if (camera.projection.kind != Projection::perspective)
         throw NumericalError(fmt::format("{} needs a perspective camera; this one is {}", purpose,
                                          name_of(camera.projection.kind).name));
+}
+
+void require_point_of_view(const CameraModel& camera, const char* purpose) {
+    if (camera.projection.kind == Projection::telecentric)
+        throw NumericalError(fmt::format(
+            "{} needs rays from one point; those of a telecentric camera are parallel", purpose));
 }
 
 }  // namespace etalon

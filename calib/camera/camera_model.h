@@ -183,8 +183,14 @@ double illumination_radius_squared(const CameraModel& camera, const Eigen::Vecto
 // ends or where the cubic's derivative vanishes. NaN when a coefficient is.
 double least_polynomial_illumination(const CameraModel& camera);
 
+// Whether straight lines are imaged straight: a flat projection without distortion.
+bool images_lines_straight(const CameraModel& camera);
+
 // For what is written for perspective cameras only. Throws NumericalError, naming `purpose`, for
 // any other.
 void require_perspective(const CameraModel& camera, const char* purpose);
+
+// The same for what needs rays from one point, as perspective cameras and wide lenses have them.
+void require_point_of_view(const CameraModel& camera, const char* purpose);
 
 }  // namespace etalon

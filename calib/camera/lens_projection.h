@@ -53,6 +53,10 @@ struct LensProjection {
     bool is_flat() const {
         return kind == Projection::perspective || kind == Projection::telecentric;
     }
+    // By which normalised coordinates tell rays apart: (X/Z, Y/Z), or (X, Y) of a telecentric one.
+    Projection of_normalised() const {
+        return kind == Projection::telecentric ? kind : Projection::perspective;
+    }
 };
 
 // What files and people call a projection and its parameters ("" where it has none).

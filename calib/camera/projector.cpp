@@ -178,10 +178,21 @@ std::optional<Eigen::Vector3d> Projector::ray(const Eigen::Vector2d& pixel) cons
 }
 
 std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel) const {
-    if (!camera_.projection.is_flat())
-        throw NumericalError(fmt::format("a {} camera has no normalised coordinates",
-                                         name_of(camera_.projection.kind).name));
-    return undistorted(pixel);
+    if (camera_.projection.is_flat())
+        return undistorted(pixel);
+    const auto at = ray(pixel);
+    if (!at || !(at->z() * wide_limit > at->head<2>().norm()))
+        return std::nullopt;
+    return at->hnormalized();
+}
+
+Eigen::Matrix2d Projector::pixel_by_normalised(const Eigen::Vector2d& normalised) const {
+    const Eigen::Vector2d focal(camera_.intrinsics.fx, camera_.intrinsics.fy);
+    if (camera_.projection.is_flat())
+        return focal.asDiagonal() * distort(camera_.distortion, normalised).jacobian;
+    const auto plane = onto_plane(camera_.projection, Eigen::Vector3d(normalised.homogeneous()));
+    return focal.asDiagonal() * distort(camera_.distortion, plane->point).jacobian *
+           plane->by_ray.leftCols<2>();
 }
 
 }  // namespace etalon

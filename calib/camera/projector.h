@@ -20,6 +20,9 @@
 
 namespace etalon {
 
+// The tangent of the angle to which normalised coordinates stand for the rays of a wide lens.
+inline constexpr double wide_limit = 5.671;  // 80 degrees
+
 struct Projected {
     Eigen::Vector2d pixel;
     Eigen::Matrix<double, 2, 3> jacobian;  // d pixel / d p_camera, px/mm
@@ -50,9 +53,12 @@ public:
     // mm). Nothing where undistorted() or the projection has none.
     std::optional<Eigen::Vector3d> ray(const Eigen::Vector2d& pixel) const;
 
-    // undistorted() of a flat projection: normalised coordinates (X/Z, Y/Z), or (X, Y). Throws
-    // NumericalError for another.
+    // Normalised coordinates of the ray: (X/Z, Y/Z), telecentric (X, Y). Nothing also for a ray of a
+    // wide lens more than 80 degrees from the axis (wide_limit), where they run away.
     std::optional<Eigen::Vector2d> unproject(const Eigen::Vector2d& pixel) const;
+
+    // d pixel / d such coordinates, at coordinates of which unproject() has a pixel.
+    Eigen::Matrix2d pixel_by_normalised(const Eigen::Vector2d& normalised) const;
 
     // Whether an undistorted point of the plane is inside the valid region.
     bool is_valid(const Eigen::Vector2d& undistorted) const;

@@ -428,19 +428,18 @@ void settle_image_size(CameraModel& camera, const std::filesystem::path& path,
 
 }  // namespace
 
-CameraModel read_any_camera(const std::filesystem::path& path) {
+CameraModel read_any_camera(const std::filesystem::path& path, std::optional<cv::Size> image_size) {
     CameraModel camera = is_etalon_file(path) ? read_own_camera(path) : read_foreign_camera(path);
-    settle_image_size(camera, path, std::nullopt);
+    settle_image_size(camera, path, image_size);
     return camera;
 }
 
 CameraModel read_camera(const std::filesystem::path& path, std::optional<cv::Size> image_size) {
-    CameraModel camera = is_etalon_file(path) ? read_own_camera(path) : read_foreign_camera(path);
+    CameraModel camera = read_any_camera(path, image_size);
     if (!camera.projection.is_flat())
         throw ConfigError({path.string()},
-                          fmt::format("is of a lens that is {}: so far only `etalon camera` and `etalon calibrate` take those",
+                          fmt::format("is of a lens that is {}, which this does not take so far",
                                       name_of(camera.projection.kind).name));
-    settle_image_size(camera, path, image_size);
     return camera;
 }
 

@@ -43,15 +43,15 @@
 namespace etalon {
 
 // Reads ours or any other tool's, of any lens; the content tells which one it is.
-// Throws ConfigError with file, line and key for everything that cannot be a camera.
-CameraModel read_any_camera(const std::filesystem::path& path);
-
-// The same for what renders or estimates poses, which takes perspective and telecentric lenses so
-// far: wider ones are a ConfigError that names them.
 //
 // `image_size` is what the caller knows from elsewhere (a photo): it stands in where a foreign file
 // gives no size, and must agree where the file does.
 // Throws ConfigError with file, line and key for everything that cannot be a camera.
+CameraModel read_any_camera(const std::filesystem::path& path,
+                            std::optional<cv::Size> image_size = std::nullopt);
+
+// The same for what takes perspective and telecentric lenses only, so far: wider ones are a
+// ConfigError that names them.
 CameraModel read_camera(const std::filesystem::path& path,
                         std::optional<cv::Size> image_size = std::nullopt);
 

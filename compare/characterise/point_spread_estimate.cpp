@@ -216,7 +216,7 @@ void estimate_zones(std::span<const StraightEdge> edges, const CameraModel& came
 }
 
 Aperture pinhole_of(const CameraModel& camera) {
-    return {camera.projection.kind, 0.0, 0.0, Eigen::Vector2d::Zero()};
+    return {camera.projection.of_normalised(), 0.0, 0.0, Eigen::Vector2d::Zero()};
 }
 
 // Beside the blur of the camera's lens section.

@@ -80,7 +80,8 @@ struct PoseEstimate {
     Matrix6d covariance_per_px2 = Matrix6d::Zero();
 };
 
-// Least squares on the pixels, distortion included, from the planar closed-form solutions.
+// Least squares on the pixels, distortion included, from the planar closed-form solutions; of a wide
+// lens those of the plane across the points' mean ray. Throws NumericalError for a telecentric one.
 // Needs at least 4 coplanar points and as many pixels. Nothing when the points are degenerate
 // (collinear, not coplanar, not finite), a pixel has no ray, the pixels do not fix all six
 // components, or no solution has the marker in front of the camera. Safe from every thread; about

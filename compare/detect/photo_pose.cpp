@@ -28,13 +28,24 @@ void take_the_sensors_bits(CodeImage& image, const Sensor& sensor,
     image.bits = sensor.bits;
 }
 
+// What a calibration of another tool may lack.
+std::optional<cv::Size> size_in_photos(const std::filesystem::path& camera_file,
+                                       const std::vector<std::filesystem::path>& photos) {
+    if (photos.empty() || is_etalon_file(camera_file))
+        return std::nullopt;
+    return read_image(photos.front()).pixels.size();
+}
+
 }  // namespace
+
+CameraModel read_any_camera_for(const std::filesystem::path& camera_file,
+                                const std::vector<std::filesystem::path>& photos) {
+    return read_any_camera(camera_file, size_in_photos(camera_file, photos));
+}
 
 CameraModel read_camera_for(const std::filesystem::path& camera_file,
                             const std::vector<std::filesystem::path>& photos) {
-    if (photos.empty() || is_etalon_file(camera_file))
-        return read_camera(camera_file);
-    return read_camera(camera_file, read_image(photos.front()).pixels.size());
+    return read_camera(camera_file, size_in_photos(camera_file, photos));
 }
 
 std::vector<Rigid> read_poses_for(const std::filesystem::path& poses,

@@ -9,6 +9,7 @@
 #include <opencv2/calib3d.hpp>
 
 #include "compare/detect/detector.h"
+#include "core/errors.h"
 #include "core/information.h"
 #include "core/least_squares.h"
 
@@ -42,24 +43,43 @@ bool span_a_plane(const Points& points) {
     return spread[0] > 0 && spread[1] > 1e-4 * spread[0] && spread[2] < 1e-6 * spread[0];
 }
 
+// Of a camera that looks along the points' mean ray; those of a wide lens may lie anywhere.
+Eigen::Quaterniond sight_from_camera(const CameraModel& camera, const Points& rays) {
+    if (camera.projection.kind == Projection::perspective)
+        return Eigen::Quaterniond::Identity();
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& ray : rays)
+        mean += ray;
+    return Eigen::Quaterniond::FromTwoVectors(mean, Eigen::Vector3d::UnitZ());
+}
+
 // The closed-form solutions; empty when a pixel has no ray or the library gives up.
 std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& points,
                                      const Pixels& pixels) {
+    constexpr double least_cosine = 0.17;  // of 80 degrees; what lies further aside does not count
+    Points rays;
+    for (const Eigen::Vector2d& pixel : pixels) {
+        const auto ray = projector.ray(pixel);
+        if (!ray)
+            return {};
+        rays.push_back(*ray);
+    }
+    const Eigen::Quaterniond turn = sight_from_camera(projector.camera(), rays);
     std::vector<cv::Point3d> object;
     std::vector<cv::Point2d> image;
     for (std::size_t i = 0; i < points.size(); ++i) {
-        const auto ray = projector.unproject(pixels[i]);
-        if (!ray)
-            return {};
+        const Eigen::Vector3d ray = turn * rays[i];
+        if (!(ray.z() > least_cosine))
+            continue;
         object.emplace_back(points[i].x(), points[i].y(), points[i].z());
-        image.emplace_back(ray->x(), ray->y());
+        image.emplace_back(ray.x() / ray.z(), ray.y() / ray.z());
     }
     std::vector<cv::Mat> rotations, translations;
     try {
         cv::solvePnPGeneric(object, image, cv::Matx33d::eye(), cv::noArray(), rotations,
                             translations, false, cv::SOLVEPNP_IPPE);
     } catch (const cv::Exception&) {
-        return {};  // its own checks of a homography without rank
+        return {};  // its own checks: fewer than four points, a homography without rank
     }
     std::vector<Rigid> poses;
     for (std::size_t i = 0; i < rotations.size(); ++i) {
@@ -68,7 +88,8 @@ std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& p
         pose << r.at<double>(0), r.at<double>(1), r.at<double>(2), t.at<double>(0), t.at<double>(1),
             t.at<double>(2);
         if (pose.allFinite())
-            poses.push_back(rigid_from_vector(pose));
+            poses.push_back(Rigid{turn.conjugate(), Eigen::Vector3d::Zero()} *
+                            rigid_from_vector(pose));
     }
     return poses;
 }
@@ -144,7 +165,7 @@ bool same_pose(const Rigid& a, const Rigid& b) {
 
 std::optional<PoseEstimate> estimate_pose(const Projector& projector, const Points& points_mm,
                                           const Pixels& pixels) {
-    require_perspective(projector.camera(), "estimating a marker's pose");
+    require_point_of_view(projector.camera(), "estimating a marker's pose");
     if (!usable(points_mm, pixels))
         return std::nullopt;
     std::vector<Refined> found;
@@ -166,7 +187,7 @@ std::optional<PoseEstimate> estimate_pose(const Projector& projector, const Poin
 
 std::optional<PoseEstimate> estimate_pose_near(const Projector& projector, const Points& points_mm,
                                                const Pixels& pixels, const Rigid& start) {
-    require_perspective(projector.camera(), "estimating a marker's pose");
+    require_point_of_view(projector.camera(), "estimating a marker's pose");
     if (!usable(points_mm, pixels))
         return std::nullopt;
     LeastSquaresRule rule;

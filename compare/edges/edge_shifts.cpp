@@ -425,7 +425,7 @@ private:
 
 void require_usable(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                     const PhotoState& state) {
-    require_perspective(camera.model(), "comparing edges");
+    require_point_of_view(camera.model(), "comparing edges");
     require_fitting(photo, camera);
     if (!cv::checkRange(photo.gray) || !state.photometry.black.allFinite() ||
         !state.photometry.white.allFinite() || !std::isfinite(state.photometry.tone) ||

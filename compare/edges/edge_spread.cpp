@@ -277,7 +277,8 @@ TargetEdges target_edges(const LinearPhoto& photo, const Projector& projector, c
                          const Rigid& camera_from_marker, const ComparedArea& area,
                          const EdgeSelection& selection, int photo_number) {
     require_usable(photo, projector, selection);
-    const PlaneView plane(marker.grid, camera_from_marker, projector.camera().projection.kind);
+    const PlaneView plane(marker.grid, camera_from_marker,
+                          projector.camera().projection.of_normalised());
     const EdgeReader reader(photo, projector, plane, area, selection);
     TargetEdges result;
     for (const GridEdge& edge : grid_edges(marker.grid))

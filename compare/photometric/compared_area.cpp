@@ -148,7 +148,7 @@ std::optional<Eigen::Vector3d> PlaneSight::at(int x, int y) const {
 
 cv::Mat pixel_uses(const Projector& projector, const Rigid& camera_from_marker,
                    const ComparedArea& area) {
-    require_perspective(projector.camera(), "comparing a photo with a rendering");
+    require_point_of_view(projector.camera(), "comparing a photo with a rendering");
     cv::Mat uses(projector.camera().height, projector.camera().width, CV_8UC1,
                  cv::Scalar(pixel_outside));
     const cv::Rect box = candidate_pixels(projector, camera_from_marker, area);

@@ -100,7 +100,7 @@ PhotometricDetector::PhotometricDetector(const CameraModel& camera, const Marker
       grid_(marker.grid),
       area_(detector_area(marker, place)),
       background_(background) {
-    require_perspective(camera, "the photometric pose");
+    require_point_of_view(camera, "the photometric pose");
 }
 
 PhotoOfMarker PhotometricDetector::photo_at(const cv::Mat& gray,

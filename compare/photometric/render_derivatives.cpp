@@ -41,7 +41,7 @@ ImageMotion::ImageMotion(const Projector& projector, const Rigid& camera_from_ma
     : region_(region),
       columns_(static_cast<int>(parameters.parameters.size()) + 6),
       nodes_per_row_((region.width - 1) / spacing_px_ + 2) {
-    require_perspective(projector.camera(), "deriving a rendering");
+    require_point_of_view(projector.camera(), "deriving a rendering");
     const int rows = (region.height - 1) / spacing_px_ + 2;
     const auto count = static_cast<std::size_t>(nodes_per_row_ * rows);
     nodes_.resize(count * static_cast<std::size_t>(2 * columns_));

@@ -13,6 +13,7 @@
 #include "core/errors.h"
 #include "sim/render/wave_render.h"
 #include "sim/scene/marker_view.h"
+#include "sim/scene/scene.h"
 #include "sim/scene/sobol.h"
 #include "sim/spread/diffraction.h"
 #include "sim/spread/point_spread_sampler.h"
@@ -89,10 +90,7 @@ public:
         const auto x = projector_.unproject({pixel.x, pixel.y});
         if (!x)
             return std::nullopt;
-        const Eigen::Matrix2d by_x =
-            Eigen::Vector2d(camera_.intrinsics.fx, camera_.intrinsics.fy).asDiagonal() *
-            distort(camera_.distortion, *x).jacobian;
-        return PixelRay{pixel, *x, by_x.inverse()};
+        return PixelRay{pixel, *x, projector_.pixel_by_normalised(*x).inverse()};
     }
 
     // Continues every scramble's sequence up to `samples`.
@@ -165,14 +163,17 @@ private:
         return camera_.intrinsics.fx * aperture_.radius_mm * std::abs(defocus);
     }
 
-    // Newton's method from the linear guess; the projector's safeguarded one where it fails.
+    // Newton's method from the linear guess; the projector's safeguarded one where it fails, and of
+    // a wide lens.
     std::optional<Eigen::Vector2d> undistorted(const PixelRay& ray,
                                                const Eigen::Vector2d& offset) const {
         const Intrinsics& i = camera_.intrinsics;
         const Eigen::Vector2d pixel(ray.pixel.x + offset.x(), ray.pixel.y + offset.y());
         const Eigen::Vector2d target((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
-        if (camera_.distortion.is_zero())
+        if (images_lines_straight(camera_))
             return target;
+        if (!camera_.projection.is_flat())
+            return projector_.unproject(pixel);
         Eigen::Vector2d x = ray.x + ray.x_by_pixel * offset;
         for (int iteration = 0; iteration < 4; ++iteration) {
             if (!projector_.valid_region().contains(x))
@@ -234,6 +235,7 @@ private:
 
 void check(const CameraModel& camera, const Scene& scene, const ReferenceOptions& options) {
     check_scene(scene);
+    check_reach(scene, camera);
     if (camera.lens && camera.lens->psf.kind == PointSpread::Kind::wave)
         check_wave_scene(scene, camera);
     else if (camera.lens)

@@ -273,7 +273,7 @@ public:
                                   static_cast<int>(scene.markers.size())};
         chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
         chosen_.plan.instructions = tile_kernel_target();
-        if (cache.camera.distortion.is_zero())
+        if (images_lines_straight(cache.camera))
             chosen_.plan.left_out.push_back(
                 {Omission::distortion, "the calibration has no distortion", 0.0});
     }
@@ -407,6 +407,7 @@ RenderPlan Renderer::draw(const Scene& scene, const RenderOptions& options,
                           const Canvas& canvas) const {
     const cv::Rect region = checked_region(cache_->camera, options);
     check_scene(scene);
+    check_reach(scene, cache_->camera);
     if (scene.markers.size() > 1)
         check_no_occlusion(scene, cache_->camera);
     Drawn drawn = cache_->wave ? draw_wave(scene, options, region, canvas)

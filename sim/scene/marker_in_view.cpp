@@ -34,7 +34,7 @@ bool is_in_view(const Projector& projector, const CellGrid& grid, const Rigid& c
         return pixel && is_inside(camera, *pixel, margin_px);
     };
     const double columns = grid.columns(), rows = grid.rows();
-    const int parts = camera.distortion.is_zero() ? 1 : parts_of_bent_edge;
+    const int parts = images_lines_straight(camera) ? 1 : parts_of_bent_edge;
     for (int part = 0; part < parts; ++part) {  // the corners first: they decide most cases
         const double along = static_cast<double>(part) / parts, back = 1.0 - along;
         if (!is_seen(along * columns, 0.0) || !is_seen(columns, along * rows) ||

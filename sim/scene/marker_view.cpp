@@ -78,7 +78,7 @@ double frontness(Projection projection, const Eigen::Matrix3d& camera_from_grid)
 // The tilted sensor plane is r3 . p = r33 v with r3 the third row of the tilt's rotation. A sensor
 // point in the direction (x, 1) lies at the depth v r33 / (r3 . (x, 1)), and 1/z_f = 1/f - 1/depth.
 Aperture aperture_of(const CameraModel& camera) {
-    Aperture aperture{.projection = camera.projection.kind};
+    Aperture aperture{.projection = camera.projection.of_normalised()};
     if (!camera.lens)
         return aperture;
     const bool has_blur = camera.lens->psf.kind != PointSpread::Kind::measured;

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numbers>
 
-#include "calib/camera/camera_model.h"
+#include "calib/camera/projector.h"
 #include "core/errors.h"
 #include "sim/scene/marker_view.h"
 
@@ -68,7 +68,7 @@ Corners seen_corners(const PlacedMarker& marker, Projection projection, std::siz
         if (!(corner.z() > 0.0))
             throw NumericalError(fmt::format("marker {} reaches behind the lens (depth {:.6g} mm)",
                                              number, corner.z()));
-        if (projection == Projection::perspective)
+        if (projection != Projection::telecentric)
             corner = {corner.x() / corner.z(), corner.y() / corner.z(), 1.0 / corner.z()};
     }
     return seen;
@@ -106,7 +106,8 @@ double seam_mm(const PlacedMarker& marker, const CameraModel& camera) {
     for (const Eigen::Vector3d& corner : corners_mm(marker.grid))
         depth = std::min(depth, (marker.camera_from_marker * corner).z());
     const double per_mm = std::max(camera.intrinsics.fx, camera.intrinsics.fy);
-    return allowed_seam_px / per_mm * (camera.projection.kind == Projection::telecentric ? 1.0 : depth);
+    return allowed_seam_px / per_mm *
+           (camera.projection.kind == Projection::telecentric ? 1.0 : depth);
 }
 
 bool side_by_side(const PlacedMarker& a, const PlacedMarker& b, double seam) {
@@ -124,6 +125,18 @@ bool side_by_side(const PlacedMarker& a, const PlacedMarker& b, double seam) {
 }
 
 }  // namespace
+
+void check_reach(const Scene& scene, const CameraModel& camera) {
+    if (camera.projection.is_flat())
+        return;
+    for (const PlacedMarker& marker : scene.markers)
+        for (const Eigen::Vector3d& corner : corners_mm(marker.grid)) {
+            const Eigen::Vector3d p = marker.camera_from_marker * corner;
+            if (!(p.head<2>().norm() < wide_limit * p.z()))
+                throw NumericalError("a marker reaches more than 80 degrees from the axis: wide "
+                                     "lenses are rendered up to there");
+        }
+}
 
 void check_no_occlusion(const Scene& scene, const CameraModel& camera) {
     const double lens_radius = aperture_of(camera).radius_mm;

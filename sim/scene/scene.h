@@ -21,6 +21,9 @@ struct Scene {
     double background = 1.0;  // radiance everywhere outside the grids
 };
 
+// Throws NumericalError when a marker's corner lies where a wide lens is not rendered.
+void check_reach(const Scene& scene, const CameraModel& camera);
+
 // The closed-form methods add up the markers' differences from the background. That is right where
 // no ray through the lens meets two markers. It holds for markers side by side in one plane
 // (touching allowed: a board in pieces), and for those whose images are farther apart than the lens

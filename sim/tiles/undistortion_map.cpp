@@ -258,11 +258,7 @@ std::optional<MappedPoint> UndistortionMap::exact(const Eigen::Vector2d& pixel) 
     const auto x = projector_.unproject(pixel);
     if (!x)
         return std::nullopt;
-    const CameraModel& camera = projector_.camera();
-    const Eigen::Matrix2d forward =
-        Eigen::Vector2d(camera.intrinsics.fx, camera.intrinsics.fy).asDiagonal() *
-        distort(camera.distortion, *x).jacobian;
-    return MappedPoint{*x, forward.inverse()};
+    return MappedPoint{*x, projector_.pixel_by_normalised(*x).inverse()};
 }
 
 void UndistortionMap::sample(int i, int j, int n,

@@ -129,7 +129,7 @@ ViewRenderer::ViewRenderer(const RenderArguments& arguments)
       exposure_(positive_number(arguments.exposure, "--exposure", "a factor above 0")),
       motion_(motion_of(arguments)),
       noise_seed_(arguments.noise_seed) {
-    camera_ = read_camera(arguments.camera);
+    camera_ = read_any_camera(arguments.camera);
     check_noise(arguments);
     markers_ = read_markers(arguments.markers);
     read_background(arguments.background);
@@ -172,7 +172,7 @@ Scene ViewRenderer::scene(const std::vector<Rigid>& camera_from_marker) const {
     Scene scene{{}, background_};
     for (std::size_t i = 0; i < markers_.size(); ++i)
         scene.markers.push_back({markers_[i].grid, camera_from_marker.at(i)});
-    check_seen(scene, camera_.projection.kind);
+    check_seen(scene, camera_.projection.of_normalised());
     if (renderer_)
         check_no_occlusion(scene, camera_);
     return scene;

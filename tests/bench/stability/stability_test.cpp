@@ -90,10 +90,11 @@ TEST(Stability, NumbersWithoutAMeaningAreRefused) {
 }
 
 TEST(Stability, ProjectionComesBack) {
-    for (const StabilityCase& one : projection_cases()) {
-        const StabilityOutcome outcome = outcome_of(one, render_once);
-        EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
-    }
+    for (const auto& cases : {projection_cases(), wide_lens_cases()})
+        for (const StabilityCase& one : cases) {
+            const StabilityOutcome outcome = outcome_of(one, render_once);
+            EXPECT_TRUE(outcome.passed) << one.name << ": " << outcome.words;
+        }
 }
 
 TEST(Stability, StiffServosFollowTheirClosedForm) {

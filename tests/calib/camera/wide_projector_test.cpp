@@ -2,6 +2,8 @@
 // the distortion (projector_test.cpp) one after the other, and back.
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>  // homogeneous()
+
 #include <opencv2/calib3d.hpp>
 #include <opencv2/ccalib/omnidir.hpp>
 #include <vector>
@@ -147,11 +149,34 @@ TEST(WideProjector, EndsAtTheFirstOfFoldAndProjection) {
     EXPECT_FALSE(ending.project({0.0, 0.0, -1.0}));
 }
 
-TEST(WideProjector, HasNoNormalisedCoordinates) {
-    EXPECT_THROW(Projector(wide({Projection::equidistant})).unproject({300, 200}), NumericalError);
+TEST(WideProjector, RefusesWhatNoLensIs) {
     EXPECT_THROW(Projector(wide({Projection::equidistant}, {.tau_x = 0.1})), NumericalError);
     EXPECT_THROW(Projector(wide({Projection::double_sphere, -1.0, 0.5})), NumericalError);
     EXPECT_THROW(require_perspective(wide({Projection::equidistant}), "this"), NumericalError);
+}
+
+// Up to 80 degrees, with the derivative that differences have.
+TEST(WideProjector, HasNormalisedCoordinatesInFront) {
+    for (const CameraModel& camera : wide_cameras()) {
+        SCOPED_TRACE(name_of(camera.projection.kind).name);
+        const Projector projector(camera);
+        for (const double angle : {0.0, 0.4, 1.1, 1.39}) {
+            const Eigen::Vector3d ray = ray_at(angle, 0.9);
+            const Eigen::Vector2d x = ray.hnormalized();
+            const auto found = projector.unproject(*projector.project(ray));
+            ASSERT_TRUE(found);
+            EXPECT_LT((*found - x).norm(), 1e-11 * (1.0 + x.squaredNorm()));
+            const Eigen::Matrix2d derivative = projector.pixel_by_normalised(x);
+            for (int i = 0; i < 2; ++i) {
+                const Eigen::Vector2d step = 1e-5 * Eigen::Vector2d::Unit(i);
+                const Eigen::Vector2d slope = (*projector.project((x + step).homogeneous()) -
+                                               *projector.project((x - step).homogeneous())) /
+                                              2e-5;
+                EXPECT_LT((derivative.col(i) - slope).norm(), 1e-5);
+            }
+        }
+        EXPECT_FALSE(projector.unproject(*projector.project(ray_at(1.397, 0.9))));
+    }
 }
 
 TEST(WideProjector, HasRaysOfFlatLensesToo) {

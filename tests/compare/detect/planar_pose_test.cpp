@@ -6,6 +6,7 @@
 #include "compare/detect/detector.h"
 #include "core/errors.h"
 #include "core/random.h"
+#include "tests/calib/wide_views.h"
 
 namespace etalon {
 namespace {
@@ -210,6 +211,32 @@ TEST(EstimatePose, RefusesATelecentricCamera) {
         projected(Projector(camera), corners, {Eigen::Quaterniond::Identity(), {7.0, 5.0, 400.0}});
     camera.projection.kind = Projection::telecentric;
     EXPECT_THROW(estimate_pose(Projector(camera), corners, pixels), NumericalError);
+}
+
+// Markers beside a lens of 200 degrees, their far corners behind the camera; exact pixels.
+TEST(EstimatePose, WorksBesideAWideLens) {
+    const Points corners = square(50.0);
+    for (const auto& [name, camera] : test::wide_models()) {
+        const Projector projector(camera);
+        for (const double angle : {0.0, 0.8, 1.55}) {
+            const Eigen::Vector3d sight(0.6 * std::sin(angle), -0.8 * std::sin(angle),
+                                        std::cos(angle));
+            const Eigen::Quaterniond facing =
+                Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), sight) *
+                rotation_from_vector({0.5, -0.3, 0.2});
+            const Rigid truth{facing, 170.0 * sight};
+            const Pixels pixels = projected(projector, corners, truth);
+            const auto found = estimate_pose(projector, corners, pixels);
+            ASSERT_TRUE(found) << name << " " << angle;
+            EXPECT_LT(left_difference(found->camera_from_marker, truth).norm(), 1e-6)
+                << name << " " << angle;
+            Rigid off = truth;
+            off.translation.x() += 3.0;
+            const auto near = estimate_pose_near(projector, corners, pixels, off);
+            ASSERT_TRUE(near) << name;
+            EXPECT_LT(left_difference(near->camera_from_marker, truth).norm(), 1e-6) << name;
+        }
+    }
 }
 
 TEST(EstimatePose, GivesNothingForDegenerateInput) {

@@ -30,6 +30,7 @@ inline void require_sound(const CameraModel& camera) {
     require(i.fx > 0.0 && i.fy > 0.0, "a focal length that is not positive");
     require(camera.width >= 0 && camera.height >= 0, "an image of negative size");
     require_all_finite(camera.distortion.coefficients());
+    require(is_possible(camera.projection), "a projection that no lens has");
     if (camera.covariance)
         require(camera.covariance->matrix.allFinite() &&
                     (camera.covariance->matrix.diagonal().array() > 0.0).all(),

@@ -16,7 +16,7 @@ namespace {
 using Path = std::filesystem::path;
 
 void read_camera_file(const Path& path) {
-    require_sound(read_camera(path));
+    require_sound(read_any_camera(path));
 }
 
 void read_spread_file(const Path& path) {
@@ -29,7 +29,7 @@ void read_spread_file(const Path& path) {
         "       psf: {measured: {file: spread.yml}}}\n"
         "sensor: {pixel_pitch_um: 8.3, bits: 8, transfer: linear, black: 0, gain_e_per_dn: 0,\n"
         "         read_noise_e: 0, illumination: {cos4: true}}\n");
-    require_sound(read_camera(camera));
+    require_sound(read_any_camera(camera));
 }
 
 void read_axes_of(const std::vector<Axis>& axes) {

@@ -41,7 +41,7 @@ void read_transfer_table(std::string_view text) {
         "sensor: {pixel_pitch_um: 8.3, bits: 8, transfer: {table: {file: t.csv}}, black: 0,\n"
         "         gain_e_per_dn: 0, read_noise_e: 0, illumination: {cos4: true}}\n");
     write_input("t.csv", text);
-    require_sound(read_camera(camera));
+    require_sound(read_any_camera(camera));
 }
 
 template <bool rotary>

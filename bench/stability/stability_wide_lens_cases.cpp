@@ -1,0 +1,157 @@
+// Lenses that see more than a plane: there and back over the image, and where their formulas are
+// stiff: on the axis, at and beyond 90 degrees, at their fold, near and far, opposite the axis.
+#include <fmt/format.h>
+
+#include <numbers>
+
+#include "bench/stability/stability_case.h"
+#include "bench/stability/stability_scenes.h"
+#include "calib/camera/projector.h"
+
+namespace etalon {
+namespace {
+
+constexpr double pi = std::numbers::pi;
+
+CameraModel wide_lens(const LensProjection& projection, double focal_px,
+                      const Distortion& distortion = {}) {
+    CameraModel camera;
+    camera.width = 640;
+    camera.height = 480;
+    camera.intrinsics = {focal_px, 0.99 * focal_px, 318.3, 243.9};
+    camera.projection = projection;
+    camera.distortion = distortion;
+    return camera;
+}
+
+struct WideLens {
+    const char* name;
+    CameraModel camera;
+};
+
+// Of some 200 degrees along the width, with whatever distortion belongs to the kind.
+std::vector<WideLens> wide_lenses() {
+    using enum Projection;
+    const Distortion kannala_brandt{.k1 = 0.031, .k2 = -0.014, .k3 = 0.0021, .k7 = -2e-4};
+    const Distortion radtan{.k1 = -0.11, .k2 = 0.07, .p1 = 0.0012, .p2 = -0.0007};
+    return {{"equidistant, k1-k3 k7", wide_lens({equidistant}, 181.0, kannala_brandt)},
+            {"stereographic", wide_lens({stereographic}, 134.0)},
+            {"field of view", wide_lens({field_of_view, 0.93}, 190.0)},
+            {"unified, k1 k2 p1 p2", wide_lens({unified, 1.31}, 430.0, radtan)},
+            {"extended unified", wide_lens({extended_unified, 1.09, 0.63}, 190.0)},
+            {"double sphere", wide_lens({double_sphere, -0.17, 0.59}, 155.0)}};
+}
+
+Eigen::Vector3d ray_at(double angle) {
+    return {0.8 * std::sin(angle), 0.6 * std::sin(angle), std::cos(angle)};
+}
+
+// Every pixel of a grid that has a ray; relative to the distance from the principal point plus 1.
+StabilityOutcome there_and_back_wide(const CameraModel& camera) {
+    constexpr int columns = 41, rows = 31;
+    constexpr double bound = 1e-12;
+    const Projector projector(camera);
+    const Eigen::Vector2d centre(camera.intrinsics.cx, camera.intrinsics.cy);
+    double worst = 0.0, widest = 1.0;
+    for (int n = 0; n < columns * rows; ++n) {
+        const Eigen::Vector2d pixel((camera.width - 1.0) * (n % columns) / (columns - 1),
+                                    (camera.height - 1.0) * (n / columns) / (rows - 1));
+        const auto ray = projector.ray(pixel);
+        if (!ray)
+            continue;
+        widest = std::min(widest, ray->z());
+        const auto back = projector.project(*ray);
+        const double off = back ? (*back - pixel).norm() : infinity;
+        worst = std::max(worst, off / ((pixel - centre).norm() + 1.0));
+    }
+    return {widest < 0.0 && worst <= bound, worst, bound,
+            fmt::format("rays out to {:.1f} degrees", std::acos(widest) * 180.0 / pi)};
+}
+
+// The ray that comes back, in radians, from the axis on to beyond a right angle.
+StabilityOutcome angles_come_back(const CameraModel& camera) {
+    constexpr double bound = 1e-13;
+    const Projector projector(camera);
+    double worst = 0.0;
+    for (const double degrees : {0.0, 1e-12, 1e-6, 1e-3, 45.0, 89.99, 90.0, 90.01, 95.0}) {
+        const Eigen::Vector3d ray = ray_at(degrees * pi / 180.0);
+        const auto pixel = projector.project(ray);
+        const auto back = pixel ? projector.ray(*pixel) : std::nullopt;
+        worst = std::max(worst, back ? back->cross(ray).norm() : infinity);
+    }
+    return {worst <= bound, worst, bound, "from 0 to 95 degrees"};
+}
+
+// The same pixel of points from a micrometre to 400 km away.
+StabilityOutcome distance_does_not_matter(const CameraModel& camera) {
+    constexpr double bound = 1e-12;
+    const Projector projector(camera);
+    double worst = 0.0;
+    for (const double angle : {0.0, 1e-5, 0.7, 1.6})
+        for (const double distance_mm : {1e-3, 4e8}) {
+            const auto near = projector.project(ray_at(angle));
+            const auto there = projector.project(distance_mm * ray_at(angle));
+            worst = std::max(
+                worst, near && there ? (*near - *there).norm() / (near->norm() + 1.0) : infinity);
+        }
+    return {worst <= bound, worst, bound, "points 1 um and 400 km away"};
+}
+
+// What has no image: behind along the axis, no direction, no number, beyond a fold.
+StabilityOutcome nonsense_has_no_image(const RenderFunction&) {
+    int accepted = 0, seen = 0;
+    for (const WideLens& lens : wide_lenses()) {
+        const Projector projector(lens.camera);
+        for (const Eigen::Vector3d& point :
+             {Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0, 0, -4e8), Eigen::Vector3d(0, 0, 0),
+              Eigen::Vector3d(std::numeric_limits<double>::quiet_NaN(), 0, 1),
+              Eigen::Vector3d(1, infinity, 1)})
+            accepted += projector.project(point).has_value();
+        accepted += projector.ray({infinity, 0.0}).has_value();
+    }
+    // theta (1 - 0.2 theta^2) grows to sqrt(1 / 0.6) and not beyond.
+    const Projector folding(wide_lens({Projection::equidistant}, 181.0, {.k1 = -0.2}));
+    const double fold = std::sqrt(1.0 / 0.6);
+    for (const double beyond : {1e-9, 0.1, 1.0, 1.8})
+        accepted += folding.project(ray_at(fold + beyond)).has_value();
+    for (const double before : {1e-9, 0.1, 1.0})
+        seen += folding.project(ray_at(fold - before)).has_value();
+    return {accepted == 0 && seen == 3, double(accepted + 3 - seen), 0.0,
+            "points without an image, pixels without a ray, and a fold"};
+}
+
+// Coefficients of zero against the ideal lens, in long double.
+StabilityOutcome zeros_are_the_ideal_lens(const RenderFunction&) {
+    constexpr double bound = 1e-13;
+    const Projector projector(wide_lens({Projection::equidistant}, 181.0));
+    double worst = 0.0;
+    for (const double angle : {1e-9, 1e-4, 0.9, 1.6, 3.1}) {
+        const auto pixel = projector.project(ray_at(angle));
+        const long double x = 181.0L * 0.8L * static_cast<long double>(angle) + 318.3L;
+        worst = std::max(worst,
+                         pixel ? std::abs(static_cast<double>(pixel->x() - x)) / 318.3 : infinity);
+    }
+    return {worst <= bound, worst, bound, "equidistant, x = 0.8 f theta + cx"};
+}
+
+}  // namespace
+
+std::vector<StabilityCase> wide_lens_cases() {
+    std::vector<StabilityCase> cases;
+    for (const WideLens& lens : wide_lenses()) {
+        const auto add = [&](const char* what, const char* expectation,
+                             StabilityOutcome (*check)(const CameraModel&)) {
+            cases.push_back(
+                {fmt::format("{}{}", what, lens.name), expectation,
+                 [=, camera = lens.camera](const RenderFunction&) { return check(camera); }});
+        };
+        add("wide: ", "round trip, relative", there_and_back_wide);
+        add("angles: ", "round trip, rad", angles_come_back);
+        add("near, far: ", "same pixel, relative", distance_does_not_matter);
+    }
+    cases.push_back({"wide: no image", "number accepted", nonsense_has_no_image});
+    cases.push_back({"wide: zeros are ideal", "closed form, relative", zeros_are_the_ideal_lens});
+    return cases;
+}
+
+}  // namespace etalon

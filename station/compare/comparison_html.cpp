@@ -188,6 +188,16 @@ void add_cards(HtmlPage& page, const Comparison& comparison) {
         page.add_html(card_html(comparison, i + 1, i == worst));
 }
 
+std::string projection_text(const LensProjection& projection) {
+    const ProjectionName& known = name_of(projection.kind);
+    std::string text = known.name;
+    const std::array values{projection.a, projection.b};
+    for (std::size_t i = 0; i < values.size(); ++i)
+        if (*known.parameters[i])
+            text += fmt::format(", {} {:.6g}", known.parameters[i], values[i]);
+    return text;
+}
+
 void add_provenance(HtmlPage& page, const Comparison& comparison) {
     const CameraModel& camera = comparison.camera;
     const Intrinsics& k = camera.intrinsics;
@@ -200,7 +210,8 @@ void add_provenance(HtmlPage& page, const Comparison& comparison) {
                     {"image", fmt::format("{} x {} px", camera.width, camera.height)},
                     {"fx, fy", fmt::format("{:.3f}, {:.3f} px", k.fx, k.fy)},
                     {"cx, cy", fmt::format("{:.3f}, {:.3f} px", k.cx, k.cy)},
-                    {"k1 k2 p1 p2 k3 k4 k5 k6 s1..s4 tau_x tau_y", coefficients},
+                    {"projection", projection_text(camera.projection)},
+                    {"k1 k2 p1 p2 k3 k4 k5 k6 s1..s4 tau_x tau_y k7", coefficients},
                     {"rendering", comparison.render_plan}});
     page.add_software(software_versions());
     page.end_details();

@@ -123,9 +123,8 @@ INSTANTIATE_TEST_SUITE_P(OfEveryKind, StrangersBoards,
                          testing::Values("aprilgrid:36h11:3x2@32mm/9.6mm", "circles:4x3@30mm/18mm",
                                          "charuco:4X4_50:6x5@20mm/15mm"));
 
-// A chessboard with a white margin, 3 x 3 rays a pixel.
-CodeImage wide_photo(const Projector& projector, const Rigid& camera_from_board) {
-    constexpr int rays = 3;
+// A chessboard with a white margin, so many rays a pixel each way.
+CodeImage wide_photo(const Projector& projector, const Rigid& camera_from_board, int rays) {
     const CameraModel& camera = projector.camera();
     const Eigen::Matrix3d board = camera_from_board.rotation.toRotationMatrix();
     const Eigen::Vector3d& origin = camera_from_board.translation;
@@ -157,7 +156,7 @@ TEST_F(StrangersPhotographs, MayBeOfAFisheye) {
     std::string photos;
     for (int i = 0; i < 9; ++i) {
         const std::string name = fmt::format("a{}.png", i);
-        write_image(folder_ / name, wide_photo(projector, wide_pose(i)));
+        write_image(folder_ / name, wide_photo(projector, wide_pose(i), i == 0 ? 12 : 3));
         photos += " " + name;
     }
     const Finished finished =
@@ -178,15 +177,13 @@ TEST_F(StrangersPhotographs, MayBeOfAFisheye) {
         etalon("detect a1.png --camera camera.yml --json --marker chessboard:9x6@25mm");
     ASSERT_EQ(detected.exit_code, 0) << detected.err;
     const auto seen = nlohmann::json::parse(detected.out)["photos"][0];
-    EXPECT_LT(seen["rms_px"].get<double>(), 0.3) << detected.out;
+    EXPECT_LT(seen["reprojection_rms_px"].get<double>(), 0.1) << detected.out;
     const Finished compared =
-        etalon("compare a1.png --camera camera.yml --json --out c --marker chessboard:9x6@25mm");
+        etalon("compare a0.png --camera camera.yml --json --out c --marker chessboard:9x6@25mm");
     ASSERT_EQ(compared.exit_code, 0) << compared.err;
-    EXPECT_LT(nlohmann::json::parse(compared.out)["mean_residual_gray"].get<double>(), 4.0);
-    EXPECT_EQ(etalon("detect a1.png --detector photometric --camera camera.yml --marker "
-                     "chessboard:9x6@25mm")
-                  .exit_code,
-              0);
+    // 12 x 12 rays: steps of 1 / 144 of 180 gray at an edge, 0.4 gray RMS; calibrated to some 0.03
+    // px.
+    EXPECT_LT(nlohmann::json::parse(compared.out)["mean_residual_gray"].get<double>(), 3.0);
     expect_one_line_error(
         etalon("characterise a1.png --camera camera.yml --out k.yml --target chessboard:9x6@25mm"),
         3, "which this does not take so far");

@@ -53,8 +53,8 @@ public:
     // mm). Nothing where undistorted() or the projection has none.
     std::optional<Eigen::Vector3d> ray(const Eigen::Vector2d& pixel) const;
 
-    // Normalised coordinates of the ray: (X/Z, Y/Z), telecentric (X, Y). Nothing also for a ray of a
-    // wide lens more than 80 degrees from the axis (wide_limit), where they run away.
+    // Normalised coordinates of the ray: (X/Z, Y/Z), telecentric (X, Y). Nothing also for a ray of
+    // a wide lens more than 80 degrees from the axis (wide_limit), where they run away.
     std::optional<Eigen::Vector2d> unproject(const Eigen::Vector2d& pixel) const;
 
     // d pixel / d such coordinates, at coordinates of which unproject() has a pixel.

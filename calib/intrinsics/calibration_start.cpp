@@ -392,8 +392,8 @@ std::vector<CameraStart> wide_calibration_starts(std::span<const CalibrationView
         starts.push_back(std::move(start));
     }
     if (starts.empty())
-        throw NumericalError(fmt::format("no {} lens sees all points as a plane",
-                                         name_of(projection).name));
+        throw NumericalError(
+            fmt::format("no {} lens sees all points as a plane", name_of(projection).name));
     return starts;
 }
 

@@ -208,7 +208,8 @@ void judge_completeness(const CameraModel& camera, std::vector<CameraFinding>& f
         findings.push_back({Weight::note, "renderer", fmt::format("no {}: {}", what, effect)});
     };
     if (!camera.projection.is_flat())
-        findings.push_back({Weight::note, "renderer", "wide lenses are rendered sharp, up to 80 degrees from the axis"});
+        findings.push_back({Weight::note, "renderer",
+                            "wide lenses are rendered sharp, up to 80 degrees from the axis"});
     else if (!camera.lens)
         missing("lens section", "renders are sharp, neither defocus nor diffraction");
     if (!camera.sensor)

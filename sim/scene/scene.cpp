@@ -133,8 +133,9 @@ void check_reach(const Scene& scene, const CameraModel& camera) {
         for (const Eigen::Vector3d& corner : corners_mm(marker.grid)) {
             const Eigen::Vector3d p = marker.camera_from_marker * corner;
             if (!(p.head<2>().norm() < wide_limit * p.z()))
-                throw NumericalError("a marker reaches more than 80 degrees from the axis: wide "
-                                     "lenses are rendered up to there");
+                throw NumericalError(
+                    "a marker reaches more than 80 degrees from the axis: wide "
+                    "lenses are rendered up to there");
         }
 }
 

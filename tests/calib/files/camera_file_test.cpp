@@ -10,7 +10,6 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "tests/calib/cameras.h"
-#include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -285,52 +284,6 @@ TEST(CameraFile, RefusesWhatATelecentricCameraCannotHave) {
                 HasSubstr("case.yml:5: sensor.illumination.cos4: belongs to a perspective camera"));
     EXPECT_THAT(error_of(head + "projection: fisheye\n"),
                 HasSubstr("case.yml:4: projection: must be perspective, telecentric, equidistant"));
-}
-
-TEST(CameraFile, CarriesWideLenses) {
-    for (const LensProjection& projection : {LensProjection{Projection::equidistant},
-                                             {Projection::stereographic},
-                                             {Projection::field_of_view, 0.93},
-                                             {Projection::unified, 1.83},
-                                             {Projection::extended_unified, 1.13, 0.62},
-                                             {Projection::double_sphere, -0.21, 0.57}}) {
-        SCOPED_TRACE(name_of(projection.kind).name);
-        CameraModel camera =
-            test::camera_with(640, 480, {211, 209, 319.5, 239.5}, {.k1 = 0.1, .k7 = 0.02});
-        camera.projection = projection;
-        camera.sensor = Sensor{.pixel_pitch_um = 5};
-        write_camera(temporary("wide.yml"), camera);
-        const CameraModel back = read_any_camera(temporary("wide.yml"));
-        EXPECT_EQ(back.projection, projection);
-        EXPECT_EQ(back.distortion, camera.distortion);
-        EXPECT_THAT(text_of_error<ConfigError>([] { read_camera(temporary("wide.yml")); }),
-                    HasSubstr("wide.yml: is of a lens that is"));
-    }
-}
-
-TEST(CameraFile, RefusesWhatAWideLensCannotHave) {
-    const auto with = [](const std::string& lines) {
-        return text_of_error<ConfigError>([&] {
-            std::ofstream(temporary("wide.yml"))
-                << "etalon: camera/1\nimage: {width: 640, height: 480}\n"
-                   "intrinsics: {fx: 211, fy: 209, cx: 319.5, cy: 239.5}\n" +
-                       lines;
-            read_any_camera(temporary("wide.yml"));
-        });
-    };
-    EXPECT_THAT(with("projection: unified\n"),
-                HasSubstr("wide.yml:4: projection: needs its parameters: {unified: {xi: ...}}"));
-    EXPECT_THAT(with("projection: {unified: {alpha: 1}}\n"),
-                HasSubstr("projection.unified.xi: missing"));
-    EXPECT_THAT(with("projection: {unified: {xi: 1, alpha: 1}}\n"), HasSubstr("unknown key"));
-    EXPECT_THAT(with("projection: {double_sphere: {xi: -1, alpha: 0.5}}\n"),
-                HasSubstr("wide.yml:4: projection: no double_sphere projection has"));
-    EXPECT_THAT(with("projection: {equidistant: {}}\n"), HasSubstr("wide.yml:4: projection"));
-    EXPECT_THAT(with("projection: equidistant\ndistortion: {tau_x: 0.1}\n"),
-                HasSubstr("wide.yml:5: distortion.tau_x: belongs to a perspective camera"));
-    EXPECT_THAT(with("projection: equidistant\nsensor: {pixel_pitch_um: 5}\n"
-                     "lens: {f_number: 2.8, focus_distance_mm: 150, wavelength_nm: 650}\n"),
-                HasSubstr("wide.yml:6: lens: has no meaning yet"));
 }
 
 TEST(CameraFile, ReadsAMeasuredPointSpreadAndWritesItBack) {

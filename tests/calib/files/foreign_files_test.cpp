@@ -352,52 +352,6 @@ TEST(OpenCvFile, ReadsFisheyeAndOmnidir) {
                 HasSubstr("of one of the two"));
 }
 
-// Which projections each tool's files hold, and coefficients that they have there.
-struct WideCase {
-    CalibrationTool tool;
-    LensProjection projection;
-    Distortion distortion;
-};
-
-TEST(ForeignFiles, WriteWideLensesThatReadBack) {
-    using enum Projection;
-    const Distortion kb{.k1 = 0.1, .k2 = -0.02, .k3 = 0.003, .k7 = -0.0004};
-    const Distortion radtan{.k1 = -0.3, .k2 = 0.1, .p1 = 0.02, .p2 = 0.01};
-    const Distortion prism{.k1 = 0.1, .p2 = 0.01, .s3 = 0.002, .k7 = 0.001};
-    for (const WideCase& wide : {WideCase{CalibrationTool::opencv, {equidistant}, kb},
-                                 {CalibrationTool::opencv, {unified, 1.1}, radtan},
-                                 {CalibrationTool::ros, {equidistant}, kb},
-                                 {CalibrationTool::kalibr, {equidistant}, kb},
-                                 {CalibrationTool::kalibr, {field_of_view, 0.93}, {}},
-                                 {CalibrationTool::kalibr, {unified, 0.71}, radtan},
-                                 {CalibrationTool::kalibr, {extended_unified, 1.13, 0.62}, {}},
-                                 {CalibrationTool::kalibr, {double_sphere, -0.21, 0.57}, {}},
-                                 {CalibrationTool::colmap, {equidistant}, kb},
-                                 {CalibrationTool::colmap, {equidistant}, prism},
-                                 {CalibrationTool::colmap, {field_of_view, 0.93}, {}},
-                                 {CalibrationTool::boofcv, {unified, 1.83}, radtan},
-                                 {CalibrationTool::mrcal, {stereographic}, {}}}) {
-        SCOPED_TRACE(std::string(name_of(wide.tool)) + " " + name_of(wide.projection.kind).name);
-        CameraModel camera =
-            test::camera_with(700, 500, {211.5, 207.25, 361.0, 239.0}, wide.distortion);
-        camera.projection = wide.projection;
-        const auto path = written("");
-        write_foreign_camera(path, wide.tool, camera);
-        EXPECT_EQ(tool_of(path), wide.tool);
-        const CameraModel back = read_any_camera(path);
-        EXPECT_EQ(back.projection, camera.projection);
-        EXPECT_EQ(back.distortion, camera.distortion);
-        EXPECT_EQ(back.intrinsics.fy, camera.intrinsics.fy);
-        EXPECT_NEAR(back.intrinsics.cx, camera.intrinsics.cx, 1e-13);
-        EXPECT_THROW(read_camera(path), ConfigError);  // what renders takes flat ones
-        camera.distortion.k5 = 0.5;
-        EXPECT_THROW(write_foreign_camera(written(""), wide.tool, camera), ConfigError);
-        camera.distortion = {};
-        camera.projection = {wide.tool == CalibrationTool::mrcal ? double_sphere : stereographic};
-        EXPECT_THROW(write_foreign_camera(written(""), wide.tool, camera), ConfigError);
-    }
-}
-
 // BoofCV's own example of a Ricoh Theta camera, shortened.
 TEST(BoofCvFile, ReadsTheUniversalOmnidirectionalModel) {
     const CameraModel camera =

@@ -1,0 +1,115 @@
+// Files of cameras with wide lenses: ours, and those of the tools that have them.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "calib/files/camera_file.h"
+#include "calib/files/camera_formats.h"
+#include "core/errors.h"
+#include "tests/calib/cameras.h"
+#include "tests/error_text.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+using testing::HasSubstr;
+
+TEST(WideCameraFile, CarriesEveryProjection) {
+    const TemporaryFolder folder;
+    for (const LensProjection& projection : {LensProjection{Projection::equidistant},
+                                             {Projection::stereographic},
+                                             {Projection::field_of_view, 0.93},
+                                             {Projection::unified, 1.83},
+                                             {Projection::extended_unified, 1.13, 0.62},
+                                             {Projection::double_sphere, -0.21, 0.57}}) {
+        SCOPED_TRACE(name_of(projection.kind).name);
+        CameraModel camera =
+            test::camera_with(640, 480, {211, 209, 319.5, 239.5}, {.k1 = 0.1, .k7 = 0.02});
+        camera.projection = projection;
+        camera.sensor = Sensor{.pixel_pitch_um = 5};
+        write_camera(folder / "wide.yml", camera);
+        const CameraModel back = read_any_camera(folder / "wide.yml");
+        EXPECT_EQ(back.projection, projection);
+        EXPECT_EQ(back.distortion, camera.distortion);
+        EXPECT_THAT(text_of_error<ConfigError>([&] { read_camera(folder / "wide.yml"); }),
+                    HasSubstr("wide.yml: is of a lens that is"));
+    }
+}
+
+TEST(WideCameraFile, RefusesWhatAWideLensCannotHave) {
+    const TemporaryFolder folder;
+    const auto with = [&](const std::string& lines) {
+        return text_of_error<ConfigError>([&] {
+            std::ofstream(folder / "wide.yml")
+                << "etalon: camera/1\nimage: {width: 640, height: 480}\n"
+                   "intrinsics: {fx: 211, fy: 209, cx: 319.5, cy: 239.5}\n" +
+                       lines;
+            read_any_camera(folder / "wide.yml");
+        });
+    };
+    EXPECT_THAT(with("projection: unified\n"),
+                HasSubstr("wide.yml:4: projection: needs its parameters: {unified: {xi: ...}}"));
+    EXPECT_THAT(with("projection: {unified: {alpha: 1}}\n"),
+                HasSubstr("projection.unified.xi: missing"));
+    EXPECT_THAT(with("projection: {unified: {xi: 1, alpha: 1}}\n"), HasSubstr("unknown key"));
+    EXPECT_THAT(with("projection: {double_sphere: {xi: -1, alpha: 0.5}}\n"),
+                HasSubstr("wide.yml:4: projection: no double_sphere projection has"));
+    EXPECT_THAT(with("projection: {equidistant: {}}\n"), HasSubstr("wide.yml:4: projection"));
+    EXPECT_THAT(with("projection: equidistant\ndistortion: {tau_x: 0.1}\n"),
+                HasSubstr("wide.yml:5: distortion.tau_x: belongs to a perspective camera"));
+    EXPECT_THAT(with("projection: equidistant\nsensor: {pixel_pitch_um: 5}\n"
+                     "lens: {f_number: 2.8, focus_distance_mm: 150, wavelength_nm: 650}\n"),
+                HasSubstr("wide.yml:6: lens: has no meaning yet"));
+}
+
+// Which projections each tool's files hold, and coefficients that they have there.
+struct WideCase {
+    CalibrationTool tool;
+    LensProjection projection;
+    Distortion distortion;
+};
+
+TEST(WideCameraFile, OfAnotherToolReadsBack) {
+    const TemporaryFolder folder;
+    using enum Projection;
+    const Distortion kb{.k1 = 0.1, .k2 = -0.02, .k3 = 0.003, .k7 = -0.0004};
+    const Distortion radtan{.k1 = -0.3, .k2 = 0.1, .p1 = 0.02, .p2 = 0.01};
+    const Distortion prism{.k1 = 0.1, .p2 = 0.01, .s3 = 0.002, .k7 = 0.001};
+    for (const WideCase& wide : {WideCase{CalibrationTool::opencv, {equidistant}, kb},
+                                 {CalibrationTool::opencv, {unified, 1.1}, radtan},
+                                 {CalibrationTool::ros, {equidistant}, kb},
+                                 {CalibrationTool::kalibr, {equidistant}, kb},
+                                 {CalibrationTool::kalibr, {field_of_view, 0.93}, {}},
+                                 {CalibrationTool::kalibr, {unified, 0.71}, radtan},
+                                 {CalibrationTool::kalibr, {extended_unified, 1.13, 0.62}, {}},
+                                 {CalibrationTool::kalibr, {double_sphere, -0.21, 0.57}, {}},
+                                 {CalibrationTool::colmap, {equidistant}, kb},
+                                 {CalibrationTool::colmap, {equidistant}, prism},
+                                 {CalibrationTool::colmap, {field_of_view, 0.93}, {}},
+                                 {CalibrationTool::boofcv, {unified, 1.83}, radtan},
+                                 {CalibrationTool::mrcal, {stereographic}, {}}}) {
+        SCOPED_TRACE(std::string(name_of(wide.tool)) + " " + name_of(wide.projection.kind).name);
+        CameraModel camera =
+            test::camera_with(700, 500, {211.5, 207.25, 361.0, 239.0}, wide.distortion);
+        camera.projection = wide.projection;
+        const auto path = folder / "camera.yml";
+        write_foreign_camera(path, wide.tool, camera);
+        EXPECT_EQ(tool_of(path), wide.tool);
+        const CameraModel back = read_any_camera(path);
+        EXPECT_EQ(back.projection, camera.projection);
+        EXPECT_EQ(back.distortion, camera.distortion);
+        EXPECT_EQ(back.intrinsics.fy, camera.intrinsics.fy);
+        EXPECT_NEAR(back.intrinsics.cx, camera.intrinsics.cx, 1e-13);
+        EXPECT_THROW(read_camera(path), ConfigError);  // for flat ones only
+        camera.distortion.k5 = 0.5;
+        EXPECT_THROW(write_foreign_camera(folder / "camera.yml", wide.tool, camera), ConfigError);
+        camera.distortion = {};
+        camera.projection = {wide.tool == CalibrationTool::mrcal ? double_sphere : stereographic};
+        EXPECT_THROW(write_foreign_camera(folder / "camera.yml", wide.tool, camera), ConfigError);
+    }
+}
+
+}  // namespace
+}  // namespace etalon

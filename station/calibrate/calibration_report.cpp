@@ -132,9 +132,11 @@ void remark_on_image(const CalibrationRun& run, std::vector<std::string>& remark
             uncertainty.worst(&PixelUncertainty::rotated)));
     if (uncertainty.share_without_ray > 0.0)
         remarks.push_back(fmt::format(
-            "{:.2g} % of the image has no ray: beyond the corners the distortion folds over. "
-            "Nothing can be measured or rendered there.",
-            100.0 * uncertainty.share_without_ray));
+            "{:.2g} % of the image has no ray: {}. Nothing can be measured or rendered there.",
+            100.0 * uncertainty.share_without_ray,
+            run.calibration.camera.projection.is_flat()
+                ? "beyond the corners the distortion folds over"
+                : "it lies outside of what this model of the lens images"));
     const auto& halves = run.calibration.halves;
     if (!halves)
         remarks.push_back(

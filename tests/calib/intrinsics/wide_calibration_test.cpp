@@ -59,7 +59,8 @@ TEST(WideCalibration, TellsWideLensesFromOthers) {
 }
 
 TEST(WideCalibration, AdvisesAModelThatFollowsTheLens) {
-    for (const auto& [name, truth] : test::wide_models()) {
+    for (const std::size_t lens : {1u, 3u}) {
+        const auto [name, truth] = test::wide_models()[lens];
         SCOPED_TRACE(name);
         const auto views = test::wide_views(truth, 12, 0.1, 5);
         EXPECT_EQ(camera_groups(views, test::image_size).size(), 1u);

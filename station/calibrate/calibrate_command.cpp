@@ -288,10 +288,10 @@ int run_calibrate(const CalibrateArguments& given) {
         run.refinement = photometric_refinement(run);
     print_findings(run);
     write_camera(arguments.out, run.camera());
-    if (!arguments.opencv_out.empty())
-        write_opencv_camera(arguments.opencv_out, run.camera());
     if (!arguments.report.empty())
         write_report(run, arguments.report);
+    if (!arguments.opencv_out.empty())  // last: not every wide lens has a place there
+        write_opencv_camera(arguments.opencv_out, run.camera());
     if (arguments.json)
         std::puts(calibration_json(run).c_str());
     else

@@ -15,6 +15,8 @@ std::string described(const std::string& nodes) {
     return "<?xml version=\"1.0\"?>\n<RegisterDescription>\n" + nodes + "</RegisterDescription>\n";
 }
 
+constexpr const char* none = "no error";
+
 std::string refusal(const std::string& xml) {
     return text_of_error<Error>([&] { require_sound_description(xml); });
 }
@@ -32,16 +34,18 @@ std::string chain(int values, int times) {
 }
 
 TEST(GenicamDescription, MayLimitValuesByOneAnother) {
-    require_sound_description(described(
-        "<Integer Name=\"Width\"><pValue>WidthReg</pValue><pMax>WidthMax</pMax></Integer>\n"
-        "<IntSwissKnife Name=\"WidthMax\"><pVariable "
-        "Name=\"X\">OffsetX</pVariable></IntSwissKnife>\n"
-        "<Integer Name=\"OffsetX\"><pValue>OffsetReg</pValue><pMax>OffsetMax</pMax></Integer>\n"
-        "<IntSwissKnife Name=\"OffsetMax\"><pVariable "
-        "Name=\"W\">Width</pVariable></IntSwissKnife>\n"
-        "<Integer Name=\"Selector\"><Value>1</Value><pSelected>Width</pSelected></Integer>\n"
-        "<IntReg Name=\"WidthReg\"><Length>4</Length><pAddress>Selector</pAddress></IntReg>\n"
-        "<IntReg Name=\"OffsetReg\"><Length>0x4</Length></IntReg>\n"));
+    EXPECT_EQ(
+        refusal(described(
+            "<Integer Name=\"Width\"><pValue>WidthReg</pValue><pMax>WidthMax</pMax></Integer>\n"
+            "<IntSwissKnife Name=\"WidthMax\"><pVariable "
+            "Name=\"X\">OffsetX</pVariable></IntSwissKnife>\n"
+            "<Integer Name=\"OffsetX\"><pValue>OffsetReg</pValue><pMax>OffsetMax</pMax></Integer>\n"
+            "<IntSwissKnife Name=\"OffsetMax\"><pVariable "
+            "Name=\"W\">Width</pVariable></IntSwissKnife>\n"
+            "<Integer Name=\"Selector\"><Value>1</Value><pSelected>Width</pSelected></Integer>\n"
+            "<IntReg Name=\"WidthReg\"><Length>4</Length><pAddress>Selector</pAddress></IntReg>\n"
+            "<IntReg Name=\"OffsetReg\"><Length>0x4</Length></IntReg>\n")),
+        none);
 }
 
 TEST(GenicamDescription, MayNotReferToItself) {
@@ -59,7 +63,7 @@ TEST(GenicamDescription, MayNotReferToItselfByAnyWay) {
           "<pValueIndexed Index=\"1\">A</pValueIndexed>", "<pIndex pOffset=\"A\">B</pIndex>",
           "<pCommandValue>A</pCommandValue>", "<pValue>A<![CDATA[x]]></pValue>",
           "<IntSwissKnife Name=\"C\"><pVariable Name=\"V\">A</pVariable></IntSwissKnife>"})
-        EXPECT_NE(refusal(described(fmt::format("<IntReg Name=\"A\">{}</IntReg>", way))), "")
+        EXPECT_NE(refusal(described(fmt::format("<IntReg Name=\"A\">{}</IntReg>", way))), none)
             << way;
     EXPECT_NE(refusal(described("<StructReg Name=\"S\"><pAddress>A</pAddress>"
                                 "<StructEntry Name=\"A\"><Bit>3</Bit></StructEntry></StructReg>")),
@@ -67,9 +71,9 @@ TEST(GenicamDescription, MayNotReferToItselfByAnyWay) {
 }
 
 TEST(GenicamDescription, HasAnEndToItsReferences) {
-    require_sound_description(chain(65, 1));
-    EXPECT_NE(refusal(chain(66, 1)), "");
-    require_sound_description(chain(16, 2));  // 2^16 - 1 values
+    EXPECT_EQ(refusal(chain(65, 1)), none);
+    EXPECT_NE(refusal(chain(66, 1)), none);
+    EXPECT_EQ(refusal(chain(16, 2)), none);  // 2^16 - 1 values
     EXPECT_EQ(refusal(chain(17, 2)), "line 3: 'N0' takes more than 100000 other values");
 }
 
@@ -79,8 +83,8 @@ TEST(GenicamDescription, HasRegistersThatFitMemory) {
         EXPECT_EQ(refusal(described(fmt::format(
                       "<StringReg Name=\"A\"><Length>{}</Length></StringReg>", length))),
                   fmt::format("line 3: a register of {} bytes", length));
-    require_sound_description(
-        described("<Register Name=\"A\"><Length>1073741824</Length></Register>"));
+    EXPECT_EQ(refusal(described("<Register Name=\"A\"><Length>1073741824</Length></Register>")),
+              none);
 }
 
 TEST(GenicamDescription, IsWellFormed) {
@@ -88,7 +92,7 @@ TEST(GenicamDescription, IsWellFormed) {
               "line 1: not well-formed XML");
     EXPECT_EQ(refusal(described("<Integer Name=\"A\">\n<Float>\n</Integer>")),
               "line 6: not well-formed XML");
-    EXPECT_NE(refusal(""), "");
+    EXPECT_NE(refusal(""), none);
 }
 
 }  // namespace

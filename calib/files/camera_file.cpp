@@ -8,6 +8,7 @@
 
 #include "calib/camera/parameter_names.h"
 #include "calib/files/camera_formats.h"
+#include "calib/files/foreign_camera.h"
 #include "core/csv_file.h"
 #include "core/strict_reader.h"
 
@@ -310,12 +311,7 @@ LensProjection read_projection(const Value& value) {
                         fmt::format("needs its parameters: {{{}: {{{}: ...}}}}", word, parameter));
                 *values[i] = value.at(word).at(parameter).number(units::one.either_sign());
             }
-        try {
-            require_possible(projection);
-        } catch (const NumericalError& error) {
-            value.fail(error.what());
-        }
-        return projection;
+        return checked_projection(projection, value.place());
     }
     std::vector<std::string> names;
     for (const ProjectionName& known : projection_names())

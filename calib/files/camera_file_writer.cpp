@@ -25,14 +25,11 @@ std::string quoted(const std::string& text) {
 }
 
 std::string projection_text(const LensProjection& projection) {
-    const ProjectionName& known = name_of(projection.kind);
-    const auto& [a, b] = known.parameters;
-    if (!*a)
-        return known.name;
-    std::string parameters = fmt::format("{}: {}", a, exact(projection.a));
-    if (*b)
-        parameters += fmt::format(", {}: {}", b, exact(projection.b));
-    return fmt::format("{{{}: {{{}}}}}", known.name, parameters);
+    const std::string word = name_of(projection.kind).name;
+    std::string parameters;
+    for (const auto& [name, value] : named_parameters(projection))
+        parameters += fmt::format("{}{}: {}", parameters.empty() ? "" : ", ", name, exact(value));
+    return parameters.empty() ? word : fmt::format("{{{}: {{{}}}}}", word, parameters);
 }
 
 std::string distortion_lines(const Distortion& distortion) {

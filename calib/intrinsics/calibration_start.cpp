@@ -8,6 +8,7 @@
 #include <array>
 #include <limits>
 
+#include "calib/camera/sight.h"
 #include "calib/intrinsics/bundle_adjustment.h"
 #include "core/errors.h"
 
@@ -295,30 +296,21 @@ std::optional<Rigid> pose_from_homography(const std::vector<Eigen::Vector3d>& po
 std::optional<Rigid> pose_from_plane(const std::vector<Eigen::Vector3d>& points_mm,
                                      const std::vector<Eigen::Vector2d>& undistorted,
                                      const LensProjection& projection) {
-    constexpr double least_cosine = 0.17;  // of 80 degrees
     std::vector<Eigen::Vector3d> rays;
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     for (const Eigen::Vector2d& point : undistorted) {
         const auto ray = from_plane(projection, point);
         if (!ray)
             return std::nullopt;
-        rays.push_back(ray->normalized());
-        mean += rays.back();
+        rays.push_back(*ray);
     }
-    const Eigen::Quaterniond turn =
-        Eigen::Quaterniond::FromTwoVectors(mean, Eigen::Vector3d::UnitZ());
-    std::vector<Eigen::Vector3d> points;
-    std::vector<Eigen::Vector2d> across;
-    for (std::size_t i = 0; i < rays.size(); ++i) {
-        const Eigen::Vector3d ray = turn * rays[i];
-        if (!(ray.z() > least_cosine))
-            continue;
-        points.push_back(points_mm[i]);
-        across.push_back(ray.hnormalized());
-    }
-    if (across.size() < etalon::min_view_points)
+    const Eigen::Quaterniond turn = turn_to_mean(rays);
+    const SeenAcross seen = seen_across(turn, rays);
+    if (seen.kept.size() < etalon::min_view_points)
         return std::nullopt;
-    const auto pose = pose_from_homography(points, across);
+    std::vector<Eigen::Vector3d> points;
+    for (const std::size_t i : seen.kept)
+        points.push_back(points_mm[i]);
+    const auto pose = pose_from_homography(points, seen.points);
     if (!pose || !pose->translation.allFinite())
         return std::nullopt;
     return Rigid{turn.conjugate() * pose->rotation, turn.conjugate() * pose->translation};

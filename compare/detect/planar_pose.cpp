@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 #include <opencv2/calib3d.hpp>
 
+#include "calib/camera/sight.h"
 #include "compare/detect/detector.h"
 #include "core/errors.h"
 #include "core/information.h"
@@ -43,20 +44,10 @@ bool span_a_plane(const Points& points) {
     return spread[0] > 0 && spread[1] > 1e-4 * spread[0] && spread[2] < 1e-6 * spread[0];
 }
 
-// Of a camera that looks along the points' mean ray; those of a wide lens may lie anywhere.
-Eigen::Quaterniond sight_from_camera(const CameraModel& camera, const Points& rays) {
-    if (camera.projection.kind == Projection::perspective)
-        return Eigen::Quaterniond::Identity();
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& ray : rays)
-        mean += ray;
-    return Eigen::Quaterniond::FromTwoVectors(mean, Eigen::Vector3d::UnitZ());
-}
-
-// The closed-form solutions; empty when a pixel has no ray or the library gives up.
+// The closed-form solutions; empty when a pixel has no ray or the library gives up. Those of a wide
+// lens are of a camera that looks along the points' mean ray.
 std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& points,
                                      const Pixels& pixels) {
-    constexpr double least_cosine = 0.17;  // of 80 degrees; what lies further aside does not count
     Points rays;
     for (const Eigen::Vector2d& pixel : pixels) {
         const auto ray = projector.ray(pixel);
@@ -64,15 +55,15 @@ std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& p
             return {};
         rays.push_back(*ray);
     }
-    const Eigen::Quaterniond turn = sight_from_camera(projector.camera(), rays);
+    const bool is_flat = projector.camera().projection.is_flat();
+    const Eigen::Quaterniond turn = is_flat ? Eigen::Quaterniond::Identity() : turn_to_mean(rays);
+    const SeenAcross seen = seen_across(turn, rays);
     std::vector<cv::Point3d> object;
     std::vector<cv::Point2d> image;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-        const Eigen::Vector3d ray = turn * rays[i];
-        if (!(ray.z() > least_cosine))
-            continue;
-        object.emplace_back(points[i].x(), points[i].y(), points[i].z());
-        image.emplace_back(ray.x() / ray.z(), ray.y() / ray.z());
+    for (std::size_t i = 0; i < seen.kept.size(); ++i) {
+        const Eigen::Vector3d& point = points[seen.kept[i]];
+        object.emplace_back(point.x(), point.y(), point.z());
+        image.emplace_back(seen.points[i].x(), seen.points[i].y());
     }
     std::vector<cv::Mat> rotations, translations;
     try {

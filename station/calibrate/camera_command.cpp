@@ -30,15 +30,6 @@ const char* format_of(const CameraFileArguments& arguments) {
     return is_etalon_file(arguments.file) ? "etalon" : name_of(tool_of(arguments.file));
 }
 
-template <typename Take>
-void each_parameter(const LensProjection& projection, const Take& take) {
-    const auto& names = name_of(projection.kind).parameters;
-    const std::array values{projection.a, projection.b};
-    for (std::size_t k = 0; k < values.size(); ++k)
-        if (*names[k])
-            take(names[k], values[k]);
-}
-
 nlohmann::json camera_json(const CameraModel& camera, const char* format) {
     const Intrinsics& i = camera.intrinsics;
     nlohmann::json distortion = nlohmann::json::object();
@@ -46,8 +37,8 @@ nlohmann::json camera_json(const CameraModel& camera, const char* format) {
     for (std::size_t k = 0; k < coefficients.size(); ++k)
         distortion[distortion_names[k]] = coefficients[k];
     nlohmann::json parameters = nlohmann::json::object();
-    each_parameter(camera.projection,
-                   [&](const char* name, double value) { parameters[name] = value; });
+    for (const auto& [name, value] : named_parameters(camera.projection))
+        parameters[name] = value;
     return {{"format", format},
             {"serial", camera.serial},
             {"width", camera.width},
@@ -105,9 +96,8 @@ void print_camera(const CameraModel& camera, const char* format) {
     for (std::size_t k = 0; k < values.size(); ++k)
         fmt::print("{:<11} {}{}\n", intrinsic_names[k], values[k],
                    standard_deviation(camera, intrinsic_names[k]));
-    each_parameter(camera.projection, [&](const char* name, double value) {
+    for (const auto& [name, value] : named_parameters(camera.projection))
         fmt::print("{:<11} {}{}\n", name, value, standard_deviation(camera, name));
-    });
     const auto coefficients = camera.distortion.coefficients();
     for (std::size_t k = 0; k < coefficients.size(); ++k)
         if (coefficients[k] != 0.0)

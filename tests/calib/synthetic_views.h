@@ -44,10 +44,11 @@ inline CalibrationView synthetic_view(const CameraModel& camera, const Rigid& ca
 }
 
 inline std::vector<CalibrationView> synthetic_views(const CameraModel& camera, int count,
-                                                    double noise_px, int seed) {
+                                                    double noise_px, int seed,
+                                                    Rigid (*pose)(int) = synthetic_pose) {
     std::vector<CalibrationView> views;
     for (int i = 0; i < count; ++i)
-        views.push_back(synthetic_view(camera, synthetic_pose(i), noise_px, 1000 * seed + i));
+        views.push_back(synthetic_view(camera, pose(i), noise_px, 1000 * seed + i));
     return views;
 }
 

@@ -30,10 +30,7 @@ inline Rigid wide_pose(int view) {
 
 inline std::vector<CalibrationView> wide_views(const CameraModel& camera, int count,
                                                double noise_px, int seed) {
-    std::vector<CalibrationView> views;
-    for (int i = 0; i < count; ++i)
-        views.push_back(synthetic_view(camera, wide_pose(i), noise_px, 1000 * seed + i));
-    return views;
+    return synthetic_views(camera, count, noise_px, seed, wide_pose);
 }
 
 // Each wide model with a lens that it follows.

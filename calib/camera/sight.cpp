@@ -1,0 +1,25 @@
+#include "calib/camera/sight.h"
+
+namespace etalon {
+
+Eigen::Quaterniond turn_to_mean(const std::vector<Eigen::Vector3d>& rays) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& ray : rays)
+        mean += ray;
+    return Eigen::Quaterniond::FromTwoVectors(mean, Eigen::Vector3d::UnitZ());
+}
+
+SeenAcross seen_across(const Eigen::Quaterniond& turn, const std::vector<Eigen::Vector3d>& rays) {
+    constexpr double least_cosine = 0.17;  // of 80 degrees
+    SeenAcross seen;
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+        const Eigen::Vector3d ray = turn * rays[i];
+        if (!(ray.z() > least_cosine))
+            continue;
+        seen.kept.push_back(i);
+        seen.points.push_back(ray.hnormalized());
+    }
+    return seen;
+}
+
+}  // namespace etalon

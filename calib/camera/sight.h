@@ -1,0 +1,20 @@
+// Rays that may lie anywhere about a camera, seen by one that looks their way: as points of a
+// plane, as the closed forms for a plane's pose want them. Rays are as Projector::ray() has them.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <vector>
+
+namespace etalon {
+
+// Turns the rays' mean into the axis.
+Eigen::Quaterniond turn_to_mean(const std::vector<Eigen::Vector3d>& rays);
+
+struct SeenAcross {
+    std::vector<std::size_t> kept;        // which rays are less than 80 degrees from the axis then
+    std::vector<Eigen::Vector2d> points;  // their X/Z and Y/Z
+};
+SeenAcross seen_across(const Eigen::Quaterniond& turn, const std::vector<Eigen::Vector3d>& rays);
+
+}  // namespace etalon

@@ -127,13 +127,7 @@ const Model& model_for(const CameraModel& camera, const std::filesystem::path& p
         if (model.one_focal_length || model.projection != camera.projection.kind)
             continue;
         last = &model;
-        const auto coefficients = camera.distortion.coefficients();
-        bool holds = true;
-        for (std::size_t i = 0; i < coefficients.size(); ++i)
-            holds &= coefficients[i] == 0.0 ||
-                     std::find(model.parameters.begin(), model.parameters.end(),
-                               distortion_names[i]) != model.parameters.end();
-        if (holds)
+        if (holds_only(camera.distortion, model.parameters))
             return model;
     }
     require_only(camera, last->parameters, path, "COLMAP");

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "calib/camera/parameter_names.h"
 #include "core/range.h"
@@ -48,6 +49,17 @@ Distortion distortion_of(const ForeignMatrix& matrix) {
     return Distortion::from_opencv_order(all);
 }
 
+// The first coefficient that is not 0 and not named.
+std::optional<std::size_t> first_besides(const Distortion& distortion,
+                                         const std::vector<std::string_view>& names) {
+    const auto coefficients = distortion.coefficients();
+    for (std::size_t i = 0; i < coefficients.size(); ++i)
+        if (coefficients[i] != 0.0 &&
+            std::find(names.begin(), names.end(), distortion_names[i]) == names.end())
+            return i;
+    return std::nullopt;
+}
+
 }  // namespace
 
 CameraModel camera_from_matrices(const ForeignMatrix& camera_matrix,
@@ -90,14 +102,16 @@ int shortest_distortion(const CameraModel& camera, std::initializer_list<int> co
     return 0;
 }
 
+bool holds_only(const Distortion& distortion, const std::vector<std::string_view>& names) {
+    return !first_besides(distortion, names);
+}
+
 void require_only(const CameraModel& camera, const std::vector<std::string_view>& names,
                   const std::filesystem::path& path, const char* format) {
-    const auto coefficients = camera.distortion.coefficients();
-    for (std::size_t i = 0; i < coefficients.size(); ++i)
-        if (coefficients[i] != 0.0 &&
-            std::find(names.begin(), names.end(), distortion_names[i]) == names.end())
-            throw ConfigError({path.string()}, fmt::format("{} has no place for {} = {}", format,
-                                                           distortion_names[i], coefficients[i]));
+    if (const auto i = first_besides(camera.distortion, names))
+        throw ConfigError({path.string()},
+                          fmt::format("{} has no place for {} = {}", format, distortion_names[*i],
+                                      camera.distortion.coefficients()[*i]));
 }
 
 void require_projection(const CameraModel& camera, const std::filesystem::path& path,

@@ -39,7 +39,9 @@ Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy, const 
 int shortest_distortion(const CameraModel& camera, std::initializer_list<int> counts,
                         const std::filesystem::path& path, const char* format);
 
-// The same for a format that names its coefficients: those not in `names` must be 0.
+// The same for a format that names its coefficients: those not in `names` must be 0. And whether
+// they are.
+bool holds_only(const Distortion& distortion, const std::vector<std::string_view>& names);
 void require_only(const CameraModel& camera, const std::vector<std::string_view>& names,
                   const std::filesystem::path& path, const char* format);
 

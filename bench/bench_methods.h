@@ -37,9 +37,10 @@ struct BenchScene {
     std::string name;
     std::vector<BenchRow> rows;  // `default` first
     double cache_ms = 0.0;       // CPU time to build what the renderer keeps for this camera
-    int refined_pixels = 0;      // within blur radius + 1 px of an edge (the published method's)
-    double ns_per_ray = 0.0;     // of the published method, from its two largest settings
-    int refused_poses = 0;       // of the cloud, with NumericalError; not in the rows
+    int refined_pixels = 0;   // within blur radius + 1 px of an edge (the published method's); of a
+                              // wide lens those of the tiles that are not uniform
+    double ns_per_ray = 0.0;  // of the published method, from its two largest settings
+    int refused_poses = 0;    // of the cloud, with NumericalError; not in the rows
     std::vector<std::string> left_out;  // settings not measured, and why
 
     // Nothing where the setting was not measured.

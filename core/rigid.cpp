@@ -4,6 +4,13 @@
 
 namespace etalon {
 
+Eigen::Quaterniond rotation_between(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+    const Eigen::Vector3d a = from.normalized(), b = to.normalized();
+    const double twice_squared_cosine = 1.0 + a.dot(b);  // of half the angle
+    const Eigen::Vector3d axis = twice_squared_cosine > 1e-15 ? a.cross(b) : a.unitOrthogonal();
+    return Eigen::Quaterniond(twice_squared_cosine, axis.x(), axis.y(), axis.z()).normalized();
+}
+
 Eigen::Quaterniond rotation_from_vector(const Eigen::Vector3d& v) {
     const double angle = v.norm();
     // sin(a/2)/a by its series where the quotient would lose digits; the next term is a^4/3840.

@@ -32,6 +32,10 @@ struct Rigid {
 // Rotation vector (axis times angle, rad) to quaternion and back. rotation_vector() returns the
 // shortest one, |v| <= pi. Both are accurate to rounding for every angle, 0 and pi included.
 Eigen::Quaterniond rotation_from_vector(const Eigen::Vector3d& rotation_vector);
+
+// The smallest rotation that takes one direction to another (of any length, not zero); about any
+// axis across them where they are opposite.
+Eigen::Quaterniond rotation_between(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
 Eigen::Vector3d rotation_vector(const Eigen::Quaterniond& rotation);
 
 // [v]x, the matrix of the cross product: cross_matrix(v) * w == v.cross(w).

@@ -21,9 +21,9 @@ RenderedImage render_once(const CameraModel& camera, const Scene& scene,
 
 std::vector<StabilityCase> stability_cases() {
     std::vector<StabilityCase> all;
-    for (const auto& group :
-         {geometry_cases(), camera_cases(), input_cases(), invariant_cases(), projection_cases(),
-          wide_lens_cases(), servo_cases(), calibration_cases(), registration_cases()})
+    for (const auto& group : {geometry_cases(), camera_cases(), input_cases(), invariant_cases(),
+                              projection_cases(), wide_lens_cases(), wide_render_cases(),
+                              servo_cases(), calibration_cases(), registration_cases()})
         all.insert(all.end(), group.begin(), group.end());
     return all;
 }

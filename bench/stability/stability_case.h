@@ -45,6 +45,7 @@ std::vector<StabilityCase> input_cases();         // what is refused, and the se
 std::vector<StabilityCase> invariant_cases();     // symmetries and limits
 std::vector<StabilityCase> projection_cases();    // there and back
 std::vector<StabilityCase> wide_lens_cases();     // the same of lenses that see more than a plane
+std::vector<StabilityCase> wide_render_cases();   // renders through such lenses
 std::vector<StabilityCase> servo_cases();         // the twin's stage; no renderer is asked
 std::vector<StabilityCase> calibration_cases();   // fits in double and long double; none either
 std::vector<StabilityCase> registration_cases();  // what a stage leaves free; none either

@@ -6,12 +6,17 @@
 
 namespace etalon {
 
+double image_distance_mm(const CameraModel& camera) {
+    return camera.intrinsics.fx * scale_on_axis(camera.projection) *
+           camera.sensor->pixel_pitch_um * 1e-3;
+}
+
 ThinLens thin_lens(const CameraModel& camera) {
-    require_perspective(camera, "a thin lens");
+    require_point_of_view(camera, "a thin lens");
     if (!camera.lens || !camera.sensor)
         throw NumericalError("a thin lens needs the lens and the sensor section of the camera");
     const Lens& lens = *camera.lens;
-    const double v = camera.intrinsics.fx * camera.sensor->pixel_pitch_um * 1e-3;
+    const double v = image_distance_mm(camera);
     const bool usable = std::isfinite(v) && v > 0.0 && lens.focus_distance_mm > 0.0 &&
                         std::isfinite(lens.f_number) && lens.f_number > 0.0;
     if (!usable)
@@ -63,7 +68,8 @@ double blur_radius_px(const CameraModel& camera, double z_mm) {
     }
     const ThinLens lens = thin_lens(camera);
     const double vergence = std::abs(1.0 / z_mm - lens.inverse_focus_per_mm);
-    return camera.intrinsics.fx * lens.aperture_diameter_mm / 2.0 * vergence;
+    return camera.intrinsics.fx * scale_on_axis(camera.projection) * lens.aperture_diameter_mm /
+           2.0 * vergence;
 }
 
 double polynomial_illumination(const std::array<double, 3>& coefficients, double s) {

@@ -137,9 +137,14 @@ struct CameraModel {
     std::optional<CameraUncertainty> standard_uncertainty;
 };
 
-// The thin lens in numbers, from the image distance that the calibration measured: v = fx * pitch.
+// v = fx * pitch, of a wide lens times scale_on_axis(); of a camera with a sensor section and a
+// point of view.
+double image_distance_mm(const CameraModel& camera);
+
+// The thin lens in numbers, from the image distance that the calibration measured. A wide lens is
+// one near its axis; elsewhere its pupil and focus are as docs/rendering.md says.
 struct ThinLens {
-    double image_distance_mm;     // v
+    double image_distance_mm;     // v, as above
     double focal_length_mm;       // 1/f = 1/z_f + 1/v
     double aperture_diameter_mm;  // d = f/N
     double working_f_number;      // N_w = v/d
@@ -168,7 +173,7 @@ TelecentricLens telecentric_lens(const CameraModel& camera);
 double working_f_number(const CameraModel& camera);
 
 // Radius in pixels of the blur disk of a point at depth z_mm > 0 along x:
-// fx * d/2 * |1/z - 1/z_f|, telecentric fx * tan(asin(object_na)) * |z - z_f|; along y it is this
+// fx * d/2 * |1/z - 1/z_f| (of a wide lens on the axis, times scale_on_axis()), telecentric fx * tan(asin(object_na)) * |z - z_f|; along y it is this
 // times fy/fx. Zero for a camera without a lens section, or with a measured point spread, which
 // holds its blur. Throws NumericalError when z_mm is not positive.
 double blur_radius_px(const CameraModel& camera, double z_mm);

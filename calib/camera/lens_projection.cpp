@@ -229,6 +229,10 @@ const ProjectionName& name_of(Projection kind) {
     return names[static_cast<std::size_t>(kind)];
 }
 
+double scale_on_axis(const LensProjection& projection) {
+    return onto_plane(projection, Eigen::Vector3d::UnitZ())->by_ray(0, 0);
+}
+
 double plane_limit(const LensProjection& p) {
     constexpr double none = std::numeric_limits<double>::infinity();
     const auto of_alpha = [&](double beta) {

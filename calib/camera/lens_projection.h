@@ -71,6 +71,10 @@ const ProjectionName& name_of(Projection kind);
 // The radius on the plane at which the projection ends; infinity where it does not.
 double plane_limit(const LensProjection& projection);
 
+// d|m| / d theta on the axis, which times f_x is the image distance in px: 1 of most, 1 / (1 + a) of
+// unified and double sphere, 2 tan(a/2) / a of field of view.
+double scale_on_axis(const LensProjection& projection);
+
 // Where a ray is imaged, in units of the focal length (telecentric: mm), with its derivatives.
 template <typename Scalar>
 struct BasicOnPlane {

@@ -29,9 +29,14 @@ const CameraModel& checked(const CameraModel& camera) {
 }
 
 // The two flat projections, which rendering lives on, without the checks of onto_plane().
-std::optional<OnPlane> projected(const LensProjection& projection, const Eigen::Vector3d& p) {
-    if (!projection.is_flat())
-        return onto_plane(projection, p);
+std::optional<OnPlane> projected(const LensProjection& projection, const Eigen::Matrix3d& turn,
+                                 const Eigen::Vector3d& p) {
+    if (!projection.is_flat()) {
+        auto plane = onto_plane(projection, turn.transpose() * p);
+        if (plane)
+            plane->by_ray *= turn.transpose();
+        return plane;
+    }
     if (!(p.z() > 0.0))
         return std::nullopt;
     OnPlane result{p.head<2>()};
@@ -64,6 +69,12 @@ Projector::Projector(const CameraModel& camera, ValidRegion region)
       pixel_size_(1.0 / std::min(camera.intrinsics.fx, camera.intrinsics.fy)),
       region_(std::move(region)) {}
 
+Projector Projector::turned(const Eigen::Quaterniond& turn) const {
+    Projector result = *this;
+    result.turn_ = turn.toRotationMatrix() * turn_;
+    return result;
+}
+
 std::optional<Distorted> Projector::distorted(const Eigen::Vector2d& undistorted) const {
     if (!region_.contains(undistorted))
         return std::nullopt;
@@ -80,7 +91,7 @@ bool Projector::is_valid(const Eigen::Vector2d& undistorted) const {
 }
 
 std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d& p_camera) const {
-    const auto plane = projected(camera_.projection, p_camera);
+    const auto plane = projected(camera_.projection, turn_, p_camera);
     const auto d = plane ? distorted(plane->point) : std::nullopt;
     if (!d)
         return std::nullopt;
@@ -174,7 +185,10 @@ std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pix
 
 std::optional<Eigen::Vector3d> Projector::ray(const Eigen::Vector2d& pixel) const {
     const auto point = undistorted(pixel);
-    return point ? from_plane(camera_.projection, *point) : std::nullopt;
+    auto ray = point ? from_plane(camera_.projection, *point) : std::nullopt;
+    if (ray && !camera_.projection.is_flat())
+        *ray = turn_ * *ray;
+    return ray;
 }
 
 std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel) const {
@@ -190,7 +204,7 @@ Eigen::Matrix2d Projector::pixel_by_normalised(const Eigen::Vector2d& normalised
     const Eigen::Vector2d focal(camera_.intrinsics.fx, camera_.intrinsics.fy);
     if (camera_.projection.is_flat())
         return focal.asDiagonal() * distort(camera_.distortion, normalised).jacobian;
-    const auto plane = onto_plane(camera_.projection, Eigen::Vector3d(normalised.homogeneous()));
+    const auto plane = projected(camera_.projection, turn_, normalised.homogeneous());
     return focal.asDiagonal() * distort(camera_.distortion, plane->point).jacobian *
            plane->by_ray.leftCols<2>();
 }

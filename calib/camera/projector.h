@@ -12,6 +12,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <optional>
 
 #include "calib/camera/camera_model.h"
@@ -38,6 +39,13 @@ public:
     // A camera that differs from `like` by little, as differences need it: the border of its valid
     // region is taken from there, so that it costs next to nothing.
     Projector(const CameraModel& camera, const Projector& like);
+
+    // A wide lens's camera, described in a frame that is turned about its centre: what is called
+    // p_camera and a ray is `turn` times what it was, and angles to the axis are those to the new
+    // one. Markers far from the axis are seen as others are (docs/rendering.md).
+    Projector turned(const Eigen::Quaterniond& turn) const;
+    // The optical axis in that frame; (0, 0, 1) if it was not turned.
+    Eigen::Vector3d axis() const { return turn_.col(2); }
 
     // Nothing when the projection has no image of the point (of a flat one: z <= 0), when it is
     // outside the valid region, or not finite. The pixel may lie outside the image.
@@ -77,6 +85,7 @@ private:
     CameraModel camera_;
     bool has_distortion_, has_tilt_;
     Eigen::Matrix3d tilt_, untilt_;
+    Eigen::Matrix3d turn_ = Eigen::Matrix3d::Identity();  // of a wide lens: see turned()
     double pixel_size_;  // of one pixel in normalised coordinates, the larger of x and y
     ValidRegion region_;
 };

@@ -1,12 +1,14 @@
 #include "calib/camera/sight.h"
 
+#include "core/rigid.h"
+
 namespace etalon {
 
 Eigen::Quaterniond turn_to_mean(const std::vector<Eigen::Vector3d>& rays) {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     for (const Eigen::Vector3d& ray : rays)
         mean += ray;
-    return Eigen::Quaterniond::FromTwoVectors(mean, Eigen::Vector3d::UnitZ());
+    return rotation_between(mean, Eigen::Vector3d::UnitZ());
 }
 
 SeenAcross seen_across(const Eigen::Quaterniond& turn, const std::vector<Eigen::Vector3d>& rays) {

@@ -160,14 +160,15 @@ Lens read_lens(const StrictFile& file, const Value& value, const CameraModel& ca
         if (lens.object_na == 1.0)
             value.at("object_na").fail("must be less than 1");
     } else {
-        const double image_distance_mm =
-            camera.intrinsics.fx * camera.sensor->pixel_pitch_um * 1e-3;
         lens.focus_distance_mm = read_focus_distance(value.at("focus_distance_mm"));
-        lens.f_number = read_f_number(value, image_distance_mm, lens.focus_distance_mm);
+        lens.f_number = read_f_number(value, image_distance_mm(camera), lens.focus_distance_mm);
     }
     lens.wavelength_nm = value.at("wavelength_nm").number(units::nm.positive());
     if (const auto psf = value.find("psf"))
         lens.psf = read_point_spread(file, *psf, uncertainty.psf_density);
+    if (lens.psf.kind == PointSpread::Kind::wave && !camera.projection.is_flat())
+        value.at("psf").fail(fmt::format("wave belongs to a flat projection: this one is {}",
+                                         name_of(camera.projection.kind).name));
     return lens;
 }
 
@@ -390,11 +391,6 @@ CameraModel read_own_camera(const std::filesystem::path& path) {
         check_illumination(camera, *sensor);
     }
     if (const auto lens = root.find("lens")) {
-        if (!camera.projection.is_flat())
-            lens->fail(
-                fmt::format("has no meaning yet for a lens that is {}: its blur is not "
-                            "rendered",
-                            name_of(camera.projection.kind).name));
         root.at("sensor").at("pixel_pitch_um").number(units::um.positive());
         camera.lens = read_lens(file, *lens, camera, uncertainty);
         check_lens(camera, *lens);

@@ -89,7 +89,7 @@ struct PlanePose {
 // value, 1 / depth; what lies along the line of sight is known but for a sign.
 std::array<PlanePose, 2> poses_of(const Eigen::Vector2d& v, const Eigen::Matrix2d& derivatives) {
     const Eigen::Matrix3d to_sight =
-        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), v.homogeneous())
+        rotation_between(Eigen::Vector3d::UnitZ(), v.homogeneous())
             .toRotationMatrix();
     Eigen::Matrix<double, 2, 3> projected;
     projected << 1, 0, -v.x(), 0, 1, -v.y();

@@ -21,13 +21,12 @@ struct EdgeOnBoard {
 std::optional<EdgeOnBoard> on_board(const EdgeShift& edge, const Rigid& camera_from_marker,
                                     const Projector& projector, const ComparedArea& area) {
     constexpr double min_px_per_mm = 1e-6;
-    const auto ray = projector.unproject(edge.middle_px);
+    const auto ray = projector.ray(edge.middle_px);
     if (!ray)
         return std::nullopt;
     const Eigen::Vector3d normal = camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
-    const double depth =
-        normal.dot(camera_from_marker.translation) / normal.dot(ray->homogeneous());
-    const Eigen::Vector3d point = camera_from_marker.inverse() * (depth * ray->homogeneous());
+    const double depth = normal.dot(camera_from_marker.translation) / normal.dot(*ray);
+    const Eigen::Vector3d point = camera_from_marker.inverse() * (depth * *ray);
     const Eigen::Array2d cells =
         (point.head<2>() - area.cell_corner_mm).array() / area.cell_mm.array();
     const auto moved_px = [&](int axis) {  // along the edge's normal, by a mm

@@ -128,7 +128,8 @@ private:
         frame.undistorted = *x;
         frame.normal = gradient->normalized();
         frame.tangent = {-frame.normal.y(), frame.normal.x()};
-        frame.px_per_unit = line.row.head<2>().norm() / gradient->norm();
+        const Aperture pupil{.faces_rays = !projector_.camera().projection.is_flat()};
+        frame.px_per_unit = (pupil.pupil(*x) * line.row.head<2>()).norm() / gradient->norm();
         const double half = std::min(std::abs((*last - *centre).dot(frame.tangent)),
                                      std::abs((*first - *centre).dot(frame.tangent)));
         frame.half_length_px = half - selection_.clearance_px;
@@ -277,9 +278,15 @@ TargetEdges target_edges(const LinearPhoto& photo, const Projector& projector, c
                          const Rigid& camera_from_marker, const ComparedArea& area,
                          const EdgeSelection& selection, int photo_number) {
     require_usable(photo, projector, selection);
-    const PlaneView plane(marker.grid, camera_from_marker,
-                          projector.camera().projection.of_normalised());
-    const EdgeReader reader(photo, projector, plane, area, selection);
+    const CameraModel& camera = projector.camera();
+    const PlacedMarker placed{marker.grid, camera_from_marker};
+    const Eigen::Quaterniond turn = turn_towards(placed, camera);
+    const bool is_flat = camera.projection.is_flat();
+    const Projector seen_by = is_flat ? projector : projector.turned(turn);
+    const PlaneView plane(marker.grid,
+                          is_flat ? camera_from_marker : turned(placed, turn).camera_from_marker,
+                          camera.projection.of_normalised());
+    const EdgeReader reader(photo, seen_by, plane, area, selection);
     TargetEdges result;
     for (const GridEdge& edge : grid_edges(marker.grid))
         reader.read(edge, photo_number, result);

@@ -56,8 +56,9 @@ struct StraightEdge {
     // Of the target along the edge: mean of 1/z and variance about it. A telecentric camera's is z.
     double depth_term = 0.0, depth_term_variance = 0.0;
     Eigen::Vector2d undistorted = Eigen::Vector2d::Zero();  // of centre_px: normalised coordinates
-    // Pixels along the normal per unit of undistorted image coordinate: fx and fy, distortion
-    // included. Makes a blur on the normalised image plane one in pixels.
+    // Pixels along the normal per unit of undistorted image coordinate: fx and fy, distortion and
+    // how a wide lens's pupil is seen included. Makes a blur on the normalised image plane one in
+    // pixels. All of a wide lens in the frame that looks at the target (turn_towards()).
     double px_per_unit = 0.0;
     // A length along the normal in px is this times one in units of the pixel pitch along x
     // (1 where fx = fy): hypot(nx, ny fy / fx).

@@ -122,10 +122,10 @@ PlaneSight::PlaneSight(const Projector& projector, const Rigid& camera_from_mark
 }
 
 Eigen::Vector3d PlaneSight::exactly(int x, int y) const {
-    const auto ray = projector_->unproject({x, y});
+    const auto ray = projector_->ray({x, y});
     if (!ray)
         return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
-    return plane_from_ray_ * ray->homogeneous();
+    return plane_from_ray_ * *ray;
 }
 
 std::optional<Eigen::Vector3d> PlaneSight::at(int x, int y) const {

@@ -67,11 +67,11 @@ Rigid moved_in_image(const Projector& projector, const Rigid& camera_from_marker
     const Eigen::Vector3d middle =
         camera_from_marker * grid.point_mm(0.5 * grid.columns(), 0.5 * grid.rows());
     const auto pixel = projector.project(middle);
-    const auto there = pixel ? projector.unproject(*pixel + shift_px) : std::nullopt;
+    const auto there = pixel ? projector.ray(*pixel + shift_px) : std::nullopt;
     if (!there)
         throw NumericalError("the start does not put the marker's middle into the image");
     Rigid moved = camera_from_marker;
-    moved.translation += middle.z() * there->homogeneous() - middle;
+    moved.translation += middle.norm() * there->normalized() - middle;
     return moved;
 }
 

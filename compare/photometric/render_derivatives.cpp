@@ -9,11 +9,10 @@
 namespace etalon {
 namespace {
 
-// Where the ray meets the marker's plane, in the camera's frame; nothing behind the camera.
+// Where the ray meets the marker's plane, in the camera's frame; nothing behind its start.
 std::optional<Eigen::Vector3d> point_on_marker(const Rigid& camera_from_marker,
-                                               const Eigen::Vector2d& undistorted) {
+                                               const Eigen::Vector3d& ray) {
     const Eigen::Vector3d normal = camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
-    const Eigen::Vector3d ray = undistorted.homogeneous();
     const double depth = normal.dot(camera_from_marker.translation) / normal.dot(ray);
     if (!(depth > 0) || !std::isfinite(depth))
         return std::nullopt;
@@ -54,10 +53,10 @@ ImageMotion::ImageMotion(const Projector& projector, const Rigid& camera_from_ma
 void ImageMotion::evaluate(const Projector& projector, const Rigid& camera_from_marker,
                            const CalibrationModel& parameters, int node_x, int node_y) {
     const Eigen::Vector2d pixel(region_.x + node_x * spacing_px_, region_.y + node_y * spacing_px_);
-    const auto undistorted = projector.unproject(pixel);
-    if (!undistorted)
+    const auto ray = projector.ray(pixel);
+    if (!ray)
         return;
-    const auto point = point_on_marker(camera_from_marker, *undistorted);
+    const auto point = point_on_marker(camera_from_marker, *ray);
     if (!point)
         return;
     const auto projected = projector.project_with_jacobian(*point);
@@ -66,7 +65,7 @@ void ImageMotion::evaluate(const Projector& projector, const Rigid& camera_from_
     Eigen::Matrix2Xd motion(2, columns_);
     if (columns_ > 6)
         motion.leftCols(columns_ - 6) =
-            parameter_jacobian(projector.camera(), undistorted->homogeneous(), parameters);
+            parameter_jacobian(projector.camera(), *ray, parameters);
     motion.rightCols<6>() =
         projected->jacobian * moved_by_pose(*point - camera_from_marker.translation);
     if (!motion.allFinite())

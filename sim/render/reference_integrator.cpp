@@ -53,12 +53,41 @@ struct TracedMarker {
     }
 };
 
-// A pixel that has a ray, with the linear start for Newton's method around it.
+// A pixel that has a ray, with the linear start for Newton's method around it (of a flat
+// projection).
 struct PixelRay {
     cv::Point pixel;
-    Eigen::Vector2d x;
-    Eigen::Matrix2d x_by_pixel;
+    Eigen::Vector2d x = Eigen::Vector2d::Zero();
+    Eigen::Matrix2d x_by_pixel = Eigen::Matrix2d::Zero();
 };
+
+// A ray's point at a parameter, which grows along it, is from + parameter * along.
+struct Ray {
+    Eigen::Vector3d from, along;
+};
+
+// Perspective: (z x + l (1 - z / z_f), z) passes l at depth 0 and the focus plane at z_f x.
+// Telecentric: (x + l (z - z_f), z), l the tangents of the ray's angles.
+Ray flat_ray(const Aperture& aperture, const Eigen::Vector2d& x, const Eigen::Vector2d& l) {
+    const double focus = aperture.focus(x);
+    Ray ray{Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitZ()};
+    if (aperture.projection == Projection::telecentric) {
+        ray.from.head<2>() = x - focus * l;
+        ray.along.head<2>() = l;
+    } else {
+        ray.from.head<2>() = l;
+        ray.along.head<2>() = x - focus * l;
+    }
+    return ray;
+}
+
+// Of a wide lens: from the point l of the disc that faces the chief ray, of length 1, to where that
+// ray is sharp.
+Ray wide_ray(const Aperture& aperture, const Eigen::Vector3d& chief, const Eigen::Vector2d& l) {
+    const Eigen::Vector3d across = chief.unitOrthogonal(), other = chief.cross(across);
+    const Eigen::Vector3d from = l.x() * across + l.y() * other;
+    return {from, chief - aperture.focus_on_axis * from};
+}
 
 // Sum over the samples of each scramble so far, as differences from the background.
 struct Sums {
@@ -87,9 +116,11 @@ public:
     }
 
     std::optional<PixelRay> ray(const cv::Point& pixel) const {
-        const auto x = projector_.unproject({pixel.x, pixel.y});
+        const auto x = projector_.undistorted({pixel.x, pixel.y});
         if (!x)
             return std::nullopt;
+        if (!camera_.projection.is_flat())
+            return PixelRay{pixel};
         return PixelRay{pixel, *x, projector_.pixel_by_normalised(*x).inverse()};
     }
 
@@ -139,10 +170,18 @@ private:
             offset += on_sensor(wave_->radius_of(energy.within, blur_radius_px(*seen)), u[5]);
             weight = energy.weight;
         }
+        const auto seen_by = ray_of(ray, offset, l);
+        return seen_by ? weight * (radiance(*seen_by) - scene_.background) : 0.0;
+    }
+
+    std::optional<Ray> ray_of(const PixelRay& ray, const Eigen::Vector2d& offset,
+                              const Eigen::Vector2d& l) const {
+        if (!camera_.projection.is_flat()) {
+            const auto chief = projector_.ray(Eigen::Vector2d(ray.pixel.x, ray.pixel.y) + offset);
+            return chief ? std::optional(wide_ray(aperture_, *chief, l)) : std::nullopt;
+        }
         const auto x = undistorted(ray, offset);
-        if (!x)
-            return 0.0;
-        return weight * (radiance(*x, l) - scene_.background);
+        return x ? std::optional(flat_ray(aperture_, *x, l)) : std::nullopt;
     }
 
     // A point of the pattern, px. It is round on the sensor; a pixel is fx/fy as high as wide.
@@ -154,7 +193,7 @@ private:
 
     // Of the (only) marker's plane where the chief ray of a sensor point meets it.
     double blur_radius_px(const Eigen::Vector2d& x) const {
-        const Ray ray = ray_through(x, Eigen::Vector2d::Zero());
+        const Ray ray = flat_ray(aperture_, x, Eigen::Vector2d::Zero());
         const double inverse_depth = markers_.front().inverse_depth(ray.from, ray.along);
         const double focus = aperture_.focus(x);
         const double defocus = camera_.projection.kind == Projection::telecentric
@@ -163,8 +202,7 @@ private:
         return camera_.intrinsics.fx * aperture_.radius_mm * std::abs(defocus);
     }
 
-    // Newton's method from the linear guess; the projector's safeguarded one where it fails, and of
-    // a wide lens.
+    // Newton's method from the linear guess; the projector's safeguarded one where it fails.
     std::optional<Eigen::Vector2d> undistorted(const PixelRay& ray,
                                                const Eigen::Vector2d& offset) const {
         const Intrinsics& i = camera_.intrinsics;
@@ -172,8 +210,6 @@ private:
         const Eigen::Vector2d target((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
         if (images_lines_straight(camera_))
             return target;
-        if (!camera_.projection.is_flat())
-            return projector_.unproject(pixel);
         Eigen::Vector2d x = ray.x + ray.x_by_pixel * offset;
         for (int iteration = 0; iteration < 4; ++iteration) {
             if (!projector_.valid_region().contains(x))
@@ -190,28 +226,7 @@ private:
         return projector_.unproject(pixel);
     }
 
-    // A ray's camera-frame point at depth z is from + z along.
-    struct Ray {
-        Eigen::Vector3d from, along;
-    };
-
-    // Perspective: (z x + l (1 - z / z_f), z) passes l at depth 0 and the focus plane at z_f x.
-    // Telecentric: (x + l (z - z_f), z), l the tangents of the ray's angles.
-    Ray ray_through(const Eigen::Vector2d& x, const Eigen::Vector2d& l) const {
-        const double focus = aperture_.focus(x);
-        Ray ray{Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitZ()};
-        if (camera_.projection.kind == Projection::telecentric) {
-            ray.from.head<2>() = x - focus * l;
-            ray.along.head<2>() = l;
-        } else {
-            ray.from.head<2>() = l;
-            ray.along.head<2>() = x - focus * l;
-        }
-        return ray;
-    }
-
-    double radiance(const Eigen::Vector2d& x, const Eigen::Vector2d& l) const {
-        const Ray ray = ray_through(x, l);
+    double radiance(const Ray& ray) const {
         double nearest = std::numeric_limits<double>::infinity();
         double seen = scene_.background;
         for (const TracedMarker& marker : markers_)

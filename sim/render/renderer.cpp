@@ -9,6 +9,7 @@
 #include "core/errors.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/render_sampling.h"
+#include "sim/render/sensor_map.h"
 #include "sim/render/wave_render.h"
 #include "sim/scene/marker_outline.h"
 #include "sim/scene/marker_view.h"
@@ -20,39 +21,19 @@
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
-namespace {
-
-// 255 where the pixel's centre has a ray.
-cv::Mat valid_mask(const CameraModel& camera, const UndistortionMap& map) {
-    cv::Mat valid(camera.height, camera.width, CV_8UC1);
-    const cv::Rect image(0, 0, camera.width, camera.height);
-    for (int j = 0; j * tile_px < camera.height; ++j)
-        for (int i = 0; i * tile_px < camera.width; ++i) {
-            const cv::Rect tile = cv::Rect(i * tile_px, j * tile_px, tile_px, tile_px) & image;
-            const auto validity = map.validity(i, j);
-            valid(tile).setTo(validity == UndistortionMap::Validity::all ? 255 : 0);
-            if (validity != UndistortionMap::Validity::some)
-                continue;
-            for (int y = tile.y; y < tile.br().y; ++y)
-                for (int x = tile.x; x < tile.br().x; ++x)
-                    valid.at<uchar>(y, x) = map.projector().unproject({x, y}) ? 255 : 0;
-        }
-    return valid;
-}
-
-}  // namespace
-
+// A wide lens is seen anew for every marker.
 struct Renderer::Cache {
     explicit Cache(const CameraModel& model)
         : camera(model),
+          projector(model),
           aperture(aperture_of(model)),
           filter(is_wave(model) ? without_lens(model) : model),
           box_filter(without_lens(model)),
-          bound(filter.point_spread()),
-          map(Projector(model), filter.reach_px() + 4 * tile_px),
-          tail(filter, map.projector()),
-          valid(valid_mask(model, map)),
-          invalid_pixels(static_cast<int>(valid.total()) - cv::countNonZero(valid)) {
+          bound(filter.point_spread()) {
+        if (model.projection.is_flat())
+            along_axis.emplace(filter, projector, cv::Rect(0, 0, model.width, model.height));
+        valid = along_axis ? valid_mask(model, along_axis->rays) : valid_mask(projector);
+        invalid_pixels = static_cast<int>(valid.total()) - cv::countNonZero(valid);
         if (is_wave(model))
             wave.emplace(model);
     }
@@ -67,12 +48,12 @@ struct Renderer::Cache {
     }
 
     CameraModel camera;
+    Projector projector;
     Aperture aperture;
     ImageFilter filter, box_filter;
     std::optional<WaveFilter> wave;  // in place of both
     SamplingBound bound;
-    UndistortionMap map;
-    TailPyramid tail;
+    std::optional<SensorMap> along_axis;  // of a flat projection
     cv::Mat valid;
     int invalid_pixels;
 };
@@ -256,20 +237,26 @@ public:
     MarkerRender(const Cache& cache, const Scene& scene, const PlacedMarker& marker,
                  const RenderOptions& options)
         : cache_(cache),
-          view_(marker, scene.background, cache.aperture),
-          outline_(marker_outline(view_, cache.map.projector(), 31)),
+          turn_(turn_towards(marker, cache.camera)),
+          view_(cache.along_axis ? marker : turned(marker, turn_), scene.background,
+                cache.aperture),
+          own_sensor_(cache.along_axis
+                          ? nullptr
+                          : sensor_towards(cache.projector.turned(turn_), cache.filter, view_)),
+          sensor_(cache.along_axis ? *cache.along_axis : *own_sensor_),
+          outline_(marker_outline(view_, sensor_.rays.projector(), 31)),
           all_refined_(std::find(options.keep.begin(), options.keep.end(),
                                  Omission::uniform_tiles) != options.keep.end()) {
         const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
-        const cv::Rect tiles = tiles_around(outline_, blur.largest_px, cache.map);
+        const cv::Rect tiles = tiles_around(outline_, blur.largest_px, sensor_.rays);
         const ImageExtremes image{blur,
-                                  distorted_blur(blur, view_, cache.map, tiles),
+                                  distorted_blur(blur, view_, sensor_.rays, tiles),
                                   largest_step(view_),
                                   view_.contrast(),
                                   area_around(outline_, blur.largest_px),
                                   shortest_cell(outline_, view_),
                                   tangents_of(outline_),
-                                  cache.map.bend(tiles),
+                                  sensor_.rays.bend(tiles),
                                   static_cast<int>(scene.markers.size())};
         chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
         chosen_.plan.instructions = tile_kernel_target();
@@ -284,12 +271,12 @@ public:
     // background.
     cv::Rect sample(const cv::Rect& region) {
         constexpr double max_px = 1e5;
-        samples_.emplace(view_, cache_.map, sampled_tiles(region, cache_.filter.reach_px()),
+        samples_.emplace(view_, sensor_.rays, sampled_tiles(region, cache_.filter.reach_px()),
                          chosen_.sampling, all_refined_);
         record(*samples_);
         const int reach = static_cast<int>(std::ceil(
             std::min(std::max<double>(cache_.filter.reach_px(), plan().tail_reach_px), max_px)));
-        sources_ = cache_.tail.sources(*samples_, view_, outline_, grown(region, reach, reach));
+        sources_ = sensor_.tail.sources(*samples_, view_, outline_, grown(region, reach, reach));
         return sources_.empty() ? cv::Rect() : grown(sources_, reach, reach) & region;
     }
 
@@ -301,8 +288,8 @@ public:
             add_filtered_band(samples_->field(), core, region, band, pixels);
         };
         if (plan().tail_reach_px > 0.0)
-            return cache_.tail.add(*samples_, view_, sources_, plan().tail_reach_px,
-                                   chosen_.finest_ring, region, background, pixels, add_core);
+            return sensor_.tail.add(*samples_, view_, sources_, plan().tail_reach_px,
+                                    chosen_.finest_ring, region, background, pixels, add_core);
         if (background)
             set_outside({}, region, *background, pixels);
         for_each_band(region, add_core);
@@ -330,7 +317,10 @@ private:
     }
 
     const Cache& cache_;
+    Eigen::Quaterniond turn_;  // of a wide lens
     MarkerView view_;
+    std::unique_ptr<const SensorMap> own_sensor_;  // of a wide lens
+    const SensorMap& sensor_;
     std::vector<Eigen::Vector2d> outline_;
     bool all_refined_;
     RenderSampling chosen_;
@@ -392,8 +382,8 @@ Renderer::Drawn Renderer::draw_wave(const Scene& scene, const RenderOptions& opt
     Drawn drawn{region, canvas(region), {}};
     set_outside({}, region, static_cast<float>(scene.background), drawn.pixels);
     if (options.method != RenderMethod::reference)
-        drawn.pixels +=
-            wave_difference(view, cache_->map, *cache_->wave, region, options.tolerance_gray);
+        drawn.pixels += wave_difference(view, cache_->along_axis->rays, *cache_->wave, region,
+                                        options.tolerance_gray);
     const BlurRange blur = blur_over_marker(view, cache_->camera.intrinsics);
     drawn.plan.method =
         options.method == RenderMethod::reference ? RenderMethod::reference : RenderMethod::wave;

@@ -14,7 +14,7 @@ bool shows_front(const CameraModel& camera, const Rigid& camera_from_marker) {
     const double before = camera.projection.kind == Projection::telecentric
                               ? inward.z()
                               : inward.dot(camera_from_marker.translation);
-    return before > radius * inward.head<2>().norm();
+    return before > radius * (camera.projection.is_flat() ? inward.head<2>().norm() : 1.0);
 }
 
 bool is_inside(const CameraModel& camera, const Eigen::Vector2d& pixel, double margin_px) {

@@ -91,10 +91,21 @@ Aperture aperture_of(const CameraModel& camera) {
     const ThinLens lens = thin_lens(camera);
     aperture.radius_mm = has_blur ? lens.aperture_diameter_mm / 2.0 : 0.0;
     aperture.focus_on_axis = lens.inverse_focus_per_mm;
+    aperture.faces_rays = !camera.projection.is_flat();
+    if (aperture.faces_rays)
+        return aperture;
     const Eigen::Vector3d r3 =
         tilt_matrix(camera.distortion.tau_x, camera.distortion.tau_y).row(2).transpose();
     aperture.focus_slope = -r3.head<2>() / (r3.z() * lens.image_distance_mm);
     return aperture;
+}
+
+// The root of I + x x^T stretches by |(x, 1)| along x and by 1 across.
+Eigen::Matrix2d Aperture::pupil(const Eigen::Vector2d& x) const {
+    Eigen::Matrix2d result = Eigen::Matrix2d::Identity();
+    if (faces_rays)
+        result += x * x.transpose() / (1.0 + x.homogeneous().norm());
+    return result;
 }
 
 void check_scene(const Scene& scene) {
@@ -127,17 +138,12 @@ MarkerView::MarkerView(const PlacedMarker& marker, double background, const Aper
     } else {
         e_ = h_.row(2).transpose();
     }
-    const double cut = turn().norm() * aperture_.radius_mm;
-    if (!h_.allFinite() || !e_.allFinite() || !(cut < 1.0))
-        throw NumericalError(fmt::format(
-            "the marker's plane cuts the aperture or the cone of rays (|a| d/2 = {:.6g})", cut));
-    lens_reach_ = aperture_.radius_mm / (1.0 - cut);
     outline_.low = outline_.high = sensor_point_of(0, 0);
     for (const auto& [u, v] : {std::pair{columns_, 0}, {0, rows_}, {columns_, rows_}}) {
         outline_.low = outline_.low.cwiseMin(sensor_point_of(u, v));
         outline_.high = outline_.high.cwiseMax(sensor_point_of(u, v));
     }
-    blurred_outline_ = blurred_outline();
+    bound_blur();
     cells_.assign(static_cast<std::size_t>((columns_ + 2) * (rows_ + 2)), background_);
     for (int j = 0; j < rows_; ++j)
         for (int i = 0; i < columns_; ++i)
@@ -146,16 +152,30 @@ MarkerView::MarkerView(const PlacedMarker& marker, double background, const Aper
 }
 
 // The other way round: the ray from the sensor point p of a marker's point through l meets the
-// sensor at x = p - l c(p) / (1 - g . l) with the focus' slope g. Where the marker's plane almost
-// cuts the lens, this is all that bounds what sees it: seen_through_lens() is then everything.
-Box MarkerView::blurred_outline() const {
-    double farthest = 0.0;
-    for (const auto& [u, v] : {std::pair{0, 0}, {columns_, 0}, {0, rows_}, {columns_, rows_}})
-        farthest = std::max(farthest, std::abs(defocus(sensor_point_of(u, v))));
-    const double cut = aperture_.radius_mm * aperture_.focus_slope.norm();
-    const double reach = cut < 1.0 ? aperture_.radius_mm * farthest / (1.0 - cut)
-                                   : std::numeric_limits<double>::infinity();
-    return with_margin(outline_, reach);
+// sensor where x = p - l (c(p) + focus(p) - focus(x)), so at most |l| |c(p)| / (1 - |l| |g|) away,
+// with the steepest g of the focus. Where the marker's plane almost cuts the lens, this is all that
+// bounds what sees it: seen_through_lens() is then everything. How long the pupil is as seen from
+// there is not known before: found step by step.
+void MarkerView::bound_blur() {
+    const DefocusRange c = defocus_of_marker();
+    const double farthest = std::max(std::abs(c.low), std::abs(c.high));
+    double widest = widest_pupil(outline_);
+    for (int step = 0; step < 20; ++step) {
+        const double lens = aperture_.radius_mm * widest;
+        const double cut = lens * aperture_.steepest_focus();
+        blurred_outline_ =
+            with_margin(outline_, cut < 1.0 ? lens * farthest / (1.0 - cut)
+                                            : std::numeric_limits<double>::infinity());
+        const double there = aperture_.faces_rays ? widest_pupil(blurred_outline_) : widest;
+        if (there <= widest)
+            break;
+        widest = 1.01 * there;
+    }
+    const double cut = turn().norm() * aperture_.radius_mm * widest;
+    if (!h_.allFinite() || !e_.allFinite() || !(cut < 1.0))
+        throw NumericalError(fmt::format(
+            "the marker's plane cuts the aperture or the cone of rays (|a| d/2 = {:.6g})", cut));
+    lens_reach_ = aperture_.radius_mm / (1.0 - cut);
 }
 
 double MarkerView::contrast() const {
@@ -165,20 +185,55 @@ double MarkerView::contrast() const {
     return largest;
 }
 
+// The focus sphere is convex in x, so c is concave: above, its tangent at the centre bounds it; it
+// is least at a corner. Affine, both are the same.
+DefocusRange MarkerView::defocus_over(const Box& box) const {
+    const Eigen::Vector2d centre = box.centre(), half = box.half();
+    const double middle = defocus(centre), reach = defocus_slope(centre).cwiseAbs().dot(half);
+    if (!aperture_.faces_rays)
+        return {middle - reach, middle + reach};
+    double least = std::numeric_limits<double>::infinity();
+    for (const double x : {-1.0, 1.0})
+        for (const double y : {-1.0, 1.0})
+            least = std::min(least, defocus(centre + half.cwiseProduct(Eigen::Vector2d(x, y))));
+    return {least, middle + reach};
+}
+
+DefocusRange MarkerView::defocus_of_marker() const {
+    if (aperture_.faces_rays)
+        return defocus_over(outline_);
+    DefocusRange c{std::numeric_limits<double>::infinity(),
+                   -std::numeric_limits<double>::infinity()};
+    for (const auto& [u, v] : {std::pair{0, 0}, {columns_, 0}, {0, rows_}, {columns_, rows_}}) {
+        const double there = defocus(sensor_point_of(u, v));
+        c = {std::min(c.low, there), std::max(c.high, there)};
+    }
+    return c;
+}
+
+// |P|, of the point of the box that is farthest from the axis.
+double MarkerView::widest_pupil(const Box& box) const {
+    return aperture_.faces_rays
+               ? box.low.cwiseAbs().cwiseMax(box.high.cwiseAbs()).homogeneous().norm()
+               : 1.0;
+}
+
 double MarkerView::largest_defocus(const Box& box) const {
-    return std::abs(defocus(box.centre())) + defocus_slope().cwiseAbs().dot(box.half());
+    const DefocusRange c = defocus_over(box);
+    return std::max(std::abs(c.low), std::abs(c.high)) * widest_pupil(box);
 }
 
 double MarkerView::smallest_defocus(const Box& box) const {
-    return std::max(0.0,
-                    std::abs(defocus(box.centre())) - defocus_slope().cwiseAbs().dot(box.half()));
+    const DefocusRange c = defocus_over(box);
+    return std::max({0.0, c.low, -c.high});
 }
 
-Eigen::Vector2d MarkerView::line_gradient(int axis, int index, const Eigen::Vector2d& l) const {
+Eigen::Vector2d MarkerView::line_gradient(int axis, int index, const Eigen::Vector2d& x,
+                                          const Eigen::Vector2d& l) const {
     // offset (1 - a.l) + c m.l with offset and c affine in x, m the line's own gradient.
     const Eigen::Vector3d h = h_.row(axis) - index * h_.row(2);
-    const Eigen::Vector2d m = h.head<2>();
-    return m * (1.0 - turn().dot(l)) + defocus_slope() * m.dot(l);
+    const Eigen::Vector2d m = h.head<2>(), seen = aperture_.pupil(x) * l;
+    return m * (1.0 - turn().dot(seen)) + defocus_slope(x) * m.dot(seen);
 }
 
 // |l c / (1 - a.l)| <= radius |c| / (1 - radius |a|) for every l on the lens.
@@ -284,19 +339,12 @@ std::optional<double> MarkerView::uniform_radiance(const CellRange& range) const
 }
 
 BlurRange blur_over_marker(const MarkerView& view, const Intrinsics& intrinsics) {
-    double least = std::numeric_limits<double>::infinity(), most = -least;
-    const double columns = view.columns(), rows = view.rows();
-    for (const auto& [u, v] : {std::pair{0.0, 0.0}, {columns, 0.0}, {0.0, rows}, {columns, rows}}) {
-        const double c = view.defocus(view.sensor_point_of(u, v));
-        least = std::min(least, c);
-        most = std::max(most, c);
-    }
+    const DefocusRange c = view.defocus_of_marker();
     const double rho = view.aperture().radius_mm;
-    const double smallest =
-        least <= 0.0 && most >= 0.0 ? 0.0 : std::min(std::abs(least), std::abs(most));
+    const double most = std::max(std::abs(c.low), std::abs(c.high));
     return {
-        rho * smallest * std::min(intrinsics.fx, intrinsics.fy),
-        rho * std::max(std::abs(least), std::abs(most)) * std::max(intrinsics.fx, intrinsics.fy)};
+        rho * std::max({0.0, c.low, -c.high}) * std::min(intrinsics.fx, intrinsics.fy),
+        rho * most * view.widest_pupil(view.outline()) * std::max(intrinsics.fx, intrinsics.fy)};
 }
 
 }  // namespace etalon

@@ -21,15 +21,30 @@
 
 namespace etalon {
 
-// What of the lens matters to the geometry. The focus is affine in the undistorted sensor point: a
-// tilted sensor (tau_x, tau_y) tilts the plane of sharp focus (Scheimpflug).
+// What of the lens matters to the geometry. The focus of a flat projection is affine in the
+// undistorted sensor point: a tilted sensor (tau_x, tau_y) tilts the plane of sharp focus
+// (Scheimpflug). A wide lens's pupil faces each ray, and its focus is a sphere about it.
 struct Aperture {
     Projection projection = Projection::perspective;
     double radius_mm = 0.0;      // 0: pinhole; telecentric: of the cone of rays 1 mm from its tip
     double focus_on_axis = 0.0;  // 1/z_f, 1/mm; telecentric: z_f, mm
     Eigen::Vector2d focus_slope = Eigen::Vector2d::Zero();  // d focus / dx
+    bool faces_rays = false;                                // of a wide lens
 
-    double focus(const Eigen::Vector2d& x) const { return focus_on_axis + focus_slope.dot(x); }
+    double focus(const Eigen::Vector2d& x) const {
+        return faces_rays ? focus_on_axis * x.homogeneous().norm()
+                          : focus_on_axis + focus_slope.dot(x);
+    }
+    Eigen::Vector2d focus_gradient(const Eigen::Vector2d& x) const {
+        return faces_rays ? Eigen::Vector2d(focus_on_axis * x / x.homogeneous().norm())
+                          : focus_slope;
+    }
+    // At most |focus_gradient()|.
+    double steepest_focus() const { return faces_rays ? focus_on_axis : focus_slope.norm(); }
+
+    // From points of the round pupil to lens points l, as the ray of a sensor point sees it:
+    // symmetric, its square I + x x^T; the identity of a flat projection.
+    Eigen::Matrix2d pupil(const Eigen::Vector2d& x) const;
 };
 
 // A pinhole for a camera without a lens section, and for one whose measured point spread holds all
@@ -48,6 +63,10 @@ struct Box {
     Eigen::Vector2d half() const { return 0.5 * (high - low); }
 };
 
+struct DefocusRange {
+    double low, high;
+};
+
 // Cells by column and row, both ends included; -1 and the grid's size stand for all background on
 // that side.
 struct CellRange {
@@ -56,16 +75,19 @@ struct CellRange {
     bool is_single() const { return first_column == last_column && first_row == last_row; }
 };
 
-// A grid line on the lens: the ray through l sees beyond the line where offset + slope . l >= 0.
+// A grid line on the lens: the ray through the point l of the round pupil sees beyond the line
+// where offset + slope . l >= 0.
 struct LensLine {
     double offset;
     Eigen::Vector2d slope;  // 1/mm
 };
 
-// h0, h1, h2 . (x, 1) of a sensor point (u = uvw[0] / uvw[2] on the chief ray), and its c.
+// h0, h1, h2 . (x, 1) of a sensor point (u = uvw[0] / uvw[2] on the chief ray), its c, and how it
+// sees the pupil.
 struct SensorPoint {
     Eigen::Vector3d uvw;
     double defocus;
+    Eigen::Matrix2d pupil;
 };
 
 class MarkerView {
@@ -89,7 +111,9 @@ public:
     // a: what turns a ray's step on the plane by its lens point; in units of 1/l.
     Eigen::Vector2d turn() const { return e_.head<2>(); }
     // d c / d x.
-    Eigen::Vector2d defocus_slope() const { return turn() - aperture_.focus_slope; }
+    Eigen::Vector2d defocus_slope(const Eigen::Vector2d& x) const {
+        return turn() - aperture_.focus_gradient(x);
+    }
 
     // The sensor point whose chief ray meets the grid at (u, v).
     Eigen::Vector2d sensor_point_of(double u, double v) const {
@@ -106,24 +130,36 @@ public:
         return e_.x() * x.x() + e_.y() * x.y() + e_.z() - aperture_.focus(x);
     }
 
-    // The largest |c| of a box, and the smallest (0 where it changes sign).
+    // How far the chief ray's point moves per mm of the round pupil, |P| |c|: at most in a box, and
+    // at least (0 where c changes sign).
     double largest_defocus(const Box& box) const;
     double smallest_defocus(const Box& box) const;
 
+    // Around the marker's sensor points, and around all that see it through some point of the lens.
+    const Box& outline() const { return outline_; }
+    const Box& blurred_outline() const { return blurred_outline_; }
+    // Of c over the marker: affine, it is extreme at a corner.
+    DefocusRange defocus_of_marker() const;
+    // |P|, at most in a box.
+    double widest_pupil(const Box& box) const;
+
     SensorPoint sensor_point(const Eigen::Vector2d& x) const {
-        return {h_.leftCols<2>() * x + h_.col(2), defocus(x)};
+        return {h_.leftCols<2>() * x + h_.col(2), defocus(x), aperture_.pupil(x)};
     }
 
     // The line u = index (axis 0) or v = index (axis 1) on the lens, for a sensor point.
     LensLine lens_line(int axis, int index, const SensorPoint& point) const {
         const double offset = point.uvw[axis] - index * point.uvw.z();
         const double mx = h_(axis, 0) - index * h_(2, 0), my = h_(axis, 1) - index * h_(2, 1);
-        return {offset,
-                {point.defocus * mx - offset * e_.x(), point.defocus * my - offset * e_.y()}};
+        const Eigen::Vector2d slope(point.defocus * mx - offset * e_.x(),
+                                    point.defocus * my - offset * e_.y());
+        return {offset, point.pupil * slope};
     }
 
-    // d/dx of the line's offset + slope . l for a fixed lens point l: the line is affine in x.
-    Eigen::Vector2d line_gradient(int axis, int index, const Eigen::Vector2d& l) const;
+    // d/dx of the line's offset + slope . l for a fixed point l of the round pupil: the line is
+    // affine in x, of a wide lens to first order in the blur.
+    Eigen::Vector2d line_gradient(int axis, int index, const Eigen::Vector2d& x,
+                                  const Eigen::Vector2d& l) const;
 
     // Cells such that the lines between them tell what any ray from the box through the lens meets;
     // nothing when all of them meet the background. Every cell and the frame of background where
@@ -148,7 +184,8 @@ private:
 
     void leave_out_lines(int axis, const LensBox& seen, int& first, int& last) const;
     Box seen_through_lens(const Box& box) const;
-    Box blurred_outline() const;
+    DefocusRange defocus_over(const Box& box) const;
+    void bound_blur();
     bool misses_marker(const Box& box, const Eigen::Vector3d& centre,
                        const Eigen::Vector3d& to_right, const Eigen::Vector3d& down) const;
 
@@ -159,8 +196,7 @@ private:
     Eigen::Matrix3d camera_from_grid_, sensor_from_grid_, h_;
     Eigen::Vector3d e_;
     double lens_reach_;  // farthest that the lens sees from a pinhole's point, by the defocus there
-    Box outline_;        // around the marker's sensor points
-    Box blurred_outline_;  // around those that see the marker through some point of the lens
+    Box outline_, blurred_outline_;
 };
 
 // Smallest and largest blur radius over the marker, px (of x and y the smaller and the larger);

@@ -2,11 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <numbers>
 
 #include "calib/camera/projector.h"
+#include "calib/camera/sight.h"
 #include "core/errors.h"
 #include "sim/scene/marker_view.h"
 
@@ -61,17 +64,37 @@ bool apart(const Outline& a, const Outline& b, double allowed_overlap) {
 // which they move when seen from another point of the lens; telecentric (X, Y) and the depth.
 using Corners = std::array<Eigen::Vector3d, 4>;
 
-Corners seen_corners(const PlacedMarker& marker, Projection projection, std::size_t number) {
-    Corners seen = corners_mm(marker.grid);
-    for (Eigen::Vector3d& corner : seen) {
+std::array<Eigen::Vector3d, 4> corners_in_camera(const PlacedMarker& marker) {
+    std::array<Eigen::Vector3d, 4> corners = corners_mm(marker.grid);
+    for (Eigen::Vector3d& corner : corners)
         corner = marker.camera_from_marker * corner;
-        if (!(corner.z() > 0.0))
-            throw NumericalError(fmt::format("marker {} reaches behind the lens (depth {:.6g} mm)",
-                                             number, corner.z()));
-        if (projection != Projection::telecentric)
+    return corners;
+}
+
+std::vector<Eigen::Vector3d> corner_rays(const PlacedMarker& marker) {
+    std::vector<Eigen::Vector3d> rays;
+    for (const Eigen::Vector3d& corner : corners_in_camera(marker))
+        rays.push_back(corner.normalized());
+    return rays;
+}
+
+Corners seen_corners(const PlacedMarker& marker, Projection projection) {
+    Corners seen = corners_in_camera(marker);
+    if (projection != Projection::telecentric)
+        for (Eigen::Vector3d& corner : seen)
             corner = {corner.x() / corner.z(), corner.y() / corner.z(), 1.0 / corner.z()};
-    }
     return seen;
+}
+
+void require_before_lens(const Scene& scene) {
+    std::size_t number = 1;
+    for (const PlacedMarker& marker : scene.markers) {
+        for (const Eigen::Vector3d& corner : corners_in_camera(marker))
+            if (!(corner.z() > 0.0))
+                throw NumericalError(fmt::format(
+                    "marker {} reaches behind the lens (depth {:.6g} mm)", number, corner.z()));
+        ++number;
+    }
 }
 
 Outline outline_in_focus_at(double focus, const Corners& seen, double lens_radius) {
@@ -100,11 +123,58 @@ bool no_ray_meets_both(const Corners& a, const Corners& b, double lens_radius) {
                  outline_in_focus_at(focus, b, lens_radius), 0.0);
 }
 
+bool is_within_reach(const PlacedMarker& marker) {
+    const auto corners = corners_in_camera(marker);
+    return std::ranges::all_of(
+        corners, [](const Eigen::Vector3d& p) { return p.head<2>().norm() < wide_limit * p.z(); });
+}
+
+// All rays by which a wide lens may see a marker, as a cone: twice the blur of a point at the
+// nearest corner and at the focus, which are more than any between.
+struct ViewCone {
+    Eigen::Vector3d axis;
+    double half_angle = 0.0;
+
+    ViewCone(const PlacedMarker& marker, const Aperture& aperture)
+        : axis(turn_to_mean(corner_rays(marker)).conjugate() * Eigen::Vector3d::UnitZ()) {
+        double nearness = aperture.focus_on_axis;
+        for (const Eigen::Vector3d& corner : corners_in_camera(marker)) {
+            half_angle =
+                std::max(half_angle, std::acos(std::min(1.0, axis.dot(corner.normalized()))));
+            nearness = std::max(nearness, 1.0 / corner.norm());
+        }
+        half_angle += 2.0 * aperture.radius_mm * nearness;
+    }
+};
+
+// Of a wide lens, in a frame that looks at both. What the pupil's disk is longer than round there,
+// |(x, 1)|, the radius is taken larger.
+bool wide_lens_sees_both_by_no_ray(const PlacedMarker& a, const PlacedMarker& b,
+                                   const Aperture& aperture) {
+    const ViewCone around_a(a, aperture), around_b(b, aperture);
+    const double apart = std::acos(std::clamp(around_a.axis.dot(around_b.axis), -1.0, 1.0));
+    if (apart > around_a.half_angle + around_b.half_angle)
+        return true;
+    std::vector<Eigen::Vector3d> rays = corner_rays(a);
+    for (const Eigen::Vector3d& ray : corner_rays(b))
+        rays.push_back(ray);
+    const Eigen::Quaterniond turn = turn_to_mean(rays);
+    const PlacedMarker seen_a = turned(a, turn), seen_b = turned(b, turn);
+    if (!is_within_reach(seen_a) || !is_within_reach(seen_b))
+        return false;
+    double longest = 1.0;
+    for (const Eigen::Vector3d& ray : rays)
+        longest = std::max(longest, 1.0 / (turn * ray).z());
+    return no_ray_meets_both(seen_corners(seen_a, Projection::perspective),
+                             seen_corners(seen_b, Projection::perspective),
+                             1.1 * longest * aperture.radius_mm);
+}
+
 // Size on the marker of a part of a pixel at its nearest corner, mm.
 double seam_mm(const PlacedMarker& marker, const CameraModel& camera) {
     double depth = std::numeric_limits<double>::infinity();
-    for (const Eigen::Vector3d& corner : corners_mm(marker.grid))
-        depth = std::min(depth, (marker.camera_from_marker * corner).z());
+    for (const Eigen::Vector3d& corner : corners_in_camera(marker))
+        depth = std::min(depth, camera.projection.is_flat() ? corner.z() : corner.norm());
     const double per_mm = std::max(camera.intrinsics.fx, camera.intrinsics.fy);
     return allowed_seam_px / per_mm *
            (camera.projection.kind == Projection::telecentric ? 1.0 : depth);
@@ -126,29 +196,46 @@ bool side_by_side(const PlacedMarker& a, const PlacedMarker& b, double seam) {
 
 }  // namespace
 
+Eigen::Quaterniond turn_towards(const PlacedMarker& marker, const CameraModel& camera) {
+    return camera.projection.is_flat() ? Eigen::Quaterniond::Identity()
+                                       : turn_to_mean(corner_rays(marker));
+}
+
+PlacedMarker turned(const PlacedMarker& marker, const Eigen::Quaterniond& turn) {
+    const Rigid& pose = marker.camera_from_marker;
+    return {marker.grid, {(turn * pose.rotation).normalized(), turn * pose.translation}};
+}
+
+double focus_depth_mm(const CameraModel& camera, const Eigen::Vector3d& p_camera) {
+    return camera.projection.is_flat() ? p_camera.z() : p_camera.norm();
+}
+
 void check_reach(const Scene& scene, const CameraModel& camera) {
     if (camera.projection.is_flat())
         return;
     for (const PlacedMarker& marker : scene.markers)
-        for (const Eigen::Vector3d& corner : corners_mm(marker.grid)) {
-            const Eigen::Vector3d p = marker.camera_from_marker * corner;
-            if (!(p.head<2>().norm() < wide_limit * p.z()))
-                throw NumericalError(
-                    "a marker reaches more than 80 degrees from the axis: wide "
-                    "lenses are rendered up to there");
-        }
+        if (!is_within_reach(turned(marker, turn_towards(marker, camera))))
+            throw NumericalError(
+                "a marker reaches more than 80 degrees from the direction of its middle: markers "
+                "are rendered up to there");
 }
 
 void check_no_occlusion(const Scene& scene, const CameraModel& camera) {
-    const double lens_radius = aperture_of(camera).radius_mm;
+    const Aperture aperture = aperture_of(camera);
+    const std::vector<PlacedMarker>& markers = scene.markers;
     std::vector<Corners> seen;
-    for (const PlacedMarker& marker : scene.markers)
-        seen.push_back(seen_corners(marker, camera.projection.kind, seen.size() + 1));
-    for (std::size_t j = 1; j < seen.size(); ++j)
+    if (camera.projection.is_flat()) {
+        require_before_lens(scene);
+        for (const PlacedMarker& marker : markers)
+            seen.push_back(seen_corners(marker, camera.projection.kind));
+    }
+    const auto no_ray = [&](std::size_t i, std::size_t j) {
+        return seen.empty() ? wide_lens_sees_both_by_no_ray(markers[i], markers[j], aperture)
+                            : no_ray_meets_both(seen[i], seen[j], aperture.radius_mm);
+    };
+    for (std::size_t j = 1; j < markers.size(); ++j)
         for (std::size_t i = 0; i < j; ++i)
-            if (!no_ray_meets_both(seen[i], seen[j], lens_radius) &&
-                !side_by_side(scene.markers[i], scene.markers[j],
-                              seam_mm(scene.markers[i], camera)))
+            if (!no_ray(i, j) && !side_by_side(markers[i], markers[j], seam_mm(markers[i], camera)))
                 throw NumericalError(fmt::format(
                     "the images of markers {} and {} overlap, and the markers do not lie side by "
                     "side in one plane: one may hide the other",

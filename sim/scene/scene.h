@@ -1,6 +1,7 @@
 // What is before the camera: flat markers at their poses, and what shows behind them.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <vector>
 
 #include "core/image.h"
@@ -21,14 +22,24 @@ struct Scene {
     double background = 1.0;  // radiance everywhere outside the grids
 };
 
-// Throws NumericalError when a marker's corner lies where a wide lens is not rendered.
+// The turn about the camera's centre after which a wide lens looks at the marker: the mean direction
+// of its corners becomes the axis. None of a flat projection.
+Eigen::Quaterniond turn_towards(const PlacedMarker& marker, const CameraModel& camera);
+PlacedMarker turned(const PlacedMarker& marker, const Eigen::Quaterniond& turn);
+
+// What decides whether a point of the camera's frame is in focus: its Z, of a wide lens its distance.
+double focus_depth_mm(const CameraModel& camera, const Eigen::Vector3d& p_camera);
+
+// Throws NumericalError when a corner of a marker before a wide lens is 80 degrees or more from
+// that direction.
 void check_reach(const Scene& scene, const CameraModel& camera);
 
 // The closed-form methods add up the markers' differences from the background. That is right where
 // no ray through the lens meets two markers. It holds for markers side by side in one plane
 // (touching allowed: a board in pieces), and for those whose images are farther apart than the lens
 // can look behind the nearer one's edge; at equal depths that is nothing, however blurred they are.
-// Any other pair is refused. This is rigorous, and refuses a few pairs that do not hide each other.
+// Any other pair is refused. This is rigorous, and refuses a few pairs that do not hide each other,
+// of a wide lens those that together span 160 degrees and are not well apart.
 // Seams of up to 2e-5 px, from rounded poses, are allowed (0.005 gray).
 // The scene must have passed check_scene() (sim/scene/marker_view.h). A few ms for 100 markers.
 // Throws NumericalError that names both markers, counted from 1, or one that reaches behind the

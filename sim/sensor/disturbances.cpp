@@ -180,15 +180,23 @@ DisturbanceDirections disturbance_directions(const NoiseKey& key) {
 }
 
 Disturber::Disturber(const CameraModel& camera, const SensorModel& sensor)
-    : map_(Projector(camera), 0),
+    : projector_(camera),
       aperture_(aperture_of(camera)),
       response_(sensor.relative_response()),
-      range_dn_(sensor.range_dn()) {}
+      range_dn_(sensor.range_dn()) {
+    if (camera.projection.is_flat())
+        map_.emplace(projector_, 0);
+}
 
 void Disturber::hide(const PlacedMarker& marker, double share, const Eigen::Vector2d& from,
                      Radiance& radiance) const {
-    const MarkerView view(marker, 0.0, aperture_);
-    CardDrawing(map_, card_edge(marker, view, share, from), radiance).draw();
+    const Eigen::Quaterniond turn = turn_towards(marker, projector_.camera());
+    const PlacedMarker seen = map_ ? marker : turned(marker, turn);
+    const Eigen::Vector3d edge = card_edge(seen, MarkerView(seen, 0.0, aperture_), share, from);
+    if (map_)
+        CardDrawing(*map_, edge, radiance).draw();
+    else
+        CardDrawing(UndistortionMap(projector_.turned(turn), 0), edge, radiance).draw();
 }
 
 // The sensor multiplies by its response, which must not reach this noise. One stream a row: four
@@ -209,7 +217,7 @@ void Disturber::add_noise(double noise_dn, const NoiseKey& key, Radiance& radian
 Radiance Disturber::disturbed(const Radiance& radiance, const PlacedMarker& marker,
                               const Disturbances& disturbances, const NoiseKey& key) const {
     check_disturbances(disturbances);
-    check_size(radiance, map_.projector().camera());
+    check_size(radiance, projector_.camera());
     if (is_undisturbed(disturbances))
         return radiance;
     const Disturbances& d = disturbances;

@@ -99,7 +99,8 @@ private:
               Radiance& radiance) const;
     void add_noise(double noise_dn, const NoiseKey& key, Radiance& radiance) const;
 
-    UndistortionMap map_;
+    Projector projector_;
+    std::optional<UndistortionMap> map_;  // of a flat projection
     Aperture aperture_;
     cv::Mat response_;  // the sensor's, by pixel; empty: 1
     double range_dn_;

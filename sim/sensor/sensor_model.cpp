@@ -102,9 +102,8 @@ void check(const Sensor& sensor) {
 
 void check_illumination(const CameraModel& camera) {
     const Illumination& illumination = camera.sensor->illumination;
-    if (illumination.kind == Illumination::Kind::cos4 &&
-        camera.projection.kind == Projection::telecentric)
-        refuse("illumination", "cos4: a telecentric camera has no field angle");
+    if (illumination.kind == Illumination::Kind::cos4)
+        require_perspective(camera, "illumination cos4");
     if (illumination.kind != Illumination::Kind::polynomial)
         return;
     const double least = least_polynomial_illumination(camera);

@@ -46,15 +46,16 @@ std::vector<LensPoint> lens_points(double radius_mm, int rings, int spokes) {
 }
 
 // Returns the index of the cell before the first line that crosses the box.
-int CellCoverage::cut_box(int axis, int first, int last, const SensorPoint& point,
-                          const Eigen::Matrix2d& sides, const Eigen::Vector2d& l,
+int CellCoverage::cut_box(int axis, int first, int last, const Eigen::Vector2d& x,
+                          const SensorPoint& point, const Eigen::Matrix2d& sides,
+                          const Eigen::Vector2d& l,
                           std::vector<SquareCut>& cuts) const {
     cuts.clear();
     int base = first;
     for (int i = first + 1; i <= last; ++i) {
         const LensLine line = view_.lens_line(axis, i, point);
         const double offset = line.offset + line.slope.dot(l);
-        const Eigen::Vector2d gradient = sides.transpose() * view_.line_gradient(axis, i, l);
+        const Eigen::Vector2d gradient = sides.transpose() * view_.line_gradient(axis, i, x, l);
         const double reach = 0.5 * gradient.cwiseAbs().sum();
         if (offset >= reach) {
             base = i;
@@ -76,9 +77,9 @@ double CellCoverage::over(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides
     double sum = 0.0;
     for (const LensPoint& p : points_) {
         const int column =
-            cut_box(0, range.first_column, range.last_column, point, sides, p.l_mm, column_cuts_);
+            cut_box(0, range.first_column, range.last_column, x, point, sides, p.l_mm, column_cuts_);
         const int row =
-            cut_box(1, range.first_row, range.last_row, point, sides, p.l_mm, row_cuts_);
+            cut_box(1, range.first_row, range.last_row, x, point, sides, p.l_mm, row_cuts_);
         sum +=
             p.weight * sum_of_cells(view_, column, row, column_cuts_, row_cuts_, square_wedge_area);
     }

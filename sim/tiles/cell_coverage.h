@@ -30,7 +30,7 @@ public:
     double over(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides, const CellRange& range);
 
 private:
-    int cut_box(int axis, int first, int last, const SensorPoint& point,
+    int cut_box(int axis, int first, int last, const Eigen::Vector2d& x, const SensorPoint& point,
                 const Eigen::Matrix2d& sides, const Eigen::Vector2d& l,
                 std::vector<SquareCut>& cuts) const;
 

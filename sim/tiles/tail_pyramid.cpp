@@ -133,8 +133,9 @@ struct Rings {
 
 }  // namespace
 
-TailPyramid::TailPyramid(const ImageFilter& filter, const Projector& projector)
-    : filter_(filter), corners_(projector) {}
+TailPyramid::TailPyramid(const ImageFilter& filter, const Projector& projector,
+                         const cv::Rect& pixels)
+    : filter_(filter), corners_(projector, pixels) {}
 
 cv::Rect TailPyramid::sources(const TileSamples& samples, const MarkerView& marker,
                               const std::vector<Eigen::Vector2d>& outline,

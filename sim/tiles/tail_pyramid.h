@@ -12,11 +12,11 @@
 
 namespace etalon {
 
-// One per camera. Safe from every thread.
+// One per camera, or part of its image. Safe from every thread.
 class TailPyramid {
 public:
-    // Both must outlive it.
-    TailPyramid(const ImageFilter& filter, const Projector& projector);
+    // Filter and projector must outlive it. `pixels`: those that may see a marker.
+    TailPyramid(const ImageFilter& filter, const Projector& projector, const cv::Rect& pixels);
 
     // The pixels within `limit` outside of which the marker is not: of the image and beyond.
     // `outline`: marker_outline() with 31 points a side.

@@ -70,8 +70,7 @@ const SquareCorners::Table& SquareCorners::table(int shift) const {
     constexpr int margin = 32;  // squares beyond the image that rings and interpolation see
     Table& result = tables_[static_cast<std::size_t>(shift)];
     std::call_once(result.once, [&] {
-        const cv::Rect image(0, 0, projector_.camera().width, projector_.camera().height);
-        const cv::Rect nodes = grown(cells_of(image, 1 << shift), margin, margin);
+        const cv::Rect nodes = grown(cells_of(pixels_, 1 << shift), margin, margin);
         result.points.resize(static_cast<std::size_t>(nodes.area()));
         for (int n = 0; n < nodes.area(); ++n) {
             const cv::Point node(n % nodes.width, n / nodes.width);

@@ -22,7 +22,8 @@
 namespace etalon {
 
 // Undistorted points at the corners of squares, one per camera; a grid's are computed on first use
-// (0.5 us per square of an image and a margin). Safe from every thread.
+// (0.5 us per square of the pixels that were named and a margin), others each time. Safe from every
+// thread.
 class SquareCorners {
 public:
     static constexpr int max_shift = 20;
@@ -30,7 +31,8 @@ public:
     using Corners = std::array<Eigen::Vector2d, 4>;  // left to right, then down
 
     // The projector must outlive it.
-    explicit SquareCorners(const Projector& projector) : projector_(projector) {}
+    SquareCorners(const Projector& projector, const cv::Rect& pixels)
+        : projector_(projector), pixels_(pixels) {}
 
     const Projector& projector() const { return projector_; }
 
@@ -48,6 +50,7 @@ private:
     const Table& table(int shift) const;
 
     const Projector& projector_;
+    cv::Rect pixels_;
     mutable std::array<Table, max_shift + 1> tables_;
 };
 

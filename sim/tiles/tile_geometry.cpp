@@ -72,15 +72,16 @@ void set_lines(const MarkerView& view, const Eigen::Vector2d& centre, const Cell
 }
 
 // The polynomials and the lens in coordinates x' = to_px (x - centre) in which the blur disk is
-// (nearly) round.
+// (nearly) round. The lens points are those of the round pupil, turned.
 void set_lens(const MarkerView& view, const TilePolynomial& place, const Eigen::Matrix2d& to_px,
               TileGeometry& geometry) {
     geometry.dx = coefficients(to_px(0, 0) * place.x + to_px(0, 1) * place.y);
     geometry.dy = coefficients(to_px(1, 0) * place.x + to_px(1, 1) * place.y);
     const double radius = view.aperture().radius_mm;
-    const double px = std::sqrt(std::abs(to_px.determinant()));
+    const double px = std::sqrt(
+        std::abs(to_px.determinant() * view.aperture().pupil(place.centre).determinant()));
     const Eigen::Matrix2d by_px = px * to_px.inverse().transpose();
-    const Eigen::Vector2d slope = radius * by_px * view.defocus_slope();
+    const Eigen::Vector2d slope = radius * by_px * view.defocus_slope(place.centre);
     const Eigen::Vector2d turn = radius * by_px * view.turn();
     geometry.blur = static_cast<float>(radius * px * view.defocus(place.centre));
     geometry.blur_slope_x = static_cast<float>(slope.x());
@@ -106,7 +107,11 @@ Eigen::Matrix2d rounding(const Eigen::Matrix2d& blur_ellipse, double disk_px) {
 
 void set_tile_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
                        double fx, TileGeometry& geometry) {
-    const Eigen::Matrix2d to_px = fx * Eigen::Matrix2d::Identity();
+    Eigen::Matrix2d to_px = fx * Eigen::Matrix2d::Identity();
+    if (view.aperture().faces_rays) {  // where the pupil is round
+        const Eigen::Matrix2d pupil = view.aperture().pupil(place.centre);
+        to_px *= std::sqrt(pupil.determinant()) * pupil.inverse();
+    }
     set_lens(view, place, to_px, geometry);
     geometry.disk = geometry.disk_cosine = 0.0f;
     set_lines(view, place.centre, range, to_px, geometry);
@@ -122,7 +127,7 @@ void set_disk_geometry(const MarkerView& view, const TilePolynomial& place, cons
         Eigen::Vector2d(tile_px, tile_px * pitch_y).asDiagonal() * by_place.inverse();
     if (with_lens) {
         const double blur = view.aperture().radius_mm * view.defocus(place.centre);
-        to_px = rounding(blur * to_px, radius_px) * to_px;
+        to_px = rounding(blur * to_px * view.aperture().pupil(place.centre), radius_px) * to_px;
     }
     set_lens(view, place, to_px, geometry);
     if (!with_lens)

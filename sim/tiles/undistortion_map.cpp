@@ -35,15 +35,78 @@ const Eigen::Matrix4d& bezier_from_nodes() {
     return matrix;
 }
 
+constexpr double good_enough_px = 1e-4;  // of a cubic's error
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+// The coefficients of the cubic whose values at -1.5, -0.5, 0.5 and 1.5 are these, element by
+// element.
+template <class Values>
+std::array<Values, 4> cubic_through(const std::array<Values, 4>& values) {
+    const Values outer = values[3] + values[0], inner = values[2] + values[1];
+    const Values far = values[3] - values[0], near = values[2] - values[1];
+    return {(9.0 * inner - outer) / 16.0, (27.0 * near - far) / 24.0, (outer - inner) / 4.0,
+            (far - 3.0 * near) / 6.0};
+}
+
+// Both coordinates at once, through the values node(row, column) at -1.5, -0.5, 0.5 and 1.5: first
+// along s in each row of nodes, then along t.
+template <class Node>
+TilePolynomial polynomial_through(const Node& node) {
+    using ByPower = Eigen::Matrix<double, 2, 4>;  // x and y by the power of s
+    std::array<ByPower, 4> rows;
+    for (int row = 0; row < 4; ++row) {
+        const auto of_row = cubic_through<Eigen::Vector2d>(
+            {node(row, 0), node(row, 1), node(row, 2), node(row, 3)});
+        for (int power = 0; power < 4; ++power)
+            rows[static_cast<std::size_t>(row)].col(power) =
+                of_row[static_cast<std::size_t>(power)];
+    }
+    const std::array<ByPower, 4> by_power = cubic_through(rows);
+    TilePolynomial result;
+    for (int power = 0; power < 4; ++power) {
+        const ByPower& both = by_power[static_cast<std::size_t>(power)];
+        result.x.row(power) = both.row(0);
+        result.y.row(power) = both.row(1);
+    }
+    result.centre = {result.x(0, 0), result.y(0, 0)};
+    result.x(0, 0) = result.y(0, 0) = 0.0;
+    return result;
+}
+
+// The derivative is by the pixel.
+MappedPoint at(const TilePolynomial& cubic, double s, double t) {
+    const Eigen::Vector4d ws(1, s, s * s, s * s * s), ds(0, 1, 2 * s, 3 * s * s);
+    const Eigen::Vector4d wt(1, t, t * t, t * t * t), dt(0, 1, 2 * t, 3 * t * t);
+    MappedPoint point;
+    point.x = cubic.centre + Eigen::Vector2d(wt.dot(cubic.x * ws), wt.dot(cubic.y * ws));
+    point.jacobian << wt.dot(cubic.x * ds), dt.dot(cubic.x * ws), wt.dot(cubic.y * ds),
+        dt.dot(cubic.y * ws);
+    point.jacobian /= tile_px;
+    return point;
+}
+
+// Around the Bezier control points: values of the blossom at the ends -0.5 and 0.5.
+Box bounds_of(const TilePolynomial& cubic) {
+    static const Eigen::Matrix4d control = [] {
+        Eigen::Matrix4d m;
+        m << 1, -1 / 2., 1 / 4., -1 / 8., 1, -1 / 6., -1 / 12., 1 / 8., 1, 1 / 6., -1 / 12.,
+            -1 / 8., 1, 1 / 2., 1 / 4., 1 / 8.;
+        return m;
+    }();
+    const Eigen::Matrix4d x = control * cubic.x * control.transpose();
+    const Eigen::Matrix4d y = control * cubic.y * control.transpose();
+    return {cubic.centre + Eigen::Vector2d(x.minCoeff(), y.minCoeff()),
+            cubic.centre + Eigen::Vector2d(x.maxCoeff(), y.maxCoeff())};
+}
+
 }  // namespace
 
 UndistortionMap::UndistortionMap(const Projector& projector, int margin_px)
-    : projector_(projector) {
-    const CameraModel& camera = projector_.camera();
-    const int first = floor_div(-margin_px, tile_px);
-    const int right = floor_div(camera.width - 1 + margin_px, tile_px);
-    const int bottom = floor_div(camera.height - 1 + margin_px, tile_px);
-    tiles_ = {first, first, right - first + 1, bottom - first + 1};
+    : UndistortionMap(projector, grown({0, 0, projector.camera().width, projector.camera().height},
+                                       margin_px, margin_px)) {}
+
+UndistortionMap::UndistortionMap(const Projector& projector, const cv::Rect& pixels)
+    : projector_(projector), tiles_(cells_of(pixels, tile_px)) {
     make_nodes();
     Level tiles{tiles_, {}};
     tiles.table.reserve(static_cast<std::size_t>(tiles_.area()));
@@ -103,7 +166,7 @@ UndistortionMap::Nodes UndistortionMap::nodes(int i, int j, int axis) const {
     return values;
 }
 
-UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) const {
+UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) {
     const Nodes x = nodes(i, j, 0), y = nodes(i, j, 1);
     const Box nowhere{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
     if (x.array().isNaN().all())
@@ -115,12 +178,16 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) const {
     const Box bounds{{control_x.minCoeff(), control_y.minCoeff()},
                      {control_x.maxCoeff(), control_y.maxCoeff()}};
     // The cubic errs most in the middle. A wide-angle lens may bend too much for it.
-    constexpr double good_enough_px = 1e-4;
     const double error = error_in_the_middle(i, j, x, y);
     if (!std::isfinite(error))
         return make_border_tile(i, j);
     Tile tile{Validity::all, bounds};
-    if (!(error * projector_.camera().intrinsics.fx < good_enough_px)) {
+    const bool is_good = error * projector_.camera().intrinsics.fx < good_enough_px;
+    if (const auto own = is_good ? std::nullopt : own_cubic(i, j)) {
+        tile.bounds = bounds_of(*own);
+        tile.own_cubic = static_cast<int>(own_cubics_.size());
+        own_cubics_.push_back(*own);
+    } else if (!is_good) {
         const Eigen::Vector2d margin = bounds.half() + Eigen::Vector2d::Constant(10.0 * error);
         tile = {Validity::some, {bounds.low - margin, bounds.high + margin}};
     }
@@ -210,41 +277,40 @@ UndistortionMap::Tile UndistortionMap::make_border_tile(int i, int j) const {
     return {Validity::some, {low - margin, high + margin}, Bend::most};
 }
 
-namespace {
-
-// The coefficients of the cubic whose values at -1.5, -0.5, 0.5 and 1.5 are these, element by
-// element.
-template <class Values>
-std::array<Values, 4> cubic_through(const std::array<Values, 4>& values) {
-    const Values outer = values[3] + values[0], inner = values[2] + values[1];
-    const Values far = values[3] - values[0], near = values[2] - values[1];
-    return {(9.0 * inner - outer) / 16.0, (27.0 * near - far) / 24.0, (outer - inner) / 4.0,
-            (far - 3.0 * near) / 6.0};
+TilePolynomial UndistortionMap::polynomial(int i, int j) const {
+    if (const int own = tile(i, j).own_cubic; own >= 0)
+        return own_cubics_[static_cast<std::size_t>(own)];
+    return polynomial_through([&](int row, int column) -> const Eigen::Vector2d& {
+        return node(i - 1 + column, j - 1 + row);
+    });
 }
 
-}  // namespace
-
-// Both coordinates at once: first along s in each row of nodes, then along t.
-TilePolynomial UndistortionMap::polynomial(int i, int j) const {
-    using ByPower = Eigen::Matrix<double, 2, 4>;  // x and y by the power of s
-    std::array<ByPower, 4> rows;
-    for (int row = 0; row < 4; ++row) {
-        const Eigen::Vector2d* at = &node(i - 1, j - 1 + row);
-        const auto of_row = cubic_through<Eigen::Vector2d>({at[0], at[1], at[2], at[3]});
-        for (int power = 0; power < 4; ++power)
-            rows[static_cast<std::size_t>(row)].col(power) =
-                of_row[static_cast<std::size_t>(power)];
+// Its nodes are a third of a tile apart. It errs most between the outer ones.
+std::optional<TilePolynomial> UndistortionMap::own_cubic(int i, int j) const {
+    std::array<Eigen::Vector2d, 16> nodes;
+    for (int n = 0; n < 16; ++n) {
+        const Eigen::Vector2d within(n % 4, n / 4);
+        const auto x = projector_.unproject(tile_corner_px(i, j) + within * (tile_px / 3.0));
+        if (!x)
+            return std::nullopt;
+        nodes[static_cast<std::size_t>(n)] = *x;
     }
-    const std::array<ByPower, 4> by_power = cubic_through(rows);
-    TilePolynomial result;
-    for (int power = 0; power < 4; ++power) {
-        const ByPower& both = by_power[static_cast<std::size_t>(power)];
-        result.x.row(power) = both.row(0);
-        result.y.row(power) = both.row(1);
+    TilePolynomial cubic = polynomial_through([&](int row, int column) -> const Eigen::Vector2d& {
+        return nodes[static_cast<std::size_t>(4 * row + column)];
+    });
+    for (int row = 0; row < 4; ++row)
+        for (int column = 0; column < 4; ++column) {
+            cubic.x(row, column) *= std::pow(3.0, row + column);
+            cubic.y(row, column) *= std::pow(3.0, row + column);
+        }
+    for (const double place : {-0.37, 0.0, 0.37}) {
+        const auto exact = projector_.unproject(tile_corner_px(i, j) +
+                                                Eigen::Vector2d::Constant((0.5 + place) * tile_px));
+        const double error = exact ? (*exact - at(cubic, place, place).x).norm() : infinity;
+        if (!(error * projector_.camera().intrinsics.fx < good_enough_px))
+            return std::nullopt;
     }
-    result.centre = {result.x(0, 0), result.y(0, 0)};
-    result.x(0, 0) = result.y(0, 0) = 0.0;
-    return result;
+    return cubic;
 }
 
 void UndistortionMap::prefetch_polynomial(int i, int j) const {
@@ -270,6 +336,12 @@ void UndistortionMap::sample(int i, int j, int n,
             const Eigen::Vector2d within(q % n + 0.5, q / n + 0.5);
             points.push_back(exact(tile_corner_px(i, j) + within * (tile_px / double(n))));
         }
+        return;
+    }
+    if (const int own = tile(i, j).own_cubic; own >= 0) {
+        for (int q = 0; q < n * n; ++q)
+            points.push_back(at(own_cubics_[static_cast<std::size_t>(own)], (q % n + 0.5) / n - 0.5,
+                                (q / n + 0.5) / n - 0.5));
         return;
     }
     const Nodes x = nodes(i, j, 0), y = nodes(i, j, 1);

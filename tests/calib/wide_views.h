@@ -20,7 +20,7 @@ inline Rigid wide_pose(int view) {
     const Eigen::Vector3d sight(std::sin(angle) * std::cos(turn), std::sin(angle) * std::sin(turn),
                                 std::cos(angle));
     const Eigen::Quaterniond facing =
-        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), sight);
+        rotation_between(Eigen::Vector3d::UnitZ(), sight);
     const Eigen::Quaterniond rotation =
         facing * rotation_from_vector({0.55 * std::cos(3 * turn), 0.5 * std::sin(2 * turn),
                                        0.15 * std::sin(5 * turn)});

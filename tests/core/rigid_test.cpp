@@ -25,6 +25,19 @@ TEST(Rigid, QuarterTurnAboutZTakesXToY) {
     EXPECT_LT((turn * Eigen::Vector3d(7, 5, 3) - Eigen::Vector3d(-5, 7, 3)).norm(), 1e-14);
 }
 
+TEST(Rigid, RotationBetweenTakesOneDirectionToTheOtherOppositeOnesToo) {
+    const Eigen::Vector3d a(2.0, -3.0, 6.0);
+    for (const Eigen::Vector3d& b : {Eigen::Vector3d(1, 5, -2), Eigen::Vector3d(-a * 0.3), a,
+                                     Eigen::Vector3d(-a + Eigen::Vector3d(1e-7, 2e-7, 0))}) {
+        const Eigen::Quaterniond turn = rotation_between(a, b);
+        EXPECT_NEAR(turn.norm(), 1.0, 1e-15);
+        EXPECT_LT((turn * a.normalized() - b.normalized()).norm(), 1e-14);
+    }
+    const Eigen::AngleAxisd smallest(rotation_between(a, {1, 5, -2}));
+    EXPECT_NEAR(smallest.angle(),
+                std::acos(a.dot(Eigen::Vector3d(1, 5, -2)) / 7.0 / std::sqrt(30.0)), 1e-14);
+}
+
 TEST(Rigid, RotationVectorSurvivesTheRoundTripFromTinyToHalfATurn) {
     for (const double angle : {0.0, 1e-300, 1e-9, 1e-6, 1e-3, 0.5, 3.0, std::numbers::pi - 1e-9}) {
         const Eigen::Vector3d v = angle * Eigen::Vector3d(2, -3, 6) / 7.0;

@@ -222,7 +222,7 @@ TEST(EstimatePose, WorksBesideAWideLens) {
             const Eigen::Vector3d sight(0.6 * std::sin(angle), -0.8 * std::sin(angle),
                                         std::cos(angle));
             const Eigen::Quaterniond facing =
-                Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), sight) *
+                rotation_between(Eigen::Vector3d::UnitZ(), sight) *
                 rotation_from_vector({0.5, -0.3, 0.2});
             const Rigid truth{facing, 170.0 * sight};
             const Pixels pixels = projected(projector, corners, truth);

@@ -54,7 +54,7 @@ cv::Mat filtered(const CameraModel& camera, const PlacedMarker& marker, const Sa
                  double reach_px, const cv::Rect& region, int coarser = 0) {
     const ImageFilter filter(camera);
     const Projector projector(camera);
-    const TailPyramid tail(filter, projector);
+    const TailPyramid tail(filter, projector, {0, 0, camera.width, camera.height});
     const int reach = filter.reach_px();
     const UndistortionMap map(projector, reach + 16);
     const MarkerView view(marker, 1.0, aperture_of(camera));

@@ -191,13 +191,13 @@ TEST(TileEvaluator, EachTileTakesTheCoarsestGridThatItsOwnBlurAllows) {
     EXPECT_EQ(stripes.samples(too_sharp).used()[0].points_per_pixel_side, 16);
 }
 
-// Thin-prism terms so large that cubics across a tile err by more than 1e-4 px.
+// Thin-prism terms so large that even cubics through points within a tile err by more than 1e-4 px.
 CameraModel bent_camera() {
     CameraModel camera;
     camera.width = 32;
     camera.height = 24;
     camera.intrinsics = {311.0, 311.0, 17.0, 11.0};
-    camera.distortion = {.k1 = 0.16, .k2 = -0.08, .s4 = -40.0};
+    camera.distortion = {.k1 = 0.16, .k2 = -0.08, .s4 = -640.0};
     camera.sensor = Sensor{.pixel_pitch_um = 4.2};
     camera.lens = Lens{1.4, 40.0, 550.0, {}};
     return camera;

@@ -48,6 +48,19 @@ TEST(UndistortionMap, IsRightToAThousandthOfAPixelNextToAFold) {
     EXPECT_LT(worst_error_px(map, 23), 1e-3);
 }
 
+// Rays up to 1.4 rad from the axis, seen by one that looks 0.35 rad aside: X/Z grows to 1.8 there.
+// Through a tile's corners and its neighbours' a cubic errs by up to 6e-4 px.
+TEST(UndistortionMap, OfAFisheyeTurnedAsideHasCubicsWithinItsTiles) {
+    const Projector fisheye(benchmark_scene("fisheye-60").camera);
+    const UndistortionMap map(fisheye.turned(rotation_from_vector({0.1, 0.35, 0.0})),
+                              cv::Rect(100, 200, 400, 300));
+    EXPECT_EQ(map.tiles(), cv::Rect(25, 50, 100, 75));
+    for (int j = 50; j < 125; ++j)
+        for (int i = 25; i < 125; ++i)
+            ASSERT_EQ(map.validity(i, j), UndistortionMap::Validity::all) << i << " " << j;
+    EXPECT_LT(worst_error_px(map, 3), 1e-4);
+}
+
 TEST(UndistortionMap, BoundsAreTight) {
     CameraModel camera = benchmark_scene("webcam-500").camera;
     camera.distortion = {};

@@ -1,5 +1,5 @@
 // The names of a camera's parameters in files and covariances: fx fy cx cy, then the distortion
-// coefficients, OpenCV's fourteen first and in its order, then those of the projections.
+// coefficients, OpenCV's fourteen first and in its order, then those of the projections, and skew.
 #pragma once
 
 #include <algorithm>
@@ -32,7 +32,7 @@ inline std::vector<std::pair<const char*, double>> named_parameters(
 
 inline bool is_camera_parameter(std::string_view name) {
     const auto is_name = [name](const char* known) { return name == known; };
-    return std::any_of(intrinsic_names.begin(), intrinsic_names.end(), is_name) ||
+    return name == "skew" || std::any_of(intrinsic_names.begin(), intrinsic_names.end(), is_name) ||
            std::any_of(distortion_names.begin(), distortion_names.end(), is_name) ||
            std::any_of(projection_parameter_names.begin(), projection_parameter_names.end(),
                        is_name);

@@ -14,8 +14,8 @@
 
 namespace etalon {
 
-// fx fy cx cy, the distortion in OpenCV's order, k7, and the projection's a and b.
-inline constexpr int camera_parameter_count = 21;
+// fx fy cx cy, the distortion in OpenCV's order, k7, the projection's a and b, and the skew.
+inline constexpr int camera_parameter_count = 22;
 
 // `of`: d pixel / d what the pixel is of, a point (3) or an undistorted point of the plane (2).
 template <typename Scalar, int Size>
@@ -111,10 +111,11 @@ private:
         const Matrix2 of_tilt = (tilt_.template topLeftCorner<2, 2>() -
                                  point * tilt_.template bottomLeftCorner<1, 2>()) /
                                 tilted.z();
-        const Vector2 focal(p_[0], p_[1]);
-        const Matrix2 to_pixels = focal.asDiagonal() * of_tilt;
+        Matrix2 focal;
+        focal << p_[0], p_[21], 0, p_[1];
+        const Matrix2 to_pixels = focal * of_tilt;
         ModelPixel<Scalar, 2> result;
-        result.pixel = focal.cwiseProduct(point) + p_.template segment<2>(2);
+        result.pixel = focal * point + p_.template segment<2>(2);
         result.of = to_pixels * of_ray;
         result.is_regular =
             over > 0 && tilted.z() > 0 && result.of.determinant() > 0 && result.pixel.allFinite();
@@ -133,9 +134,10 @@ private:
             of.col(13) = s * of.col(12);
             of.col(14) = s * to_pixels.col(1);
             of.col(15) = s * of.col(14);
-            of.col(16) = focal.cwiseProduct(moved(tilt_of_x_, before, point, tilted.z()));
-            of.col(17) = focal.cwiseProduct(moved(tilt_of_y_, before, point, tilted.z()));
+            of.col(16) = focal * moved(tilt_of_x_, before, point, tilted.z());
+            of.col(17) = focal * moved(tilt_of_y_, before, point, tilted.z());
             of.col(18) = s * of.col(8);
+            of.col(21) << point.y(), 0;
         }
         return result;
     }

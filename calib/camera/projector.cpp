@@ -14,9 +14,9 @@ namespace {
 const CameraModel& checked(const CameraModel& camera) {
     const Intrinsics& i = camera.intrinsics;
     if (!(i.fx > 0.0) || !(i.fy > 0.0) || !std::isfinite(i.fx) || !std::isfinite(i.fy) ||
-        !std::isfinite(i.cx) || !std::isfinite(i.cy))
-        throw NumericalError(
-            fmt::format("no camera has fx {}, fy {}, cx {}, cy {}", i.fx, i.fy, i.cx, i.cy));
+        !std::isfinite(i.cx) || !std::isfinite(i.cy) || !std::isfinite(i.skew))
+        throw NumericalError(fmt::format("no camera has fx {}, fy {}, cx {}, cy {}, skew {}", i.fx,
+                                         i.fy, i.cx, i.cy, i.skew));
     for (const double coefficient : camera.distortion.coefficients())
         if (!std::isfinite(coefficient))
             throw NumericalError("a distortion coefficient is not finite");
@@ -86,10 +86,10 @@ std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d&
         return std::nullopt;
     const Intrinsics& i = camera_.intrinsics;
     Projected result;
-    result.pixel << i.fx * d->point.x() + i.cx, i.fy * d->point.y() + i.cy;
+    result.pixel = i.pixel_of(d->point);
     if (!result.pixel.allFinite())
         return std::nullopt;
-    result.jacobian = Eigen::Vector2d(i.fx, i.fy).asDiagonal() * (d->jacobian * plane->by_ray);
+    result.jacobian = i.pixel_by_plane() * (d->jacobian * plane->by_ray);
     return result;
 }
 
@@ -149,8 +149,7 @@ std::optional<Eigen::Vector2d> Projector::solve_along_ray(const Eigen::Vector2d&
 }
 
 std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pixel) const {
-    const Intrinsics& i = camera_.intrinsics;
-    const Eigen::Vector2d target((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
+    const Eigen::Vector2d target = camera_.intrinsics.on_plane(pixel);
     if (!target.allFinite())
         return std::nullopt;
     if (!has_distortion_)
@@ -187,12 +186,11 @@ std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel
 }
 
 Eigen::Matrix2d Projector::pixel_by_normalised(const Eigen::Vector2d& normalised) const {
-    const Eigen::Vector2d focal(camera_.intrinsics.fx, camera_.intrinsics.fy);
+    const Eigen::Matrix2d focal = camera_.intrinsics.pixel_by_plane();
     if (camera_.projection.is_flat())
-        return focal.asDiagonal() * distort(camera_.distortion, normalised).jacobian;
+        return focal * distort(camera_.distortion, normalised).jacobian;
     const auto plane = onto_plane(camera_.projection, Eigen::Vector3d(normalised.homogeneous()));
-    return focal.asDiagonal() * distort(camera_.distortion, plane->point).jacobian *
-           plane->by_ray.leftCols<2>();
+    return focal * distort(camera_.distortion, plane->point).jacobian * plane->by_ray.leftCols<2>();
 }
 
 }  // namespace etalon

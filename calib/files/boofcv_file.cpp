@@ -40,14 +40,14 @@ CameraModel read_boofcv_camera(const std::filesystem::path& path) {
             name + "'");
     const ForeignValue pinhole = root.at("pinhole");
     const auto number = [&](const char* key) { return pinhole.at(key).number(); };
-    if (const auto skew = pinhole.find("skew"); skew && skew->number() != 0.0)
-        skew->fail(fmt::format("must be 0, not {}: no model here has a skew", skew->number()));
+    const auto skew = pinhole.find("skew");
     CameraModel camera;
     camera.width = checked_image_side(number("width"), pinhole.at("width").place());
     camera.height = checked_image_side(number("height"), pinhole.at("height").place());
-    camera.intrinsics = from_pixels_of(CalibrationTool::boofcv,
-                                       checked_intrinsics(number("fx"), number("fy"), number("cx"),
-                                                          number("cy"), pinhole.place()));
+    camera.intrinsics =
+        from_pixels_of(CalibrationTool::boofcv,
+                       checked_intrinsics(number("fx"), number("fy"), number("cx"), number("cy"),
+                                          pinhole.place(), skew ? skew->number() : 0.0));
     if (name != "pinhole")
         camera.distortion = boofcv_distortion(root.at("radial_tangential"));
     if (name == "omnidirectional_universal") {
@@ -67,19 +67,20 @@ void write_boofcv_camera(const std::filesystem::path& path, const CameraModel& c
     const Distortion& d = camera.distortion;
     const std::string offset =
         is_unified ? "mirror_offset: " + yaml_real(camera.projection.a) + "\n" : "";
-    write_text(path,
-               fmt::format("# Camera model with radial and tangential distortion\n"
-                           "model: {}\n"
-                           "version: 0\n"
-                           "pinhole:\n"
-                           "  width: {}\n  height: {}\n  fx: {}\n  fy: {}\n  skew: 0.0\n"
-                           "  cx: {}\n  cy: {}\n"
-                           "radial_tangential:\n"
-                           "  radial:\n  - {}\n  - {}\n  - {}\n  t1: {}\n  t2: {}\n{}",
-                           is_unified ? "omnidirectional_universal" : "pinhole_radial_tangential",
-                           camera.width, camera.height, yaml_real(i.fx), yaml_real(i.fy),
-                           yaml_real(i.cx), yaml_real(i.cy), yaml_real(d.k1), yaml_real(d.k2),
-                           yaml_real(d.k3), yaml_real(d.p1), yaml_real(d.p2), offset));
+    write_text(
+        path,
+        fmt::format("# Camera model with radial and tangential distortion\n"
+                    "model: {}\n"
+                    "version: 0\n"
+                    "pinhole:\n"
+                    "  width: {}\n  height: {}\n  fx: {}\n  fy: {}\n  skew: {}\n"
+                    "  cx: {}\n  cy: {}\n"
+                    "radial_tangential:\n"
+                    "  radial:\n  - {}\n  - {}\n  - {}\n  t1: {}\n  t2: {}\n{}",
+                    is_unified ? "omnidirectional_universal" : "pinhole_radial_tangential",
+                    camera.width, camera.height, yaml_real(i.fx), yaml_real(i.fy),
+                    yaml_real(i.skew), yaml_real(i.cx), yaml_real(i.cy), yaml_real(d.k1),
+                    yaml_real(d.k2), yaml_real(d.k3), yaml_real(d.p1), yaml_real(d.p2), offset));
 }
 
 }  // namespace etalon

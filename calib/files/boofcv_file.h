@@ -3,7 +3,7 @@
 //
 // Read and written are the models pinhole and pinhole_radial_tangential, whose radial, t1 and t2
 // are k1 k2 k3, p1 and p2 of OpenCV; kannala_brandt, omnidirectional_universal and stereo files are
-// refused by name. A skew must be 0.
+// refused by name.
 #pragma once
 
 #include <filesystem>

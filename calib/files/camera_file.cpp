@@ -16,10 +16,12 @@ namespace etalon {
 namespace {
 
 Intrinsics read_intrinsics(const Value& value) {
+    const auto skew = value.find("skew");
     return {.fx = value.at("fx").number(units::px.positive()),
             .fy = value.at("fy").number(units::px.positive()),
             .cx = value.at("cx").number(units::px.either_sign()),
-            .cy = value.at("cy").number(units::px.either_sign())};
+            .cy = value.at("cy").number(units::px.either_sign()),
+            .skew = skew ? skew->number(units::px.either_sign()) : 0.0};
 }
 
 Distortion read_distortion(const Value& value) {
@@ -395,6 +397,8 @@ CameraModel read_own_camera(const std::filesystem::path& path) {
                 fmt::format("has no meaning yet for a lens that is {}: its blur is not "
                             "rendered",
                             name_of(camera.projection.kind).name));
+        if (camera.intrinsics.skew != 0.0)
+            lens->fail("has no meaning with a skew: its blur is not rendered");
         root.at("sensor").at("pixel_pitch_um").number(units::um.positive());
         camera.lens = read_lens(file, *lens, camera, uncertainty);
         check_lens(camera, *lens);

@@ -211,8 +211,9 @@ void write_camera(const std::filesystem::path& path, const CameraModel& camera) 
     text += fmt::format("image: {{width: {}, height: {}}}\n", camera.width, camera.height);
     if (camera.projection.kind != Projection::perspective)
         text += "projection: " + projection_text(camera.projection) + "\n";
-    text += fmt::format("intrinsics: {{fx: {}, fy: {}, cx: {}, cy: {}}}\n", exact(i.fx),
-                        exact(i.fy), exact(i.cx), exact(i.cy));
+    text +=
+        fmt::format("intrinsics: {{fx: {}, fy: {}, cx: {}, cy: {}{}}}\n", exact(i.fx), exact(i.fy),
+                    exact(i.cx), exact(i.cy), i.skew != 0.0 ? ", skew: " + exact(i.skew) : "");
     if (!camera.distortion.is_zero())
         text += distortion_lines(camera.distortion);
     if (camera.covariance)

@@ -18,11 +18,13 @@ ForeignMatrix transposed(const ForeignMatrix& matrix) {
     return result;
 }
 
-// fx 0 cx, 0 fy cy, 0 0 1.
+// fx skew cx, 0 fy cy, 0 0 1.
 ForeignMatrix matrix_of_lengths(const ForeignValue& root) {
     const ForeignValue focal = root.at("FocalLength");
     const auto f = focal.numbers(2), c = root.at("PrincipalPoint").numbers(2);
-    return {focal.place(), 3, 3, {f[0], 0.0, c[0], 0.0, f[1], c[1], 0.0, 0.0, 1.0}};
+    const auto skew = root.find("Skew");
+    const double s = skew ? skew->number() : 0.0;
+    return {focal.place(), 3, 3, {f[0], s, c[0], 0.0, f[1], c[1], 0.0, 0.0, 1.0}};
 }
 
 std::vector<ForeignMatrix> camera_matrices(const ForeignValue& root) {
@@ -51,6 +53,9 @@ ForeignMatrix the_camera_matrix(const ForeignValue& root) {
     for (const ForeignMatrix& other : all)
         if (!agree(all.front(), other))
             throw ConfigError(other.place, "contradicts " + all.front().place.key);
+    if (const auto skew = root.find("Skew"))
+        if (!(std::abs(skew->number() - all.front().values[1]) <= 1e-6))
+            skew->fail("contradicts " + all.front().place.key);
     return all.front();
 }
 
@@ -71,8 +76,6 @@ CameraModel read_matlab_camera(const std::filesystem::path& path) {
     const ForeignValue root = ForeignValue::parse(read_text(path), path.string());
     if (const auto fisheye = root.find("MappingCoefficients"))
         fisheye->fail("belongs to fisheyeParameters, a model that is not here");
-    if (const auto skew = root.find("Skew"); skew && skew->number() != 0.0)
-        skew->fail(fmt::format("must be 0, not {}: no model here has a skew", skew->number()));
     CameraModel camera = camera_from_matrices(the_camera_matrix(root), distortion_of(root));
     camera.intrinsics = from_pixels_of(CalibrationTool::matlab, camera.intrinsics);
     if (const auto size = root.find("ImageSize"); size && !size->numbers().empty()) {
@@ -88,7 +91,8 @@ void write_matlab_camera(const std::filesystem::path& path, const CameraModel& c
     shortest_distortion(camera, {5}, path, "MATLAB's cameraParameters");
     const Intrinsics i = to_pixels_of(CalibrationTool::matlab, camera.intrinsics);
     const Distortion& d = camera.distortion;
-    const std::string fx = exact(i.fx), fy = exact(i.fy), cx = exact(i.cx), cy = exact(i.cy);
+    const std::string fx = exact(i.fx), fy = exact(i.fy), cx = exact(i.cx), cy = exact(i.cy),
+                      skew = exact(i.skew);
     write_text(path,
                fmt::format("{{\n"
                            "  \"FocalLength\": [{}, {}],\n"
@@ -96,11 +100,11 @@ void write_matlab_camera(const std::filesystem::path& path, const CameraModel& c
                            "  \"ImageSize\": [{}, {}],\n"
                            "  \"RadialDistortion\": [{}, {}, {}],\n"
                            "  \"TangentialDistortion\": [{}, {}],\n"
-                           "  \"Skew\": 0,\n"
-                           "  \"K\": [[{}, 0, {}], [0, {}, {}], [0, 0, 1]]\n"
+                           "  \"Skew\": {},\n"
+                           "  \"K\": [[{}, {}, {}], [0, {}, {}], [0, 0, 1]]\n"
                            "}}\n",
                            fx, fy, cx, cy, camera.height, camera.width, exact(d.k1), exact(d.k2),
-                           exact(d.k3), exact(d.p1), exact(d.p2), fx, cx, fy, cy));
+                           exact(d.k3), exact(d.p1), exact(d.p2), skew, fx, skew, cx, fy, cy));
 }
 
 }  // namespace etalon

@@ -79,6 +79,7 @@ void write_mrcal_camera(const std::filesystem::path& path, const CameraModel& ca
     const char* format = is_stereographic ? "mrcal's stereographic model" : "an mrcal OpenCV model";
     require_foreign_camera(camera, path, format,
                            {Projection::perspective, Projection::stereographic});
+    require_no_skew(camera, path, format);
     if (is_stereographic)
         require_only(camera, {}, path, format);
     const int count = shortest_distortion(camera, {0, 4, 5, 8, 12}, path, format);

@@ -119,6 +119,11 @@ void judge_intrinsics(const CameraModel& camera, std::vector<CameraFinding>& fin
                             fmt::format("fy / fx is {:.4f}: pixels that are not square, or a "
                                         "calibration that went wrong",
                                         i.fy / i.fx)});
+    if (std::abs(i.skew / i.fx) > 0.001)
+        findings.push_back({Weight::warning, "intrinsics",
+                            fmt::format("skew / fx is {:.4f}: no usual sensor has rows and columns "
+                                        "at other than right angles",
+                                        i.skew / i.fx)});
 }
 
 void judge_thin_lens(const CameraModel& camera, std::vector<CameraFinding>& findings) {

@@ -403,10 +403,9 @@ std::vector<Eigen::Vector2d> roughly_undistorted(const CameraModel& camera,
                                                  const std::vector<Eigen::Vector2d>& pixels) {
     constexpr int steps = 8;
     const PixelModel<double> model(camera.projection.kind, all_parameters(camera));
-    const Intrinsics& i = camera.intrinsics;
     std::vector<Eigen::Vector2d> undistorted;
     for (const Eigen::Vector2d& pixel : pixels) {
-        Eigen::Vector2d u((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
+        Eigen::Vector2d u = camera.intrinsics.on_plane(pixel);
         for (int step = 0; step < steps; ++step) {
             const auto seen = model.on_plane(u);
             if (!seen.is_regular)

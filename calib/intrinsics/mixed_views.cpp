@@ -322,8 +322,7 @@ ViewGroup described_by_zoom(const Split& split, std::span<const CalibrationView>
             information += seen.squaredNorm();
         }
         const double factor = std::clamp(1.0 + score / information / zoom.mean(), 0.5, 2.0);
-        camera.intrinsics.fx *= factor;
-        camera.intrinsics.fy *= factor;
+        camera.intrinsics.zoom(factor);
     }
     return described(split.aside, camera.intrinsics, split.dispersion(), 1.0 / information);
 }

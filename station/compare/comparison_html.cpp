@@ -210,6 +210,7 @@ void add_provenance(HtmlPage& page, const Comparison& comparison) {
                     {"image", fmt::format("{} x {} px", camera.width, camera.height)},
                     {"fx, fy", fmt::format("{:.3f}, {:.3f} px", k.fx, k.fy)},
                     {"cx, cy", fmt::format("{:.3f}, {:.3f} px", k.cx, k.cy)},
+                    {"skew", fmt::format("{:.6g} px", k.skew)},
                     {"projection", projection_text(camera.projection)},
                     {"k1 k2 p1 p2 k3 k4 k5 k6 s1..s4 tau_x tau_y k7", coefficients},
                     {"rendering", comparison.render_plan}});

@@ -52,8 +52,9 @@ std::vector<CameraModel> wide_cameras() {
 }
 
 TEST(WideProjector, IsOpenCvsFisheyeOverTheWholeImage) {
-    const CameraModel camera =
+    CameraModel camera =
         wide({Projection::equidistant}, {.k1 = 0.021, .k2 = -0.013, .k3 = 0.004, .k7 = -0.0006});
+    camera.intrinsics.skew = 7.3;
     const Intrinsics& i = camera.intrinsics;
     const cv::Matx33d k(i.fx, 0, i.cx, 0, i.fy, i.cy, 0, 0, 1);
     const cv::Vec4d coefficients(0.021, -0.013, 0.004, -0.0006);
@@ -66,7 +67,8 @@ TEST(WideProjector, IsOpenCvsFisheyeOverTheWholeImage) {
                 continue;  // OpenCV's own stops before 90 degrees
             const std::vector<cv::Point3d> points{{ray->x(), ray->y(), ray->z()}};
             std::vector<cv::Point2d> pixels;
-            cv::fisheye::projectPoints(points, pixels, cv::Vec3d(), cv::Vec3d(), k, coefficients);
+            cv::fisheye::projectPoints(points, pixels, cv::Vec3d(), cv::Vec3d(), k, coefficients,
+                                       i.skew / i.fx);
             ASSERT_LT((Eigen::Vector2d(pixels[0].x, pixels[0].y) - Eigen::Vector2d(x, y)).norm(),
                       1e-9)
                 << x << " " << y;
@@ -76,10 +78,11 @@ TEST(WideProjector, IsOpenCvsFisheyeOverTheWholeImage) {
 }
 
 TEST(WideProjector, IsOpenCvsOmnidirOverTheWholeImage) {
-    const CameraModel camera = wide({Projection::unified, 1.27},
-                                    {.k1 = -0.11, .k2 = 0.031, .p1 = 0.0021, .p2 = -0.0034}, 500.0);
+    CameraModel camera = wide({Projection::unified, 1.27},
+                              {.k1 = -0.11, .k2 = 0.031, .p1 = 0.0021, .p2 = -0.0034}, 500.0);
+    camera.intrinsics.skew = -4.1;
     const Intrinsics& i = camera.intrinsics;
-    const cv::Matx33d k(i.fx, 0, i.cx, 0, i.fy, i.cy, 0, 0, 1);
+    const cv::Matx33d k(i.fx, i.skew, i.cx, 0, i.fy, i.cy, 0, 0, 1);
     const Projector projector(camera);
     for (int y = 0; y < camera.height; y += 7)
         for (int x = 0; x < camera.width; x += 7) {

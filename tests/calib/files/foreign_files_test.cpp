@@ -258,10 +258,10 @@ TEST(MatlabFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
         return error_of(replaced(matlab, from, to));
     };
-    EXPECT_THAT(with("[0,711.5,0]", "[0.5,711.5,0]"),
-                HasSubstr("case:1: IntrinsicMatrix: has a skew of 0.5"));
+    EXPECT_THAT(with("[715.25,0,0]", "[715.25,0.5,0]"),
+                HasSubstr("case:1: IntrinsicMatrix: must be [fx skew cx; 0 fy cy; 0 0 1]"));
     EXPECT_THAT(with("\"WorldPoints\"", "\"Skew\":0.25,\"WorldPoints\""),
-                HasSubstr("case:1: Skew: must be 0, not 0.25"));
+                HasSubstr("case:1: Skew: contradicts IntrinsicMatrix"));
     EXPECT_THAT(with("\"WorldPoints\"", "\"MappingCoefficients\":[1,2,3,4],\"WorldPoints\""),
                 HasSubstr("MappingCoefficients: belongs to fisheyeParameters"));
     EXPECT_THAT(with("-0.33,0.092,0.011", "-0.33"),
@@ -292,7 +292,7 @@ TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
     EXPECT_THAT(with("model: pinhole_radial_tangential", "model: kannala_brandt"),
                 HasSubstr("case:13: model: must be pinhole, pinhole_radial_tangential or "
                           "omnidirectional_universal, not 'kan"));
-    EXPECT_THAT(with("skew: 0.0", "skew: 1.5"), HasSubstr("case:6: pinhole.skew: must be 0"));
+    EXPECT_THAT(with("skew: 0.0", "skew: much"), HasSubstr("case:6: pinhole.skew: must be a"));
     EXPECT_THAT(with("fx: 530.75", "fx: wide"), HasSubstr("case:7: pinhole.fx: must be a finite"));
     EXPECT_THAT(with("  - 0.125\n", "  - 0.125\n  - 1\n  - 2\n"),
                 HasSubstr("radial_tangential.radial: must have at most 3 coefficients, not 4"));

@@ -289,9 +289,9 @@ TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
         return error_of(replaced(boofcv, from, to));
     };
-    EXPECT_THAT(with("model: pinhole_radial_tangential", "model: kannala_brandt"),
-                HasSubstr("case:13: model: must be pinhole, pinhole_radial_tangential or "
-                          "omnidirectional_universal, not 'kan"));
+    EXPECT_THAT(with("model: pinhole_radial_tangential", "model: stereo_camera"),
+                HasSubstr("case:13: model: must be pinhole, pinhole_radial_tangential, "
+                          "omnidirectional_universal or kannala_brandt, not 'stereo"));
     EXPECT_THAT(with("skew: 0.0", "skew: much"), HasSubstr("case:6: pinhole.skew: must be a"));
     EXPECT_THAT(with("fx: 530.75", "fx: wide"), HasSubstr("case:7: pinhole.fx: must be a finite"));
     EXPECT_THAT(with("  - 0.125\n", "  - 0.125\n  - 1\n  - 2\n"),

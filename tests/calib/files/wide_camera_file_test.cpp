@@ -4,6 +4,7 @@
 
 #include <fstream>
 
+#include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/camera_formats.h"
 #include "core/errors.h"
@@ -89,6 +90,7 @@ TEST(WideCameraFile, OfAnotherToolReadsBack) {
                                  {CalibrationTool::colmap, {equidistant}, prism},
                                  {CalibrationTool::colmap, {field_of_view, 0.93}, {}},
                                  {CalibrationTool::boofcv, {unified, 1.83}, radtan},
+                                 {CalibrationTool::boofcv, {equidistant}, kb},
                                  {CalibrationTool::mrcal, {stereographic}, {}}}) {
         SCOPED_TRACE(std::string(name_of(wide.tool)) + " " + name_of(wide.projection.kind).name);
         CameraModel camera =
@@ -109,6 +111,33 @@ TEST(WideCameraFile, OfAnotherToolReadsBack) {
         camera.projection = {wide.tool == CalibrationTool::mrcal ? double_sphere : stereographic};
         EXPECT_THROW(write_foreign_camera(folder / "camera.yml", wide.tool, camera), ConfigError);
     }
+}
+
+// Its image of a ray at the angle t is fx (2 t + 0.2 t^3 + 0.04 t^5) from the centre along x.
+TEST(WideCameraFile, OfBoofCvsKannalaBrandtIsItsPolynomial) {
+    const TemporaryFolder folder;
+    const auto read = [&](const std::string& coefficients) {
+        std::ofstream(folder / "kb.yaml")
+            << "model: kannala_brandt\npinhole:\n  width: 640\n  height: 480\n  fx: 100.0\n"
+               "  fy: 90.0\n  skew: 0.5\n  cx: 320.5\n  cy: 240.5\n" +
+                   coefficients;
+        return read_any_camera(folder / "kb.yaml");
+    };
+    const Projector projector(
+        read("symmetric: [2.0, 0.2, 0.04]\nradial: [0.0, 0.0]\n"
+             "radial_trig: [1.0]\ntangent: []\ntangent_trig: []\n"));
+    const double t = 1.7, r = 2.0 * t + 0.2 * std::pow(t, 3) + 0.04 * std::pow(t, 5);
+    const auto pixel = projector.project({0.6 * std::sin(t), 0.8 * std::sin(t), std::cos(t)});
+    ASSERT_TRUE(pixel);
+    EXPECT_NEAR(pixel->x(), 320.0 + 60.0 * r + 0.4 * r, 1e-10);
+    EXPECT_NEAR(pixel->y(), 240.0 + 72.0 * r, 1e-10);
+    const auto error = [&](const std::string& coefficients) {
+        return text_of_error<ConfigError>([&] { read(coefficients); });
+    };
+    EXPECT_THAT(error("symmetric: [1.0]\ntangent: [0.1]\ntangent_trig: [0.0, 0.2]\n"),
+                HasSubstr("kb.yaml:11: tangent: is an asymmetric term"));
+    EXPECT_THAT(error("symmetric: [1, 2, 3, 4, 5, 6]\n"), HasSubstr("1 to 5 coefficients, not 6"));
+    EXPECT_THAT(error("symmetric: [-1]\n"), HasSubstr("must begin with a positive"));
 }
 
 }  // namespace

@@ -5,10 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <string_view>
-#include <utility>
-#include <vector>
-
-#include "calib/camera/lens_projection.h"
 
 namespace etalon {
 
@@ -17,18 +13,6 @@ inline constexpr std::array<const char*, 15> distortion_names{
     "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y", "k7"};
 inline constexpr std::array<const char*, 4> projection_parameter_names{"xi", "omega", "beta",
                                                                        "alpha"};
-
-// Those of one projection, with their values.
-inline std::vector<std::pair<const char*, double>> named_parameters(
-    const LensProjection& projection) {
-    std::vector<std::pair<const char*, double>> named;
-    const auto& [a, b] = name_of(projection.kind).parameters;
-    if (*a)
-        named.emplace_back(a, projection.a);
-    if (*b)
-        named.emplace_back(b, projection.b);
-    return named;
-}
 
 inline bool is_camera_parameter(std::string_view name) {
     const auto is_name = [name](const char* known) { return name == known; };

@@ -35,7 +35,7 @@ public:
     using Parameters = Eigen::Matrix<Scalar, camera_parameter_count, 1>;
     using OfParameters = Eigen::Matrix<Scalar, 2, camera_parameter_count>;
 
-    PixelModel(Projection projection, const Parameters& parameters)
+    PixelModel(const LensProjection& projection, const Parameters& parameters)
         : projection_(projection), p_(parameters) {
         using std::cos, std::sin;
         const Scalar cx = cos(p_[16]), sx = sin(p_[16]), cy = cos(p_[17]), sy = sin(p_[17]);
@@ -48,8 +48,9 @@ public:
         tilt_ = onto_sensor(rotation, 1) * rotation;
         tilt_of_x_ = change(rotation, about_y * of_x);
         tilt_of_y_ = change(rotation, of_y * about_x);
-        is_possible_ = etalon::is_possible(
-            {projection, static_cast<double>(p_[19]), static_cast<double>(p_[20])});
+        projection_.a = static_cast<double>(p_[19]);
+        projection_.b = static_cast<double>(p_[20]);
+        is_possible_ = etalon::is_possible(projection_);
     }
 
     ModelPixel<Scalar, 3> operator()(const Vector3& p) const { return evaluate(p, nullptr); }
@@ -148,7 +149,7 @@ private:
         return (change.template head<2>() - point * change.z()) / depth;
     }
 
-    Projection projection_;
+    LensProjection projection_;
     Parameters p_;
     bool is_possible_;
     Matrix3 tilt_, tilt_of_x_, tilt_of_y_;

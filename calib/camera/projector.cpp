@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>  // homogeneous()
 #include <Eigen/LU>
 
+#include "calib/camera/damped_newton.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -44,9 +45,6 @@ std::optional<OnPlane> projected(const LensProjection& projection, const Eigen::
     return result;
 }
 
-constexpr double tolerance = 1e-12;       // asked of the result
-constexpr double stop_tolerance = 1e-14;  // at which no further step is worth its time
-
 }  // namespace
 
 Projector::Projector(const CameraModel& camera)
@@ -75,8 +73,13 @@ std::optional<Distorted> Projector::distorted(const Eigen::Vector2d& undistorted
     return result;
 }
 
+// Where a projection without a table ends, the region does.
+bool Projector::has_ray(const Eigen::Vector2d& undistorted) const {
+    return !camera_.projection.table || from_plane(camera_.projection, undistorted);
+}
+
 bool Projector::is_valid(const Eigen::Vector2d& undistorted) const {
-    return distorted(undistorted).has_value();
+    return distorted(undistorted).has_value() && has_ray(undistorted);
 }
 
 std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d& p_camera) const {
@@ -86,10 +89,14 @@ std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d&
         return std::nullopt;
     const Intrinsics& i = camera_.intrinsics;
     Projected result;
-    result.pixel = i.pixel_of(d->point);
+    result.pixel << i.fx * d->point.x() + i.cx, i.fy * d->point.y() + i.cy;
+    result.jacobian = Eigen::Vector2d(i.fx, i.fy).asDiagonal() * (d->jacobian * plane->by_ray);
+    if (i.skew != 0.0) {
+        result.pixel.x() += i.skew * d->point.y();
+        result.jacobian.row(0) += i.skew / i.fy * result.jacobian.row(1);
+    }
     if (!result.pixel.allFinite())
         return std::nullopt;
-    result.jacobian = i.pixel_by_plane() * (d->jacobian * plane->by_ray);
     return result;
 }
 
@@ -110,32 +117,10 @@ std::optional<Eigen::Vector2d> Projector::untilted(const Eigen::Vector2d& distor
 
 std::optional<Eigen::Vector2d> Projector::solve(const Eigen::Vector2d& target,
                                                 const Eigen::Vector2d& start) const {
-    const double scale = target.norm() + pixel_size_;
-    Eigen::Vector2d x = start;
-    Distorted d = distort_before_tilt(camera_.distortion, x);
-    double error = (target - d.point).norm();
-    for (int i = 0; i < 60 && error > stop_tolerance * scale; ++i) {
-        const Eigen::Vector2d step = d.jacobian.inverse() * (target - d.point);
-        bool advanced = false;
-        for (double part = 1.0; part > 1e-6 && !advanced; part *= 0.5) {
-            const Eigen::Vector2d next = x + part * step;
-            if (!region_.contains(next))
-                continue;
-            const Distorted there = distort_before_tilt(camera_.distortion, next);
-            const double next_error = (target - there.point).norm();
-            if (!there.is_regular() || !(next_error < error))
-                continue;
-            x = next;
-            d = there;
-            error = next_error;
-            advanced = true;
-        }
-        if (!advanced)
-            break;
-    }
-    if (!(error <= tolerance * scale))
-        return std::nullopt;
-    return x;
+    return damped_newton(
+        [&](const Eigen::Vector2d& x) { return distort_before_tilt(camera_.distortion, x); },
+        [&](const Eigen::Vector2d& x) { return region_.contains(x); }, target, start,
+        target.norm() + pixel_size_);
 }
 
 // Follows the preimage while the target moves out from the axis: slow, but started near the
@@ -153,7 +138,7 @@ std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pix
     if (!target.allFinite())
         return std::nullopt;
     if (!has_distortion_)
-        return region_.contains(target) ? std::optional(target) : std::nullopt;
+        return region_.contains(target) && has_ray(target) ? std::optional(target) : std::nullopt;
     const auto before_tilt = has_tilt_ ? untilted(target) : target;
     if (!before_tilt)
         return std::nullopt;
@@ -174,6 +159,23 @@ std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pix
 std::optional<Eigen::Vector3d> Projector::ray(const Eigen::Vector2d& pixel) const {
     const auto point = undistorted(pixel);
     return point ? from_plane(camera_.projection, *point) : std::nullopt;
+}
+
+double Projector::border(const Eigen::Vector2d& direction) const {
+    constexpr double farthest = 1e3;  // of a projection that does not end at a circle
+    double beyond = region_.border(direction);
+    if (!camera_.projection.table)
+        return beyond;
+    const Eigen::Vector2d along = direction.normalized();
+    double within = 0.0;
+    beyond = std::min(beyond, farthest);
+    if (is_valid(beyond * along))
+        return region_.border(direction);
+    for (int i = 0; i < 50; ++i) {
+        const double middle = 0.5 * (within + beyond);
+        (is_valid(middle * along) ? within : beyond) = middle;
+    }
+    return within;
 }
 
 std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel) const {

@@ -149,13 +149,20 @@ std::array<double, 4> kannala_brandt_coefficients(const Distortion& d) {
     return {d.k1, d.k2, d.k3, d.k7};
 }
 
-LensProjection checked_projection(const LensProjection& projection, const SourcePlace& place) {
+LensProjection projection_at(const SourcePlace& place,
+                             const std::function<LensProjection()>& make) {
     try {
-        require_possible(projection);
+        return make();
     } catch (const NumericalError& error) {
         throw ConfigError(place, error.what());
     }
-    return projection;
+}
+
+LensProjection checked_projection(const LensProjection& projection, const SourcePlace& place) {
+    return projection_at(place, [&] {
+        require_possible(projection);
+        return projection;
+    });
 }
 
 std::string yaml_real(double value) {

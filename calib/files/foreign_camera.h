@@ -4,6 +4,7 @@
 
 #include <array>
 #include <filesystem>
+#include <functional>
 #include <initializer_list>
 #include <string>
 #include <string_view>
@@ -64,7 +65,9 @@ void require_no_skew(const CameraModel& camera, const std::filesystem::path& pat
 Distortion kannala_brandt(const std::vector<double>& coefficients);
 std::array<double, 4> kannala_brandt_coefficients(const Distortion& distortion);
 
-// A projection with the parameters of a file. Throws ConfigError at `place` where none has them.
+// A projection with the parameters of a file. Throws ConfigError at `place` where none has them,
+// which `make` says by a NumericalError.
+LensProjection projection_at(const SourcePlace& place, const std::function<LensProjection()>& make);
 LensProjection checked_projection(const LensProjection& projection, const SourcePlace& place);
 
 // A number that reads back as the same double, with a decimal point: YAML 1.1, of PyYAML and

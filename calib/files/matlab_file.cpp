@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "calib/camera/lens_table.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/files/foreign_value.h"
 #include "calib/files/pixel_origin.h"
@@ -70,23 +71,74 @@ ForeignMatrix distortion_of(const ForeignValue& root) {
     return {radial.place(), 1, 5, {k[0], k[1], p[0], p[1], k.size() == 3 ? k[2] : 0.0}};
 }
 
+void read_image_size(const ForeignValue& root, CameraModel& camera) {
+    const auto size = root.find("ImageSize");
+    if (!size || size->numbers().empty())
+        return;
+    const auto sides = size->numbers(2);
+    camera.height = checked_image_side(sides[0], size->place());
+    camera.width = checked_image_side(sides[1], size->place());
+}
+
+// The stretch matrix [c d; e 1] is [c - d e, d; 0, 1] [1 0; e 1]: the left one goes into the
+// intrinsics, e stays with the projection. Radii are in units of a0, the focal length.
+CameraModel read_fisheye(const ForeignValue& fisheye) {
+    const ForeignValue mapping = fisheye.at("MappingCoefficients");
+    const auto a = mapping.numbers(4), centre = fisheye.at("DistortionCenter").numbers(2);
+    std::vector<double> stretch{1.0, 0.0, 0.0, 1.0};
+    if (const auto given = fisheye.find("StretchMatrix")) {
+        stretch = matrix_of_rows(*given, 2, 2).values;
+        if (stretch[3] != 1.0)
+            given->fail(fmt::format("must be [c d; e 1], not with {} for 1", stretch[3]));
+    }
+    const double c = stretch[0], d = stretch[1], e = stretch[2], f = a[0];
+    CameraModel camera;
+    camera.intrinsics = from_pixels_of(
+        CalibrationTool::matlab,
+        checked_intrinsics((c - d * e) * f, f, centre[0], centre[1], mapping.place(), d * f));
+    camera.projection = projection_at(mapping.place(), [&] {
+        return polynomial_projection(a[1] * f, a[2] * f * f, a[3] * f * f * f, e);
+    });
+    read_image_size(fisheye, camera);
+    return camera;
+}
+
+void write_fisheye(const std::filesystem::path& path, const CameraModel& camera) {
+    constexpr const char* format = "MATLAB's fisheyeIntrinsics";
+    require_foreign_camera(camera, path, format, {Projection::polynomial});
+    require_only(camera, {}, path, format);
+    const Intrinsics i = to_pixels_of(CalibrationTool::matlab, camera.intrinsics);
+    const std::vector<double>& a = camera.projection.table->coefficients;
+    const double f = i.fy, d = i.skew / f, e = a[3];
+    write_text(path,
+               fmt::format("{{\n"
+                           "  \"MappingCoefficients\": [{}, {}, {}, {}],\n"
+                           "  \"ImageSize\": [{}, {}],\n"
+                           "  \"DistortionCenter\": [{}, {}],\n"
+                           "  \"StretchMatrix\": [[{}, {}], [{}, 1]]\n"
+                           "}}\n",
+                           exact(f), exact(a[0] / f), exact(a[1] / (f * f)),
+                           exact(a[2] / (f * f * f)), camera.height, camera.width, exact(i.cx),
+                           exact(i.cy), exact(i.fx / f + d * e), exact(d), exact(e)));
+}
+
 }  // namespace
 
 CameraModel read_matlab_camera(const std::filesystem::path& path) {
     const ForeignValue root = ForeignValue::parse(read_text(path), path.string());
-    if (const auto fisheye = root.find("MappingCoefficients"))
-        fisheye->fail("belongs to fisheyeParameters, a model that is not here");
+    if (const auto nested = root.find("Intrinsics"); nested && nested->find("MappingCoefficients"))
+        return read_fisheye(*nested);
+    if (root.find("MappingCoefficients"))
+        return read_fisheye(root);
     CameraModel camera = camera_from_matrices(the_camera_matrix(root), distortion_of(root));
     camera.intrinsics = from_pixels_of(CalibrationTool::matlab, camera.intrinsics);
-    if (const auto size = root.find("ImageSize"); size && !size->numbers().empty()) {
-        const auto sides = size->numbers(2);
-        camera.height = checked_image_side(sides[0], size->place());
-        camera.width = checked_image_side(sides[1], size->place());
-    }
+    read_image_size(root, camera);
     return camera;
 }
 
 void write_matlab_camera(const std::filesystem::path& path, const CameraModel& camera) {
+    if (camera.projection.kind == Projection::polynomial)
+        return write_fisheye(path, camera);
     require_foreign_camera(camera, path, "MATLAB's cameraParameters");
     shortest_distortion(camera, {5}, path, "MATLAB's cameraParameters");
     const Intrinsics i = to_pixels_of(CalibrationTool::matlab, camera.intrinsics);

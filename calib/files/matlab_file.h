@@ -8,7 +8,17 @@
 //   TangentialDistortion   p1 p2, OpenCV's; may be missing
 //
 // Names and orders: MATLAB's documentation of cameraParameters and cameraIntrinsics. Its principal
-// point is 1-based. Fisheye parameters (MappingCoefficients) are refused by name.
+// point is 1-based.
+//
+// fisheyeIntrinsics, jsonencode'd, or as Intrinsics of fisheyeParameters:
+//
+//   MappingCoefficients    [a0, a2, a3, a4], a0 positive; the projection `polynomial`, in px
+//   DistortionCenter       [cx, cy], 1-based
+//   StretchMatrix          [c d; e 1]; may be missing: no stretch
+//   ImageSize              as above
+//
+// A point (u, v) of the image, less the centre and by the stretch's inverse, is (x, y) with
+// r^2 = x^2 + y^2; its ray is (x, y, a0 + a2 r^2 + a3 r^3 + a4 r^4).
 #pragma once
 
 #include <filesystem>
@@ -23,7 +33,10 @@ CameraModel read_matlab_camera(const std::filesystem::path& path);
 // For MATLAB:  s = jsondecode(fileread('camera.json'));
 //   cameraIntrinsics(s.FocalLength', s.PrincipalPoint', s.ImageSize', Skew=s.Skew,
 //       RadialDistortion=s.RadialDistortion', TangentialDistortion=s.TangentialDistortion')
-// Throws ConfigError for coefficients beyond k1 k2 p1 p2 k3.
+// and of a polynomial camera
+//   fisheyeIntrinsics(s.MappingCoefficients', s.ImageSize', s.DistortionCenter', s.StretchMatrix)
+// whose numbers read back within rounding errors.
+// Throws ConfigError for coefficients beyond k1 k2 p1 p2 k3, of a polynomial camera any.
 void write_matlab_camera(const std::filesystem::path& path, const CameraModel& camera);
 
 }  // namespace etalon

@@ -258,7 +258,7 @@ struct PosedViews {
 std::optional<PosedViews> posed_views(std::span<const CalibrationView> views,
                                       const std::vector<BundleView<double>>& bundle_views,
                                       const CameraModel& camera) {
-    Bundle<double> one{camera.projection.kind, all_parameters(camera), {}};
+    Bundle<double> one{camera.projection, all_parameters(camera), {}};
     PosedViews posed;
     for (std::size_t v = 0; v < views.size(); ++v) {
         std::vector<Eigen::Vector2d> plane;

@@ -59,8 +59,7 @@ void measure_valid_region(const Projector& projector, CameraCheck& check) {
             if (!point)
                 ++without_ray;
             else if (on_edge && point->norm() > 0.0)
-                check.margin =
-                    std::min(check.margin, projector.valid_region().border(*point) / point->norm());
+                check.margin = std::min(check.margin, projector.border(*point) / point->norm());
         }
     check.image_without_ray = without_ray / double((steps + 1) * (steps + 1));
 }

@@ -189,12 +189,9 @@ void add_cards(HtmlPage& page, const Comparison& comparison) {
 }
 
 std::string projection_text(const LensProjection& projection) {
-    const ProjectionName& known = name_of(projection.kind);
-    std::string text = known.name;
-    const std::array values{projection.a, projection.b};
-    for (std::size_t i = 0; i < values.size(); ++i)
-        if (*known.parameters[i])
-            text += fmt::format(", {} {:.6g}", known.parameters[i], values[i]);
+    std::string text = name_of(projection.kind).name;
+    for (const auto& [name, value] : named_parameters(projection))
+        text += fmt::format(", {} {:.6g}", name, value);
     return text;
 }
 

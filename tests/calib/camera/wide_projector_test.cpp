@@ -11,6 +11,7 @@
 #include "calib/camera/projector.h"
 #include "core/errors.h"
 #include "tests/calib/cameras.h"
+#include "tests/calib/lens_tables.h"
 
 namespace etalon {
 namespace {
@@ -40,6 +41,7 @@ std::vector<CameraModel> wide_cameras() {
                           .s1 = 0.001,
                           .s4 = -2e-4,
                           .k7 = -2e-5};
+    const auto cahvors = test::cahvors();
     return {wide({equidistant}, some),
             wide({stereographic}, some, 180.0),
             wide({field_of_view, 0.93}, some),
@@ -48,7 +50,13 @@ std::vector<CameraModel> wide_cameras() {
             wide({extended_unified, 1.13, 0.62}, some),
             wide({double_sphere, -0.21, 0.57}, some),
             wide({equidistant}),
-            wide({double_sphere, 0.34, 0.44})};
+            wide({double_sphere, 0.34, 0.44}),
+            wide(test::polynomials()[0], some),
+            wide(test::polynomials()[1]),
+            wide(cahvors[2]),
+            wide(cahvors[3], {.k1 = 0.001, .p2 = -0.0007}),
+            wide(test::splines()[0]),
+            wide(test::splines()[1], {.k1 = 0.001, .p2 = -0.0007})};
 }
 
 TEST(WideProjector, IsOpenCvsFisheyeOverTheWholeImage) {

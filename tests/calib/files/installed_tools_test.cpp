@@ -8,6 +8,7 @@
 #include "calib/camera/projector.h"
 #include "calib/files/mrcal_file.h"
 #include "core/text.h"
+#include "tests/calib/lens_tables.h"
 #include "tests/calib/wide_views.h"
 #include "tests/temporary_folder.h"
 
@@ -47,8 +48,13 @@ TEST(InstalledTools, MrcalProjectsAsWeDo) {
     if (!has_mrcal())
         GTEST_SKIP() << "mrcal is not installed (python3-mrcal)";
     std::vector<CameraModel> cameras{test::webcam(), test::all_fourteen(),
-                                     test::wide_truth({Projection::stereographic}, 140.0)};
+                                     test::wide_truth({Projection::stereographic}, 140.0),
+                                     test::wide_truth(test::cahvors()[0], 400.0)};
     cameras[1].distortion.tau_x = cameras[1].distortion.tau_y = 0.0;
+    for (const LensProjection& projection :
+         {test::cahvors()[2], test::cahvors()[3], test::cahvors()[4], test::splines()[0],
+          test::splines()[1]})
+        cameras.push_back(test::wide_truth(projection, 140.0));
     for (const CameraModel& camera : cameras) {
         SCOPED_TRACE(name_of(camera.projection.kind).name);
         const TemporaryFolder folder;

@@ -55,7 +55,7 @@ std::vector<WideLens> wide_lenses() {
             {"double sphere", wide_lens({double_sphere, -0.17, 0.59}, 155.0)},
             {"polynomial", wide_lens(polynomial_projection(-0.31, 0.02, -0.011, 0.003), 170.0)},
             {"CAHVORE, still pupil",
-             wide_lens(cahvor_projection(0.013, -0.021, 1e-3, 0.021, -0.001, 0.0), 130.0)},
+             wide_lens(cahvor_projection(0.013, -0.021, 1e-3, 0.021, -0.001, 0.6), 100.0)},
             {"splined stereographic", wide_lens(uneven_spline(), 134.0)}};
 }
 

@@ -8,9 +8,10 @@ build_packages="g++ cmake ninja-build ccache pkg-config libopencv-dev libopencv-
 test_packages="libgtest-dev libgmock-dev poppler-utils"
 # ./test.sh --all: Google Benchmark; a system clock that jumps; a virtual machine for tests with real
 # camera drivers (its emulator, what its first file system is made of, and the service that tells
-# programs about devices); a cluster of one node; clang with libFuzzer; mrcal, for what we write for it.
+# programs about devices); a cluster of one node; clang with libFuzzer; mrcal and COLMAP, for what
+# we write for them.
 all_test_packages="libbenchmark-dev libfaketime qemu-system-x86 busybox-static kmod cpio udev slurm-wlm \
-    clang libclang-rt-dev python3-mrcal"
+    clang libclang-rt-dev python3-mrcal colmap"
 
 missing_packages() {
     local package

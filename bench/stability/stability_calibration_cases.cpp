@@ -107,7 +107,7 @@ Eigen::VectorXd long_double_solution(const Problem& problem, const Views& views,
                                      const CalibrationModel& model, const CameraParameters& pull) {
     std::vector<BundleView<long double>> all;
     Bundle<long double> truth{
-        problem.camera.projection.kind, all_parameters(problem.camera).cast<long double>(), {}};
+        problem.camera.projection, all_parameters(problem.camera).cast<long double>(), {}};
     for (std::size_t v = 0; v < views.views.size(); ++v) {
         all.push_back(bundle_view<long double>(views.views[v]));
         truth.poses.push_back(

@@ -6,6 +6,7 @@
 
 #include "bench/stability/stability_case.h"
 #include "bench/stability/stability_scenes.h"
+#include "calib/camera/lens_table.h"
 #include "calib/camera/projector.h"
 
 namespace etalon {
@@ -24,6 +25,18 @@ CameraModel wide_lens(const LensProjection& projection, double focal_px,
     return camera;
 }
 
+// Of 220 degrees, bent one way here and another there.
+LensProjection uneven_spline() {
+    constexpr int columns = 15, rows = 13;
+    std::vector<double> control;
+    for (int row = 0; row < rows; ++row)
+        for (int column = 0; column < columns; ++column) {
+            control.push_back(0.031 * std::sin(1.7 * column + row));
+            control.push_back(0.029 * std::cos(0.9 * column - 2.0 * row));
+        }
+    return splined_projection(3, columns, rows, 220.0, control);
+}
+
 struct WideLens {
     const char* name;
     CameraModel camera;
@@ -39,7 +52,11 @@ std::vector<WideLens> wide_lenses() {
             {"field of view", wide_lens({field_of_view, 0.93}, 190.0)},
             {"unified, k1 k2 p1 p2", wide_lens({unified, 1.31}, 430.0, radtan)},
             {"extended unified", wide_lens({extended_unified, 1.09, 0.63}, 190.0)},
-            {"double sphere", wide_lens({double_sphere, -0.17, 0.59}, 155.0)}};
+            {"double sphere", wide_lens({double_sphere, -0.17, 0.59}, 155.0)},
+            {"polynomial", wide_lens(polynomial_projection(-0.31, 0.02, -0.011, 0.003), 170.0)},
+            {"CAHVORE, still pupil",
+             wide_lens(cahvor_projection(0.013, -0.021, 1e-3, 0.021, -0.001, 0.6), 100.0)},
+            {"splined stereographic", wide_lens(uneven_spline(), 134.0)}};
 }
 
 Eigen::Vector3d ray_at(double angle) {

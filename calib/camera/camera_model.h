@@ -19,9 +19,27 @@
 namespace etalon {
 
 // Pixels; pixel centres at integers, (0, 0) is the centre of the top-left pixel. Of a telecentric
-// camera fx and fy are px per mm.
+// camera fx and fy are px per mm. A distorted point m of the plane is the pixel
+// (fx m_x + skew m_y + cx, fy m_y + cy).
 struct Intrinsics {
     double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
+    double skew = 0.0;  // not 0 where rows and columns do not meet at right angles
+
+    // The branch costs less than what a camera without a skew would compute for nothing.
+    Eigen::Vector2d on_plane(const Eigen::Vector2d& pixel) const {
+        Eigen::Vector2d m((pixel.x() - cx) / fx, (pixel.y() - cy) / fy);
+        if (skew != 0.0)
+            m.x() -= skew / fx * m.y();
+        return m;
+    }
+    Eigen::Matrix2d pixel_by_plane() const {
+        return (Eigen::Matrix2d() << fx, skew, 0.0, fy).finished();
+    }
+    void zoom(double factor) {
+        fx *= factor;
+        fy *= factor;
+        skew *= factor;
+    }
 };
 
 // OpenCV's model, on the plane of the projection: radial rational (k1..k6), tangential (p1, p2),
@@ -151,9 +169,9 @@ struct ThinLens {
     double inverse_focus_per_mm;  // 1/z_f; 0 when focused at infinity
 };
 
-// Throws NumericalError for a telecentric camera, without lens and sensor sections, or when pitch,
-// f-number or focus distance is not positive. (The focus distance is then always beyond f:
-// 1/z_f = 1/f - 1/v < 1/f.)
+// Throws NumericalError for a telecentric camera, without lens and sensor sections, with a skew, or
+// when pitch, f-number or focus distance is not positive. (The focus distance is then always beyond
+// f: 1/z_f = 1/f - 1/v < 1/f.)
 ThinLens thin_lens(const CameraModel& camera);
 
 // The telecentric lens in numbers: magnification m = fx * pitch.
@@ -164,9 +182,9 @@ struct TelecentricLens {
     double focus_distance_mm;
 };
 
-// Throws NumericalError for a perspective camera, without lens and sensor sections, for a tilted
-// sensor (tau_x, tau_y describe a perspective one), or when pitch or focus distance is not positive
-// and finite or object_na not in (0, 1).
+// Throws NumericalError for a perspective camera, without lens and sensor sections, with a skew,
+// for a tilted sensor (tau_x, tau_y describe a perspective one), or when pitch or focus distance is
+// not positive and finite or object_na not in (0, 1).
 TelecentricLens telecentric_lens(const CameraModel& camera);
 
 // Of either lens; throws as they do.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/camera/lens_table.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -21,6 +22,9 @@ constexpr ProjectionName names[] = {
     {Kind::unified, "unified", {"xi", ""}},
     {Kind::extended_unified, "extended_unified", {"beta", "alpha"}},
     {Kind::double_sphere, "double_sphere", {"xi", "alpha"}},
+    {Kind::polynomial, "polynomial", {"", ""}, {"a2", "a3", "a4", "shear"}},
+    {Kind::cahvor, "cahvor", {"", ""}, {"alpha", "beta", "r0", "r1", "r2", "linearity"}},
+    {Kind::splined_stereographic, "splined_stereographic", {"", ""}},
 };
 
 // g of the header and its derivatives; by_s is that with respect to s = X^2 + Y^2.
@@ -124,8 +128,9 @@ Scale<Real> scale_of(Kind kind, Real a, Real b, Real s, Real z) {
             return extended_unified(a, b, s, z);
         case Kind::double_sphere:
             return double_sphere(a, b, s, z);
+        default:
+            return {};
     }
-    return {};
 }
 
 // The papers' w1: the cosine's bound of the outer sphere.
@@ -154,8 +159,9 @@ bool has_image(Kind kind, Real a, Real b, Real s, Real z) {
             const Real w = a * d + z;
             return w > -outer_bound(b) * std::sqrt(s + w * w);
         }
+        default:
+            return false;
     }
-    return false;
 }
 
 using Found = std::optional<Eigen::Vector3d>;
@@ -215,11 +221,30 @@ Found ray_at(const LensProjection& p, const Eigen::Vector2d& m) {
             const auto depth = plane_depth(p.b, 1.0, radius * radius);
             return depth ? lifted(p.a, m.x(), m.y(), *depth) : std::nullopt;
         }
+        default:
+            return std::nullopt;
     }
-    return std::nullopt;
+}
+
+std::optional<OnPlane> onto_plane_by_table(const LensProjection& p, const Eigen::Vector3d& ray) {
+    return p.kind == Kind::polynomial ? polynomial_onto_plane(*p.table, ray)
+           : p.kind == Kind::cahvor   ? cahvor_onto_plane(*p.table, ray)
+                                      : splined_onto_plane(*p.table, ray);
+}
+
+Found from_plane_by_table(const LensProjection& p, const Eigen::Vector2d& point) {
+    return p.kind == Kind::polynomial ? polynomial_from_plane(*p.table, point)
+           : p.kind == Kind::cahvor   ? cahvor_from_plane(*p.table, point)
+                                      : splined_from_plane(*p.table, point);
 }
 
 }  // namespace
+
+bool LensProjection::operator==(const LensProjection& other) const {
+    const bool same_table =
+        table == other.table || (table && other.table && *table == *other.table);
+    return kind == other.kind && a == other.a && b == other.b && same_table;
+}
 
 std::span<const ProjectionName> projection_names() {
     return names;
@@ -230,7 +255,25 @@ const ProjectionName& name_of(Projection kind) {
 }
 
 double scale_on_axis(const LensProjection& projection) {
-    return onto_plane(projection, Eigen::Vector3d::UnitZ())->by_ray(0, 0);
+    const auto on_axis = onto_plane(projection, Eigen::Vector3d::UnitZ());
+    if (!on_axis)
+        throw NumericalError("the projection has no image of its axis");
+    return on_axis->by_ray(0, 0);
+}
+
+bool has_table(Projection kind) {
+    return kind == Kind::polynomial || kind == Kind::cahvor || kind == Kind::splined_stereographic;
+}
+
+std::vector<std::pair<const char*, double>> named_parameters(const LensProjection& projection) {
+    std::vector<std::pair<const char*, double>> named;
+    const ProjectionName& known = name_of(projection.kind);
+    for (std::size_t i = 0; i < known.parameters.size(); ++i)
+        if (*known.parameters[i])
+            named.emplace_back(known.parameters[i], i == 0 ? projection.a : projection.b);
+    for (std::size_t i = 0; i < known.coefficients.size() && known.coefficients[i]; ++i)
+        named.emplace_back(known.coefficients[i], projection.table->coefficients[i]);
+    return named;
 }
 
 double plane_limit(const LensProjection& p) {
@@ -255,7 +298,7 @@ double plane_limit(const LensProjection& p) {
 }
 
 bool is_possible(const LensProjection& p) {
-    if (!std::isfinite(p.a) || !std::isfinite(p.b))
+    if (!std::isfinite(p.a) || !std::isfinite(p.b) || has_table(p.kind) != bool(p.table))
         return false;
     const auto is_share = [](double x) { return x >= 0.0 && x <= 1.0; };
     switch (p.kind) {
@@ -279,8 +322,16 @@ void require_possible(const LensProjection& p) {
 }
 
 template <typename Scalar>
-std::optional<BasicOnPlane<Scalar>> onto_plane(Projection kind, Scalar a, Scalar b,
+std::optional<BasicOnPlane<Scalar>> onto_plane(const LensProjection& projection, Scalar a, Scalar b,
                                                const Eigen::Matrix<Scalar, 3, 1>& ray) {
+    const Kind kind = projection.kind;
+    if (projection.table) {
+        const auto image = onto_plane_by_table(projection, ray.template cast<double>());
+        if (!image)
+            return std::nullopt;
+        return BasicOnPlane<Scalar>{image->point.template cast<Scalar>(),
+                                    image->by_ray.template cast<Scalar>()};
+    }
     const Eigen::Matrix<Scalar, 2, 1> across = ray.template head<2>();
     const Scalar s = across.squaredNorm(), z = ray.z();
     if (!has_image(kind, a, b, s, z))
@@ -297,17 +348,19 @@ std::optional<BasicOnPlane<Scalar>> onto_plane(Projection kind, Scalar a, Scalar
         return std::nullopt;
     return image;
 }
-template std::optional<BasicOnPlane<double>> onto_plane(Projection, double, double,
+template std::optional<BasicOnPlane<double>> onto_plane(const LensProjection&, double, double,
                                                         const Eigen::Vector3d&);
 template std::optional<BasicOnPlane<long double>> onto_plane(
-    Projection, long double, long double, const Eigen::Matrix<long double, 3, 1>&);
+    const LensProjection&, long double, long double, const Eigen::Matrix<long double, 3, 1>&);
 
 std::optional<OnPlane> onto_plane(const LensProjection& projection, const Eigen::Vector3d& ray) {
-    return onto_plane(projection.kind, projection.a, projection.b, ray);
+    return onto_plane(projection, projection.a, projection.b, ray);
 }
 
 std::optional<Eigen::Vector3d> from_plane(const LensProjection& projection,
                                           const Eigen::Vector2d& point) {
+    if (projection.table)
+        return from_plane_by_table(projection, point);
     const auto ray = ray_at(projection, point);
     if (!ray || !ray->allFinite() ||
         !has_image(projection.kind, projection.a, projection.b, ray->head<2>().squaredNorm(),

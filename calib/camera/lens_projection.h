@@ -14,7 +14,8 @@
 //                                                           e^2 = R^2 + (a d + Z)^2
 //
 // where w(c) is c / (1 - c) or its inverse, whichever is below 1. Up to that limit |m| grows with
-// the angle theta to the axis; there it folds back or is infinite.
+// the angle theta to the axis; there it folds back or is infinite. Those of more parameters are in
+// calib/camera/lens_table.h.
 //
 // Sources, and who else has them: equidistant, Kannala and Brandt, PAMI 28 (2006) 1335 (OpenCV
 // fisheye, Kalibr equi, COLMAP's fisheyes, ROS); stereographic, mrcal; field of view, Devernay and
@@ -26,9 +27,12 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <memory>
 #include <numbers>
 #include <optional>
 #include <span>
+#include <utility>
+#include <vector>
 
 namespace etalon {
 
@@ -41,13 +45,19 @@ enum class Projection {
     unified,           // a: xi >= 0; 0 is perspective, 1 half of stereographic
     extended_unified,  // a: beta > 0, b: alpha 0..1
     double_sphere,     // a: xi -1..1, -1 excluded, b: alpha 0..1
+    polynomial,        // with a table, as those below: made by calib/camera/lens_table.h
+    cahvor,
+    splined_stereographic,
 };
+
+struct LensTable;
 
 struct LensProjection {
     Projection kind = Projection::perspective;
     double a = 0.0, b = 0.0;
+    std::shared_ptr<const LensTable> table = {};  // shared by all copies; nothing for most kinds
 
-    bool operator==(const LensProjection&) const = default;
+    bool operator==(const LensProjection& other) const;
     // Whether planes are imaged as planes: perspective and telecentric. The others see more than
     // any plane has.
     bool is_flat() const {
@@ -63,12 +73,18 @@ struct LensProjection {
 struct ProjectionName {
     Projection kind;
     const char* name;
-    std::array<const char*, 2> parameters;  // of a and b
+    std::array<const char*, 2> parameters;         // of a and b
+    std::array<const char*, 6> coefficients = {};  // of the table's; null behind the last
 };
 std::span<const ProjectionName> projection_names();
 const ProjectionName& name_of(Projection kind);
+bool has_table(Projection kind);
 
-// The radius on the plane at which the projection ends; infinity where it does not.
+// The parameters and coefficients that have names, with their values.
+std::vector<std::pair<const char*, double>> named_parameters(const LensProjection& projection);
+
+// The radius on the plane at which the projection ends; infinity where it does not, and where it
+// ends at no circle, which only from_plane() tells.
 double plane_limit(const LensProjection& projection);
 
 // d|m| / d theta on the axis, which times f_x is the image distance in px: 1 of most, 1 / (1 + a) of
@@ -85,7 +101,8 @@ struct BasicOnPlane {
 };
 using OnPlane = BasicOnPlane<double>;
 
-// Whether the parameters are finite and within their ranges; throws NumericalError if not.
+// Whether the parameters are finite and within their ranges and the table is there; throws
+// NumericalError if not.
 bool is_possible(const LensProjection& projection);
 void require_possible(const LensProjection& projection);
 
@@ -93,14 +110,14 @@ void require_possible(const LensProjection& projection);
 // the projection has no image of it, or for what is not finite. Tens of ns.
 std::optional<OnPlane> onto_plane(const LensProjection& projection, const Eigen::Vector3d& ray);
 
-// The same with parameters and ray in any precision: double or long double.
+// The same with other parameters, and with these and the ray in any precision: double or long
+// double (with a table always double).
 template <typename Scalar>
-std::optional<BasicOnPlane<Scalar>> onto_plane(Projection kind, Scalar a, Scalar b,
+std::optional<BasicOnPlane<Scalar>> onto_plane(const LensProjection& projection, Scalar a, Scalar b,
                                                const Eigen::Matrix<Scalar, 3, 1>& ray);
 
 // The inverse: the ray that is imaged there, of length 1 or, of a perspective or telecentric
-// camera, with Z = 1. Nothing where no ray is. Closed forms, right to some 1e-15 relative to the
-// radius plus 1.
+// camera, with Z = 1. Nothing where no ray is. Right to some 1e-15 relative to the radius plus 1.
 std::optional<Eigen::Vector3d> from_plane(const LensProjection& projection,
                                           const Eigen::Vector2d& point);
 

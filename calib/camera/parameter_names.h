@@ -1,14 +1,10 @@
 // The names of a camera's parameters in files and covariances: fx fy cx cy, then the distortion
-// coefficients, OpenCV's fourteen first and in its order, then those of the projections.
+// coefficients, OpenCV's fourteen first and in its order, then those of the projections, and skew.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <string_view>
-#include <utility>
-#include <vector>
-
-#include "calib/camera/lens_projection.h"
 
 namespace etalon {
 
@@ -18,21 +14,9 @@ inline constexpr std::array<const char*, 15> distortion_names{
 inline constexpr std::array<const char*, 4> projection_parameter_names{"xi", "omega", "beta",
                                                                        "alpha"};
 
-// Those of one projection, with their values.
-inline std::vector<std::pair<const char*, double>> named_parameters(
-    const LensProjection& projection) {
-    std::vector<std::pair<const char*, double>> named;
-    const auto& [a, b] = name_of(projection.kind).parameters;
-    if (*a)
-        named.emplace_back(a, projection.a);
-    if (*b)
-        named.emplace_back(b, projection.b);
-    return named;
-}
-
 inline bool is_camera_parameter(std::string_view name) {
     const auto is_name = [name](const char* known) { return name == known; };
-    return std::any_of(intrinsic_names.begin(), intrinsic_names.end(), is_name) ||
+    return name == "skew" || std::any_of(intrinsic_names.begin(), intrinsic_names.end(), is_name) ||
            std::any_of(distortion_names.begin(), distortion_names.end(), is_name) ||
            std::any_of(projection_parameter_names.begin(), projection_parameter_names.end(),
                        is_name);

@@ -14,8 +14,8 @@
 
 namespace etalon {
 
-// fx fy cx cy, the distortion in OpenCV's order, k7, and the projection's a and b.
-inline constexpr int camera_parameter_count = 21;
+// fx fy cx cy, the distortion in OpenCV's order, k7, the projection's a and b, and the skew.
+inline constexpr int camera_parameter_count = 22;
 
 // `of`: d pixel / d what the pixel is of, a point (3) or an undistorted point of the plane (2).
 template <typename Scalar, int Size>
@@ -35,7 +35,7 @@ public:
     using Parameters = Eigen::Matrix<Scalar, camera_parameter_count, 1>;
     using OfParameters = Eigen::Matrix<Scalar, 2, camera_parameter_count>;
 
-    PixelModel(Projection projection, const Parameters& parameters)
+    PixelModel(const LensProjection& projection, const Parameters& parameters)
         : projection_(projection), p_(parameters) {
         using std::cos, std::sin;
         const Scalar cx = cos(p_[16]), sx = sin(p_[16]), cy = cos(p_[17]), sy = sin(p_[17]);
@@ -48,8 +48,9 @@ public:
         tilt_ = onto_sensor(rotation, 1) * rotation;
         tilt_of_x_ = change(rotation, about_y * of_x);
         tilt_of_y_ = change(rotation, of_y * about_x);
-        is_possible_ = etalon::is_possible(
-            {projection, static_cast<double>(p_[19]), static_cast<double>(p_[20])});
+        projection_.a = static_cast<double>(p_[19]);
+        projection_.b = static_cast<double>(p_[20]);
+        is_possible_ = etalon::is_possible(projection_);
     }
 
     ModelPixel<Scalar, 3> operator()(const Vector3& p) const { return evaluate(p, nullptr); }
@@ -111,10 +112,11 @@ private:
         const Matrix2 of_tilt = (tilt_.template topLeftCorner<2, 2>() -
                                  point * tilt_.template bottomLeftCorner<1, 2>()) /
                                 tilted.z();
-        const Vector2 focal(p_[0], p_[1]);
-        const Matrix2 to_pixels = focal.asDiagonal() * of_tilt;
+        Matrix2 focal;
+        focal << p_[0], p_[21], 0, p_[1];
+        const Matrix2 to_pixels = focal * of_tilt;
         ModelPixel<Scalar, 2> result;
-        result.pixel = focal.cwiseProduct(point) + p_.template segment<2>(2);
+        result.pixel = focal * point + p_.template segment<2>(2);
         result.of = to_pixels * of_ray;
         result.is_regular =
             over > 0 && tilted.z() > 0 && result.of.determinant() > 0 && result.pixel.allFinite();
@@ -133,9 +135,10 @@ private:
             of.col(13) = s * of.col(12);
             of.col(14) = s * to_pixels.col(1);
             of.col(15) = s * of.col(14);
-            of.col(16) = focal.cwiseProduct(moved(tilt_of_x_, before, point, tilted.z()));
-            of.col(17) = focal.cwiseProduct(moved(tilt_of_y_, before, point, tilted.z()));
+            of.col(16) = focal * moved(tilt_of_x_, before, point, tilted.z());
+            of.col(17) = focal * moved(tilt_of_y_, before, point, tilted.z());
             of.col(18) = s * of.col(8);
+            of.col(21) << point.y(), 0;
         }
         return result;
     }
@@ -146,7 +149,7 @@ private:
         return (change.template head<2>() - point * change.z()) / depth;
     }
 
-    Projection projection_;
+    LensProjection projection_;
     Parameters p_;
     bool is_possible_;
     Matrix3 tilt_, tilt_of_x_, tilt_of_y_;

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>  // homogeneous()
 #include <Eigen/LU>
 
+#include "calib/camera/damped_newton.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -14,9 +15,9 @@ namespace {
 const CameraModel& checked(const CameraModel& camera) {
     const Intrinsics& i = camera.intrinsics;
     if (!(i.fx > 0.0) || !(i.fy > 0.0) || !std::isfinite(i.fx) || !std::isfinite(i.fy) ||
-        !std::isfinite(i.cx) || !std::isfinite(i.cy))
-        throw NumericalError(
-            fmt::format("no camera has fx {}, fy {}, cx {}, cy {}", i.fx, i.fy, i.cx, i.cy));
+        !std::isfinite(i.cx) || !std::isfinite(i.cy) || !std::isfinite(i.skew))
+        throw NumericalError(fmt::format("no camera has fx {}, fy {}, cx {}, cy {}, skew {}", i.fx,
+                                         i.fy, i.cx, i.cy, i.skew));
     for (const double coefficient : camera.distortion.coefficients())
         if (!std::isfinite(coefficient))
             throw NumericalError("a distortion coefficient is not finite");
@@ -48,9 +49,6 @@ std::optional<OnPlane> projected(const LensProjection& projection, const Eigen::
     }
     return result;
 }
-
-constexpr double tolerance = 1e-12;       // asked of the result
-constexpr double stop_tolerance = 1e-14;  // at which no further step is worth its time
 
 }  // namespace
 
@@ -86,8 +84,13 @@ std::optional<Distorted> Projector::distorted(const Eigen::Vector2d& undistorted
     return result;
 }
 
+// Where a projection without a table ends, the region does.
+bool Projector::has_ray(const Eigen::Vector2d& undistorted) const {
+    return !camera_.projection.table || from_plane(camera_.projection, undistorted);
+}
+
 bool Projector::is_valid(const Eigen::Vector2d& undistorted) const {
-    return distorted(undistorted).has_value();
+    return distorted(undistorted).has_value() && has_ray(undistorted);
 }
 
 std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d& p_camera) const {
@@ -98,9 +101,13 @@ std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d&
     const Intrinsics& i = camera_.intrinsics;
     Projected result;
     result.pixel << i.fx * d->point.x() + i.cx, i.fy * d->point.y() + i.cy;
+    result.jacobian = Eigen::Vector2d(i.fx, i.fy).asDiagonal() * (d->jacobian * plane->by_ray);
+    if (i.skew != 0.0) {
+        result.pixel.x() += i.skew * d->point.y();
+        result.jacobian.row(0) += i.skew / i.fy * result.jacobian.row(1);
+    }
     if (!result.pixel.allFinite())
         return std::nullopt;
-    result.jacobian = Eigen::Vector2d(i.fx, i.fy).asDiagonal() * (d->jacobian * plane->by_ray);
     return result;
 }
 
@@ -121,32 +128,10 @@ std::optional<Eigen::Vector2d> Projector::untilted(const Eigen::Vector2d& distor
 
 std::optional<Eigen::Vector2d> Projector::solve(const Eigen::Vector2d& target,
                                                 const Eigen::Vector2d& start) const {
-    const double scale = target.norm() + pixel_size_;
-    Eigen::Vector2d x = start;
-    Distorted d = distort_before_tilt(camera_.distortion, x);
-    double error = (target - d.point).norm();
-    for (int i = 0; i < 60 && error > stop_tolerance * scale; ++i) {
-        const Eigen::Vector2d step = d.jacobian.inverse() * (target - d.point);
-        bool advanced = false;
-        for (double part = 1.0; part > 1e-6 && !advanced; part *= 0.5) {
-            const Eigen::Vector2d next = x + part * step;
-            if (!region_.contains(next))
-                continue;
-            const Distorted there = distort_before_tilt(camera_.distortion, next);
-            const double next_error = (target - there.point).norm();
-            if (!there.is_regular() || !(next_error < error))
-                continue;
-            x = next;
-            d = there;
-            error = next_error;
-            advanced = true;
-        }
-        if (!advanced)
-            break;
-    }
-    if (!(error <= tolerance * scale))
-        return std::nullopt;
-    return x;
+    return damped_newton(
+        [&](const Eigen::Vector2d& x) { return distort_before_tilt(camera_.distortion, x); },
+        [&](const Eigen::Vector2d& x) { return region_.contains(x); }, target, start,
+        target.norm() + pixel_size_);
 }
 
 // Follows the preimage while the target moves out from the axis: slow, but started near the
@@ -160,12 +145,11 @@ std::optional<Eigen::Vector2d> Projector::solve_along_ray(const Eigen::Vector2d&
 }
 
 std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pixel) const {
-    const Intrinsics& i = camera_.intrinsics;
-    const Eigen::Vector2d target((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
+    const Eigen::Vector2d target = camera_.intrinsics.on_plane(pixel);
     if (!target.allFinite())
         return std::nullopt;
     if (!has_distortion_)
-        return region_.contains(target) ? std::optional(target) : std::nullopt;
+        return region_.contains(target) && has_ray(target) ? std::optional(target) : std::nullopt;
     const auto before_tilt = has_tilt_ ? untilted(target) : target;
     if (!before_tilt)
         return std::nullopt;
@@ -191,6 +175,23 @@ std::optional<Eigen::Vector3d> Projector::ray(const Eigen::Vector2d& pixel) cons
     return ray;
 }
 
+double Projector::border(const Eigen::Vector2d& direction) const {
+    constexpr double farthest = 1e3;  // of a projection that does not end at a circle
+    double beyond = region_.border(direction);
+    if (!camera_.projection.table)
+        return beyond;
+    const Eigen::Vector2d along = direction.normalized();
+    double within = 0.0;
+    beyond = std::min(beyond, farthest);
+    if (is_valid(beyond * along))
+        return region_.border(direction);
+    for (int i = 0; i < 50; ++i) {
+        const double middle = 0.5 * (within + beyond);
+        (is_valid(middle * along) ? within : beyond) = middle;
+    }
+    return within;
+}
+
 std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel) const {
     if (camera_.projection.is_flat())
         return undistorted(pixel);
@@ -201,12 +202,11 @@ std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel
 }
 
 Eigen::Matrix2d Projector::pixel_by_normalised(const Eigen::Vector2d& normalised) const {
-    const Eigen::Vector2d focal(camera_.intrinsics.fx, camera_.intrinsics.fy);
+    const Eigen::Matrix2d focal = camera_.intrinsics.pixel_by_plane();
     if (camera_.projection.is_flat())
-        return focal.asDiagonal() * distort(camera_.distortion, normalised).jacobian;
+        return focal * distort(camera_.distortion, normalised).jacobian;
     const auto plane = projected(camera_.projection, turn_, normalised.homogeneous());
-    return focal.asDiagonal() * distort(camera_.distortion, plane->point).jacobian *
-           plane->by_ray.leftCols<2>();
+    return focal * distort(camera_.distortion, plane->point).jacobian * plane->by_ray.leftCols<2>();
 }
 
 }  // namespace etalon

@@ -71,12 +71,17 @@ public:
     // Whether an undistorted point of the plane is inside the valid region.
     bool is_valid(const Eigen::Vector2d& undistorted) const;
 
+    // Radius of the valid region's border in the direction of this point; infinity where there is
+    // none. With a projection that has a table it is searched (some 10 us), to 1e3 at most.
+    double border(const Eigen::Vector2d& direction) const;
+
     const CameraModel& camera() const { return camera_; }
     const ValidRegion& valid_region() const { return region_; }
 
 private:
     Projector(const CameraModel& camera, ValidRegion region);
     std::optional<Distorted> distorted(const Eigen::Vector2d& undistorted) const;
+    bool has_ray(const Eigen::Vector2d& undistorted) const;
     std::optional<Eigen::Vector2d> untilted(const Eigen::Vector2d& distorted) const;
     std::optional<Eigen::Vector2d> solve(const Eigen::Vector2d& target,
                                          const Eigen::Vector2d& start) const;

@@ -147,15 +147,18 @@ ValidRegion::ValidRegion(const Distortion& distortion, double limit) {
 }
 
 double ValidRegion::border(const Eigen::Vector2d& direction) const {
-    if (border_.size() == 1)
-        return border_.front();
+    return border_.size() == 1 ? border_.front() : radius_in_direction(border_, direction);
+}
+
+double radius_in_direction(const std::vector<double>& radii, const Eigen::Vector2d& direction) {
     const double turns = std::atan2(direction.y(), direction.x()) / (2.0 * std::numbers::pi);
     if (!std::isfinite(turns))
         return 0.0;
-    const double position = (turns < 0.0 ? turns + 1.0 : turns) * direction_count;
+    const std::size_t count = radii.size();
+    const double position = (turns < 0.0 ? turns + 1.0 : turns) * static_cast<double>(count);
     const double index = std::floor(position);
-    const double a = border_[static_cast<std::size_t>(index) % direction_count];
-    const double b = border_[(static_cast<std::size_t>(index) + 1) % direction_count];
+    const double a = radii[static_cast<std::size_t>(index) % count];
+    const double b = radii[(static_cast<std::size_t>(index) + 1) % count];
     if (!std::isfinite(a) || !std::isfinite(b))
         return std::min(a, b);  // next to a direction with a border, believe the border
     return a + (position - index) * (b - a);

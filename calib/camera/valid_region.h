@@ -15,6 +15,9 @@
 
 namespace etalon {
 
+// Between radii in equally spaced directions, from the x axis on, by straight lines.
+double radius_in_direction(const std::vector<double>& radii, const Eigen::Vector2d& direction);
+
 class ValidRegion {
 public:
     // Costs a few milliseconds, 0.05 ms for purely radial models. Coefficients must be finite.

@@ -27,6 +27,54 @@ Distortion boofcv_distortion(const ForeignValue& value) {
     return distortion;
 }
 
+bool is_all_zero(const ForeignValue& list) {
+    const std::vector<double> values = list.numbers();
+    return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
+}
+
+// BoofCV's asymmetric terms are a polynomial of the angle times a polynomial of the azimuth's sines
+// and cosines: nothing when one of the two is zero.
+void refuse_asymmetric_terms(const ForeignValue& root) {
+    for (const char* name : {"radial", "tangent"}) {
+        const auto of_angle = root.find(name), of_azimuth = root.find(std::string(name) + "_trig");
+        if (of_angle && of_azimuth && !is_all_zero(*of_angle) && !is_all_zero(*of_azimuth))
+            of_angle->fail("is an asymmetric term of Kannala and Brandt, which no model here has");
+    }
+}
+
+// The first coefficient, of theta itself, goes into the focal lengths: here it is 1.
+void read_kannala_brandt(const ForeignValue& root, CameraModel& camera) {
+    const ForeignValue symmetric = root.at("symmetric");
+    const std::vector<double> k = symmetric.numbers();
+    if (k.empty() || k.size() > 5)
+        symmetric.fail(fmt::format("must have 1 to 5 coefficients, not {}", k.size()));
+    if (!(k[0] > 0.0))
+        symmetric.fail(fmt::format("must begin with a positive coefficient, not {}", k[0]));
+    refuse_asymmetric_terms(root);
+    camera.projection.kind = Projection::equidistant;
+    camera.intrinsics.zoom(k[0]);
+    std::vector<double> relative;
+    for (std::size_t i = 1; i < k.size(); ++i)
+        relative.push_back(k[i] / k[0]);
+    camera.distortion = kannala_brandt(relative);
+}
+
+std::string boofcv_lines(const CameraModel& camera) {
+    const Distortion& d = camera.distortion;
+    if (camera.projection.kind == Projection::equidistant) {
+        std::string lines = "symmetric:\n- 1.0\n";
+        for (const double k : kannala_brandt_coefficients(d))
+            lines += "- " + yaml_real(k) + "\n";
+        return lines + "radial: []\nradial_trig: []\ntangent: []\ntangent_trig: []\n";
+    }
+    const std::string lines = fmt::format(
+        "radial_tangential:\n  radial:\n  - {}\n  - {}\n  - {}\n  t1: {}\n  t2: {}\n",
+        yaml_real(d.k1), yaml_real(d.k2), yaml_real(d.k3), yaml_real(d.p1), yaml_real(d.p2));
+    return camera.projection.kind == Projection::unified
+               ? lines + "mirror_offset: " + yaml_real(camera.projection.a) + "\n"
+               : lines;
+}
+
 }  // namespace
 
 CameraModel read_boofcv_camera(const std::filesystem::path& path) {
@@ -34,21 +82,24 @@ CameraModel read_boofcv_camera(const std::filesystem::path& path) {
     const ForeignValue model = root.at("model");
     const std::string name = model.text();
     if (name != "pinhole" && name != "pinhole_radial_tangential" &&
-        name != "omnidirectional_universal")
+        name != "omnidirectional_universal" && name != "kannala_brandt")
         model.fail(
-            "must be pinhole, pinhole_radial_tangential or omnidirectional_universal, not '" +
+            "must be pinhole, pinhole_radial_tangential, omnidirectional_universal or "
+            "kannala_brandt, not '" +
             name + "'");
     const ForeignValue pinhole = root.at("pinhole");
     const auto number = [&](const char* key) { return pinhole.at(key).number(); };
-    if (const auto skew = pinhole.find("skew"); skew && skew->number() != 0.0)
-        skew->fail(fmt::format("must be 0, not {}: no model here has a skew", skew->number()));
+    const auto skew = pinhole.find("skew");
     CameraModel camera;
     camera.width = checked_image_side(number("width"), pinhole.at("width").place());
     camera.height = checked_image_side(number("height"), pinhole.at("height").place());
-    camera.intrinsics = from_pixels_of(CalibrationTool::boofcv,
-                                       checked_intrinsics(number("fx"), number("fy"), number("cx"),
-                                                          number("cy"), pinhole.place()));
-    if (name != "pinhole")
+    camera.intrinsics =
+        from_pixels_of(CalibrationTool::boofcv,
+                       checked_intrinsics(number("fx"), number("fy"), number("cx"), number("cy"),
+                                          pinhole.place(), skew ? skew->number() : 0.0));
+    if (name == "kannala_brandt")
+        read_kannala_brandt(root, camera);
+    else if (name != "pinhole")
         camera.distortion = boofcv_distortion(root.at("radial_tangential"));
     if (name == "omnidirectional_universal") {
         const ForeignValue offset = root.at("mirror_offset");
@@ -59,27 +110,27 @@ CameraModel read_boofcv_camera(const std::filesystem::path& path) {
 }
 
 void write_boofcv_camera(const std::filesystem::path& path, const CameraModel& camera) {
-    require_foreign_camera(camera, path, "a BoofCV file",
-                           {Projection::perspective, Projection::unified});
-    shortest_distortion(camera, {5}, path, "a BoofCV file");
-    const bool is_unified = camera.projection.kind == Projection::unified;
+    constexpr const char* format = "a BoofCV file";
+    const Projection kind = camera.projection.kind;
+    require_foreign_camera(camera, path, format,
+                           {Projection::perspective, Projection::unified, Projection::equidistant});
+    if (kind == Projection::equidistant)
+        require_only(camera, {"k1", "k2", "k3", "k7"}, path, format);
+    else
+        shortest_distortion(camera, {5}, path, format);
     const Intrinsics i = to_pixels_of(CalibrationTool::boofcv, camera.intrinsics);
-    const Distortion& d = camera.distortion;
-    const std::string offset =
-        is_unified ? "mirror_offset: " + yaml_real(camera.projection.a) + "\n" : "";
-    write_text(path,
-               fmt::format("# Camera model with radial and tangential distortion\n"
-                           "model: {}\n"
-                           "version: 0\n"
-                           "pinhole:\n"
-                           "  width: {}\n  height: {}\n  fx: {}\n  fy: {}\n  skew: 0.0\n"
-                           "  cx: {}\n  cy: {}\n"
-                           "radial_tangential:\n"
-                           "  radial:\n  - {}\n  - {}\n  - {}\n  t1: {}\n  t2: {}\n{}",
-                           is_unified ? "omnidirectional_universal" : "pinhole_radial_tangential",
-                           camera.width, camera.height, yaml_real(i.fx), yaml_real(i.fy),
-                           yaml_real(i.cx), yaml_real(i.cy), yaml_real(d.k1), yaml_real(d.k2),
-                           yaml_real(d.k3), yaml_real(d.p1), yaml_real(d.p2), offset));
+    const char* model = kind == Projection::equidistant ? "kannala_brandt"
+                        : kind == Projection::unified   ? "omnidirectional_universal"
+                                                        : "pinhole_radial_tangential";
+    write_text(path, fmt::format("# Camera model with radial and tangential distortion\n"
+                                 "model: {}\n"
+                                 "version: 0\n"
+                                 "pinhole:\n"
+                                 "  width: {}\n  height: {}\n  fx: {}\n  fy: {}\n  skew: {}\n"
+                                 "  cx: {}\n  cy: {}\n{}",
+                                 model, camera.width, camera.height, yaml_real(i.fx),
+                                 yaml_real(i.fy), yaml_real(i.skew), yaml_real(i.cx),
+                                 yaml_real(i.cy), boofcv_lines(camera)));
 }
 
 }  // namespace etalon

@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <numbers>
 
+#include "calib/camera/lens_table.h"
 #include "calib/camera/parameter_names.h"
 #include "calib/files/camera_formats.h"
 #include "calib/files/foreign_camera.h"
@@ -16,10 +17,12 @@ namespace etalon {
 namespace {
 
 Intrinsics read_intrinsics(const Value& value) {
+    const auto skew = value.find("skew");
     return {.fx = value.at("fx").number(units::px.positive()),
             .fy = value.at("fy").number(units::px.positive()),
             .cx = value.at("cx").number(units::px.either_sign()),
-            .cy = value.at("cy").number(units::px.either_sign())};
+            .cy = value.at("cy").number(units::px.either_sign()),
+            .skew = skew ? skew->number(units::px.either_sign()) : 0.0};
 }
 
 Distortion read_distortion(const Value& value) {
@@ -296,6 +299,28 @@ void check_lens(const CameraModel& camera, const Value& value) {
             value.fail("describes no lens: a length overflows or vanishes");
 }
 
+LensProjection tabled_projection(Projection kind, const Value& value) {
+    const auto number = [&](const char* key) {
+        return value.at(key).number(units::one.either_sign());
+    };
+    const auto number_or = [&](const char* key, double otherwise) {
+        return value.find(key) ? number(key) : otherwise;
+    };
+    if (kind == Projection::polynomial)
+        return polynomial_projection(number("a2"), number("a3"), number("a4"),
+                                     number_or("shear", 0.0));
+    if (kind == Projection::cahvor)
+        return cahvor_projection(number("alpha"), number("beta"), number("r0"), number("r1"),
+                                 number("r2"), number_or("linearity", 1.0));
+    const int columns = value.at("columns").integer(1, 1000);
+    const int rows = value.at("rows").integer(1, 1000);
+    const std::size_t numbers = 2 * static_cast<std::size_t>(columns) * rows;
+    return splined_projection(
+        value.at("order").integer(2, 3), columns, rows,
+        value.at("field_of_view_deg").number(units::deg.positive()),
+        value.at("control_points").numbers(numbers, units::one.either_sign()));
+}
+
 // A word, or a word with its parameters.
 LensProjection read_projection(const Value& value) {
     const std::string word =
@@ -303,6 +328,12 @@ LensProjection read_projection(const Value& value) {
     for (const ProjectionName& known : projection_names()) {
         if (word != known.name)
             continue;
+        if (has_table(known.kind)) {
+            if (!value.is_mapping())
+                value.fail(fmt::format("needs its parameters: {{{}: {{...}}}}", word));
+            return projection_at(value.place(),
+                                 [&] { return tabled_projection(known.kind, value.at(word)); });
+        }
         LensProjection projection{known.kind};
         double* const values[] = {&projection.a, &projection.b};
         for (std::size_t i = 0; i < 2; ++i)
@@ -391,6 +422,8 @@ CameraModel read_own_camera(const std::filesystem::path& path) {
         check_illumination(camera, *sensor);
     }
     if (const auto lens = root.find("lens")) {
+        if (camera.intrinsics.skew != 0.0)
+            lens->fail("has no meaning with a skew: its blur is not rendered");
         root.at("sensor").at("pixel_pitch_um").number(units::um.positive());
         camera.lens = read_lens(file, *lens, camera, uncertainty);
         check_lens(camera, *lens);

@@ -13,12 +13,13 @@
 //     sensor: {pixel_pitch_um: 8.3, bits: 8, transfer: linear, black: 0, gain_e_per_dn: 0,
 //              read_noise_e: 0, illumination: {cos4: true}}        # optional
 //
-// and, less common: projection: telecentric (fx, fy in px/mm; the lens has object_na in place of
-// f_number) or that of a wide lens, equidistant, stereographic, {field_of_view: {omega: 0.9}},
-// {unified: {xi: 1.2}}, {extended_unified: {beta: 1.1, alpha: 0.6}} or {double_sphere: {xi: -0.2,
-// alpha: 0.6}} (calib/camera/lens_projection.h; without a lens section), psf: {measured: {file:
-// psf.yml}} or wave, illumination: {polynomial: [c1, c2, c3]}, mosaic: RGGB, channel_response: [r,
-// g, b]. What they mean: docs/files.md.
+// and, less common: intrinsics with skew (px, without a lens section); projection: telecentric (fx,
+// fy in px/mm; the lens has object_na in place of f_number) or that of a wide lens, equidistant,
+// stereographic, {field_of_view: {omega: 0.9}}, {unified: {xi: 1.2}}, {extended_unified:
+// {beta: 1.1, alpha: 0.6}} or {double_sphere: {xi: -0.2, alpha: 0.6}}
+// (calib/camera/lens_projection.h; without a lens section), psf: {measured: {file: psf.yml}} or
+// wave, illumination: {polynomial: [c1, c2, c3]}, mosaic: RGGB, channel_response: [r, g, b]. What
+// they mean: docs/files.md.
 //
 // f_number is the engraved one; working_f_number may stand instead, or beside it if both agree to
 // 1e-6. focus_distance_mm may be the word infinity. psf: ideal or {gaussian: {sigma_px: 0.7}}.

@@ -2,6 +2,7 @@
 
 #include <span>
 
+#include "calib/camera/lens_table.h"
 #include "calib/camera/parameter_names.h"
 #include "calib/files/camera_file.h"
 #include "core/errors.h"
@@ -24,8 +25,23 @@ std::string quoted(const std::string& text) {
     return result + "\"";
 }
 
+std::string exact_list(std::span<const double> values) {
+    std::string text;
+    for (const double value : values)
+        text += (text.empty() ? "" : ", ") + exact(value);
+    return "[" + text + "]";
+}
+
 std::string projection_text(const LensProjection& projection) {
     const std::string word = name_of(projection.kind).name;
+    if (projection.kind == Projection::splined_stereographic) {
+        const LensTable& table = *projection.table;
+        return fmt::format(
+            "{{{}: {{order: {}, columns: {}, rows: {}, field_of_view_deg: {},\n"
+            "    control_points: {}}}}}",
+            word, table.order, table.columns, table.rows, exact(table.field_of_view_deg),
+            exact_list(table.coefficients));
+    }
     std::string parameters;
     for (const auto& [name, value] : named_parameters(projection))
         parameters += fmt::format("{}{}: {}", parameters.empty() ? "" : ", ", name, exact(value));
@@ -65,13 +81,6 @@ std::string point_spread_word(const PointSpread& psf, const std::filesystem::pat
             break;
     }
     return "{measured: {file: " + quoted(profile.filename().string()) + "}}";
-}
-
-std::string exact_list(std::span<const double> values) {
-    std::string text;
-    for (const double value : values)
-        text += (text.empty() ? "" : ", ") + exact(value);
-    return "[" + text + "]";
 }
 
 // Uncertainties of a table's rows: one each, or none at all.
@@ -211,8 +220,9 @@ void write_camera(const std::filesystem::path& path, const CameraModel& camera) 
     text += fmt::format("image: {{width: {}, height: {}}}\n", camera.width, camera.height);
     if (camera.projection.kind != Projection::perspective)
         text += "projection: " + projection_text(camera.projection) + "\n";
-    text += fmt::format("intrinsics: {{fx: {}, fy: {}, cx: {}, cy: {}}}\n", exact(i.fx),
-                        exact(i.fy), exact(i.cx), exact(i.cy));
+    text +=
+        fmt::format("intrinsics: {{fx: {}, fy: {}, cx: {}, cy: {}{}}}\n", exact(i.fx), exact(i.fy),
+                    exact(i.cx), exact(i.cy), i.skew != 0.0 ? ", skew: " + exact(i.skew) : "");
     if (!camera.distortion.is_zero())
         text += distortion_lines(camera.distortion);
     if (camera.covariance)

@@ -168,6 +168,7 @@ void write_colmap_camera(const std::filesystem::path& path, const CameraModel& c
     require_foreign_camera(
         camera, path, "COLMAP",
         {Projection::perspective, Projection::equidistant, Projection::field_of_view});
+    require_no_skew(camera, path, "COLMAP");
     const Model& model = model_for(camera, path);
     const Intrinsics i = to_pixels_of(CalibrationTool::colmap, camera.intrinsics);
     std::vector<std::string> parameters{exact(i.fx), exact(i.fy), exact(i.cx), exact(i.cy)};

@@ -26,12 +26,9 @@ Intrinsics intrinsics_of(const ForeignMatrix& matrix) {
                                       matrix.rows, matrix.cols, matrix.values.size()));
     check_finite(matrix);
     const std::vector<double>& m = matrix.values;
-    if (m[1] != 0.0)
-        throw ConfigError(matrix.place,
-                          fmt::format("has a skew of {}, which no model here has", m[1]));
     if (m[3] != 0.0 || m[6] != 0.0 || m[7] != 0.0 || m[8] != 1.0)
-        throw ConfigError(matrix.place, "must be [fx 0 cx; 0 fy cy; 0 0 1]");
-    return checked_intrinsics(m[0], m[4], m[2], m[5], matrix.place);
+        throw ConfigError(matrix.place, "must be [fx skew cx; 0 fy cy; 0 0 1]");
+    return checked_intrinsics(m[0], m[4], m[2], m[5], matrix.place, m[1]);
 }
 
 Distortion distortion_of(const ForeignMatrix& matrix) {
@@ -70,9 +67,9 @@ CameraModel camera_from_matrices(const ForeignMatrix& camera_matrix,
     return camera;
 }
 
-Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy,
-                              const SourcePlace& place) {
-    for (const double value : {fx, fy, cx, cy})
+Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy, const SourcePlace& place,
+                              double skew) {
+    for (const double value : {fx, fy, cx, cy, skew})
         if (!std::isfinite(value))
             throw ConfigError(place, "has a number that is not finite");
     if (fx <= 0.0 || fy <= 0.0)
@@ -80,10 +77,10 @@ Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy,
     for (const double focal_length : {fx, fy})
         if (const Range range = units::px.positive(); !range.contains(focal_length))
             throw ConfigError(place, fmt::format("{} must be {}", focal_length, range.words()));
-    for (const double centre : {cx, cy})
-        if (const Range range = units::px.either_sign(); !range.contains(centre))
-            throw ConfigError(place, fmt::format("{} must be {}", centre, range.words()));
-    return {.fx = fx, .fy = fy, .cx = cx, .cy = cy};
+    for (const double length : {cx, cy, skew})
+        if (const Range range = units::px.either_sign(); !range.contains(length))
+            throw ConfigError(place, fmt::format("{} must be {}", length, range.words()));
+    return {.fx = fx, .fy = fy, .cx = cx, .cy = cy, .skew = skew};
 }
 
 int shortest_distortion(const CameraModel& camera, std::initializer_list<int> counts,
@@ -129,10 +126,17 @@ void require_foreign_camera(const CameraModel& camera, const std::filesystem::pa
     if (camera.width < 1 || camera.height < 1)
         throw ConfigError({path.string()}, "the image size is not known");
     const Intrinsics& i = camera.intrinsics;
-    checked_intrinsics(i.fx, i.fy, i.cx, i.cy, {path.string()});
+    checked_intrinsics(i.fx, i.fy, i.cx, i.cy, {path.string()}, i.skew);
     for (const double coefficient : camera.distortion.coefficients())
         if (!std::isfinite(coefficient))
             throw ConfigError({path.string()}, "has a coefficient that is not finite");
+}
+
+void require_no_skew(const CameraModel& camera, const std::filesystem::path& path,
+                     const char* format) {
+    if (camera.intrinsics.skew != 0.0)
+        throw ConfigError({path.string()}, fmt::format("{} has no place for skew = {}", format,
+                                                       camera.intrinsics.skew));
 }
 
 Distortion kannala_brandt(const std::vector<double>& coefficients) {
@@ -145,13 +149,20 @@ std::array<double, 4> kannala_brandt_coefficients(const Distortion& d) {
     return {d.k1, d.k2, d.k3, d.k7};
 }
 
-LensProjection checked_projection(const LensProjection& projection, const SourcePlace& place) {
+LensProjection projection_at(const SourcePlace& place,
+                             const std::function<LensProjection()>& make) {
     try {
-        require_possible(projection);
+        return make();
     } catch (const NumericalError& error) {
         throw ConfigError(place, error.what());
     }
-    return projection;
+}
+
+LensProjection checked_projection(const LensProjection& projection, const SourcePlace& place) {
+    return projection_at(place, [&] {
+        require_possible(projection);
+        return projection;
+    });
 }
 
 std::string yaml_real(double value) {

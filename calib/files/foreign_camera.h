@@ -4,6 +4,7 @@
 
 #include <array>
 #include <filesystem>
+#include <functional>
 #include <initializer_list>
 #include <string>
 #include <string_view>
@@ -21,7 +22,7 @@ struct ForeignMatrix {
     std::vector<double> values;
 };
 
-// The camera of a 3x3 matrix [fx 0 cx; 0 fy cy; 0 0 1] and of 4, 5, 8, 12 or 14 coefficients in
+// The camera of a 3x3 matrix [fx skew cx; 0 fy cy; 0 0 1] and of 4, 5, 8, 12 or 14 coefficients in
 // OpenCV's order, as a row or a column. The image size is left 0.
 // Throws ConfigError at the matrix that is something else.
 CameraModel camera_from_matrices(const ForeignMatrix& camera_matrix,
@@ -31,7 +32,8 @@ CameraModel camera_from_matrices(const ForeignMatrix& camera_matrix,
 int checked_image_side(double value, const SourcePlace& place);
 
 // The same of four numbers: fx and fy positive, all finite, at `place`.
-Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy, const SourcePlace& place);
+Intrinsics checked_intrinsics(double fx, double fy, double cx, double cy, const SourcePlace& place,
+                              double skew = 0.0);
 
 // For writers. The number of coefficients, one of `counts` (ascending, in OpenCV's order), that
 // holds all which are not 0. Throws ConfigError at `path`, naming the first coefficient that
@@ -54,12 +56,18 @@ void require_foreign_camera(const CameraModel& camera, const std::filesystem::pa
                             std::initializer_list<Projection> projections = {
                                 Projection::perspective});
 
+// For formats that have no skew. Throws ConfigError at `path` where it is not 0.
+void require_no_skew(const CameraModel& camera, const std::filesystem::path& path,
+                     const char* format);
+
 // Kannala and Brandt's coefficients of theta^3, ^5, ^7 and ^9, over the equidistant projection: k1,
 // k2, k3 and k7 here. Up to four, missing ones are 0.
 Distortion kannala_brandt(const std::vector<double>& coefficients);
 std::array<double, 4> kannala_brandt_coefficients(const Distortion& distortion);
 
-// A projection with the parameters of a file. Throws ConfigError at `place` where none has them.
+// A projection with the parameters of a file. Throws ConfigError at `place` where none has them,
+// which `make` says by a NumericalError.
+LensProjection projection_at(const SourcePlace& place, const std::function<LensProjection()>& make);
 LensProjection checked_projection(const LensProjection& projection, const SourcePlace& place);
 
 // A number that reads back as the same double, with a decimal point: YAML 1.1, of PyYAML and

@@ -15,8 +15,8 @@ ForeignValue ForeignValue::parse(const std::string& text, const std::string& fil
     const YAML::Node root = parse_yaml(text, file);
     if (text.starts_with("Model = CAHV"))
         throw ConfigError({file, 1},
-                          "is a CAHV, CAHVOR or CAHVORE model, which is not supported: its "
-                          "distortion has no exact form in OpenCV's parameters");
+                          "is a CAHV, CAHVOR or CAHVORE file of JPL, which is not read: "
+                          "mrcal-from-cahvor makes a .cameramodel of it, which is");
     if (!root.IsMap())
         throw ConfigError({file, 1}, "is no camera calibration of a known format");
     return {root, {file, 1}};

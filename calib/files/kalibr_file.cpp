@@ -113,6 +113,7 @@ void write_kalibr_camera(const std::filesystem::path& path, const CameraModel& c
         camera, path, format,
         {Projection::perspective, Projection::equidistant, Projection::field_of_view,
          Projection::unified, Projection::extended_unified, Projection::double_sphere});
+    require_no_skew(camera, path, format);
     const Intrinsics i = to_pixels_of(CalibrationTool::kalibr, camera.intrinsics);
     const Distortion& d = camera.distortion;
     std::vector<double> intrinsics{i.fx, i.fy, i.cx, i.cy}, coefficients;

@@ -3,7 +3,7 @@
 // [width, height]. Layout: the wiki of Kalibr, "yaml formats".
 //
 // Read and written are camera_model pinhole with the distortion radtan (k1 k2 p1 p2, OpenCV's
-// order) or none; omni, ds, eucm, equidistant and fov are refused by name. Poses between cameras
+// order), equidistant, fov or none, omni with radtan or none, eucm and ds. Poses between cameras
 // and the IMU are not read.
 #pragma once
 
@@ -17,7 +17,8 @@ namespace etalon {
 // `name`: which camera ("cam1"); empty: the only one. Throws ConfigError with file, line and key.
 CameraModel read_kalibr_camera(const std::filesystem::path& path, const std::string& name = "");
 
-// One camera, cam0. Throws ConfigError for coefficients beyond k1 k2 p1 p2.
+// One camera, cam0. Throws ConfigError for coefficients beyond k1 k2 p1 p2 (equidistant k1 k2 k3
+// k7), and for a skew.
 void write_kalibr_camera(const std::filesystem::path& path, const CameraModel& camera);
 
 }  // namespace etalon

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "calib/camera/lens_table.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/files/foreign_value.h"
 #include "calib/files/pixel_origin.h"
@@ -18,11 +19,13 @@ ForeignMatrix transposed(const ForeignMatrix& matrix) {
     return result;
 }
 
-// fx 0 cx, 0 fy cy, 0 0 1.
+// fx skew cx, 0 fy cy, 0 0 1.
 ForeignMatrix matrix_of_lengths(const ForeignValue& root) {
     const ForeignValue focal = root.at("FocalLength");
     const auto f = focal.numbers(2), c = root.at("PrincipalPoint").numbers(2);
-    return {focal.place(), 3, 3, {f[0], 0.0, c[0], 0.0, f[1], c[1], 0.0, 0.0, 1.0}};
+    const auto skew = root.find("Skew");
+    const double s = skew ? skew->number() : 0.0;
+    return {focal.place(), 3, 3, {f[0], s, c[0], 0.0, f[1], c[1], 0.0, 0.0, 1.0}};
 }
 
 std::vector<ForeignMatrix> camera_matrices(const ForeignValue& root) {
@@ -51,6 +54,9 @@ ForeignMatrix the_camera_matrix(const ForeignValue& root) {
     for (const ForeignMatrix& other : all)
         if (!agree(all.front(), other))
             throw ConfigError(other.place, "contradicts " + all.front().place.key);
+    if (const auto skew = root.find("Skew"))
+        if (!(std::abs(skew->number() - all.front().values[1]) <= 1e-6))
+            skew->fail("contradicts " + all.front().place.key);
     return all.front();
 }
 
@@ -65,30 +71,80 @@ ForeignMatrix distortion_of(const ForeignValue& root) {
     return {radial.place(), 1, 5, {k[0], k[1], p[0], p[1], k.size() == 3 ? k[2] : 0.0}};
 }
 
+void read_image_size(const ForeignValue& root, CameraModel& camera) {
+    const auto size = root.find("ImageSize");
+    if (!size || size->numbers().empty())
+        return;
+    const auto sides = size->numbers(2);
+    camera.height = checked_image_side(sides[0], size->place());
+    camera.width = checked_image_side(sides[1], size->place());
+}
+
+// The stretch matrix [c d; e 1] is [c - d e, d; 0, 1] [1 0; e 1]: the left one goes into the
+// intrinsics, e stays with the projection. Radii are in units of a0, the focal length.
+CameraModel read_fisheye(const ForeignValue& fisheye) {
+    const ForeignValue mapping = fisheye.at("MappingCoefficients");
+    const auto a = mapping.numbers(4), centre = fisheye.at("DistortionCenter").numbers(2);
+    std::vector<double> stretch{1.0, 0.0, 0.0, 1.0};
+    if (const auto given = fisheye.find("StretchMatrix")) {
+        stretch = matrix_of_rows(*given, 2, 2).values;
+        if (stretch[3] != 1.0)
+            given->fail(fmt::format("must be [c d; e 1], not with {} for 1", stretch[3]));
+    }
+    const double c = stretch[0], d = stretch[1], e = stretch[2], f = a[0];
+    CameraModel camera;
+    camera.intrinsics = from_pixels_of(
+        CalibrationTool::matlab,
+        checked_intrinsics((c - d * e) * f, f, centre[0], centre[1], mapping.place(), d * f));
+    camera.projection = projection_at(mapping.place(), [&] {
+        return polynomial_projection(a[1] * f, a[2] * f * f, a[3] * f * f * f, e);
+    });
+    read_image_size(fisheye, camera);
+    return camera;
+}
+
+void write_fisheye(const std::filesystem::path& path, const CameraModel& camera) {
+    constexpr const char* format = "MATLAB's fisheyeIntrinsics";
+    require_foreign_camera(camera, path, format, {Projection::polynomial});
+    require_only(camera, {}, path, format);
+    const Intrinsics i = to_pixels_of(CalibrationTool::matlab, camera.intrinsics);
+    const std::vector<double>& a = camera.projection.table->coefficients;
+    const double f = i.fy, d = i.skew / f, e = a[3];
+    write_text(path,
+               fmt::format("{{\n"
+                           "  \"MappingCoefficients\": [{}, {}, {}, {}],\n"
+                           "  \"ImageSize\": [{}, {}],\n"
+                           "  \"DistortionCenter\": [{}, {}],\n"
+                           "  \"StretchMatrix\": [[{}, {}], [{}, 1]]\n"
+                           "}}\n",
+                           exact(f), exact(a[0] / f), exact(a[1] / (f * f)),
+                           exact(a[2] / (f * f * f)), camera.height, camera.width, exact(i.cx),
+                           exact(i.cy), exact(i.fx / f + d * e), exact(d), exact(e)));
+}
+
 }  // namespace
 
 CameraModel read_matlab_camera(const std::filesystem::path& path) {
     const ForeignValue root = ForeignValue::parse(read_text(path), path.string());
-    if (const auto fisheye = root.find("MappingCoefficients"))
-        fisheye->fail("belongs to fisheyeParameters, a model that is not here");
-    if (const auto skew = root.find("Skew"); skew && skew->number() != 0.0)
-        skew->fail(fmt::format("must be 0, not {}: no model here has a skew", skew->number()));
+    if (const auto nested = root.find("Intrinsics"); nested && nested->find("MappingCoefficients"))
+        return read_fisheye(*nested);
+    if (root.find("MappingCoefficients"))
+        return read_fisheye(root);
     CameraModel camera = camera_from_matrices(the_camera_matrix(root), distortion_of(root));
     camera.intrinsics = from_pixels_of(CalibrationTool::matlab, camera.intrinsics);
-    if (const auto size = root.find("ImageSize"); size && !size->numbers().empty()) {
-        const auto sides = size->numbers(2);
-        camera.height = checked_image_side(sides[0], size->place());
-        camera.width = checked_image_side(sides[1], size->place());
-    }
+    read_image_size(root, camera);
     return camera;
 }
 
 void write_matlab_camera(const std::filesystem::path& path, const CameraModel& camera) {
+    if (camera.projection.kind == Projection::polynomial)
+        return write_fisheye(path, camera);
     require_foreign_camera(camera, path, "MATLAB's cameraParameters");
     shortest_distortion(camera, {5}, path, "MATLAB's cameraParameters");
     const Intrinsics i = to_pixels_of(CalibrationTool::matlab, camera.intrinsics);
     const Distortion& d = camera.distortion;
-    const std::string fx = exact(i.fx), fy = exact(i.fy), cx = exact(i.cx), cy = exact(i.cy);
+    const std::string fx = exact(i.fx), fy = exact(i.fy), cx = exact(i.cx), cy = exact(i.cy),
+                      skew = exact(i.skew);
     write_text(path,
                fmt::format("{{\n"
                            "  \"FocalLength\": [{}, {}],\n"
@@ -96,11 +152,11 @@ void write_matlab_camera(const std::filesystem::path& path, const CameraModel& c
                            "  \"ImageSize\": [{}, {}],\n"
                            "  \"RadialDistortion\": [{}, {}, {}],\n"
                            "  \"TangentialDistortion\": [{}, {}],\n"
-                           "  \"Skew\": 0,\n"
-                           "  \"K\": [[{}, 0, {}], [0, {}, {}], [0, 0, 1]]\n"
+                           "  \"Skew\": {},\n"
+                           "  \"K\": [[{}, {}, {}], [0, {}, {}], [0, 0, 1]]\n"
                            "}}\n",
                            fx, fy, cx, cy, camera.height, camera.width, exact(d.k1), exact(d.k2),
-                           exact(d.k3), exact(d.p1), exact(d.p2), fx, cx, fy, cy));
+                           exact(d.k3), exact(d.p1), exact(d.p2), skew, fx, skew, cx, fy, cy));
 }
 
 }  // namespace etalon

@@ -3,6 +3,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <span>
+
+#include "calib/camera/lens_table.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/files/foreign_value.h"
 #include "calib/files/pixel_origin.h"
@@ -10,10 +13,6 @@
 
 namespace etalon {
 namespace {
-
-constexpr const char* known_models =
-    "LENSMODEL_PINHOLE, LENSMODEL_STEREOGRAPHIC or LENSMODEL_OPENCV4, _OPENCV5, _OPENCV8 or "
-    "_OPENCV12";
 
 // Python's literals as YAML: only the b before bytes has to go, which else would be a plain word
 // that ends at the first bracket of the base-85 text. Columns and lines stay.
@@ -37,14 +36,99 @@ std::string without_bytes_prefix(std::string text) {
     return text;
 }
 
-int coefficients_of(const ForeignValue& model) {
+// LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=20_fov_x_deg=170 and the like: a family, and
+// what configures it.
+struct ModelName {
+    std::string family;
+    std::vector<double> configuration;
+};
+ModelName parsed(const ForeignValue& model, std::string name,
+                 std::initializer_list<const char*> keys) {
+    ModelName result;
+    for (const char* key : keys) {
+        const std::string separator = fmt::format("_{}=", key);
+        const std::size_t at = name.find(separator);
+        if (at == std::string::npos)
+            model.fail(fmt::format("must say {}", separator.substr(1)));
+        const std::string rest = name.substr(at + separator.size());
+        const auto number = parse_number(rest.substr(0, rest.find('_')));
+        if (!number)
+            model.fail(fmt::format("must say a number as {}", separator.substr(1)));
+        if (result.family.empty())
+            result.family = name.substr(0, at);
+        result.configuration.push_back(*number);
+    }
+    return result;
+}
+
+using Numbers = std::span<const double>;  // what follows fx fy cx cy
+
+void require_count(const ForeignValue& intrinsics, Numbers numbers, std::size_t count) {
+    if (numbers.size() != count)
+        intrinsics.fail(fmt::format("must have {} numbers, not {}", count + 4, numbers.size() + 4));
+}
+
+int whole(const ForeignValue& model, double number) {
+    if (!(number >= 1.0 && number <= 1000.0) || number != std::floor(number))
+        model.fail(fmt::format("must have whole numbers of 1 to 1000, not {}", number));
+    return static_cast<int>(number);
+}
+
+LensProjection splined(const ForeignValue& model, const ForeignValue& intrinsics, Numbers numbers) {
+    const ModelName name = parsed(model, model.text(), {"order", "Nx", "Ny", "fov_x_deg"});
+    const int columns = whole(model, name.configuration[1]);
+    const int rows = whole(model, name.configuration[2]);
+    require_count(intrinsics, numbers, 2 * static_cast<std::size_t>(columns) * rows);
+    return projection_at(model.place(), [&] {
+        return splined_projection(whole(model, name.configuration[0]), columns, rows,
+                                  name.configuration[3], {numbers.begin(), numbers.end()});
+    });
+}
+
+LensProjection cahvor(const ForeignValue& intrinsics, Numbers n, double linearity) {
+    return projection_at(intrinsics.place(), [&] {
+        return cahvor_projection(n[0], n[1], n[2], n[3], n[4], linearity);
+    });
+}
+
+LensProjection cahvore(const ForeignValue& model, const ForeignValue& intrinsics, Numbers numbers) {
+    require_count(intrinsics, numbers, 8);
+    for (const double e : numbers.last(3))
+        if (e != 0.0)
+            intrinsics.fail(
+                "is of a CAHVORE lens whose entrance pupil moves with the angle (its last three "
+                "numbers are not 0): its rays do not meet in one point, and no model here has "
+                "such rays");
+    return cahvor(intrinsics, numbers, parsed(model, model.text(), {"linearity"}).configuration[0]);
+}
+
+void read_model(const ForeignValue& model, const ForeignValue& intrinsics, Numbers numbers,
+                CameraModel& camera) {
     const std::string name = model.text();
-    if (name == "LENSMODEL_PINHOLE" || name == "LENSMODEL_STEREOGRAPHIC")
-        return 0;
-    for (const int count : {4, 5, 8, 12})
-        if (name == fmt::format("LENSMODEL_OPENCV{}", count))
-            return count;
-    model.fail(fmt::format("must be {}, not '{}'", known_models, name));
+    for (const int count : {0, 4, 5, 8, 12})
+        if (name == (count == 0 ? "LENSMODEL_PINHOLE" : fmt::format("LENSMODEL_OPENCV{}", count))) {
+            require_count(intrinsics, numbers, static_cast<std::size_t>(count));
+            std::array<double, 14> all{};
+            std::copy(numbers.begin(), numbers.end(), all.begin());
+            camera.distortion = Distortion::from_opencv_order(all);
+            return;
+        }
+    if (name == "LENSMODEL_STEREOGRAPHIC") {
+        require_count(intrinsics, numbers, 0);
+        camera.projection.kind = Projection::stereographic;
+    } else if (name == "LENSMODEL_CAHVOR") {
+        require_count(intrinsics, numbers, 5);
+        camera.projection = cahvor(intrinsics, numbers, 1.0);
+    } else if (name.starts_with("LENSMODEL_CAHVORE_")) {
+        camera.projection = cahvore(model, intrinsics, numbers);
+    } else if (name.starts_with("LENSMODEL_SPLINED_STEREOGRAPHIC_")) {
+        camera.projection = splined(model, intrinsics, numbers);
+    } else {
+        model.fail(
+            "must be LENSMODEL_PINHOLE, _STEREOGRAPHIC, _OPENCV4, _OPENCV5, _OPENCV8, _OPENCV12, "
+            "_CAHVOR, _CAHVORE or _SPLINED_STEREOGRAPHIC, not '" +
+            name + "'");
+    }
 }
 
 ForeignValue lens_model(const ForeignValue& root) {
@@ -53,51 +137,87 @@ ForeignValue lens_model(const ForeignValue& root) {
     return root.at("lensmodel");
 }
 
+// The name of the model for a camera, and what follows fx fy cx cy.
+struct Written {
+    std::string model;
+    std::vector<double> numbers;
+};
+
+Written written_opencv(const CameraModel& camera, const std::filesystem::path& path) {
+    const int count = shortest_distortion(camera, {0, 4, 5, 8, 12}, path, "an mrcal OpenCV model");
+    const auto coefficients = camera.distortion.in_opencv_order();
+    return {count == 0 ? "PINHOLE" : fmt::format("OPENCV{}", count),
+            {coefficients.begin(), coefficients.begin() + count}};
+}
+
+Written written_splined(const LensTable& table, const std::filesystem::path& path) {
+    if (table.field_of_view_deg != std::floor(table.field_of_view_deg))
+        throw ConfigError({path.string()}, fmt::format("mrcal has whole degrees only as a splined "
+                                                       "model's field of view, not {}",
+                                                       table.field_of_view_deg));
+    return {fmt::format("SPLINED_STEREOGRAPHIC_order={}_Nx={}_Ny={}_fov_x_deg={:.0f}", table.order,
+                        table.columns, table.rows, table.field_of_view_deg),
+            table.coefficients};
+}
+
+Written written_cahvor(const LensTable& table) {
+    std::vector<double> numbers(table.coefficients.begin(), table.coefficients.begin() + 5);
+    const double linearity = table.coefficients[5];
+    if (linearity == 1.0)
+        return {"CAHVOR", numbers};
+    numbers.insert(numbers.end(), 3, 0.0);
+    return {fmt::format("CAHVORE_linearity={}", exact(linearity)), numbers};
+}
+
+Written written(const CameraModel& camera, const std::filesystem::path& path) {
+    if (camera.projection.kind == Projection::perspective)
+        return written_opencv(camera, path);
+    require_only(camera, {}, path, "mrcal's models of wide lenses");
+    if (camera.projection.kind == Projection::cahvor)
+        return written_cahvor(*camera.projection.table);
+    if (camera.projection.kind == Projection::splined_stereographic)
+        return written_splined(*camera.projection.table, path);
+    return {"STEREOGRAPHIC", {}};
+}
+
 }  // namespace
 
 CameraModel read_mrcal_camera(const std::filesystem::path& path) {
     const ForeignValue root =
         ForeignValue::parse(without_bytes_prefix(read_text(path)), path.string());
-    const auto count = static_cast<std::size_t>(coefficients_of(lens_model(root)));
     const ForeignValue intrinsics = root.at("intrinsics"), size = root.at("imagersize");
-    const auto i = intrinsics.numbers(4 + count), sides = size.numbers(2);
+    const auto i = intrinsics.numbers(), sides = size.numbers(2);
+    if (i.size() < 4)
+        intrinsics.fail("must have at least 4 numbers");
     CameraModel camera;
     camera.intrinsics = from_pixels_of(
         CalibrationTool::mrcal, checked_intrinsics(i[0], i[1], i[2], i[3], intrinsics.place()));
-    std::array<double, 14> all{};
-    std::copy(i.begin() + 4, i.end(), all.begin());
-    camera.distortion = Distortion::from_opencv_order(all);
-    if (lens_model(root).text() == "LENSMODEL_STEREOGRAPHIC")
-        camera.projection.kind = Projection::stereographic;
+    read_model(lens_model(root), intrinsics, Numbers(i).subspan(4), camera);
     camera.width = checked_image_side(sides[0], size.place());
     camera.height = checked_image_side(sides[1], size.place());
     return camera;
 }
 
 void write_mrcal_camera(const std::filesystem::path& path, const CameraModel& camera) {
-    const bool is_stereographic = camera.projection.kind == Projection::stereographic;
-    const char* format = is_stereographic ? "mrcal's stereographic model" : "an mrcal OpenCV model";
+    constexpr const char* format = "an mrcal model";
+    using enum Projection;
     require_foreign_camera(camera, path, format,
-                           {Projection::perspective, Projection::stereographic});
-    if (is_stereographic)
-        require_only(camera, {}, path, format);
-    const int count = shortest_distortion(camera, {0, 4, 5, 8, 12}, path, format);
+                           {perspective, stereographic, cahvor, splined_stereographic});
+    require_no_skew(camera, path, format);
+    const Written model = written(camera, path);
     const Intrinsics i = to_pixels_of(CalibrationTool::mrcal, camera.intrinsics);
     std::vector<std::string> numbers{exact(i.fx), exact(i.fy), exact(i.cx), exact(i.cy)};
-    const auto coefficients = camera.distortion.in_opencv_order();
-    for (int k = 0; k < count; ++k)
-        numbers.push_back(exact(coefficients[static_cast<std::size_t>(k)]));
-    write_text(path, fmt::format("{{\n"
-                                 "    'lensmodel':  'LENSMODEL_{}',\n\n"
-                                 "    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....\n"
-                                 "    'intrinsics': [ {},],\n\n"
-                                 "    'extrinsics': [ 0, 0, 0, 0, 0, 0,],\n\n"
-                                 "    'imagersize': [ {}, {},],\n\n"
-                                 "}}\n",
-                                 is_stereographic ? "STEREOGRAPHIC"
-                                 : count == 0     ? "PINHOLE"
-                                                  : fmt::format("OPENCV{}", count),
-                                 fmt::join(numbers, ", "), camera.width, camera.height));
+    for (const double number : model.numbers)
+        numbers.push_back(exact(number));
+    write_text(path,
+               fmt::format("{{\n"
+                           "    'lensmodel':  'LENSMODEL_{}',\n\n"
+                           "    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....\n"
+                           "    'intrinsics': [ {},],\n\n"
+                           "    'extrinsics': [ 0, 0, 0, 0, 0, 0,],\n\n"
+                           "    'imagersize': [ {}, {},],\n\n"
+                           "}}\n",
+                           model.model, fmt::join(numbers, ", "), camera.width, camera.height));
 }
 
 }  // namespace etalon

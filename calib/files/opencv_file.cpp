@@ -359,12 +359,14 @@ void write_opencv_camera(const std::filesystem::path& path, const CameraModel& c
     require_projection(camera, path, format,
                        {Projection::perspective, Projection::equidistant, Projection::unified});
     const bool is_fisheye = projection == Projection::equidistant;
+    if (projection == Projection::perspective)
+        require_no_skew(camera, path, "OpenCV's perspective model");
     if (is_fisheye)
         require_only(camera, {"k1", "k2", "k3", "k7"}, path, format);
     else
         shortest_distortion(camera, {projection == Projection::unified ? 4 : 14}, path, format);
     const Intrinsics i = to_pixels_of(CalibrationTool::opencv, camera.intrinsics);
-    const cv::Matx33d camera_matrix(i.fx, 0, i.cx, 0, i.fy, i.cy, 0, 0, 1);
+    const cv::Matx33d camera_matrix(i.fx, i.skew, i.cx, 0, i.fy, i.cy, 0, 0, 1);
     auto coefficients = camera.distortion.in_opencv_order();
     if (is_fisheye) {
         coefficients = {};

@@ -45,6 +45,9 @@ CameraModel read_ros_camera(const std::filesystem::path& path) {
     const ForeignMatrix distortion = read_matrix(root.at("distortion_coefficients"));
     check_model(root.at("distortion_model"), distortion);
     CameraModel camera = camera_from_matrices(read_matrix(camera_matrix), distortion);
+    if (camera.intrinsics.skew != 0.0)
+        camera_matrix.fail(
+            fmt::format("has a skew of {}, which ROS's K does not have", camera.intrinsics.skew));
     camera.intrinsics = from_pixels_of(CalibrationTool::ros, camera.intrinsics);
     if (root.at("distortion_model").text() == "equidistant") {
         camera.projection.kind = Projection::equidistant;
@@ -60,6 +63,7 @@ void write_ros_camera(const std::filesystem::path& path, const CameraModel& came
     constexpr const char* format = "ROS camera_info";
     require_foreign_camera(camera, path, format,
                            {Projection::perspective, Projection::equidistant});
+    require_no_skew(camera, path, format);
     const Intrinsics i = to_pixels_of(CalibrationTool::ros, camera.intrinsics);
     std::vector<std::string> listed;
     if (camera.projection.kind == Projection::equidistant) {

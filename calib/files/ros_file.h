@@ -1,6 +1,7 @@
 // Calibrations as ROS keeps them (camera_info YAML, as written by camera_calibration): image_width,
 // image_height, camera_matrix, distortion_model and distortion_coefficients. Models: plumb_bob (5
-// coefficients) and rational_polynomial (8), whose order is OpenCV's; others are refused by name.
+// coefficients) and rational_polynomial (8), whose order is OpenCV's, and equidistant (4); others
+// are refused by name, and so is a skew.
 // Rectification and projection matrices describe a rectified image and are not read.
 //
 // Pixel (0, 0) is the centre of the top-left pixel there too.

@@ -123,7 +123,7 @@ struct ViewDesign {
 
 ViewDesign view_design(const CalibrationView& view, const DrawnBoard& board, const CameraFit& fit,
                        std::size_t index, const CalibrationModel& model, const ImageField* field) {
-    const PixelModel<double> pixel_model(fit.camera.projection.kind, all_parameters(fit.camera));
+    const PixelModel<double> pixel_model(fit.camera.projection, all_parameters(fit.camera));
     const Rigid& pose = fit.camera_from_target[index];
     const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
     const Eigen::Index free = std::ssize(model.parameters), rows = 2 * std::ssize(view.pixels);

@@ -45,7 +45,7 @@ Rigid rigid_from(const BundlePose<Scalar>& pose, const Eigen::Vector3d& centre_m
 
 template <typename Scalar>
 struct Bundle {
-    Projection projection = Projection::perspective;
+    LensProjection projection;
     typename PixelModel<Scalar>::Parameters camera;
     std::vector<BundlePose<Scalar>> poses;
 

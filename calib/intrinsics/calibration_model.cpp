@@ -58,12 +58,12 @@ CameraParameters all_parameters(const CameraModel& camera) {
     CameraParameters values;
     values << i.fx, i.fy, i.cx, i.cy,
         Eigen::Map<const Eigen::Matrix<double, Distortion::count, 1>>(coefficients.data()),
-        camera.projection.a, camera.projection.b;
+        camera.projection.a, camera.projection.b, i.skew;
     return values;
 }
 
 void set_all_parameters(CameraModel& camera, const CameraParameters& values) {
-    camera.intrinsics = {values[0], values[1], values[2], values[3]};
+    camera.intrinsics = {values[0], values[1], values[2], values[3], values[21]};
     std::array<double, Distortion::count> coefficients{};
     std::copy_n(values.begin() + 4, coefficients.size(), coefficients.begin());
     camera.distortion = Distortion::of(coefficients);
@@ -82,6 +82,8 @@ int parameter_index(std::string_view name) {
         for (std::size_t i = 0; i < projection.parameters.size(); ++i)
             if (!name.empty() && name == projection.parameters[i])
                 return static_cast<int>(intrinsic_names.size() + distortion_names.size() + i);
+    if (name == "skew")
+        return camera_parameter_count - 1;
     throw ConfigError({}, fmt::format("a camera has no parameter '{}'", name));
 }
 

@@ -258,13 +258,12 @@ struct PosedViews {
 std::optional<PosedViews> posed_views(std::span<const CalibrationView> views,
                                       const std::vector<BundleView<double>>& bundle_views,
                                       const CameraModel& camera) {
-    const Intrinsics& i = camera.intrinsics;
-    Bundle<double> one{camera.projection.kind, all_parameters(camera), {}};
+    Bundle<double> one{camera.projection, all_parameters(camera), {}};
     PosedViews posed;
     for (std::size_t v = 0; v < views.size(); ++v) {
         std::vector<Eigen::Vector2d> plane;
         for (const Eigen::Vector2d& pixel : views[v].pixels)
-            plane.emplace_back((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
+            plane.push_back(camera.intrinsics.on_plane(pixel));
         const auto pose = pose_from_plane(views[v].points_mm, plane, camera.projection);
         if (!pose)
             return std::nullopt;

@@ -59,8 +59,7 @@ void measure_valid_region(const Projector& projector, CameraCheck& check) {
             if (!point)
                 ++without_ray;
             else if (on_edge && point->norm() > 0.0)
-                check.margin =
-                    std::min(check.margin, projector.valid_region().border(*point) / point->norm());
+                check.margin = std::min(check.margin, projector.border(*point) / point->norm());
         }
     check.image_without_ray = without_ray / double((steps + 1) * (steps + 1));
 }
@@ -119,6 +118,11 @@ void judge_intrinsics(const CameraModel& camera, std::vector<CameraFinding>& fin
                             fmt::format("fy / fx is {:.4f}: pixels that are not square, or a "
                                         "calibration that went wrong",
                                         i.fy / i.fx)});
+    if (std::abs(i.skew / i.fx) > 0.001)
+        findings.push_back({Weight::warning, "intrinsics",
+                            fmt::format("skew / fx is {:.4f}: no usual sensor has rows and columns "
+                                        "at other than right angles",
+                                        i.skew / i.fx)});
 }
 
 void judge_thin_lens(const CameraModel& camera, std::vector<CameraFinding>& findings) {
@@ -207,10 +211,7 @@ void judge_completeness(const CameraModel& camera, std::vector<CameraFinding>& f
     const auto missing = [&](const char* what, const char* effect) {
         findings.push_back({Weight::note, "renderer", fmt::format("no {}: {}", what, effect)});
     };
-    if (!camera.projection.is_flat())
-        findings.push_back({Weight::note, "renderer",
-                            "wide lenses are rendered sharp, up to 80 degrees from the axis"});
-    else if (!camera.lens)
+    if (!camera.lens)
         missing("lens section", "renders are sharp, neither defocus nor diffraction");
     if (!camera.sensor)
         missing("sensor section", "8 bits, linear, no noise, uniform illumination");

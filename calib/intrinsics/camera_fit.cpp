@@ -69,7 +69,7 @@ void check_camera(const CameraModel& camera, std::span<const Rigid> poses, std::
 
 Bundle<double> bundle_of(const CameraModel& camera, std::span<const Rigid> poses,
                          const Views& views) {
-    Bundle<double> bundle{camera.projection.kind, all_parameters(camera), {}};
+    Bundle<double> bundle{camera.projection, all_parameters(camera), {}};
     for (std::size_t i = 0; i < views.size(); ++i)
         bundle.poses.push_back(bundle_pose<double>(poses[i], views[i].centre_mm));
     return bundle;
@@ -157,7 +157,7 @@ CameraParameters prior_precisions(double r) {
 // parameters.
 CameraParameters pull_of(const Views& views, const Bundle<double>& bundle,
                          const BundleOptions& options) {
-    if (bundle.projection != Projection::perspective)
+    if (bundle.projection.kind != Projection::perspective)
         return CameraParameters::Zero();
     BundleOptions of_points = options;
     of_points.pull.setZero();
@@ -402,11 +402,10 @@ CameraModel plain_camera(cv::Size size, Projection projection) {
 std::vector<Eigen::Vector2d> roughly_undistorted(const CameraModel& camera,
                                                  const std::vector<Eigen::Vector2d>& pixels) {
     constexpr int steps = 8;
-    const PixelModel<double> model(camera.projection.kind, all_parameters(camera));
-    const Intrinsics& i = camera.intrinsics;
+    const PixelModel<double> model(camera.projection, all_parameters(camera));
     std::vector<Eigen::Vector2d> undistorted;
     for (const Eigen::Vector2d& pixel : pixels) {
-        Eigen::Vector2d u((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
+        Eigen::Vector2d u = camera.intrinsics.on_plane(pixel);
         for (int step = 0; step < steps; ++step) {
             const auto seen = model.on_plane(u);
             if (!seen.is_regular)
@@ -455,7 +454,7 @@ Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view) {
     const auto start = rough_pose(camera, view);
     if (!start)
         throw NumericalError("no pose fits the view: its points would be behind the camera");
-    const Bundle<double> bundle{camera.projection.kind, all_parameters(camera), {}};
+    const Bundle<double> bundle{camera.projection, all_parameters(camera), {}};
     const BundleView<double> of_view = bundle_view<double>(view);
     const BundlePose<double> pose = bundle_pose<double>(*start, of_view.centre_mm);
     auto best = adjusted_pose(of_view, bundle, pose);
@@ -470,7 +469,7 @@ Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view) {
 std::vector<Eigen::Vector2d> view_residuals(const CameraModel& camera,
                                             const Rigid& camera_from_target,
                                             const CalibrationView& view) {
-    const PixelModel<double> model(camera.projection.kind, all_parameters(camera));
+    const PixelModel<double> model(camera.projection, all_parameters(camera));
     std::vector<Eigen::Vector2d> residuals;
     for (std::size_t i = 0; i < view.pixels.size(); ++i) {
         const auto seen = model(camera_from_target * view.true_point_mm(i));
@@ -487,7 +486,7 @@ std::vector<Eigen::Vector2d> view_residuals(const CameraModel& camera,
 Eigen::Matrix2Xd parameter_jacobian(const CameraModel& camera, const Eigen::Vector3d& ray,
                                     const CalibrationModel& model) {
     PixelModel<double>::OfParameters all;
-    PixelModel<double>(camera.projection.kind, all_parameters(camera)).with_derivatives(ray, all);
+    PixelModel<double>(camera.projection, all_parameters(camera)).with_derivatives(ray, all);
     Eigen::Matrix2Xd jacobian(2, model.parameters.size());
     for (std::size_t i = 0; i < model.parameters.size(); ++i)
         jacobian.col(i) = all.col(parameter_index(model.parameters[i]));
@@ -497,7 +496,7 @@ Eigen::Matrix2Xd parameter_jacobian(const CameraModel& camera, const Eigen::Vect
 std::vector<ViewEquations> view_equations(std::span<const CalibrationView> views,
                                           const CameraFit& fit, const CalibrationModel& model) {
     check_camera(fit.camera, fit.camera_from_target, views.size());
-    const PixelModel<double> pixel_model(fit.camera.projection.kind, all_parameters(fit.camera));
+    const PixelModel<double> pixel_model(fit.camera.projection, all_parameters(fit.camera));
     const BundleOptions options{.free = indices_of(model), .pull = fit.pull};
     const Eigen::Index free = static_cast<Eigen::Index>(model.parameters.size());
     std::vector<ViewEquations> equations;

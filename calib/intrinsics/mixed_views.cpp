@@ -59,7 +59,7 @@ GroupFit fit_first(std::span<const CalibrationView> views, cv::Size size,
 GroupFit fit_second(std::span<const CalibrationView> views, const CalibrationModel& model,
                     const CameraModel& first, int own) {
     std::vector<BundleView<double>> bundle_views;
-    Bundle<double> start{first.projection.kind, all_parameters(first), {}};
+    Bundle<double> start{first.projection, all_parameters(first), {}};
     for (const CalibrationView& view : views) {
         bundle_views.push_back(bundle_view<double>(view));
         start.poses.push_back(
@@ -322,8 +322,7 @@ ViewGroup described_by_zoom(const Split& split, std::span<const CalibrationView>
             information += seen.squaredNorm();
         }
         const double factor = std::clamp(1.0 + score / information / zoom.mean(), 0.5, 2.0);
-        camera.intrinsics.fx *= factor;
-        camera.intrinsics.fy *= factor;
+        camera.intrinsics.zoom(factor);
     }
     return described(split.aside, camera.intrinsics, split.dispersion(), 1.0 / information);
 }

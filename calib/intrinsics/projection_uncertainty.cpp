@@ -91,7 +91,7 @@ Eigen::MatrixXd parameter_jacobian(const CameraModel& camera, const ImageRays& r
 
 // A ray r turned by a small w moves by w x r.
 Eigen::MatrixXd rotation_jacobian(const CameraModel& camera, const ImageRays& rays) {
-    const PixelModel<double> model(camera.projection.kind, all_parameters(camera));
+    const PixelModel<double> model(camera.projection, all_parameters(camera));
     const auto count = static_cast<Eigen::Index>(rays.rays.size());
     Eigen::MatrixXd jacobian(2 * count, 3);
     for (Eigen::Index i = 0; i < count; ++i) {

@@ -145,6 +145,8 @@ std::vector<MatchParameter> calibration_parameters(const CameraModel& camera) {
     add_intrinsic("fy", k.fy, "px");
     add_intrinsic("cx", k.cx, "px");
     add_intrinsic("cy", k.cy, "px");
+    if (k.skew != 0.0)
+        add_intrinsic("skew", k.skew, "px");
     const auto coefficients = camera.distortion.coefficients();
     for (std::size_t i = 0; i < coefficients.size(); ++i)
         if (coefficients[i] != 0.0)

@@ -41,11 +41,7 @@ Eigen::MatrixXd SignatureChain::pose_jacobian(std::size_t pose) const {
 std::vector<CameraError> named_camera_errors() {
     using Camera = CameraModel;
     return {
-        {"focal length", "1", 1e-3,
-         [](Camera& c, double by) {
-             c.intrinsics.fx *= 1.0 + by;
-             c.intrinsics.fy *= 1.0 + by;
-         }},
+        {"focal length", "1", 1e-3, [](Camera& c, double by) { c.intrinsics.zoom(1.0 + by); }},
         {"c_x", "px", 0.1, [](Camera& c, double by) { c.intrinsics.cx += by; }},
         {"c_y", "px", 0.1, [](Camera& c, double by) { c.intrinsics.cy += by; }},
         {"k1", "", 1e-3, [](Camera& c, double by) { c.distortion.k1 += by; }},

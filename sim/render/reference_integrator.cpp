@@ -205,9 +205,8 @@ private:
     // Newton's method from the linear guess; the projector's safeguarded one where it fails.
     std::optional<Eigen::Vector2d> undistorted(const PixelRay& ray,
                                                const Eigen::Vector2d& offset) const {
-        const Intrinsics& i = camera_.intrinsics;
         const Eigen::Vector2d pixel(ray.pixel.x + offset.x(), ray.pixel.y + offset.y());
-        const Eigen::Vector2d target((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
+        const Eigen::Vector2d target = camera_.intrinsics.on_plane(pixel);
         if (images_lines_straight(camera_))
             return target;
         Eigen::Vector2d x = ray.x + ray.x_by_pixel * offset;

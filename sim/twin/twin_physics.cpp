@@ -8,8 +8,7 @@ namespace etalon {
 
 CameraModel with_errors(const CameraModel& told, const CameraErrors& errors) {
     CameraModel camera = told;
-    camera.intrinsics.fx *= 1.0 + errors.focal_length_percent / 100.0;
-    camera.intrinsics.fy *= 1.0 + errors.focal_length_percent / 100.0;
+    camera.intrinsics.zoom(1.0 + errors.focal_length_percent / 100.0);
     camera.intrinsics.cx += errors.principal_point_px.x();
     camera.intrinsics.cy += errors.principal_point_px.y();
     camera.distortion.k1 *= 1.0 + errors.k1_percent / 100.0;

@@ -39,17 +39,18 @@ nlohmann::json camera_json(const CameraModel& camera, const char* format) {
     nlohmann::json parameters = nlohmann::json::object();
     for (const auto& [name, value] : named_parameters(camera.projection))
         parameters[name] = value;
-    return {{"format", format},
-            {"serial", camera.serial},
-            {"width", camera.width},
-            {"height", camera.height},
-            {"projection", name_of(camera.projection.kind).name},
-            {"projection_parameters", parameters},
-            {"intrinsics", {{"fx", i.fx}, {"fy", i.fy}, {"cx", i.cx}, {"cy", i.cy}}},
-            {"distortion", distortion},
-            {"covariance", camera.covariance.has_value()},
-            {"lens", camera.lens.has_value()},
-            {"sensor", camera.sensor.has_value()}};
+    return {
+        {"format", format},
+        {"serial", camera.serial},
+        {"width", camera.width},
+        {"height", camera.height},
+        {"projection", name_of(camera.projection.kind).name},
+        {"projection_parameters", parameters},
+        {"intrinsics", {{"fx", i.fx}, {"fy", i.fy}, {"cx", i.cx}, {"cy", i.cy}, {"skew", i.skew}}},
+        {"distortion", distortion},
+        {"covariance", camera.covariance.has_value()},
+        {"lens", camera.lens.has_value()},
+        {"sensor", camera.sensor.has_value()}};
 }
 
 std::string standard_deviation(const CameraModel& camera, const char* name) {
@@ -96,6 +97,8 @@ void print_camera(const CameraModel& camera, const char* format) {
     for (std::size_t k = 0; k < values.size(); ++k)
         fmt::print("{:<11} {}{}\n", intrinsic_names[k], values[k],
                    standard_deviation(camera, intrinsic_names[k]));
+    if (i.skew != 0.0)
+        fmt::print("{:<11} {}{}\n", "skew", i.skew, standard_deviation(camera, "skew"));
     for (const auto& [name, value] : named_parameters(camera.projection))
         fmt::print("{:<11} {}{}\n", name, value, standard_deviation(camera, name));
     const auto coefficients = camera.distortion.coefficients();

@@ -189,12 +189,9 @@ void add_cards(HtmlPage& page, const Comparison& comparison) {
 }
 
 std::string projection_text(const LensProjection& projection) {
-    const ProjectionName& known = name_of(projection.kind);
-    std::string text = known.name;
-    const std::array values{projection.a, projection.b};
-    for (std::size_t i = 0; i < values.size(); ++i)
-        if (*known.parameters[i])
-            text += fmt::format(", {} {:.6g}", known.parameters[i], values[i]);
+    std::string text = name_of(projection.kind).name;
+    for (const auto& [name, value] : named_parameters(projection))
+        text += fmt::format(", {} {:.6g}", name, value);
     return text;
 }
 
@@ -210,6 +207,7 @@ void add_provenance(HtmlPage& page, const Comparison& comparison) {
                     {"image", fmt::format("{} x {} px", camera.width, camera.height)},
                     {"fx, fy", fmt::format("{:.3f}, {:.3f} px", k.fx, k.fy)},
                     {"cx, cy", fmt::format("{:.3f}, {:.3f} px", k.cx, k.cy)},
+                    {"skew", fmt::format("{:.6g} px", k.skew)},
                     {"projection", projection_text(camera.projection)},
                     {"k1 k2 p1 p2 k3 k4 k5 k6 s1..s4 tau_x tau_y k7", coefficients},
                     {"rendering", comparison.render_plan}});

@@ -13,7 +13,7 @@ namespace etalon {
 class Command;
 
 struct BenchArguments {
-    std::vector<std::string> scenes;  // by name (bench/benchmark_scenes.h); none: all eight
+    std::vector<std::string> scenes;  // by name (bench/benchmark_scenes.h); none: all
     std::filesystem::path out;        // folder for bench.csv, table.md, bench.svg, bench.json
     std::optional<int> poses;         // of the cloud: 200, quick 5; 0: no cloud
     std::optional<int> throughput;    // frames: 10000, quick 40; 0: none

@@ -70,8 +70,9 @@ Complex radius_at(Kind kind, Complex a, Complex b, Complex sine, Complex cosine)
             return sine / (b * std::sqrt(a * sine * sine + cosine * cosine) + (1.0 - b) * cosine);
         case Kind::double_sphere:
             return sine / (b * root(a + cosine) + (1.0 - b) * (a + cosine));
+        default:
+            return {};
     }
-    return {};
 }
 
 using Plane = std::array<Complex, 2>;
@@ -199,10 +200,10 @@ TEST(LensProjection, HasItsSlopeOnTheAxis) {
 TEST(LensProjection, MeetsPerspectiveWhereItsParameterIsZero) {
     const Eigen::Vector3d ray(0.7, -1.1, 0.9);
     const auto straight = onto_plane({}, ray);
-    for (const LensProjection p : {LensProjection{Kind::unified, 0.0},
-                                   {Kind::field_of_view, 0.0},
-                                   {Kind::extended_unified, 1.7, 0.0},
-                                   {Kind::double_sphere, 0.0, 0.0}})
+    for (const LensProjection& p : {LensProjection{Kind::unified, 0.0},
+                                    {Kind::field_of_view, 0.0},
+                                    {Kind::extended_unified, 1.7, 0.0},
+                                    {Kind::double_sphere, 0.0, 0.0}})
         EXPECT_LE((onto_plane(p, ray)->point - straight->point).norm(), 1e-15) << text(p);
 }
 
@@ -242,13 +243,13 @@ TEST(LensProjection, HasNoImageOfWhatIsNoRay) {
 }
 
 TEST(LensProjection, RefusesParametersThatNoLensHas) {
-    for (const LensProjection p : {LensProjection{Kind::field_of_view, 3.2},
-                                   {Kind::unified, -0.1},
-                                   {Kind::extended_unified, 1.0, 1.1},
-                                   {Kind::extended_unified, 0.0, 0.5},
-                                   {Kind::double_sphere, -1.0, 0.5},
-                                   {Kind::double_sphere, 0.2, 1.01},
-                                   {Kind::unified, std::numeric_limits<double>::quiet_NaN()}})
+    for (const LensProjection& p : {LensProjection{Kind::field_of_view, 3.2},
+                                    {Kind::unified, -0.1},
+                                    {Kind::extended_unified, 1.0, 1.1},
+                                    {Kind::extended_unified, 0.0, 0.5},
+                                    {Kind::double_sphere, -1.0, 0.5},
+                                    {Kind::double_sphere, 0.2, 1.01},
+                                    {Kind::unified, std::numeric_limits<double>::quiet_NaN()}})
         EXPECT_THROW(require_possible(p), NumericalError) << text(p);
     for (const LensProjection& p : projections)
         EXPECT_NO_THROW(require_possible(p)) << text(p);

@@ -46,7 +46,7 @@ std::array<Complex, 2> complex_projection(const CameraModel& camera, std::array<
     const Complex u = (cy * cx * rx + sy * cx * rz) / rz;
     const Complex v = (cy * cx * ry - sx * rz) / rz;
     const Intrinsics& i = camera.intrinsics;
-    return {i.fx * u + i.cx, i.fy * v + i.cy};
+    return {i.fx * u + i.skew * v + i.cx, i.fy * v + i.cy};
 }
 
 Eigen::Matrix<double, 2, 3> complex_step_jacobian(const CameraModel& camera,
@@ -77,9 +77,33 @@ TEST(Projector, AgreesWithOpenCvForEveryCoefficient) {
     }
 }
 
+CameraModel skewed() {
+    CameraModel camera = test::all_fourteen();
+    camera.intrinsics.skew = -23.7;
+    return camera;
+}
+
+TEST(Projector, PutsTheSkewAfterTheDistortion) {
+    const Projector projector(skewed());
+    for (const Eigen::Vector3d& p : points) {
+        const auto expected = complex_projection(skewed(), {p.x(), p.y(), p.z()});
+        const auto pixel = projector.project(p);
+        ASSERT_TRUE(pixel);
+        EXPECT_NEAR(pixel->x(), expected[0].real(), 1e-11);
+        EXPECT_NEAR(pixel->y(), expected[1].real(), 1e-11);
+        const Eigen::Vector2d x = p.hnormalized();
+        const Eigen::Vector2d step(1e-6, -2e-6);
+        EXPECT_LT((projector.pixel_by_normalised(x) * 2.0 * step -
+                   (*projector.project((x + step).homogeneous()) -
+                    *projector.project((x - step).homogeneous())))
+                      .norm(),
+                  1e-11);
+    }
+}
+
 TEST(Projector, JacobianIsTheComplexStepDerivative) {
     for (const CameraModel& camera :
-         {test::webcam(), test::canon(), test::all_fourteen(), test::wide_angle()}) {
+         {test::webcam(), test::canon(), test::all_fourteen(), test::wide_angle(), skewed()}) {
         const Projector projector(camera);
         for (const Eigen::Vector3d& p : points) {
             const auto projected = projector.project_with_jacobian(p);
@@ -110,6 +134,7 @@ TEST(Projector, EveryPixelOfTheNamedCamerasSurvivesTheRoundTrip) {
     expect_round_trip(test::webcam(), 3);
     expect_round_trip(test::canon(), 17);
     expect_round_trip(test::all_fourteen(), 3);
+    expect_round_trip(skewed(), 3);
     expect_round_trip(test::wide_angle(), 7);
 }
 
@@ -211,6 +236,7 @@ TEST(Projector, RefusesCamerasThatCannotExist) {
     EXPECT_THROW(Projector(camera_with(640, 480, {0, 500, 320, 240}, {})), NumericalError);
     EXPECT_THROW(Projector(camera_with(640, 480, {500, -1, 320, 240}, {})), NumericalError);
     EXPECT_THROW(Projector(camera_with(640, 480, {500, 500, nan, 240}, {})), NumericalError);
+    EXPECT_THROW(Projector(camera_with(640, 480, {500, 500, 320, 240, nan}, {})), NumericalError);
     EXPECT_THROW(Projector(camera_with(640, 480, {500, 500, 320, 240}, {.k2 = nan})),
                  NumericalError);
 }

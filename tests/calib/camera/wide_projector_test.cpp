@@ -11,6 +11,7 @@
 #include "calib/camera/projector.h"
 #include "core/errors.h"
 #include "tests/calib/cameras.h"
+#include "tests/calib/lens_tables.h"
 
 namespace etalon {
 namespace {
@@ -40,6 +41,7 @@ std::vector<CameraModel> wide_cameras() {
                           .s1 = 0.001,
                           .s4 = -2e-4,
                           .k7 = -2e-5};
+    const auto cahvors = test::cahvors();
     return {wide({equidistant}, some),
             wide({stereographic}, some, 180.0),
             wide({field_of_view, 0.93}, some),
@@ -48,12 +50,19 @@ std::vector<CameraModel> wide_cameras() {
             wide({extended_unified, 1.13, 0.62}, some),
             wide({double_sphere, -0.21, 0.57}, some),
             wide({equidistant}),
-            wide({double_sphere, 0.34, 0.44})};
+            wide({double_sphere, 0.34, 0.44}),
+            wide(test::polynomials()[0], some),
+            wide(test::polynomials()[1]),
+            wide(cahvors[2]),
+            wide(cahvors[3], {.k1 = 0.001, .p2 = -0.0007}),
+            wide(test::splines()[0]),
+            wide(test::splines()[1], {.k1 = 0.001, .p2 = -0.0007})};
 }
 
 TEST(WideProjector, IsOpenCvsFisheyeOverTheWholeImage) {
-    const CameraModel camera =
+    CameraModel camera =
         wide({Projection::equidistant}, {.k1 = 0.021, .k2 = -0.013, .k3 = 0.004, .k7 = -0.0006});
+    camera.intrinsics.skew = 7.3;
     const Intrinsics& i = camera.intrinsics;
     const cv::Matx33d k(i.fx, 0, i.cx, 0, i.fy, i.cy, 0, 0, 1);
     const cv::Vec4d coefficients(0.021, -0.013, 0.004, -0.0006);
@@ -66,7 +75,8 @@ TEST(WideProjector, IsOpenCvsFisheyeOverTheWholeImage) {
                 continue;  // OpenCV's own stops before 90 degrees
             const std::vector<cv::Point3d> points{{ray->x(), ray->y(), ray->z()}};
             std::vector<cv::Point2d> pixels;
-            cv::fisheye::projectPoints(points, pixels, cv::Vec3d(), cv::Vec3d(), k, coefficients);
+            cv::fisheye::projectPoints(points, pixels, cv::Vec3d(), cv::Vec3d(), k, coefficients,
+                                       i.skew / i.fx);
             ASSERT_LT((Eigen::Vector2d(pixels[0].x, pixels[0].y) - Eigen::Vector2d(x, y)).norm(),
                       1e-9)
                 << x << " " << y;
@@ -76,10 +86,11 @@ TEST(WideProjector, IsOpenCvsFisheyeOverTheWholeImage) {
 }
 
 TEST(WideProjector, IsOpenCvsOmnidirOverTheWholeImage) {
-    const CameraModel camera = wide({Projection::unified, 1.27},
-                                    {.k1 = -0.11, .k2 = 0.031, .p1 = 0.0021, .p2 = -0.0034}, 500.0);
+    CameraModel camera = wide({Projection::unified, 1.27},
+                              {.k1 = -0.11, .k2 = 0.031, .p1 = 0.0021, .p2 = -0.0034}, 500.0);
+    camera.intrinsics.skew = -4.1;
     const Intrinsics& i = camera.intrinsics;
-    const cv::Matx33d k(i.fx, 0, i.cx, 0, i.fy, i.cy, 0, 0, 1);
+    const cv::Matx33d k(i.fx, i.skew, i.cx, 0, i.fy, i.cy, 0, 0, 1);
     const Projector projector(camera);
     for (int y = 0; y < camera.height; y += 7)
         for (int x = 0; x < camera.width; x += 7) {

@@ -224,11 +224,10 @@ TEST(MrcalFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
         return error_of(replaced(mrcal, from, to));
     };
-    EXPECT_THAT(
-        with("LENSMODEL_OPENCV8", "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30"),
-        HasSubstr("case:3: lensmodel: must be LENSMODEL_PINHOLE, LENSMODEL_STEREOGRAPHIC or "
-                  "LENSMODEL_OPENCV4, _OPENCV5, _OPENCV8 or _OPENCV12, not "
-                  "'LENSMODEL_SPLINED"));
+    EXPECT_THAT(with("LENSMODEL_OPENCV8", "LENSMODEL_LATLON"),
+                HasSubstr("case:3: lensmodel: must be LENSMODEL_PINHOLE, _STEREOGRAPHIC, _OPENCV4, "
+                          "_OPENCV5, _OPENCV8, _OPENCV12, _CAHVOR, _CAHVORE or "
+                          "_SPLINED_STEREOGRAPHIC, not 'LENSMODEL_LATLON'"));
     EXPECT_THAT(with("OPENCV8", "OPENCV5"), HasSubstr("intrinsics: must have 9 numbers, not 12"));
     EXPECT_THAT(with("1766.5", "None"), HasSubstr("case:6: intrinsics: must be a finite number"));
     EXPECT_THAT(with("3840", "0"), HasSubstr("case:11: imagersize: must be a whole number"));
@@ -258,12 +257,12 @@ TEST(MatlabFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
         return error_of(replaced(matlab, from, to));
     };
-    EXPECT_THAT(with("[0,711.5,0]", "[0.5,711.5,0]"),
-                HasSubstr("case:1: IntrinsicMatrix: has a skew of 0.5"));
+    EXPECT_THAT(with("[715.25,0,0]", "[715.25,0.5,0]"),
+                HasSubstr("case:1: IntrinsicMatrix: must be [fx skew cx; 0 fy cy; 0 0 1]"));
     EXPECT_THAT(with("\"WorldPoints\"", "\"Skew\":0.25,\"WorldPoints\""),
-                HasSubstr("case:1: Skew: must be 0, not 0.25"));
+                HasSubstr("case:1: Skew: contradicts IntrinsicMatrix"));
     EXPECT_THAT(with("\"WorldPoints\"", "\"MappingCoefficients\":[1,2,3,4],\"WorldPoints\""),
-                HasSubstr("MappingCoefficients: belongs to fisheyeParameters"));
+                HasSubstr("case:1: DistortionCenter: missing"));
     EXPECT_THAT(with("-0.33,0.092,0.011", "-0.33"),
                 HasSubstr("RadialDistortion: must have 2 or 3 coefficients, not 1"));
     EXPECT_THAT(with("715.25", "null"), HasSubstr("IntrinsicMatrix: must be a finite number"));
@@ -289,10 +288,10 @@ TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
         return error_of(replaced(boofcv, from, to));
     };
-    EXPECT_THAT(with("model: pinhole_radial_tangential", "model: kannala_brandt"),
-                HasSubstr("case:13: model: must be pinhole, pinhole_radial_tangential or "
-                          "omnidirectional_universal, not 'kan"));
-    EXPECT_THAT(with("skew: 0.0", "skew: 1.5"), HasSubstr("case:6: pinhole.skew: must be 0"));
+    EXPECT_THAT(with("model: pinhole_radial_tangential", "model: stereo_camera"),
+                HasSubstr("case:13: model: must be pinhole, pinhole_radial_tangential, "
+                          "omnidirectional_universal or kannala_brandt, not 'stereo"));
+    EXPECT_THAT(with("skew: 0.0", "skew: much"), HasSubstr("case:6: pinhole.skew: must be a"));
     EXPECT_THAT(with("fx: 530.75", "fx: wide"), HasSubstr("case:7: pinhole.fx: must be a finite"));
     EXPECT_THAT(with("  - 0.125\n", "  - 0.125\n  - 1\n  - 2\n"),
                 HasSubstr("radial_tangential.radial: must have at most 3 coefficients, not 4"));

@@ -2,12 +2,15 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <sstream>
 
 #include "calib/camera/projector.h"
+#include "calib/files/colmap_file.h"
 #include "calib/files/mrcal_file.h"
 #include "core/text.h"
+#include "tests/calib/lens_tables.h"
 #include "tests/calib/wide_views.h"
 #include "tests/temporary_folder.h"
 
@@ -47,8 +50,13 @@ TEST(InstalledTools, MrcalProjectsAsWeDo) {
     if (!has_mrcal())
         GTEST_SKIP() << "mrcal is not installed (python3-mrcal)";
     std::vector<CameraModel> cameras{test::webcam(), test::all_fourteen(),
-                                     test::wide_truth({Projection::stereographic}, 140.0)};
+                                     test::wide_truth({Projection::stereographic}, 140.0),
+                                     test::wide_truth(test::cahvors()[0], 400.0)};
     cameras[1].distortion.tau_x = cameras[1].distortion.tau_y = 0.0;
+    for (const LensProjection& projection :
+         {test::cahvors()[2], test::cahvors()[3], test::cahvors()[4], test::splines()[0],
+          test::splines()[1]})
+        cameras.push_back(test::wide_truth(projection, 140.0));
     for (const CameraModel& camera : cameras) {
         SCOPED_TRACE(name_of(camera.projection.kind).name);
         const TemporaryFolder folder;
@@ -69,6 +77,97 @@ TEST(InstalledTools, MrcalProjectsAsWeDo) {
             ASSERT_LT((theirs[i] - pixels[i]).norm(), 1e-9) << pixels[i].transpose();
             ASSERT_LT((*projector.project(rays[i]) - theirs[i]).norm(), 1e-9);
         }
+    }
+}
+
+// ---- COLMAP
+
+constexpr const char* colmap = "QT_QPA_PLATFORM=offscreen colmap";
+
+bool has_colmap() {
+    return std::system(fmt::format("{} help >/dev/null 2>&1", colmap).c_str()) == 0;
+}
+
+struct Sighting {
+    Eigen::Vector3d point;
+    Eigen::Vector2d pixel;
+};
+
+// COLMAP measures how far each point of a reconstruction lies from its two sightings when it
+// filters them: here both by the same camera, at the origin. The mean distance of each point, px.
+std::vector<double> distances_by_colmap(const TemporaryFolder& folder,
+                                        const std::vector<Sighting>& sightings) {
+    std::string seen, points;
+    for (std::size_t i = 0; i < sightings.size(); ++i) {
+        const auto& [point, pixel] = sightings[i];
+        const Eigen::Vector2d theirs = pixel.array() + 0.5;
+        seen += fmt::format("{} {} {} ", theirs.x(), theirs.y(), i + 1);
+        points += fmt::format("{} {} {} {} 0 0 0 9 1 {} 2 {}\n", i + 1, point.x(), point.y(),
+                              point.z(), i, i);
+    }
+    write_text(folder / "images.txt",
+               "1 1 0 0 0 0 0 0 1 a.png\n" + seen + "\n2 1 0 0 0 0 0 0 1 b.png\n" + seen + "\n");
+    write_text(folder / "points3D.txt", points);
+    const std::string command = fmt::format(
+        "cd '{0}' && mkdir out && {1} point_filtering --input_path . --output_path out "
+        "--max_reproj_error 1e-3 --min_tri_angle 0 --min_track_len 2 >log 2>&1 && "
+        "{1} model_converter --input_path out --output_path out --output_type TXT >log 2>&1",
+        (folder / "").string(), colmap);
+    EXPECT_EQ(std::system(command.c_str()), 0);
+    std::istringstream lines(read_text(folder / "out/points3D.txt"));
+    std::vector<double> distances;
+    for (std::string line; std::getline(lines, line);) {
+        double number[8] = {};
+        std::istringstream words(line);
+        for (double& word : number)
+            words >> word;
+        if (words)
+            distances.push_back(number[7]);
+    }
+    return distances;
+}
+
+std::vector<CameraModel> cameras_of_colmap() {
+    using enum Projection;
+    CameraModel pinhole = test::webcam(), full = test::all_fourteen();
+    pinhole.distortion = {};
+    auto coefficients = full.distortion.coefficients();
+    std::fill(coefficients.begin() + 8, coefficients.end(), 0.0);  // from s1 on
+    full.distortion = Distortion::of(coefficients);
+    CameraModel four = pinhole;
+    four.distortion = {.k1 = -0.286, .k2 = 0.057, .p1 = 0.0021, .p2 = -0.0034};
+    const Distortion kannala_brandt{.k1 = 0.031, .k2 = -0.014, .k3 = 0.0021, .k7 = -2e-4};
+    Distortion prism = kannala_brandt;
+    prism.p1 = 0.0012;
+    prism.p2 = -0.0007;
+    prism.s1 = 0.001;
+    prism.s3 = -0.002;
+    return {pinhole,
+            four,
+            full,
+            test::wide_truth({field_of_view, 0.93}, 190.0),
+            test::wide_truth({equidistant}, 181.0, kannala_brandt),
+            test::wide_truth({equidistant}, 181.0, prism)};
+}
+
+// Over the whole image, as far as COLMAP goes: not beside or behind the camera.
+TEST(InstalledTools, ColmapProjectsAsWeDo) {
+    if (!has_colmap())
+        GTEST_SKIP() << "COLMAP is not installed (colmap)";
+    for (const CameraModel& camera : cameras_of_colmap()) {
+        const TemporaryFolder folder;
+        write_colmap_camera(folder / "cameras.txt", camera);
+        SCOPED_TRACE(read_text(folder / "cameras.txt"));
+        const Projector projector(camera);
+        std::vector<Sighting> sightings;
+        for (int y = 0; y < camera.height; y += 20)
+            for (int x = 0; x < camera.width; x += 20)
+                if (const auto ray = projector.ray({x, y}); ray && ray->z() > 0.1)
+                    sightings.push_back({617.0 * *ray, {x, y}});
+        const std::vector<double> distances = distances_by_colmap(folder, sightings);
+        ASSERT_GT(sightings.size(), 400u);
+        ASSERT_EQ(distances.size(), sightings.size());
+        EXPECT_LT(*std::max_element(distances.begin(), distances.end()), 1e-9);
     }
 }
 

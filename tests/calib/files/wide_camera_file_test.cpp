@@ -4,10 +4,12 @@
 
 #include <fstream>
 
+#include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
 #include "calib/files/camera_formats.h"
 #include "core/errors.h"
 #include "tests/calib/cameras.h"
+#include "tests/calib/lens_tables.h"
 #include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
@@ -23,7 +25,12 @@ TEST(WideCameraFile, CarriesEveryProjection) {
                                              {Projection::field_of_view, 0.93},
                                              {Projection::unified, 1.83},
                                              {Projection::extended_unified, 1.13, 0.62},
-                                             {Projection::double_sphere, -0.21, 0.57}}) {
+                                             {Projection::double_sphere, -0.21, 0.57},
+                                             test::polynomials()[1],
+                                             test::cahvors()[0],
+                                             test::cahvors()[4],
+                                             test::splines()[0],
+                                             test::splines()[1]}) {
         SCOPED_TRACE(name_of(projection.kind).name);
         CameraModel camera =
             test::camera_with(640, 480, {211, 209, 319.5, 239.5}, {.k1 = 0.1, .k7 = 0.02});
@@ -56,6 +63,15 @@ TEST(WideCameraFile, RefusesWhatAWideLensCannotHave) {
     EXPECT_THAT(with("projection: {unified: {xi: 1, alpha: 1}}\n"), HasSubstr("unknown key"));
     EXPECT_THAT(with("projection: {double_sphere: {xi: -1, alpha: 0.5}}\n"),
                 HasSubstr("wide.yml:4: projection: no double_sphere projection has"));
+    EXPECT_THAT(with("projection: polynomial\n"),
+                HasSubstr("wide.yml:4: projection: needs its parameters: {polynomial: {...}}"));
+    EXPECT_THAT(with("projection: {polynomial: {a2: 1, a3: 0}}\n"),
+                HasSubstr("projection.polynomial.a4: missing"));
+    EXPECT_THAT(with("projection: {cahvor: {alpha: 2, beta: 0, r0: 0, r1: 0, r2: 0}}\n"),
+                HasSubstr("wide.yml:4: projection: the axis of a CAHVOR lens must point forward"));
+    EXPECT_THAT(with("projection: {splined_stereographic: {order: 3, columns: 5, rows: 4, "
+                     "field_of_view_deg: 100, control_points: [1, 2]}}\n"),
+                HasSubstr("wide.yml:4: projection.splined_stereographic.control_points: "));
     EXPECT_THAT(with("projection: {equidistant: {}}\n"), HasSubstr("wide.yml:4: projection"));
     EXPECT_THAT(with("projection: equidistant\ndistortion: {tau_x: 0.1}\n"),
                 HasSubstr("wide.yml:5: distortion.tau_x: belongs to a perspective camera"));
@@ -89,7 +105,12 @@ TEST(WideCameraFile, OfAnotherToolReadsBack) {
                                  {CalibrationTool::colmap, {equidistant}, prism},
                                  {CalibrationTool::colmap, {field_of_view, 0.93}, {}},
                                  {CalibrationTool::boofcv, {unified, 1.83}, radtan},
-                                 {CalibrationTool::mrcal, {stereographic}, {}}}) {
+                                 {CalibrationTool::boofcv, {equidistant}, kb},
+                                 {CalibrationTool::mrcal, {stereographic}, {}},
+                                 {CalibrationTool::mrcal, test::cahvors()[0], {}},
+                                 {CalibrationTool::mrcal, test::cahvors()[4], {}},
+                                 {CalibrationTool::mrcal, test::splines()[0], {}},
+                                 {CalibrationTool::mrcal, test::splines()[1], {}}}) {
         SCOPED_TRACE(std::string(name_of(wide.tool)) + " " + name_of(wide.projection.kind).name);
         CameraModel camera =
             test::camera_with(700, 500, {211.5, 207.25, 361.0, 239.0}, wide.distortion);
@@ -109,6 +130,96 @@ TEST(WideCameraFile, OfAnotherToolReadsBack) {
         camera.projection = {wide.tool == CalibrationTool::mrcal ? double_sphere : stereographic};
         EXPECT_THROW(write_foreign_camera(folder / "camera.yml", wide.tool, camera), ConfigError);
     }
+}
+
+TEST(WideCameraFile, OfMrcalIsRefusedByLineAndKey) {
+    const TemporaryFolder folder;
+    const auto with = [&](const std::string& model, const std::string& numbers) {
+        return text_of_error<ConfigError>([&] {
+            std::ofstream(folder / "lens.cameramodel")
+                << "{\n  'lensmodel': 'LENSMODEL_" + model +
+                       "',\n  'intrinsics': [200, 201, 319, 239" + numbers +
+                       "],\n  'imagersize': [640, 480] }\n";
+            read_any_camera(folder / "lens.cameramodel");
+        });
+    };
+    const std::string splined = "SPLINED_STEREOGRAPHIC_order=3_";
+    EXPECT_THAT(with(splined + "Nx=30", ""), HasSubstr("model:2: lensmodel: must say Ny="));
+    EXPECT_THAT(with(splined + "Nx=30_Ny=x_fov_x_deg=9", ""), HasSubstr("say a number as Ny="));
+    EXPECT_THAT(with(splined + "Nx=4.5_Ny=4_fov_x_deg=9", ""), HasSubstr("1 to 1000, not 4.5"));
+    EXPECT_THAT(with(splined + "Nx=4_Ny=4_fov_x_deg=90", ", 1, 2"),
+                HasSubstr("model:3: intrinsics: must have 36 numbers, not 6"));
+    EXPECT_THAT(with(splined + "Nx=4_Ny=1_fov_x_deg=90", ", 0, 0, 0, 0, 0, 0, 0, 0"),
+                HasSubstr("model:2: lensmodel: no splined projection has order 3, 4 x 1"));
+    EXPECT_THAT(with("CAHVORE_linearity=0.4", ", 0, 0, 0, 0, 0, 0, 0.01, 0"),
+                HasSubstr("model:3: intrinsics: is of a CAHVORE lens whose entrance pupil moves"));
+    EXPECT_THAT(with("CAHVOR", ", 0, 0"), HasSubstr("intrinsics: must have 9 numbers, not 6"));
+    EXPECT_THAT(with("CAHVOR", ", 0, 0, -2, 0, 0"), HasSubstr("model:3: intrinsics: no CAHVOR"));
+}
+
+// A point of the image, less the centre and by the stretch's inverse, is (x, y); its ray is
+// (x, y, a0 + a2 r^2 + a3 r^3 + a4 r^4): MATLAB's documentation of fisheyeIntrinsics.
+TEST(WideCameraFile, OfMatlabsFisheyeHasItsRays) {
+    const TemporaryFolder folder;
+    const std::string fisheye =
+        "{\"MappingCoefficients\":[347.5,-0.0009,4e-7,-2e-9],\"ImageSize\":[750,1000],"
+        "\"DistortionCenter\":[507.25,371.5],\"StretchMatrix\":[[1.01,0.004],[-0.003,1]]}";
+    std::ofstream(folder / "fisheye.json") << fisheye;
+    const CameraModel camera = read_any_camera(folder / "fisheye.json");
+    EXPECT_EQ(camera.width, 1000);
+    EXPECT_EQ(camera.height, 750);
+    const Projector projector(camera);
+    const Eigen::Matrix2d stretch = (Eigen::Matrix2d() << 1.01, 0.004, -0.003, 1.0).finished();
+    for (int v = 0; v < 750; v += 50)
+        for (int u = 0; u < 1000; u += 50) {
+            const Eigen::Vector2d at = stretch.inverse() * (Eigen::Vector2d(u + 1, v + 1) -
+                                                            Eigen::Vector2d(507.25, 371.5));
+            const double r = at.norm();
+            const Eigen::Vector3d ray(
+                at.x(), at.y(), 347.5 - 0.0009 * r * r + 4e-7 * r * r * r - 2e-9 * r * r * r * r);
+            const auto found = projector.ray({u, v});
+            ASSERT_TRUE(found);
+            ASSERT_LT(found->cross(ray.normalized()).norm(), 1e-14);
+            ASSERT_LT((*projector.project(ray) - Eigen::Vector2d(u, v)).norm(), 1e-10);
+        }
+    write_foreign_camera(folder / "again.json", CalibrationTool::matlab, camera);
+    const CameraModel again = read_any_camera(folder / "again.json");
+    EXPECT_LT((*Projector(again).project({1, -2, 0.3}) - *projector.project({1, -2, 0.3})).norm(),
+              1e-10);
+    std::ofstream(folder / "nested.json") << "{\"Intrinsics\":" + fisheye + ",\"Skew\":0}";
+    EXPECT_EQ(read_any_camera(folder / "nested.json").projection, camera.projection);
+    std::ofstream(folder / "negative.json")
+        << "{\"MappingCoefficients\":[-347.5,0.0009,0,0],\"DistortionCenter\":[507,371]}";
+    EXPECT_THAT(text_of_error<ConfigError>(
+                    [&] { read_any_camera(folder / "negative.json", cv::Size(1000, 750)); }),
+                HasSubstr("negative.json:1: MappingCoefficients: fx and fy must be positive"));
+}
+
+// Its image of a ray at the angle t is fx (2 t + 0.2 t^3 + 0.04 t^5) from the centre along x.
+TEST(WideCameraFile, OfBoofCvsKannalaBrandtIsItsPolynomial) {
+    const TemporaryFolder folder;
+    const auto read = [&](const std::string& coefficients) {
+        std::ofstream(folder / "kb.yaml")
+            << "model: kannala_brandt\npinhole:\n  width: 640\n  height: 480\n  fx: 100.0\n"
+               "  fy: 90.0\n  skew: 0.5\n  cx: 320.5\n  cy: 240.5\n" +
+                   coefficients;
+        return read_any_camera(folder / "kb.yaml");
+    };
+    const Projector projector(
+        read("symmetric: [2.0, 0.2, 0.04]\nradial: [0.0, 0.0]\n"
+             "radial_trig: [1.0]\ntangent: []\ntangent_trig: []\n"));
+    const double t = 1.7, r = 2.0 * t + 0.2 * std::pow(t, 3) + 0.04 * std::pow(t, 5);
+    const auto pixel = projector.project({0.6 * std::sin(t), 0.8 * std::sin(t), std::cos(t)});
+    ASSERT_TRUE(pixel);
+    EXPECT_NEAR(pixel->x(), 320.0 + 60.0 * r + 0.4 * r, 1e-10);
+    EXPECT_NEAR(pixel->y(), 240.0 + 72.0 * r, 1e-10);
+    const auto error = [&](const std::string& coefficients) {
+        return text_of_error<ConfigError>([&] { read(coefficients); });
+    };
+    EXPECT_THAT(error("symmetric: [1.0]\ntangent: [0.1]\ntangent_trig: [0.0, 0.2]\n"),
+                HasSubstr("kb.yaml:11: tangent: is an asymmetric term"));
+    EXPECT_THAT(error("symmetric: [1, 2, 3, 4, 5, 6]\n"), HasSubstr("1 to 5 coefficients, not 6"));
+    EXPECT_THAT(error("symmetric: [-1]\n"), HasSubstr("must begin with a positive"));
 }
 
 }  // namespace

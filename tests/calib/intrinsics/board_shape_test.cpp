@@ -114,7 +114,7 @@ public:
     Eigen::VectorXd residuals(const Eigen::VectorXd& at, const CameraFit& about) const {
         CameraModel camera = about.camera;
         set_parameters(camera, standard(), parameters_of(about.camera, standard()) + at.head(9));
-        const PixelModel<double> projector(camera.projection.kind, all_parameters(camera));
+        const PixelModel<double> projector(camera.projection, all_parameters(camera));
         const Eigen::Index count = std::ssize(views_);
         Eigen::VectorXd all(108 * count + 162);
         const Eigen::VectorXd board = at.tail(162);

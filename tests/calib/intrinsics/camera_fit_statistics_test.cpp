@@ -134,7 +134,7 @@ private:
     }
 
     static Eigen::Vector2d pixel(const CameraModel& camera, const Eigen::Vector3d& ray) {
-        return PixelModel<double>(camera.projection.kind, all_parameters(camera))(ray).pixel;
+        return PixelModel<double>(camera.projection, all_parameters(camera))(ray).pixel;
     }
 
     const CameraModel truth_;

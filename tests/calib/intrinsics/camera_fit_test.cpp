@@ -45,7 +45,7 @@ double largest_difference_in_u(const CameraFit& fit, const Eigen::VectorXd& othe
 
 template <typename Scalar>
 PixelModel<Scalar> model_of(const CameraModel& camera) {
-    return {camera.projection.kind, all_parameters(camera).cast<Scalar>()};
+    return {camera.projection, all_parameters(camera).cast<Scalar>()};
 }
 
 // A perspective camera with every coefficient, and wide lenses with both parameters.
@@ -55,6 +55,8 @@ std::vector<CameraModel> named_cameras() {
     cameras[2].distortion = cameras[1].distortion;
     cameras[1].projection = {Projection::double_sphere, -0.21, 0.57};
     cameras[2].projection = {Projection::extended_unified, 1.13, 0.62};
+    cameras[0].intrinsics.skew = -17.0;
+    cameras[1].intrinsics.skew = 31.0;
     return cameras;
 }
 
@@ -82,17 +84,18 @@ TEST(PixelModel, HasTheDerivativesThatDifferencesHave) {
     for (const CameraModel& camera : named_cameras()) {
         const Projection kind = camera.projection.kind;
         const Model::Parameters parameters = all_parameters(camera).cast<long double>();
-        const Model model(kind, parameters);
+        const Model model(camera.projection, parameters);
         Model::OfParameters of_parameters;
         const auto seen = model.with_derivatives(p, of_parameters);
-        const int count = kind == Projection::perspective ? 19 : camera_parameter_count;
-        for (int k = 0; k < count; ++k) {
-            if (kind != Projection::perspective && (k == 16 || k == 17))
-                continue;  // the tilts
+        for (int k = 0; k < camera_parameter_count; ++k) {
+            const bool is_tilt = k == 16 || k == 17, is_of_wide_lens = k == 19 || k == 20;
+            if (kind == Projection::perspective ? is_of_wide_lens : is_tilt)
+                continue;
             const Model::Parameters step = h * Model::Parameters::Unit(k);
-            const Model::Vector2 difference = (Model(kind, parameters + step)(p).pixel -
-                                               Model(kind, parameters - step)(p).pixel) /
-                                              (2 * h);
+            const Model::Vector2 difference =
+                (Model(camera.projection, parameters + step)(p).pixel -
+                 Model(camera.projection, parameters - step)(p).pixel) /
+                (2 * h);
             EXPECT_LT((difference - of_parameters.col(k)).norm(), 1e-8L) << k;
             EXPECT_GT(of_parameters.col(k).norm(), 1e-4L) << k;
         }

@@ -41,6 +41,12 @@ void add_distortions(std::vector<StabilityCase>& cases) {
     cases.push_back(agrees_with_reference("fx = 2 fy", camera, marker_scene(camera, {})));
     camera.intrinsics.fy = 1600.0;
     cases.push_back(agrees_with_reference("fy = 2 fx", camera, marker_scene(camera, {})));
+    camera = short_camera(2.8, 330.0);
+    camera.lens.reset();
+    camera.intrinsics.skew = 130.0;
+    camera.distortion = {.k1 = -0.25, .k2 = 0.04};
+    cases.push_back(
+        agrees_with_reference("skew of fx / 6, sharp", camera, marker_scene(camera, {})));
 }
 
 void add_lenses(std::vector<StabilityCase>& cases) {

@@ -72,17 +72,15 @@ std::optional<Bent> bent(const Cahvor& lens, const Eigen::Vector3d& p) {
 
 LensProjection cahvor_projection(double alpha, double beta, double r0, double r1, double r2,
                                  double linearity) {
-    for (const double value : {alpha, beta, r0, r1, r2, linearity})
-        if (!std::isfinite(value))
-            throw NumericalError("a coefficient of the CAHVOR projection is not finite");
+    auto table = std::make_shared<LensTable>();
+    table->coefficients = {alpha, beta, r0, r1, r2, linearity};
+    check_coefficients(table->coefficients);
     if (!(std::cos(alpha) * std::cos(beta) > 0.0))
         throw NumericalError(fmt::format(
             "the axis of a CAHVOR lens must point forward: alpha {}, beta {}", alpha, beta));
     if (!(r0 > -1.0) || std::abs(linearity) > 1.0)
         throw NumericalError(fmt::format(
             "no CAHVOR lens has r0 {} and linearity {}: above -1, and -1 to 1", r0, linearity));
-    auto table = std::make_shared<LensTable>();
-    table->coefficients = {alpha, beta, r0, r1, r2, linearity};
     table->limit = first_positive_root({1.0 + r0, 0.0, 3.0 * r1, 0.0, 5.0 * r2});
     const double widest = Cahvor(*table).bend(std::numbers::pi).value;  // c of all directions
     if (widest > 0.0)

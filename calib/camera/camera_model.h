@@ -25,12 +25,9 @@ struct Intrinsics {
     double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
     double skew = 0.0;  // not 0 where rows and columns do not meet at right angles
 
-    // The branch costs less than what a camera without a skew would compute for nothing.
     Eigen::Vector2d on_plane(const Eigen::Vector2d& pixel) const {
-        Eigen::Vector2d m((pixel.x() - cx) / fx, (pixel.y() - cy) / fy);
-        if (skew != 0.0)
-            m.x() -= skew / fx * m.y();
-        return m;
+        const double y = (pixel.y() - cy) / fy;
+        return {(pixel.x() - cx - skew * y) / fx, y};
     }
     Eigen::Matrix2d pixel_by_plane() const {
         return (Eigen::Matrix2d() << fx, skew, 0.0, fy).finished();

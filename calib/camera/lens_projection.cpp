@@ -276,6 +276,13 @@ std::vector<std::pair<const char*, double>> named_parameters(const LensProjectio
     return named;
 }
 
+void check_coefficients(std::span<const double> coefficients) {
+    constexpr double most = 1e12;
+    for (const double value : coefficients)
+        if (!(std::abs(value) <= most))
+            throw NumericalError(fmt::format("no projection has a coefficient of {}", value));
+}
+
 double plane_limit(const LensProjection& p) {
     constexpr double none = std::numeric_limits<double>::infinity();
     const auto of_alpha = [&](double beta) {

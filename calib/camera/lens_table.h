@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 #include <limits>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "calib/camera/lens_projection.h"
@@ -30,7 +31,8 @@ struct LensTable {
     bool operator==(const LensTable&) const = default;
 };
 
-// These throw NumericalError for what is not finite and for what no lens is.
+// These throw NumericalError for numbers that are not finite or beyond 1e12, which no file of ours
+// may have either, and for what no lens is.
 
 // With the point q of the plane, q = (r cos, r sin), a ray of that azimuth has
 //     R : Z = r : 1 + a2 r^2 + a3 r^3 + a4 r^4,    m = (q_x, shear q_x + q_y).
@@ -53,6 +55,9 @@ LensProjection cahvor_projection(double alpha, double beta, double r0, double r1
 // directions). 4 to 1000 columns and rows.
 LensProjection splined_projection(int order, int columns, int rows, double field_of_view_deg,
                                   std::vector<double> control_points);
+
+// The part about numbers.
+void check_coefficients(std::span<const double> coefficients);
 
 // As onto_plane() and from_plane() of calib/camera/lens_projection.h, for a projection of each
 // kind. The first two are right to rounding; the splined one is inverted by Newton's method in some

@@ -28,11 +28,9 @@ std::optional<double> radius_of(const LensTable& table, double across, double z)
 }  // namespace
 
 LensProjection polynomial_projection(double a2, double a3, double a4, double shear) {
-    for (const double value : {a2, a3, a4, shear})
-        if (!std::isfinite(value))
-            throw NumericalError("a coefficient of the polynomial projection is not finite");
     auto table = std::make_shared<LensTable>();
     table->coefficients = {a2, a3, a4, shear};
+    check_coefficients(table->coefficients);
     table->limit = first_positive_root({1.0, 0.0, -a2, -2.0 * a3, -3.0 * a4});
     return {.kind = Projection::polynomial, .table = std::move(table)};
 }

@@ -29,6 +29,13 @@ const CameraModel& checked(const CameraModel& camera) {
     return camera;
 }
 
+// The skew as a map of the plane, so that only cameras that have one spend time on it.
+Eigen::Matrix3d shear(const Intrinsics& intrinsics) {
+    Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
+    map(0, 1) = intrinsics.skew / intrinsics.fx;
+    return map;
+}
+
 // The two flat projections, which rendering lives on, without the checks of onto_plane().
 std::optional<OnPlane> projected(const LensProjection& projection, const Eigen::Matrix3d& turn,
                                  const Eigen::Vector3d& p) {
@@ -60,9 +67,11 @@ Projector::Projector(const CameraModel& camera, const Projector& like)
 
 Projector::Projector(const CameraModel& camera, ValidRegion region)
     : camera_(checked(camera)),
-      has_distortion_(!camera.distortion.is_zero()),
-      has_tilt_(camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0),
-      tilt_(tilt_matrix(camera.distortion.tau_x, camera.distortion.tau_y)),
+      has_distortion_(!camera.distortion.is_zero() || camera.intrinsics.skew != 0.0),
+      has_tilt_(camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0 ||
+                camera.intrinsics.skew != 0.0),
+      tilt_(shear(camera.intrinsics) *
+            tilt_matrix(camera.distortion.tau_x, camera.distortion.tau_y)),
       untilt_(tilt_.inverse()),
       pixel_size_(1.0 / std::min(camera.intrinsics.fx, camera.intrinsics.fy)),
       region_(std::move(region)) {}
@@ -101,13 +110,9 @@ std::optional<Projected> Projector::project_with_jacobian(const Eigen::Vector3d&
     const Intrinsics& i = camera_.intrinsics;
     Projected result;
     result.pixel << i.fx * d->point.x() + i.cx, i.fy * d->point.y() + i.cy;
-    result.jacobian = Eigen::Vector2d(i.fx, i.fy).asDiagonal() * (d->jacobian * plane->by_ray);
-    if (i.skew != 0.0) {
-        result.pixel.x() += i.skew * d->point.y();
-        result.jacobian.row(0) += i.skew / i.fy * result.jacobian.row(1);
-    }
     if (!result.pixel.allFinite())
         return std::nullopt;
+    result.jacobian = Eigen::Vector2d(i.fx, i.fy).asDiagonal() * (d->jacobian * plane->by_ray);
     return result;
 }
 
@@ -145,7 +150,8 @@ std::optional<Eigen::Vector2d> Projector::solve_along_ray(const Eigen::Vector2d&
 }
 
 std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pixel) const {
-    const Eigen::Vector2d target = camera_.intrinsics.on_plane(pixel);
+    const Intrinsics& i = camera_.intrinsics;
+    const Eigen::Vector2d target((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
     if (!target.allFinite())
         return std::nullopt;
     if (!has_distortion_)

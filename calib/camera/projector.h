@@ -88,7 +88,7 @@ private:
     std::optional<Eigen::Vector2d> solve_along_ray(const Eigen::Vector2d& target) const;
 
     CameraModel camera_;
-    bool has_distortion_, has_tilt_;
+    bool has_distortion_, has_tilt_;  // a skew counts as both
     Eigen::Matrix3d tilt_, untilt_;
     Eigen::Matrix3d turn_ = Eigen::Matrix3d::Identity();  // of a wide lens: see turned()
     double pixel_size_;  // of one pixel in normalised coordinates, the larger of x and y

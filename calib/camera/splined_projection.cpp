@@ -142,9 +142,7 @@ LensProjection splined_projection(int order, int columns, int rows, double field
     if (control_points.size() != 2 * static_cast<std::size_t>(columns) * rows)
         throw NumericalError(fmt::format("{} x {} control points have {} numbers, not {}", columns,
                                          rows, 2 * columns * rows, control_points.size()));
-    for (const double value : control_points)
-        if (!std::isfinite(value))
-            throw NumericalError("a control point is not finite");
+    check_coefficients(control_points);
     auto table = std::make_shared<LensTable>();
     table->coefficients = std::move(control_points);
     table->order = order;

@@ -52,10 +52,13 @@ void read_kannala_brandt(const ForeignValue& root, CameraModel& camera) {
         symmetric.fail(fmt::format("must begin with a positive coefficient, not {}", k[0]));
     refuse_asymmetric_terms(root);
     camera.projection.kind = Projection::equidistant;
-    camera.intrinsics.zoom(k[0]);
+    Intrinsics& i = camera.intrinsics;
+    i = checked_intrinsics(k[0] * i.fx, k[0] * i.fy, i.cx, i.cy, symmetric.place(), k[0] * i.skew);
     std::vector<double> relative;
-    for (std::size_t i = 1; i < k.size(); ++i)
-        relative.push_back(k[i] / k[0]);
+    for (std::size_t n = 1; n < k.size(); ++n)
+        relative.push_back(k[n] / k[0]);
+    if (std::any_of(relative.begin(), relative.end(), [](double x) { return !std::isfinite(x); }))
+        symmetric.fail("has coefficients that are too large beside the first");
     camera.distortion = kannala_brandt(relative);
 }
 

@@ -282,6 +282,7 @@ TEST(LensTable, RefusesWhatNoLensIs) {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     EXPECT_THROW(polynomial_projection(0, nan, 0, 0), NumericalError);
     EXPECT_THROW(cahvor_projection(0, 0, 0, nan, 0), NumericalError);
+    EXPECT_THROW(cahvor_projection(0, 0, 1e300, 0, 0), NumericalError);
     EXPECT_THROW(cahvor_projection(2.0, 0, 0, 0, 0), NumericalError);
     EXPECT_THROW(cahvor_projection(0, 0, -1.0, 0, 0), NumericalError);
     EXPECT_THROW(cahvor_projection(0, 0, 0, 0, 0, 1.1), NumericalError);

@@ -220,6 +220,8 @@ TEST(WideCameraFile, OfBoofCvsKannalaBrandtIsItsPolynomial) {
                 HasSubstr("kb.yaml:11: tangent: is an asymmetric term"));
     EXPECT_THAT(error("symmetric: [1, 2, 3, 4, 5, 6]\n"), HasSubstr("1 to 5 coefficients, not 6"));
     EXPECT_THAT(error("symmetric: [-1]\n"), HasSubstr("must begin with a positive"));
+    EXPECT_THAT(error("symmetric: [1e308]\n"), HasSubstr("kb.yaml:10: symmetric: has a number"));
+    EXPECT_THAT(error("symmetric: [1e-3, 1e308]\n"), HasSubstr("too large beside the first"));
 }
 
 }  // namespace

@@ -51,7 +51,7 @@ std::vector<StabilityCase> wide_render_cases() {
                             const Scene& scene) {
         cases.push_back(agrees_with_reference(name, fisheye(f_number, focus_mm, bent), scene));
     };
-    placed("fisheye: 12 px of blur at 85 deg", 0.5, 20.0, beside(85, 70, 9, 20));
+    placed("fisheye: 12 px of blur at 85 deg", 1.4, 20.0, beside(85, 70, 9, 20));
     placed("fisheye: focus within, 70 deg", 0.7, 60.0, beside(70, 60, 6, 60));
     placed("fisheye: edge-on, 95 deg", 1.4, 100.0, beside(95, 90, 8, 82));
     placed("fisheye: 3 px tag at 89.99 deg", 2.0, 300.0, beside(89.99, 2000, 4, 30));

@@ -153,7 +153,8 @@ MarkerView::MarkerView(const PlacedMarker& marker, double background, const Aper
 
 // The other way round: the ray from the sensor point p of a marker's point through l meets the
 // sensor where x = p - l (c(p) + focus(p) - focus(x)), so at most |l| |c(p)| / (1 - |l| |g|) away,
-// with the steepest g of the focus. Where the marker's plane almost cuts the lens, this is all that
+// with the steepest g of the focus; where a is the slope of c, focus(x) is continued to p by its
+// own slope, and |g| counts twice. Where the marker's plane almost cuts the lens, this is all that
 // bounds what sees it: seen_through_lens() is then everything. How long the pupil is as seen from
 // there is not known before: found step by step.
 void MarkerView::bound_blur() {
@@ -162,7 +163,7 @@ void MarkerView::bound_blur() {
     double widest = widest_pupil(outline_);
     for (int step = 0; step < 20; ++step) {
         const double lens = aperture_.radius_mm * widest;
-        const double cut = lens * aperture_.steepest_focus();
+        const double cut = lens * aperture_.steepest_focus() * (aperture_.faces_rays ? 2.0 : 1.0);
         blurred_outline_ =
             with_margin(outline_, cut < 1.0 ? lens * farthest / (1.0 - cut)
                                             : std::numeric_limits<double>::infinity());
@@ -171,7 +172,8 @@ void MarkerView::bound_blur() {
             break;
         widest = 1.01 * there;
     }
-    const double cut = turn().norm() * aperture_.radius_mm * widest;
+    const double steepest = aperture_.faces_rays ? aperture_.steepest_focus() : 0.0;
+    const double cut = (e_.head<2>().norm() + steepest) * aperture_.radius_mm * widest;
     if (!h_.allFinite() || !e_.allFinite() || !(cut < 1.0))
         throw NumericalError(fmt::format(
             "the marker's plane cuts the aperture or the cone of rays (|a| d/2 = {:.6g})", cut));
@@ -233,7 +235,7 @@ Eigen::Vector2d MarkerView::line_gradient(int axis, int index, const Eigen::Vect
     // offset (1 - a.l) + c m.l with offset and c affine in x, m the line's own gradient.
     const Eigen::Vector3d h = h_.row(axis) - index * h_.row(2);
     const Eigen::Vector2d m = h.head<2>(), seen = aperture_.pupil(x) * l;
-    return m * (1.0 - turn().dot(seen)) + defocus_slope(x) * m.dot(seen);
+    return m * (1.0 - turn(x).dot(seen)) + defocus_slope(x) * m.dot(seen);
 }
 
 // |l c / (1 - a.l)| <= radius |c| / (1 - radius |a|) for every l on the lens.

@@ -82,12 +82,13 @@ struct LensLine {
     Eigen::Vector2d slope;  // 1/mm
 };
 
-// h0, h1, h2 . (x, 1) of a sensor point (u = uvw[0] / uvw[2] on the chief ray), its c, and how it
-// sees the pupil.
+// h0, h1, h2 . (x, 1) of a sensor point (u = uvw[0] / uvw[2] on the chief ray), its c, how it sees
+// the pupil, and its a.
 struct SensorPoint {
     Eigen::Vector3d uvw;
     double defocus;
     Eigen::Matrix2d pupil;
+    Eigen::Vector2d turn;
 };
 
 class MarkerView {
@@ -108,11 +109,14 @@ public:
     // Rows h0, h1, h2, and e.
     const Eigen::Matrix3d& h() const { return h_; }
     const Eigen::Vector3d& depth_row() const { return e_; }
-    // a: what turns a ray's step on the plane by its lens point; in units of 1/l.
-    Eigen::Vector2d turn() const { return e_.head<2>(); }
     // d c / d x.
     Eigen::Vector2d defocus_slope(const Eigen::Vector2d& x) const {
-        return turn() - aperture_.focus_gradient(x);
+        return e_.head<2>() - aperture_.focus_gradient(x);
+    }
+    // a: what turns a ray's step on the plane by its lens point; in units of 1/l. Where the pupil
+    // faces the ray, its disc leans out of the plane Z = 0 and a is the slope of c.
+    Eigen::Vector2d turn(const Eigen::Vector2d& x) const {
+        return aperture_.faces_rays ? defocus_slope(x) : Eigen::Vector2d(e_.head<2>());
     }
 
     // The sensor point whose chief ray meets the grid at (u, v).
@@ -144,15 +148,15 @@ public:
     double widest_pupil(const Box& box) const;
 
     SensorPoint sensor_point(const Eigen::Vector2d& x) const {
-        return {h_.leftCols<2>() * x + h_.col(2), defocus(x), aperture_.pupil(x)};
+        return {h_.leftCols<2>() * x + h_.col(2), defocus(x), aperture_.pupil(x), turn(x)};
     }
 
     // The line u = index (axis 0) or v = index (axis 1) on the lens, for a sensor point.
     LensLine lens_line(int axis, int index, const SensorPoint& point) const {
         const double offset = point.uvw[axis] - index * point.uvw.z();
         const double mx = h_(axis, 0) - index * h_(2, 0), my = h_(axis, 1) - index * h_(2, 1);
-        const Eigen::Vector2d slope(point.defocus * mx - offset * e_.x(),
-                                    point.defocus * my - offset * e_.y());
+        const Eigen::Vector2d slope(point.defocus * mx - offset * point.turn.x(),
+                                    point.defocus * my - offset * point.turn.y());
         return {offset, point.pupil * slope};
     }
 

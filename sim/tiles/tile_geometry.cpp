@@ -82,7 +82,7 @@ void set_lens(const MarkerView& view, const TilePolynomial& place, const Eigen::
         std::abs(to_px.determinant() * view.aperture().pupil(place.centre).determinant()));
     const Eigen::Matrix2d by_px = px * to_px.inverse().transpose();
     const Eigen::Vector2d slope = radius * by_px * view.defocus_slope(place.centre);
-    const Eigen::Vector2d turn = radius * by_px * view.turn();
+    const Eigen::Vector2d turn = radius * by_px * view.turn(place.centre);
     geometry.blur = static_cast<float>(radius * px * view.defocus(place.centre));
     geometry.blur_slope_x = static_cast<float>(slope.x());
     geometry.blur_slope_y = static_cast<float>(slope.y());

@@ -114,7 +114,7 @@ TEST(TelecentricMarkerView, CutsTheApertureWhereTheTracedRayMeetsTheLine) {
         const double u = (hit.x() + 4.2) / 2.1, v = (hit.y() + 2.5) / 1.7;
         const SensorPoint point = view.sensor_point(x);
         // D + w.l is (u - i)(1 - a.l): compare the zero crossing u itself.
-        const double scale = 1.0 - view.turn().dot(l);
+        const double scale = 1.0 - view.turn(x).dot(l);
         for (int i : {0, 2, 3}) {
             const LensLine a = view.lens_line(0, i, point), b = view.lens_line(1, i, point);
             EXPECT_NEAR(a.offset + a.slope.dot(l), (u - i) * scale, 1e-10);

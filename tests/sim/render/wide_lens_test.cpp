@@ -68,10 +68,10 @@ double traced(const Projector& projector, const PlacedMarker& marker, double bac
 std::vector<cv::Point> pixels_of(const Projector& projector, const PlacedMarker& marker) {
     const cv::Rect image(0, 0, projector.camera().width, projector.camera().height);
     std::vector<cv::Point> pixels;
-    for (int i = 0; i <= 8; ++i)
-        for (int j = 0; j <= 6; ++j) {
+    for (int i = 0; i <= 5; ++i)
+        for (int j = 0; j <= 4; ++j) {
             const auto pixel = projector.project(marker.camera_from_marker *
-                                                 marker.grid.point_mm(i / 2.0, j / 2.0));
+                                                 marker.grid.point_mm(0.8 * i, 0.75 * j));
             if (!pixel)
                 continue;
             const cv::Point nearest(static_cast<int>(std::lround(pixel->x())),
@@ -122,7 +122,7 @@ TEST(WideLens, IsRenderedAsRaysMeetTheMarker) {
             }
         }
     }
-    EXPECT_GT(compared, 1000);
+    EXPECT_GT(compared, 500);
 }
 
 TEST(WideLens, AgreesWithTheReference) {
@@ -158,7 +158,7 @@ TEST(WideLens, SeesAMarkerThatSpansMoreThan90Degrees) {
                   1.1, 300.0);
     const Projector projector(camera);
     const std::vector<cv::Point> pixels = pixels_of(projector, marker);
-    ASSERT_GT(pixels.size(), 50u);
+    ASSERT_GT(pixels.size(), 25u);
     expect_reference("large", camera, {{marker}, 0.35}, pixels);
 }
 

@@ -56,15 +56,23 @@ std::optional<double> traced(const PlacedMarker& marker, const Aperture& apertur
     if (aperture.projection == Projection::telecentric)
         return traced(marker, (x - focus * l).homogeneous() - Eigen::Vector3d::UnitZ(),
                       l.homogeneous());
+    if (aperture.faces_rays) {  // a disc across the ray, its point in space
+        const Eigen::Vector3d ray = x.homogeneous().normalized();
+        Eigen::Vector3d from;
+        from << aperture.pupil(x).inverse() * l, -ray.head<2>().dot(l);
+        EXPECT_NEAR(from.dot(ray), 0.0, 1e-12 * l.norm());
+        EXPECT_NEAR(from.norm(), l.norm(), 1e-12 * l.norm());
+        return traced(marker, from, x.homogeneous() - focus * from);
+    }
     return traced(marker, {l.x(), l.y(), 0.0}, (x - focus * l).homogeneous());
 }
 
-// Whether the plane does not meet the ray in front of the lens.
+// Whether the plane does not meet the ray in front of the lens; not asked of a wide one.
 bool runs_away(const MarkerView& view, const Eigen::Vector2d& x, const Eigen::Vector2d& l) {
-    if (view.aperture().projection == Projection::telecentric)
+    if (view.aperture().projection == Projection::telecentric || view.aperture().faces_rays)
         return false;
     const double w = view.h().row(2).dot(x.homogeneous());
-    return w - view.aperture().focus(x) * view.turn().dot(l) <= 0.0;
+    return w - view.aperture().focus(x) * view.turn(x).dot(l) <= 0.0;
 }
 
 // The cell that the lines of a range make of one ray: the sum of both closed-form methods.
@@ -202,6 +210,26 @@ TEST(MarkerView, TelecentricFootprintsTellWhatEveryRayMeets) {
     EXPECT_GT(counts.views, 100);
     EXPECT_GT(counts.told, 1000);
     EXPECT_EQ(counts.horizons, 0);
+}
+
+TEST(MarkerView, FootprintsOfAWideLensTellWhatEveryRayMeets) {
+    Dice dice(24);
+    Counts counts;
+    for (int n = 0; n < 3000; ++n) {
+        const PlacedMarker marker = dice.marker();
+        Aperture aperture = dice.aperture();
+        aperture.focus_slope = {0.0, 0.0};
+        aperture.faces_rays = true;
+        std::optional<MarkerView> view;
+        try {
+            view.emplace(marker, background, aperture);
+        } catch (const NumericalError&) {
+            continue;
+        }
+        expect_footprints_hold(*view, marker, dice, counts);
+    }
+    EXPECT_GT(counts.views, 400);
+    EXPECT_GT(counts.told, 8000);
 }
 
 // Seen from 2 mm above: cells from 30 mm to 6 m away, up to their horizon.

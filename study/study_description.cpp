@@ -61,6 +61,8 @@ StudyDescription description_of(const ordered_json& json) {
 std::string camera_words(const CameraModel& camera) {
     std::string words =
         fmt::format("{} x {} px, fx {:.6g} px", camera.width, camera.height, camera.intrinsics.fx);
+    if (!camera.projection.is_flat())
+        words += fmt::format(", {}", name_of(camera.projection.kind).name);
     if (camera.lens)
         words += fmt::format(", f/{:.3g} focused at {:.6g} mm", camera.lens->f_number,
                              camera.lens->focus_distance_mm);

@@ -214,9 +214,9 @@ StudyFile read_study(const std::filesystem::path& path) {
     StudyFile study;
     study.id = root.at("id").text();
     study.camera_file = file.resolve(root.at("camera").text());
-    study.camera = read_camera(study.camera_file);
+    study.camera = read_any_camera(study.camera_file);
     if (study.camera.projection.kind == Projection::telecentric)
-        root.at("camera").fail("is telecentric: poses need a perspective camera");
+        root.at("camera").fail("is telecentric: a distance is not in its images");
     study.background = read_radiance(root, "background");
     study.white_level = read_radiance(root, "white_level");
     study.poses = read_study_poses(file, root.at("poses"));

@@ -62,7 +62,8 @@ struct StudyFile {
 };
 
 // Throws ConfigError with file, line and key for whatever is not as docs/study.md says, for a
-// detector that cannot see its marker, and for a telecentric camera (poses need a perspective one).
+// detector that cannot see its marker, and for a telecentric camera (a distance is not in its
+// images).
 StudyFile read_study(const std::filesystem::path& path);
 
 // The names that `detector:` may have: "aruco", "apriltag", "charuco", ...

@@ -191,7 +191,7 @@ Registration register_stage(const Projector& projector,
                             const std::vector<Eigen::Vector3d>& points_mm,
                             std::span<const RegistrationPose> given,
                             const Rigid& nominal_carriage_from_marker) {
-    require_perspective(projector.camera(), "registration");
+    require_point_of_view(projector.camera(), "registration");
     require_usable(points_mm, given, nominal_carriage_from_marker);
     const StageMotion motion = required_motion(pairs_of(given));
     const std::vector<RegistrationPose> poses = with_transforms(given, motion.without_noise);

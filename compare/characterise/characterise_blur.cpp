@@ -61,12 +61,14 @@ void take_defocus(Characterisation& result) {
 }
 
 void measure_defocus(const std::vector<StraightEdge>& edges, Characterisation& result) {
-    if (result.camera.projection.kind == Projection::telecentric ||
-        !(result.camera.sensor->pixel_pitch_um > 0.0))
-        return refuse(result, "focus distance and f-number",
-                      result.camera.projection.kind == Projection::telecentric
-                          ? "the camera is telecentric"
-                          : "the camera file gives no pixel pitch");
+    const char* const what = "focus distance and f-number";
+    if (result.camera.projection.kind == Projection::telecentric)
+        return refuse(result, what, "the camera is telecentric");
+    if (!result.camera.projection.is_flat())
+        return refuse(result, what,
+                      "they are a thin lens's, whose focus is a plane; this lens is wide");
+    if (!(result.camera.sensor->pixel_pitch_um > 0.0))
+        return refuse(result, what, "the camera file gives no pixel pitch");
     auto defocus = attempted([&] { return estimate_defocus(edges, result.camera); });
     if (!defocus || !defocus->is_determined)
         return refuse(result, "focus distance and f-number",

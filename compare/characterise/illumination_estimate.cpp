@@ -328,7 +328,7 @@ IlluminationEstimate estimate_illumination(std::span<const WhitePatch> given,
             "(k = 2): flats, or the target in more places up to the corners",
             estimate.at_corner, 2.0 * estimate.at_corner_standard_uncertainty));
 
-    choose_kind(falloff, fit, camera.projection.of_normalised(), estimate);
+    choose_kind(falloff, fit, camera.projection.kind, estimate);
     if (estimate.illumination.kind == Illumination::Kind::polynomial)
         take_polynomial(camera, estimate);
     return estimate;

@@ -38,14 +38,9 @@ std::optional<cv::Size> size_in_photos(const std::filesystem::path& camera_file,
 
 }  // namespace
 
-CameraModel read_any_camera_for(const std::filesystem::path& camera_file,
-                                const std::vector<std::filesystem::path>& photos) {
-    return read_any_camera(camera_file, size_in_photos(camera_file, photos));
-}
-
 CameraModel read_camera_for(const std::filesystem::path& camera_file,
                             const std::vector<std::filesystem::path>& photos) {
-    return read_camera(camera_file, size_in_photos(camera_file, photos));
+    return read_any_camera(camera_file, size_in_photos(camera_file, photos));
 }
 
 std::vector<Rigid> read_poses_for(const std::filesystem::path& poses,

@@ -20,11 +20,8 @@ struct PhotoPose {
     std::string shown_as = {};  // as in Detection
 };
 
-// The camera for these photographs, of any lens or of one that is rendered: a foreign calibration
-// without an image size takes that of the first one. Throws ConfigError when the calibration or the
-// photograph cannot be read.
-CameraModel read_any_camera_for(const std::filesystem::path& camera_file,
-                                const std::vector<std::filesystem::path>& photos);
+// The camera for these photographs, of any lens: a foreign calibration without an image size takes
+// that of the first one. Throws ConfigError when the calibration or the photograph cannot be read.
 CameraModel read_camera_for(const std::filesystem::path& camera_file,
                             const std::vector<std::filesystem::path>& photos);
 

@@ -84,6 +84,25 @@ std::array<ExpectationMap, 6> maps_of(const std::vector<MarkerPlace>& places,
     return {map(0), map(1), map(2), map(3), map(4), map(5)};
 }
 
+// Of twice as many while too few of them are rendered.
+std::vector<Rigid> poses_of(const ExpectationRequest& request) {
+    constexpr int most = 64;
+    const CellGrid& grid = request.scene.marker.grid;
+    const auto wanted = static_cast<std::size_t>(request.poses);
+    for (int times = 1; times <= most; times *= 2) {
+        std::vector<Rigid> poses = volume_poses(request.scene.camera, grid, times * request.poses,
+                                                request.seed, request.volume);
+        std::erase_if(poses, [&](const Rigid& pose) {
+            return !is_rendered(grid, pose, request.scene.camera);
+        });
+        if (poses.size() < wanted)
+            continue;
+        poses.resize(wanted);
+        return poses;
+    }
+    throw NumericalError("hardly any pose of the volume is rendered: it lies too far aside");
+}
+
 // A deviation of zero, of a noise below the last digit, has no logarithm.
 double logarithm(double deviation) {
     return std::log(std::max(deviation, 1e-12));
@@ -131,7 +150,8 @@ MarkerPlace place_of(const Projector& projector, const Rigid& camera_from_marker
     const auto pixel = projector.project(p);
     const Eigen::Vector3d normal = camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
     const double cosine = std::clamp(normal.dot(p.normalized()), -1.0, 1.0);
-    return {p.z(), pixel ? (*pixel - Eigen::Vector2d(k.cx, k.cy)).norm() : 0.0, std::acos(cosine)};
+    return {depth_mm(projector.camera().projection, p),
+            pixel ? (*pixel - Eigen::Vector2d(k.cx, k.cy)).norm() : 0.0, std::acos(cosine)};
 }
 
 int Expectation::detected() const {
@@ -198,8 +218,7 @@ Expectation expect_errors(const ExpectationRequest& request, const std::function
         return make_detector(request.scene.detector, request.scene.marker, "--detector");
     };
     new_detector();  // whether there is one
-    const std::vector<Rigid> poses = volume_poses(request.scene.camera, request.scene.marker.grid,
-                                                  request.poses, request.seed, request.volume);
+    const std::vector<Rigid> poses = poses_of(request);
     Expectation result;
     result.no_noise = why_no_noise(request);
     result.frames = result.no_noise.empty() ? request.frames : 0;

@@ -15,7 +15,7 @@
 namespace etalon {
 
 struct MarkerPlace {
-    double depth_mm = 0.0;   // of the marker's origin
+    double depth_mm = 0.0;   // of the marker's origin; of a wide lens its distance
     double radius_px = 0.0;  // of its image from the principal point
     double tilt_rad = 0.0;   // between its normal and the line of sight
 };

@@ -1,6 +1,8 @@
 #include "compare/expect/expected_view.h"
 
+#include "core/errors.h"
 #include "sim/scene/marker_outline.h"
+#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {
@@ -13,6 +15,13 @@ cv::Rect on_squares(const cv::Rect& area, int step) {
 }
 
 }  // namespace
+
+bool is_rendered(const CellGrid& marker, const Rigid& camera_from_marker,
+                 const CameraModel& camera) {
+    return static_cast<bool>(attempted([&] {
+        check_reach({{{marker, camera_from_marker}}}, camera);
+    }));
+}
 
 ExpectedView::ExpectedView(const ExpectedScene& scene)
     : renderer_(scene.camera),

@@ -24,6 +24,10 @@ struct ExpectedScene {
     double white_level = 1.0;  // of the marker's white in the photographs, 1 = full scale
 };
 
+// Whether the renderer takes the marker there: before a wide lens it has an end.
+bool is_rendered(const CellGrid& marker, const Rigid& camera_from_marker,
+                 const CameraModel& camera);
+
 // Immutable, safe from every thread.
 class ExpectedView {
 public:
@@ -41,6 +45,10 @@ public:
     // The pixels in which a detector sees all that it looks at: the marker with a margin, in steps
     // of 16 px, a multiple of the tiles in which detectors take their thresholds.
     cv::Rect area_of(const Rigid& camera_from_marker) const;
+
+    bool takes(const Rigid& camera_from_marker) const {
+        return is_rendered(marker_, camera_from_marker, projector_.camera());
+    }
 
     const SensorModel& sensor() const { return sensor_; }
 

@@ -54,6 +54,8 @@ double RenderedCorners::noise_ratio(const CameraModel& camera) {
 
 std::optional<std::vector<Eigen::Vector2d>> RenderedCorners::at(
     const Rigid& camera_from_marker) const {
+    if (!view_.takes(camera_from_marker))
+        return std::nullopt;
     const ExpectedExposures exposures(view_, camera_from_marker);
     if (exposures_ == 1)
         return mean_of({exposures.without_noise(*detectors_.local())});

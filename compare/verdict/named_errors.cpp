@@ -31,6 +31,41 @@ Eigen::VectorXd moved_inwards(const Eigen::VectorXd& square, double by_px) {
     return moved;
 }
 
+// How far the image reaches on a wide lens's plane, at least 1: a coefficient of r^n does r^n times
+// as much there, and could fold it. Of a flat camera 1.
+double plane_reach(const CameraModel& camera) {
+    double reach = 1.0;
+    if (camera.projection.is_flat())
+        return reach;
+    const Intrinsics& i = camera.intrinsics;
+    for (const double x : {0, camera.width})
+        for (const double y : {0, camera.height})
+            reach = std::max(reach, std::hypot((x - i.cx) / i.fx, (y - i.cy) / i.fy));
+    return reach;
+}
+
+CameraError coefficient_error(const char* name, const char* unit, double size,
+                              double Distortion::*term) {
+    return {name, unit, size, [term](CameraModel& c, double by) { c.distortion.*term += by; }};
+}
+
+// Of the projection's own parameters, those that can be off both ways.
+void add_projection_errors(const LensProjection& projection, std::vector<CameraError>& errors) {
+    constexpr double size = 1e-3;
+    double LensProjection::*const parameters[] = {&LensProjection::a, &LensProjection::b};
+    for (std::size_t i = 0; i < 2; ++i) {
+        const auto parameter = parameters[i];
+        const char* name = name_of(projection.kind).parameters[i];
+        LensProjection less = projection, more = projection;
+        less.*parameter -= size;
+        more.*parameter += size;
+        if (*name && is_possible(less) && is_possible(more))
+            errors.push_back({name, "", size, [parameter](CameraModel& c, double by) {
+                                  c.projection.*parameter += by;
+                              }});
+    }
+}
+
 }  // namespace
 
 Eigen::MatrixXd SignatureChain::pose_jacobian(std::size_t pose) const {
@@ -38,38 +73,42 @@ Eigen::MatrixXd SignatureChain::pose_jacobian(std::size_t pose) const {
         .leftCols<6>();
 }
 
-std::vector<CameraError> named_camera_errors() {
+std::vector<CameraError> named_camera_errors(const CameraModel& camera) {
     using Camera = CameraModel;
-    return {
+    const double reach2 = std::pow(plane_reach(camera), 2);
+    std::vector<CameraError> errors = {
         {"focal length", "1", 1e-3, [](Camera& c, double by) { c.intrinsics.zoom(1.0 + by); }},
         {"c_x", "px", 0.1, [](Camera& c, double by) { c.intrinsics.cx += by; }},
         {"c_y", "px", 0.1, [](Camera& c, double by) { c.intrinsics.cy += by; }},
-        {"k1", "", 1e-3, [](Camera& c, double by) { c.distortion.k1 += by; }},
-        {"k2", "", 1e-3, [](Camera& c, double by) { c.distortion.k2 += by; }},
-        {"k3", "", 1e-3, [](Camera& c, double by) { c.distortion.k3 += by; }},
-        {"p1", "", 1e-4, [](Camera& c, double by) { c.distortion.p1 += by; }},
-        {"p2", "", 1e-4, [](Camera& c, double by) { c.distortion.p2 += by; }},
+        coefficient_error("k1", "", 1e-3 / reach2, &Distortion::k1),
+        coefficient_error("k2", "", 1e-3 / std::pow(reach2, 2), &Distortion::k2),
+        coefficient_error("k3", "", 1e-3 / std::pow(reach2, 3), &Distortion::k3),
+        coefficient_error("p1", "", 1e-4, &Distortion::p1),
+        coefficient_error("p2", "", 1e-4, &Distortion::p2),
     };
+    if (camera.projection.is_flat())
+        return errors;
+    errors.push_back(coefficient_error("k7", "", 1e-3 / std::pow(reach2, 4), &Distortion::k7));
+    add_projection_errors(camera.projection, errors);
+    return errors;
 }
 
-std::vector<CameraError> further_camera_errors() {
-    using Camera = CameraModel;
+std::vector<CameraError> further_camera_errors(const CameraModel& camera) {
+    const double reach2 = std::pow(plane_reach(camera), 2);
     std::vector<CameraError> errors = {
-        {"aspect of fx, fy", "1", 1e-3, [](Camera& c, double by) { c.intrinsics.fy *= 1.0 + by; }}};
-    const auto add = [&](const char* name, const char* unit, double size,
-                         double Distortion::*term) {
-        errors.push_back(
-            {name, unit, size, [term](Camera& c, double by) { c.distortion.*term += by; }});
-    };
-    add("k4", "", 1e-3, &Distortion::k4);
-    add("k5", "", 1e-3, &Distortion::k5);
-    add("k6", "", 1e-3, &Distortion::k6);
-    add("thin prism s1", "", 1e-4, &Distortion::s1);
-    add("thin prism s2", "", 1e-4, &Distortion::s2);
-    add("thin prism s3", "", 1e-4, &Distortion::s3);
-    add("thin prism s4", "", 1e-4, &Distortion::s4);
-    add("sensor tilt tau_x", "rad", 1e-3, &Distortion::tau_x);
-    add("sensor tilt tau_y", "rad", 1e-3, &Distortion::tau_y);
+        {"aspect of fx, fy", "1", 1e-3,
+         [](CameraModel& c, double by) { c.intrinsics.fy *= 1.0 + by; }},
+        coefficient_error("k4", "", 1e-3 / reach2, &Distortion::k4),
+        coefficient_error("k5", "", 1e-3 / std::pow(reach2, 2), &Distortion::k5),
+        coefficient_error("k6", "", 1e-3 / std::pow(reach2, 3), &Distortion::k6),
+        coefficient_error("thin prism s1", "", 1e-4, &Distortion::s1),
+        coefficient_error("thin prism s2", "", 1e-4, &Distortion::s2),
+        coefficient_error("thin prism s3", "", 1e-4, &Distortion::s3),
+        coefficient_error("thin prism s4", "", 1e-4, &Distortion::s4)};
+    if (camera.projection.is_flat()) {
+        errors.push_back(coefficient_error("sensor tilt tau_x", "rad", 1e-3, &Distortion::tau_x));
+        errors.push_back(coefficient_error("sensor tilt tau_y", "rad", 1e-3, &Distortion::tau_y));
+    }
     return errors;
 }
 
@@ -116,7 +155,7 @@ NamedErrors::NamedErrors(const SignatureChain& chain) : chain_(chain) {
 std::vector<NamedError> NamedErrors::with_signatures(
     std::span<const StageError> stage_errors) const {
     std::vector<NamedError> errors;
-    for (const CameraError& error : named_camera_errors())
+    for (const CameraError& error : named_camera_errors(chain_.projector.camera()))
         errors.push_back(camera_error(error));
     for (NamedError& error : marker_errors())
         errors.push_back(std::move(error));
@@ -127,7 +166,7 @@ std::vector<NamedError> NamedErrors::with_signatures(
 
 std::vector<NamedError> NamedErrors::further() const {
     std::vector<NamedError> errors;
-    for (const CameraError& error : further_camera_errors())
+    for (const CameraError& error : further_camera_errors(chain_.projector.camera()))
         errors.push_back(camera_error(error));
     errors.push_back({"skew", "1", 1e-3, [this](std::size_t pose, double by) {
                           const double middle = chain_.projector.camera().intrinsics.cy;

@@ -47,9 +47,10 @@ struct CameraError {
     std::function<void(CameraModel&, double)> change;  // makes the camera wrong by this much
 };
 // Those that have a signature in every report, and those that only causes are looked for among:
-// aspect, rational, prism and tilt terms.
-std::vector<CameraError> named_camera_errors();
-std::vector<CameraError> further_camera_errors();
+// aspect, rational, prism and tilt terms. A wide lens has no tilt; among the first are its k7 and
+// the projection's own parameters, unless one is at the end of its range.
+std::vector<CameraError> named_camera_errors(const CameraModel& camera);
+std::vector<CameraError> further_camera_errors(const CameraModel& camera);
 
 // The corners of a square, in order, when each of its edges is seen moved inwards by `by_px`: each
 // corner goes to where its two edges then meet.

@@ -43,11 +43,11 @@ std::optional<std::size_t> farthest(std::span<const FieldSample> samples, const 
     return is_outlying ? std::optional(index) : std::nullopt;
 }
 
-SmoothField field_of(std::span<const FieldSample> samples, const Indices& left) {
+SmoothField field_of(std::span<const FieldSample> samples, const Indices& left, FieldBasis basis) {
     std::vector<FieldSample> fitted;
     for (const std::size_t i : left)
         fitted.push_back(samples[i]);
-    return fit_smooth_field(fitted, FieldBasis::position);
+    return fit_smooth_field(fitted, basis);
 }
 
 // How far the corners of each registered pose lie from the predicted ones, px.
@@ -82,7 +82,7 @@ std::vector<OutlyingPose> outlying_samples(std::span<const FieldSample> samples,
             return {};
         std::erase(left, *found);
         taken.push_back(*found);
-        of_left = field_of(samples, left);
+        of_left = field_of(samples, left, field.basis);
     }
     std::vector<OutlyingPose> outlying;
     for (const std::size_t i : taken)

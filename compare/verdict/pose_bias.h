@@ -29,6 +29,11 @@ struct PoseError {
     Eigen::Vector3d translation_mm;  // t_estimated - t_true, camera frame
     Eigen::Vector3d rotation_rad;    // log(R_true^T R_estimated), marker frame
 };
+
+// How far away a place in the camera frame is: along the axis, of a wide lens along the line of
+// sight.
+double depth_mm(const LensProjection& projection, const Eigen::Vector3d& position_mm);
+
 PoseError pose_error(const Rigid& estimated, const Rigid& truth);
 
 // Renders the marker at this pose as the camera under test should see it (sensor included) and

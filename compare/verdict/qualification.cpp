@@ -304,8 +304,9 @@ std::vector<Eigen::Vector3d> volume_of(const std::vector<Pose>& poses) {
 
 // The field of the hold-out poses' positions, but for those that are outlying.
 void fit_position_field(QualificationInput& input, Qualification& result) {
+    const FieldBasis basis = position_basis(input.camera->projection);
     const std::vector<FieldSample> positions = position_samples(input.poses);
-    result.position_field = fit_smooth_field(positions, FieldBasis::position);
+    result.position_field = fit_smooth_field(positions, basis);
     std::vector<std::size_t> judged;
     for (std::size_t i = 0; i < input.poses.size(); ++i)
         if (input.poses[i].is_judged())
@@ -320,7 +321,7 @@ void fit_position_field(QualificationInput& input, Qualification& result) {
         return;
     for (const OutlyingPose& each : outlying)
         leave_out(input, judged[each.index], each.off_mm, result);
-    result.position_field = fit_smooth_field(position_samples(input.poses), FieldBasis::position);
+    result.position_field = fit_smooth_field(position_samples(input.poses), basis);
 }
 
 bool is_listed(const Qualification& result, const char* quantity) {
@@ -347,7 +348,7 @@ void fit_fields(QualificationInput& input, const NoiseDraws& draws, Qualificatio
         return;
     PhotometricField field;
     field.poses = static_cast<int>(photometric.size());
-    field.position_field = fit_smooth_field(photometric, FieldBasis::position);
+    field.position_field = fit_smooth_field(photometric, position_basis(input.camera->projection));
     field.position_summary = summarize(field.position_field, volume, draws);
     result.photometric = field;
 }

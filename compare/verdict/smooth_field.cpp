@@ -29,14 +29,19 @@ struct Rows {
     std::vector<bool> is_along;
 };
 
-void require_usable(std::span<const FieldSample> samples) {
+bool has_value_at(FieldBasis basis, const Eigen::Vector3d& position_mm) {
+    return position_mm.allFinite() &&
+           (basis == FieldBasis::position ? position_mm.z() > 0.0 : position_mm.norm() > 0.0);
+}
+
+void require_usable(std::span<const FieldSample> samples, FieldBasis basis) {
     if (samples.size() < min_samples)
         throw NumericalError(fmt::format("smooth field: {} samples, at least {} are needed",
                                          samples.size(), min_samples));
     for (const FieldSample& sample : samples) {
-        const bool finite = sample.position_mm.allFinite() && sample.error.allFinite() &&
-                            std::isfinite(sample.sigma_along) && std::isfinite(sample.sigma_across);
-        if (!finite || sample.position_mm.z() <= 0.0 || sample.sigma_along <= 0.0 ||
+        const bool finite = sample.error.allFinite() && std::isfinite(sample.sigma_along) &&
+                            std::isfinite(sample.sigma_across);
+        if (!finite || !has_value_at(basis, sample.position_mm) || sample.sigma_along <= 0.0 ||
             sample.sigma_across <= 0.0 || !(std::abs(sample.axis.norm() - 1.0) < 1e-6))
             throw NumericalError(
                 "smooth field: a sample is not finite, behind the camera or "
@@ -124,10 +129,31 @@ Eigen::VectorXd weights(SmoothField& field, const Rows& rows, const Eigen::Vecto
     return weight;
 }
 
+// The last three columns, at p and q = p - centre in units of length_mm.
+Eigen::Matrix3d by_tangent(const Eigen::Vector3d& p, const Eigen::Vector3d& q) {
+    const double rho2 = p.head<2>().squaredNorm() / (p.z() * p.z());
+    Eigen::Matrix3d columns = Eigen::Matrix3d::Zero();
+    columns.col(0) << p.x() * rho2, p.y() * rho2, 0.0;
+    columns(2, 1) = p.z() * rho2;
+    columns(2, 2) = q.z() * q.z();
+    return columns;
+}
+
+Eigen::Matrix3d by_angle(const Eigen::Vector3d& p, const Eigen::Vector3d& centre) {
+    const double aside = p.head<2>().norm(), distance = p.norm(), theta = std::atan2(aside, p.z());
+    Eigen::Matrix3d columns = Eigen::Matrix3d::Zero();
+    if (aside > 0.0)
+        columns.col(0) << p.head<2>() * (p.z() / aside), -aside;
+    columns.col(0) *= std::pow(theta, 3);
+    columns.col(1) = p * theta * theta;
+    columns.col(2) = p / distance * std::pow(distance - centre.norm(), 2);
+    return columns;
+}
+
 }  // namespace
 
 Eigen::MatrixXd SmoothField::design(const Eigen::Vector3d& position_mm) const {
-    const bool full = basis == FieldBasis::position;
+    const bool full = basis != FieldBasis::linear;
     Eigen::MatrixXd b = Eigen::MatrixXd::Zero(3, full ? max_coefficients : 12);
     const Eigen::Vector3d q = (position_mm - centre_mm) / length_mm;
     b.leftCols<3>().setIdentity();
@@ -135,10 +161,9 @@ Eigen::MatrixXd SmoothField::design(const Eigen::Vector3d& position_mm) const {
         b.block<3, 3>(0, 3 + 3 * k) = q[k] * Eigen::Matrix3d::Identity();
     if (full) {
         const Eigen::Vector3d p = position_mm / length_mm;
-        const double rho2 = p.head<2>().squaredNorm() / (p.z() * p.z());
-        b.col(12) << p.x() * rho2, p.y() * rho2, 0.0;
-        b(2, 13) = p.z() * rho2;
-        b(2, 14) = q.z() * q.z();
+        b.rightCols<3>() = basis == FieldBasis::position
+                               ? by_tangent(p, q)
+                               : by_angle(p, Eigen::Vector3d(centre_mm / length_mm));
     }
     return b;
 }
@@ -147,8 +172,12 @@ Eigen::Vector3d SmoothField::at(const Eigen::Vector3d& position_mm) const {
     return design(position_mm) * coefficients;
 }
 
+FieldBasis position_basis(const LensProjection& projection) {
+    return projection.is_flat() ? FieldBasis::position : FieldBasis::position_by_angle;
+}
+
 SmoothField fit_smooth_field(std::span<const FieldSample> samples, FieldBasis basis) {
-    require_usable(samples);
+    require_usable(samples, basis);
     SmoothField field;
     field.basis = basis;
     field.samples = static_cast<int>(samples.size());
@@ -342,7 +371,7 @@ FieldSummary summarize(const SmoothField& field, std::span<const Eigen::Vector3d
     if (positions_mm.empty())
         throw NumericalError("smooth field: no positions to evaluate it at");
     for (const Eigen::Vector3d& position : positions_mm)
-        if (!position.allFinite() || position.z() <= 0.0)
+        if (!has_value_at(field.basis, position))
             throw NumericalError("smooth field: a position is not finite or behind the camera");
     FieldSummary summary;
     const Eigen::MatrixXd factor = covariance_factor(field);

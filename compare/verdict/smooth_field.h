@@ -11,10 +11,12 @@
 #include <span>
 #include <vector>
 
+#include "calib/camera/lens_projection.h"
+
 namespace etalon {
 
 struct FieldSample {
-    Eigen::Vector3d position_mm;  // of the marker, camera frame, z > 0
+    Eigen::Vector3d position_mm;  // of the marker, camera frame
     Eigen::Vector3d error;        // mm or rad, camera frame
     // The noise of a pose is far from isotropic: one standard deviation along `axis` (unit; the
     // line of sight for positions, the marker's normal for rotations) and one across it, both > 0.
@@ -27,8 +29,12 @@ struct FieldSample {
 enum class FieldBasis {
     // Constant, linear in position, and what a wrong distortion or edge position adds: lateral
     // (x, y) rho^2 and depth z rho^2, z^2, with rho the tangent of the angle to the optical axis.
-    // 15 coefficients: 9 for (x, y), 6 for z.
+    // 15 coefficients: 9 for (x, y), 6 for z. Positions with z > 0 only.
     position,
+    // The same by the angle theta to the axis, for wide lenses: d theta^3 across the line of sight
+    // and outwards; d theta^2 and (d - d_0)^2 along it, with d the distance and d_0 that of the
+    // centre. Near the axis it is the one above.
+    position_by_angle,
     // Constant and linear: 12 coefficients.
     linear,
 };
@@ -49,6 +55,9 @@ struct SmoothField {
     // 3 x coefficients: the field is linear in its coefficients.
     Eigen::MatrixXd design(const Eigen::Vector3d& position_mm) const;
 };
+
+// That of positions that a camera is judged by.
+FieldBasis position_basis(const LensProjection& projection);
 
 // Least squares with Huber's weights and both noise levels re-estimated until they settle. Throws
 // NumericalError when there are fewer than 10 samples, when they do not span the basis (all in one

@@ -27,7 +27,7 @@ CameraErrors read_camera_errors(const Value& value) {
 }
 
 void read_twin_camera(const StrictFile& file, const Value& camera, TwinFile& twin) {
-    twin.true_camera = read_camera(file.resolve(camera.at("calibration").text()));
+    twin.true_camera = read_any_camera(file.resolve(camera.at("calibration").text()));
     if (const auto errors = camera.find("errors")) {
         const CameraErrors given = read_camera_errors(*errors);
         if (given.k1_percent != 0.0 && twin.true_camera.distortion.k1 == 0.0)

@@ -94,7 +94,7 @@ Job checked_job(const CompareArguments& arguments) {
     else
         job.poses = given_poses(arguments, job.area);
     require_usable_folder(arguments.out);
-    job.camera = read_any_camera_for(arguments.camera, arguments.photos);
+    job.camera = read_camera_for(arguments.camera, arguments.photos);
     if (!arguments.baseline.empty())
         job.baseline = checked_baseline(arguments, job);
     return job;

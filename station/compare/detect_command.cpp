@@ -256,7 +256,7 @@ int run_photometric_detect(const DetectArguments& arguments) {
         throw ConfigError({"--camera"}, "a calibration is needed for poses");
     const Marker marker = parse_marker(arguments.marker, "--marker");
     Starts starts(arguments, marker);
-    const CameraModel camera = read_any_camera_for(arguments.camera, arguments.photos);
+    const CameraModel camera = read_camera_for(arguments.camera, arguments.photos);
     const PhotometricDetector detector(camera, marker, "--marker");
     std::vector<Found> all;
     for (std::size_t i = 0; i < arguments.photos.size(); ++i) {
@@ -282,7 +282,7 @@ std::vector<PhotoPose> seen_in_photos(const DetectArguments& arguments, Detector
 
 std::vector<PhotoPose> poses_in_photos(const DetectArguments& arguments, Detector& detector,
                                        const Marker& marker) {
-    const CameraModel camera = read_any_camera_for(arguments.camera, arguments.photos);
+    const CameraModel camera = read_camera_for(arguments.camera, arguments.photos);
     const Projector projector(camera);
     std::vector<PhotoPose> all;
     for (const auto& photo : arguments.photos) {

@@ -39,14 +39,14 @@ SeenVolume parse_volume(const std::string& text, double max_tilt_deg) {
 
 ExpectationRequest request_of(const ExpectArguments& arguments) {
     ExpectationRequest request{
-        .scene = {read_camera(arguments.camera), parse_marker(arguments.marker, "--marker"),
+        .scene = {read_any_camera(arguments.camera), parse_marker(arguments.marker, "--marker"),
                   arguments.detector, arguments.background, arguments.white_level},
         .volume = parse_volume(arguments.volume, arguments.max_tilt_deg),
         .poses = arguments.poses,
         .frames = arguments.frames,
         .seed = arguments.seed};
     if (request.scene.camera.projection.kind == Projection::telecentric)
-        throw ConfigError({"--camera"}, "is telecentric: poses need a perspective camera");
+        throw ConfigError({"--camera"}, "is telecentric: a distance is not in its images");
     return request;
 }
 

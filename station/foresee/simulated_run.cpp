@@ -86,9 +86,9 @@ InjectedError stage_injection(const StageError& error, const std::vector<Pose>& 
             }};
 }
 
-std::vector<InjectedError> camera_injections() {
+std::vector<InjectedError> camera_injections(const CameraModel& calibration) {
     std::vector<InjectedError> errors;
-    for (const CameraError& error : named_camera_errors())
+    for (const CameraError& error : named_camera_errors(calibration))
         errors.push_back({error.name, error.unit, error.size,
                           [change = error.change](RunTruth& truth, double size) {
                               CameraModel camera = truth.camera.camera();
@@ -229,7 +229,7 @@ RunTruth RunSimulator::as_told() const {
 }
 
 std::vector<InjectedError> RunSimulator::errors() const {
-    std::vector<InjectedError> errors = camera_injections();
+    std::vector<InjectedError> errors = camera_injections(*declared_.camera);
     for (InjectedError& error : marker_injections(station_.marker.points_mm.size() == 4))
         errors.push_back(std::move(error));
     std::vector<InjectedError> linear;

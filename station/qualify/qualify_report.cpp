@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
@@ -11,6 +12,7 @@
 #include "compare/match/overlay.h"
 #include "compare/photometric/photometric_model.h"
 #include "compare/verdict/judged_quantities.h"
+#include "compare/verdict/pose_bias.h"
 #include "core/errors.h"
 #include "core/text.h"
 #include "report/html.h"
@@ -424,12 +426,15 @@ struct Extreme {
 std::vector<Extreme> poses_to_show(const QualifyResult& result) {
     struct Wanted {
         const char* label;
-        double (*score)(const PoseBias&);
+        std::function<double(const PoseBias&)> score;
+    };
+    const auto depth = [&](const PoseBias& b) {
+        return depth_mm(result.station.camera.model.projection, b.predicted.translation);
     };
     const Wanted wanted[] = {
-        {"nearest", [](const PoseBias& b) { return -b.predicted.translation.z(); }},
-        {"farthest", [](const PoseBias& b) { return b.predicted.translation.z(); }},
-        {"most off-axis", [](const PoseBias& b) { return off_axis_tangent(b.predicted); }},
+        {"nearest", [&](const PoseBias& b) { return -depth(b); }},
+        {"farthest", depth},
+        {"most off-axis", [](const PoseBias& b) { return off_axis_deg(b.predicted); }},
         {"largest position bias",
          [](const PoseBias& b) { return b.b3 ? b.b3->translation_mm.norm() : -1e300; }}};
     std::vector<Extreme> shown;

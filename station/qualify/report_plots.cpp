@@ -6,6 +6,8 @@
 #include <array>
 #include <cmath>
 
+#include "compare/verdict/pose_bias.h"
+#include "core/units.h"
 #include "report/svg_plot.h"
 
 namespace etalon {
@@ -13,16 +15,17 @@ namespace {
 
 constexpr int plot_width = 420, plot_height = 340;  // three beside each other stay readable
 
-// The hold-out poses that have a B3: place and tangent of the marker's centre in the camera frame,
+// The hold-out poses that have a B3: place and angle of the marker's centre in the camera frame,
 // its bias, and the fitted field there.
 struct HoldOut {
     Arrows biases, field;
-    std::array<Series, 3> by_depth, by_tangent;  // x, y and z of the bias
-    double span_mm = 1.0;                        // of the places, across
+    std::array<Series, 3> by_depth, by_angle;  // x, y and z of the bias
+    double span_mm = 1.0;                      // of the places, across
 };
 
 HoldOut hold_out_biases(const QualifyResult& result) {
     const Qualification& analysis = *result.analysis;
+    const LensProjection& projection = result.station.camera.model.projection;
     HoldOut poses;
     for (const Pose& pose : result.poses) {
         if (!pose.hold_out || !pose.bias.b3)
@@ -37,8 +40,8 @@ HoldOut hold_out_biases(const QualifyResult& result) {
         poses.biases.add(p.head<2>(), b.head<2>(), note);
         poses.field.add(p.head<2>(), field.head<2>());
         for (int axis = 0; axis < 3; ++axis) {
-            poses.by_depth[axis].add(p.z(), b(axis), note);
-            poses.by_tangent[axis].add(off_axis_tangent(pose.bias.predicted), b(axis), note);
+            poses.by_depth[axis].add(depth_mm(projection, p), b(axis), note);
+            poses.by_angle[axis].add(off_axis_deg(pose.bias.predicted), b(axis), note);
         }
         poses.span_mm = std::max({poses.span_mm, 2 * std::abs(p.x()), 2 * std::abs(p.y())});
     }
@@ -76,9 +79,9 @@ HtmlPage::Figure component_figure(const std::array<Series, 3>& biases, const std
 
 }  // namespace
 
-double off_axis_tangent(const Rigid& camera_from_marker) {
+double off_axis_deg(const Rigid& camera_from_marker) {
     const Eigen::Vector3d& p = camera_from_marker.translation;
-    return std::hypot(p.x(), p.y()) / p.z();
+    return std::atan2(std::hypot(p.x(), p.y()), p.z()) * deg_per_rad;
 }
 
 void add_bias_plots(HtmlPage& page, const QualifyResult& result) {
@@ -86,14 +89,15 @@ void add_bias_plots(HtmlPage& page, const QualifyResult& result) {
     if (poses.biases.xs.empty())
         return;
     const double limit = *result.station.limits.b3_position_field_max_mm;
+    const bool is_flat = result.station.camera.model.projection.is_flat();
     page.add_heading("Bias over the volume");
     page.add_figures(
         {arrow_figure(poses),
-         component_figure(poses.by_depth, "depth z / mm",
+         component_figure(poses.by_depth, is_flat ? "depth z / mm" : "distance / mm",
                           "B3 against depth. Look for z rising or falling with depth: focal "
                           "length, marker size or stage scale.",
                           limit),
-         component_figure(poses.by_tangent, "tangent of the angle to the optical axis",
+         component_figure(poses.by_angle, "angle to the optical axis / deg",
                           "B3 against the distance from the axis. Look for points that leave "
                           "zero on the right: distortion.",
                           limit)});

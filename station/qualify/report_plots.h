@@ -7,8 +7,8 @@
 
 namespace etalon {
 
-// Tangent of the angle between the optical axis and the marker's centre.
-double off_axis_tangent(const Rigid& camera_from_marker);
+// Angle between the optical axis and the marker's centre.
+double off_axis_deg(const Rigid& camera_from_marker);
 
 // B3 of the hold-out poses: as arrows across the field of view, against depth and against the
 // angle to the axis, with the fitted field and the limit.

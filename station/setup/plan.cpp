@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "compare/expect/expected_view.h"
 #include "core/errors.h"
 #include "sim/scene/marker_in_view.h"
 #include "sim/scene/pose_sampling.h"
@@ -222,8 +223,10 @@ Plan plan_of(const StationFile& station) {
     TargetFilter is_seen;
     if (station.camera_from_base_nominal)
         is_seen = [&, projector = Projector(station.camera.model)](const auto& target) {
-            return is_in_view(projector, station.marker.grid, expected_pose(station, target),
-                              margin * station.camera.model.width);
+            const CameraModel& camera = projector.camera();
+            const Rigid pose = expected_pose(station, target);
+            return is_in_view(projector, station.marker.grid, pose, margin * camera.width) &&
+                   is_rendered(station.marker.grid, pose, camera);
         };
     return make_plan(station.plan, station.stage.axes, station.camera.settings.exposure,
                      station.stage.rules, is_seen);

@@ -64,10 +64,10 @@ CaptureSettings read_settings(const Value& camera, const CameraModel& model) {
 StationCamera read_camera_section(const StrictFile& file, const Value& section) {
     StationCamera camera;
     camera.uri = non_empty_text(section.at("uri"));
-    camera.model = read_camera(existing_file(file, section.at("calibration")));
+    camera.model = read_any_camera(existing_file(file, section.at("calibration")));
     if (camera.model.projection.kind == Projection::telecentric)
         section.at("calibration")
-            .fail("is of a telecentric camera: qualify needs a perspective one");
+            .fail("is of a telecentric camera: a distance is not in its images");
     camera.settings = read_settings(section, camera.model);
     camera.link.packet_size =
         integer_or(section, "packet_size", camera.link.packet_size, 576, 16384);

@@ -139,6 +139,33 @@ TEST_F(StudyTest, FindsTheMarkersWhereTheyAre) {
     }
 }
 
+TEST_F(StudyTest, TakesAWideLensAndCountsWhatIsNotRendered) {
+    write_text(folder_ / "camera.yml", R"(etalon: camera/1
+image: {width: 640, height: 480}
+projection: equidistant
+intrinsics: {fx: 180, fy: 180, cx: 316.5, cy: 243.25}
+distortion: {k1: 0.03}
+)");
+    replace("z_mm: [300, 420]", "z_mm: [110, 140]");
+    replace("count: 13", "count: 40");
+    ASSERT_TRUE(run("out"));
+    const StudyResults found = results("out");
+    EXPECT_GT(found.refused, 0u);
+    double widest_deg = 0.0;
+    std::size_t accurate = 0;
+    for (std::size_t pose = 0; pose < 40; ++pose) {
+        if (!found.errors[0][0][pose])
+            continue;
+        accurate += found.errors[0][0][pose]->measures[6] < 3.0;  // mm; a few are nearly edge-on
+        const PoseComponents& truth = found.truth[pose];
+        widest_deg =
+            std::max(widest_deg, 57.3 * std::atan2(std::hypot(truth[0], truth[1]), truth[2]));
+    }
+    EXPECT_GT(accurate, 20u);
+    EXPECT_GT(widest_deg, 50.0);
+    EXPECT_THAT(read_text(folder_ / "out" / "study.json"), HasSubstr("fx 180 px, equidistant"));
+}
+
 TEST_F(StudyTest, IsTheSameInOnePieceAndInShards) {
     ASSERT_TRUE(run("whole", {}, {"tone"}));
     std::vector<std::filesystem::path> shards;

@@ -12,6 +12,7 @@
 #include "core/random.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/registration/true_stage.h"
+#include "tests/calib/wide_views.h"
 
 namespace etalon {
 namespace {
@@ -355,6 +356,31 @@ TEST(Registration, RefusesWhatCannotGiveAResult) {
     bad = good;
     bad[1].pixels.pop_back();
     EXPECT_THAT(refusal(bad), HasSubstr("3 pixels"));
+}
+
+// The stage stands aside: some of the tag's places are behind the camera's plane.
+TEST(Registration, FindsBothTransformsBeforeEveryWideLens) {
+    const Rigid aside{rotation_from_vector({-0.15, 1.25, 0.1}), {410.0, 55.0, 90.0}};
+    const std::vector<Rigid> stage =
+        stage_poses({.x = true, .y = true, .z = true, .rx = true, .rz = true}, 25);
+    for (const auto& [name, camera] : test::wide_models()) {
+        SCOPED_TRACE(name);
+        const Projector projector(camera);
+        std::vector<RegistrationPose> poses;
+        double widest = 0.0;
+        for (std::size_t i = 0; i < stage.size(); ++i) {
+            const Rigid truth = aside * stage[i] * true_y;
+            const Vector6d wrong = (Vector6d() << 0.01, -0.02, 0.015, 3, -2, 4).finished();
+            poses.push_back({stage[i], left_perturbed(truth, i % 2 ? wrong : Vector6d(-wrong)),
+                             seen(projector, truth)});
+            widest = std::max(widest, std::acos(truth.translation.normalized().z()));
+        }
+        EXPECT_GT(widest, 90.0 * std::numbers::pi / 180.0);
+        const Registration result = register_stage(projector, tag, poses, true_y);
+        EXPECT_LT(left_difference(aside, result.camera_from_base).norm(), 1e-6);
+        EXPECT_LT(left_difference(true_y, result.carriage_from_marker).norm(), 1e-6);
+        EXPECT_LT(result.residual_rms_px, 1e-8);
+    }
 }
 
 TEST(Registration, RefusesATelecentricCamera) {

@@ -217,6 +217,27 @@ TEST(RunExpectation, SaysNothingWithoutAnAnalysis) {
     EXPECT_THAT(page.finish(), testing::Not(HasSubstr("What to expect")));
 }
 
+// Poses aside that are not rendered are not among them, and others are in their place.
+TEST(Expectation, TakesAWideLensAsFarAsItIsRendered) {
+    ExpectationRequest request = small_request();
+    request.scene.camera.projection.kind = Projection::equidistant;
+    request.scene.camera.intrinsics = {70, 70, 121, 88};
+    request.volume = {60.0, 110.0, 40.0 * deg};
+    request.poses = 40;
+    request.frames = 0;
+    const Expectation found = expect_errors(request);
+    ASSERT_EQ(found.poses.size(), 40u);
+    EXPECT_GE(found.detected(), 20);  // those nearly edge-on are not
+    double widest = 0.0;
+    for (const ExpectedPose& pose : found.poses) {
+        const Eigen::Vector3d& p = pose.camera_from_marker.translation;
+        EXPECT_NEAR(pose.place.depth_mm, p.norm(), 1e-9);
+        widest = std::max(widest, std::acos(p.normalized().z()));
+    }
+    EXPECT_GT(widest, 45.0 * deg);
+    EXPECT_LT(widest, 80.0 * deg);
+}
+
 TEST(Expectation, SaysWhyThereIsNoNoise) {
     ExpectationRequest request = small_request();
     request.scene.camera.sensor.reset();

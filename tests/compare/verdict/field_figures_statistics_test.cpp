@@ -133,8 +133,8 @@ TEST(FieldRest, FitsDeclaredErrorsAsItsDefinitionSays) {
                 1e-9);
 }
 
-// One standard uncertainty off, and twenty: what is declared explains the first, not the second. 105
-// degrees of freedom scatter by 0.14.
+// One standard uncertainty off, and twenty: what is declared explains the first, not the second.
+// 105 degrees of freedom scatter by 0.14.
 TEST(FieldRest, TakesADeclaredErrorForWhatItMayBe) {
     auto all = samples(40, 1.0, 0.05, 3);
     const Eigen::MatrixXd declared = declared_wave(all);

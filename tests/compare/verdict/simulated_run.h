@@ -87,6 +87,24 @@ inline SimulatedRun demo_run() {
     return run;
 }
 
+// The same stage before a fisheye of 190 degrees, and so much of a turn off its axis, rad: 20 to 70
+// degrees, or with 1.35 from 60 to 95.
+inline SimulatedRun wide_run(double aside = 0.67) {
+    SimulatedRun run = demo_run();
+    run.camera = {};
+    run.camera.width = 800;
+    run.camera.height = 600;
+    run.camera.projection.kind = Projection::equidistant;
+    run.camera.intrinsics = {226.0, 226.0, 395.7, 304.2};
+    run.camera.distortion = {.k1 = 0.031, .k2 = -0.014, .k3 = 0.0021, .k7 = -2e-4};
+    run.true_camera = run.camera;
+    run.volume = {{-115, 115}, {-80, 80}, {-75, 110}, {-std::numbers::pi, std::numbers::pi}};
+    run.camera_from_base.rotation = rotation_from_vector({0.16, aside, -0.04});
+    run.camera_from_base.translation =
+        run.camera_from_base.rotation * Eigen::Vector3d(9.0, -14.0, 350.0);
+    return run;
+}
+
 // Halton's sequence with a random shift; training poses first.
 inline std::vector<std::vector<double>> positions(const SimulatedRun& run, std::uint64_t seed) {
     constexpr int primes[] = {2, 3, 5, 7};

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -19,6 +20,43 @@ TEST(SmoothField, ReproducesAFieldOfItsOwnTermsEverywhere) {
     for (std::size_t i = 100; i < 120; ++i)
         EXPECT_LT((field.at(position(i)) - truth(position(i))).norm(), 1e-9);
     EXPECT_EQ(field.degrees_of_freedom, 3 * 40 - 15);
+}
+
+// A third-order term of an equidistant lens that is off turns every line of sight outwards by
+// size theta^3. Some positions are behind the camera's plane.
+TEST(SmoothField, OfAWideLensFollowsAWrongDistortionAllAround) {
+    const auto place = [](std::size_t i) {
+        const double theta = 0.06 + 1.85 * std::fmod(0.618 * static_cast<double>(i), 1.0);
+        const double phi = 2.4 * static_cast<double>(i);
+        const double distance = 300.0 + 120.0 * std::sin(1.7 * static_cast<double>(i));
+        return Eigen::Vector3d(distance * std::sin(theta) * std::cos(phi),
+                               distance * std::sin(theta) * std::sin(phi),
+                               distance * std::cos(theta));
+    };
+    const auto error = [](const Eigen::Vector3d& p) {
+        const double theta = std::acos(p.z() / p.norm());
+        const Eigen::Vector3d axis = Eigen::Vector3d::UnitZ().cross(p).normalized();
+        return Eigen::Vector3d(Eigen::AngleAxisd(1e-6 * std::pow(theta, 3), axis) * p - p);
+    };
+    std::vector<FieldSample> all;
+    for (std::size_t i = 1; i <= 60; ++i)
+        all.push_back({.position_mm = place(i), .error = error(place(i))});
+    const SmoothField field = fit_smooth_field(all, FieldBasis::position_by_angle);
+    for (std::size_t i = 100; i < 120; ++i)
+        EXPECT_LT((field.at(place(i)) - error(place(i))).norm(), 1e-8);
+    EXPECT_THROW(fit_smooth_field(all, FieldBasis::position), NumericalError);
+}
+
+TEST(SmoothField, ByAngleIsTheOneByTangentNearTheAxis) {
+    for (const Eigen::Vector3d& p : {Eigen::Vector3d(1.1, -0.7, 400.0), Eigen::Vector3d(0, 0, 250)})
+        for (Eigen::Index column = 12; column < 15; ++column) {
+            const Eigen::Vector3d centre(0.0, 0.0, 330.0);
+            const SmoothField tangent{.basis = FieldBasis::position, .centre_mm = centre},
+                angle{.basis = FieldBasis::position_by_angle, .centre_mm = centre};
+            const Eigen::Vector3d expected = tangent.design(p).col(column);
+            EXPECT_LT((angle.design(p).col(column) - expected).norm(),
+                      0.004 * expected.norm() + 1e-15);
+        }
 }
 
 TEST(SmoothField, SummarisesAFieldAsItsTrueRmsAndMaximum) {

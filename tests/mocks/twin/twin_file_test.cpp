@@ -42,6 +42,21 @@ TEST(TwinFile, TakesTheReferenceIntegratorWhenAsked) {
     EXPECT_EQ(twin.packet_loss, 0.25);
 }
 
+TEST(TwinFile, TakesAWideLens) {
+    const TwinFolder folder;
+    folder.write("camera.yml", R"(etalon: camera/1
+image: {width: 160, height: 120}
+projection: equidistant
+intrinsics: {fx: 46, fy: 45, cx: 81.5, cy: 57.25}
+distortion: {k1: 0.03, k7: -0.0002}
+)");
+    folder.write("twin.yaml", twin_yaml_with("focal_length_percent: 0.5", "k1_percent: 10"));
+    const CameraModel camera = read_twin_file(folder.file("twin.yaml")).true_camera;
+    EXPECT_EQ(camera.projection.kind, Projection::equidistant);
+    EXPECT_NEAR(camera.distortion.k1, 0.033, 1e-15);
+    EXPECT_EQ(camera.distortion.k7, -0.0002);
+}
+
 // Each case: a part of the file, what stands there instead, and the key that the error must name.
 TEST(TwinFile, NamesTheKeyOfEveryMistake) {
     struct Case {

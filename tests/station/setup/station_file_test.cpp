@@ -4,6 +4,7 @@
 
 #include <numbers>
 
+#include "compare/expect/expected_view.h"
 #include "core/sha256.h"
 #include "station/setup/plan.h"
 #include "tests/station/stations.h"
@@ -93,6 +94,45 @@ TEST(StationFile, TurnsDegreesIntoRadians) {
     const Vector6d mount = vector_from_rigid(station.carriage_from_marker_nominal);
     EXPECT_NEAR(mount[0], 20 * deg, 1e-12);
     EXPECT_NEAR(mount[4], -7, 1e-12);
+}
+
+constexpr const char* wide_camera = R"(etalon: camera/1
+serial: "CAM-7"
+image: {width: 320, height: 240}
+projection: equidistant
+intrinsics: {fx: 95.0, fy: 95.0, cx: 158.3, cy: 121.6}
+distortion: {k1: 0.03, k7: -0.0002}
+)";
+
+// The marker may stand aside, where a tangent has run away, but not beyond what is rendered.
+TEST(StationFile, TakesAWideLensWithAPlanThatIsRendered) {
+    const TemporaryFolder folder;
+    write_station(folder,
+                  std::string(station_text) +
+                      "camera_mount: {rotation_deg: [0, 62, 0], translation_mm: [280, 0, 120]}\n");
+    write_text(folder / "camera.yml", wide_camera);
+    const StationFile station = read_station(folder / "station.yaml");
+    EXPECT_EQ(station.camera.model.projection.kind, Projection::equidistant);
+    double widest = 0.0;
+    for (const Pose& pose : plan_of(station).poses) {
+        const Rigid at = expected_pose(station, pose.target);
+        EXPECT_TRUE(is_rendered(station.marker.grid, at, station.camera.model));
+        widest = std::max(widest, std::acos(at.translation.normalized().z()));
+    }
+    EXPECT_GT(widest, 60.0 * deg);
+    EXPECT_LT(widest, 80.0 * deg);
+}
+
+TEST(StationFile, RefusesATelecentricCamera) {
+    const TemporaryFolder folder;
+    write_station(folder);
+    write_text(folder / "camera.yml", replaced(wide_camera, "equidistant", "telecentric"));
+    try {
+        read_station(folder / "station.yaml");
+        ADD_FAILURE() << "accepted";
+    } catch (const ConfigError& error) {
+        EXPECT_THAT(error.what(), HasSubstr("a distance is not in its images"));
+    }
 }
 
 TEST(StationFile, NamesItsInputsByContent) {

@@ -78,7 +78,7 @@ BlurModel::Transfer transfer_of(const StraightEdge& edge, const Setting& setting
 void require_usable(std::span<const StraightEdge> edges, const CameraModel& camera,
                     FocusSpread spread) {
     if (camera.projection.kind != Projection::perspective)
-        throw NumericalError("defocus: the thin lens of a telecentric camera is not estimated");
+        throw NumericalError("defocus: a thin lens is estimated of a perspective camera only");
     if (!camera.sensor || !(camera.sensor->pixel_pitch_um > 0.0))
         throw NumericalError("defocus: the pixel pitch is needed");
     if (spread == FocusSpread::diffraction && (!camera.lens || !(camera.lens->wavelength_nm > 0.0)))

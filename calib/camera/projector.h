@@ -2,9 +2,9 @@
 //
 // First the projection onto its plane (calib/camera/lens_projection.h; of a telecentric camera that
 // is in mm: its distortion coefficients are per mm^2, mm^4, ...), then OpenCV's distortion: radial
-// (rational), tangential, thin prism and tilt. It is used only in the region around the optical
-// axis where it is invertible (calib/camera/valid_region.h); outside, two rays share a pixel or a
-// pole lies between. There nothing is guessed: the functions return nothing.
+// (rational), tangential, thin prism and tilt, then the intrinsics. It is used only in the region
+// around the optical axis where it is invertible (calib/camera/valid_region.h); outside, two rays
+// share a pixel or a pole lies between. There nothing is guessed: the functions return nothing.
 //
 // Immutable after construction, safe from every thread. Construction costs 0.05 ms for a purely
 // radial distortion and some milliseconds otherwise (the border of the valid region is searched in

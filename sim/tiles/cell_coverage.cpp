@@ -48,8 +48,7 @@ std::vector<LensPoint> lens_points(double radius_mm, int rings, int spokes) {
 // Returns the index of the cell before the first line that crosses the box.
 int CellCoverage::cut_box(int axis, int first, int last, const Eigen::Vector2d& x,
                           const SensorPoint& point, const Eigen::Matrix2d& sides,
-                          const Eigen::Vector2d& l,
-                          std::vector<SquareCut>& cuts) const {
+                          const Eigen::Vector2d& l, std::vector<SquareCut>& cuts) const {
     cuts.clear();
     int base = first;
     for (int i = first + 1; i <= last; ++i) {
@@ -76,8 +75,8 @@ double CellCoverage::over(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides
     const SensorPoint point = view_.sensor_point(x);
     double sum = 0.0;
     for (const LensPoint& p : points_) {
-        const int column =
-            cut_box(0, range.first_column, range.last_column, x, point, sides, p.l_mm, column_cuts_);
+        const int column = cut_box(0, range.first_column, range.last_column, x, point, sides,
+                                   p.l_mm, column_cuts_);
         const int row =
             cut_box(1, range.first_row, range.last_row, x, point, sides, p.l_mm, row_cuts_);
         sum +=

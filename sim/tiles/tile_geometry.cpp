@@ -42,13 +42,43 @@ TileLine tile_line(const TileForm& axis, const TileForm& w, int index) {
             static_cast<float>(gradient.y() * scale)};
 }
 
+// A marker and a tile's points in the frame in which the tile sees them: the view's own, but of a
+// wide lens one that looks along the tile's middle ray, about which the pupil stays round and the
+// focus flat to second order.
+struct TileView {
+    Eigen::Matrix3d h;
+    TilePolynomial place;
+    double defocus;  // at the tile's middle, as what follows
+    Eigen::Vector2d defocus_slope, turn;
+
+    TileView(const MarkerView& view, const TilePolynomial& in_view)
+        : h(view.h()),
+          place(in_view),
+          defocus(view.defocus(in_view.centre)),
+          defocus_slope(view.defocus_slope(in_view.centre)),
+          turn(view.turn(in_view.centre)) {
+        if (!view.aperture().faces_rays)
+            return;
+        const Eigen::Vector3d ray = in_view.centre.homogeneous();
+        const Eigen::Matrix3d to_tile =
+            rotation_between(ray, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+        h = view.h() * to_tile.transpose();
+        place = turned(in_view, to_tile);
+        // Towards the middle of the turned points, which is the ray's but for the cubic's error.
+        const Eigen::Vector3d e = to_tile * view.depth_row();
+        defocus = e.dot(place.centre.homogeneous()) - view.aperture().focus(place.centre);
+        defocus_slope = turn = e.head<2>() - view.aperture().focus_gradient(place.centre);
+    }
+};
+
 // Everything but the polynomials and the lens: lines in coordinates x' = to_px (x - centre).
-void set_lines(const MarkerView& view, const Eigen::Vector2d& centre, const CellRange& range,
+void set_lines(const MarkerView& view, const TileView& seen, const CellRange& range,
                const Eigen::Matrix2d& to_px, TileGeometry& geometry) {
+    const Eigen::Vector2d& centre = seen.place.centre;
     const auto cell = [&](int column, int row) { return view.cell(column, row); };
     const Eigen::Matrix2d from_px = to_px.inverse();
-    const TileForm u(view.h().row(0), centre, from_px), v(view.h().row(1), centre, from_px);
-    const TileForm w(view.h().row(2), centre, from_px);
+    const TileForm u(seen.h.row(0), centre, from_px), v(seen.h.row(1), centre, from_px);
+    const TileForm w(seen.h.row(2), centre, from_px);
     const int first_column = range.first_column, first_row = range.first_row;
     geometry.base = static_cast<float>(cell(first_column, first_row) - view.background());
     geometry.columns.clear();
@@ -72,18 +102,17 @@ void set_lines(const MarkerView& view, const Eigen::Vector2d& centre, const Cell
 }
 
 // The polynomials and the lens in coordinates x' = to_px (x - centre) in which the blur disk is
-// (nearly) round. The lens points are those of the round pupil, turned.
-void set_lens(const MarkerView& view, const TilePolynomial& place, const Eigen::Matrix2d& to_px,
+// (nearly) round.
+void set_lens(double radius_mm, const TileView& seen, const Eigen::Matrix2d& to_px,
               TileGeometry& geometry) {
+    const TilePolynomial& place = seen.place;
     geometry.dx = coefficients(to_px(0, 0) * place.x + to_px(0, 1) * place.y);
     geometry.dy = coefficients(to_px(1, 0) * place.x + to_px(1, 1) * place.y);
-    const double radius = view.aperture().radius_mm;
-    const double px = std::sqrt(
-        std::abs(to_px.determinant() * view.aperture().pupil(place.centre).determinant()));
+    const double px = std::sqrt(std::abs(to_px.determinant()));
     const Eigen::Matrix2d by_px = px * to_px.inverse().transpose();
-    const Eigen::Vector2d slope = radius * by_px * view.defocus_slope(place.centre);
-    const Eigen::Vector2d turn = radius * by_px * view.turn(place.centre);
-    geometry.blur = static_cast<float>(radius * px * view.defocus(place.centre));
+    const Eigen::Vector2d slope = radius_mm * by_px * seen.defocus_slope;
+    const Eigen::Vector2d turn = radius_mm * by_px * seen.turn;
+    geometry.blur = static_cast<float>(radius_mm * px * seen.defocus);
     geometry.blur_slope_x = static_cast<float>(slope.x());
     geometry.blur_slope_y = static_cast<float>(slope.y());
     geometry.turn_x = static_cast<float>(turn.x());
@@ -107,35 +136,31 @@ Eigen::Matrix2d rounding(const Eigen::Matrix2d& blur_ellipse, double disk_px) {
 
 void set_tile_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
                        double fx, TileGeometry& geometry) {
-    Eigen::Matrix2d to_px = fx * Eigen::Matrix2d::Identity();
-    if (view.aperture().faces_rays) {  // where the pupil is round
-        const Eigen::Matrix2d pupil = view.aperture().pupil(place.centre);
-        to_px *= std::sqrt(pupil.determinant()) * pupil.inverse();
-    }
-    set_lens(view, place, to_px, geometry);
+    const TileView seen(view, place);
+    const Eigen::Matrix2d to_px = fx * Eigen::Matrix2d::Identity();
+    set_lens(view.aperture().radius_mm, seen, to_px, geometry);
     geometry.disk = geometry.disk_cosine = 0.0f;
-    set_lines(view, place.centre, range, to_px, geometry);
+    set_lines(view, seen, range, to_px, geometry);
 }
 
 // The tile's own derivative takes its points to px, so that the disk is round there: across a tile
 // it changes by some 1e-4, and the disk's second moment with it.
 void set_disk_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
                        bool with_lens, double radius_px, double pitch_y, TileGeometry& geometry) {
+    const TileView seen(view, place);
     Eigen::Matrix2d by_place;  // d x / d (s, t)
-    by_place << place.x(0, 1), place.x(1, 0), place.y(0, 1), place.y(1, 0);
+    by_place << seen.place.x(0, 1), seen.place.x(1, 0), seen.place.y(0, 1), seen.place.y(1, 0);
     Eigen::Matrix2d to_px =
         Eigen::Vector2d(tile_px, tile_px * pitch_y).asDiagonal() * by_place.inverse();
-    if (with_lens) {
-        const double blur = view.aperture().radius_mm * view.defocus(place.centre);
-        to_px = rounding(blur * to_px * view.aperture().pupil(place.centre), radius_px) * to_px;
-    }
-    set_lens(view, place, to_px, geometry);
+    if (with_lens)
+        to_px = rounding(view.aperture().radius_mm * seen.defocus * to_px, radius_px) * to_px;
+    set_lens(view.aperture().radius_mm, seen, to_px, geometry);
     if (!with_lens)
         geometry.blur = geometry.blur_slope_x = geometry.blur_slope_y = geometry.turn_x =
             geometry.turn_y = 0.0f;
     geometry.disk = static_cast<float>(radius_px);
     geometry.disk_cosine = 0.0f;
-    set_lines(view, place.centre, range, to_px, geometry);
+    set_lines(view, seen, range, to_px, geometry);
 }
 
 }  // namespace etalon

@@ -73,6 +73,20 @@ TilePolynomial polynomial_through(const Node& node) {
     return result;
 }
 
+// Through points a third of a tile apart, row by row, the outer ones at its corners.
+TilePolynomial polynomial_within(const std::array<Eigen::Vector2d, 16>& nodes) {
+    TilePolynomial cubic = polynomial_through([&](int row, int column) -> const Eigen::Vector2d& {
+        return nodes[static_cast<std::size_t>(4 * row + column)];
+    });
+    constexpr std::array power{1.0, 3.0, 9.0, 27.0, 81.0, 243.0, 729.0};
+    for (int row = 0; row < 4; ++row)
+        for (int column = 0; column < 4; ++column) {
+            cubic.x(row, column) *= power[static_cast<std::size_t>(row + column)];
+            cubic.y(row, column) *= power[static_cast<std::size_t>(row + column)];
+        }
+    return cubic;
+}
+
 // The derivative is by the pixel.
 MappedPoint at(const TilePolynomial& cubic, double s, double t) {
     const Eigen::Vector4d ws(1, s, s * s, s * s * s), ds(0, 1, 2 * s, 3 * s * s);
@@ -100,6 +114,15 @@ Box bounds_of(const TilePolynomial& cubic) {
 }
 
 }  // namespace
+
+TilePolynomial turned(const TilePolynomial& polynomial, const Eigen::Matrix3d& turn) {
+    std::array<Eigen::Vector2d, 16> nodes;
+    for (int n = 0; n < 16; ++n)
+        nodes[static_cast<std::size_t>(n)] =
+            (turn * at(polynomial, n % 4 / 3.0 - 0.5, n / 4 / 3.0 - 0.5).x.homogeneous())
+                .hnormalized();
+    return polynomial_within(nodes);
+}
 
 UndistortionMap::UndistortionMap(const Projector& projector, int margin_px)
     : UndistortionMap(projector, grown({0, 0, projector.camera().width, projector.camera().height},
@@ -295,14 +318,7 @@ std::optional<TilePolynomial> UndistortionMap::own_cubic(int i, int j) const {
             return std::nullopt;
         nodes[static_cast<std::size_t>(n)] = *x;
     }
-    TilePolynomial cubic = polynomial_through([&](int row, int column) -> const Eigen::Vector2d& {
-        return nodes[static_cast<std::size_t>(4 * row + column)];
-    });
-    for (int row = 0; row < 4; ++row)
-        for (int column = 0; column < 4; ++column) {
-            cubic.x(row, column) *= std::pow(3.0, row + column);
-            cubic.y(row, column) *= std::pow(3.0, row + column);
-        }
+    const TilePolynomial cubic = polynomial_within(nodes);
     for (const double place : {-0.37, 0.0, 0.37}) {
         const auto exact = projector_.unproject(tile_corner_px(i, j) +
                                                 Eigen::Vector2d::Constant((0.5 + place) * tile_px));

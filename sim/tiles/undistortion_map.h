@@ -37,6 +37,9 @@ struct TilePolynomial {
     Eigen::Matrix4d x, y;
 };
 
+// The same points in a frame that is turned about the lens: (X, Y) / Z of turn * (x, 1).
+TilePolynomial turned(const TilePolynomial& polynomial, const Eigen::Matrix3d& turn);
+
 class UndistortionMap {
 public:
     static constexpr int group_side = 4;

@@ -201,14 +201,20 @@ DefocusRange MarkerView::defocus_over(const Box& box) const {
     return {least, middle + reach};
 }
 
+// Concave or affine (defocus_over()): least at a corner, and at most what the tangent at the
+// marker's middle is at one.
 DefocusRange MarkerView::defocus_of_marker() const {
-    if (aperture_.faces_rays)
-        return defocus_over(outline_);
+    const Eigen::Vector2d middle = sensor_point_of(0.5 * columns_, 0.5 * rows_);
+    const double there = defocus(middle);
+    const Eigen::Vector2d slope = defocus_slope(middle);
     DefocusRange c{std::numeric_limits<double>::infinity(),
                    -std::numeric_limits<double>::infinity()};
     for (const auto& [u, v] : {std::pair{0, 0}, {columns_, 0}, {0, rows_}, {columns_, rows_}}) {
-        const double there = defocus(sensor_point_of(u, v));
-        c = {std::min(c.low, there), std::max(c.high, there)};
+        const Eigen::Vector2d corner = sensor_point_of(u, v);
+        const double at_corner = defocus(corner);
+        c.low = std::min(c.low, at_corner);
+        c.high =
+            std::max(c.high, aperture_.faces_rays ? there + slope.dot(corner - middle) : at_corner);
     }
     return c;
 }

@@ -142,7 +142,7 @@ public:
     // Around the marker's sensor points, and around all that see it through some point of the lens.
     const Box& outline() const { return outline_; }
     const Box& blurred_outline() const { return blurred_outline_; }
-    // Of c over the marker: affine, it is extreme at a corner.
+    // Of c over the marker, at least so wide.
     DefocusRange defocus_of_marker() const;
     // |P|, at most in a box.
     double widest_pupil(const Box& box) const;

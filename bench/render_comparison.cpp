@@ -4,6 +4,7 @@
 
 #include "calib/camera/projector.h"
 #include "core/errors.h"
+#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {
@@ -72,7 +73,8 @@ private:
     int profile_length(const Eigen::Vector2d& place) const {
         const Eigen::Vector3d p =
             marker_.camera_from_marker * marker_.grid.point_mm(place.x(), place.y());
-        const double room = std::min(blur_radius_px(camera_, focus_depth_mm(camera_, p)), 50.0) + 3.0;
+        const double room =
+            std::min(blur_radius_px(camera_, depth_mm(camera_.projection, p)), 50.0) + 3.0;
         const int length = 2 * static_cast<int>(std::ceil(room)) + 1;
         return std::min({length, camera_.width, camera_.height});
     }

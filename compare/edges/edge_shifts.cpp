@@ -13,6 +13,7 @@
 #include "compare/edges/grid_edges.h"
 #include "core/errors.h"
 #include "core/information.h"
+#include "sim/scene/scene.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {
@@ -123,8 +124,8 @@ public:
         if (!first || !last || !middle)
             return;  // not in the image
         const double length = (*last - *first).norm();
-        const double depth = focus_depth_mm(
-            projector_.camera(), pose() * point(edge.at(0.5 * (edge.first + edge.last + 1))));
+        const double depth = depth_mm(projector_.camera().projection,
+                                      pose() * point(edge.at(0.5 * (edge.first + edge.last + 1))));
         const double clearance =
             blur_reach_px(projector_.camera(), depth, psf_sigma_px_) + tangential_px;
         const double usable = length - 2.0 * clearance;
@@ -173,7 +174,7 @@ private:
         if (half_cell < 0.0)
             band.normal = -band.normal;
         band.half_length = 0.5 * (*last - *first).norm();
-        band.depth_mm = focus_depth_mm(projector_.camera(), pose() * point(middle_uv));
+        band.depth_mm = depth_mm(projector_.camera().projection, pose() * point(middle_uv));
         band.half_width =
             std::min(std::abs(half_cell) * std::min(edge.reach_before, edge.reach_after),
                      blur_reach_px(projector_.camera(), band.depth_mm, psf_sigma_px_) + 2.0);

@@ -9,6 +9,7 @@
 #include "compare/expect/pose_statistics.h"
 #include "compare/make_detector.h"
 #include "core/errors.h"
+#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {

@@ -13,6 +13,7 @@
 #include "compare/match/residual_modes.h"
 #include "compare/match/shown_pattern.h"
 #include "core/errors.h"
+#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {
@@ -151,8 +152,8 @@ double blur_sigma_px(const CameraModel& camera, const PhotoState& state) {
     double variance = state.photometry.psf_sigma_px * state.photometry.psf_sigma_px;
     if (camera.lens) {
         const double sigma = camera.lens->psf.sigma_px;
-        const double radius =
-            blur_radius_px(camera, focus_depth_mm(camera, state.camera_from_marker.translation));
+        const double radius = blur_radius_px(
+            camera, depth_mm(camera.projection, state.camera_from_marker.translation));
         variance += sigma * sigma + radius * radius / 4.0;  // of a disk along any direction
     }
     return std::sqrt(variance);

@@ -9,6 +9,7 @@
 #include "core/errors.h"
 #include "core/least_squares.h"
 #include "core/median.h"
+#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {
@@ -286,7 +287,7 @@ PhotoPixels DeviatingCamera::measure(const PhotoOfMarker& all_of_it,
         photo, camera_, state, terms, rendered, motion, noise_scale.value_or(pixels.residual_scale),
         changes(photo, camera_from_marker, rendered, motion.region()));
 
-    pixels.depth_mm = focus_depth_mm(camera_.model(), camera_from_marker.translation);
+    pixels.depth_mm = depth_mm(camera_.model().projection, camera_from_marker.translation);
     reduce(equations, asked_, pixels);
     pixels.loss = equations.loss;
     add_noise(photo, camera_, state, rendered, motion.region(), pixels);

@@ -122,10 +122,6 @@ std::vector<Eigen::Vector2d> differences(const std::vector<Eigen::Vector2d>& cor
     return result;
 }
 
-double depth_mm(const LensProjection& projection, const Eigen::Vector3d& position_mm) {
-    return projection.is_flat() ? position_mm.z() : position_mm.norm();
-}
-
 PoseError pose_error(const Rigid& estimated, const Rigid& truth) {
     return {estimated.translation - truth.translation,
             rotation_vector(truth.rotation.conjugate() * estimated.rotation)};

@@ -30,10 +30,6 @@ struct PoseError {
     Eigen::Vector3d rotation_rad;    // log(R_true^T R_estimated), marker frame
 };
 
-// How far away a place in the camera frame is: along the axis, of a wide lens along the line of
-// sight.
-double depth_mm(const LensProjection& projection, const Eigen::Vector3d& position_mm);
-
 PoseError pose_error(const Rigid& estimated, const Rigid& truth);
 
 // Renders the marker at this pose as the camera under test should see it (sensor included) and

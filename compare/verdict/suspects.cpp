@@ -10,6 +10,7 @@
 
 #include "compare/verdict/photo_pixels.h"
 #include "core/errors.h"
+#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {
@@ -165,12 +166,13 @@ constexpr PixelSuspect pixel_suspects[] = {
 Eigen::VectorXd edges_by_tone(const SuspectRequest& request, const Eigen::VectorXd& shrunk,
                               double shrink_px, double size) {
     const std::size_t poses = request.chain.poses.size();
+    const CameraModel& camera = request.chain.projector.camera();
     Eigen::VectorXd per_pose(std::ssize(request.chain.poses));
     for (std::size_t i = 0; i < poses; ++i)
         per_pose[static_cast<Eigen::Index>(i)] =
             size / shrink_px *
-            blur_sigma_px(request.chain.projector.camera(),
-                          request.chain.camera_from_marker(i).translation.z()) /
+            blur_sigma_px(camera, depth_mm(camera.projection,
+                                           request.chain.camera_from_marker(i).translation)) /
             std::sqrt(std::numbers::pi);
     return scaled(shrunk, per_pose);
 }

@@ -11,6 +11,7 @@
 namespace etalon {
 
 struct CameraModel;
+struct LensProjection;
 
 struct PlacedMarker {
     CellGrid grid;
@@ -27,8 +28,9 @@ struct Scene {
 Eigen::Quaterniond turn_towards(const PlacedMarker& marker, const CameraModel& camera);
 PlacedMarker turned(const PlacedMarker& marker, const Eigen::Quaterniond& turn);
 
-// What decides whether a point of the camera's frame is in focus: its Z, of a wide lens its distance.
-double focus_depth_mm(const CameraModel& camera, const Eigen::Vector3d& p_camera);
+// How far away a point of the camera's frame is, as focus goes: along the axis, of a wide lens along
+// the line of sight.
+double depth_mm(const LensProjection& projection, const Eigen::Vector3d& p_camera);
 
 // Throws NumericalError when a corner of a marker before a wide lens is 80 degrees or more from
 // that direction.

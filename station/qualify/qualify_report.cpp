@@ -17,6 +17,7 @@
 #include "core/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
+#include "sim/scene/scene.h"
 #include "station/qualify/report_plots.h"
 #include "station/qualify/run_expectation.h"
 

@@ -9,6 +9,7 @@
 #include "compare/verdict/pose_bias.h"
 #include "core/units.h"
 #include "report/svg_plot.h"
+#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {

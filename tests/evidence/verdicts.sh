@@ -70,6 +70,7 @@ projection: equidistant
 intrinsics: {fx: 226.0, fy: 226.0, cx: 395.7, cy: 304.2}
 distortion: {k1: 0.031, k2: -0.014, k3: 0.0021, k7: -0.0002}
 sensor: {pixel_pitch_um: 5.0, bits: 8, transfer: linear, black: 8, gain_e_per_dn: 60, read_noise_e: 10}
+lens: {f_number: 1.4, focus_distance_mm: 400, wavelength_nm: 550}
 END
     local aside='translation_mm: [215, -51, 272]}'
     sed -i -e "s/^camera_mount: .*/camera_mount: {rotation_deg: [9, 38, 0], $aside/" \

@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include "calib/camera/projector.h"
+#include "calib/camera/sight.h"
 #include "core/errors.h"
-#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {

@@ -6,8 +6,9 @@ namespace etalon {
 
 Eigen::Quaterniond rotation_between(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
     const Eigen::Vector3d a = from.normalized(), b = to.normalized();
-    const double twice_squared_cosine = 1.0 + a.dot(b);  // of half the angle
-    const Eigen::Vector3d axis = twice_squared_cosine > 1e-15 ? a.cross(b) : a.unitOrthogonal();
+    const Eigen::Vector3d sum = a + b;  // exact where it is small: near opposite directions
+    const double twice_squared_cosine = 0.5 * sum.squaredNorm();  // of half the angle
+    const Eigen::Vector3d axis = twice_squared_cosine > 1e-30 ? a.cross(sum) : a.unitOrthogonal();
     return Eigen::Quaterniond(twice_squared_cosine, axis.x(), axis.y(), axis.z()).normalized();
 }
 

@@ -55,7 +55,7 @@ std::vector<StabilityCase> wide_render_cases() {
     placed("fisheye: focus within, 70 deg", 0.7, 60.0, beside(70, 60, 6, 60));
     placed("fisheye: edge-on, 95 deg", 1.4, 100.0, beside(95, 90, 8, 82));
     placed("fisheye: 3 px tag at 89.99 deg", 2.0, 300.0, beside(89.99, 2000, 4, 30));
-    placed("fisheye: 140 deg wide, 12 mm away", 8.0, 100.0, beside(30, 12, 7, 10));
+    placed("fisheye: 140 deg, 12 mm away", 8.0, 100.0, beside(30, 12, 7, 10));
     // The map folds at 1.29 rad, 74 degrees, within the image: the marker is cut there.
     cases.push_back(agrees_with_reference(
         "fisheye: cut by its fold", fisheye(1.4, 100.0, {.k1 = -0.2}), beside(70, 100, 6, 20)));

@@ -4,6 +4,10 @@
 
 namespace etalon {
 
+double depth_mm(const LensProjection& projection, const Eigen::Vector3d& p_camera) {
+    return projection.is_flat() ? p_camera.z() : p_camera.norm();
+}
+
 Eigen::Quaterniond turn_to_mean(const std::vector<Eigen::Vector3d>& rays) {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     for (const Eigen::Vector3d& ray : rays)

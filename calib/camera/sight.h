@@ -6,7 +6,13 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "calib/camera/lens_projection.h"
+
 namespace etalon {
+
+// How far away a point of the camera's frame is, as focus goes: along the axis, of a wide lens along
+// the line of sight.
+double depth_mm(const LensProjection& projection, const Eigen::Vector3d& p_camera);
 
 // Turns the rays' mean into the axis.
 Eigen::Quaterniond turn_to_mean(const std::vector<Eigen::Vector3d>& rays);

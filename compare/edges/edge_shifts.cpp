@@ -10,10 +10,10 @@
 #include <optional>
 #include <utility>
 
+#include "calib/camera/sight.h"
 #include "compare/edges/grid_edges.h"
 #include "core/errors.h"
 #include "core/information.h"
-#include "sim/scene/scene.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {

@@ -5,11 +5,11 @@
 
 #include <cmath>
 
+#include "calib/camera/sight.h"
 #include "compare/expect/expected_view.h"
 #include "compare/expect/pose_statistics.h"
 #include "compare/make_detector.h"
 #include "core/errors.h"
-#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/camera/sight.h"
 #include "compare/characterise/point_spread_estimate.h"
 #include "compare/edges/edge_spread.h"
 #include "compare/match/block_steps.h"
@@ -13,7 +14,6 @@
 #include "compare/match/residual_modes.h"
 #include "compare/match/shown_pattern.h"
 #include "core/errors.h"
-#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {

@@ -6,10 +6,10 @@
 #include <numeric>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/camera/sight.h"
 #include "core/errors.h"
 #include "core/least_squares.h"
 #include "core/median.h"
-#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {

@@ -8,9 +8,9 @@
 #include <numbers>
 #include <optional>
 
+#include "calib/camera/sight.h"
 #include "compare/verdict/photo_pixels.h"
 #include "core/errors.h"
-#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {

@@ -206,10 +206,6 @@ PlacedMarker turned(const PlacedMarker& marker, const Eigen::Quaterniond& turn) 
     return {marker.grid, {(turn * pose.rotation).normalized(), turn * pose.translation}};
 }
 
-double depth_mm(const LensProjection& projection, const Eigen::Vector3d& p_camera) {
-    return projection.is_flat() ? p_camera.z() : p_camera.norm();
-}
-
 void check_reach(const Scene& scene, const CameraModel& camera) {
     if (camera.projection.is_flat())
         return;

@@ -11,7 +11,6 @@
 namespace etalon {
 
 struct CameraModel;
-struct LensProjection;
 
 struct PlacedMarker {
     CellGrid grid;
@@ -27,10 +26,6 @@ struct Scene {
 // of its corners becomes the axis. None of a flat projection.
 Eigen::Quaterniond turn_towards(const PlacedMarker& marker, const CameraModel& camera);
 PlacedMarker turned(const PlacedMarker& marker, const Eigen::Quaterniond& turn);
-
-// How far away a point of the camera's frame is, as focus goes: along the axis, of a wide lens along
-// the line of sight.
-double depth_mm(const LensProjection& projection, const Eigen::Vector3d& p_camera);
 
 // Throws NumericalError when a corner of a marker before a wide lens is 80 degrees or more from
 // that direction.

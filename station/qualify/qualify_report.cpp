@@ -9,6 +9,7 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/camera/sight.h"
 #include "compare/match/overlay.h"
 #include "compare/photometric/photometric_model.h"
 #include "compare/verdict/judged_quantities.h"
@@ -17,7 +18,6 @@
 #include "core/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
-#include "sim/scene/scene.h"
 #include "station/qualify/report_plots.h"
 #include "station/qualify/run_expectation.h"
 

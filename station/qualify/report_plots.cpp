@@ -6,10 +6,10 @@
 #include <array>
 #include <cmath>
 
+#include "calib/camera/sight.h"
 #include "compare/verdict/pose_bias.h"
 #include "core/units.h"
 #include "report/svg_plot.h"
-#include "sim/scene/scene.h"
 
 namespace etalon {
 namespace {

@@ -156,7 +156,7 @@ TEST_F(StrangersPhotographs, MayBeOfAFisheye) {
     std::string photos;
     for (int i = 0; i < 9; ++i) {
         const std::string name = fmt::format("a{}.png", i);
-        write_image(folder_ / name, wide_photo(projector, wide_pose(i), i == 0 || i == 2 ? 12 : 3));
+        write_image(folder_ / name, wide_photo(projector, wide_pose(i), i == 0 || i == 5 ? 12 : 3));
         photos += " " + name;
     }
     const Finished finished =
@@ -180,7 +180,7 @@ TEST_F(StrangersPhotographs, MayBeOfAFisheye) {
     EXPECT_LT(seen["reprojection_rms_px"].get<double>(), 0.1) << detected.out;
     // 12 x 12 rays: steps of 1 / 144 of 180 gray at an edge, 0.4 gray RMS; calibrated to some 0.03
     // px. The second board's middle is 72 degrees from the axis, its corners beyond 90.
-    for (const char* photo : {"a0", "a2"}) {
+    for (const char* photo : {"a0", "a5"}) {
         const Finished compared = etalon(fmt::format(
             "compare {}.png --camera camera.yml --json --out {} --marker chessboard:9x6@25mm",
             photo, photo));

@@ -139,7 +139,7 @@ TEST_F(StudyTest, FindsTheMarkersWhereTheyAre) {
     }
 }
 
-TEST_F(StudyTest, TakesAWideLensAndCountsWhatIsNotRendered) {
+TEST_F(StudyTest, TakesAWideLens) {
     write_text(folder_ / "camera.yml", R"(etalon: camera/1
 image: {width: 640, height: 480}
 projection: equidistant
@@ -150,7 +150,7 @@ distortion: {k1: 0.03}
     replace("count: 13", "count: 40");
     ASSERT_TRUE(run("out"));
     const StudyResults found = results("out");
-    EXPECT_GT(found.refused, 0u);
+    EXPECT_EQ(found.refused, 0u);
     double widest_deg = 0.0;
     std::size_t accurate = 0;
     for (std::size_t pose = 0; pose < 40; ++pose) {

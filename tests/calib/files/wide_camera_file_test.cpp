@@ -75,9 +75,13 @@ TEST(WideCameraFile, RefusesWhatAWideLensCannotHave) {
     EXPECT_THAT(with("projection: {equidistant: {}}\n"), HasSubstr("wide.yml:4: projection"));
     EXPECT_THAT(with("projection: equidistant\ndistortion: {tau_x: 0.1}\n"),
                 HasSubstr("wide.yml:5: distortion.tau_x: belongs to a perspective camera"));
-    EXPECT_THAT(with("projection: equidistant\nsensor: {pixel_pitch_um: 5}\n"
-                     "lens: {f_number: 2.8, focus_distance_mm: 150, wavelength_nm: 650}\n"),
-                HasSubstr("wide.yml:6: lens: has no meaning yet"));
+    const std::string sensor = "projection: equidistant\nsensor: {pixel_pitch_um: 5}\n";
+    EXPECT_THAT(with(sensor + "lens: {f_number: 2.8, focus_distance_mm: 150, wavelength_nm: 650, "
+                              "psf: wave}\n"),
+                HasSubstr("wide.yml:6: lens.psf: wave belongs to a flat projection"));
+    EXPECT_THAT(with("projection: equidistant\nsensor: {pixel_pitch_um: 5, "
+                     "illumination: {cos4: true}}\n"),
+                HasSubstr("cos4: belongs to a perspective camera"));
 }
 
 // Which projections each tool's files hold, and coefficients that they have there.

@@ -143,6 +143,15 @@ private:
     std::mt19937 random_;
 };
 
+// Nothing where a corner is behind the lens, the back is seen, or the plane cuts the aperture.
+std::optional<MarkerView> view_of(const PlacedMarker& marker, const Aperture& aperture) {
+    try {
+        return MarkerView(marker, background, aperture);
+    } catch (const NumericalError&) {
+        return std::nullopt;
+    }
+}
+
 struct Counts {
     int views = 0, told = 0, horizons = 0;
 };
@@ -178,12 +187,9 @@ TEST(MarkerView, FootprintsTellWhatEveryRayMeets) {
     for (int n = 0; n < 6000; ++n) {
         const PlacedMarker marker = dice.marker();
         const Aperture aperture = dice.aperture();
-        std::optional<MarkerView> view;
-        try {
-            view.emplace(marker, background, aperture);
-        } catch (const NumericalError&) {
-            continue;  // a corner behind the lens, the back, or a plane that cuts the aperture
-        }
+        const auto view = view_of(marker, aperture);
+        if (!view)
+            continue;
         expect_footprints_hold(*view, marker, dice, counts);
     }
     EXPECT_GT(counts.views, 1000);
@@ -199,12 +205,9 @@ TEST(MarkerView, TelecentricFootprintsTellWhatEveryRayMeets) {
         marker.camera_from_marker.translation.z() += 5000.0;
         Aperture aperture{Projection::telecentric, dice.log_uniform(1e-3, 0.1)};
         aperture.focus_on_axis = 5000.0;
-        std::optional<MarkerView> view;
-        try {
-            view.emplace(marker, background, aperture);
-        } catch (const NumericalError&) {
+        const auto view = view_of(marker, aperture);
+        if (!view)
             continue;
-        }
         expect_footprints_hold(*view, marker, dice, counts);
     }
     EXPECT_GT(counts.views, 100);
@@ -220,12 +223,9 @@ TEST(MarkerView, FootprintsOfAWideLensTellWhatEveryRayMeets) {
         Aperture aperture = dice.aperture();
         aperture.focus_slope = {0.0, 0.0};
         aperture.faces_rays = true;
-        std::optional<MarkerView> view;
-        try {
-            view.emplace(marker, background, aperture);
-        } catch (const NumericalError&) {
+        const auto view = view_of(marker, aperture);
+        if (!view)
             continue;
-        }
         expect_footprints_hold(*view, marker, dice, counts);
     }
     EXPECT_GT(counts.views, 400);
@@ -341,12 +341,9 @@ TEST(MarkerView, ApertureAveragesHoldHoweverTheLinesAreOrdered) {
         const PlacedMarker marker = dice.marker();
         Aperture aperture = dice.aperture();
         aperture.radius_mm = dice.uniform(5.0, 50.0);
-        std::optional<MarkerView> view;
-        try {
-            view.emplace(marker, background, aperture);
-        } catch (const NumericalError&) {
+        const auto view = view_of(marker, aperture);
+        if (!view)
             continue;
-        }
         const Eigen::Vector2d x = dice.in_box({{-1.5, -1.5}, {1.5, 1.5}});
         const auto range = view->footprint({x, x});
         if (!range)

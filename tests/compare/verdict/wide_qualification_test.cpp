@@ -50,8 +50,7 @@ TEST(WideQualification, PassesALensThatIsAsDeclaredBeyondNinetyDegreesToo) {
 // Where the image is stretched unlike in two directions no field of positions follows the error.
 TEST(WideQualification, DoesNotPassAWrongLensFarAsideAndNamesIt) {
     SimulatedRun run = wide_run(1.35);
-    run.true_camera.intrinsics.fx *= 1.005;
-    run.true_camera.intrinsics.fy *= 1.005;
+    run.true_camera.intrinsics.zoom(1.005);
     const Qualification result = qualified(run);
     EXPECT_NE(result.verdict, Outcome::pass);
     EXPECT_THAT(best_names(result), Contains("focal length"));
@@ -59,8 +58,7 @@ TEST(WideQualification, DoesNotPassAWrongLensFarAsideAndNamesIt) {
 
 TEST(WideQualification, FailsAWrongFocalLengthAndNamesIt) {
     SimulatedRun run = wide_run();
-    run.true_camera.intrinsics.fx *= 1.005;
-    run.true_camera.intrinsics.fy *= 1.005;
+    run.true_camera.intrinsics.zoom(1.005);
     const Qualification result = qualified(run);
     EXPECT_EQ(result.verdict, Outcome::fail);
     EXPECT_THAT(best_names(result), Contains("focal length"));

@@ -52,27 +52,34 @@ BENCHMARK_CAPTURE(render_frame, sharp_1000, "sharp-1000")
     ->Unit(benchmark::kMillisecond)
     ->MeasureProcessCPUTime();
 
-// Per pixel of a frame at medium gray, from radiance to codes.
-void expose(benchmark::State& state, Transfer::Kind transfer, bool noisy) {
-    CameraModel camera = benchmark_scene("webcam-500").camera;
-    camera.sensor->transfer.kind = transfer;
-    camera.sensor->gain_e_per_dn = noisy ? 20.0 : 0.0;
-    const SensorModel sensor(camera);
-    const Radiance radiance(camera.height, camera.width, CV_32FC1, cv::Scalar(0.4));
+// From radiance to codes: of a rendered frame, most of which is background, or with noise.
+void expose(benchmark::State& state, Transfer::Kind transfer, int bits, bool noisy) {
+    BenchmarkScene benchmark = benchmark_scene("webcam-500");
+    Sensor& sensor_section = *benchmark.camera.sensor;
+    sensor_section.transfer.kind = transfer;
+    sensor_section.bits = bits;
+    sensor_section.gain_e_per_dn = noisy ? 20.0 : 0.0;
+    const SensorModel sensor(benchmark.camera);
+    const Radiance radiance = Renderer(benchmark.camera).render(benchmark.scene).radiance;
     const std::optional<NoiseKey> key = noisy ? std::optional(NoiseKey{1, 2}) : std::nullopt;
     for (auto _ : state)
         benchmark::DoNotOptimize(sensor.expose(radiance, key));
-    state.SetItemsProcessed(state.iterations() * pixels(camera));
+    state.SetItemsProcessed(state.iterations() * pixels(benchmark.camera));
 }
-BENCHMARK_CAPTURE(expose, linear, Transfer::Kind::linear, false)
-    ->Unit(benchmark::kMillisecond)
-    ->MeasureProcessCPUTime();
-BENCHMARK_CAPTURE(expose, linear_noise, Transfer::Kind::linear, true)
-    ->Unit(benchmark::kMillisecond)
-    ->MeasureProcessCPUTime();
-BENCHMARK_CAPTURE(expose, rec709_noise, Transfer::Kind::rec709, true)
-    ->Unit(benchmark::kMillisecond)
-    ->MeasureProcessCPUTime();
+
+void add_exposures(bool noisy) {
+    for (const auto transfer : {Transfer::Kind::linear, Transfer::Kind::rec709})
+        for (const int bits : {8, 12, 16})
+            benchmark::RegisterBenchmark(
+                fmt::format("expose/{}/{} bits{}",
+                            transfer == Transfer::Kind::linear ? "linear" : "rec709", bits,
+                            noisy ? "/noise" : "")
+                    .c_str(),
+                expose, transfer, bits, noisy)
+                ->Unit(benchmark::kMillisecond)
+                ->MeasureProcessCPUTime();
+}
+const bool exposures_added = (add_exposures(false), add_exposures(true), true);
 
 }  // namespace
 }  // namespace etalon

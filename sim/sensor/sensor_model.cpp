@@ -10,7 +10,6 @@
 
 #include "calib/camera/projector.h"
 #include "core/errors.h"
-#include "sim/sensor/sensor_simd.h"
 
 namespace etalon {
 namespace {
@@ -31,11 +30,6 @@ double decode_rec709(double code) {
     const double power = (std::min(code, 1.0) + rec709_offset) / rec709_scale;
     return std::max(rec709_break, std::pow(power, 1.0 / rec709_exponent));
 }
-
-// Finer codes are computed pixel by pixel: the steps of 16 bits would take 0.1 s.
-constexpr int max_bits_of_steps = 12;
-
-constexpr int max_at_once = 256;  // pixels: 2 KiB of signals
 
 // Full scale is 1. Limited so that a signal stays finite at any gain and 0 has no photon noise.
 SensorNoise noise_of(const Sensor& sensor, double range_dn) {
@@ -226,8 +220,11 @@ SensorModel::SensorModel(const CameraModel& camera)
     check(sensor_);
     full_scale_ = (1 << sensor_.bits) - 1;
     range_ = full_scale_ - sensor_.black_dn;
-    if (sensor_.transfer.kind != Transfer::Kind::linear && sensor_.bits <= max_bits_of_steps)
-        steps_.emplace(sensor_.bits, [&](double radiance) { return code_of(radiance); });
+    steps_.emplace(
+        sensor_.bits, [&](double radiance) { return code_of(radiance); },
+        [&](int code) {
+            return decode(sensor_.transfer, (code + 0.5 - sensor_.black_dn) / range_);
+        });
     if (!camera.sensor)
         return;
     check_illumination(camera);
@@ -241,31 +238,37 @@ double SensorModel::code_of(double radiance) const {
 }
 
 template <class Code>
-void SensorModel::put_codes(const double* signals, int count, Code* codes) const {
-    if (sensor_.transfer.kind == Transfer::Kind::linear)
-        return linear_codes({range_, sensor_.black_dn + 0.5}, signals, count, codes);
-    for (int x = 0; x < count; ++x)
-        codes[x] = static_cast<Code>(steps_ ? steps_->code_at(signals[x]) : code_of(signals[x]));
-}
-
-template <class Code>
 bool SensorModel::expose_row(const float* radiance, const cv::Point& first, int count,
                              const NoiseKey* noise, Code* codes) const {
-    const float* response = response_.empty() ? nullptr : response_.ptr<float>(first.y) + first.x;
-    if (!noise && sensor_.transfer.kind == Transfer::Kind::linear)
-        return linear_codes({range_, sensor_.black_dn + 0.5}, radiance, response, count, codes);
     if (!all_finite(radiance, count))
         return false;
+    const float* response = response_.empty() ? nullptr : response_.ptr<float>(first.y) + first.x;
     const std::int64_t pixel = std::int64_t{first.y} * size_.width + first.x;
-    double signals[max_at_once];
-    for (int x = 0; x < count; x += max_at_once) {
-        const int n = std::min(max_at_once, count - x);
-        for (int i = 0; i < n; ++i)
-            signals[i] = response ? double(radiance[x + i]) * response[x + i] : radiance[x + i];
-        if (noise)
+    constexpr int most = SensorSteps::max_at_once;
+    for (int x = 0; x < count; x += most) {
+        const int n = std::min(most, count - x);
+        // The product of two floats is exact in double.
+        const auto exposed = [&](int i) {
+            return response ? double(radiance[x + i]) * response[x + i] : double(radiance[x + i]);
+        };
+        float nearest[most];
+        if (noise) {
+            double signals[most];
+            for (int i = 0; i < n; ++i)
+                signals[i] = exposed(i);
             add_noise(noise_of(sensor_, range_), *noise, static_cast<std::uint64_t>(pixel + x), n,
                       signals);
-        put_codes(signals, n, codes + x);
+            for (int i = 0; i < n; ++i)
+                nearest[i] = static_cast<float>(std::clamp(signals[i], -2.0, 2.0));
+            steps_->put_codes(
+                nearest, true, n, [&](int i) { return signals[i]; }, codes + x);
+        } else if (response) {
+            for (int i = 0; i < n; ++i)
+                nearest[i] = radiance[x + i] * response[x + i];
+            steps_->put_codes(nearest, true, n, exposed, codes + x);
+        } else {
+            steps_->put_codes(radiance + x, false, n, exposed, codes + x);
+        }
     }
     return true;
 }

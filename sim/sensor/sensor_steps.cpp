@@ -1,6 +1,8 @@
 #include "sim/sensor/sensor_steps.h"
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <limits>
 
 namespace etalon {
@@ -8,17 +10,37 @@ namespace {
 
 // Doubles in their order as integers in theirs, and back: the bits below the sign fall with a
 // negative number's value.
+constexpr std::int64_t turned(std::int64_t bits) {
+    return bits < 0 ? std::numeric_limits<std::int64_t>::min() - bits : bits;
+}
+std::int64_t place_of(double value) {
+    return turned(std::bit_cast<std::int64_t>(value));
+}
 double in_order(std::int64_t place) {
-    return std::bit_cast<double>(place < 0 ? std::numeric_limits<std::int64_t>::min() - place
-                                           : place);
+    return std::bit_cast<double>(turned(place));
 }
 
 constexpr std::int64_t last_place = std::bit_cast<std::int64_t>(std::numeric_limits<double>::max());
 
-// The least double for which `is_above` holds, by bisection; infinity when it never does.
+// The least double for which `is_above` holds, infinity when it never does: by steps that double,
+// from `guess` to both of its sides, then by bisection.
 template <class Predicate>
-double least_above(const Predicate& is_above) {
-    std::int64_t low = -last_place, high = last_place + 1;  // the place behind is infinity's
+double least_above(double guess, const Predicate& is_above) {
+    const std::int64_t end = last_place + 1;  // the place behind is infinity's
+    const auto limited = [](std::int64_t place) {
+        return std::clamp(place, -last_place, last_place);
+    };
+    std::int64_t low = -last_place, high = end;
+    const std::int64_t start = limited(place_of(guess));
+    const bool is_behind = is_above(in_order(start));
+    (is_behind ? high : low) = is_behind ? start : start + 1;
+    for (std::int64_t stride = 1; low < high && stride < (std::int64_t{1} << 61); stride *= 2) {
+        const std::int64_t place = limited(is_behind ? start - stride : start + stride);
+        const bool above = is_above(in_order(place));
+        (above ? high : low) = above ? place : place + 1;
+        if (above != is_behind || std::abs(place) == last_place)
+            break;
+    }
     while (low < high) {
         const std::int64_t middle = (low & high) + ((low ^ high) >> 1);
         if (is_above(in_order(middle)))
@@ -29,29 +51,88 @@ double least_above(const Predicate& is_above) {
     return in_order(low);
 }
 
+std::int32_t bits_of(float value) {
+    return std::bit_cast<std::int32_t>(value);
+}
+
+// The size, as bits, of the first float from 0 on that is across a step: at or above a positive
+// one, below another.
+std::int32_t first_across(double step) {
+    const float nearest = static_cast<float>(std::abs(step));
+    const bool is_across = step > 0.0 ? nearest >= step : nearest > -step;
+    return bits_of(nearest) + (is_across ? 0 : 1);
+}
+
 }  // namespace
 
-SensorSteps::SensorSteps(int bits, const std::function<double(double)>& code_of) {
-    const std::size_t codes = std::size_t{1} << bits;
-    for (std::size_t code = 0; code + 1 < codes; ++code)
-        steps_.push_back(
-            least_above([&](double radiance) { return code_of(radiance) > double(code); }));
-    steps_.push_back(std::numeric_limits<double>::infinity());
+SensorSteps::SensorSteps(int bits, const std::function<double(double)>& code_of,
+                         const std::function<double(int)>& step_near) {
+    const int codes = 1 << bits;
+    for (int code = 0; code + 1 < codes; ++code)
+        steps_.push_back(least_above(
+            step_near(code), [&](double radiance) { return code_of(radiance) > double(code); }));
+    while (!steps_.empty() && std::isinf(steps_.back()))
+        steps_.pop_back();
 
-    // Rec. 709, of slope 4.5 at most, has a step in each other.
-    const auto cells = static_cast<std::ptrdiff_t>(8 * codes);
-    cells_ = static_cast<double>(cells);
-    std::size_t code = 0;
-    for (std::ptrdiff_t cell = -cells - 1; cell <= cells; ++cell) {
-        while (double(cell) / cells_ >= steps_[code])
-            ++code;
-        code_of_cell_.push_back(static_cast<std::uint16_t>(code));
+    // From 1/2 to 1 half as many cells as codes: a step in each of a straight line's, fewer of
+    // Rec. 709's, there and below.
+    constexpr int mantissa_bits = 23;
+    cells_.shift = std::min(StepCells::place_bits, mantissa_bits + 1 - bits);
+    constexpr double least_size = 0x1p-20;
+    double least = 1.0;
+    for (const double step : steps_)
+        if (step != 0.0)
+            least = std::min(least, std::abs(step));
+    cells_.first = (bits_of(static_cast<float>(std::max(least, least_size))) >> cells_.shift) - 1;
+    cells_.last = bits_of(1.0f) >> cells_.shift;
+
+    std::vector<std::int32_t> above, below;
+    const auto positive = std::upper_bound(steps_.begin(), steps_.end(), 0.0);
+    std::transform(positive, steps_.end(), std::back_inserter(above), first_across);
+    std::transform(std::reverse_iterator(positive), steps_.rend(), std::back_inserter(below),
+                   first_across);
+    const std::ptrdiff_t code_of_0 = positive - steps_.begin();
+    add_cells(above, code_of_0, 1);
+    add_cells(below, code_of_0, -1);
+}
+
+// Of one side of 0: `across`, first_across() of its steps from 0 on.
+void SensorSteps::add_cells(const std::vector<std::int32_t>& across, std::ptrdiff_t code,
+                            int direction) {
+    auto next = across.begin();
+    const auto steps_up_to = [&](std::int32_t bits) {
+        return std::upper_bound(next, across.end(), bits) - next;
+    };
+    for (std::int32_t cell = cells_.first; cell <= cells_.last; ++cell) {
+        const std::int32_t start = cell << cells_.shift;
+        const std::ptrdiff_t before = steps_up_to(start);
+        next += before;
+        code += direction * before;
+        // The last cell stands for all that is larger, the first for all that is smaller, too.
+        const std::ptrdiff_t within = cell == cells_.last
+                                          ? across.end() - next
+                                          : steps_up_to(start + (1 << cells_.shift) - 1);
+        const bool doubtful =
+            within > (cell == cells_.last ? 0 : 1) || (cell == cells_.first && before > 0);
+        const auto from = static_cast<std::uint32_t>(within == 0 ? code - direction : code);
+        const auto place = static_cast<std::uint32_t>(within == 0 ? 0 : *next - start);
+        entries_.push_back(from << 16 | (doubtful ? StepCells::doubtful : place));
     }
 }
 
-std::uint16_t SensorSteps::code_below_cells(double radiance) const {
+std::uint16_t SensorSteps::code_at(double radiance) const {
     return static_cast<std::uint16_t>(std::upper_bound(steps_.begin(), steps_.end(), radiance) -
                                       steps_.begin());
+}
+
+std::uint16_t SensorSteps::code_near(int guess, double radiance) const {
+    const int last = static_cast<int>(steps_.size());
+    for (const int code : {guess, guess + 1, guess - 1})
+        if (code >= 0 && code <= last &&
+            (code == 0 || steps_[static_cast<std::size_t>(code - 1)] <= radiance) &&
+            (code == last || radiance < steps_[static_cast<std::size_t>(code)]))
+            return static_cast<std::uint16_t>(code);
+    return code_at(radiance);
 }
 
 }  // namespace etalon

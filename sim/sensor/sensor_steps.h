@@ -1,44 +1,54 @@
-// A camera's code values as the radiances at which they step: the exact transfer curve, evaluated
-// once per camera instead of once per pixel.
+// A camera's code values as the radiances at which they step: curve, black level and rounding,
+// evaluated once per code of a camera instead of once per pixel.
+//
+// A pixel's code is then one look-up and one comparison. Floats are cut into cells by their
+// exponent and the first bits of their mantissa, so fine that a cell holds one step or none.
 #pragma once
 
-#include <algorithm>
-#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <vector>
+
+#include "sim/sensor/sensor_simd.h"
 
 namespace etalon {
 
 // Safe from every thread once built.
 class SensorSteps {
 public:
-    // `code_of` gives whole codes 0..2^bits - 1 for every finite radiance and never falls. Bits
-    // 1..16. Calls it 64 times a code: 8 bits cost about 0.5 ms of Rec. 709, 12 bits 8 ms.
-    SensorSteps(int bits, const std::function<double(double)>& code_of);
+    // `code_of` gives whole codes 0..2^bits - 1 for every finite radiance and never falls;
+    // `step_near` about where the code above `code` begins: the nearer, the sooner it is found.
+    // Bits 1..16. From a neighbouring double about five calls a code: 16 bits of Rec. 709 take
+    // 15 ms and 5 MB, 12 bits 1 ms and 0.3 MB.
+    SensorSteps(int bits, const std::function<double(double radiance)>& code_of,
+                const std::function<double(int code)>& step_near);
 
     // code_of(radiance), exactly; finite.
-    std::uint16_t code_at(double radiance) const {
-        if (radiance < -1.0)
-            return code_below_cells(radiance);
-        // Rounded towards 0, which is upwards for a negative one: the cell below.
-        const auto cell = static_cast<std::ptrdiff_t>(std::min(radiance, 1.0) * cells_) -
-                          static_cast<std::ptrdiff_t>(radiance < 0.0);
-        auto code = code_of_cell_[code_of_cell_.size() / 2 + static_cast<std::size_t>(cell)];
-        // One step without a branch that the processor could guess wrongly; more are rare.
-        code = static_cast<std::uint16_t>(code + (radiance >= steps_[code]));
-        while (radiance >= steps_[code])
-            ++code;
-        return code;
+    std::uint16_t code_at(double radiance) const;
+
+    // The codes of up to `max_at_once` radiances. `values` are these, or those nearest in single
+    // precision (`is_rounded`); `radiance_at(i)` is number i in double. CPU time of a pixel 0.4 ns
+    // with AVX-512, 0.1 ns where neighbours are equal.
+    static constexpr int max_at_once = 256;
+    template <class Code, class RadianceAt>
+    void put_codes(const float* values, bool is_rounded, int count, const RadianceAt& radiance_at,
+                   Code* codes) const {
+        std::uint16_t doubtful[max_at_once];
+        const int doubts =
+            step_codes(cells_, entries_.data(), values, is_rounded, count, codes, doubtful);
+        for (int i = 0; i < doubts; ++i)
+            codes[doubtful[i]] =
+                static_cast<Code>(code_near(codes[doubtful[i]], radiance_at(doubtful[i])));
     }
 
 private:
-    std::uint16_t code_below_cells(double radiance) const;
+    // code_at(), sooner when it is the guess or beside it.
+    std::uint16_t code_near(int guess, double radiance) const;
+    void add_cells(const std::vector<std::int32_t>& across, std::ptrdiff_t code, int direction);
 
-    std::vector<double> steps_;  // [c]: the least radiance whose code is above c; last infinity
-    double cells_;               // of radiance 0..1; a power of two, so that no index is rounded
-    // At its lower end, of the cells -cells_ - 1 to cells_; number 0 begins with radiance 0.
-    std::vector<std::uint16_t> code_of_cell_;
+    std::vector<double> steps_;  // [c]: the least radiance whose code is above c; ascending, finite
+    StepCells cells_;
+    std::vector<std::uint32_t> entries_;
 };
 
 }  // namespace etalon

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <vector>
 
 #include "core/random.h"
 
@@ -24,10 +26,62 @@ struct Curve {
     }
 };
 
+// Nowhere near, for some.
+std::function<double(int)> guess_of(const Curve& curve) {
+    return [curve](int code) {
+        const double value = (code + 0.5) / ((1 << curve.bits) - 1);
+        return code % 3 == 0 ? -7.0 : value * value;
+    };
+}
+
+// The ends of the cells of every octave from 2^-22 to 2, and floats beside the steps.
+std::vector<double> ends_and_steps(const Curve& curve) {
+    std::vector<double> result;
+    const int cells = std::max(1 << (curve.bits - 1), 256);
+    for (int octave = -22; octave < 1; ++octave)
+        for (int cell = 0; cell < cells; ++cell)
+            for (const double sign : {-1.0, 1.0})
+                result.push_back(sign * std::ldexp(1.0 + cell / double(cells), octave));
+    const double full_scale = (1 << curve.bits) - 1;
+    for (int code = 0; code < full_scale; ++code) {
+        const double value = ((code + 0.5) / full_scale - curve.black) / (1.0 - curve.black);
+        const auto step =
+            static_cast<float>(value < 0.0 ? value / curve.slope_below : value * value);
+        for (const float end : {-9.0f, step, 9.0f})
+            result.push_back(std::nextafter(step, end));
+    }
+    return result;
+}
+
+// Each radiance as the nearest float of itself, and those that are floats as floats.
+void expect_codes(const SensorSteps& steps, const Curve& curve,
+                  const std::vector<double>& radiances) {
+    for (const bool is_rounded : {false, true})
+        for (std::size_t first = 0; first < radiances.size(); first += SensorSteps::max_at_once) {
+            std::vector<float> values;
+            for (std::size_t i = first;
+                 i < radiances.size() && std::ssize(values) < SensorSteps::max_at_once; ++i)
+                values.push_back(static_cast<float>(radiances[i]));
+            const auto radiance_at = [&](int i) {
+                const auto place = static_cast<std::size_t>(i);
+                return is_rounded ? radiances[first + place] : double(values[place]);
+            };
+            std::vector<std::uint16_t> codes(values.size());
+            const int count = static_cast<int>(values.size());
+            steps.put_codes(values.data(), is_rounded, count, radiance_at, codes.data());
+            for (int i = 0; i < count; ++i)
+                ASSERT_EQ(codes[static_cast<std::size_t>(i)], curve(radiance_at(i)))
+                    << radiance_at(i) << " rounded " << is_rounded;
+        }
+}
+
+// As doubles and, where a float is that or near it, through the cells.
 void expect_exact(const Curve& curve) {
-    const SensorSteps steps(curve.bits, curve);
+    const SensorSteps steps(curve.bits, curve, guess_of(curve));
+    std::vector<double> radiances;
     const auto expect_code = [&](double radiance) {
         ASSERT_EQ(steps.code_at(radiance), curve(radiance)) << radiance;
+        radiances.push_back(radiance);
     };
     RandomStream random(3, 4);
     for (int n = 0; n < 20'000; ++n) {
@@ -35,21 +89,18 @@ void expect_exact(const Curve& curve) {
         for (const double scale : {1e-300, 1e-9, 1e-3, 0.03, 0.4, 2.0})
             expect_code(scale * deviate);
     }
-    // The cells' ends and the doubles beside them.
-    const int cells = 8 << curve.bits;
-    for (int cell = -cells - 2; cell <= cells + 2; ++cell) {
-        const double end = cell / double(cells);
+    for (const double end : ends_and_steps(curve))
         for (const double radiance : {std::nextafter(end, -9.0), end, std::nextafter(end, 9.0)})
             expect_code(radiance);
-    }
-    for (const double radiance : {-0.0, 5e-324, -5e-324, 1e308, -1e308})
+    for (const double radiance : {-0.0, 5e-324, -5e-324, 1e30, -1e30})
         expect_code(radiance);
+    expect_codes(steps, curve, radiances);
 }
 
 // Noise goes below 0 and above 1. Steep below 0 all codes end within the first cells there, flat
 // they reach beyond radiance -1.
 TEST(SensorSteps, GiveTheCurvesCodeOfEveryDoubleBelowZeroAndAboveOne) {
-    for (const int bits : {1, 5, 8})
+    for (const int bits : {1, 5, 8, 13})
         for (const double black : {0.0, 0.13, 0.4})
             for (const double slope : {37.0, 1.7, 0.11})
                 expect_exact({bits, black, slope});
@@ -60,11 +111,25 @@ TEST(SensorSteps, KeepAStepAtZeroAtZero) {
     const auto code_of = [](double radiance) {
         return std::clamp(std::floor(7.5 + 32.0 * radiance + 0.5), 0.0, 31.0);
     };
-    const SensorSteps steps(5, code_of);
+    const SensorSteps steps(5, code_of, [](int code) { return (code - 7.0) / 32.0; });
     EXPECT_EQ(steps.code_at(0.0), 8);
     EXPECT_EQ(steps.code_at(-0.0), 8);
     EXPECT_EQ(steps.code_at(-1e-9), 7);
     EXPECT_EQ(steps.code_at(-1.0 / 32.0), 7);
+}
+
+// A cell begins at 0.5; the float before is 3e-8 less. What lies above the step rounds to below it.
+TEST(SensorSteps, KeepAStepThatLiesBetweenTheFloatsAtACellsEnd) {
+    const double step = 0.5 - 2.5e-8;
+    const SensorSteps steps(
+        1, [&](double radiance) { return radiance >= step ? 1.0 : 0.0; }, [](int) { return 0.4; });
+    const double radiance = 0.5 - 2.4e-8;
+    const float nearest = static_cast<float>(radiance);
+    ASSERT_LT(nearest, step);
+    std::uint8_t code = 7;
+    steps.put_codes(
+        &nearest, true, 1, [&](int) { return radiance; }, &code);
+    EXPECT_EQ(code, 1);
 }
 
 }  // namespace

@@ -39,7 +39,7 @@ std::optional<Eigen::Vector2d> damped_newton(const Map& map, const Contains& con
         if (!advanced)
             break;
     }
-    if (!(error <= tolerance * scale))
+    if (!(error <= tolerance * scale) || !contains(x) || !at.is_regular())
         return std::nullopt;
     return x;
 }

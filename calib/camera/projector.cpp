@@ -57,6 +57,13 @@ std::optional<OnPlane> projected(const LensProjection& projection, const Eigen::
     return result;
 }
 
+// Normalised, within the angle at which they still say enough.
+std::optional<Eigen::Vector2d> in_front(const std::optional<Eigen::Vector3d>& ray) {
+    if (!ray || !(ray->z() * wide_limit > ray->head<2>().norm()))
+        return std::nullopt;
+    return ray->hnormalized();
+}
+
 }  // namespace
 
 Projector::Projector(const CameraModel& camera)
@@ -96,6 +103,11 @@ std::optional<Distorted> Projector::distorted(const Eigen::Vector2d& undistorted
 // Where a projection without a table ends, the region does.
 bool Projector::has_ray(const Eigen::Vector2d& undistorted) const {
     return !camera_.projection.table || from_plane(camera_.projection, undistorted);
+}
+
+// solve() stays within the region and on this side of the distortion's fold; the tilt has its own.
+bool Projector::is_accepted(const Eigen::Vector2d& solution) const {
+    return (!has_tilt_ || distorted(solution)) && has_ray(solution);
 }
 
 bool Projector::is_valid(const Eigen::Vector2d& undistorted) const {
@@ -150,6 +162,11 @@ std::optional<Eigen::Vector2d> Projector::solve_along_ray(const Eigen::Vector2d&
 }
 
 std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pixel) const {
+    return undistorted(pixel, nullptr);
+}
+
+std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pixel,
+                                                      const Eigen::Vector2d* near) const {
     const Intrinsics& i = camera_.intrinsics;
     const Eigen::Vector2d target((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
     if (!target.allFinite())
@@ -157,8 +174,11 @@ std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pix
     if (!has_distortion_)
         return region_.contains(target) && has_ray(target) ? std::optional(target) : std::nullopt;
     const auto before_tilt = has_tilt_ ? untilted(target) : target;
-    if (!before_tilt)
+    if (!before_tilt || !(before_tilt->norm() <= region_.image_radius()))
         return std::nullopt;
+    if (near != nullptr && region_.contains(*near))
+        if (const auto x = solve(*before_tilt, *near); x && is_accepted(*x))
+            return x;
     // A barrel's preimage lies outside its image and Newton climbs there; a start beyond the border
     // is drawn in.
     const double border = region_.border(*before_tilt);
@@ -168,13 +188,17 @@ std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pix
     auto x = solve(*before_tilt, start);
     if (!x)
         x = solve_along_ray(*before_tilt);
-    if (!x || !is_valid(*x))
+    if (!x || !is_accepted(*x))
         return std::nullopt;
     return x;
 }
 
 std::optional<Eigen::Vector3d> Projector::ray(const Eigen::Vector2d& pixel) const {
-    const auto point = undistorted(pixel);
+    return ray_of(undistorted(pixel));
+}
+
+std::optional<Eigen::Vector3d> Projector::ray_of(
+    const std::optional<Eigen::Vector2d>& point) const {
     auto ray = point ? from_plane(camera_.projection, *point) : std::nullopt;
     if (ray && !camera_.projection.is_flat())
         *ray = turn_ * *ray;
@@ -201,10 +225,15 @@ double Projector::border(const Eigen::Vector2d& direction) const {
 std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel) const {
     if (camera_.projection.is_flat())
         return undistorted(pixel);
-    const auto at = ray(pixel);
-    if (!at || !(at->z() * wide_limit > at->head<2>().norm()))
-        return std::nullopt;
-    return at->hnormalized();
+    return in_front(ray(pixel));
+}
+
+std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel,
+                                                    const Eigen::Vector2d& near) const {
+    if (camera_.projection.is_flat())
+        return undistorted(pixel, &near);
+    const auto plane = projected(camera_.projection, turn_, near.homogeneous());
+    return in_front(ray_of(undistorted(pixel, plane ? &plane->point : nullptr)));
 }
 
 Eigen::Matrix2d Projector::pixel_by_normalised(const Eigen::Vector2d& normalised) const {

@@ -65,6 +65,10 @@ public:
     // a wide lens more than 80 degrees from the axis (wide_limit), where they run away.
     std::optional<Eigen::Vector2d> unproject(const Eigen::Vector2d& pixel) const;
 
+    // The same sooner, from a guess near it (of any quality).
+    std::optional<Eigen::Vector2d> unproject(const Eigen::Vector2d& pixel,
+                                             const Eigen::Vector2d& near) const;
+
     // d pixel / d such coordinates, at coordinates of which unproject() has a pixel.
     Eigen::Matrix2d pixel_by_normalised(const Eigen::Vector2d& normalised) const;
 
@@ -82,6 +86,10 @@ private:
     Projector(const CameraModel& camera, ValidRegion region);
     std::optional<Distorted> distorted(const Eigen::Vector2d& undistorted) const;
     bool has_ray(const Eigen::Vector2d& undistorted) const;
+    bool is_accepted(const Eigen::Vector2d& solution) const;
+    std::optional<Eigen::Vector2d> undistorted(const Eigen::Vector2d& pixel,
+                                               const Eigen::Vector2d* near) const;
+    std::optional<Eigen::Vector3d> ray_of(const std::optional<Eigen::Vector2d>& point) const;
     std::optional<Eigen::Vector2d> untilted(const Eigen::Vector2d& distorted) const;
     std::optional<Eigen::Vector2d> solve(const Eigen::Vector2d& target,
                                          const Eigen::Vector2d& start) const;

@@ -137,11 +137,20 @@ ValidRegion::ValidRegion(const Distortion& distortion, double limit) {
     const RadiusInterval radii = interesting_radii(distortion);
     const double pole = pole_radius(distortion);
     const Eigen::Matrix3d tilt = tilt_matrix(distortion.tau_x, distortion.tau_y);
+    constexpr double between_directions = 1.001;  // four times what the border is good to, and more
     border_.reserve(count);
     for (int i = 0; i < count; ++i) {
         const double angle = 2.0 * std::numbers::pi * i / count;
         const Ray ray(distortion, tilt, {std::cos(angle), std::sin(angle)});
         border_.push_back(std::min({ray.border(radii), pole, limit}));
+        // The map is one to one within: its image ends at the border's.
+        const Eigen::Vector2d end =
+            border_.back() * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+        const double radius =
+            std::isfinite(border_.back())
+                ? between_directions * distort_before_tilt(distortion, end).point.norm()
+                : infinity;
+        image_radius_ = radius >= 0.0 ? std::max(image_radius_, radius) : infinity;
     }
     safe_radius_ = *std::min_element(border_.begin(), border_.end());
 }

@@ -30,11 +30,16 @@ public:
                undistorted.norm() < border(undistorted);
     }
 
+    // No point of the region has a distorted point (before a tilt) farther from the axis: what lies
+    // farther needs no search for its preimage. Infinite where the border is.
+    double image_radius() const { return image_radius_; }
+
     // Radius of the border in the direction of this point; infinity where there is none.
     double border(const Eigen::Vector2d& direction) const;
 
 private:
     double safe_radius_ = 0.0;    // smallest radius of the border
+    double image_radius_ = 0.0;
     std::vector<double> border_;  // by direction, equally spaced from the x axis; one if symmetric
 };
 

@@ -149,7 +149,7 @@ cv::Rect tiles_around(const std::vector<Eigen::Vector2d>& outline, double blur_p
 // tiles that see the marker.
 BlurRange distorted_blur(const BlurRange& blur, const MarkerView& view, const UndistortionMap& map,
                          const cv::Rect& tiles) {
-    const int level = std::min(2, map.levels() - 1), side = 1 << (2 * level);
+    constexpr int level = UndistortionMap::block_level, side = UndistortionMap::block_side;
     const Intrinsics& intrinsics = map.projector().camera().intrinsics;
     const double smaller = view.aperture().radius_mm * std::min(intrinsics.fx, intrinsics.fy);
     const double larger = view.aperture().radius_mm * std::max(intrinsics.fx, intrinsics.fy);
@@ -157,9 +157,8 @@ BlurRange distorted_blur(const BlurRange& blur, const MarkerView& view, const Un
     BlurRange result{std::numeric_limits<double>::infinity(), 0.0};
     for (int j = groups.y; j < groups.br().y; ++j)
         for (int i = groups.x; i < groups.br().x; ++i) {
-            const Box& box = map.bounds(level, i, j);
-            if (map.validity(level, i, j) == UndistortionMap::Validity::none ||
-                !view.footprint(box))
+            const auto& [validity, box] = map.group(level, i, j);
+            if (validity == UndistortionMap::Validity::none || !view.footprint(box))
                 continue;
             const auto bend = map.bend(level, i, j);
             result.smallest_px =

@@ -38,6 +38,13 @@ std::vector<Eigen::Vector2d> box_outline(const Box& box, const Projector& projec
     return pixels;
 }
 
+template <class Body>
+void for_each_cell(const cv::Rect& cells, const Body& body) {
+    for (int j = cells.y; j < cells.br().y; ++j)
+        for (int i = cells.x; i < cells.br().x; ++i)
+            body(i, j);
+}
+
 }  // namespace
 
 SensorMap::SensorMap(const ImageFilter& filter, const Projector& projector, const cv::Rect& pixels)
@@ -59,18 +66,26 @@ std::unique_ptr<const SensorMap> sensor_towards(const Projector& projector,
 
 cv::Mat valid_mask(const CameraModel& camera, const UndistortionMap& map) {
     cv::Mat valid(camera.height, camera.width, CV_8UC1);
-    const cv::Rect image(0, 0, camera.width, camera.height);
-    for (int j = 0; j * tile_px < camera.height; ++j)
-        for (int i = 0; i * tile_px < camera.width; ++i) {
-            const cv::Rect tile = cv::Rect(i * tile_px, j * tile_px, tile_px, tile_px) & image;
-            const auto validity = map.validity(i, j);
-            valid(tile).setTo(validity == UndistortionMap::Validity::all ? 255 : 0);
-            if (validity != UndistortionMap::Validity::some)
-                continue;
-            for (int y = tile.y; y < tile.br().y; ++y)
-                for (int x = tile.x; x < tile.br().x; ++x)
-                    valid.at<uchar>(y, x) = map.projector().unproject({x, y}) ? 255 : 0;
-        }
+    // Of a group; its parts only where they differ.
+    const auto put = [&](auto&& self, int level, int i, int j) -> void {
+        const int side = tile_px << (2 * level);
+        const cv::Rect pixels =
+            cv::Rect(i * side, j * side, side, side) & cv::Rect({0, 0}, valid.size());
+        const auto validity = map.group(level, i, j).validity;
+        if (pixels.empty())
+            return;
+        valid(pixels).setTo(validity == UndistortionMap::Validity::all ? 255 : 0);
+        if (validity != UndistortionMap::Validity::some)
+            return;
+        if (level > 0)
+            return for_each_cell(cells_of(pixels, side / UndistortionMap::group_side),
+                                 [&](int x, int y) { self(self, level - 1, x, y); });
+        for_each_cell(pixels, [&](int x, int y) {
+            valid.at<uchar>(y, x) = map.projector().unproject({x, y}) ? 255 : 0;
+        });
+    };
+    const int top = map.levels() - 1;
+    for_each_cell(map.groups(top), [&](int i, int j) { put(put, top, i, j); });
     return valid;
 }
 

@@ -107,10 +107,9 @@ private:
     }
 
     void draw_group(int level, int i, int j) {
-        const auto validity = map_.validity(level, i, j);
+        const auto& [validity, box] = map_.group(level, i, j);
         if (validity == UndistortionMap::Validity::none)
             return;
-        const Box& box = map_.bounds(level, i, j);
         const double middle = edge_.head<2>().dot(box.centre()) + edge_.z();
         const double reach = edge_.head<2>().cwiseAbs().dot(box.half());
         if (middle + reach <= 0.0)

@@ -9,7 +9,7 @@ namespace etalon {
 namespace {
 
 // Blocks of 16 x 16 tiles: few enough to share out, each long enough to be worth a task.
-constexpr int block_level = 2;
+constexpr int block_level = UndistortionMap::block_level;
 
 void count(std::vector<TileUse>& used, const TileUse& one) {
     for (TileUse& use : used)
@@ -54,11 +54,13 @@ public:
                  const MeetsUniform& uniform,
                  const std::optional<CellRange>& around = std::nullopt) const {
         const cv::Rect tiles = tiles_of_group(level, i, j) & asked_;
-        const auto validity = map_.validity(level, i, j);
-        if (tiles.empty() || validity == UndistortionMap::Validity::none)
+        if (tiles.empty())
+            return;
+        const auto& [validity, all_bounds] = map_.group(level, i, j);
+        if (validity == UndistortionMap::Validity::none)
             return;
         std::optional<CellRange> range;
-        const Box bounds = grown(map_.bounds(level, i, j));
+        const Box bounds = grown(all_bounds);
         if (validity == UndistortionMap::Validity::all) {
             range = around && has_few_lines(*around) ? view_.narrowed(*around, bounds)
                                                      : view_.footprint(bounds);
@@ -111,17 +113,17 @@ TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, con
                          const Sampling& sampling, bool all_refined)
     : tiles_(tiles), sampling_(sampling) {
     const Search search(*this, view, map, all_refined);
-    const int top = map.levels() - 1, level = std::min(block_level, top);
+    const int top = map.levels() - 1;
     const cv::Rect groups = map.groups(top);
     std::vector<Uniform> uniform;
     cv::Rect mapped;
     for (int j = groups.y; j < groups.br().y; ++j)
         for (int i = groups.x; i < groups.br().x; ++i)
             search.descend(
-                top, i, j, level,
+                top, i, j, block_level,
                 [&](int x, int y, const auto&) {
-                    blocks_.push_back({level, x, y, nullptr, {}, {}});
-                    include(tiles_of_group(level, x, y) & tiles_, mapped);
+                    blocks_.push_back({x, y, nullptr, {}, {}});
+                    include(tiles_of_group(block_level, x, y) & tiles_, mapped);
                 },
                 [&](const cv::Rect& part, float value) {
                     uniform.push_back({part, value});
@@ -149,7 +151,7 @@ void TileSamples::sample(const Search& search, const MarkerView& view, const Und
     tbb::parallel_for_each(blocks_, [&](Block& block) {
         std::vector<Tile> refined;
         search.descend(
-            block.level, block.i, block.j, 0,
+            block_level, block.i, block.j, 0,
             [&](int i, int j, const std::optional<CellRange>& range) {
                 map.prefetch_polynomial(i, j);
                 refined.push_back({i, j, range});

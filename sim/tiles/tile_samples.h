@@ -54,7 +54,7 @@ public:
 private:
     // Tiles that are evaluated together by one thread, with the memory of their values.
     struct Block {
-        int level, i, j;
+        int i, j;  // of UndistortionMap::block_level
         std::unique_ptr<float[]> store;
         std::vector<TileUse> used;
         cv::Rect off_background;

@@ -3,7 +3,6 @@
 #include <hwy/cache_control.h>
 
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <array>
 #include <cmath>
 
@@ -113,6 +112,31 @@ Box bounds_of(const TilePolynomial& cubic) {
             cubic.centre + Eigen::Vector2d(x.maxCoeff(), y.maxCoeff())};
 }
 
+// The larger first: a matrix is a rotation with a stretch and a mirrored one.
+Eigen::Vector2d singular_values(const Eigen::Matrix2d& m) {
+    const double turned = std::hypot(m(0, 0) + m(1, 1), m(1, 0) - m(0, 1));
+    const double mirrored = std::hypot(m(0, 0) - m(1, 1), m(1, 0) + m(0, 1));
+    return {0.5 * (turned + mirrored), 0.5 * std::abs(turned - mirrored)};
+}
+
+// The union of `at(x, y)` over a rectangle that is not empty.
+template <class At>
+auto union_over(const cv::Rect& parts, const At& at) {
+    auto whole = at(parts.x, parts.y);
+    for (int y = parts.y; y < parts.br().y; ++y)
+        for (int x = parts.x; x < parts.br().x; ++x)
+            if (x != parts.x || y != parts.y)
+                whole.unite(at(x, y));
+    return whole;
+}
+
+// The parts of group (i, j), a number a side.
+cv::Rect parts_of(int i, int j, int side) {
+    return {i * side, j * side, side, side};
+}
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
 }  // namespace
 
 TilePolynomial turned(const TilePolynomial& polynomial, const Eigen::Matrix3d& turn) {
@@ -130,70 +154,177 @@ UndistortionMap::UndistortionMap(const Projector& projector, int margin_px)
 
 UndistortionMap::UndistortionMap(const Projector& projector, const cv::Rect& pixels)
     : projector_(projector), tiles_(cells_of(pixels, tile_px)) {
-    make_nodes();
-    Level tiles{tiles_, {}};
-    tiles.table.reserve(static_cast<std::size_t>(tiles_.area()));
-    for (int j = tiles_.y; j < tiles_.br().y; ++j)
-        for (int i = tiles_.x; i < tiles_.br().x; ++i)
-            tiles.table.push_back(make_tile(i, j));
-    groups_.push_back(std::move(tiles));
-    while (std::max(groups_.back().rect.width, groups_.back().rect.height) > group_side)
-        groups_.push_back(group_up(groups_.back()));
+    const cv::Rect blocks = cells_of(tiles_, block_side);
+    const auto count = static_cast<std::size_t>(blocks.area());
+    blocks_ = std::make_unique<Blocks>(count);
+    levels_.push_back({blocks, std::vector<Group>(count)});
+    make_blocks();
+    while (std::max(levels_.back().rect.width, levels_.back().rect.height) > group_side)
+        levels_.push_back(group_up(levels_.back()));
 }
 
-UndistortionMap::Tile UndistortionMap::united(const Tile& a, const Tile& b) {
-    Tile both = a.validity == Validity::none ? b : a;
-    if (a.validity != Validity::none && b.validity != Validity::none)
-        both.bounds = {a.bounds.low.cwiseMin(b.bounds.low), a.bounds.high.cwiseMax(b.bounds.high)};
-    both.validity = a.validity == b.validity ? a.validity : Validity::some;
-    both.curvature = std::max(a.curvature, b.curvature);
-    both.least_scale = std::min(a.least_scale, b.least_scale);
-    both.largest_scale = std::max(a.largest_scale, b.largest_scale);
-    return both;
+UndistortionMap::Blocks::~Blocks() {
+    for (const auto& slot : table)
+        delete slot.load();
+}
+
+void UndistortionMap::Group::unite(const Group& other) {
+    if (validity == Validity::none)
+        bounds = other.bounds;
+    else if (other.validity != Validity::none)
+        bounds = {bounds.low.cwiseMin(other.bounds.low), bounds.high.cwiseMax(other.bounds.high)};
+    if (validity != other.validity)
+        validity = Validity::some;
+}
+
+void UndistortionMap::BentGroup::unite(const BentGroup& other) {
+    Group::unite(other);
+    curvature = std::max(curvature, other.curvature);
+    least_scale = std::min(least_scale, other.least_scale);
+    largest_scale = std::max(largest_scale, other.largest_scale);
 }
 
 UndistortionMap::Level UndistortionMap::group_up(const Level& below) {
-    const int left = floor_div(below.rect.x, group_side), top = floor_div(below.rect.y, group_side);
-    const int right = floor_div(below.rect.br().x - 1, group_side);
-    const int bottom = floor_div(below.rect.br().y - 1, group_side);
-    Level level{{left, top, right - left + 1, bottom - top + 1}, {}};
-    for (int j = top; j <= bottom; ++j)
-        for (int i = left; i <= right; ++i) {
-            const cv::Rect children =
-                cv::Rect(i * group_side, j * group_side, group_side, group_side) & below.rect;
-            std::optional<Tile> sum;
-            for (int y = children.y; y < children.br().y; ++y)
-                for (int x = children.x; x < children.br().x; ++x)
-                    sum = sum ? united(*sum, below.at(x, y)) : below.at(x, y);
-            level.table.push_back(*sum);
-        }
+    Level level{cells_of(below.rect, group_side), {}};
+    for (int j = level.rect.y; j < level.rect.br().y; ++j)
+        for (int i = level.rect.x; i < level.rect.br().x; ++i)
+            level.table.push_back(
+                union_over(parts_of(i, j, group_side) & below.rect,
+                           [&](int x, int y) -> Group { return below.at(x, y); }));
     return level;
 }
 
-void UndistortionMap::make_nodes() {
-    const double nan = std::numeric_limits<double>::quiet_NaN();
-    nodes_.reserve(static_cast<std::size_t>(tiles_.width + 3) *
-                   static_cast<std::size_t>(tiles_.height + 3));
-    for (int j = tiles_.y - 1; j <= tiles_.br().y + 1; ++j)
-        for (int i = tiles_.x - 1; i <= tiles_.br().x + 1; ++i) {
-            const auto x = projector_.unproject(tile_corner_px(i, j));
-            nodes_.push_back(x ? *x : Eigen::Vector2d(nan, nan));
+cv::Rect UndistortionMap::groups(int level) const {
+    if (level >= block_level)
+        return levels_[static_cast<std::size_t>(level - block_level)].rect;
+    return level == 0 ? tiles_ : cells_of(tiles_, group_side);
+}
+
+// What a search asks first, from the corners of the blocks.
+void UndistortionMap::make_blocks() {
+    const cv::Rect blocks = levels_.front().rect, corners = grown(blocks, 1, 1);
+    std::vector<Eigen::Vector2d> rays;
+    for (int j = corners.y; j <= corners.br().y; ++j)
+        for (int i = corners.x; i <= corners.br().x; ++i)
+            rays.push_back(projector_.unproject(tile_corner_px(i * block_side, j * block_side))
+                               .value_or(Eigen::Vector2d(nan, nan)));
+    auto group = levels_.front().table.begin();
+    for (int j = blocks.y; j < blocks.br().y; ++j)
+        for (int i = blocks.x; i < blocks.br().x; ++i, ++group) {
+            const TilePolynomial cubic =
+                polynomial_through([&](int row, int column) -> const Eigen::Vector2d& {
+                    return rays[static_cast<std::size_t>(
+                        (j - blocks.y + row) * (corners.width + 1) + i - blocks.x + column)];
+                });
+            const auto surely = group_of_block(i, j, cubic);
+            *group = surely ? *surely : block(i, j).whole;
         }
 }
 
-UndistortionMap::Nodes UndistortionMap::nodes(int i, int j, int axis) const {
+// Nothing where the cubic says too little. It errs most in the middle.
+std::optional<UndistortionMap::Group> UndistortionMap::group_of_block(
+    int i, int j, const TilePolynomial& cubic) const {
+    constexpr double safety = 10.0, enough_px = 0.1 * block_side * tile_px;
+    if (!cubic.x.allFinite() || !cubic.y.allFinite())
+        return std::nullopt;
+    double error = 0.0;
+    for (const auto& [s, t] :
+         {std::pair{0.0, 0.0}, {-0.27, -0.31}, {0.29, -0.23}, {-0.24, 0.26}, {0.28, 0.3}}) {
+        const Eigen::Vector2d rough = at(cubic, s, t).x;
+        const Eigen::Vector2d within(s + 0.5, t + 0.5);
+        const auto exact = projector_.unproject(
+            tile_corner_px(i * block_side, j * block_side) + block_side * tile_px * within, rough);
+        if (!exact)
+            return std::nullopt;
+        error = std::max(error, (*exact - rough).norm());
+    }
+    const Box box = bounds_of(cubic);
+    const Eigen::Vector2d margin = Eigen::Vector2d::Constant(safety * error);
+    if (!(margin.x() * projector_.camera().intrinsics.fx < enough_px))
+        return std::nullopt;
+    return Group{Validity::all, {box.low - margin, box.high + margin}};
+}
+
+// Two threads may make the same block: one of the two is thrown away.
+const UndistortionMap::Block& UndistortionMap::block(int i, int j) const {
+    const cv::Rect& blocks = levels_.front().rect;
+    std::atomic<const Block*>& slot =
+        blocks_->table[static_cast<std::size_t>((j - blocks.y) * blocks.width + i - blocks.x)];
+    if (const Block* made = slot.load(std::memory_order_acquire))
+        return *made;
+    std::unique_ptr<const Block> fresh = make_block(i, j);
+    const Block* other = nullptr;
+    return slot.compare_exchange_strong(other, fresh.get(), std::memory_order_acq_rel)
+               ? *fresh.release()
+               : *other;
+}
+
+std::unique_ptr<const UndistortionMap::Block> UndistortionMap::make_block(int i, int j) const {
+    auto block = std::make_unique<Block>();
+    const cv::Rect tiles = parts_of(i, j, block_side) & tiles_;
+    make_nodes(i, j, tiles, *block);
+    for (int y = tiles.y; y < tiles.br().y; ++y)
+        for (int x = tiles.x; x < tiles.br().x; ++x)
+            block->tiles[place_in<block_side>(x, y)] = make_tile(x, y, *block);
+    const cv::Rect groups = cells_of(tiles, group_side);
+    const auto tile_at = [&](int x, int y) -> BentGroup {
+        return block->tiles[place_in<block_side>(x, y)];
+    };
+    const auto group_at = [&](int x, int y) {
+        return block->groups[place_in<group_side>(x, y)] =
+                   union_over(parts_of(x, y, group_side) & tiles, tile_at);
+    };
+    block->whole = union_over(groups, group_at);
+    return block;
+}
+
+// Each is found from its neighbours, by the parabola through three of them.
+void UndistortionMap::make_nodes(int i, int j, const cv::Rect& tiles, Block& block) const {
+    block.nodes.fill({nan, nan});
+    for (int y = tiles.y - 1; y <= tiles.br().y + 1; ++y)
+        for (int x = tiles.x - 1; x <= tiles.br().x + 1; ++x) {
+            Eigen::Vector2d& node = block.nodes[static_cast<std::size_t>(
+                (y - block_side * j + 1) * nodes_a_side + x - block_side * i + 1)];
+            const auto continued = [&](std::ptrdiff_t stride) -> Eigen::Vector2d {
+                const Eigen::Vector2d* last = &node - stride;
+                return 3.0 * (last[0] - last[-stride]) + last[-2 * stride];
+            };
+            Eigen::Vector2d near(nan, nan);
+            if (x >= tiles.x + 2)
+                near = continued(1);
+            else if (y >= tiles.y + 2)
+                near = continued(nodes_a_side);
+            const Eigen::Vector2d corner = tile_corner_px(x, y);
+            if (const auto found = near.allFinite() ? projector_.unproject(corner, near)
+                                                    : projector_.unproject(corner))
+                node = *found;
+        }
+}
+
+const Eigen::Vector2d& UndistortionMap::node(const Block& block, int i, int j, int row,
+                                             int column) {
+    const int x = (i & (block_side - 1)) + column, y = (j & (block_side - 1)) + row;
+    return block.nodes[static_cast<std::size_t>(y * nodes_a_side + x)];
+}
+
+UndistortionMap::Nodes UndistortionMap::nodes(const Block& block, int i, int j, int axis) {
     Nodes values;
     for (int row = 0; row < 4; ++row)
         for (int column = 0; column < 4; ++column)
-            values(row, column) = node(i - 1 + column, j - 1 + row)[axis];
+            values(row, column) = node(block, i, j, row, column)[axis];
     return values;
 }
 
-UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) {
-    const Nodes x = nodes(i, j, 0), y = nodes(i, j, 1);
-    const Box nowhere{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
+TilePolynomial UndistortionMap::through_nodes(const Block& block, int i, int j) {
+    return polynomial_through([&](int row, int column) -> const Eigen::Vector2d& {
+        return node(block, i, j, row, column);
+    });
+}
+
+UndistortionMap::Tile UndistortionMap::make_tile(int i, int j, Block& block) const {
+    const Nodes x = nodes(block, i, j, 0), y = nodes(block, i, j, 1);
     if (x.array().isNaN().all())
-        return {Validity::none, nowhere};
+        return {};
     if (x.array().isNaN().any())
         return make_border_tile(i, j);
     const Eigen::Matrix4d& b = bezier_from_nodes();
@@ -201,25 +332,30 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j) {
     const Box bounds{{control_x.minCoeff(), control_y.minCoeff()},
                      {control_x.maxCoeff(), control_y.maxCoeff()}};
     // The cubic errs most in the middle. A wide-angle lens may bend too much for it.
-    const double error = error_in_the_middle(i, j, x, y);
-    if (!std::isfinite(error))
+    const Eigen::Vector4d w = cubic_weights(0.5);
+    const auto error = error_at({w.dot(x * w), w.dot(y * w)},
+                                tile_corner_px(i, j) + Eigen::Vector2d::Constant(0.5 * tile_px));
+    if (!error)
         return make_border_tile(i, j);
-    Tile tile{Validity::all, bounds};
-    const bool is_good = error * projector_.camera().intrinsics.fx < good_enough_px;
-    if (const auto own = is_good ? std::nullopt : own_cubic(i, j)) {
+    Tile tile;
+    tile.validity = Validity::all;
+    tile.bounds = bounds;
+    const bool is_good = *error * projector_.camera().intrinsics.fx < good_enough_px;
+    if (const auto own = is_good ? std::nullopt : own_cubic(i, j, through_nodes(block, i, j))) {
         tile.bounds = bounds_of(*own);
-        tile.own_cubic = static_cast<int>(own_cubics_.size());
-        own_cubics_.push_back(*own);
+        tile.own_cubic = static_cast<int>(block.own_cubics.size());
+        block.own_cubics.push_back(*own);
     } else if (!is_good) {
-        const Eigen::Vector2d margin = bounds.half() + Eigen::Vector2d::Constant(10.0 * error);
-        tile = {Validity::some, {bounds.low - margin, bounds.high + margin}};
+        const Eigen::Vector2d margin = bounds.half() + Eigen::Vector2d::Constant(10.0 * *error);
+        tile.validity = Validity::some;
+        tile.bounds = {bounds.low - margin, bounds.high + margin};
     }
     set_bend(x, y, tile);
     return tile;
 }
 
 // From differences of the nodes, which are a tile apart.
-void UndistortionMap::set_bend(const Nodes& x, const Nodes& y, Tile& tile) const {
+void UndistortionMap::set_bend(const Nodes& x, const Nodes& y, BentGroup& tile) const {
     const auto second = [](const Nodes& n) -> Eigen::Vector3d {
         const double along_s = n.row(1).sum() + n.row(2).sum() - 2.0 * n.block(1, 1, 2, 2).sum();
         const double along_t = n.col(1).sum() + n.col(2).sum() - 2.0 * n.block(1, 1, 2, 2).sum();
@@ -236,7 +372,7 @@ void UndistortionMap::set_bend(const Nodes& x, const Nodes& y, Tile& tile) const
     if (!px_per_x.allFinite())
         return;
     const Intrinsics& intrinsics = projector_.camera().intrinsics;
-    const Eigen::Vector2d lengths = Eigen::JacobiSVD<Eigen::Matrix2d>(px_per_x).singularValues();
+    const Eigen::Vector2d lengths = singular_values(px_per_x);
     tile.largest_scale = lengths[0] / std::max(intrinsics.fx, intrinsics.fy);
     tile.least_scale = lengths[1] / std::min(intrinsics.fx, intrinsics.fy);
 }
@@ -248,19 +384,18 @@ void UndistortionMap::prefetch(int level, const cv::Rect& groups) const {
 }
 
 UndistortionMap::Bend UndistortionMap::bend(int level, int i, int j) const {
-    const Tile& tile = group(level, i, j);
+    const BentGroup& tile = bent_group(level, i, j);
     const bool has_scale = tile.largest_scale > 0.0;
     return {tile.curvature, tile.validity == Validity::all, has_scale ? tile.least_scale : 1.0,
             has_scale ? tile.largest_scale : 1.0};
 }
 
 UndistortionMap::Bend UndistortionMap::bend(const cv::Rect& tiles) const {
-    const int level = std::min(1, levels() - 1), side = level == 0 ? 1 : group_side;
-    const cv::Rect within = cells_of(tiles & tiles_, side);
+    const cv::Rect within = cells_of(tiles & tiles_, group_side);
     Bend all;
     for (int j = within.y; j < within.br().y; ++j)
         for (int i = within.x; i < within.br().x; ++i) {
-            const Bend one = bend(level, i, j);
+            const Bend one = bend(1, i, j);
             all.curvature = std::max(all.curvature, one.curvature);
             all.is_polynomial = all.is_polynomial && one.is_polynomial;
             all.least_scale = std::min(all.least_scale, one.least_scale);
@@ -269,60 +404,66 @@ UndistortionMap::Bend UndistortionMap::bend(const cv::Rect& tiles) const {
     return all;
 }
 
-// Distance of the polynomial from Newton's inverse at a tile's centre, in undistorted coordinates;
-// infinite where there is no inverse.
-double UndistortionMap::error_in_the_middle(int i, int j, const Nodes& x, const Nodes& y) const {
-    const auto exact =
-        projector_.unproject(tile_corner_px(i, j) + Eigen::Vector2d::Constant(0.5 * tile_px));
-    if (!exact)
-        return std::numeric_limits<double>::infinity();
-    const Eigen::Vector4d w = cubic_weights(0.5);
-    return (*exact - Eigen::Vector2d(w.dot(x * w), w.dot(y * w))).norm();
+// Distance of undistorted coordinates from those of a pixel, to first order; nothing where they
+// have no pixel.
+std::optional<double> UndistortionMap::error_at(const Eigen::Vector2d& rough,
+                                                const Eigen::Vector2d& pixel) const {
+    const auto there = projector_.project_with_jacobian(rough.homogeneous());
+    if (!there)
+        return std::nullopt;
+    const Eigen::Matrix2d by_px = there->jacobian.leftCols<2>().inverse();
+    return (by_px * (there->pixel - pixel)).norm();
 }
 
 // From points so dense that no ray lies farther from them than they reach: beside a fold rays
 // spread like the square root of the distance from it.
 UndistortionMap::Tile UndistortionMap::make_border_tile(int i, int j) const {
     constexpr int n = 4 * tile_px;
-    Eigen::Vector2d low = Eigen::Vector2d::Constant(1e9), high = -low;
+    Eigen::Vector2d low = Eigen::Vector2d::Constant(1e9), high = -low, last(0.0, 0.0);
     for (int q = 0; q < (n + 1) * (n + 1); ++q) {
         const Eigen::Vector2d within(q % (n + 1), q / (n + 1));
-        if (const auto x = projector_.unproject(tile_corner_px(i, j) + within / 4.0)) {
+        if (const auto x = projector_.unproject(tile_corner_px(i, j) + within / 4.0, last)) {
+            last = *x;
             low = low.cwiseMin(*x);
             high = high.cwiseMax(*x);
         }
     }
     if (low.x() > high.x())
-        return {Validity::none, {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()}, 0.0};
+        return {};
     const Intrinsics& intrinsics = projector_.camera().intrinsics;
     const Eigen::Vector2d pixel(1.0 / intrinsics.fx, 1.0 / intrinsics.fy);
     const Eigen::Vector2d margin = (high - low).cwiseMax(tile_px * pixel);
-    return {Validity::some, {low - margin, high + margin}, Bend::most};
+    Tile tile;
+    tile.validity = Validity::some;
+    tile.bounds = {low - margin, high + margin};
+    tile.curvature = Bend::most;
+    return tile;
 }
 
 TilePolynomial UndistortionMap::polynomial(int i, int j) const {
-    if (const int own = tile(i, j).own_cubic; own >= 0)
-        return own_cubics_[static_cast<std::size_t>(own)];
-    return polynomial_through([&](int row, int column) -> const Eigen::Vector2d& {
-        return node(i - 1 + column, j - 1 + row);
-    });
+    const Block& block = block_of(i, j);
+    const int own = block.tiles[place_in<block_side>(i, j)].own_cubic;
+    return own >= 0 ? block.own_cubics[static_cast<std::size_t>(own)] : through_nodes(block, i, j);
 }
 
 // Its nodes are a third of a tile apart. It errs most between the outer ones.
-std::optional<TilePolynomial> UndistortionMap::own_cubic(int i, int j) const {
+std::optional<TilePolynomial> UndistortionMap::own_cubic(int i, int j,
+                                                         const TilePolynomial& rough) const {
     std::array<Eigen::Vector2d, 16> nodes;
     for (int n = 0; n < 16; ++n) {
-        const Eigen::Vector2d within(n % 4, n / 4);
-        const auto x = projector_.unproject(tile_corner_px(i, j) + within * (tile_px / 3.0));
+        const Eigen::Vector2d within = Eigen::Vector2d(n % 4, n / 4) / 3.0;
+        const auto x = projector_.unproject(tile_corner_px(i, j) + within * tile_px,
+                                            at(rough, within.x() - 0.5, within.y() - 0.5).x);
         if (!x)
             return std::nullopt;
         nodes[static_cast<std::size_t>(n)] = *x;
     }
     const TilePolynomial cubic = polynomial_within(nodes);
     for (const double place : {-0.37, 0.0, 0.37}) {
-        const auto exact = projector_.unproject(tile_corner_px(i, j) +
-                                                Eigen::Vector2d::Constant((0.5 + place) * tile_px));
-        const double error = exact ? (*exact - at(cubic, place, place).x).norm() : infinity;
+        const Eigen::Vector2d of_cubic = at(cubic, place, place).x;
+        const auto exact = projector_.unproject(
+            tile_corner_px(i, j) + Eigen::Vector2d::Constant((0.5 + place) * tile_px), of_cubic);
+        const double error = exact ? (*exact - of_cubic).norm() : infinity;
         if (!(error * projector_.camera().intrinsics.fx < good_enough_px))
             return std::nullopt;
     }
@@ -330,9 +471,10 @@ std::optional<TilePolynomial> UndistortionMap::own_cubic(int i, int j) const {
 }
 
 void UndistortionMap::prefetch_polynomial(int i, int j) const {
-    for (int row = -1; row <= 2; ++row) {
-        hwy::Prefetch(&node(i - 1, j + row));
-        hwy::Prefetch(&node(i + 2, j + row));
+    const Block& block = block_of(i, j);
+    for (int row = 0; row < 4; ++row) {
+        hwy::Prefetch(&node(block, i, j, row, 0));
+        hwy::Prefetch(&node(block, i, j, row, 3));
     }
 }
 
@@ -354,13 +496,14 @@ void UndistortionMap::sample(int i, int j, int n,
         }
         return;
     }
+    const Block& block = block_of(i, j);
     if (const int own = tile(i, j).own_cubic; own >= 0) {
         for (int q = 0; q < n * n; ++q)
-            points.push_back(at(own_cubics_[static_cast<std::size_t>(own)], (q % n + 0.5) / n - 0.5,
-                                (q / n + 0.5) / n - 0.5));
+            points.push_back(at(block.own_cubics[static_cast<std::size_t>(own)],
+                                (q % n + 0.5) / n - 0.5, (q / n + 0.5) / n - 0.5));
         return;
     }
-    const Nodes x = nodes(i, j, 0), y = nodes(i, j, 1);
+    const Nodes x = nodes(block, i, j, 0), y = nodes(block, i, j, 1);
     for (int row = 0; row < n; ++row) {
         const double t = (row + 0.5) / n;
         const Eigen::Vector4d wt = cubic_weights(t), dt = cubic_slopes(t) / tile_px;

@@ -9,11 +9,19 @@
 // evaluated with Newton's method point by point. Groups of 4 x 4 tiles, of 4 x 4 groups and so on
 // have bounds as well: a search for a marker passes over most of the image in a few steps.
 //
-// Immutable after construction, safe from every thread; construction takes some 0.6 us per tile, 10
-// where it has a cubic of its own.
+// Tiles are made in blocks of 16 x 16 when one of a block is first asked for. A block's own bounds
+// come from one cubic through corners of blocks, with ten times its error around it; a block that
+// bends too much for that, or that may hold points without a ray, is made at once. What is asked
+// for does not depend on what was made before.
+//
+// Safe from every thread; construction takes some 1 us per block, tiles 0.3 us each when they are
+// made, 10 where they have a cubic of their own.
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <atomic>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -43,8 +51,30 @@ TilePolynomial turned(const TilePolynomial& polynomial, const Eigen::Matrix3d& t
 class UndistortionMap {
 public:
     static constexpr int group_side = 4;
+    static constexpr int block_level = 2, block_side = group_side * group_side;  // tiles
 
     enum class Validity { all, some, none };
+
+    // How much the undistortion bends among some tiles.
+    struct Bend {
+        // Largest change of its derivative from one pixel to the next, relative to the derivative:
+        // px of sagitta times 8 over a length of 1 px. Beside a fold, where it is infinite, and
+        // beyond this: `most`.
+        double curvature = 0.0;
+        bool is_polynomial = true;  // the validity is `all` everywhere
+        // The distortion's own magnification in any direction, at least (of the smaller focal
+        // length) and at most (of the larger); not of tiles at the border of the valid region.
+        double least_scale = 1.0, largest_scale = 1.0;
+        static constexpr double most = 1.0;
+    };
+
+    // A tile or a group of tiles.
+    struct Group {
+        Validity validity = Validity::none;  // of all its points: have they a ray?
+        Box bounds{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};  // of what has a ray
+
+        void unite(const Group& other);
+    };
 
     // Covers the image and at least `margin_px` around it, or these pixels, which may lie outside
     // of the image.
@@ -54,39 +84,30 @@ public:
     // Tile indices: tile (i, j) covers the pixels tile_px * i ... tile_px * i + tile_px - 1.
     cv::Rect tiles() const { return tiles_; }
 
-    Validity validity(int i, int j) const { return tile(i, j).validity; }
-
     // The pixel coordinates of a tile's upper left corner.
     static Eigen::Vector2d tile_corner_px(int i, int j) {
         return {tile_px * i - 0.5, tile_px * j - 0.5};
     }
 
-    // All undistorted points of the tile; not where validity() is `none`.
-    const Box& bounds(int i, int j) const { return tile(i, j).bounds; }
-
     // Groups of tiles: level 0 are the tiles, a group of level n + 1 holds 4 x 4 of level n (group
-    // (i, j) those from 4 i and 4 j on). The last level has at most 4 x 4.
-    int levels() const { return static_cast<int>(groups_.size()); }
-    cv::Rect groups(int level) const { return groups_[static_cast<std::size_t>(level)].rect; }
-    Validity validity(int level, int i, int j) const { return group(level, i, j).validity; }
-    const Box& bounds(int level, int i, int j) const { return group(level, i, j).bounds; }
+    // (i, j) those from 4 i and 4 j on). The last level has at most 4 x 4, and holds blocks or
+    // groups of them.
+    int levels() const { return block_level + static_cast<int>(levels_.size()); }
+    cv::Rect groups(int level) const;
+    const Group& group(int level, int i, int j) const {
+        if (level >= block_level)
+            return levels_[static_cast<std::size_t>(level - block_level)].at(i, j);
+        return bent_group(level, i, j);
+    }
     // Says that these will be asked for soon: most of the table is not in a core's cache.
     void prefetch(int level, const cv::Rect& groups) const;
+    Validity validity(int i, int j) const { return tile(i, j).validity; }
+    const Box& bounds(int i, int j) const { return tile(i, j).bounds; }
 
-    // How much the undistortion bends among these tiles and some around them.
-    struct Bend {
-        // Largest change of its derivative from one pixel to the next, relative to the derivative:
-        // px of sagitta times 8 over a length of 1 px. Beside a fold, where it is infinite, and
-        // beyond this: `most`.
-        double curvature = 0.0;
-        bool is_polynomial = true;  // validity() is `all` everywhere
-        // The distortion's own magnification in any direction, at least (of the smaller focal
-        // length) and at most (of the larger); not of tiles at the border of the valid region.
-        double least_scale = 1.0, largest_scale = 1.0;
-        static constexpr double most = 1.0;
-    };
+    // Of these tiles and some around them.
     Bend bend(const cv::Rect& tiles) const;
-    Bend bend(int level, int i, int j) const;  // of a group
+    // Of a group that is not larger than a block.
+    Bend bend(int level, int i, int j) const;
 
     // Of a tile whose validity() is `all`.
     TilePolynomial polynomial(int i, int j) const;
@@ -103,50 +124,81 @@ public:
     const Projector& projector() const { return projector_; }
 
 private:
-    struct Tile {
-        Validity validity;
-        Box bounds;
+    struct BentGroup : Group {
+        void unite(const BentGroup& other);
+
         double curvature = 0.0;  // see Bend
-        int own_cubic = -1;      // index in own_cubics_
         double least_scale = std::numeric_limits<double>::infinity(), largest_scale = 0.0;
+    };
+    struct Tile : BentGroup {
+        int own_cubic = -1;  // index in own_cubics
+    };
+    static constexpr int nodes_a_side = block_side + 3;
+    // Of tiles outside of the map's nothing is made.
+    struct Block {
+        // The tiles' corners, one more on each side, and those of the map's tiles alone; NaN: no
+        // ray.
+        std::array<Eigen::Vector2d, nodes_a_side * nodes_a_side> nodes;
+        std::array<Tile, block_side * block_side> tiles;
+        std::array<BentGroup, group_side * group_side> groups;
+        BentGroup whole;
+        std::vector<TilePolynomial> own_cubics;
+    };
+    struct Blocks {  // null: not made
+        explicit Blocks(std::size_t count) : table(count) {}
+        Blocks(const Blocks&) = delete;
+        ~Blocks();
+        std::vector<std::atomic<const Block*>> table;
     };
     using Nodes = Eigen::Matrix4d;  // one coordinate at 4 x 4 corners, rows along y
 
     struct Level {
         cv::Rect rect;
-        std::vector<Tile> table;
+        std::vector<Group> table;
 
-        const Tile& at(int i, int j) const {
+        const Group& at(int i, int j) const {
             return table[static_cast<std::size_t>(j - rect.y) *
                              static_cast<std::size_t>(rect.width) +
                          static_cast<std::size_t>(i - rect.x)];
         }
     };
 
-    const Tile& group(int level, int i, int j) const {
-        return groups_[static_cast<std::size_t>(level)].at(i, j);
+    // Of `side` a row in the next larger one.
+    template <int side>
+    static std::size_t place_in(int i, int j) {
+        return static_cast<std::size_t>((j & (side - 1)) * side + (i & (side - 1)));
     }
-    const Tile& tile(int i, int j) const { return group(0, i, j); }
-    const Eigen::Vector2d& node(int i, int j) const {
-        return nodes_[static_cast<std::size_t>(j - tiles_.y + 1) *
-                          static_cast<std::size_t>(tiles_.width + 3) +
-                      static_cast<std::size_t>(i - tiles_.x + 1)];
+    const Block& block(int i, int j) const;
+    const Block& block_of(int i, int j) const { return block(i >> 4, j >> 4); }  // of a tile
+    const Tile& tile(int i, int j) const {
+        return block_of(i, j).tiles[place_in<block_side>(i, j)];
     }
-    Nodes nodes(int i, int j, int axis) const;
-    void make_nodes();
-    Tile make_tile(int i, int j);
-    std::optional<TilePolynomial> own_cubic(int i, int j) const;
-    double error_in_the_middle(int i, int j, const Nodes& x, const Nodes& y) const;
-    void set_bend(const Nodes& x, const Nodes& y, Tile& tile) const;
-    Tile make_border_tile(int i, int j) const;
-    static Tile united(const Tile& a, const Tile& b);
+    const BentGroup& bent_group(int level, int i, int j) const {  // up to block_level
+        if (level == 0)
+            return tile(i, j);
+        return level == 1 ? block(i >> 2, j >> 2).groups[place_in<group_side>(i, j)]
+                          : block(i, j).whole;
+    }
+
+    void make_blocks();
+    std::optional<Group> group_of_block(int i, int j, const TilePolynomial& cubic) const;
     static Level group_up(const Level& below);
+    std::unique_ptr<const Block> make_block(int i, int j) const;
+    void make_nodes(int i, int j, const cv::Rect& tiles, Block& block) const;
+    static const Eigen::Vector2d& node(const Block& block, int i, int j, int row, int column);
+    static Nodes nodes(const Block& block, int i, int j, int axis);
+    static TilePolynomial through_nodes(const Block& block, int i, int j);
+    Tile make_tile(int i, int j, Block& block) const;
+    std::optional<double> error_at(const Eigen::Vector2d& rough,
+                                   const Eigen::Vector2d& pixel) const;
+    std::optional<TilePolynomial> own_cubic(int i, int j, const TilePolynomial& rough) const;
+    void set_bend(const Nodes& x, const Nodes& y, BentGroup& tile) const;
+    Tile make_border_tile(int i, int j) const;
 
     Projector projector_;
     cv::Rect tiles_;
-    std::vector<Eigen::Vector2d> nodes_;  // tile corners, one more on each side; NaN: no ray
-    std::vector<Level> groups_;           // [0]: the tiles
-    std::vector<TilePolynomial> own_cubics_;
+    std::vector<Level> levels_;       // from blocks on
+    std::unique_ptr<Blocks> blocks_;  // as in levels_[0]
 };
 
 }  // namespace etalon

@@ -6,6 +6,7 @@
 #include <Eigen/SVD>
 
 #include "bench/benchmark_scenes.h"
+#include "sim/tiles/tile_map.h"
 
 namespace etalon {
 namespace {
@@ -82,21 +83,50 @@ TEST(UndistortionMap, KnowsWhereThereAreNoRays) {
     EXPECT_GT(partly, 0);
 }
 
-TEST(UndistortionMap, GroupsBoundTheirTilesOnEveryLevel) {
-    const UndistortionMap map(Projector(benchmark_scene("webcam-500").camera), 20);
-    ASSERT_GE(map.levels(), 4);  // 170 x 130 tiles
-    for (int level = 1; level < map.levels(); ++level) {
-        const cv::Rect below = map.groups(level - 1);
-        for (int j = below.y; j < below.br().y; ++j)
-            for (int i = below.x; i < below.br().x; ++i) {
-                const int up_i = (i + 400) / 4 - 100, up_j = (j + 400) / 4 - 100;
-                const Box &tile = map.bounds(level - 1, i, j),
-                          &group = map.bounds(level, up_i, up_j);
-                EXPECT_TRUE((group.low.array() <= tile.low.array()).all());
-                EXPECT_TRUE((group.high.array() >= tile.high.array()).all());
+void expect_bounds(const UndistortionMap& map, int level) {
+    using Validity = UndistortionMap::Validity;
+    const cv::Rect below = map.groups(level - 1);
+    for (int j = below.y; j < below.br().y; ++j)
+        for (int i = below.x; i < below.br().x; ++i) {
+            const auto& part = map.group(level - 1, i, j);
+            const auto& group = map.group(level, floor_div(i, 4), floor_div(j, 4));
+            if (group.validity != Validity::some) {
+                ASSERT_EQ(part.validity == Validity::none, group.validity == Validity::none);
             }
+            if (part.validity == Validity::none)
+                continue;
+            ASSERT_TRUE((group.bounds.low.array() <= part.bounds.low.array()).all());
+            ASSERT_TRUE((group.bounds.high.array() >= part.bounds.high.array()).all());
+        }
+}
+
+// Whatever is left to a block's own cubic: hardly bent, bent, and folded over within the image.
+TEST(UndistortionMap, GroupsBoundTheirTilesOnEveryLevel) {
+    CameraModel folded = benchmark_scene("webcam-500").camera;
+    folded.distortion = {.k1 = -0.6};
+    for (const CameraModel& camera :
+         {benchmark_scene("webcam-500").camera, benchmark_scene("canon-900").camera, folded}) {
+        const UndistortionMap map(Projector(camera), 20);
+        ASSERT_GE(map.levels(), 4);  // 170 x 130 tiles
+        for (int level = 1; level < map.levels(); ++level)
+            expect_bounds(map, level);
+        EXPECT_LE(map.groups(map.levels() - 1).area(), 16);
     }
-    EXPECT_LE(map.groups(map.levels() - 1).area(), 16);
+}
+
+TEST(UndistortionMap, IsTheSameWhateverWasAskedForBefore) {
+    const Projector projector(benchmark_scene("webcam-500").camera);
+    const UndistortionMap forwards(projector, 20), backwards(projector, 20);
+    std::vector<Eigen::Vector2d> centres;
+    for (int j = 0; j < 120; j += 7)
+        for (int i = 0; i < 160; i += 5)
+            centres.push_back(forwards.polynomial(i, j).centre);
+    for (int j = 119; j >= 0; --j)
+        for (int i = 159; i >= 0; --i)
+            if (j % 7 == 0 && i % 5 == 0) {
+                EXPECT_EQ(backwards.polynomial(i, j).centre, centres.back());
+                centres.pop_back();
+            }
 }
 
 TEST(UndistortionMap, PolynomialIsWhatIsSampled) {

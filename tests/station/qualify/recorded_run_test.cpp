@@ -281,7 +281,8 @@ TEST(RecordedRun, IsAnalysedAgainToTheSameBytes) {
     ASSERT_EQ(mocks.run().outcome, RunOutcome::pass);
     test::expect_readable_page(read_text(mocks.record() / "report.html"));
     const auto before = files_of(mocks.record());
-    for (const char* file : {"run.json", "report.html", "poses.csv", "junit.xml"})
+    // Without what was kept of the pixels: everything is found again.
+    for (const char* file : {"run.json", "report.html", "poses.csv", "junit.xml", "pixels.jsonl"})
         std::filesystem::remove(mocks.record() / file);
     std::filesystem::remove_all(mocks.record() / "renders");
     const QualifyResult again = analyse_record(mocks.read(), mocks.progress, {});
@@ -291,7 +292,34 @@ TEST(RecordedRun, IsAnalysedAgainToTheSameBytes) {
     const auto run = mocks.run_file();
     for (const auto& file : run["attachments"])
         EXPECT_EQ(file["sha256"], before.at(file["path"])) << file;
-    EXPECT_EQ(run["attachments"].size(), before.size() - 1);  // but run.json
+    EXPECT_EQ(run["attachments"].size(), before.size() - 2);  // but run.json and pixels.jsonl
+}
+
+TEST(RecordedRun, TakesWhatTheSameProgramFoundInTheSamePixels) {
+    StationOfMocks mocks;
+    show_a_true_camera(mocks);
+    mocks.run();
+    const auto before = files_of(mocks.record());
+    const auto path = mocks.record() / "pixels.jsonl";
+    const std::string kept = read_text(path);
+    analyse_record(mocks.read(), mocks.progress, {});
+    EXPECT_EQ(files_of(mocks.record()), before);
+    // It is looked at: another bias of the detector changes the result.
+    const std::string key = "\"detector_bias_px\":[[";
+    const auto number = kept.find(key) + key.size();
+    ASSERT_NE(kept.find(key), std::string::npos);
+    std::string other = kept;
+    other.replace(number, kept.find(',', number) - number, "0.125");
+    write_text(path, other);
+    analyse_record(mocks.read(), mocks.progress, {});
+    EXPECT_NE(files_of(mocks.record()).at("poses.csv"), before.at("poses.csv"));
+    // But not what is of another program or frame, or no line.
+    std::string stranger = replaced(other, "\"made_from\":\"", "\"made_from\":\"0");
+    for (const std::string& useless : {stranger, std::string("{\n"), kept.substr(0, 7)}) {
+        write_text(path, useless);
+        analyse_record(mocks.read(), mocks.progress, {});
+        EXPECT_EQ(files_of(mocks.record()), before);
+    }
 }
 
 // A run that ended early is reported again, not judged.

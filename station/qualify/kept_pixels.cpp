@@ -145,6 +145,19 @@ PosePixels read_kept_pose_pixels(const JsonEntry& entry) {
     return pose;
 }
 
+// A line begins with what its content follows from and with that content's own hash: a disk that
+// forgets must not change a result.
+std::string line_start(const std::string& made_from, const std::string& content_hash) {
+    return fmt::format(R"({{"made_from":"{}","sha256":"{}",)", made_from, content_hash);
+}
+
+void require_unharmed(const std::string& text, const JsonEntry& line) {
+    const std::string hash = line.at("sha256").text();
+    const std::string start = line_start(line.at("made_from").text(), hash);
+    if (!text.starts_with(start) || sha256(std::string_view(text).substr(start.size())) != hash)
+        line.fail("is not as it was written");
+}
+
 KeptPose read_kept_pose(const JsonEntry& line) {
     KeptPose pose;
     for (const JsonEntry& frame : line.at("frames").items())
@@ -187,6 +200,7 @@ KeptPixels::KeptPixels(const QualifyResult& run) : run_(run) {
     for (std::string text; std::getline(file, text) && !file.eof();) {
         try {
             const JsonEntry line(text, {path.string(), ++number});
+            require_unharmed(text, line);
             poses_.insert_or_assign(line.at("made_from").text(), read_kept_pose(line));
         } catch (const ConfigError&) {
             // found again
@@ -205,10 +219,11 @@ void KeptPixels::keep(const std::map<int, PosePixels>& by_index) const {
     std::string text;
     for (const Pose& pose : run_.poses) {
         const auto pixels = by_index.find(pose.index);
-        RecordJson line{{"made_from", key_of(pose, run_)},
-                        {"frames", json_list(pose.frames, kept_frame)}};
-        line["pixels"] = pixels == by_index.end() ? RecordJson() : kept_pose_pixels(pixels->second);
-        text += text_of(line, -1) + "\n";
+        const RecordJson content{
+            {"frames", json_list(pose.frames, kept_frame)},
+            {"pixels", pixels == by_index.end() ? RecordJson() : kept_pose_pixels(pixels->second)}};
+        const std::string rest = text_of(content, -1).substr(1);
+        text += line_start(key_of(pose, run_), sha256(rest)) + rest + "\n";
     }
     try {
         write_text(run_.folder / pixels_file, text);

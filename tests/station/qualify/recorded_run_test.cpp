@@ -11,6 +11,7 @@
 
 #include "core/random.h"
 #include "core/sha256.h"
+#include "station/qualify/kept_pixels.h"
 #include "tests/pages.h"
 #include "tests/read_bytes.h"
 #include "tests/station/station_of_mocks.h"
@@ -298,28 +299,32 @@ TEST(RecordedRun, IsAnalysedAgainToTheSameBytes) {
 TEST(RecordedRun, TakesWhatTheSameProgramFoundInTheSamePixels) {
     StationOfMocks mocks;
     show_a_true_camera(mocks);
-    mocks.run();
+    const QualifyResult result = mocks.run();
     const auto before = files_of(mocks.record());
     const auto path = mocks.record() / "pixels.jsonl";
     const std::string kept = read_text(path);
+    const auto known = [&] {
+        const KeptPixels pixels(result);
+        return std::ranges::count_if(result.poses,
+                                     [&](const Pose& pose) { return pixels.of(pose) != nullptr; });
+    };
+    EXPECT_EQ(known(), 25);
     analyse_record(mocks.read(), mocks.progress, {});
     EXPECT_EQ(files_of(mocks.record()), before);
-    // It is looked at: another bias of the detector changes the result.
-    const std::string key = "\"detector_bias_px\":[[";
-    const auto number = kept.find(key) + key.size();
-    ASSERT_NE(kept.find(key), std::string::npos);
-    std::string other = kept;
-    other.replace(number, kept.find(',', number) - number, "0.125");
-    write_text(path, other);
-    analyse_record(mocks.read(), mocks.progress, {});
-    EXPECT_NE(files_of(mocks.record()).at("poses.csv"), before.at("poses.csv"));
-    // But not what is of another program or frame, or no line.
-    std::string stranger = replaced(other, "\"made_from\":\"", "\"made_from\":\"0");
-    for (const std::string& useless : {stranger, std::string("{\n"), kept.substr(0, 7)}) {
-        write_text(path, useless);
-        analyse_record(mocks.read(), mocks.progress, {});
-        EXPECT_EQ(files_of(mocks.record()), before);
+    // Not what is of another program or frame, what a disk has changed, or no line.
+    const std::string detector = "\"detector_bias_px\":[[";
+    for (const std::string& bad :
+         {replaced(kept, "\"made_from\":\"", "\"made_from\":\"0"),
+          replaced(kept, detector, detector + "1"), replaced(kept, "{", "["), kept.substr(9)}) {
+        write_text(path, bad);
+        EXPECT_EQ(known(), 24);
     }
+    QualifyResult other = result;
+    other.poses[3].frames[1].sha256[7] = 'x';
+    other.station.inputs[1].sha256[7] = 'x';
+    write_text(path, kept);
+    EXPECT_EQ(KeptPixels(result).of(other.poses[3]), nullptr);
+    EXPECT_EQ(KeptPixels(other).of(result.poses[0]), nullptr);
 }
 
 // A run that ended early is reported again, not judged.

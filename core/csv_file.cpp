@@ -42,24 +42,55 @@ std::size_t CsvFile::column(std::string_view name) const {
     return static_cast<std::size_t>(found - header.begin());
 }
 
+CsvReader::CsvReader(const std::filesystem::path& path,
+                     std::initializer_list<std::string_view> headers)
+    : place_{path.string(), 1}, file_(path, std::ios::binary) {
+    if (!file_ || std::filesystem::is_directory(path))
+        throw ConfigError({path.string()}, "cannot be read");
+    next_line();
+    constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
+    if (line_.starts_with(byte_order_mark))
+        line_.erase(0, byte_order_mark.size());
+    header_ = cells_of(line_);
+    const std::string header = fmt::format("{}", fmt::join(header_, ","));
+    if (headers.size() > 0 && std::ranges::find(headers, header) == headers.end())
+        throw ConfigError(place_,
+                          fmt::format("the first line must be '{}'", fmt::join(headers, "' or '")));
+}
+
+bool CsvReader::next_line() {
+    constexpr std::streamsize longest = 64 * 1024;
+    line_.resize(longest);
+    file_.getline(line_.data(), longest);
+    const SourcePlace place{place_.file, ++number_};
+    if (file_.fail() && file_.gcount() == longest - 1)
+        throw ConfigError(place, "is longer than 64 KiB");
+    if (file_.fail())
+        return false;
+    line_.resize(static_cast<std::size_t>(file_.gcount()) - (file_.eof() ? 0 : 1));
+    require_utf8(line_, place);
+    return true;
+}
+
+std::optional<CsvRow> CsvReader::next() {
+    while (next_line()) {
+        if (trimmed(line_).empty())
+            continue;
+        CsvRow row{{place_.file, number_}, cells_of(line_)};
+        if (row.cells.size() != header_.size())
+            throw ConfigError(row.place, fmt::format("has {} cells, not the header's {}",
+                                                     row.cells.size(), header_.size()));
+        return row;
+    }
+    return std::nullopt;
+}
+
 CsvFile read_csv(const std::filesystem::path& path,
                  std::initializer_list<std::string_view> headers) {
-    const std::vector<std::string> lines = split(read_text(path), '\n');
-    CsvFile file{{path.string(), 1}, cells_of(lines.front()), {}};
-    const std::string header = fmt::format("{}", fmt::join(file.header, ","));
-    if (headers.size() > 0 && std::ranges::find(headers, header) == headers.end())
-        throw ConfigError(file.place,
-                          fmt::format("the first line must be '{}'", fmt::join(headers, "' or '")));
-    for (std::size_t i = 1; i < lines.size(); ++i) {
-        if (trimmed(lines[i]).empty())
-            continue;
-        const SourcePlace place{path.string(), static_cast<int>(i) + 1};
-        CsvRow row{place, cells_of(lines[i])};
-        if (row.cells.size() != file.header.size())
-            throw ConfigError(place, fmt::format("has {} cells, not the header's {}",
-                                                 row.cells.size(), file.header.size()));
-        file.rows.push_back(std::move(row));
-    }
+    CsvReader reader(path, headers);
+    CsvFile file{reader.place(), reader.header(), {}};
+    while (auto row = reader.next())
+        file.rows.push_back(std::move(*row));
     return file;
 }
 

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <filesystem>
+#include <fstream>
 #include <initializer_list>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -28,6 +30,30 @@ struct CsvFile {
 
     // Throws ConfigError for a name that the header lacks.
     std::size_t column(std::string_view name) const;
+};
+
+// Reads a file of any length row by row: one is in memory.
+class CsvReader {
+public:
+    // Throws as read_csv() for what is wrong with the header.
+    CsvReader(const std::filesystem::path& path,
+              std::initializer_list<std::string_view> headers = {});
+
+    const SourcePlace& place() const { return place_; }  // of the header
+    const std::vector<std::string>& header() const { return header_; }
+
+    // Nothing behind the last row. Throws as read_csv() for what is wrong with a row, and for a
+    // line longer than 64 KiB.
+    std::optional<CsvRow> next();
+
+private:
+    bool next_line();
+
+    SourcePlace place_;
+    std::ifstream file_;
+    int number_ = 0;
+    std::string line_;
+    std::vector<std::string> header_;
 };
 
 // Throws ConfigError with file and line when the file cannot be read, is not UTF-8, has a header

@@ -153,8 +153,10 @@ std::string cell_html(const std::string& cell, const std::string& label, bool is
 }
 
 std::string image_element(const cv::Mat& picture, const std::string& uri, const std::string& alt) {
-    return fmt::format("<img alt=\"{}\" width=\"{}\" height=\"{}\" src=\"{}\">", escape_html(alt),
-                       picture.cols, picture.rows, uri);
+    return fmt::format(
+        "<img loading=\"lazy\" decoding=\"async\" alt=\"{}\" width=\"{}\" height=\"{}\" "
+        "src=\"{}\">",
+        escape_html(alt), picture.cols, picture.rows, uri);
 }
 
 }  // namespace
@@ -190,8 +192,13 @@ void HtmlPage::add_paragraph(const std::string& text) {
 }
 
 void HtmlPage::add_notes(const std::vector<std::string>& notes) {
+    constexpr std::size_t most = 20;
+    if (notes.size() > most)
+        begin_details(fmt::format("{} notes", notes.size()));
     if (!notes.empty())
         body_ += list_html(notes, " class=\"notes\"");
+    if (notes.size() > most)
+        end_details();
 }
 
 void HtmlPage::add_html(std::string html) {
@@ -207,7 +214,12 @@ void HtmlPage::add_facts(const Facts& facts) {
 }
 
 void HtmlPage::add_table(const std::vector<std::string>& header, const TableRows& rows) {
+    constexpr std::size_t most = 100;
+    if (rows.size() > most)
+        begin_details(fmt::format("{} rows", rows.size()));
     body_ += table_html(header, rows) + "\n";
+    if (rows.size() > most)
+        end_details();
 }
 
 std::string table_html(const std::vector<std::string>& header, const TableRows& rows) {

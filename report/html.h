@@ -41,7 +41,8 @@ public:
 
     // Columns that hold only numbers are aligned right, outcomes have their colour. On a narrow
     // screen each row of more than three columns becomes a paragraph: nothing is scrolled away, and
-    // an outcome in the second column stays beside the name. Cells are text.
+    // an outcome in the second column stays beside the name. Cells are text. A table of more than
+    // 100 rows is folded away until the reader opens it, as are more than 20 notes.
     void add_table(const std::vector<std::string>& header, const TableRows& rows);
     // The versions of what made the page or its record.
     void add_software(const std::vector<SoftwareVersion>& software);
@@ -70,7 +71,8 @@ std::string table_html(const std::vector<std::string>& header, const TableRows& 
 std::string figure_html(const std::string& html, const std::string& caption_html);
 
 // An <img> with the picture inside it, as PNG (lossless) or as JPEG of the given quality; `alt`
-// says what is seen. The picture is shown without smoothing when it is enlarged.
+// says what is seen. The picture is decoded when it comes into view, and shown without smoothing
+// when it is enlarged.
 std::string embedded_png(const cv::Mat& picture, const std::string& alt);
 std::string embedded_jpeg(const cv::Mat& picture, int quality, const std::string& alt);
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "core/text.h"
 
@@ -74,6 +75,30 @@ std::vector<double> placed(std::span<const double> values, bool logarithmic) {
         for (double& value : result)
             value = std::log10(value);
     return result;
+}
+
+// Of more marks than this, all that a picture can tell is drawn: of those in the same square of the
+// picture one, so that none that stands alone is lost. Of arrows the longest, of points the first.
+constexpr std::size_t max_marks = 400;
+constexpr double point_square_px = 6.0, arrow_square_px = 16.0;
+
+// Of each square of `side` px the one with the largest score, the first of several; in their order.
+template <class Place, class Score>
+std::vector<std::size_t> one_a_square(const std::vector<std::size_t>& all, double side, Place place,
+                                      Score score) {
+    std::map<std::pair<double, double>, std::size_t> best;
+    for (const std::size_t i : all) {
+        const Eigen::Vector2d at = place(i);
+        const auto [there, is_new] =
+            best.try_emplace({std::floor(at.x() / side), std::floor(at.y() / side)}, i);
+        if (!is_new && score(i) > score(there->second))
+            there->second = i;
+    }
+    std::vector<std::size_t> kept;
+    for (const auto& [square, i] : best)
+        kept.push_back(i);
+    std::ranges::sort(kept);
+    return kept;
 }
 
 std::string title(const std::string& note) {
@@ -356,11 +381,37 @@ std::string SvgPlot::mark(const Layer& layer, std::size_t i, const Frame& f) con
 }
 
 std::string SvgPlot::marks(const Layer& layer, const Frame& f) const {
-    std::string text;
+    std::vector<std::size_t> shown;
     for (std::size_t i = 0; i < layer.xs.size(); ++i)
         if (std::isfinite(layer.xs[i]) && std::isfinite(layer.ys[i]))
-            text += mark(layer, i, f);
+            shown.push_back(i);
+    const bool is_arrows = layer.kind == Layer::Kind::arrows;
+    const double square = is_arrows ? arrow_square_px : point_square_px;
+    if (shown.size() > max_marks && layer.kind != Layer::Kind::bars)
+        shown = one_a_square(
+            shown, square,
+            [&](std::size_t i) { return Eigen::Vector2d(f.px(layer.xs[i]), f.py(layer.ys[i])); },
+            [&](std::size_t i) { return is_arrows ? std::hypot(layer.us[i], layer.vs[i]) : 0.0; });
+    std::string text;
+    for (const std::size_t i : shown)
+        text += mark(layer, i, f);
     return text;
+}
+
+// What a layer of too many marks says of itself.
+std::string SvgPlot::thinning() const {
+    const auto is_thinned = [](const Layer& layer) {
+        return layer.xs.size() > max_marks &&
+               (layer.kind == Layer::Kind::points || layer.kind == Layer::Kind::arrows);
+    };
+    const auto thinned = std::ranges::find_if(layers_, is_thinned);
+    if (thinned == layers_.end())
+        return "";
+    const bool is_arrows = thinned->kind == Layer::Kind::arrows;
+    return fmt::format(
+        "<text x='{}' y='17' font-size='10' text-anchor='end'>{} {}, one a {:g} px square</text>",
+        width_ - right, thinned->xs.size(), is_arrows ? "arrows" : "points",
+        is_arrows ? arrow_square_px : point_square_px);
 }
 
 std::string SvgPlot::path(const Layer& layer, const Frame& f) const {
@@ -442,7 +493,7 @@ std::string SvgPlot::svg(bool stand_alone) const {
     text += axes(f);
     for (const Layer& each : layers_)
         text += layer(each, f);
-    text += legend() + "</svg>";
+    text += thinning() + legend() + "</svg>";
     return stand_alone ? stand_alone_svg(std::move(text)) : text;
 }
 

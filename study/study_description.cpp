@@ -18,7 +18,6 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr const char* kind = "study-record/1";
-constexpr const char* file_name = "study.json";
 
 ordered_json json_of(const StudyDescription& description) {
     const auto detector_json = [](const StudyDescription::DetectorEntry& one) -> ordered_json {
@@ -52,9 +51,9 @@ StudyDescription description_of(const ordered_json& json) {
         description.axes.push_back({axis.at("name"), axis.at("unit")});
     description.made_from = json.at("made_from").dump();
     description.shard = {json.at("shard").at(0), json.at("shard").at(1)};
-    const StudyShard& shard = description.shard;
+    const Shard& shard = description.shard;
     if (shard.index < 1 || shard.index > shard.count || description.rows_per_pose() == 0)
-        throw ConfigError({file_name}, "describes no study");
+        throw ConfigError({study_work.description}, "describes no study");
     return description;
 }
 
@@ -100,17 +99,8 @@ std::string volume_words(const StudyPoses& poses) {
 
 }  // namespace
 
-StudyShard parse_shard(const std::string& text) {
-    const std::vector<std::string> parts = split(text, '/');
-    const auto index = parts.size() == 2 ? parse_integer(parts[0]) : std::nullopt;
-    const auto count = parts.size() == 2 ? parse_integer(parts[1]) : std::nullopt;
-    if (!index || !count || *index < 1 || *index > *count || *count > 1'000'000)
-        throw ConfigError({"--shard"}, "must be I/N with 1 <= I <= N, not '" + text + "'");
-    return {static_cast<std::size_t>(*index), static_cast<std::size_t>(*count)};
-}
-
 StudyDescription describe(const StudyFile& study, const std::filesystem::path& file,
-                          const std::vector<StudyVariant>& variants, const StudyShard& shard) {
+                          const std::vector<StudyVariant>& variants, const Shard& shard) {
     StudyDescription description{.id = study.id,
                                  .camera = camera_words(study.camera),
                                  .poses = static_cast<std::size_t>(study.poses.count),
@@ -137,7 +127,7 @@ StudyDescription describe(const StudyFile& study, const std::filesystem::path& f
 }
 
 StudyDescription read_description(const std::filesystem::path& folder) {
-    const std::filesystem::path path = folder / file_name;
+    const std::filesystem::path path = folder / study_work.description;
     const ordered_json json = read_json(path);
     if (!json.is_object() || json.value("etalon", ordered_json()) != kind)
         throw ConfigError({path.string()}, std::string("is not of ") + kind);
@@ -149,11 +139,7 @@ StudyDescription read_description(const std::filesystem::path& folder) {
 }
 
 std::string description_text(const StudyDescription& description) {
-    return text_of(json_of(description)) + "\n";
-}
-
-std::string first_difference(const StudyDescription& one, const StudyDescription& other) {
-    return first_difference(json_of(one), json_of(other));
+    return text_of(json_of(description));
 }
 
 }  // namespace etalon

@@ -7,20 +7,10 @@
 #include <string>
 #include <vector>
 
+#include "report/result_rows.h"
 #include "study/study_evaluation.h"
 
 namespace etalon {
-
-// Part `index` of `count`: the poses index - 1, index - 1 + count, ...
-struct StudyShard {
-    std::size_t index = 1, count = 1;
-
-    bool is_all() const { return count == 1; }
-    bool holds(std::size_t pose) const { return pose % count == index - 1; }
-    std::size_t poses(std::size_t of) const { return (of + count - index) / count; }
-};
-// "2/5"; throws ConfigError at --shard for anything else.
-StudyShard parse_shard(const std::string& text);
 
 // An axis that is drawn along with the poses: a disturbance or the focus distance.
 struct StudyAxis {
@@ -40,21 +30,21 @@ struct StudyDescription {
     std::vector<DetectorEntry> detectors;
     std::vector<std::string> variants;
     std::vector<StudyAxis> axes;
-    StudyShard shard;
+    Shard shard;
     std::string made_from;  // JSON: hashes of files, seeds; equal where results must be
 
     std::size_t rows_per_pose() const { return detectors.size() * variants.size(); }
 };
 
+inline constexpr ShardedWork study_work{"study", "pose", "study merge", "study.json"};
+
 StudyDescription describe(const StudyFile& study, const std::filesystem::path& file,
-                          const std::vector<StudyVariant>& variants, const StudyShard& shard);
+                          const std::vector<StudyVariant>& variants, const Shard& shard);
 
 // Of the folder's study.json. Throws ConfigError for a folder without one or with another's.
 StudyDescription read_description(const std::filesystem::path& folder);
 
+// What study.json says, as JSON.
 std::string description_text(const StudyDescription& description);
-
-// The first entry of study.json in which the two differ, its path inside; empty if none does.
-std::string first_difference(const StudyDescription& one, const StudyDescription& other);
 
 }  // namespace etalon

@@ -1,21 +1,16 @@
-// The folder of a study:
+// The folder of a study (report/result_rows.h):
 //
 //   study.json     what the results follow from: the study, its camera, the program's version
 //   results.csv    a line per pose, variant and detector, in this order
 //
-// and, once all of it is there, what is made of it (study/study_report.h). Poses are written in
-// order, so an interrupted study is a whole beginning of the full one and goes on where it ended.
-// A shard holds every n-th pose; merged, the shards' bytes are those of the study in one piece.
-// Layout of the files: docs/study.md.
+// and, once all of it is there, what is made of it (study/study_report.h). Layout of the files:
+// docs/study.md.
 #pragma once
 
 #include <filesystem>
-#include <fstream>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "core/file_lock.h"
 #include "study/study_description.h"
 
 namespace etalon {
@@ -28,8 +23,8 @@ public:
     // a study that differs: in what, is said. Throws it too while another program writes there.
     StudyRecord(const std::filesystem::path& folder, const StudyDescription& description);
 
-    const std::filesystem::path& folder() const { return folder_; }
-    std::size_t poses_done() const { return poses_done_; }  // of the shard
+    const std::filesystem::path& folder() const { return rows_.folder(); }
+    std::size_t poses_done() const { return rows_.units_done(); }  // of the shard
 
     // Poses must come in order. Lines are in the file when this returns; throws ConfigError when
     // they cannot be written.
@@ -37,13 +32,8 @@ public:
              const std::vector<StudyFinding>& findings);
 
 private:
-    void keep_whole_poses();
-
-    std::filesystem::path folder_;
     StudyDescription description_;
-    std::size_t poses_done_ = 0;
-    std::optional<FileLock> lock_;  // on results.csv
-    std::ofstream results_;
+    RowRecord rows_;
 };
 
 // Writes study.json and results.csv of the whole into `out`, from all of its shards in any order.

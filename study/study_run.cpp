@@ -65,7 +65,7 @@ struct EvaluatedPose {
 
 class StudyPipeline {
 public:
-    StudyPipeline(const StudyOptics& optics, const StudyShard& shard, StudyRecord& record,
+    StudyPipeline(const StudyOptics& optics, const Shard& shard, StudyRecord& record,
                   std::stop_token stop, Progress& progress)
         : optics_(optics),
           shard_(shard),
@@ -86,7 +86,7 @@ public:
 
     StudyRun run() {
         StudyRun result;
-        const std::size_t of = shard_.poses(poses());
+        const std::size_t of = shard_.units(poses());
         const std::size_t before = record_.poses_done();
         if (before < of)
             progress_.begin("study", static_cast<int>(of - before),
@@ -151,7 +151,7 @@ private:
     }
 
     const StudyOptics& optics_;
-    StudyShard shard_;
+    Shard shard_;
     StudyRecord& record_;
     std::stop_token stop_;
     Progress& progress_;
@@ -164,7 +164,7 @@ private:
 
 }  // namespace
 
-StudyRun run_study(const StudyOptics& optics, const StudyShard& shard, StudyRecord& record,
+StudyRun run_study(const StudyOptics& optics, const Shard& shard, StudyRecord& record,
                    std::stop_token stop, Progress& progress) {
     const double cpu_start = process_cpu_ms();
     const auto start = std::chrono::steady_clock::now();

@@ -18,7 +18,7 @@ struct StudyRun {
 // A stop request lets the poses in work be finished. Results depend neither on threads nor on
 // order; as many images are in memory as there are threads. Throws what StudyWorker and
 // StudyRecord::add throw, and NumericalError for a volume into which the markers hardly fit.
-StudyRun run_study(const StudyOptics& optics, const StudyShard& shard, StudyRecord& record,
+StudyRun run_study(const StudyOptics& optics, const Shard& shard, StudyRecord& record,
                    std::stop_token stop, Progress& progress);
 
 }  // namespace etalon

@@ -31,13 +31,6 @@ Rigid pose_from_numbers(const std::vector<double>& numbers, const SourcePlace& p
     return rigid_from_vector(pose);
 }
 
-std::vector<Rigid> read_csv_poses(const std::filesystem::path& path) {
-    std::vector<Rigid> poses;
-    for (const CsvRow& row : read_csv(path, {csv_header}).rows)
-        poses.push_back(pose_from_numbers(row.numbers(), row.place));
-    return poses;
-}
-
 Rigid pose_from_json(const Value& value) {
     if (value.is_list())
         return pose_from_numbers(value.numbers(6, any_number), value.place());
@@ -73,10 +66,34 @@ Rigid parse_pose(const std::string& text, const std::string& place) {
     return pose_from_numbers(parse_numbers(text, 6, place), {place});
 }
 
+PoseReader::PoseReader(const std::filesystem::path& path) : path_(path) {
+    if (is_json(path))
+        json_ = read_json_poses(path);
+    else
+        csv_ = std::make_unique<CsvReader>(path, std::initializer_list{csv_header});
+}
+
+PoseReader::~PoseReader() = default;
+
+std::optional<Rigid> PoseReader::next() {
+    std::optional<Rigid> pose;
+    if (csv_) {
+        if (const auto row = csv_->next())
+            pose = pose_from_numbers(row->numbers(), row->place);
+    } else if (index_ < json_.size()) {
+        pose = json_[index_];
+    }
+    if (!pose && index_ == 0)
+        throw ConfigError({path_.string()}, "holds no pose");
+    ++index_;
+    return pose;
+}
+
 std::vector<Rigid> read_poses(const std::filesystem::path& path) {
-    std::vector<Rigid> poses = is_json(path) ? read_json_poses(path) : read_csv_poses(path);
-    if (poses.empty())
-        throw ConfigError({path.string()}, "holds no pose");
+    PoseReader reader(path);
+    std::vector<Rigid> poses;
+    while (const auto pose = reader.next())
+        poses.push_back(*pose);
     return poses;
 }
 

@@ -6,12 +6,16 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/rigid.h"
 
 namespace etalon {
+
+class CsvReader;
 
 // A pose as on the command line, "rx,ry,rz,tx,ty,tz"; `place` is the option's name. Throws
 // ConfigError unless it is six finite numbers, the rotation vector no longer than 2 pi (longer ones
@@ -22,5 +26,23 @@ Rigid parse_pose(const std::string& text, const std::string& place);
 // whatever is not exactly as above: unknown, doubled and missing keys, an empty list, a blank line
 // between poses, poses that parse_pose() would refuse.
 std::vector<Rigid> read_poses(const std::filesystem::path& path);
+
+// The same, pose by pose: of a CSV, however long, one is in memory.
+class PoseReader {
+public:
+    explicit PoseReader(const std::filesystem::path& path);
+    ~PoseReader();
+    PoseReader(const PoseReader&) = delete;
+    PoseReader& operator=(const PoseReader&) = delete;
+
+    // Nothing behind the last pose; throws as read_poses().
+    std::optional<Rigid> next();
+
+private:
+    std::filesystem::path path_;
+    std::unique_ptr<CsvReader> csv_;  // null of JSON
+    std::vector<Rigid> json_;
+    std::size_t index_ = 0;
+};
 
 }  // namespace etalon

@@ -5,12 +5,14 @@
 #include <cctype>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "core/errors.h"
 #include "core/text.h"
 #include "report/json_text.h"
 #include "report/svg_plot.h"
 #include "station/foresee/commands.h"
+#include "station/foresee/oc_record.h"
 #include "station/foresee/operating_characteristic.h"
 #include "station/foresee/studied_plan.h"
 #include "station/shell/command.h"
@@ -23,6 +25,13 @@ struct OcArguments {
     std::filesystem::path station, out;  // out: folder for curves and JSON; empty: none
     int runs = 2000;                     // per point
     std::vector<std::string> errors;     // only these; none: all
+    std::string shard;                   // "2/5"; empty: all runs
+    bool json = false;
+};
+
+struct OcMergeArguments {
+    std::vector<std::filesystem::path> shards;
+    std::filesystem::path out;  // as of OcArguments
     bool json = false;
 };
 
@@ -92,9 +101,10 @@ void print_alike(const OperatingCharacteristic& result) {
             fmt::print("{} stands also for: {}\n", error.name, fmt::join(error.alike, ", "));
 }
 
-void print_text(const StudiedPlan& studied, const OperatingCharacteristic& result) {
-    fmt::print("operating characteristic of {}: {} poses, {} runs a point\n{}", studied.station.id,
-               studied.plan.poses.size(), result.runs, detector_text(studied.simulator->study()));
+void print_text(const StationCharacteristic& studied) {
+    const OperatingCharacteristic& result = studied.result;
+    fmt::print("operating characteristic of {}: {} poses, {} runs a point\n{}", studied.station,
+               studied.detector.poses, result.runs, detector_text(studied.detector));
     const OutcomeCounts& verdict = result.without_error.verdict;
     const Share pass = run_share(verdict.pass, verdict.runs());
     fmt::print("without any error the verdict is PASS in {:.2f} % of runs ({:.2f} to {:.2f})\n",
@@ -146,8 +156,9 @@ Json json_of(const ErrorCharacteristic& error, const OperatingCharacteristic& re
     return entry;
 }
 
-Json json_of(const StudiedPlan& studied, const OperatingCharacteristic& result) {
-    const DetectorStudy& study = studied.simulator->study();
+Json json_of(const StationCharacteristic& studied) {
+    const OperatingCharacteristic& result = studied.result;
+    const DetectorFigures& detector = studied.detector;
     Json quantities = Json::array();
     for (std::size_t k = 0; k < result.quantities.size(); ++k) {
         const auto [without, at_limit] = relative_uncertainty(result, k);
@@ -158,15 +169,15 @@ Json json_of(const StudiedPlan& studied, const OperatingCharacteristic& result) 
                               {"uncertainty_over_limit_at_1x", at_limit}});
     }
     return {{"etalon", "operating-characteristic/1"},
-            {"station", studied.station.id},
-            {"poses", studied.plan.poses.size()},
+            {"station", studied.station},
+            {"poses", detector.poses},
             {"runs", result.runs},
             {"seed", result.seed},
             {"detector",
-             {{"noise_px", study.noise_px},
-              {"bias_px", study.bias_px},
-              {"noise_bias_px", study.noise_bias_px},
-              {"noisy_frames", study.frames}}},
+             {{"noise_px", detector.noise_px},
+              {"bias_px", detector.bias_px},
+              {"noise_bias_px", detector.noise_bias_px},
+              {"noisy_frames", detector.frames}}},
             {"quantities", quantities},
             {"without_error", json_of(result.without_error, result)},
             {"errors",
@@ -214,26 +225,72 @@ void write_files(const std::filesystem::path& folder, const Json& json,
                            curve(result, error, k));
 }
 
+void simulate(const CharacteristicRuns& runs, std::span<const std::size_t> numbers,
+              Progress& progress, const CharacteristicRuns::KeepRun& keep) {
+    if (numbers.empty())
+        return;
+    progress.begin("simulating", static_cast<int>(numbers.size()),
+                   numbers.size() * point_count(runs.planned()) * std::chrono::milliseconds(5));
+    runs.simulate(numbers, [&](std::size_t run, std::span<const PointRun> points) {
+        keep(run, points);
+        progress.step();
+    });
+    progress.end();
+}
+
+void give(const StationCharacteristic& studied, const std::filesystem::path& out, bool json) {
+    const Json text = json_of(studied);
+    if (!out.empty())
+        write_files(out, text, studied.result);
+    if (json)
+        fmt::print("{}\n", text.dump(1));
+    else
+        print_text(studied);
+}
+
+// The runs that the shard's record does not hold yet; they are all in its folder afterwards.
+void run_shard(const CharacteristicRuns& runs, const StationCharacteristic& planned,
+               const Shard& shard, const std::filesystem::path& out, Progress& progress) {
+    RowRecord record(out, oc_rows(planned, shard));
+    std::vector<std::size_t> missing;
+    for (std::size_t i = record.units_done();
+         i < shard.units(static_cast<std::size_t>(planned.result.runs)); ++i)
+        missing.push_back(shard.index - 1 + i * shard.count);
+    simulate(runs, missing, progress, [&](std::size_t run, std::span<const PointRun> points) {
+        record.add(rows_of_run(run, points));
+    });
+    fmt::print("shard {}\n", (out / "results.csv").string());
+}
+
 int run_oc(const OcArguments& arguments) {
+    // `merge` needs none, so that the command line cannot require it.
+    if (arguments.station.empty())
+        throw ConfigError({}, "STATION is required");
+    const Shard shard = parse_shard(arguments.shard);
+    if (!shard.is_all() && arguments.out.empty())
+        throw ConfigError({"--out"}, "is required: a shard's runs are merged from its folder");
     const StudiedPlan studied = study_plan(arguments.station, frames_of_study);
-    StderrProgress progress;
     CharacteristicRequest request;
     request.runs = arguments.runs;
     request.errors = arguments.errors;
-    request.progress = [&](int done, int all) {
-        if (done == 1)
-            progress.begin("simulating", all, all * arguments.runs * std::chrono::milliseconds(10));
-        progress.step();
-    };
-    const OperatingCharacteristic result = operating_characteristic(*studied.simulator, request);
-    progress.end();
-    const Json json = json_of(studied, result);
-    if (!arguments.out.empty())
-        write_files(arguments.out, json, result);
-    if (arguments.json)
-        fmt::print("{}\n", json.dump(1));
-    else
-        print_text(studied, result);
+    const CharacteristicRuns runs(*studied.simulator, request);
+    StationCharacteristic result = characteristic_of(studied, runs.planned());
+    StderrProgress progress;
+    if (!shard.is_all()) {
+        run_shard(runs, result, shard, arguments.out, progress);
+        return 0;
+    }
+    std::vector<std::size_t> all(static_cast<std::size_t>(arguments.runs));
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    simulate(runs, all, progress, [&](std::size_t, std::span<const PointRun> points) {
+        add_run(result.result, points);
+    });
+    give(result, arguments.out, arguments.json);
+    return 0;
+}
+
+int run_oc_merge(const OcMergeArguments& arguments) {
+    give(merged_characteristic(arguments.shards), arguments.out, arguments.json);
     return 0;
 }
 
@@ -246,8 +303,10 @@ void declare_oc(Command& program) {
         "often each judged quantity comes out as PASS and FAIL. 1x is the size whose\n"
         "field just reaches the quantity's limit. About 15 ms of CPU a run; --runs 200\n"
         "for a first look. Explained in docs/operating-characteristic.md.\n\n"
-        "Example:\n  etalon oc examples/demo/station.yaml --error \"focal length\"\n");
-    command.required("STATION", asked->station, "station.yaml");
+        "Examples:\n"
+        "  etalon oc examples/demo/station.yaml --error \"focal length\"\n"
+        "  etalon oc station.yaml --runs 100000 --shard 2/5 --out part-2\n");
+    command.option("STATION", asked->station, "station.yaml");
     command.option("--runs", asked->runs, "of each error and size (default 2000)", "N")
         .within(1, 1000000);
     command
@@ -255,6 +314,16 @@ void declare_oc(Command& program) {
                 "an error by its name; may be repeated\n(default: all, one of each group)", "NAME")
         .one_each();
     command.option("--out", asked->out, "folder for the curves (SVG) and the JSON", "DIR");
+    command.option(
+        "--shard", asked->shard,
+        "only part I of N: every N-th run, to be merged;\nkilled, the same command goes on", "I/N");
+    auto [merge, merged] = command.add(
+        run_oc_merge, "merge", "put the shards of an operating characteristic together",
+        "All shards, in any order. Prints what the runs in one process print, byte for\n"
+        "byte.\n\n"
+        "Example:\n  etalon oc merge part-1 part-2 part-3 --out curves\n");
+    merge.required("SHARDS", merged->shards, "folders of `etalon oc --shard`");
+    merge.option("--out", merged->out, "folder for the curves (SVG) and the JSON", "DIR");
 }
 
 }  // namespace etalon

@@ -6,13 +6,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "core/errors.h"
 
 namespace etalon {
-namespace {
 
-using Signatures = std::vector<ErrorSignature>;
+// What all runs have in common.
+struct SharedByRuns {
+    std::vector<ErrorSignature> signatures;
+    NoiseDraws draws;
+};
+
+namespace {
 
 // ------------------------------------------------------------------------------ the size of 1x
 
@@ -25,14 +31,8 @@ std::vector<JudgedQuantity> judged(const Qualification& result) {
     return quantities;
 }
 
-// What all runs have in common.
-struct Known {
-    Signatures signatures;
-    NoiseDraws draws;
-};
-
 // What has a limit, and nothing else: that is what takes no longer than it must.
-Qualification judgement(QualificationInput input, const Known& known) {
+Qualification judgement(QualificationInput input, const SharedByRuns& known) {
     input.known_signatures = &known.signatures;
     input.known_draws = &known.draws;
     input.measure_reported = false;
@@ -41,7 +41,8 @@ Qualification judgement(QualificationInput input, const Known& known) {
 
 class LimitSearch {
 public:
-    LimitSearch(const RunSimulator& simulator, const Known& known, const InjectedError& error)
+    LimitSearch(const RunSimulator& simulator, const SharedByRuns& known,
+                const InjectedError& error)
         : simulator_(simulator), known_(known), error_(error) {}
 
     // The size whose exact field has the value `limit`; values grow nearly in proportion to the
@@ -77,27 +78,22 @@ private:
     }
 
     const RunSimulator& simulator_;
-    const Known& known_;
+    const SharedByRuns& known_;
     const InjectedError& error_;
 };
 
 // ------------------------------------------------------------------------------------ one point
 
-struct RunResult {
-    bool refused = false;
-    Outcome verdict = Outcome::inconclusive;
-    std::vector<JudgedQuantity> quantities;
-};
-
-RunResult result_of(const Qualification& analysis, const std::vector<JudgedQuantity>& quantities) {
-    RunResult result;
-    result.verdict = analysis.verdict;
+PointRun run_of(const Qualification& analysis, const std::vector<JudgedQuantity>& quantities) {
+    PointRun run;
+    run.verdict = analysis.verdict;
     for (const JudgedQuantity& wanted : quantities) {
         const auto found =
             std::ranges::find(analysis.quantities, wanted.name, &JudgedQuantity::name);
-        result.quantities.push_back(found == analysis.quantities.end() ? JudgedQuantity{} : *found);
+        const JudgedQuantity one = found == analysis.quantities.end() ? JudgedQuantity{} : *found;
+        run.quantities.push_back({one.outcome, one.value, one.expanded_uncertainty});
     }
-    return result;
+    return run;
 }
 
 void count(Outcome outcome, OutcomeCounts& counts) {
@@ -109,55 +105,42 @@ void count(Outcome outcome, OutcomeCounts& counts) {
         ++counts.other;
 }
 
-CharacteristicPoint summed(double size, const std::vector<RunResult>& results,
-                           std::size_t quantities) {
-    CharacteristicPoint point;
-    point.size = size;
-    point.quantities.resize(quantities);
-    for (const RunResult& result : results) {
-        point.refused += result.refused;
-        count(result.verdict, point.verdict);
-        for (std::size_t k = 0; k < quantities; ++k) {
-            QuantityOutcomes& sum = point.quantities[k];
-            const JudgedQuantity one = result.refused ? JudgedQuantity{} : result.quantities[k];
-            count(one.outcome, sum.counts);
-            sum.mean_value += one.value / static_cast<double>(results.size());
-            sum.mean_uncertainty += one.expanded_uncertainty / static_cast<double>(results.size());
-        }
+void add_to(CharacteristicPoint& point, const PointRun& run, int runs) {
+    point.refused += run.refused;
+    count(run.verdict, point.verdict);
+    for (std::size_t k = 0; k < point.quantities.size(); ++k) {
+        QuantityOutcomes& sum = point.quantities[k];
+        const QuantityRun one = run.refused ? QuantityRun{} : run.quantities.at(k);
+        count(one.outcome, sum.counts);
+        sum.mean_value += one.value / static_cast<double>(runs);
+        sum.mean_uncertainty += one.expanded_uncertainty / static_cast<double>(runs);
     }
-    return point;
 }
 
-class Study {
+class PlannedStudy {
 public:
-    Study(const RunSimulator& simulator, const CharacteristicRequest& request)
-        : simulator_(simulator), request_(request), known_{{}, NoiseDraws(request.seed)} {
-        QualificationInput input = simulator.draw(simulator.as_told(), request.seed, 0);
-        const Qualification told = qualify(input);
-        known_.signatures = told.signatures;
-        quantities_ = judged(told);
-        if (quantities_.empty())
-            throw NumericalError(
-                fmt::format("operating characteristic: a run without any error is not judged: {}",
-                            fmt::join(told.reasons, "; ")));
-    }
+    PlannedStudy(const RunSimulator& simulator, const CharacteristicRequest& request,
+                 const SharedByRuns& known, const std::vector<JudgedQuantity>& quantities)
+        : simulator_(simulator), request_(request), known_(known), quantities_(quantities) {}
 
-    OperatingCharacteristic run() {
+    OperatingCharacteristic planned() const {
         OperatingCharacteristic result;
         result.quantities = quantities_;
+        result.without_error = point(0.0);
         result.runs = request_.runs;
         result.seed = request_.seed;
         result.errors = errors();
-        for (const ErrorCharacteristic& error : result.errors)
-            all_ += static_cast<int>(error.points.size());
-        result.without_error = at(simulator_.as_told(), 0.0);
-        for (ErrorCharacteristic& error : result.errors)
-            for (CharacteristicPoint& point : error.points)
-                point = at(truth_with(error.name, point.size), point.size);
         return result;
     }
 
 private:
+    CharacteristicPoint point(double size) const {
+        CharacteristicPoint empty;
+        empty.size = size;
+        empty.quantities.resize(quantities_.size());
+        return empty;
+    }
+
     const ErrorSignature* signature_of(const std::string& name) const {
         const auto found = std::ranges::find(known_.signatures, name, &ErrorSignature::name);
         return found == known_.signatures.end() ? nullptr : &*found;
@@ -213,40 +196,31 @@ private:
                     sizes.push_back(multiple * *result.limit_size.back());
         }
         std::ranges::sort(sizes);
-        for (const double size : sizes) {
-            result.points.emplace_back();
-            result.points.back().size = size;
-        }
+        for (const double size : sizes)
+            result.points.push_back(point(size));
         return result;
-    }
-
-    RunTruth truth_with(const std::string& name, double size) const {
-        const std::vector<InjectedError> errors = simulator_.errors();
-        RunTruth truth = simulator_.as_told();
-        std::ranges::find(errors, name, &InjectedError::name)->apply(truth, size);
-        return truth;
-    }
-
-    CharacteristicPoint at(const RunTruth& truth, double size) {
-        std::vector<RunResult> results(static_cast<std::size_t>(request_.runs));
-        tbb::parallel_for(std::size_t{0}, results.size(), [&](std::size_t run) {
-            const auto qualified = attempted([&] {
-                results[run] = result_of(
-                    judgement(simulator_.draw(truth, request_.seed, run), known_), quantities_);
-            });
-            results[run].refused = !qualified;
-        });
-        if (request_.progress)
-            request_.progress(++done_, all_);
-        return summed(size, results, quantities_.size());
     }
 
     const RunSimulator& simulator_;
     const CharacteristicRequest& request_;
-    Known known_;
-    std::vector<JudgedQuantity> quantities_;
-    int done_ = 0, all_ = 1;
+    const SharedByRuns& known_;
+    const std::vector<JudgedQuantity>& quantities_;
 };
+
+// What is there at every point, in the order of point_sizes().
+std::vector<RunTruth> truths_of(const RunSimulator& simulator,
+                                const OperatingCharacteristic& planned) {
+    const std::vector<InjectedError> errors = simulator.errors();
+    std::vector<RunTruth> truths{simulator.as_told()};
+    for (const ErrorCharacteristic& error : planned.errors) {
+        const auto injected = std::ranges::find(errors, error.name, &InjectedError::name);
+        for (const CharacteristicPoint& point : error.points) {
+            truths.push_back(simulator.as_told());
+            injected->apply(truths.back(), point.size);
+        }
+    }
+    return truths;
+}
 
 }  // namespace
 
@@ -256,9 +230,83 @@ Share run_share(int count, int runs) {
     return wilson_share(static_cast<std::size_t>(count), static_cast<std::size_t>(runs));
 }
 
+struct CharacteristicRuns::Parts {
+    const RunSimulator& simulator;
+    std::uint64_t seed;
+    SharedByRuns known;
+    OperatingCharacteristic planned;
+    std::vector<RunTruth> truths;  // by point
+
+    PointRun run(std::size_t run, std::size_t point) const {
+        PointRun result;
+        const auto qualified = attempted([&] {
+            result = run_of(judgement(simulator.draw(truths[point], seed, run), known),
+                            planned.quantities);
+        });
+        result.refused = !qualified;
+        return result;
+    }
+};
+
+CharacteristicRuns::CharacteristicRuns(const RunSimulator& simulator,
+                                       const CharacteristicRequest& request)
+    : parts_(new Parts{simulator, request.seed, {{}, NoiseDraws(request.seed)}, {}, {}}) {
+    QualificationInput input = simulator.draw(simulator.as_told(), request.seed, 0);
+    const Qualification told = qualify(input);
+    parts_->known.signatures = told.signatures;
+    const std::vector<JudgedQuantity> quantities = judged(told);
+    if (quantities.empty())
+        throw NumericalError(
+            fmt::format("operating characteristic: a run without any error is not judged: {}",
+                        fmt::join(told.reasons, "; ")));
+    parts_->planned = PlannedStudy(simulator, request, parts_->known, quantities).planned();
+    parts_->truths = truths_of(simulator, parts_->planned);
+}
+
+CharacteristicRuns::~CharacteristicRuns() = default;
+
+const OperatingCharacteristic& CharacteristicRuns::planned() const {
+    return parts_->planned;
+}
+
+void CharacteristicRuns::simulate(std::span<const std::size_t> runs, const KeepRun& keep) const {
+    constexpr std::size_t at_a_time = 32;
+    const std::size_t points = parts_->truths.size();
+    for (std::size_t first = 0; first < runs.size(); first += at_a_time) {
+        const auto some = runs.subspan(first, std::min(at_a_time, runs.size() - first));
+        std::vector<PointRun> results(some.size() * points);
+        tbb::parallel_for(std::size_t{0}, results.size(), [&](std::size_t i) {
+            results[i] = parts_->run(some[i / points], i % points);
+        });
+        for (std::size_t i = 0; i < some.size(); ++i)
+            keep(some[i], std::span(results).subspan(i * points, points));
+    }
+}
+
+std::size_t point_count(const OperatingCharacteristic& result) {
+    std::size_t points = 1;
+    for (const ErrorCharacteristic& error : result.errors)
+        points += error.points.size();
+    return points;
+}
+
+void add_run(OperatingCharacteristic& result, std::span<const PointRun> points) {
+    std::size_t next = 0;
+    add_to(result.without_error, points[next++], result.runs);
+    for (ErrorCharacteristic& error : result.errors)
+        for (CharacteristicPoint& point : error.points)
+            add_to(point, points[next++], result.runs);
+}
+
 OperatingCharacteristic operating_characteristic(const RunSimulator& simulator,
                                                  const CharacteristicRequest& request) {
-    return Study(simulator, request).run();
+    const CharacteristicRuns runs(simulator, request);
+    OperatingCharacteristic result = runs.planned();
+    std::vector<std::size_t> all(static_cast<std::size_t>(request.runs));
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    runs.simulate(all,
+                  [&](std::size_t, std::span<const PointRun> points) { add_run(result, points); });
+    return result;
 }
 
 const CharacteristicPoint* point_at(const ErrorCharacteristic& error, std::size_t quantity,

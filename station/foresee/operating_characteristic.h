@@ -13,7 +13,9 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -69,13 +71,50 @@ struct CharacteristicRequest {
     int runs = 2000;  // per point
     std::uint64_t seed = 1;
     std::vector<std::string> errors;  // only these; empty: all
-    // Called with the points done and all of them; may be empty.
-    std::function<void(int done, int all)> progress = {};
 };
 
-// Parallel over the runs; the same counts for any number of threads. Some 20 ms of CPU a run.
-// Throws ConfigError for an error that has no such name, NumericalError when not even the exact run
-// without any error can be analysed, or none of its quantities is judged.
+// What one run makes of one point.
+struct QuantityRun {
+    Outcome outcome = Outcome::skipped;
+    double value = 0.0, expanded_uncertainty = 0.0;
+};
+struct PointRun {
+    bool refused = false;  // then its quantities say nothing
+    Outcome verdict = Outcome::inconclusive;
+    std::vector<QuantityRun> quantities;  // in the order of OperatingCharacteristic::quantities
+};
+
+// The runs of an operating characteristic, to be simulated a part at a time: a run is all points,
+// first the one without an error, then each error's. Safe from every thread once built.
+class CharacteristicRuns {
+public:
+    // Finds each error's 1x: some seconds of CPU time on one thread. `simulator` must outlive it.
+    // Throws ConfigError for an error that has no such name, NumericalError when not even the exact
+    // run without any error can be analysed, or none of its quantities is judged.
+    CharacteristicRuns(const RunSimulator& simulator, const CharacteristicRequest& request);
+    ~CharacteristicRuns();
+    CharacteristicRuns(const CharacteristicRuns&) = delete;
+    CharacteristicRuns& operator=(const CharacteristicRuns&) = delete;
+
+    // All points with their sizes, nothing counted yet.
+    const OperatingCharacteristic& planned() const;
+
+    // Simulates these runs, some of them in parallel, and hands each on, in their order and from
+    // this thread: the same results for any number of threads. Some 10 ms of CPU a point.
+    using KeepRun = std::function<void(std::size_t run, std::span<const PointRun> points)>;
+    void simulate(std::span<const std::size_t> runs, const KeepRun& keep) const;
+
+private:
+    struct Parts;
+    std::unique_ptr<Parts> parts_;
+};
+
+std::size_t point_count(const OperatingCharacteristic& result);
+
+// Counts one run more. Sums depend on the order: runs are added as they are numbered.
+void add_run(OperatingCharacteristic& result, std::span<const PointRun> points);
+
+// All runs in this process. Throws as CharacteristicRuns does.
 OperatingCharacteristic operating_characteristic(const RunSimulator& simulator,
                                                  const CharacteristicRequest& request);
 

@@ -92,7 +92,7 @@ void print_plan(const StudiedPlan& studied) {
                std::ssize(studied.plan.poses) - hold_out, hold_out, studied.station.plan.frames);
     fmt::print("about {} of motion and photographs, then the analysis\n{}",
                duration_text(studied.plan.expected_duration),
-               detector_text(studied.simulator->study()));
+               detector_text(figures_of(studied.simulator->study())));
 }
 
 // "b3_position_field_rms_mm: image noise 0.051, registration 0.022": the largest first.

@@ -40,14 +40,20 @@ StudiedPlan study_plan(const std::filesystem::path& path, int noisy_frames) {
     return studied;
 }
 
-std::string detector_text(const DetectorStudy& study) {
+DetectorFigures figures_of(const DetectorStudy& study) {
     const auto seen = std::count_if(study.poses.begin(), study.poses.end(),
                                     [](const auto& pose) { return pose.has_value(); });
+    return {study.noise_px, study.bias_px,          study.noise_bias_px,
+            study.frames,   static_cast<int>(seen), static_cast<int>(study.poses.size())};
+}
+
+std::string detector_text(const DetectorFigures& detector) {
     return fmt::format(
         "the marker is detected in {} of {} poses ({} noisy renders of each)\n"
         "corner noise {:.4f} px a frame; the detector's bias {:.4f} px, of which noise moves {:.4f}"
         " px\n",
-        seen, study.poses.size(), study.frames, study.noise_px, study.bias_px, study.noise_bias_px);
+        detector.seen, detector.poses, detector.frames, detector.noise_px, detector.bias_px,
+        detector.noise_bias_px);
 }
 
 std::string size_text(double size, const std::string& unit) {

@@ -55,7 +55,8 @@ PhotometricPoses::PhotometricPoses(const QualifyResult& result, std::stop_token 
                 result.station.plan.seed),
       area_(compared_area(result.station.marker, {}, result.station.marker.spec)),
       whole_(printed_area(result.station.marker)),
-      calibration_(result.station.camera.model) {}
+      calibration_(result.station.camera.model),
+      kept_(result) {}
 
 PhotometricPoses::~PhotometricPoses() {
     tasks_.cancel();
@@ -69,13 +70,16 @@ PhotometricPoses::~PhotometricPoses() {
 void PhotometricPoses::add(const Pose& pose) {
     if (!pose.is_detected() || found_.contains(pose.index))
         return;
-    Found& found = found_[pose.index];
-    found.pose = pose;
-    tasks_.run([this, &found] {
+    PosePixels& found = found_[pose.index];
+    if (const KeptPose* kept = kept_.of(pose); kept && kept->pixels) {
+        found = *kept->pixels;
+        return;
+    }
+    tasks_.run([this, pose, &found] {
         if (stop_.stop_requested())
             return;
         try {
-            find(found);
+            find(pose, found);
         } catch (const NumericalError& error) {
             found.refusal = error.what();
         }
@@ -86,35 +90,35 @@ PhotometricPose PhotometricPoses::seen_in(const FrameRecord& frame, const Rigid&
     return detector_.find(recorded_photo(run_, frame), start, detector_error_px);
 }
 
-void PhotometricPoses::find(Found& found) const {
+void PhotometricPoses::find(const Pose& pose, PosePixels& found) const {
     const auto start = estimate_pose(detector_.camera()->projector(), run_.station.marker.points_mm,
-                                     found.pose.corners);
+                                     pose.corners);
     if (!start)
         throw NumericalError("its corners determine no pose to start from");
-    if (found.pose.hold_out)
-        return read(found, start->camera_from_marker);
-    const PhotometricPose seen = seen_in(*first_whole(found.pose), start->camera_from_marker);
+    if (pose.hold_out)
+        return read(pose, found, start->camera_from_marker);
+    const PhotometricPose seen = seen_in(*first_whole(pose), start->camera_from_marker);
     require_unambiguous(seen);
     find_bias(found, seen.camera_from_marker);
 }
 
-void PhotometricPoses::read(Found& found, const Rigid& start) const {
-    const CodeImage first = recorded_photo(run_, *first_whole(found.pose));
+void PhotometricPoses::read(const Pose& pose, PosePixels& found, const Rigid& start) const {
+    const CodeImage first = recorded_photo(run_, *first_whole(pose));
     found.findings = in_words(
         examine_marker(first, run_.station.marker, area_, detector_.camera()->projector(), start));
     std::vector<PhotometricPose> poses;
-    for (const FrameRecord& frame : found.pose.frames)
+    for (const FrameRecord& frame : pose.frames)
         if (!frame.file.empty())
             poses.push_back(seen_in(frame, start));
     const auto compared = attempted([&] { compare(found, first, poses.front()); });
-    for (const PhotometricPose& pose : poses)
-        require_unambiguous(pose);
+    for (const PhotometricPose& seen : poses)
+        require_unambiguous(seen);
     found.reading = mean_of(poses);
     find_bias(found, found.reading->camera_from_marker);
     found.refusal = compared.cause;  // its pose holds all the same
 }
 
-void PhotometricPoses::find_bias(Found& found, const Rigid& camera_from_marker) const {
+void PhotometricPoses::find_bias(PosePixels& found, const Rigid& camera_from_marker) const {
     const auto corners = rendered_.at(camera_from_marker);
     if (!corners)
         return;
@@ -126,7 +130,7 @@ void PhotometricPoses::find_bias(Found& found, const Rigid& camera_from_marker) 
 
 // At a pose that need not have settled: with a wrong tone curve it may never, and it is solved
 // beside the deviations.
-void PhotometricPoses::compare(Found& found, const CodeImage& image,
+void PhotometricPoses::compare(PosePixels& found, const CodeImage& image,
                                const PhotometricPose& seen) const {
     const PhotometricCamera& camera = *detector_.camera();
     const Rigid& camera_from_marker = seen.camera_from_marker;
@@ -150,16 +154,19 @@ PhotoPixels PhotometricPoses::measured(const CodeImage& image, const Rigid& came
 }
 
 RunPixels PhotometricPoses::pixels() const {
-    std::vector<const Found*> compared;
+    std::map<int, const Pose*> hold_out;
+    for (const Pose& pose : run_.poses)
+        if (pose.hold_out && found_.contains(pose.index))
+            hold_out[pose.index] = &pose;
+    std::vector<const Pose*> compared;
     std::vector<PhotoPixels> at_zero;
     std::vector<std::vector<PhotoFinding>> findings;
-    for (const auto& [index, found] : found_) {
-        if (!found.pose.hold_out)
-            continue;
+    for (const auto& [index, pose] : hold_out) {
+        const PosePixels& found = found_.at(index);
         findings.push_back(found.findings);
         if (!found.pixels)
             continue;
-        compared.push_back(&found);
+        compared.push_back(pose);
         at_zero.push_back(*found.pixels);
     }
     if (is_overexposed(findings))
@@ -174,9 +181,10 @@ RunPixels PhotometricPoses::pixels() const {
                            tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
                                if (stop_.stop_requested())
                                    throw Interrupted();
-                               const Found& found = *compared[which[i]];
-                               all[i] = measured(recorded_photo(run_, *first_whole(found.pose)),
-                                                 found.compared_at, camera, noise_scale);
+                               const Pose& pose = *compared[which[i]];
+                               all[i] = measured(recorded_photo(run_, *first_whole(pose)),
+                                                 found_.at(pose.index).compared_at, camera,
+                                                 noise_scale);
                            });
                            return all;
                        });
@@ -190,6 +198,7 @@ void PhotometricPoses::set_in(QualifyResult& result) {
     tasks_.wait();
     if (stop_.stop_requested())
         throw Interrupted();
+    kept_.keep(found_);
     for (Pose& pose : result.poses) {
         const auto found = found_.find(pose.index);
         if (found == found_.end())

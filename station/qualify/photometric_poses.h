@@ -13,6 +13,7 @@
 #include "compare/expect/rendered_corners.h"
 #include "compare/match/photo_pixels.h"
 #include "compare/photometric/photometric_detector.h"
+#include "station/qualify/kept_pixels.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {
@@ -20,7 +21,8 @@ namespace etalon {
 // Of poses whose marker was detected: of hold-out poses from all their whole frames in the record,
 // of training poses, where only the detector's bias is wanted, from the first. They start at the
 // detector's pose and are a pure function of these frames. All is found on other threads while the
-// stage moves on, some 30 ms of CPU time per frame, 0.1 s for the bias and 0.2 s in all per pose.
+// stage moves on, some 30 ms of CPU time per frame, 0.1 s for the bias and 0.2 s in all per pose;
+// nothing of it where the record has kept what this program found before.
 // Used from one thread.
 class PhotometricPoses {
 public:
@@ -36,8 +38,8 @@ public:
 
     // Sets them in all poses of the result, also in those that were not added; a hold-out pose that
     // gets none is named in the remarks. The same for any number of threads and whatever was added
-    // before. Throws ConfigError when a frame cannot be read and Interrupted when a stop was
-    // requested.
+    // before. Keeps what was found in the record (station/qualify/kept_pixels.h). Throws ConfigError
+    // when a frame cannot be read and Interrupted when a stop was requested.
     void set_in(QualifyResult& result);
 
     // The first whole photographs of the hold-out poses that were set, against their renders; of
@@ -49,22 +51,11 @@ public:
     const RenderedCorners& rendered() const { return rendered_; }
 
 private:
-    struct Found {
-        Pose pose;
-        std::optional<PhotometricReading> reading;
-        std::optional<Rigid> seen_at;
-        std::vector<Eigen::Vector2d> detector_bias_px;
-        std::string refusal;
-        Rigid compared_at;  // the pose that `pixels` are measured at
-        std::optional<PhotoPixels> pixels;
-        std::vector<PhotoFinding> findings;
-    };
-
     PhotometricPose seen_in(const FrameRecord& frame, const Rigid& start) const;
-    void find(Found& found) const;
-    void read(Found& found, const Rigid& start) const;
-    void find_bias(Found& found, const Rigid& camera_from_marker) const;
-    void compare(Found& found, const CodeImage& image, const PhotometricPose& seen) const;
+    void find(const Pose& pose, PosePixels& found) const;
+    void read(const Pose& pose, PosePixels& found, const Rigid& start) const;
+    void find_bias(PosePixels& found, const Rigid& camera_from_marker) const;
+    void compare(PosePixels& found, const CodeImage& image, const PhotometricPose& seen) const;
     PhotoPixels measured(const CodeImage& image, const Rigid& camera_from_marker,
                          const DeviatingCamera& camera, std::optional<double> noise_scale) const;
 
@@ -75,7 +66,8 @@ private:
     ComparedArea area_;
     std::optional<ComparedArea> whole_;  // of what is printed, where it has a background beside it
     DeviatingCamera calibration_;
-    std::map<int, Found> found_;  // by the pose's index; its nodes stay where they are
+    KeptPixels kept_;
+    std::map<int, PosePixels> found_;  // by the pose's index; its nodes stay where they are
     tbb::task_group tasks_;
 };
 

@@ -1,12 +1,16 @@
 #include "station/qualify/recorded_run.h"
 
 #include <fmt/format.h>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <limits>
 
 #include "compare/make_detector.h"
 #include "core/errors.h"
+#include "station/qualify/kept_pixels.h"
 #include "station/qualify/run_analysis.h"
 #include "station/qualify/run_results.h"
 #include "station/qualify/visited_pose.h"
@@ -237,20 +241,57 @@ private:
     int in_flight_ = 0;
 };
 
-void detect_again(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
-    const StationFile& station = result.station;
-    const auto detector = make_detector(station.detector, station.marker, station.detector);
-    if (!result.poses.empty())
-        progress.begin("reading", static_cast<int>(result.poses.size()),
-                       result.poses.size() * std::chrono::milliseconds(50));
-    for (Pose& pose : result.poses) {
-        if (stop.stop_requested())
+// In which frames the marker is, from what the record kept or by looking again.
+class FrameReader {
+public:
+    FrameReader(QualifyResult& result, const std::stop_token& stop)
+        : result_(result), stop_(stop), kept_(result), detectors_([this] {
+              const StationFile& station = result_.station;
+              return make_detector(station.detector, station.marker, station.detector);
+          }) {}
+
+    void read(Pose& pose) {
+        if (stop_.stop_requested())
             throw Interrupted();
-        for (FrameRecord& frame : pose.frames)
-            if (frame.status == FrameStatus::complete)
-                detect_frame(*detector, recorded_photo(result, frame), frame);
+        const KeptPose* kept = kept_.of(pose);
+        for (std::size_t i = 0; i < pose.frames.size(); ++i) {
+            FrameRecord& frame = pose.frames[i];
+            if (frame.status != FrameStatus::complete)
+                continue;
+            if (!kept) {
+                detect_frame(*detectors_.local(), recorded_photo(result_, frame), frame);
+                continue;
+            }
+            require_recorded(result_, frame);
+            frame.corners = kept->frames[i].corners;
+            frame.detection = kept->frames[i].detection;
+        }
         average_corners(pose);
-        progress.step();
+    }
+
+private:
+    QualifyResult& result_;
+    std::stop_token stop_;
+    KeptPixels kept_;
+    tbb::enumerable_thread_specific<std::unique_ptr<Detector>> detectors_;
+};
+
+// So many poses at a time that progress is seen.
+void read_frames(QualifyResult& result, Progress& progress, const std::stop_token& stop) {
+    constexpr std::size_t at_a_time = 32;
+    if (result.poses.empty())
+        return;
+    FrameReader reader(result, stop);
+    progress.begin("reading", static_cast<int>(result.poses.size()),
+                   result.poses.size() * std::chrono::milliseconds(30));
+    for (std::size_t first = 0; first < result.poses.size(); first += at_a_time) {
+        const std::size_t end = std::min(first + at_a_time, result.poses.size());
+        // Isolated: a detector that waits for its own tasks must not begin another pose.
+        tbb::parallel_for(first, end, [&](std::size_t i) {
+            tbb::this_task_arena::isolate([&] { reader.read(result.poses[i]); });
+        });
+        for (std::size_t i = first; i < end; ++i)
+            progress.step();
     }
     progress.end();
 }
@@ -263,7 +304,7 @@ RecordedRun read_record(const Path& folder, Progress& progress, const std::stop_
     run.result.software = software_versions();
     LogReader(run).read();
     run.result.duration_s = run.end_s;
-    detect_again(run.result, progress, stop);
+    read_frames(run.result, progress, stop);
     return run;
 }
 

@@ -1,5 +1,6 @@
-// A run read back from its record: from the log, the frames and the copies of its inputs. Nothing
-// else is looked at, as all else follows from these.
+// A run read back from its record: from the log, the frames and the copies of its inputs. All else
+// follows from these; what the frames' pixels gave is looked at only where it is this program's
+// (station/qualify/kept_pixels.h).
 //
 // A record is hostile until checked: every file by its SHA-256, every line of the log by its keys,
 // types and ranges, each pose against the plan. What a killed program leaves behind is no error: a
@@ -33,7 +34,7 @@ inline constexpr const char* unfinished_run = "the run did not come to its end";
 
 // The corners in the poses are detected anew, by this build. Throws ConfigError with file, line and
 // key for a record that cannot be what a run wrote; Interrupted when a stop was requested. Reads
-// every frame twice.
+// every frame twice, or once where its corners were kept.
 RecordedRun read_record(const std::filesystem::path& folder, Progress& progress,
                         const std::stop_token& stop);
 

@@ -68,13 +68,18 @@ const FrameRecord* first_whole(const Pose& pose) {
     return whole == pose.frames.end() ? nullptr : &*whole;
 }
 
-CodeImage recorded_photo(const QualifyResult& result, const FrameRecord& frame) {
+void require_recorded(const QualifyResult& result, const FrameRecord& frame) {
     const std::filesystem::path path = result.folder / frame.file;
     const std::string found = sha256_of_file(path);
     if (found != frame.sha256)
         throw ConfigError({path.string()},
                           fmt::format("is not the frame that was taken: its SHA-256 is {}, not {}",
                                       found, frame.sha256));
+}
+
+CodeImage recorded_photo(const QualifyResult& result, const FrameRecord& frame) {
+    require_recorded(result, frame);
+    const std::filesystem::path path = result.folder / frame.file;
     CodeImage photo = read_image(path);
     const CameraModel& camera = result.station.camera.model;
     if (photo.pixels.size() != cv::Size(camera.width, camera.height))

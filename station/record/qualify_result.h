@@ -83,6 +83,9 @@ std::optional<double> mean_residual_gray(const QualifyResult& result);
 // The pose's first whole photograph; null when there is none.
 const FrameRecord* first_whole(const Pose& pose);
 
+// Throws ConfigError when the frame's file cannot be read or is not the bytes that were taken.
+void require_recorded(const QualifyResult& result, const FrameRecord& frame);
+
 // A whole photograph, read back from the record, with the camera's bits: a file is 8 or 16 bit,
 // whatever the camera has. Throws ConfigError when it cannot be read, is not the bytes that were
 // taken, or has another size than the calibration.

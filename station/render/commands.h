@@ -34,6 +34,7 @@ struct RenderArguments {
     double exposure = 1.0;                    // factor on the radiance before the sensor
     std::string velocity;                     // "wx,wy,wz,vx,vy,vz", rad/s and mm/s; empty: still
     double shutter_ms = 0.0;                  // how long it moves
+    std::string shard;                        // of a set: "2/5"; empty: all
     bool linear = false;                      // 32-bit TIFF of radiance
     std::optional<std::uint64_t> noise_seed;  // shot and read noise of the camera's sensor
     bool explain = false;                     // print the plan
@@ -41,6 +42,13 @@ struct RenderArguments {
 };
 int run_render(const RenderArguments& arguments);
 int run_render_set(const RenderArguments& arguments);  // with a pose file
+
+struct RenderMergeArguments {
+    std::vector<std::filesystem::path> shards;
+    std::filesystem::path out;  // of the whole set
+    bool json = false;
+};
+int run_render_merge(const RenderMergeArguments& arguments);
 
 void declare_marker(Command& program);
 void declare_render(Command& program);

@@ -5,8 +5,12 @@
 #include <nlohmann/json.hpp>
 
 #include "core/errors.h"
+#include "core/sha256.h"
+#include "core/shard.h"
 #include "core/text.h"
 #include "report/json_text.h"
+#include "report/result_rows.h"
+#include "sim/scene/pose_file.h"
 
 namespace etalon {
 namespace {
@@ -15,7 +19,13 @@ using nlohmann::ordered_json;
 
 constexpr const char* settings_file = "set.json";
 constexpr const char* manifest_file = "images.jsonl";
+constexpr const char* poses_file = "poses.csv";
 constexpr const char* kind = "image-set/1";
+constexpr ShardedWork image_set_work{"image set", "pose", "render merge", settings_file};
+
+std::string image_file(std::size_t index, const std::string& extension) {
+    return fmt::format("pose-{:06}{}", index, extension);
+}
 
 [[noreturn]] void refuse(const std::filesystem::path& folder, const std::string& why) {
     throw ConfigError({"--out"}, fmt::format("'{}' {}", folder.string(), why));
@@ -30,10 +40,14 @@ void make_set_folder(const std::filesystem::path& folder) {
         refuse(folder, "is not empty and holds no image set");
 }
 
+bool is_set(const ordered_json& json) {
+    return json.is_object() && json.value("etalon", ordered_json()) == kind &&
+           json.contains("settings") && json["settings"].is_object();
+}
+
 void check_same(const std::filesystem::path& folder, const ordered_json& settings) {
     const ordered_json there = read_json(folder / settings_file);
-    if (!there.is_object() || there.value("etalon", ordered_json()) != kind ||
-        !there.contains("settings"))
+    if (!is_set(there))
         refuse(folder, fmt::format("holds a {} that is not of {}", settings_file, kind));
     const std::string key = first_difference(there["settings"], settings);
     if (!key.empty())
@@ -44,8 +58,8 @@ void check_same(const std::filesystem::path& folder, const ordered_json& setting
 }  // namespace
 
 ImageSet::ImageSet(const std::filesystem::path& folder, const std::string& settings,
-                   const std::string& made_from, const std::string& extension)
-    : folder_(folder), extension_(extension) {
+                   const std::string& made_from, const std::string& extension, std::size_t poses)
+    : folder_(folder), extension_(extension), had_(poses) {
     open_settings(settings, made_from);
     open_manifest();
 }
@@ -62,7 +76,7 @@ void ImageSet::open_settings(const std::string& settings, const std::string& mad
 }
 
 std::string ImageSet::file_name(std::size_t index) const {
-    return fmt::format("pose-{:06}{}", index, extension_);
+    return image_file(index, extension_);
 }
 
 // Without the lines of images that are gone, of refused poses (refusing them again costs nothing),
@@ -92,15 +106,166 @@ bool ImageSet::keeps(const std::string& line) {
         return false;
     const auto index = json["image"].get<std::size_t>();
     std::error_code ignored;
-    return json["file"] == file_name(index) &&
-           std::filesystem::is_regular_file(folder_ / file_name(index), ignored) &&
-           had_.insert(index).second;
+    if (index >= had_.size() || had_[index] || json["file"] != file_name(index) ||
+        !std::filesystem::is_regular_file(folder_ / file_name(index), ignored))
+        return false;
+    ++had_images_;
+    had_[index] = true;
+    return true;
 }
 
 void ImageSet::add(const std::string& line) {
     manifest_ << line << "\n" << std::flush;
     if (!manifest_)
         throw ConfigError({(folder_ / manifest_file).string()}, "cannot be written");
+}
+
+// --------------------------------------------------------------------------------------- merging
+
+namespace {
+
+ordered_json read_set(const std::filesystem::path& folder) {
+    const std::filesystem::path path = folder / settings_file;
+    ordered_json set = read_json(path);
+    if (!is_set(set))
+        throw ConfigError({path.string()}, std::string("is not of ") + kind);
+    return set;
+}
+
+// A shard's lines by pose. Where it was interrupted they are not in order.
+class ShardManifest {
+public:
+    ShardManifest(const std::filesystem::path& folder, std::size_t poses, const Shard& shard)
+        : path_(folder / manifest_file), file_(path_, std::ios::binary), count_(shard.count) {
+        starts_.assign(shard.units(poses), missing);
+        std::string line;
+        for (std::int64_t at = 0; std::getline(file_, line) && !file_.eof();
+             at += static_cast<std::int64_t>(line.size()) + 1)
+            if (const auto pose = pose_of(line); pose && *pose < poses && shard.holds(*pose))
+                starts_[*pose / count_] = at;
+        file_.clear();
+    }
+
+    std::string line(std::size_t pose) {
+        const std::int64_t start = starts_[pose / count_];
+        std::string text;
+        if (start == missing || !file_.seekg(start) || !std::getline(file_, text))
+            throw ConfigError({path_.string()},
+                              fmt::format("pose {} is missing: the shard is not finished", pose));
+        return text;
+    }
+
+    const std::filesystem::path& path() const { return path_; }
+
+private:
+    static constexpr std::int64_t missing = -1;
+
+    static std::optional<std::size_t> pose_of(std::string_view line) {
+        constexpr std::string_view before = "{\"image\":";
+        if (!line.starts_with(before))
+            return std::nullopt;
+        line.remove_prefix(before.size());
+        const auto pose = parse_integer(line.substr(0, line.find_first_of(",}")));
+        return pose && *pose >= 0 ? std::optional(static_cast<std::size_t>(*pose)) : std::nullopt;
+    }
+
+    std::filesystem::path path_;
+    std::ifstream file_;
+    std::size_t count_;
+    std::vector<std::int64_t> starts_;  // by the poses of the shard
+};
+
+void link_or_copy(const std::filesystem::path& from, const std::filesystem::path& to) {
+    std::error_code error;
+    std::filesystem::remove(to, error);
+    std::filesystem::create_hard_link(from, to, error);
+    if (error)
+        std::filesystem::copy_file(from, to, std::filesystem::copy_options::overwrite_existing,
+                                   error);
+    if (error)
+        throw ConfigError({to.string()}, "cannot be written: " + error.message());
+}
+
+class SetMerger {
+public:
+    SetMerger(const std::vector<std::filesystem::path>& in_order, const ordered_json& settings,
+              const std::filesystem::path& out)
+        : folders_(in_order),
+          out_(out),
+          extension_(settings.value("linear", false) ? ".tiff" : ".png") {
+        const std::filesystem::path poses = folders_[0] / poses_file;
+        const ordered_json hash = settings.value("poses", ordered_json::object());
+        if (hash != ordered_json{{"sha256", sha256_of_file(poses)}})
+            throw ConfigError({poses.string()}, "is not the poses that the set was made from");
+        PoseReader reader(poses);
+        while (reader.next())
+            ++poses_;
+        for (std::size_t i = 0; i < folders_.size(); ++i)
+            manifests_.emplace_back(folders_[i], poses_, Shard{i + 1, folders_.size()});
+    }
+
+    MergedImages merge() {
+        const std::filesystem::path path = out_ / manifest_file, part = path.string() + ".part";
+        std::ofstream manifest(part, std::ios::binary | std::ios::trunc);
+        for (std::size_t pose = 0; pose < poses_; ++pose)
+            manifest << take(pose) << "\n";
+        manifest.close();
+        link_or_copy(folders_[0] / poses_file, out_ / poses_file);
+        std::error_code error;
+        std::filesystem::rename(part, path, error);
+        if (!manifest || error)
+            throw ConfigError({path.string()}, "cannot be written");
+        return merged_;
+    }
+
+private:
+    // The pose's line; its image, if it has one, is in its place.
+    std::string take(std::size_t pose) {
+        ShardManifest& manifest = manifests_[pose % manifests_.size()];
+        const std::string line = manifest.line(pose);
+        const ordered_json json = ordered_json::parse(line, nullptr, /*allow_exceptions=*/false);
+        const std::string file = image_file(pose, extension_);
+        if (json.is_object() && json.contains("refused")) {
+            ++merged_.refused;
+            return line;
+        }
+        if (!json.is_object() || json.value("file", ordered_json()) != file)
+            throw ConfigError({manifest.path().string()},
+                              fmt::format("the line of pose {} is not as it was written", pose));
+        const std::filesystem::path image = folders_[pose % folders_.size()] / file;
+        if (json.value("sha256", ordered_json()) != sha256_of_file(image))
+            throw ConfigError({image.string()}, "is not the image that was rendered");
+        link_or_copy(image, out_ / file);
+        ++merged_.images;
+        return line;
+    }
+
+    std::vector<std::filesystem::path> folders_;
+    std::filesystem::path out_;
+    std::string extension_;
+    std::size_t poses_ = 0;
+    std::vector<ShardManifest> manifests_;
+    MergedImages merged_;
+};
+
+}  // namespace
+
+MergedImages merge_image_sets(const std::vector<std::filesystem::path>& shards,
+                              const std::filesystem::path& out) {
+    std::vector<std::string> descriptions;
+    for (const std::filesystem::path& folder : shards)
+        descriptions.push_back(read_set(folder)["settings"].dump());
+    const auto in_order = shards_in_order(image_set_work, shards, descriptions);
+    ordered_json set = read_set(in_order[0]);
+    set["settings"].erase("shard");
+    SetMerger merger(in_order, set["settings"], out);
+    std::error_code ignored;
+    if (std::filesystem::exists(out / settings_file, ignored))
+        check_same(out, set["settings"]);
+    else
+        make_set_folder(out);
+    write_text(out / settings_file, text_of(set) + "\n");
+    return merger.merge();
 }
 
 }  // namespace etalon

@@ -6,13 +6,14 @@
 //   images.jsonl          a line a pose, as they were made: the file and its SHA-256, or why it was
 //                         refused
 //
-// An image is there when its file and its line are. Layout of the files: docs/files.md.
+// The folder of a shard (core/shard.h) holds every n-th image. An image is there when its file and
+// its line are. Layout of the files: docs/files.md.
 #pragma once
 
 #include <filesystem>
 #include <fstream>
-#include <set>
 #include <string>
+#include <vector>
 
 namespace etalon {
 
@@ -20,16 +21,18 @@ class ImageSet {
 public:
     // Makes the folder, or continues the one that was made with the same settings. `settings` and
     // `made_from` are JSON objects as text; the latter only tells people, it is not compared.
+    // `poses`: how many the set has; a bit of each is kept.
     // Throws ConfigError (place --out) when the folder holds something else, or a set with other
     // settings: the first one that differs is named.
     ImageSet(const std::filesystem::path& folder, const std::string& settings,
-             const std::string& made_from, const std::string& extension);
+             const std::string& made_from, const std::string& extension, std::size_t poses);
 
     const std::filesystem::path& folder() const { return folder_; }
     std::string file_name(std::size_t index) const;  // "pose-000007.png"
 
-    // Whether the image was there when the folder was opened.
-    bool had(std::size_t index) const { return had_.contains(index); }
+    // Whether the image was there when the folder was opened, and how many were.
+    std::size_t had_images() const { return had_images_; }
+    bool had(std::size_t index) const { return had_.at(index); }
 
     // Adds the line of a pose whose image, if it has one, is in its place. The line is in the file
     // when this returns. From one thread at a time. Throws ConfigError when it cannot be written.
@@ -42,8 +45,21 @@ private:
 
     std::filesystem::path folder_;
     std::string extension_;
-    std::set<std::size_t> had_;
+    std::vector<bool> had_;
+    std::size_t had_images_ = 0;
     std::ofstream manifest_;
 };
+
+struct MergedImages {
+    std::size_t images = 0, refused = 0;
+};
+
+// Makes the folder of a whole set from those of all of its shards (`etalon render --shard`), in any
+// order; images are linked where the disk allows it and copied elsewhere. Its bytes are those of
+// the set in one piece that was not interrupted. Throws ConfigError for shards that are missing,
+// doubled, not finished or of different settings, and for an image that is not what its line says.
+// Reads every image once; 8 bytes a pose are in memory.
+MergedImages merge_image_sets(const std::vector<std::filesystem::path>& shards,
+                              const std::filesystem::path& out);
 
 }  // namespace etalon

@@ -115,6 +115,14 @@ int render_one(const RenderArguments& arguments) {
 }  // namespace
 
 int run_render(const RenderArguments& arguments) {
+    // `merge` needs none, so that the command line cannot require them.
+    for (const auto& [name, is_missing] : {std::pair("--camera", arguments.camera.empty()),
+                                           {"--marker", arguments.markers.empty()},
+                                           {"--out", arguments.out.empty()}})
+        if (is_missing)
+            throw ConfigError({}, std::string(name) + " is required");
+    if (!arguments.shard.empty() && arguments.pose_file.empty())
+        throw ConfigError({"--shard"}, "is of a set: it needs --poses");
     return arguments.pose_file.empty() ? render_one(arguments) : run_render_set(arguments);
 }
 
@@ -135,14 +143,13 @@ void declare_render(Command& program) {
     auto [command, asked] =
         program.add(run_render, "render", "render markers as a calibrated camera would see them",
                     pose_help + "\n" + marker_help + render_details);
-    command.required("--camera", asked->camera, "calibration: ours, OpenCV's or ROS'", "FILE");
-    command.option("--marker", asked->markers, "what to render, see below", "M")
-        .one_each()
-        .require();
+    command.option("--camera", asked->camera, "calibration: ours, OpenCV's or ROS'", "FILE");
+    command.option("--marker", asked->markers, "what to render, see below", "M").one_each();
     command.option("--pose", asked->poses, "rx,ry,rz,tx,ty,tz: where it is, see below", "P")
         .one_each();
     command.option("--poses", asked->pose_file, "render a set: an image for every pose", "FILE");
-    command.required("--out", asked->out, ".png or .tiff; of a set: the folder", "FILE");
+    command.option("--shard", asked->shard, "of a set only part I of N: every N-th pose", "I/N");
+    command.option("--out", asked->out, ".png or .tiff; of a set: the folder", "FILE");
     command.option("--background", asked->background,
                    "radiance around the markers, 0 to 1 (default 1),\n"
                    "or an image of the camera without them",
@@ -172,6 +179,13 @@ void declare_render(Command& program) {
                 "add the sensor's shot and read noise, from this seed", "N")
         .whole();
     command.flag("--explain", asked->explain, "print what was left out, and by which bound");
+    auto [merge, merged] =
+        command.add(run_render_merge, "merge", "put the shards of an image set together",
+                    "All shards, in any order. The set is that of one piece, byte for byte; images\n"
+                    "are linked where the disk allows it.\n\n"
+                    "Example:\n  etalon render merge part-1 part-2 part-3 --out images\n");
+    merge.required("SHARDS", merged->shards, "folders of `etalon render --shard`");
+    merge.required("--out", merged->out, "folder of the whole set", "DIR");
 }
 
 }  // namespace etalon

@@ -10,6 +10,7 @@
 #include "core/errors.h"
 #include "core/pose_numbers.h"
 #include "core/sha256.h"
+#include "core/shard.h"
 #include "core/text.h"
 #include "core/version.h"
 #include "report/json_text.h"
@@ -53,18 +54,49 @@ ordered_json background_settings(const std::string& text) {
     return {{"sha256", sha256_of_file(text)}};
 }
 
-// A CSV as it is, so that the set's own copy stands for it; JSON in the same form.
-std::string poses_text(const std::filesystem::path& path, const std::vector<Rigid>& poses) {
-    if (path.extension() == ".csv")
-        return read_text(path);
-    std::string text = "rx,ry,rz,tx,ty,tz\n";
-    for (const Rigid& pose : poses)
-        text += fmt::format("{}\n", fmt::join(pose_numbers(pose), ","));
-    return text;
+// The set's own copy of the poses stands for the file: a CSV as it is, JSON in the same form.
+class PosesCopy {
+public:
+    explicit PosesCopy(const std::filesystem::path& path) : path_(path) {
+        if (path.extension() == ".csv")
+            return;
+        text_ = "rx,ry,rz,tx,ty,tz\n";
+        for (const Rigid& pose : read_poses(path))
+            text_ += fmt::format("{}\n", fmt::join(pose_numbers(pose), ","));
+    }
+
+    std::string hash() const { return text_.empty() ? sha256_of_file(path_) : sha256(text_); }
+
+    void write(const std::filesystem::path& to) const {
+        if (!text_.empty())
+            return write_text(to, text_);
+        const std::string part = to.string() + ".part";
+        std::error_code error;
+        std::filesystem::copy_file(path_, part, std::filesystem::copy_options::overwrite_existing,
+                                   error);
+        if (!error)
+            std::filesystem::rename(part, to, error);
+        if (error)
+            throw ConfigError({to.string()}, "cannot be written: " + error.message());
+    }
+
+private:
+    std::filesystem::path path_;
+    std::string text_;  // of JSON
+};
+
+// All of them, read once: what is wrong with the file is said before anything is rendered.
+std::size_t count_poses(const std::filesystem::path& path) {
+    PoseReader reader(path);
+    std::size_t count = 0;
+    while (reader.next())
+        ++count;
+    return count;
 }
 
 std::string settings_of(const RenderArguments& arguments, const ViewRenderer& renderer,
-                        const std::vector<Rigid>& placed, const std::string& poses) {
+                        const std::vector<Rigid>& placed, const PosesCopy& poses,
+                        const Shard& shard) {
     ordered_json markers = ordered_json::array();
     for (std::size_t i = 0; i < placed.size(); ++i)
         markers.push_back(marker_settings(renderer.markers()[i], placed[i]));
@@ -73,7 +105,7 @@ std::string settings_of(const RenderArguments& arguments, const ViewRenderer& re
         {"camera", {{"sha256", camera_sha256(arguments.camera, renderer.camera())}}},
         {"markers", markers},
         {"background", background_settings(arguments.background)},
-        {"poses", {{"sha256", sha256(poses)}}},
+        {"poses", {{"sha256", poses.hash()}}},
         {"method", arguments.method},
         {"tolerance_gray", arguments.tolerance_gray},
         {"exposure", arguments.exposure},
@@ -83,6 +115,8 @@ std::string settings_of(const RenderArguments& arguments, const ViewRenderer& re
         {"noise_seed", nullptr}};
     if (arguments.noise_seed)
         settings["noise_seed"] = *arguments.noise_seed;
+    if (!shard.is_all())
+        settings["shard"] = {shard.index, shard.count};
     return settings.dump();
 }
 
@@ -93,6 +127,11 @@ std::string names_of(const RenderArguments& arguments) {
                              {"poses", arguments.pose_file.string()}};
     return text_of(names, -1);
 }
+
+struct SetPose {
+    std::size_t index = 0;
+    Rigid camera_from_scene;
+};
 
 // What became of one pose: its line of images.jsonl.
 struct MadeImage {
@@ -107,24 +146,25 @@ public:
         : stop_(std::move(stop)),
           progress_(progress),
           scene_from_markers_(scene_from_markers(arguments)),
-          poses_(read_poses(arguments.pose_file)),
-          poses_text_(poses_text(arguments.pose_file, poses_)),
+          shard_(parse_shard(arguments.shard)),
+          count_(count_poses(arguments.pose_file)),
+          poses_(arguments.pose_file),
+          poses_copy_(arguments.pose_file),
           renderer_(arguments),
-          set_(arguments.out, settings_of(arguments, renderer_, scene_from_markers_, poses_text_),
-               names_of(arguments), arguments.linear ? ".tiff" : ".png") {
-        write_text(set_.folder() / "poses.csv", poses_text_);
-        for (std::size_t i = 0; i < poses_.size(); ++i)
-            if (!set_.had(i))
-                missing_.push_back(i);
-        result_.already_there = poses_.size() - missing_.size();
+          set_(arguments.out,
+               settings_of(arguments, renderer_, scene_from_markers_, poses_copy_, shard_),
+               names_of(arguments), arguments.linear ? ".tiff" : ".png", count_) {
+        poses_copy_.write(set_.folder() / "poses.csv");
+        result_.already_there = set_.had_images();
     }
 
     SetResult render_all() {
-        if (missing_.empty())
+        const std::size_t missing = shard_.units(count_) - set_.had_images();
+        if (missing == 0)
             return result_;
         // A tenth of a second an image, until the first ones have shown it.
-        progress_.begin("render", static_cast<int>(missing_.size()),
-                        std::chrono::milliseconds(100) * missing_.size());
+        progress_.begin("render", static_cast<int>(missing),
+                        std::chrono::milliseconds(100) * missing);
         run_pipeline();
         progress_.end();
         return result_;
@@ -137,34 +177,42 @@ private:
         const auto in_flight =
             2 * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
         tbb::parallel_pipeline(
-            in_flight, tbb::make_filter<void, std::size_t>(
+            in_flight, tbb::make_filter<void, SetPose>(
                            tbb::filter_mode::serial_in_order,
                            [this](tbb::flow_control& control) { return next_missing(control); }) &
-                           tbb::make_filter<std::size_t, MadeImage>(
+                           tbb::make_filter<SetPose, MadeImage>(
                                tbb::filter_mode::parallel,
                                // Isolated: while a render waits for its own tasks, its thread must
                                // not begin another image.
-                               [this](std::size_t i) {
-                                   return tbb::this_task_arena::isolate([&] { return make(i); });
+                               [this](const SetPose& pose) {
+                                   return tbb::this_task_arena::isolate([&] { return make(pose); });
                                }) &
                            tbb::make_filter<MadeImage, void>(
                                tbb::filter_mode::serial_in_order,
                                [this](const MadeImage& outcome) { record(outcome); }));
     }
 
-    std::size_t next_missing(tbb::flow_control& control) {
-        result_.complete = next_ == missing_.size();
-        if (result_.complete || stop_.stop_requested()) {
-            control.stop();
-            return 0;
+    SetPose next_missing(tbb::flow_control& control) {
+        result_.complete = false;
+        while (!stop_.stop_requested()) {
+            const auto pose = poses_.next();
+            result_.complete = !pose;
+            if (!pose)
+                break;
+            const std::size_t index = next_++;
+            if (index < count_ && shard_.holds(index) && !set_.had(index))
+                return {index, *pose};
         }
-        return missing_[next_++];
+        control.stop();
+        return {};
     }
 
-    MadeImage make(std::size_t i) const {
-        ordered_json line{{"image", i}, {"camera_from_scene", pose_numbers(poses_[i])}};
+    MadeImage make(const SetPose& pose) const {
+        const std::size_t i = pose.index;
+        ordered_json line{{"image", i},
+                          {"camera_from_scene", pose_numbers(pose.camera_from_scene)}};
         try {
-            const View view = renderer_.render(renderer_.scene(camera_from_markers(i)));
+            const View view = renderer_.render(renderer_.scene(camera_from_markers(pose)));
             const std::string file = set_.file_name(i);
             renderer_.write(set_.folder() / file, view, static_cast<std::uint32_t>(i));
             line["file"] = file;
@@ -186,10 +234,10 @@ private:
         }
     }
 
-    std::vector<Rigid> camera_from_markers(std::size_t i) const {
+    std::vector<Rigid> camera_from_markers(const SetPose& pose) const {
         std::vector<Rigid> chained;
         for (const Rigid& scene_from_marker : scene_from_markers_)
-            chained.push_back(poses_[i] * scene_from_marker);
+            chained.push_back(pose.camera_from_scene * scene_from_marker);
         return chained;
     }
 
@@ -204,12 +252,14 @@ private:
 
     std::stop_token stop_;
     Progress& progress_;
-    std::vector<Rigid> scene_from_markers_, poses_;  // poses: camera_from_scene
-    std::string poses_text_;
+    std::vector<Rigid> scene_from_markers_;
+    Shard shard_;
+    std::size_t count_;  // of the poses in the file
+    PoseReader poses_;
+    PosesCopy poses_copy_;
     ViewRenderer renderer_;
     ImageSet set_;
-    std::vector<std::size_t> missing_;
-    std::size_t next_ = 0;  // of missing_
+    std::size_t next_ = 0;  // of poses_
     SetResult result_;
 };
 

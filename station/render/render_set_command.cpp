@@ -7,6 +7,7 @@
 
 #include "core/errors.h"
 #include "report/json_text.h"
+#include "station/render/image_set.h"
 #include "station/render/render_set.h"
 #include "station/shell/command_output.h"
 #include "station/shell/signals.h"
@@ -33,6 +34,18 @@ void print_json(const RenderArguments& arguments, const SetResult& result, doubl
 }
 
 }  // namespace
+
+int run_render_merge(const RenderMergeArguments& arguments) {
+    const MergedImages merged = merge_image_sets(arguments.shards, arguments.out);
+    fmt::print(stderr, "{}: {} images merged, {} poses refused\n", arguments.out.string(),
+               merged.images, merged.refused);
+    if (arguments.json)
+        fmt::print("{}\n", text_of(ordered_json{{"etalon", "render-merge/1"},
+                                                {"folder", arguments.out.string()},
+                                                {"images", merged.images},
+                                                {"refused", merged.refused}}));
+    return 0;
+}
 
 int run_render_set(const RenderArguments& arguments) {
     std::stop_source stop;

@@ -94,14 +94,14 @@ int run_study_command(const StudyArguments& arguments) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
     const StudyFile study = read_study(arguments.study);
-    const StudyShard shard = arguments.shard.empty() ? StudyShard{} : parse_shard(arguments.shard);
+    const Shard shard = parse_shard(arguments.shard);
     const StudyOptics optics(study, study_variants(study, ablations_of(arguments.ablate)));
     StudyRecord record(arguments.out, describe(study, arguments.study, optics.variants(), shard));
     StderrProgress progress;
     const StudyRun run = run_study(optics, shard, record, stop.get_token(), progress);
     if (!run.complete) {
         fmt::print(stderr, "{} of {} poses are done; the same command goes on\n",
-                   record.poses_done(), shard.poses(static_cast<std::size_t>(study.poses.count)));
+                   record.poses_done(), shard.units(static_cast<std::size_t>(study.poses.count)));
         throw Interrupted();
     }
     if (run.poses > 0)

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# slurm-study.sh ETALON: examples/study/slurm.sh for real, as a job array of three shards and the job
-# that merges them, on a Slurm of one node that lives for this test on the loopback interface. The
-# merged study must be that of one piece, byte for byte. Exit 77 with the reason where there is no Slurm.
+# slurm-study.sh ETALON: examples/study/slurm.sh for real, as job arrays of three shards and the jobs
+# that merge them, on a Slurm of one node that lives for this test on the loopback interface. The merged
+# study, operating characteristic and image set must be those of one piece, byte for byte. Exit 77 with the
+# reason where there is no Slurm.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 etalon=$1
@@ -59,24 +60,42 @@ poses: {count: 40, z_mm: [300, 700], roll_deg: [-40, 40], pitch_deg: [-40, 40], 
 detectors:
   - {detector: apriltag, marker: "apriltag:36h11:5@50mm"}
 STUDY
+cp -r "$here/../../examples/demo" "$work"
+sed -i 's/poses: 100/poses: 40/;s/repeats: 8/repeats: 2/;s/frames: 5/frames: 2/' "$work/demo/station.yaml"
+printf 'rx,ry,rz,tx,ty,tz\n' >"$work/poses.csv"
+for i in $(seq 40); do echo "0.$((i % 7)),-0.2,0.1,$i,-10,$((300 + 9 * i))"; done >>"$work/poses.csv"
 # ------------------------------------------------------------------------- as the example's head says
 job=$here/../../examples/study/slurm.sh
 export ETALON=$etalon
 cd "$work"
-sbatch --array=1-3 --output="$work/job-%A-%a.log" "$job" "$work/study.yaml" "$work/out"
-sbatch --dependency=singleton --output="$work/merge.log" "$job" "$work/study.yaml" "$work/out"
+study=(study "$work/study.yaml")
+oc=(oc "$work/demo/station.yaml" --runs 4 --error "focal length")
+render=(render --camera "$work/webcam.yml" --marker apriltag:36h11:5@50mm --poses "$work/poses.csv")
+submit() {  # NAME ARGUMENTS...
+    local name=$1
+    shift
+    sbatch --job-name="$name" --array=1-3 --output="$work/$name-%a.log" "$job" "$work/$name" "$@"
+    sbatch --job-name="$name" --dependency=singleton --output="$work/$name-merge.log" "$job" "$work/$name" "$@"
+}
+submit study "${study[@]}"
+submit oc "${oc[@]}"
+submit render "${render[@]}"
 for _ in $(seq 600); do
     [ -n "$(squeue --noheader)" ] || break
     sleep 0.2    # polls the queue; what is waited for is its end
 done
-[ -f "$work/out/report.html" ] || {
+[ -f "$work/study/report.html" ] || {
     echo "the merged study has no report"
     squeue; tail -n 20 "$work"/*.log
     exit 1
 }
-"$etalon" study "$work/study.yaml" --out "$work/whole" >/dev/null
-for file in "$work"/whole/*; do
-    name=$(basename "$file")
-    [ "$name" = times.json ] || cmp "$file" "$work/out/$name"
+"$etalon" "${study[@]}" --out "$work/whole-study" >/dev/null
+"$etalon" "${oc[@]}" --out "$work/whole-oc" >/dev/null
+"$etalon" "${render[@]}" --out "$work/whole-render" >/dev/null
+for name in study oc render; do
+    for file in "$work/whole-$name"/*; do
+        [ "$(basename "$file")" = times.json ] || cmp "$file" "$work/$name/$(basename "$file")"
+    done
 done
-echo "3 shards on Slurm, merged: $(($(wc -l <"$work/out/results.csv") - 1)) poses, as in one piece"
+echo "3 shards each on Slurm, merged: $(($(wc -l <"$work/study/results.csv") - 1)) poses of a study," \
+    "4 runs, $(grep -c "\"file\"" "$work/render/images.jsonl") images, as in one piece"

@@ -4,6 +4,7 @@
 
 #include <fstream>
 
+#include "core/text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -58,6 +59,19 @@ TEST_F(CsvFileTest, NamesTheLineOfWhatIsWrong) {
                   read("a\n-7\n").rows[0].number(0, {0.0, 5.0});
               }),
               ":2: -7 must be between 0 and 5");
+}
+
+TEST(CsvReader, RefusesALineThatNeverEnds) {
+    const TemporaryFolder folder;
+    write_text(folder / "long.csv", "a,b\n1,2\n" + std::string(70'000, '7') + "\n");
+    CsvReader reader(folder / "long.csv", {"a,b"});
+    EXPECT_EQ(reader.next()->number(1), 2.0);
+    try {
+        reader.next();
+        FAIL();
+    } catch (const ConfigError& error) {
+        EXPECT_THAT(error.what(), testing::HasSubstr("long.csv:3: is longer than 64 KiB"));
+    }
 }
 
 }  // namespace

@@ -44,6 +44,21 @@ TEST(HtmlPage, AlignsValuesThatAreBelowSomethingWithNumbers) {
                 testing::HasSubstr("<td class=\"n\">below 0.037</td>"));
 }
 
+TEST(HtmlPage, FoldsWhatIsLong) {
+    HtmlPage page("t", "s");
+    page.add_table({"pose"}, TableRows(100, {"7"}));
+    EXPECT_EQ(page.finish().find("<details>"), std::string::npos);
+    page.add_table({"pose"}, TableRows(101, {"7"}));
+    page.add_notes(std::vector<std::string>(21, "note"));
+    EXPECT_THAT(page.finish(), testing::HasSubstr("<details><summary>101 rows</summary>"));
+    EXPECT_THAT(page.finish(), testing::HasSubstr("<details><summary>21 notes</summary>"));
+}
+
+TEST(HtmlPage, LoadsPicturesWhenTheyComeIntoView) {
+    EXPECT_THAT(embedded_png(cv::Mat::zeros(2, 3, CV_8U), "dark"),
+                testing::HasSubstr("loading=\"lazy\""));
+}
+
 // Rows become paragraphs on narrow screens: each value then says what it is.
 TEST(HtmlPage, LabelsTheCellsOfWideTables) {
     const std::string html =

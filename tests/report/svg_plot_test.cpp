@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <regex>
 
@@ -114,6 +116,37 @@ TEST(SvgPlot, ArrowsAreDrawnMagnified) {
     const double scale = (cx[1] - cx[0]) / 4.0;  // px of the picture per plot unit
     EXPECT_NEAR(std::stod(found[3]) - std::stod(found[1]), 3.0 * scale, 0.2);
     EXPECT_NEAR(std::stod(found[4]) - std::stod(found[2]), -4.0 * scale, 0.2);
+}
+
+// A cloud of 2000 points in a tenth of the picture, and two that stand alone.
+TEST(SvgPlot, OfManyPointsDrawsWhatCanBeToldApartAndSaysSo) {
+    Series cloud;
+    for (int i = 0; i < 2000; ++i)
+        cloud.add(std::fmod(0.618034 * i, 1.0), std::fmod(0.754878 * i, 1.0));
+    cloud.add(10.0, 0.5);
+    cloud.add(3.0, 10.0);
+    SvgPlot plot("x", "y", 560, 400);
+    plot.add_points(cloud, Ink::blue, "cloud");
+    const std::vector<double> cx = attribute(plot.svg(), "circle", "cx");
+    const std::vector<double> cy = attribute(plot.svg(), "circle", "cy");
+    // 44 x 29 px of 6 x 6 px, cut at any place.
+    EXPECT_GE(cx.size(), 7u * 4u + 2u);
+    EXPECT_LE(cx.size(), 9u * 7u + 2u);
+    EXPECT_NEAR(cx[cx.size() - 2], *std::ranges::max_element(cx), 0.0);
+    EXPECT_NEAR(cy.back(), *std::ranges::min_element(cy), 0.0);
+    EXPECT_NE(plot.svg().find("2002 points, one a 6 px square"), std::string::npos);
+}
+
+TEST(SvgPlot, OfManyArrowsDrawsTheLongestOfASquare) {
+    Arrows arrows;
+    for (int i = 0; i < 500; ++i)
+        arrows.add({std::fmod(0.618034 * i, 1.0), std::fmod(0.754878 * i, 1.0)}, {0.001, 0.0},
+                   i == 377 ? "kept" : "");
+    arrows.dxs[377] = 0.02;
+    SvgPlot plot("x", "y");
+    plot.add_arrows(arrows, 1.0, Ink::blue, "arrows");
+    EXPECT_NE(plot.svg().find("<title>kept</title>"), std::string::npos);
+    EXPECT_LT(attribute(plot.svg(), "circle", "cx").size(), 500u);
 }
 
 }  // namespace

@@ -62,7 +62,7 @@ protected:
     }
 
     // Runs what is missing in OUT; whether it is complete.
-    bool run(const std::string& out, const StudyShard& shard = {},
+    bool run(const std::string& out, const Shard& shard = {},
              const std::vector<std::string>& ablations = {}) {
         const StudyFile study = read_study(folder_ / "study.yaml");
         const StudyOptics optics(study, study_variants(study, ablations));
@@ -245,7 +245,7 @@ TEST_F(StudyTest, NamesTheMarkersFileThatHasChanged) {
     replace("{detector: apriltag, marker: \"apriltag:36h11:5@50mm\"}",
             "{detector: stag, marker: \"stag:" + table + ":2@50mm\"}");
     // Renders nothing: study.json is compared before anything else.
-    const auto begin = [&](const std::string& out, const StudyShard& shard) {
+    const auto begin = [&](const std::string& out, const Shard& shard) {
         const StudyFile study = read_study(folder_ / "study.yaml");
         StudyRecord(folder_ / out,
                     describe(study, folder_ / "study.yaml", study_variants(study, {}), shard));
@@ -430,18 +430,6 @@ TEST_F(StudyTest, NamesTheLineOfWhatCannotBe) {
     }
     write_text(folder_ / "study.yaml", study_text);
     EXPECT_EQ(error_of_file(), "");
-}
-
-TEST(StudyShard, IsEveryNthPose) {
-    const StudyShard shard = parse_shard("2/5");
-    std::size_t count = 0;
-    for (std::size_t pose = 0; pose < 13; ++pose)
-        count += shard.holds(pose);
-    EXPECT_EQ(count, 3u);  // 1, 6, 11
-    EXPECT_EQ(shard.poses(13), 3u);
-    EXPECT_EQ(parse_shard("4/5").poses(13), 2u);
-    for (const char* text : {"", "0/5", "6/5", "2", "2/", "a/b", "1/2/3"})
-        EXPECT_THROW(parse_shard(text), ConfigError) << text;
 }
 
 }  // namespace

@@ -30,13 +30,14 @@ void read_study_json(std::string_view text) {
 void read_manifest(std::string_view text) {
     static const Path folder = [] {
         const Path made = input_folder() / "images";
-        ImageSet(made, R"({"seed": 7})", "{}", ".png");
+        ImageSet(made, R"({"seed": 7})", "{}", ".png", 3);
         std::ofstream(made / "pose-000001.png") << "an image";
         return made;
     }();
     std::ofstream(folder / "images.jsonl", std::ios::binary) << text;
-    const bool had = ImageSet(folder, R"({"seed": 7})", "{}", ".png").had(1);
-    require(ImageSet(folder, R"({"seed": 7})", "{}", ".png").had(1) == had, "a line that was lost");
+    const bool had = ImageSet(folder, R"({"seed": 7})", "{}", ".png", 3).had(1);
+    require(ImageSet(folder, R"({"seed": 7})", "{}", ".png", 3).had(1) == had,
+            "a line that was lost");
 }
 
 void read_settings(std::string_view text) {
@@ -46,7 +47,7 @@ void read_settings(std::string_view text) {
         return made;
     }();
     std::ofstream(folder / "set.json", std::ios::binary) << text;
-    ImageSet(folder, R"({"seed": 7, "marker": "aruco:4X4_50:7@50mm"})", "{}", ".png");
+    ImageSet(folder, R"({"seed": 7, "marker": "aruco:4X4_50:7@50mm"})", "{}", ".png", 3);
 }
 
 void read(std::string_view text) {

@@ -1,5 +1,6 @@
 #include "station/foresee/operating_characteristic.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
@@ -7,6 +8,8 @@
 #include <cmath>
 
 #include "core/errors.h"
+#include "core/text.h"
+#include "station/foresee/oc_record.h"
 #include "tests/station/stations.h"
 
 namespace etalon {
@@ -181,6 +184,105 @@ TEST_F(Characteristic, HasNoPointOfAnErrorThatCannotBeSeen) {
 
 TEST_F(Characteristic, RefusesAnErrorThatNobodyKnows) {
     EXPECT_THROW(study({"focal lenght"}, 1), ConfigError);
+}
+
+class ShardedCharacteristic : public Characteristic {
+protected:
+    void SetUp() override {
+        request_.runs = 5;
+        request_.errors = {"focal length"};
+        planned_.station = "test";
+        planned_.made_from = R"({"version": "7"})";
+        planned_.detector = {0.01, 0.2, 0.003, 24, 23, 25};
+        runs_.emplace(simulator_, request_);
+        planned_.result = runs_->planned();
+        for (const std::size_t i : {1, 2})
+            simulate(folder_ / fmt::format("part-{}", i), {i, 2}, planned_);
+    }
+
+    // What the shard's record lacks.
+    void simulate(const std::filesystem::path& out, const Shard& shard,
+                  const StationCharacteristic& planned) {
+        RowRecord record(out, oc_rows(planned, shard));
+        std::vector<std::size_t> missing;
+        for (std::size_t run = 0, unit = 0; run < 5; ++run)
+            if (shard.holds(run) && unit++ >= record.units_done())
+                missing.push_back(run);
+        runs_->simulate(missing, [&](std::size_t run, std::span<const PointRun> points) {
+            record.add(rows_of_run(run, points));
+        });
+    }
+    std::string refusal(const std::vector<std::filesystem::path>& shards) {
+        try {
+            merged_characteristic(shards);
+        } catch (const ConfigError& error) {
+            return error.what();
+        }
+        return "merged";
+    }
+    std::filesystem::path one() const { return folder_ / "part-1"; }
+    std::filesystem::path two() const { return folder_ / "part-2"; }
+
+    TemporaryFolder folder_;
+    CharacteristicRequest request_;
+    std::optional<CharacteristicRuns> runs_;
+    StationCharacteristic planned_;
+};
+
+void expect_same(const CharacteristicPoint& one, const CharacteristicPoint& other) {
+    EXPECT_EQ(one.size, other.size);
+    EXPECT_EQ(one.verdict.pass, other.verdict.pass);
+    EXPECT_EQ(one.verdict.fail, other.verdict.fail);
+    EXPECT_EQ(one.verdict.other, other.verdict.other);
+    EXPECT_EQ(one.refused, other.refused);
+    ASSERT_EQ(one.quantities.size(), other.quantities.size());
+    for (std::size_t k = 0; k < one.quantities.size(); ++k) {
+        EXPECT_EQ(one.quantities[k].counts.pass, other.quantities[k].counts.pass);
+        EXPECT_EQ(one.quantities[k].mean_value, other.quantities[k].mean_value);
+        EXPECT_EQ(one.quantities[k].mean_uncertainty, other.quantities[k].mean_uncertainty);
+    }
+}
+
+TEST_F(ShardedCharacteristic, MergedIsThatOfOneProcess) {
+    const OperatingCharacteristic whole = operating_characteristic(simulator_, request_);
+    const StationCharacteristic merged = merged_characteristic({two(), one()});
+    EXPECT_EQ(merged.station, "test");
+    EXPECT_EQ(merged.detector.seen, 23);
+    EXPECT_EQ(merged.detector.noise_bias_px, 0.003);
+    EXPECT_EQ(merged.result.runs, 5);
+    EXPECT_EQ(whole.without_error.verdict.runs(), 5);
+    expect_same(merged.result.without_error, whole.without_error);
+    ASSERT_EQ(merged.result.errors.size(), 1u);
+    EXPECT_EQ(merged.result.errors[0].limit_size, whole.errors[0].limit_size);
+    ASSERT_EQ(merged.result.errors[0].points.size(), whole.errors[0].points.size());
+    for (std::size_t i = 0; i < whole.errors[0].points.size(); ++i)
+        expect_same(merged.result.errors[0].points[i], whole.errors[0].points[i]);
+}
+
+TEST_F(ShardedCharacteristic, GoesOnWhereItWasKilled) {
+    const std::string rows = read_text(one() / "results.csv");
+    std::filesystem::resize_file(one() / "results.csv", rows.size() / 2);
+    EXPECT_THAT(refusal({one(), two()}), testing::HasSubstr("run 2 is missing: the shard is not"));
+    simulate(one(), {1, 2}, planned_);
+    EXPECT_EQ(read_text(one() / "results.csv"), rows);
+}
+
+TEST_F(ShardedCharacteristic, IsNotMergedFromShardsThatDoNotFit) {
+    using testing::HasSubstr;
+    EXPECT_THAT(refusal({one()}), HasSubstr("oc merge: shard 2/2 is missing"));
+    EXPECT_THAT(refusal({two(), two()}), HasSubstr("is the same shard as"));
+    StationCharacteristic other = planned_;
+    other.made_from = R"({"version": "8"})";
+    RowRecord(folder_ / "version", oc_rows(other, {2, 2}));
+    EXPECT_THAT(refusal({one(), folder_ / "version"}),
+                HasSubstr("its 'made_from.version' differs"));
+    other = planned_;
+    other.result.runs = 6;
+    RowRecord(folder_ / "runs", oc_rows(other, {2, 2}));
+    EXPECT_THAT(refusal({one(), folder_ / "runs"}), HasSubstr("its 'runs' differs"));
+    const std::string rows = read_text(two() / "results.csv");
+    write_text(two() / "results.csv", replaced(rows, ",1,0,", ",1,7,"));
+    EXPECT_THAT(refusal({one(), two()}), HasSubstr("results.csv:3: is no line of point 1"));
 }
 
 }  // namespace

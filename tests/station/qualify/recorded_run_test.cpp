@@ -11,6 +11,7 @@
 
 #include "core/random.h"
 #include "core/sha256.h"
+#include "station/qualify/kept_pixels.h"
 #include "tests/pages.h"
 #include "tests/read_bytes.h"
 #include "tests/station/station_of_mocks.h"
@@ -281,7 +282,8 @@ TEST(RecordedRun, IsAnalysedAgainToTheSameBytes) {
     ASSERT_EQ(mocks.run().outcome, RunOutcome::pass);
     test::expect_readable_page(read_text(mocks.record() / "report.html"));
     const auto before = files_of(mocks.record());
-    for (const char* file : {"run.json", "report.html", "poses.csv", "junit.xml"})
+    // Without what was kept of the pixels: everything is found again.
+    for (const char* file : {"run.json", "report.html", "poses.csv", "junit.xml", "pixels.jsonl"})
         std::filesystem::remove(mocks.record() / file);
     std::filesystem::remove_all(mocks.record() / "renders");
     const QualifyResult again = analyse_record(mocks.read(), mocks.progress, {});
@@ -291,7 +293,38 @@ TEST(RecordedRun, IsAnalysedAgainToTheSameBytes) {
     const auto run = mocks.run_file();
     for (const auto& file : run["attachments"])
         EXPECT_EQ(file["sha256"], before.at(file["path"])) << file;
-    EXPECT_EQ(run["attachments"].size(), before.size() - 1);  // but run.json
+    EXPECT_EQ(run["attachments"].size(), before.size() - 2);  // but run.json and pixels.jsonl
+}
+
+TEST(RecordedRun, TakesWhatTheSameProgramFoundInTheSamePixels) {
+    StationOfMocks mocks;
+    show_a_true_camera(mocks);
+    const QualifyResult result = mocks.run();
+    const auto before = files_of(mocks.record());
+    const auto path = mocks.record() / "pixels.jsonl";
+    const std::string kept = read_text(path);
+    const auto known = [&] {
+        const KeptPixels pixels(result);
+        return std::ranges::count_if(result.poses,
+                                     [&](const Pose& pose) { return pixels.of(pose) != nullptr; });
+    };
+    EXPECT_EQ(known(), 25);
+    analyse_record(mocks.read(), mocks.progress, {});
+    EXPECT_EQ(files_of(mocks.record()), before);
+    // Not what is of another program or frame, what a disk has changed, or no line.
+    const std::string detector = "\"detector_bias_px\":[[";
+    for (const std::string& bad :
+         {replaced(kept, "\"made_from\":\"", "\"made_from\":\"0"),
+          replaced(kept, detector, detector + "1"), replaced(kept, "{", "["), kept.substr(9)}) {
+        write_text(path, bad);
+        EXPECT_EQ(known(), 24);
+    }
+    QualifyResult other = result;
+    other.poses[3].frames[1].sha256[7] = 'x';
+    other.station.inputs[1].sha256[7] = 'x';
+    write_text(path, kept);
+    EXPECT_EQ(KeptPixels(result).of(other.poses[3]), nullptr);
+    EXPECT_EQ(KeptPixels(other).of(result.poses[0]), nullptr);
 }
 
 // A run that ended early is reported again, not judged.

@@ -6,11 +6,13 @@
 
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <regex>
 
 #include "core/errors.h"
 #include "core/image.h"
 #include "core/sha256.h"
 #include "core/text.h"
+#include "station/render/image_set.h"
 #include "tests/read_bytes.h"
 #include "tests/temporary_folder.h"
 
@@ -142,6 +144,80 @@ TEST_F(RenderSet, StopsOnRequestAndGoesOnLater) {
     const SetResult rest = render();
     EXPECT_TRUE(rest.complete);
     EXPECT_EQ(rest.rendered, 3u);
+}
+
+class ShardedSet : public RenderSet {
+protected:
+    void SetUp() override {
+        RenderSet::SetUp();
+        // The fourth is behind the camera.
+        write_text(arguments_.pose_file, std::string(poses) + "0,0,0,0,0,-100\n0,0.1,0,2,1,110\n");
+        for (const std::string i : {"1", "2"}) {
+            arguments_.shard = i + "/2";
+            arguments_.out = folder_ / ("part-" + i);
+            render();
+        }
+    }
+    std::string refusal(const std::vector<std::filesystem::path>& shards) const {
+        try {
+            merge_image_sets(shards, folder_ / "merged");
+        } catch (const ConfigError& error) {
+            return error.what();
+        }
+        return "merged";
+    }
+    std::filesystem::path one() const { return folder_ / "part-1"; }
+    std::filesystem::path two() const { return folder_ / "part-2"; }
+};
+
+TEST_F(ShardedSet, MergedIsTheSetOfOnePiece) {
+    arguments_.shard = "";
+    arguments_.out = folder_ / "whole";
+    render();
+    std::filesystem::remove(one() / "pose-000002.png");
+    arguments_.shard = "1/2";
+    arguments_.out = one();
+    EXPECT_EQ(render().rendered, 1u);  // its line is the last one now
+    const MergedImages merged = merge_image_sets({two(), one()}, folder_ / "merged");
+    EXPECT_EQ(merged.images, 4u);
+    EXPECT_EQ(merged.refused, 1u);
+    std::size_t files = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_ / "whole")) {
+        EXPECT_EQ(read_bytes(folder_ / "merged" / entry.path().filename()),
+                  read_bytes(entry.path()))
+            << entry.path();
+        ++files;
+    }
+    EXPECT_EQ(files, 4u + 3u);
+    EXPECT_EQ(refusal({one(), two()}), "merged");  // again into the same folder
+}
+
+TEST_F(ShardedSet, IsNotMergedFromShardsThatDoNotFit) {
+    EXPECT_THAT(refusal({two()}), HasSubstr("render merge: shard 1/2 is missing"));
+    EXPECT_THAT(refusal({one(), one()}), HasSubstr("is the same shard as"));
+    arguments_.shard = "2/2";
+    arguments_.out = folder_ / "other";
+    arguments_.noise_seed = 8;
+    render();
+    EXPECT_THAT(refusal({one(), folder_ / "other"}), HasSubstr("its 'noise_seed' differs"));
+    arguments_.shard = "";
+    arguments_.out = folder_ / "whole";
+    render();
+    EXPECT_THAT(refusal({folder_ / "whole"}), HasSubstr("is of no shard"));
+    const std::string set = read_text(two() / "set.json");
+    write_text(two() / "set.json", std::regex_replace(set, std::regex("\"version\": \"[^\"]*"),
+                                                      "\"version\": \"0.0.0"));
+    EXPECT_THAT(refusal({one(), two()}), HasSubstr("its 'version' differs"));
+    write_text(two() / "set.json", set);
+    write_text(two() / "pose-000001.png", read_bytes(one() / "pose-000000.png"));
+    EXPECT_THAT(refusal({one(), two()}), HasSubstr("is not the image that was rendered"));
+}
+
+// A killed shard has the beginning of its lines.
+TEST_F(ShardedSet, IsNotMergedFromAShardThatIsNotFinished) {
+    const std::string lines = read_text(one() / "images.jsonl");
+    write_text(one() / "images.jsonl", lines.substr(0, lines.size() - 5));
+    EXPECT_THAT(refusal({one(), two()}), HasSubstr("pose 4 is missing: the shard is not finished"));
 }
 
 TEST_F(RenderSet, RefusesAFolderMadeWithOtherArgumentsAndNamesTheFirst) {

@@ -1,0 +1,199 @@
+#include "report/result_rows.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "core/errors.h"
+#include "core/text.h"
+#include "report/json_text.h"
+
+namespace etalon {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr const char* results_file = "results.csv";
+
+[[noreturn]] void refuse(const std::filesystem::path& folder, const std::string& why) {
+    throw ConfigError({"--out"}, fmt::format("'{}' {}", folder.string(), why));
+}
+
+// Whether a folder without a description holds nothing but what a program leaves that was killed
+// before it had written that.
+bool is_only_begun(const std::filesystem::path& folder, const RowsDescription& description) {
+    const std::string& header = description.header;
+    std::error_code error;
+    return std::ranges::all_of(
+        std::filesystem::directory_iterator(folder, error), [&](const auto& entry) {
+            const std::string name = entry.path().filename().string();
+            return name == std::string(description.work.description) + ".part" ||
+                   name == std::string(results_file) + ".part" ||
+                   (name == results_file && entry.is_regular_file() &&
+                    entry.file_size() == header.size() && read_text(entry.path()) == header);
+        });
+}
+
+void begin_folder(const std::filesystem::path& folder, const RowsDescription& description) {
+    std::error_code error;
+    std::filesystem::create_directories(folder, error);
+    if (error)
+        refuse(folder, "cannot be made: " + error.message());
+    if (!is_only_begun(folder, description))
+        refuse(folder, fmt::format("is not empty and holds no {}", description.work.what));
+    write_text(folder / results_file, description.header);
+}
+
+void require_same(const std::filesystem::path& folder, const RowsDescription& description) {
+    const ShardedWork& work = description.work;
+    const ordered_json there = read_json(folder / work.description);
+    if (!there.is_object())
+        refuse(folder, fmt::format("holds a {} that cannot be read", work.description));
+    const std::string different = first_difference(there, ordered_json::parse(description.json));
+    if (!different.empty())
+        refuse(folder, fmt::format("belongs to another {}: its '{}' differs (see {})", work.what,
+                                   different, work.description));
+}
+
+}  // namespace
+
+RowRecord::RowRecord(const std::filesystem::path& folder, const RowsDescription& description)
+    : folder_(folder) {
+    const std::filesystem::path file = folder / description.work.description;
+    std::error_code error;
+    if (std::filesystem::exists(file, error)) {
+        require_same(folder, description);
+        lock_.emplace(folder / results_file);
+        keep_whole_units(description);
+    } else {
+        begin_folder(folder, description);
+        lock_.emplace(folder / results_file);
+        write_text(file, description.json + "\n");
+    }
+    results_.open(folder / results_file, std::ios::binary | std::ios::app);
+    if (!results_)
+        refuse(folder, std::string("holds a ") + results_file + " that cannot be written");
+}
+
+// Lines are counted, not read: whoever reads the results checks them.
+void RowRecord::keep_whole_units(const RowsDescription& description) {
+    const std::filesystem::path path = folder_ / results_file;
+    std::ifstream file(path, std::ios::binary);
+    std::string line;
+    if (!std::getline(file, line) || line + "\n" != description.header)
+        refuse(folder_,
+               fmt::format("holds a {} of another {}", results_file, description.work.what));
+    std::uintmax_t whole = line.size() + 1, at = whole;
+    std::size_t rows = 0;
+    while (std::getline(file, line) && !file.eof()) {
+        at += line.size() + 1;
+        if (++rows % description.rows_per_unit == 0)
+            whole = at;
+    }
+    file.close();
+    units_done_ = rows / description.rows_per_unit;
+    std::filesystem::resize_file(path, whole);
+}
+
+void RowRecord::add(const std::string& rows) {
+    results_ << rows << std::flush;
+    if (!results_)
+        throw ConfigError({(folder_ / results_file).string()}, "cannot be written");
+    ++units_done_;
+}
+
+// --------------------------------------------------------------------------------------- merging
+
+namespace {
+
+Shard shard_in(const ordered_json& description, const std::string& place) {
+    const ordered_json pair = description.value("shard", ordered_json());
+    const bool is_pair = pair.is_array() && pair.size() == 2 && pair[0].is_number_unsigned() &&
+                         pair[1].is_number_unsigned();
+    const Shard shard = is_pair ? Shard{pair[0], pair[1]} : Shard{0, 0};
+    if (shard.index < 1 || shard.index > shard.count || shard.count > 1'000'000)
+        throw ConfigError({place}, "is of no shard");
+    return shard;
+}
+
+}  // namespace
+
+std::vector<std::filesystem::path> shards_in_order(
+    const ShardedWork& work, const std::vector<std::filesystem::path>& folders,
+    const std::vector<std::string>& descriptions) {
+    const auto place_of = [&](const std::filesystem::path& folder) {
+        return (folder / work.description).string();
+    };
+    const ordered_json first = ordered_json::parse(descriptions.at(0));
+    const Shard first_shard = shard_in(first, place_of(folders[0]));
+    std::vector<std::filesystem::path> ordered(first_shard.count);
+    for (std::size_t i = 0; i < folders.size(); ++i) {
+        const std::string place = place_of(folders[i]);
+        ordered_json one = ordered_json::parse(descriptions.at(i));
+        const Shard shard = shard_in(one, place);
+        std::filesystem::path& there = ordered.at(std::min(shard.index, ordered.size()) - 1);
+        if (shard.count == first_shard.count && !there.empty())
+            throw ConfigError({place}, "is the same shard as " + there.string());
+        one["shard"][0] = first_shard.index;
+        const std::string different = first_difference(one, first);
+        if (!different.empty())
+            throw ConfigError({place}, fmt::format("is of another {} than {}: its '{}' differs",
+                                                   work.what, folders[0].string(), different));
+        there = folders[i];
+    }
+    for (std::size_t i = 0; i < ordered.size(); ++i)
+        if (ordered[i].empty())
+            throw ConfigError({work.command},
+                              fmt::format("shard {}/{} is missing", i + 1, ordered.size()));
+    return ordered;
+}
+
+ShardRows::ShardRows(const std::vector<std::filesystem::path>& in_order,
+                     const RowsDescription& whole)
+    : folders_(in_order), whole_(whole), rows_(whole.rows_per_unit) {
+    std::string header;
+    for (const std::filesystem::path& folder : folders_) {
+        files_.emplace_back(folder / results_file, std::ios::binary);
+        if (!std::getline(files_.back(), header) || header + "\n" != whole.header)
+            throw ConfigError({(folder / results_file).string(), 1},
+                              fmt::format("is not this {}'s header", whole.work.what));
+    }
+}
+
+const std::vector<std::string>& ShardRows::next() {
+    const std::size_t from = unit_ % files_.size();
+    const std::string start = fmt::format("{},", unit_);
+    for (std::string& row : rows_)
+        if (!std::getline(files_[from], row) || files_[from].eof() || !row.starts_with(start))
+            throw ConfigError({(folders_[from] / results_file).string()},
+                              fmt::format("{} {} is missing: the shard is not finished",
+                                          whole_.work.unit, unit_));
+    ++unit_;
+    return rows_;
+}
+
+SourcePlace ShardRows::place(std::size_t i) const {
+    const std::size_t unit = unit_ - 1, rows_before = unit / files_.size() * rows_.size();
+    return {(folders_[unit % files_.size()] / results_file).string(),
+            static_cast<int>(rows_before + i) + 2};
+}
+
+void merge_rows(const std::vector<std::filesystem::path>& in_order, const RowsDescription& whole,
+                const std::filesystem::path& out) {
+    ShardRows rows(in_order, whole);
+    RowRecord(out, whole);  // refuses a folder that holds something else
+    const std::filesystem::path path = out / results_file, part = path.string() + ".part";
+    std::ofstream merged(part, std::ios::binary | std::ios::trunc);
+    merged << whole.header;
+    for (std::size_t unit = 0; unit < whole.units; ++unit)
+        for (const std::string& row : rows.next())
+            merged << row << '\n';
+    merged.close();
+    std::error_code error;
+    std::filesystem::rename(part, path, error);
+    if (!merged || error)
+        throw ConfigError({path.string()}, "cannot be written");
+}
+
+}  // namespace etalon

@@ -1,0 +1,96 @@
+// Results of many units (poses, runs) as rows of a table, in a folder:
+//
+//   study.json     what the results follow from, as JSON with "shard": [I, N]; the name is the
+//                  kind's
+//   results.csv    so many rows for each unit, in the order of the units
+//
+// Units are written in order, so an interrupted work is a whole beginning of the full one and goes
+// on where it ended. A shard (core/shard.h) holds every n-th unit; read in turn, the shards' rows
+// are those of the work in one piece. No more than a row is in memory.
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/errors.h"
+#include "core/file_lock.h"
+#include "core/shard.h"
+
+namespace etalon {
+
+// A kind of work that is done in shards, in words.
+struct ShardedWork {
+    const char* what;         // "study"
+    const char* unit;         // "pose"
+    const char* command;      // "study merge"
+    const char* description;  // the file "study.json"
+};
+
+// One work of such a kind.
+struct RowsDescription {
+    ShardedWork work;
+    std::string json;    // of the description file, with "shard"
+    std::string header;  // the first line of results.csv, with its end
+    std::size_t units = 0, rows_per_unit = 1;
+};
+
+// Writes the rows. Not thread-safe.
+class RowRecord {
+public:
+    // Makes the folder, or continues the one that was made with the same description; what was half
+    // written is cut off. Throws ConfigError (place --out) when the folder holds something else or
+    // a work that differs: in what, is said. Throws it too while another program writes there.
+    RowRecord(const std::filesystem::path& folder, const RowsDescription& description);
+
+    const std::filesystem::path& folder() const { return folder_; }
+    std::size_t units_done() const { return units_done_; }  // of the shard
+
+    // All rows of the next unit, each with its line end. They are in the file when this returns;
+    // throws ConfigError when they cannot be written.
+    void add(const std::string& rows);
+
+private:
+    void keep_whole_units(const RowsDescription& description);
+
+    std::filesystem::path folder_;
+    std::size_t units_done_ = 0;
+    std::optional<FileLock> lock_;  // on results.csv
+    std::ofstream results_;
+};
+
+// The folders by their shards' index. Each is described by JSON with "shard", in that order. Throws
+// ConfigError for shards that are missing, doubled or of different works: which and in what, is
+// said.
+std::vector<std::filesystem::path> shards_in_order(
+    const ShardedWork& work, const std::vector<std::filesystem::path>& folders,
+    const std::vector<std::string>& descriptions);
+
+// Reads the rows of all shards, unit by unit in the order of the work in one piece.
+class ShardRows {
+public:
+    // `in_order`: as shards_in_order() gives them. Throws ConfigError for a results.csv that is
+    // none of this work. As many files are open as there are shards.
+    ShardRows(const std::vector<std::filesystem::path>& in_order, const RowsDescription& whole);
+
+    // The next unit's rows, without line ends. Throws ConfigError where they are missing.
+    const std::vector<std::string>& next();
+    // Where row `i` of these stands.
+    SourcePlace place(std::size_t i) const;
+
+private:
+    std::vector<std::filesystem::path> folders_;
+    RowsDescription whole_;
+    std::vector<std::ifstream> files_;
+    std::size_t unit_ = 0;
+    std::vector<std::string> rows_;
+};
+
+// Writes the folder of the whole from all of its shards. Throws ConfigError as above and when
+// `out` holds something else.
+void merge_rows(const std::vector<std::filesystem::path>& in_order, const RowsDescription& whole,
+                const std::filesystem::path& out);
+
+}  // namespace etalon

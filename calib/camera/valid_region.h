@@ -38,7 +38,7 @@ public:
     double border(const Eigen::Vector2d& direction) const;
 
 private:
-    double safe_radius_ = 0.0;    // smallest radius of the border
+    double safe_radius_ = 0.0;  // smallest radius of the border
     double image_radius_ = 0.0;
     std::vector<double> border_;  // by direction, equally spaced from the x axis; one if symmetric
 };

@@ -58,9 +58,10 @@ void refuse_many_outliers(std::span<const CalibrationView> views, const CornerMa
 // Those beside the named model, or of the kind that follows the lens.
 std::vector<CalibrationModel> candidates(std::span<const CalibrationView> views,
                                          cv::Size image_size, const CalibrationOptions& options) {
-    const CalibrationModel& asked = calibration_model(
-        options.model ? *options.model
-                      : is_wide_lens(views, image_size) ? "kannala_brandt" : "standard");
+    const CalibrationModel& asked =
+        calibration_model(options.model                     ? *options.model
+                          : is_wide_lens(views, image_size) ? "kannala_brandt"
+                                                            : "standard");
     if (options.leave_one_out)
         return calibration_models_beside(asked.projection);
     return {asked};

@@ -88,14 +88,12 @@ inline constexpr double suspicious_deviation_ratio = 1.5;
 // Of all points, more than this share of outliers is refused.
 inline constexpr double max_outlier_share = 0.1;
 
-// Needs three views of at least four points each that are not collinear, and
-// different orientations. Throws ConfigError for an unknown model;
-// NumericalError, naming the view by its index from 0, for what check_view()
-// refuses, for geometry that does not determine the parameters, for a model
-// that folds over inside a view, for too many outliers, and for a board's shape with a telecentric
-// model. Costs some seconds
-// for 13 views of 54 points with everything; runs on all cores, with the same
-// result for any number of them.
+// Needs three views of at least four points each that are not collinear, and different
+// orientations. Throws ConfigError for an unknown model; NumericalError, naming the view by its
+// index from 0, for what check_view() refuses, for geometry that does not determine the parameters,
+// for a model that folds over inside a view, for too many outliers, and for a board's shape with a
+// telecentric model. Costs some seconds for 13 views of 54 points with everything; runs on all
+// cores, with the same result for any number of them.
 CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv::Size image_size,
                                    const CalibrationOptions& options = {});
 

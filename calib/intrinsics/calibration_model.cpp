@@ -64,8 +64,8 @@ int pose_parameters(Projection projection) {
 
 const CalibrationModel& calibration_model(std::string_view name) {
     std::vector<std::string> names;
-    for (const auto* models : {&calibration_models(), &wide_calibration_models(),
-                               &telecentric_calibration_models()})
+    for (const auto* models :
+         {&calibration_models(), &wide_calibration_models(), &telecentric_calibration_models()})
         for (const CalibrationModel& model : *models) {
             if (model.name == name)
                 return model;

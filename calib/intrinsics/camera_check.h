@@ -34,10 +34,10 @@ struct CameraCheck {
     bool has_fault() const;
 };
 
-// The fields of view are in degrees, those of a telecentric camera in mm, the others 0. A wide lens may leave the image's corners
-// without rays: no fault as long as a circle as wide as the image has them. Looks at a grid of 65 x
-// 65 pixel positions, outer corners included: some milliseconds. Throws NumericalError where
-// Projector does.
+// The fields of view are in degrees, those of a telecentric camera in mm, the others 0. A wide lens
+// may leave the image's corners without rays: no fault as long as a circle as wide as the image has
+// them. Looks at a grid of 65 x 65 pixel positions, outer corners included: some milliseconds.
+// Throws NumericalError where Projector does.
 CameraCheck check_camera(const CameraModel& camera);
 
 }  // namespace etalon

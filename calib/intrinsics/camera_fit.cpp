@@ -95,8 +95,8 @@ struct OtherPose {
 };
 
 // A telecentric camera sees tilts of either sign alike, and tilts near zero in second order only:
-// where no tilt fits better, flat on is the minimum, to which no steps converge; and from there none
-// lead back.
+// where no tilt fits better, flat on is the minimum, to which no steps converge; and from there
+// none lead back.
 std::vector<OtherPose> telecentric_others(const BundlePose<double>& pose) {
     const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
     const auto tilted = [&](double about_x, double about_y) -> OtherPose {
@@ -140,7 +140,7 @@ bool choose_other_poses(const Views& views, Bundle<double>& bundle, double huber
 
 // Adjusts until no other pose fits better.
 std::optional<Solution> adjust_with_other_poses(const Views& views, const Bundle<double>& start,
-                                             const BundleOptions& options) {
+                                                const BundleOptions& options) {
     constexpr int max_rounds = 4;
     auto solution = adjust_bundle(views, start, options);
     for (int round = 0; solution && round < max_rounds; ++round) {

@@ -6,10 +6,10 @@
 // eliminated by Householder QR, not by normal equations, so that the condition number of the
 // problem counts once and not squared: k1..k6 that are correlated to 0.9999 keep their digits.
 //
-// A telecentric camera's poses keep the distance that they start with (docs/calibration.md). Says nothing about whether the model predicts well, and no
-// standard deviations: see calib/intrinsics/calibrate.h. Thread-safe, deterministic,
-// single-threaded. Eight views of 54 points cost 1.3 ms from a start nearby and 9 ms from nothing,
-// nine parameters free.
+// A telecentric camera's poses keep the distance that they start with (docs/calibration.md). Says
+// nothing about whether the model predicts well, and no standard deviations: see
+// calib/intrinsics/calibrate.h. Thread-safe, deterministic, single-threaded. Eight views of 54
+// points cost 1.3 ms from a start nearby and 9 ms from nothing, nine parameters free.
 #pragma once
 
 #include <Eigen/Core>
@@ -74,7 +74,8 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
                      const CalibrationModel& model, const CameraFitOptions& options = {});
 
 // The pose of a view of at least four points for a known camera; of the two mirrored solutions that
-// a plane has, the one that fits better; of a telecentric camera either. Throws NumericalError when there is none.
+// a plane has, the one that fits better; of a telecentric camera either. Throws NumericalError when
+// there is none.
 Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view);
 
 // Observed minus projected. Throws NumericalError for a point behind the camera or where the model

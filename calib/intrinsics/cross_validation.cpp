@@ -38,8 +38,8 @@ struct Seen {
     Eigen::VectorXd differences, deviations;  // two rows, one row for each
 };
 
-Seen seen_by_second(const ImageRays& rays, const Projector& second,
-                    const Rigid& motion, const Eigen::VectorXd& deviations) {
+Seen seen_by_second(const ImageRays& rays, const Projector& second, const Rigid& motion,
+                    const Eigen::VectorXd& deviations) {
     Seen seen;
     const auto most = static_cast<Eigen::Index>(rays.pixels.size());
     seen.differences.resize(2 * most);
@@ -61,8 +61,8 @@ Seen seen_by_second(const ImageRays& rays, const Projector& second,
     return seen;
 }
 
-// Of the rays, which of a telecentric camera have Z = 1 mm: a turn of theirs about x or y is a shift,
-// which need not be small.
+// Of the rays, which of a telecentric camera have Z = 1 mm: a turn of theirs about x or y is a
+// shift, which need not be small.
 Rigid motion_of_rays(const Eigen::Vector3d& turn, Projection projection) {
     if (projection != Projection::telecentric)
         return {rotation_from_vector(turn), Eigen::Vector3d::Zero()};

@@ -29,9 +29,9 @@ double noise_of(std::span<const CalibrationView> views, const CameraFit& fit) {
 }
 
 // A plane tells the magnification along the axis that it is tilted about: of relative changes of fx
-// and fy cos^2 of the one and sin^2 of the other. Where all tell nearly the same, what else they seem
-// to tell is noise in the directions of their axes, however small. A tilt of a few degrees may be
-// that of the camera above a table, common to all views, for which flat on does as well.
+// and fy cos^2 of the one and sin^2 of the other. Where all tell nearly the same, what else they
+// seem to tell is noise in the directions of their axes, however small. A tilt of a few degrees may
+// be that of the camera above a table, common to all views, for which flat on does as well.
 void check_tilts(const CameraFit& fit, std::span<const ViewEquations> equations, double noise) {
     constexpr double max_share = 0.01, least_ratio = 0.01;
     Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
@@ -54,10 +54,10 @@ void check_focal_length(const std::string& name, double value, double deviation,
                         std::span<const ViewEquations> equations, const CalibrationModel& model) {
     constexpr double max_share = 0.1;
     if (!(deviation < max_share * value))
-        throw NumericalError(fmt::format(
-            "these views do not determine the focal length: {} {:.5g} with a standard "
-            "deviation of {:.2g} px; views of different tilt are needed, weakest is {}",
-            name, value, deviation, weakest_direction(equations, model).combination));
+        throw NumericalError(
+            fmt::format("these views do not determine the focal length: {} {:.5g} with a standard "
+                        "deviation of {:.2g} px; views of different tilt are needed, weakest is {}",
+                        name, value, deviation, weakest_direction(equations, model).combination));
 }
 
 // Without distortion its centre is nowhere, whatever noise makes of it.

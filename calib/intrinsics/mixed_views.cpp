@@ -18,11 +18,12 @@ namespace {
 
 using Indices = std::vector<std::size_t>;
 
-// What a second camera may have of its own: fx fy cx cy k1 k2, the first of the standard model's. Of
-// a telecentric one fx fy p1 p2 k1 k2.
+// What a second camera may have of its own: fx fy cx cy k1 k2, the first of the standard model's.
+// Of a telecentric one fx fy p1 p2 k1 k2.
 constexpr int own_parameters = 6;
 
-// With the centre held, which is nowhere without distortion; p1 and p2 do in first order what it does.
+// With the centre held, which is nowhere without distortion; p1 and p2 do in first order what it
+// does.
 const CalibrationModel& telecentric_model() {
     static const CalibrationModel model{
         "telecentric", {"fx", "fy", "p1", "p2", "k1", "k2", "k3"}, Projection::telecentric};
@@ -389,9 +390,9 @@ std::vector<ViewGroup> camera_groups(std::span<const CalibrationView> views, cv:
     for (std::size_t i = 0; i < views.size(); ++i)
         (no_plane[i] ? others : planes).push_back(i);
     const bool is_wide = !is_telecentric && views.size() >= min_views && is_wide_lens(views, size);
-    const CalibrationModel& model = is_telecentric
-                                        ? telecentric_model()
-                                        : calibration_model(is_wide ? "kannala_brandt" : "standard");
+    const CalibrationModel& model =
+        is_telecentric ? telecentric_model()
+                       : calibration_model(is_wide ? "kannala_brandt" : "standard");
     std::vector<ViewGroup> groups;
     for (const ViewGroup& group : groups_among(chosen(views, planes), size, model))
         groups.push_back(of_indices(group, planes));

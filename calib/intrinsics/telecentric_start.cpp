@@ -53,8 +53,8 @@ Magnification magnification(const std::vector<AffineView>& views, double ratio) 
     const double count = static_cast<double>(views.size());
     double mean = 0.0, squares = 0.0;
     for (const AffineView& view : views) {
-        const double value = larger_singular_value(Eigen::Vector2d(1.0, 1.0 / ratio).asDiagonal() *
-                                                   view.map);
+        const double value =
+            larger_singular_value(Eigen::Vector2d(1.0, 1.0 / ratio).asDiagonal() * view.map);
         mean += value / count;
         squares += value * value / count;
     }
@@ -83,7 +83,8 @@ double searched_ratio(const std::vector<AffineView>& views) {
 
 // Of a plane seen by the view's map in mm. Below `flat_rad` no tilt at all.
 Rigid pose_of(const AffineView& view, double flat_rad) {
-    const Eigen::JacobiSVD<Eigen::Matrix2d> svd(view.map, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const Eigen::JacobiSVD<Eigen::Matrix2d> svd(view.map,
+                                                Eigen::ComputeFullU | Eigen::ComputeFullV);
     const double larger = svd.singularValues()[0];
     double cosine = larger > 0.0 ? svd.singularValues()[1] / larger : 0.0;
     if (cosine >= std::cos(flat_rad))

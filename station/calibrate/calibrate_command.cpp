@@ -136,15 +136,14 @@ std::string in_words(const ViewGroup& group, const ViewGroup& most,
         "photo{} {} {} not share the others' {}: {} against {}; another zoom, focus or camera, "
         "calibrate {} apart",
         one ? "" : "s", fmt::join(names, ", "), one ? "does" : "do",
-        zoomed ? size : "image centre or distortion, though about their " + size,
-        focal(group), focal(most), one ? "it" : "them");
+        zoomed ? size : "image centre or distortion, though about their " + size, focal(group),
+        focal(most), one ? "it" : "them");
 }
 
 // Photos of another zoom, focus or camera are taken out and named; where it is not clear which of
 // them are the camera's, nothing is calibrated.
 void keep_one_camera(Observations& observations, bool is_telecentric) {
-    const auto groups =
-        camera_groups(observations.views, observations.image_size, is_telecentric);
+    const auto groups = camera_groups(observations.views, observations.image_size, is_telecentric);
     if (groups.size() == 1)
         return;
     OtherCameras& others = observations.others;
@@ -210,8 +209,9 @@ void refuse_what_does_not_go_together(const CalibrateArguments& arguments) {
                           "does not go with a telecentric model: such a camera does not tell a "
                           "height, or a tilt, from its opposite");
     if (!arguments.refine.empty())
-        throw ConfigError({"--refine"}, "does not go with a telecentric model: it needs rays from "
-                                        "one point");
+        throw ConfigError({"--refine"},
+                          "does not go with a telecentric model: it needs rays from "
+                          "one point");
 }
 
 CalibrationRun calibrated(const CalibrateArguments& arguments) {

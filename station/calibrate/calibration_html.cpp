@@ -198,12 +198,12 @@ void add_photos(HtmlPage& page, const CalibrationRun& run) {
         const CalibratedView& view = run.calibration.views[i];
         const auto left_out = std::count(view.left_out.begin(), view.left_out.end(), true);
         const auto& pose = view.camera_from_target;
-        rows.push_back({short_name(run.photos[i]),
-                        view.used() ? "used" : "left out: does not fit the others",
-                        std::to_string(view.left_out.size()), std::to_string(left_out),
-                        pose ? fixed(view.rms_px, 3) : dash, fixed(view.left_out_rms_px, 3),
-                        pose && !is_telecentric ? fixed(pose->translation.norm(), 0) : dash,
-                        pose ? (is_telecentric ? "\u00b1" : "") + fixed(tilt_deg(*pose), 1) : dash});
+        rows.push_back(
+            {short_name(run.photos[i]), view.used() ? "used" : "left out: does not fit the others",
+             std::to_string(view.left_out.size()), std::to_string(left_out),
+             pose ? fixed(view.rms_px, 3) : dash, fixed(view.left_out_rms_px, 3),
+             pose && !is_telecentric ? fixed(pose->translation.norm(), 0) : dash,
+             pose ? (is_telecentric ? "\u00b1" : "") + fixed(tilt_deg(*pose), 1) : dash});
     }
     for (const std::string& photo : run.without_target)
         rows.push_back({short_name(photo), "target not found", "0", dash, dash, dash, dash, dash});

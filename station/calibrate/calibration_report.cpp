@@ -112,8 +112,8 @@ void remark_on_telecentric(const CalibrationRun& run, std::vector<std::string>& 
         "any distance: every photo's pose has a mirror image that fits as well, and a distance "
         "that is held. The camera is the same with either.");
     if (!held_parameters(run.calibration).empty())
-        remarks.push_back(fmt::format("cx and cy are held in the middle of the image: the centre {}.",
-                                      reason_held));
+        remarks.push_back(fmt::format(
+            "cx and cy are held in the middle of the image: the centre {}.", reason_held));
 }
 
 void remark_on_board(const CalibrationRun& run, std::vector<std::string>& remarks) {
@@ -186,11 +186,12 @@ std::string photo_table(const CalibrationRun& run) {
 }
 
 std::string model_table(const CameraCalibration& calibration) {
-    std::string text = "\nmodel            params  fit/px  left out/px  certain to/px  halves/px\n";
+    std::string text =
+        "\nmodel                params  fit/px left out/px certain to/px halves/px\n";
     for (const ModelScore& score : calibration.advice.models) {
         const bool advised = &score == advised_score(calibration);
         const bool chosen = &score == &chosen_score(calibration);
-        text += fmt::format("{:<16} {:>6} {:>7} {:>12} {:>14} {:>10}  {}\n", score.model,
+        text += fmt::format("{:<20} {:>6} {:>7} {:>11} {:>13} {:>9}  {}\n", score.model,
                             score.parameters, score.fit ? fixed(score.rms_px, 3) : "-",
                             fixed(score.leave_one_out_rms_px, 3, "-"),
                             significant(score.projection_deviation_px, 3, "-"),

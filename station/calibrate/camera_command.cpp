@@ -128,9 +128,8 @@ nlohmann::json check_json(const CameraCheck& check, bool is_telecentric) {
         return {{"horizontal", horizontal}, {"vertical", vertical}, {"diagonal", diagonal}};
     };
     return {{is_telecentric ? "field_of_view_mm" : "field_of_view_deg",
-             is_telecentric
-                 ? field(check.horizontal_mm, check.vertical_mm, check.diagonal_mm)
-                 : field(check.horizontal_deg, check.vertical_deg, check.diagonal_deg)},
+             is_telecentric ? field(check.horizontal_mm, check.vertical_mm, check.diagonal_mm)
+                            : field(check.horizontal_deg, check.vertical_deg, check.diagonal_deg)},
             {"image_without_ray", check.image_without_ray},
             {"margin", check.margin},
             {"findings", findings}};

@@ -9,9 +9,9 @@ namespace etalon::test {
 
 // 25 mm x 19 mm; at the corners k1 makes 4 px of distortion, k2 3 px, k3 1.5 px.
 inline CameraModel telecentric_truth() {
-    CameraModel camera = camera_with(
-        640, 480, {25.3, 24.9, 331.0, 226.0},
-        {.k1 = -4.1e-5, .k2 = 1.3e-7, .p1 = 1.9e-5, .p2 = -3.1e-5, .k3 = -2.3e-10});
+    CameraModel camera =
+        camera_with(640, 480, {25.3, 24.9, 331.0, 226.0},
+                    {.k1 = -4.1e-5, .k2 = 1.3e-7, .p1 = 1.9e-5, .p2 = -3.1e-5, .k3 = -2.3e-10});
     camera.projection.kind = Projection::telecentric;
     return camera;
 }

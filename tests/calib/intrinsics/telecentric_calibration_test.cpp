@@ -1,4 +1,5 @@
-// Calibrating telecentric lenses from the views alone: what is found, what is held, what is refused.
+// Calibrating telecentric lenses from the views alone: what is found, what is held, what is
+// refused.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -34,7 +35,8 @@ CameraModel without_distortion() {
 Rigid tilted(double tilt_deg, double axis_deg, double turn_deg, double x_mm = 0.3) {
     const double axis = axis_deg * degree;
     const Eigen::Quaterniond rotation =
-        rotation_from_vector(tilt_deg * degree * Eigen::Vector3d(std::cos(axis), std::sin(axis), 0)) *
+        rotation_from_vector(tilt_deg * degree *
+                             Eigen::Vector3d(std::cos(axis), std::sin(axis), 0)) *
         rotation_from_vector({0, 0, turn_deg * degree});
     return {rotation, Eigen::Vector3d(x_mm, -0.4, 70) - rotation * Eigen::Vector3d(8, 5, 0)};
 }
@@ -71,8 +73,8 @@ TEST(TelecentricCalibration, FindsTheCameraThatMadeExactViews) {
         for (const auto& [pose, count] : sets) {
             SCOPED_TRACE(name + std::to_string(count));
             const CalibrationModel& model = calibration_model(name);
-            const CameraFit fit =
-                fit_camera(test::telecentric_views(truth, count, 0.0, 1, pose), test::image_size, model);
+            const CameraFit fit = fit_camera(test::telecentric_views(truth, count, 0.0, 1, pose),
+                                             test::image_size, model);
             EXPECT_TRUE(fit.converged);
             const Eigen::VectorXd found = parameters_of(fit.camera, model),
                                   expected = parameters_of(truth, model);
@@ -163,7 +165,8 @@ TEST(TelecentricCalibration, TakesViewsThatAreFlatOn) {
                   .maxCoeff(),
               1e-6);
     for (std::size_t v = 0; v < 4; ++v)
-        EXPECT_NEAR(tilt_rad(exact.camera_from_target[v].rotation), tilt_rad(poses[v].rotation), 1e-5);
+        EXPECT_NEAR(tilt_rad(exact.camera_from_target[v].rotation), tilt_rad(poses[v].rotation),
+                    1e-5);
     for (int seed = 1; seed <= 20; ++seed) {
         const auto views = views_of(truth, poses, 0.1, seed);
         const CameraFit fit = fit_camera(views, test::image_size, model);

@@ -469,6 +469,10 @@ BoardShape fit_board_shape(std::span<const CalibrationView> given, cv::Size imag
                            const std::optional<BoardShape>& start) {
     constexpr int most_rounds = 30;
     constexpr double settled = 1e-3;  // standard deviations, RMS over the coordinates
+    if (model.projection == Projection::telecentric)
+        throw NumericalError(
+            "the board's shape is not to be had with a telecentric camera, which does not tell a "
+            "height, or a tilt, from its opposite");
     const DrawnBoard board(given);
     const PriorPrecision precision(board);
     std::vector<CalibrationView> views(given.begin(), given.end());
@@ -496,7 +500,7 @@ BoardShape fit_board_shape(std::span<const CalibrationView> given, cv::Size imag
 
 std::optional<BoardFlatness> check_board(std::span<const CalibrationView> views,
                                          const CalibrationModel& model, const CameraFit& fit) {
-    if (views.size() < min_board_views)
+    if (views.size() < min_board_views || model.projection == Projection::telecentric)
         return std::nullopt;
     const DrawnBoard board(views);
     const ImageField field(views);

@@ -61,8 +61,9 @@ struct BoardShape {
 // distances over their variance plus the displacements' over the prior's, in rounds: the camera for
 // a board, then one Gauss-Newton step of the board with camera and poses eliminated. Given `prior`,
 // its widths are held. `fit` is the views' fit and the start.
-// Throws NumericalError as fit_camera() does, for an id in two places, and for points that are too
-// few for poses, camera and shape.
+// Throws NumericalError as fit_camera() does, for an id in two places, for points that are too few
+// for poses, camera and shape, and for a telecentric camera, to which heights and tilts look like
+// their opposites.
 BoardShape fit_board_shape(std::span<const CalibrationView> views, cv::Size image_size,
                            const CalibrationModel& model, const CameraFit& fit,
                            const std::optional<BoardShape>& start = std::nullopt);
@@ -85,8 +86,8 @@ struct BoardFlatness {
     bool is_distorted() const { return chance <= max_board_chance; }
 };
 
-// Nothing for fewer than min_board_views views, and for points too few to tell. Throws
-// NumericalError for an id in two places.
+// Nothing for fewer than min_board_views views, for points too few to tell, and for a telecentric
+// camera. Throws NumericalError for an id in two places.
 std::optional<BoardFlatness> check_board(std::span<const CalibrationView> views,
                                          const CalibrationModel& model, const CameraFit& fit);
 

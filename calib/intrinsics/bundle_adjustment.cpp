@@ -42,6 +42,20 @@ Matrix<Scalar> triangle_of(const Matrix<Scalar>& matrix) {
     return qr.matrixQR().topRows(size).template triangularView<Eigen::Upper>();
 }
 
+// What the pixels do not depend on at all, at first order, stays as it is: the distance from a
+// telecentric camera, and the tilt of a plane that it sees flat on. One more row for each holds it;
+// elimination would otherwise use up a row of the view for a column of zeros.
+template <typename Scalar>
+void hold_what_has_no_effect(Matrix<Scalar>& rows) {
+    for (Eigen::Index k = 0; k < pose_size; ++k) {
+        if ((rows.col(k).array() != Scalar(0)).any())
+            continue;
+        rows.conservativeResize(rows.rows() + 1, Eigen::NoChange);
+        rows.row(rows.rows() - 1).setZero();
+        rows(rows.rows() - 1, k) = 1;
+    }
+}
+
 template <typename Scalar>
 Scalar huber_cost(Scalar distance, double threshold) {
     if (threshold == 0.0 || distance <= threshold)
@@ -425,6 +439,7 @@ Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(const Bundle
         rows(2 * points + i, pose_size + held[i]) = options.pull[index];
         rows(2 * points + i, pose_size + free) = -options.pull[index] * model.parameters()[index];
     }
+    hold_what_has_no_effect(rows);
     return triangle_of(rows);
 }
 

@@ -80,7 +80,8 @@ std::optional<BundleSolution<Scalar>> adjust_bundle(const std::vector<BundleView
                                                     const BundleOptions& options);
 
 // The view's residuals and Jacobian [pose | free parameters | residual], times an orthogonal matrix
-// from the left: upper triangular, 6 + free + 1 rows and columns. Every point must be regular.
+// from the left: upper triangular, 6 + free + 1 rows and columns. Every point must be regular. A
+// parameter of the pose that no pixel depends on has a 1 in its column, and does not move.
 template <typename Scalar>
 Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> view_triangle(const BundleView<Scalar>& view,
                                                                     const PixelModel<Scalar>& model,

@@ -55,15 +55,16 @@ void refuse_many_outliers(std::span<const CalibrationView> views, const CornerMa
                         count, all, 100.0 * max_outlier_share, fmt::join(of_views, ", ")));
 }
 
-// Of the named model's kind, or of the kind that follows the lens.
+// Those beside the named model, or of the kind that follows the lens.
 std::vector<CalibrationModel> candidates(std::span<const CalibrationView> views,
                                          cv::Size image_size, const CalibrationOptions& options) {
-    const bool is_wide =
-        options.model ? calibration_model(*options.model).projection != Projection::perspective
-                      : is_wide_lens(views, image_size);
+    const CalibrationModel& asked =
+        calibration_model(options.model                     ? *options.model
+                          : is_wide_lens(views, image_size) ? "kannala_brandt"
+                                                            : "standard");
     if (options.leave_one_out)
-        return is_wide ? wide_calibration_models() : calibration_models();
-    return {calibration_model(options.model.value_or(is_wide ? "kannala_brandt" : "standard"))};
+        return calibration_models_beside(asked.projection);
+    return {asked};
 }
 
 // Of models that were left out of and that are all in doubt.
@@ -168,6 +169,34 @@ Selection select(std::span<const CalibrationView> views, cv::Size image_size,
             mask.assign(mask.size(), true);
         }
     }
+}
+
+// Of views that were taken for those of another lens, which has no focal length for them.
+std::string telecentric_hint(std::span<const CalibrationView> views, cv::Size image_size) {
+    constexpr double max_noise_over_scatter = 1.5;
+    for (const CalibrationModel& model : telecentric_calibration_models()) {
+        const auto fit = attempted([&] { return fit_camera(views, image_size, model); });
+        if (!fit)
+            continue;
+        double squares = 0.0;
+        for (const auto& residuals : fit.value->residuals_px)
+            squares += sum_of_squares(residuals);
+        const double rms = std::sqrt(squares / static_cast<double>(point_count(views)));
+        if (rms <= max_noise_over_scatter * corner_scatter_px(views, fit.value->residuals_px))
+            return fmt::format(
+                "; the lens may be telecentric: model {}, which has to be named, leaves {:.2g} px",
+                model.name, rms);
+    }
+    return "";
+}
+
+Selection select_with_hint(std::span<const CalibrationView> views, cv::Size image_size,
+                           const CalibrationOptions& options) {
+    auto selection = attempted([&] { return select(views, image_size, options); });
+    if (selection)
+        return std::move(*selection);
+    throw NumericalError(selection.cause +
+                         (options.model ? "" : telecentric_hint(views, image_size)));
 }
 
 // The fit only looks at the points: between them and the axis the model may
@@ -401,7 +430,7 @@ CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv
         check_view(views[i], i, min_view_points);
 
     CameraCalibration calibration;
-    Selection selection = select(views, image_size, options);
+    Selection selection = select_with_hint(views, image_size, options);
     calibration.flatness =
         attempted([&] {
             return check_board(selection.kept.views, calibration_model(selection.score().model),

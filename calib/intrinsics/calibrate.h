@@ -61,7 +61,8 @@ struct CameraCalibration {
     std::vector<ParameterDeviation> deviations;
     ProjectionUncertainty uncertainty;
     std::optional<CrossValidation> halves;  // needs six views that determine the camera in halves
-    // Of the model that was taken with the board as drawn; nothing: these views cannot tell.
+    // Of the model that was taken with the board as drawn; nothing: these views, or a telecentric
+    // camera, cannot tell.
     std::optional<BoardFlatness> flatness;
     // When it was asked for: everything above is of views shaped by it. leave_one_out_rms_px and
     // the views' own are of boards fitted without the view, the advice holds this one.
@@ -74,8 +75,8 @@ struct CameraCalibration {
 
 struct CalibrationOptions {
     std::optional<std::string> model = std::nullopt;  // nothing: the advised one
-    // Of every model of the lens's kind, perspective or wide; without it "standard", or
-    // "kannala_brandt", when no model is named.
+    // Of every model of the lens's kind, perspective, wide or (named) telecentric; without it
+    // "standard", or "kannala_brandt", when no model is named.
     bool leave_one_out = true;
     int resamples = bootstrap_resamples;  // 0: no bootstrap
     bool fit_board = false;               // the board's shape with the camera
@@ -87,13 +88,12 @@ inline constexpr double suspicious_deviation_ratio = 1.5;
 // Of all points, more than this share of outliers is refused.
 inline constexpr double max_outlier_share = 0.1;
 
-// Needs three views of at least four points each that are not collinear, and
-// different orientations. Throws ConfigError for an unknown model;
-// NumericalError, naming the view by its index from 0, for what check_view()
-// refuses, for geometry that does not determine the parameters, for a model
-// that folds over inside a view, and for too many outliers. Costs some seconds
-// for 13 views of 54 points with everything; runs on all cores, with the same
-// result for any number of them.
+// Needs three views of at least four points each that are not collinear, and different
+// orientations. Throws ConfigError for an unknown model; NumericalError, naming the view by its
+// index from 0, for what check_view() refuses, for geometry that does not determine the parameters,
+// for a model that folds over inside a view, for too many outliers, and for a board's shape with a
+// telecentric model. Costs some seconds for 13 views of 54 points with everything; runs on all
+// cores, with the same result for any number of them.
 CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv::Size image_size,
                                    const CalibrationOptions& options = {});
 

@@ -40,9 +40,32 @@ const std::vector<CalibrationModel>& wide_calibration_models() {
     return models;
 }
 
+const std::vector<CalibrationModel>& telecentric_calibration_models() {
+    using enum Projection;
+    static const std::vector<CalibrationModel> models{
+        {"telecentric", {"fx", "fy"}, telecentric},
+        {"telecentric_radial", {"fx", "fy", "cx", "cy", "k1", "k2"}, telecentric},
+        {"telecentric_standard",
+         {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"},
+         telecentric},
+    };
+    return models;
+}
+
+const std::vector<CalibrationModel>& calibration_models_beside(Projection projection) {
+    return projection == Projection::perspective   ? calibration_models()
+           : projection == Projection::telecentric ? telecentric_calibration_models()
+                                                   : wide_calibration_models();
+}
+
+int pose_parameters(Projection projection) {
+    return projection == Projection::telecentric ? 5 : 6;
+}
+
 const CalibrationModel& calibration_model(std::string_view name) {
     std::vector<std::string> names;
-    for (const auto* models : {&calibration_models(), &wide_calibration_models()})
+    for (const auto* models :
+         {&calibration_models(), &wide_calibration_models(), &telecentric_calibration_models()})
         for (const CalibrationModel& model : *models) {
             if (model.name == name)
                 return model;

@@ -31,7 +31,18 @@ const std::vector<CalibrationModel>& calibration_models();
 // (equidistant with k1 k2 k3 k7) and omnidirectional (unified with k1 k2 p1 p2).
 const std::vector<CalibrationModel>& wide_calibration_models();
 
-// Of either kind. Throws ConfigError, listing the names there are.
+// Of telecentric lenses: telecentric (fx fy; without distortion the centre has no effect, and is
+// held), telecentric_radial (and cx cy k1 k2) and telecentric_standard (and p1 p2 k3).
+const std::vector<CalibrationModel>& telecentric_calibration_models();
+
+// Those that are compared with a model of this projection: the list that it is in.
+const std::vector<CalibrationModel>& calibration_models_beside(Projection projection);
+
+// Of a pose of a view that pixels depend on: 6, and 5 of a telecentric camera's, all but the
+// distance.
+int pose_parameters(Projection projection);
+
+// Of any kind. Throws ConfigError, listing the names there are.
 const CalibrationModel& calibration_model(std::string_view name);
 
 // All parameters, of which a model has some: calib/camera/pixel_model.h. The kind of the projection

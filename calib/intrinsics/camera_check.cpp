@@ -30,11 +30,22 @@ double angle_between_deg(const Projector& projector, const Eigen::Vector2d& a,
     return std::atan2(ray_a->cross(*ray_b).norm(), ray_a->dot(*ray_b)) * 180.0 / std::numbers::pi;
 }
 
+void measure_telecentric_field(const Projector& projector, CameraCheck& check) {
+    const auto across = [&](double x, double y) {
+        const auto a = projector.ray(image_position(projector.camera(), x, y)),
+                   b = projector.ray(image_position(projector.camera(), 1.0 - x, 1.0 - y));
+        return a && b ? (*a - *b).norm() : not_a_number;
+    };
+    check.horizontal_mm = across(0, 0.5);
+    check.vertical_mm = across(0.5, 0);
+    check.diagonal_mm = across(0, 0);
+}
+
 // Of a wide lens by way of the middle, as it may see more than 180 degrees.
 void measure_field_of_view(const Projector& projector, CameraCheck& check) {
     const CameraModel& camera = projector.camera();
     if (camera.projection.kind == Projection::telecentric)
-        return;
+        return measure_telecentric_field(projector, check);
     const auto across = [&](double x, double y) {
         const Eigen::Vector2d a = image_position(camera, x, y),
                               b = image_position(camera, 1.0 - x, 1.0 - y),

@@ -24,6 +24,7 @@ struct CameraFinding {
 
 struct CameraCheck {
     double horizontal_deg = 0, vertical_deg = 0, diagonal_deg = 0;  // field of view; NaN: no ray
+    double horizontal_mm = 0, vertical_mm = 0, diagonal_mm = 0;     // of a telecentric camera
     double image_without_ray = 0.0;  // share of the image that no ray reaches, 0 to 1
     // Smallest ratio of the valid region's border to the radius of the image's edge, along the
     // edge: above 1 the fold, pole or horizon lies outside the image; infinity where none exists.
@@ -33,10 +34,10 @@ struct CameraCheck {
     bool has_fault() const;
 };
 
-// Of a telecentric camera the fields of view are 0. A wide lens may leave the image's corners
-// without rays: no fault as long as a circle as wide as the image has them. Looks at a grid of 65 x
-// 65 pixel positions, outer corners included: some milliseconds. Throws NumericalError where
-// Projector does.
+// The fields of view are in degrees, those of a telecentric camera in mm, the others 0. A wide lens
+// may leave the image's corners without rays: no fault as long as a circle as wide as the image has
+// them. Looks at a grid of 65 x 65 pixel positions, outer corners included: some milliseconds.
+// Throws NumericalError where Projector does.
 CameraCheck check_camera(const CameraModel& camera);
 
 }  // namespace etalon

@@ -9,6 +9,8 @@
 #include "calib/camera/pixel_model.h"
 #include "calib/intrinsics/bundle_adjustment.h"
 #include "calib/intrinsics/calibration_start.h"
+#include "calib/intrinsics/determinacy.h"
+#include "calib/intrinsics/telecentric_start.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -41,7 +43,9 @@ void check_input(std::span<const CalibrationView> views, cv::Size size,
         throw NumericalError(fmt::format("{} views, three are needed", views.size()));
     for (std::size_t i = 0; i < views.size(); ++i)
         check_view(views[i], i, min_view_points);
-    const std::size_t unknowns = model.parameters.size() + 6 * views.size();
+    const std::size_t unknowns =
+        model.parameters.size() +
+        static_cast<std::size_t>(pose_parameters(model.projection)) * views.size();
     const std::size_t observations = 2 * point_count(views);
     if (observations < unknowns)
         throw NumericalError(fmt::format("{} coordinates for {} unknowns of model {}", observations,
@@ -50,10 +54,6 @@ void check_input(std::span<const CalibrationView> views, cv::Size size,
 
 // Also of poses and equations that are asked for: what Eigen would read beyond, or NaN.
 void check_camera(const CameraModel& camera, std::span<const Rigid> poses, std::size_t views) {
-    if (camera.projection.kind == Projection::telecentric)
-        throw NumericalError(
-            "a telecentric camera cannot be calibrated: the distance of its target "
-            "has no effect");
     require_possible(camera.projection);
     const CameraParameters parameters = all_parameters(camera);
     if (!parameters.allFinite() || !(parameters[0] > 0.0) || !(parameters[1] > 0.0))
@@ -88,34 +88,63 @@ std::optional<BundleSolution<double>> adjusted_pose(const BundleView<double>& vi
     return adjust_bundle<double>({view}, {bundle.projection, bundle.camera, {pose}}, options);
 }
 
-BundlePose<double> mirrored(const BundlePose<double>& pose) {
+// A pose to try in place of another, and by what factor its cost must be below the other's.
+struct OtherPose {
+    BundlePose<double> pose;
+    double less = 0.999;
+};
+
+// A telecentric camera sees tilts of either sign alike, and tilts near zero in second order only:
+// where no tilt fits better, flat on is the minimum, to which no steps converge; and from there
+// none lead back.
+std::vector<OtherPose> telecentric_others(const BundlePose<double>& pose) {
     const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
-    return bundle_pose<double>(mirrored_pose(rigid_from(pose, origin), origin), origin);
+    const auto tilted = [&](double about_x, double about_y) -> OtherPose {
+        return {{rotation_from_vector({about_x, about_y, 0.0}) * pose.rotation, pose.translation}};
+    };
+    if (is_flat_on(pose.rotation))
+        return {tilted(0.03, 0.01), tilted(-0.01, 0.03)};
+    if (tilt_rad(pose.rotation) > hardly_tilted_rad)
+        return {};
+    return {{bundle_pose<double>(flat_on(rigid_from(pose, origin), origin), origin), 1.0 + 1e-6}};
 }
 
 // A plane seen without much perspective has two poses; the start may have taken the wrong one.
-// Returns whether one was.
-bool choose_mirrored_poses(const Views& views, Bundle<double>& bundle, double huber) {
+std::vector<OtherPose> other_poses(const BundlePose<double>& pose, Projection projection) {
+    if (projection == Projection::telecentric)
+        return telecentric_others(pose);
+    const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+    return {{bundle_pose<double>(mirrored_pose(rigid_from(pose, origin), origin), origin)}};
+}
+
+// Returns whether one was better than the one that there was.
+bool choose_other_poses(const Views& views, Bundle<double>& bundle, double huber) {
     const BundleOptions options{.free = {}, .huber = huber, .most_iterations = 8};
     bool changed = false;
     for (std::size_t i = 0; i < views.size(); ++i) {
-        const auto as_is = adjusted_pose(views[i], bundle, bundle.poses[i], options);
-        const auto other = adjusted_pose(views[i], bundle, mirrored(bundle.poses[i]), options);
-        if (as_is && other && other->cost < 0.999 * as_is->cost) {
-            bundle.poses[i] = other->bundle.poses.front();
+        const auto others = other_poses(bundle.poses[i], bundle.projection.kind);
+        if (others.empty())
+            continue;
+        auto best = adjusted_pose(views[i], bundle, bundle.poses[i], options);
+        for (const OtherPose& each : others) {
+            auto other = adjusted_pose(views[i], bundle, each.pose, options);
+            if (!best || !other || !(other->cost < each.less * best->cost))
+                continue;
+            best = std::move(other);
+            bundle.poses[i] = best->bundle.poses.front();
             changed = true;
         }
     }
     return changed;
 }
 
-// Adjusts until no mirrored pose fits better.
-std::optional<Solution> adjust_with_mirrored(const Views& views, const Bundle<double>& start,
-                                             const BundleOptions& options) {
+// Adjusts until no other pose fits better.
+std::optional<Solution> adjust_with_other_poses(const Views& views, const Bundle<double>& start,
+                                                const BundleOptions& options) {
     constexpr int max_rounds = 4;
     auto solution = adjust_bundle(views, start, options);
     for (int round = 0; solution && round < max_rounds; ++round) {
-        if (!choose_mirrored_poses(views, solution->bundle, options.huber))
+        if (!choose_other_poses(views, solution->bundle, options.huber))
             break;
         solution = adjust_bundle(views, solution->bundle, options);
     }
@@ -153,8 +182,8 @@ CameraParameters prior_precisions(double r) {
     return precisions;
 }
 
-// For points that scatter as they do about this bundle. Models of wide lenses have none of these
-// parameters.
+// For points that scatter as they do about this bundle. Models of wide and telecentric lenses have
+// none of these parameters.
 CameraParameters pull_of(const Views& views, const Bundle<double>& bundle,
                          const BundleOptions& options) {
     if (bundle.projection.kind != Projection::perspective)
@@ -193,9 +222,17 @@ std::optional<Solution> better(std::optional<Solution> one, std::optional<Soluti
 }
 
 // What is free, step by step. Of a perspective camera the models from the simplest distortion on to
-// the one that is asked for; of a wide lens first what every camera has.
+// the one that is asked for; of a wide lens first what every camera has; of a telecentric one first
+// the magnification, then the distortion, and then its centre, which is nowhere without it.
 std::vector<std::vector<int>> stages_of(const CalibrationModel& model) {
     const std::vector<int> all = indices_of(model);
+    if (model.projection == Projection::telecentric) {
+        if (all.size() == 2)
+            return {all};
+        std::vector<int> centred = all;
+        std::erase_if(centred, [](int i) { return i == 2 || i == 3; });
+        return {{0, 1}, centred, all};
+    }
     std::vector<std::size_t> ends;
     if (model.projection == Projection::perspective)
         for (const CalibrationModel& simpler : calibration_models())
@@ -226,10 +263,22 @@ std::optional<Solution> adjust_in_stages(const Views& views, const Bundle<double
         if (solution)
             stage.pull = pull_of(views, solution->bundle, stage);
         const auto from_simpler =
-            solution ? adjust_with_mirrored(views, solution->bundle, stage) : std::nullopt;
-        solution = better(from_simpler, adjust_with_mirrored(views, start, stage));
+            solution ? adjust_with_other_poses(views, solution->bundle, stage) : std::nullopt;
+        solution = better(from_simpler, adjust_with_other_poses(views, start, stage));
     }
     return solution;
+}
+
+std::vector<CameraStart> starts_of(std::span<const CalibrationView> views, cv::Size size,
+                                   Projection projection) {
+    switch (projection) {
+        case Projection::perspective:
+            return {calibration_start(views, size)};
+        case Projection::telecentric:
+            return {telecentric_calibration_start(views, size)};
+        default:
+            return wide_calibration_starts(views, size, projection);
+    }
 }
 
 std::optional<Solution> solve(std::span<const CalibrationView> views, cv::Size size,
@@ -246,14 +295,12 @@ std::optional<Solution> solve(std::span<const CalibrationView> views, cv::Size s
         const Bundle<double> bundle = bundle_of(start.camera, start.camera_from_target, all);
         BundleOptions pulled = bundle_options;
         pulled.pull = pull_of(all, bundle, bundle_options);
-        return adjust_bundle(all, bundle, pulled);
+        return model.projection == Projection::telecentric
+                   ? adjust_with_other_poses(all, bundle, pulled)
+                   : adjust_bundle(all, bundle, pulled);
     }
-    const std::vector<CameraStart> starts =
-        model.projection == Projection::perspective
-            ? std::vector{calibration_start(views, size)}
-            : wide_calibration_starts(views, size, model.projection);
     std::optional<Solution> best;
-    for (const CameraStart& start : starts)
+    for (const CameraStart& start : starts_of(views, size, model.projection))
         best = better(std::move(best),
                       adjust_in_stages(all, bundle_of(start.camera, start.camera_from_target, all),
                                        bundle_options, model));
@@ -330,39 +377,11 @@ Eigen::MatrixXd inverse_information(const ScaledTriangle& scaled, const Calibrat
 
 double variance_of(std::span<const CalibrationView> views, double squares,
                    const CalibrationModel& model) {
-    const double freedom = 2.0 * static_cast<double>(point_count(views)) -
-                           static_cast<double>(model.parameters.size() + 6 * views.size());
+    const double freedom =
+        2.0 * static_cast<double>(point_count(views)) -
+        static_cast<double>(model.parameters.size()) -
+        static_cast<double>(pose_parameters(model.projection)) * static_cast<double>(views.size());
     return freedom > 0.0 ? squares / freedom : 0.0;
-}
-
-// The pixels' sigma that the mean weight belongs to.
-double typical_sigma(std::span<const CalibrationView> views) {
-    double weights = 0.0;
-    for (const CalibrationView& view : views)
-        for (std::size_t i = 0; i < view.pixels.size(); ++i)
-            weights += 1.0 / (view.sigma(i) * view.sigma(i));
-    return std::sqrt(static_cast<double>(point_count(views)) / weights);
-}
-
-// Exact views of bad geometry have no residuals to tell of it: pixels are taken to be no better
-// than 0.1 px.
-void check_focal_lengths(std::span<const CalibrationView> views, const CameraFit& fit,
-                         const CalibrationModel& model, const ScaledTriangle& scaled) {
-    constexpr double min_noise_px = 0.1, max_share = 0.1;
-    const Eigen::MatrixXd inverse = inverse_information(scaled, model);
-    const double noise = std::max(std::sqrt(fit.variance), min_noise_px / typical_sigma(views));
-    for (std::size_t i = 0; i < model.parameters.size(); ++i) {
-        const std::string& name = model.parameters[i];
-        if (name != "fx" && name != "fy")
-            continue;
-        const double value = parameters_of(fit.camera, model)[i];
-        const double deviation = noise * std::sqrt(inverse(i, i));
-        if (!(deviation < max_share * value))
-            throw NumericalError(fmt::format(
-                "these views do not determine the focal length: {} {:.5g} with a standard "
-                "deviation of {:.2g} px; views of different tilt are needed, weakest is {}",
-                name, value, deviation, weakest_direction(scaled, model).combination));
-    }
 }
 
 CameraFit fit_from(const Solution& solution, std::span<const CalibrationView> views,
@@ -419,9 +438,14 @@ std::vector<Eigen::Vector2d> roughly_undistorted(const CameraModel& camera,
 
 std::optional<Rigid> rough_pose(const CameraModel& camera, const CalibrationView& view) {
     const std::vector<Eigen::Vector2d> undistorted = roughly_undistorted(camera, view.pixels);
-    if (camera.projection.kind == Projection::perspective)
-        return pose_from_homography(view.points_mm, undistorted);
-    return pose_from_plane(view.points_mm, undistorted, camera.projection);
+    switch (camera.projection.kind) {
+        case Projection::perspective:
+            return pose_from_homography(view.points_mm, undistorted);
+        case Projection::telecentric:
+            return pose_from_affine(view.points_mm, undistorted);
+        default:
+            return pose_from_plane(view.points_mm, undistorted, camera.projection);
+    }
 }
 
 }  // namespace
@@ -442,9 +466,9 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
         options.start ? options.start->camera : plain_camera(image_size, model.projection));
     fit.pull = bundle_options.pull;
     fit.variance = variance_of(views, weighted_squares(views, fit), model);
-    const ScaledTriangle scaled = scaled_triangle(view_equations(views, fit, model), model);
-    fit.condition_number = weakest_direction(scaled, model).condition_number;
-    check_focal_lengths(views, fit, model, scaled);
+    const std::vector<ViewEquations> equations = view_equations(views, fit, model);
+    fit.condition_number = weakest_direction(equations, model).condition_number;
+    check_determinacy(views, fit, model, equations);
     return fit;
 }
 
@@ -458,9 +482,11 @@ Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view) {
     const BundleView<double> of_view = bundle_view<double>(view);
     const BundlePose<double> pose = bundle_pose<double>(*start, of_view.centre_mm);
     auto best = adjusted_pose(of_view, bundle, pose);
-    const auto other = adjusted_pose(of_view, bundle, mirrored(pose));
-    if (!best || (other && other->cost < best->cost))
-        best = other;
+    for (const OtherPose& each : other_poses(pose, camera.projection.kind)) {
+        auto other = adjusted_pose(of_view, bundle, each.pose);
+        if (!best || (other && other->cost <= best->cost))
+            best = std::move(other);
+    }
     if (!best)
         throw NumericalError("no pose fits the view: the camera's distortion folds over in it");
     return rigid_from(best->bundle.poses.front(), of_view.centre_mm);

@@ -6,10 +6,10 @@
 // eliminated by Householder QR, not by normal equations, so that the condition number of the
 // problem counts once and not squared: k1..k6 that are correlated to 0.9999 keep their digits.
 //
-// Perspective cameras and wide lenses. Says nothing about whether the model predicts well, and no
-// standard deviations: see calib/intrinsics/calibrate.h. Thread-safe, deterministic,
-// single-threaded. Eight views of 54 points cost 1.3 ms from a start nearby and 9 ms from nothing,
-// nine parameters free.
+// A telecentric camera's poses keep the distance that they start with (docs/calibration.md). Says
+// nothing about whether the model predicts well, and no standard deviations: see
+// calib/intrinsics/calibrate.h. Thread-safe, deterministic, single-threaded. Eight views of 54
+// points cost 1.3 ms from a start nearby and 9 ms from nothing, nine parameters free.
 #pragma once
 
 #include <Eigen/Core>
@@ -41,7 +41,7 @@ struct CameraFit {
     // Observed minus projected, by view and point.
     std::vector<std::vector<Eigen::Vector2d>> residuals_px;
     // Of a pixel coordinate with sigma 1: the weighted sum of squares over the degrees of freedom,
-    // 2 points - parameters - 6 views. Zero when there are none.
+    // 2 points - parameters - pose_parameters() of each view. Zero when there are none.
     double variance = 0.0;
     CameraParameters pull = CameraParameters::Zero();  // these deviations: BundleOptions::pull
     int iterations = 0;
@@ -66,14 +66,16 @@ struct CameraFitOptions {
 // the start. Throws NumericalError for fewer than three views, a view that check_view() refuses
 // with four points, more parameters than observations, a start that is none, and for views that do
 // not determine the camera: a rank lost, or a focal length that noise of 0.1 px makes uncertain by
-// more than a tenth; the combination of parameters that is weakest is named. Every observed point
+// more than a tenth; the combination of parameters that is weakest is named; of a telecentric lens
+// planes all tilted about one axis, or by less than 5 degrees. Every observed point
 // is where the model is regular (calib/camera/distortion.h); a fold between the axis and a point is
 // for Projector to find.
 CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size,
                      const CalibrationModel& model, const CameraFitOptions& options = {});
 
 // The pose of a view of at least four points for a known camera; of the two mirrored solutions that
-// a plane has, the one that fits better. Throws NumericalError when there is none.
+// a plane has, the one that fits better; of a telecentric camera either. Throws NumericalError when
+// there is none.
 Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view);
 
 // Observed minus projected. Throws NumericalError for a point behind the camera or where the model

@@ -38,15 +38,15 @@ struct Seen {
     Eigen::VectorXd differences, deviations;  // two rows, one row for each
 };
 
-Seen seen_by_second(const ImageRays& rays, const Projector& second,
-                    const Eigen::Quaterniond& rotation, const Eigen::VectorXd& deviations) {
+Seen seen_by_second(const ImageRays& rays, const Projector& second, const Rigid& motion,
+                    const Eigen::VectorXd& deviations) {
     Seen seen;
     const auto most = static_cast<Eigen::Index>(rays.pixels.size());
     seen.differences.resize(2 * most);
     seen.deviations.resize(most);
     Eigen::Index count = 0;
     for (std::size_t i = 0; i < rays.pixels.size(); ++i) {
-        const auto pixel = second.project(rotation * rays.rays[i]);
+        const auto pixel = second.project(motion * rays.rays[i]);
         if (!pixel)
             continue;
         seen.rays.pixels.push_back(rays.pixels[i]);
@@ -61,6 +61,14 @@ Seen seen_by_second(const ImageRays& rays, const Projector& second,
     return seen;
 }
 
+// Of the rays, which of a telecentric camera have Z = 1 mm: a turn of theirs about x or y is a
+// shift, which need not be small.
+Rigid motion_of_rays(const Eigen::Vector3d& turn, Projection projection) {
+    if (projection != Projection::telecentric)
+        return {rotation_from_vector(turn), Eigen::Vector3d::Zero()};
+    return {rotation_from_vector({0.0, 0.0, turn.z()}), {turn.y(), -turn.x(), 0.0}};
+}
+
 // Mean over the rays of the squared length that displacements of this covariance have.
 double mean_square(const Eigen::MatrixXd& moved, const Eigen::MatrixXd& covariance) {
     return (moved * covariance).cwiseProduct(moved).sum() /
@@ -73,14 +81,14 @@ double mean_square(const Eigen::MatrixXd& moved, const Eigen::MatrixXd& covarian
 ProjectionDifference projection_difference(const CameraModel& second, const ImageRays& rays,
                                            const Eigen::VectorXd& deviations) {
     const Projector projector(second);
-    Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
+    Rigid motion;
     for (int iteration = 0; iteration < 5; ++iteration) {
-        const Seen seen = seen_by_second(rays, projector, rotation, deviations);
+        const Seen seen = seen_by_second(rays, projector, motion, deviations);
         const Eigen::Vector3d step =
             -best_rotation(seen.differences, rotation_jacobian(second, seen.rays), seen.deviations);
-        rotation = rotation_from_vector(step) * rotation;
+        motion = motion_of_rays(step, second.projection.kind) * motion;
     }
-    const Seen seen = seen_by_second(rays, projector, rotation, deviations);
+    const Seen seen = seen_by_second(rays, projector, motion, deviations);
     ProjectionDifference difference{seen.rays.pixels, {}};
     for (Eigen::Index i = 0; i < seen.differences.size(); i += 2)
         difference.differences_px.emplace_back(seen.differences.segment<2>(i));

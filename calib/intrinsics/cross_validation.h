@@ -37,7 +37,8 @@ CrossValidation cross_validate(std::span<const CalibrationView> views, cv::Size 
                                const CalibrationModel& model, const CameraFit& fit);
 
 // Second minus first: where the second camera sees the first one's rays, after the second was
-// turned by the rotation that takes back most of the difference. `deviations` (px) say how much
+// turned by the rotation (telecentric: about the axis, and shifted) that takes back most of the
+// difference. `deviations` (px) say how much
 // each ray weighs. Rays that the second one does not see are left out.
 struct ProjectionDifference {
     std::vector<Eigen::Vector2d> pixels, differences_px;

@@ -19,7 +19,17 @@ namespace {
 using Indices = std::vector<std::size_t>;
 
 // What a second camera may have of its own: fx fy cx cy k1 k2, the first of the standard model's.
+// Of a telecentric one fx fy p1 p2 k1 k2.
 constexpr int own_parameters = 6;
+
+// With the centre held, which is nowhere without distortion; p1 and p2 do in first order what it
+// does.
+const CalibrationModel& telecentric_model() {
+    static const CalibrationModel model{
+        "telecentric", {"fx", "fy", "p1", "p2", "k1", "k2", "k3"}, Projection::telecentric};
+    return model;
+}
+
 constexpr double least_noise_px = 0.01;  // exact points are taken to be no better
 
 std::vector<CalibrationView> chosen(std::span<const CalibrationView> views, const Indices& which) {
@@ -46,7 +56,8 @@ GroupFit measured(std::span<const CalibrationView> views, const CalibrationModel
         for (std::size_t i = 0; i < views[v].pixels.size(); ++i)
             group.squares += (group.fit.residuals_px[v][i] / views[v].sigma(i)).squaredNorm();
     group.equations = view_equations(views, group.fit, model);
-    group.freedom = 2.0 * double(point_count(views)) - 6.0 * double(views.size()) - parameters;
+    group.freedom = 2.0 * double(point_count(views)) -
+                    pose_parameters(model.projection) * double(views.size()) - parameters;
     return group;
 }
 
@@ -65,8 +76,9 @@ GroupFit fit_second(std::span<const CalibrationView> views, const CalibrationMod
         start.poses.push_back(
             bundle_pose<double>(fit_view_pose(first, view), bundle_views.back().centre_mm));
     }
-    std::vector<int> free(static_cast<std::size_t>(own));
-    std::iota(free.begin(), free.end(), 0);
+    std::vector<int> free;
+    for (int i = 0; i < own; ++i)
+        free.push_back(parameter_index(model.parameters[std::size_t(i)]));
     const auto solution = adjust_bundle<double>(bundle_views, start, {.free = free});
     if (!solution)
         throw NumericalError("no second camera fits");
@@ -371,13 +383,16 @@ std::vector<ViewGroup> groups_among(std::span<const CalibrationView> views, cv::
 
 }  // namespace
 
-std::vector<ViewGroup> camera_groups(std::span<const CalibrationView> views, cv::Size size) {
+std::vector<ViewGroup> camera_groups(std::span<const CalibrationView> views, cv::Size size,
+                                     bool is_telecentric) {
     const std::vector<bool> no_plane = are_no_planes(views);
     Indices planes, others;
     for (std::size_t i = 0; i < views.size(); ++i)
         (no_plane[i] ? others : planes).push_back(i);
-    const CalibrationModel& model = calibration_model(
-        views.size() >= min_views && is_wide_lens(views, size) ? "kannala_brandt" : "standard");
+    const bool is_wide = !is_telecentric && views.size() >= min_views && is_wide_lens(views, size);
+    const CalibrationModel& model =
+        is_telecentric ? telecentric_model()
+                       : calibration_model(is_wide ? "kannala_brandt" : "standard");
     std::vector<ViewGroup> groups;
     for (const ViewGroup& group : groups_among(chosen(views, planes), size, model))
         groups.push_back(of_indices(group, planes));

@@ -16,7 +16,8 @@
 // is the best of all: each of the C(n, m) that have m views aside is allowed an equal part of the
 // false alarm rate, so that it holds for the best one too. A model too poor for the lens errs alike
 // in photos that are alike: the split that the standard model finds must be needed with the richest
-// model as well. Of a wide lens both are Kannala and Brandt's.
+// model as well. Of a wide lens both are Kannala and Brandt's; of a telecentric one the centre is
+// held, which p1 and p2 make up for.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -35,7 +36,7 @@ inline constexpr std::size_t min_mixed_views = 5;  // fewer are not looked at
 struct ViewGroup {
     std::vector<std::size_t> views;  // ascending
     // Mean of fx and fy, and its standard deviation; of less than three views with all else as the
-    // others have it. Zero when there is one group.
+    // others have it. Of a telecentric lens px per mm. Zero when there is one group.
     double focal_px = 0.0, deviation_px = 0.0;
 };
 
@@ -43,6 +44,7 @@ struct ViewGroup {
 // fewer than five views, and where no camera fits them. Views in an order that no plane shows have
 // no say and are in the largest. Views must have passed check_view(). Some twenty fits: 0.2 s for
 // 13 views of 54 points.
-std::vector<ViewGroup> camera_groups(std::span<const CalibrationView> views, cv::Size image_size);
+std::vector<ViewGroup> camera_groups(std::span<const CalibrationView> views, cv::Size image_size,
+                                     bool is_telecentric = false);
 
 }  // namespace etalon

@@ -34,7 +34,8 @@ std::vector<Eigen::Vector2d> all_pixels(std::span<const CalibrationView> views);
 ImageRays rays_among(const ImageRays& rays, std::span<const Eigen::Vector2d> pixels);
 
 // d pixel / d parameters and d pixel / d rotation (rad, left perturbation) of all rays, two rows
-// for each.
+// for each. Rays of a telecentric camera have Z = 1 mm: turned about x or y by 1 rad they are
+// shifted by 1 mm, which is what a measurement takes back there.
 Eigen::MatrixXd parameter_jacobian(const CameraModel& camera, const ImageRays& rays,
                                    const CalibrationModel& model);
 Eigen::MatrixXd rotation_jacobian(const CameraModel& camera, const ImageRays& rays);

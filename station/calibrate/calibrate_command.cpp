@@ -118,15 +118,17 @@ Observations observe_all(const CalibrationTarget& target, const std::string& spe
 }
 
 std::string in_words(const ViewGroup& group, const ViewGroup& most,
-                     const std::vector<std::string>& photos) {
+                     const std::vector<std::string>& photos, bool is_telecentric) {
     constexpr double deviations = 3.0;
     std::vector<std::string> names;
     for (const std::size_t view : group.views)
         names.push_back(short_name(photos[view]));
-    const auto focal = [](const ViewGroup& of) {
-        return fmt::format("{} +- {} px", with_uncertainty(of.focal_px, of.deviation_px),
-                           with_uncertainty(of.deviation_px, of.deviation_px));
+    const auto focal = [&](const ViewGroup& of) {
+        return fmt::format("{} +- {} px{}", with_uncertainty(of.focal_px, of.deviation_px),
+                           with_uncertainty(of.deviation_px, of.deviation_px),
+                           is_telecentric ? "/mm" : "");
     };
+    const std::string size = is_telecentric ? "magnification" : "focal length";
     const bool zoomed = std::abs(group.focal_px - most.focal_px) >
                         deviations * std::hypot(group.deviation_px, most.deviation_px);
     const bool one = names.size() == 1;
@@ -134,20 +136,20 @@ std::string in_words(const ViewGroup& group, const ViewGroup& most,
         "photo{} {} {} not share the others' {}: {} against {}; another zoom, focus or camera, "
         "calibrate {} apart",
         one ? "" : "s", fmt::join(names, ", "), one ? "does" : "do",
-        zoomed ? "focal length" : "image centre or distortion, though about their focal length",
-        focal(group), focal(most), one ? "it" : "them");
+        zoomed ? size : "image centre or distortion, though about their " + size, focal(group),
+        focal(most), one ? "it" : "them");
 }
 
 // Photos of another zoom, focus or camera are taken out and named; where it is not clear which of
 // them are the camera's, nothing is calibrated.
-void keep_one_camera(Observations& observations) {
-    const auto groups = camera_groups(observations.views, observations.image_size);
+void keep_one_camera(Observations& observations, bool is_telecentric) {
+    const auto groups = camera_groups(observations.views, observations.image_size, is_telecentric);
     if (groups.size() == 1)
         return;
     OtherCameras& others = observations.others;
     for (auto group = groups.begin() + 1; group != groups.end(); ++group) {
         others.in_words += others.in_words.empty() ? "" : "; ";
-        others.in_words += in_words(*group, groups.front(), observations.photos);
+        others.in_words += in_words(*group, groups.front(), observations.photos, is_telecentric);
         for (const std::size_t view : group->views)
             others.photos.push_back(observations.photos[view]);
     }
@@ -193,6 +195,25 @@ void correct_circles(const CalibrationTarget& target, Observations& observations
                 with_circle_centres(target, observations.views[i], first.camera, *pose);
 }
 
+bool names_telecentric_model(const CalibrateArguments& arguments) {
+    return arguments.model != "auto" &&
+           calibration_model(arguments.model).projection == Projection::telecentric;
+}
+
+// Before a photo is read.
+void refuse_what_does_not_go_together(const CalibrateArguments& arguments) {
+    if (!names_telecentric_model(arguments))
+        return;
+    if (arguments.fit_board)
+        throw ConfigError({"--fit-board"},
+                          "does not go with a telecentric model: such a camera does not tell a "
+                          "height, or a tilt, from its opposite");
+    if (!arguments.refine.empty())
+        throw ConfigError({"--refine"},
+                          "does not go with a telecentric model: it needs rays from "
+                          "one point");
+}
+
 CalibrationRun calibrated(const CalibrateArguments& arguments) {
     const std::string spec = target_spec(arguments);
     const CalibrationTarget target =
@@ -201,7 +222,7 @@ CalibrationRun calibrated(const CalibrateArguments& arguments) {
     if (arguments.model != "auto")
         model = calibration_model(arguments.model).name;
     Observations observations = observe_all(target, spec, arguments.photos);
-    keep_one_camera(observations);
+    keep_one_camera(observations, names_telecentric_model(arguments));
     if (has_circles(target))
         correct_circles(target, observations, model);
     CameraCalibration calibration = calibrate_photos(observations, model, arguments.fit_board);
@@ -273,6 +294,7 @@ void print_words(const CalibrationRun& run, const std::filesystem::path& report)
 
 // Nothing is written when the photos hold no calibration.
 int run_calibrate(const CalibrateArguments& given) {
+    refuse_what_does_not_go_together(given);
     const PhotoFiles files(given.photos);
     CalibrateArguments arguments = given;
     arguments.photos = files.paths();
@@ -324,7 +346,10 @@ constexpr const char* calibrate_details =
     "  extended_unified  beta alpha\n"
     "`auto` looks among the latter where no other follows the lens; it takes the\n"
     "simplest one that predicts photos it has not seen as well as the best, within a\n"
-    "standard error, and that they determine.\n\n"
+    "standard error, and that they determine.\n"
+    "Telecentric lenses, only when named, fx and fy in px per mm:\n"
+    "  telecentric           fx fy     telecentric_radial  fx fy cx cy k1 k2\n"
+    "  telecentric_standard  fx fy cx cy k1 k2 p1 p2 k3\n\n"
     "PHOTOS may be patterns and videos: 'photos/*.jpg' 'video:F.mp4?every=10'\n\n"
     "Examples:\n"
     "  etalon calibrate --board 9x6 --square-mm 25 left*.jpg --out camera.yml\n"

@@ -55,6 +55,7 @@ void add_summary(HtmlPage& page, const CalibrationRun& run) {
 
 void add_parameters(HtmlPage& page, const CameraCalibration& calibration) {
     page.add_heading("The camera, with its standard deviations side by side");
+    const bool is_telecentric = calibration.camera.projection.kind == Projection::telecentric;
     const Eigen::VectorXd values = parameters_of(calibration.camera, calibration.model);
     TableRows rows;
     for (std::size_t i = 0; i < calibration.deviations.size(); ++i) {
@@ -66,18 +67,22 @@ void add_parameters(HtmlPage& page, const CameraCalibration& calibration) {
                         each.bootstrap ? fmt::format("{:#.2g}", *each.bootstrap) : dash,
                         fixed(each.ratio(), 2)});
     }
+    for (const auto& [name, value] : held_parameters(calibration))
+        rows.push_back({name, fmt::format("{}", value), std::string("held: ") + reason_held, dash,
+                        dash, dash, dash});
     page.add_table(
         {"parameter", "value", "used", "formal", "cluster-robust", "bootstrap", "used / formal"},
         rows);
     page.add_paragraph(fmt::format(
-        "fx, fy, cx, cy in px, pixel centres at integers; distortion as OpenCV's. Formal: from the "
+        "{}, pixel centres at integers; distortion as OpenCV's{}. Formal: from the "
         "residuals' variance and the Jacobian, as if every corner erred on its own. "
         "Cluster-robust: from what each photo's residuals together do to the parameters, "
         "corrected for few photos. Bootstrap: scatter of {} calibrations of photos drawn with "
         "replacement. Used, and stated by camera.yml: the formal covariance drawn towards the "
         "cluster-robust one as far as the photos tell it, deviations and correlations together. "
         "Condition number of the scaled problem: {:.2g}.",
-        bootstrap_resamples, calibration.condition_number));
+        is_telecentric ? "fx, fy in px per mm, cx, cy in px" : "fx, fy, cx, cy in px",
+        is_telecentric ? ", in mm" : "", bootstrap_resamples, calibration.condition_number));
     page.add_figures({deviation_figure(calibration), model_figure(calibration)});
 }
 
@@ -144,11 +149,11 @@ void add_residuals(HtmlPage& page, const CalibrationRun& run) {
 
 void add_uncertainty(HtmlPage& page, const CameraCalibration& calibration) {
     page.add_heading("What the uncertainty means in pixels");
-    page.add_paragraph(
+    page.add_paragraph(fmt::format(
         "Errors of single parameters cancel; what counts is where a ray lands. Left with the "
-        "camera "
-        "held; right after the rotation that takes back most of it over the image, which is what a "
-        "measurement is left with that finds the camera's orientation itself.");
+        "camera held; right after the {} that takes back most of it over the image, which is what "
+        "a measurement is left with that finds the camera's pose itself.",
+        best_motion(calibration.camera)));
     page.add_figures(uncertainty_figures(calibration));
 }
 
@@ -187,17 +192,18 @@ double tilt_deg(const Rigid& camera_from_target) {
 
 void add_photos(HtmlPage& page, const CalibrationRun& run) {
     page.add_heading("Photos");
+    const bool is_telecentric = run.calibration.camera.projection.kind == Projection::telecentric;
     TableRows rows;
     for (std::size_t i = 0; i < run.photos.size(); ++i) {
         const CalibratedView& view = run.calibration.views[i];
         const auto left_out = std::count(view.left_out.begin(), view.left_out.end(), true);
         const auto& pose = view.camera_from_target;
-        rows.push_back({short_name(run.photos[i]),
-                        view.used() ? "used" : "left out: does not fit the others",
-                        std::to_string(view.left_out.size()), std::to_string(left_out),
-                        pose ? fixed(view.rms_px, 3) : dash, fixed(view.left_out_rms_px, 3),
-                        pose ? fixed(pose->translation.norm(), 0) : dash,
-                        pose ? fixed(tilt_deg(*pose), 1) : dash});
+        rows.push_back(
+            {short_name(run.photos[i]), view.used() ? "used" : "left out: does not fit the others",
+             std::to_string(view.left_out.size()), std::to_string(left_out),
+             pose ? fixed(view.rms_px, 3) : dash, fixed(view.left_out_rms_px, 3),
+             pose && !is_telecentric ? fixed(pose->translation.norm(), 0) : dash,
+             pose ? (is_telecentric ? "\u00b1" : "") + fixed(tilt_deg(*pose), 1) : dash});
     }
     for (const std::string& photo : run.without_target)
         rows.push_back({short_name(photo), "target not found", "0", dash, dash, dash, dash, dash});

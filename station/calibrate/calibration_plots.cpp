@@ -214,7 +214,8 @@ std::vector<HtmlPage::Figure> uncertainty_figures(const CameraCalibration& calib
                    "One standard deviation of where a fixed ray lands, "
                    "camera held"),
             figure(&PixelUncertainty::rotated,
-                   "The same after the rotation that takes back most of it")};
+                   fmt::format("The same after the {} that takes back most of it",
+                               best_motion(calibration.camera)))};
 }
 
 // A cell of the map is as wide as the nearest points are apart.
@@ -284,10 +285,10 @@ HtmlPage::Figure halves_figure(const CameraCalibration& calibration) {
     plot.add_arrows(arrows, factor, Ink::green, "second half minus first");
     return {plot.svg(),
             fmt::format(
-                "How differently the two halves project, after the best rotation; "
+                "How differently the two halves project, after the best {}; "
                 "enlarged {:g} times. Look for an edge where they part: the photos do not hold the "
                 "camera there.",
-                factor)};
+                best_motion(calibration.camera), factor)};
 }
 
 }  // namespace etalon

@@ -100,9 +100,29 @@ void remark_on_deviations(const CalibrationRun& run, std::vector<std::string>& r
             min_bootstrap_views));
 }
 
+bool is_telecentric(const CalibrationRun& run) {
+    return run.calibration.camera.projection.kind == Projection::telecentric;
+}
+
+void remark_on_telecentric(const CalibrationRun& run, std::vector<std::string>& remarks) {
+    if (!is_telecentric(run))
+        return;
+    remarks.push_back(
+        "A telecentric camera sees a board tilted one way as it sees it tilted the other, and at "
+        "any distance: every photo's pose has a mirror image that fits as well, and a distance "
+        "that is held. The camera is the same with either.");
+    if (!held_parameters(run.calibration).empty())
+        remarks.push_back(fmt::format(
+            "cx and cy are held in the middle of the image: the centre {}.", reason_held));
+}
+
 void remark_on_board(const CalibrationRun& run, std::vector<std::string>& remarks) {
     const auto& flatness = run.calibration.flatness;
-    if (!flatness)
+    if (is_telecentric(run))
+        remarks.push_back(
+            "Nothing can be said of whether the board is flat: a telecentric camera does not tell "
+            "a height from its opposite.");
+    else if (!flatness)
         remarks.push_back(
             fmt::format("Nothing can be said of whether the board is flat: it needs {} photos.",
                         min_board_views));
@@ -166,11 +186,12 @@ std::string photo_table(const CalibrationRun& run) {
 }
 
 std::string model_table(const CameraCalibration& calibration) {
-    std::string text = "\nmodel            params  fit/px  left out/px  certain to/px  halves/px\n";
+    std::string text =
+        "\nmodel                params  fit/px left out/px certain to/px halves/px\n";
     for (const ModelScore& score : calibration.advice.models) {
         const bool advised = &score == advised_score(calibration);
         const bool chosen = &score == &chosen_score(calibration);
-        text += fmt::format("{:<16} {:>6} {:>7} {:>12} {:>14} {:>10}  {}\n", score.model,
+        text += fmt::format("{:<20} {:>6} {:>7} {:>11} {:>13} {:>9}  {}\n", score.model,
                             score.parameters, score.fit ? fixed(score.rms_px, 3) : "-",
                             fixed(score.leave_one_out_rms_px, 3, "-"),
                             significant(score.projection_deviation_px, 3, "-"),
@@ -193,6 +214,8 @@ std::string deviation_table(const CameraCalibration& calibration) {
                             each.stated, each.formal, each.cluster_robust,
                             significant(each.bootstrap, 3, "-"), each.ratio());
     }
+    for (const auto& [name, value] : held_parameters(calibration))
+        text += fmt::format("{:<9} {:>13} held: {}\n", name, value, reason_held);
     return text;
 }
 
@@ -211,6 +234,8 @@ ordered_json parameters_json(const CameraCalibration& calibration) {
         if (each.bootstrap)
             entry["standard_deviation"]["bootstrap"] = *each.bootstrap;
     }
+    for (const auto& [name, value] : held_parameters(calibration))
+        json[name] = {{"value", value}, {"held", reason_held}};
     return json;
 }
 
@@ -359,6 +384,19 @@ std::size_t photos_used(const CameraCalibration& calibration) {
                       [](const CalibratedView& view) { return view.used(); }));
 }
 
+std::vector<std::pair<const char*, double>> held_parameters(const CameraCalibration& calibration) {
+    const auto& free = calibration.model.parameters;
+    const Intrinsics& intrinsics = calibration.camera.intrinsics;
+    if (std::ranges::find(free, "cx") != free.end())
+        return {};
+    return {{"cx", intrinsics.cx}, {"cy", intrinsics.cy}};
+}
+
+const char* best_motion(const CameraModel& camera) {
+    return camera.projection.kind == Projection::telecentric ? "turn about the axis and shift"
+                                                             : "rotation";
+}
+
 std::vector<std::string> calibration_remarks(const CalibrationRun& run) {
     std::vector<std::string> remarks;
     if (!run.others.in_words.empty())
@@ -366,6 +404,7 @@ std::vector<std::string> calibration_remarks(const CalibrationRun& run) {
     remark_on_outliers(run, remarks);
     remark_on_model(run, remarks);
     remark_on_deviations(run, remarks);
+    remark_on_telecentric(run, remarks);
     remark_on_board(run, remarks);
     remark_on_image(run, remarks);
     if (run.refinement)

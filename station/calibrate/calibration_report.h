@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/intrinsics/calibrate.h"
@@ -45,6 +46,14 @@ const ModelScore& chosen_score(const CameraCalibration& calibration);
 const ModelScore* advised_score(const CameraCalibration& calibration);
 
 std::size_t photos_used(const CameraCalibration& calibration);
+
+// Of the centre of a telecentric camera whose model has none; and why it is held.
+std::vector<std::pair<const char*, double>> held_parameters(const CameraCalibration& calibration);
+inline constexpr const char* reason_held = "has no effect without distortion";
+
+// The motion of the camera that a measurement takes back by itself: "rotation", or of a telecentric
+// camera what a rotation and a shift do.
+const char* best_motion(const CameraModel& camera);
 
 // What a reader should know before trusting the result, a sentence each; empty: nothing.
 std::vector<std::string> calibration_remarks(const CalibrationRun& run);

@@ -118,28 +118,34 @@ const char* word_of(CameraFinding::Weight weight) {
 }
 
 // Infinity and NaN become null.
-nlohmann::json check_json(const CameraCheck& check) {
+nlohmann::json check_json(const CameraCheck& check, bool is_telecentric) {
     nlohmann::json findings = nlohmann::json::array();
     for (const CameraFinding& finding : check.findings)
         findings.push_back({{"weight", word_of(finding.weight)},
                             {"about", finding.about},
                             {"message", finding.message}});
-    return {{"field_of_view_deg",
-             {{"horizontal", check.horizontal_deg},
-              {"vertical", check.vertical_deg},
-              {"diagonal", check.diagonal_deg}}},
+    const auto field = [](double horizontal, double vertical, double diagonal) -> nlohmann::json {
+        return {{"horizontal", horizontal}, {"vertical", vertical}, {"diagonal", diagonal}};
+    };
+    return {{is_telecentric ? "field_of_view_mm" : "field_of_view_deg",
+             is_telecentric ? field(check.horizontal_mm, check.vertical_mm, check.diagonal_mm)
+                            : field(check.horizontal_deg, check.vertical_deg, check.diagonal_deg)},
             {"image_without_ray", check.image_without_ray},
             {"margin", check.margin},
             {"findings", findings}};
 }
 
-std::string degrees(double angle) {
-    return std::isnan(angle) ? "no ray" : fmt::format("{:.2f}", angle);
+std::string extent(double value) {
+    return std::isnan(value) ? "no ray" : fmt::format("{:.2f}", value);
 }
 
-void print_check(const CameraCheck& check) {
-    fmt::print("field of view  {} x {} degrees, diagonal {}\n", degrees(check.horizontal_deg),
-               degrees(check.vertical_deg), degrees(check.diagonal_deg));
+void print_check(const CameraCheck& check, bool is_telecentric) {
+    if (is_telecentric)
+        fmt::print("field of view  {} x {} mm, diagonal {}\n", extent(check.horizontal_mm),
+                   extent(check.vertical_mm), extent(check.diagonal_mm));
+    else
+        fmt::print("field of view  {} x {} degrees, diagonal {}\n", extent(check.horizontal_deg),
+                   extent(check.vertical_deg), extent(check.diagonal_deg));
     fmt::print("valid region   {}\n", std::isinf(check.margin)
                                           ? "without an end"
                                           : fmt::format("to {:.3f} times the radius of the image's "
@@ -191,11 +197,13 @@ int run_camera_convert(const CameraFileArguments& arguments) {
 }
 
 int run_camera_check(const CameraFileArguments& arguments) {
-    const CameraCheck check = check_camera(selected_camera(arguments));
+    const CameraModel camera = selected_camera(arguments);
+    const CameraCheck check = check_camera(camera);
+    const bool is_telecentric = camera.projection.kind == Projection::telecentric;
     if (arguments.json)
-        fmt::print("{}\n", check_json(check).dump(2));
+        fmt::print("{}\n", check_json(check, is_telecentric).dump(2));
     else
-        print_check(check);
+        print_check(check, is_telecentric);
     return check.has_fault() ? ExitCode::fail : 0;
 }
 

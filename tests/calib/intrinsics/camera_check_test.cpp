@@ -144,6 +144,10 @@ TEST(CameraCheck, LooksAtATelecentricLensToo) {
     // Magnification 20 px/mm * 5 um = 0.1, working f-number 0.1 / 0.01 = 10.
     const CameraCheck check = check_camera(camera);
     EXPECT_THAT(about(check, CameraFinding::Weight::warning), testing::IsEmpty());
+    EXPECT_NEAR(check.horizontal_mm, 32.0, 1e-12);  // 640 / 20
+    EXPECT_NEAR(check.vertical_mm, 24.0, 1e-12);
+    EXPECT_NEAR(check.diagonal_mm, 40.0, 1e-12);
+    EXPECT_EQ(check.horizontal_deg, 0.0);
     EXPECT_THAT(check.findings.front().message,
                 testing::HasSubstr("magnification 0.1000, working f-number 10.000"));
     camera.lens->object_na = 0.2;  // f/0.25

@@ -86,10 +86,6 @@ TEST(WideCalibration, RefusesWhatItCannotMean) {
                         {.start = CameraStart{test::calibration_truth(), std::vector<Rigid>(9)}});
                 }),
                 HasSubstr("model kannala_brandt cannot start from a camera that is perspective"));
-    CameraModel telecentric = test::calibration_truth();
-    telecentric.projection.kind = Projection::telecentric;
-    EXPECT_THAT(text_of_error<NumericalError>([&] { fit_view_pose(telecentric, views[0]); }),
-                HasSubstr("telecentric"));
 }
 
 }  // namespace

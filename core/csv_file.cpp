@@ -10,6 +10,8 @@
 namespace etalon {
 namespace {
 
+constexpr std::uintmax_t max_held_bytes = 64u << 20;  // as read_text()
+
 std::vector<std::string> cells_of(std::string_view line) {
     std::vector<std::string> cells = split(line, ',');
     for (std::string& cell : cells)
@@ -44,8 +46,12 @@ std::size_t CsvFile::column(std::string_view name) const {
 
 CsvReader::CsvReader(const std::filesystem::path& path,
                      std::initializer_list<std::string_view> headers)
-    : place_{path.string(), 1}, file_(path, std::ios::binary) {
-    if (!file_ || std::filesystem::is_directory(path))
+    : place_{path.string(), 1} {
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(path, error))
+        throw ConfigError({path.string()}, "no such file");
+    file_.open(path, std::ios::binary);
+    if (!file_)
         throw ConfigError({path.string()}, "cannot be read");
     next_line();
     constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
@@ -88,6 +94,8 @@ std::optional<CsvRow> CsvReader::next() {
 CsvFile read_csv(const std::filesystem::path& path,
                  std::initializer_list<std::string_view> headers) {
     CsvReader reader(path, headers);
+    if (std::filesystem::file_size(path) > max_held_bytes)
+        throw ConfigError({path.string()}, "is larger than 64 MiB");
     CsvFile file{reader.place(), reader.header(), {}};
     while (auto row = reader.next())
         file.rows.push_back(std::move(*row));

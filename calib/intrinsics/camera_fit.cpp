@@ -89,7 +89,7 @@ std::optional<BundleSolution<double>> adjusted_pose(const BundleView<double>& vi
 }
 
 // A pose to try in place of another, and by what factor its cost must be below the other's.
-struct OtherPose {
+struct RivalPose {
     BundlePose<double> pose;
     double less = 0.999;
 };
@@ -97,9 +97,9 @@ struct OtherPose {
 // A telecentric camera sees tilts of either sign alike, and tilts near zero in second order only:
 // where no tilt fits better, flat on is the minimum, to which no steps converge; and from there
 // none lead back.
-std::vector<OtherPose> telecentric_others(const BundlePose<double>& pose) {
+std::vector<RivalPose> telecentric_others(const BundlePose<double>& pose) {
     const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
-    const auto tilted = [&](double about_x, double about_y) -> OtherPose {
+    const auto tilted = [&](double about_x, double about_y) -> RivalPose {
         return {{rotation_from_vector({about_x, about_y, 0.0}) * pose.rotation, pose.translation}};
     };
     if (is_flat_on(pose.rotation))
@@ -110,7 +110,7 @@ std::vector<OtherPose> telecentric_others(const BundlePose<double>& pose) {
 }
 
 // A plane seen without much perspective has two poses; the start may have taken the wrong one.
-std::vector<OtherPose> other_poses(const BundlePose<double>& pose, Projection projection) {
+std::vector<RivalPose> other_poses(const BundlePose<double>& pose, Projection projection) {
     if (projection == Projection::telecentric)
         return telecentric_others(pose);
     const Eigen::Vector3d origin = Eigen::Vector3d::Zero();
@@ -126,7 +126,7 @@ bool choose_other_poses(const Views& views, Bundle<double>& bundle, double huber
         if (others.empty())
             continue;
         auto best = adjusted_pose(views[i], bundle, bundle.poses[i], options);
-        for (const OtherPose& each : others) {
+        for (const RivalPose& each : others) {
             auto other = adjusted_pose(views[i], bundle, each.pose, options);
             if (!best || !other || !(other->cost < each.less * best->cost))
                 continue;
@@ -482,7 +482,7 @@ Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view) {
     const BundleView<double> of_view = bundle_view<double>(view);
     const BundlePose<double> pose = bundle_pose<double>(*start, of_view.centre_mm);
     auto best = adjusted_pose(of_view, bundle, pose);
-    for (const OtherPose& each : other_poses(pose, camera.projection.kind)) {
+    for (const RivalPose& each : other_poses(pose, camera.projection.kind)) {
         auto other = adjusted_pose(of_view, bundle, each.pose);
         if (!best || (other && other->cost <= best->cost))
             best = std::move(other);

@@ -85,6 +85,7 @@ public:
         leave_out_diffraction();
         leave_out_lens();
         choose_method();
+        state_border();
         choose_tail();
         return chosen_;
     }
@@ -146,6 +147,16 @@ private:
     // Short pieces of an edge err as one along the pixels does.
     EdgeTangents tangents() const {
         return edges() > 1.0 ? image_.tangents | EdgeTangents(1) : image_.tangents;
+    }
+
+    // Samples beside the border of the valid region are means over their parts, and what the
+    // interpolant makes of that step falls with k alone. Measured: the largest is along the pixels.
+    void state_border() {
+        constexpr double gray_times_k = 11.2;
+        const bool is_interpolated =
+            chosen_.with_spread || chosen_.sampling.kind == SampleKind::point;
+        if (is_interpolated && image_.bend.curvature >= UndistortionMap::Bend::most)
+            chosen_.plan.border_gray = gray_times_k / chosen_.sampling.k * image_.contrast;
     }
 
     Choice of_points(int most) const {
@@ -401,8 +412,11 @@ private:
         }
         plan.tail_reach_px = filter_.tail_reach_px(image_.contrast, image_.area_px, gray);
         leave_out(Omission::tail,
-                  fmt::format("beyond {:.0f} px, a marker of {:.0f} px^2 at contrast {:.2g}",
-                              plan.tail_reach_px, image_.area_px, image_.contrast),
+                  fmt::format(
+                      "beyond {:.0f} px, a marker {} at contrast {:.2g}", plan.tail_reach_px,
+                      std::isfinite(image_.area_px) ? fmt::format("of {:.0f} px^2", image_.area_px)
+                                                    : "that the distortion model cuts",
+                      image_.contrast),
                   gray);
         if (options_.samples_per_side == 0 && plan.tail_reach_px > 0.0)
             leave_out_fine_rings();

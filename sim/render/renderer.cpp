@@ -220,6 +220,7 @@ void merge(const RenderPlan& one, RenderPlan& all) {
         all.method = one.method;
     all.points_per_pixel_side = std::max(all.points_per_pixel_side, one.points_per_pixel_side);
     all.sampling_gray = std::max(all.sampling_gray, one.sampling_gray);
+    all.border_gray = std::max(all.border_gray, one.border_gray);
     all.min_blur_radius_px = std::min(all.min_blur_radius_px, one.min_blur_radius_px);
     all.max_blur_radius_px = std::max(all.max_blur_radius_px, one.max_blur_radius_px);
     all.tail_reach_px = std::max(all.tail_reach_px, one.tail_reach_px);

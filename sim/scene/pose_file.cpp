@@ -70,7 +70,7 @@ PoseReader::PoseReader(const std::filesystem::path& path) : path_(path) {
     if (is_json(path))
         json_ = read_json_poses(path);
     else
-        csv_ = std::make_unique<CsvReader>(path, std::initializer_list{csv_header});
+        csv_ = std::make_unique<CsvReader>(path, std::initializer_list<std::string_view>{csv_header});
 }
 
 PoseReader::~PoseReader() = default;

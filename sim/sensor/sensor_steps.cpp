@@ -27,15 +27,13 @@ constexpr std::int64_t last_place = std::bit_cast<std::int64_t>(std::numeric_lim
 template <class Predicate>
 double least_above(double guess, const Predicate& is_above) {
     const std::int64_t end = last_place + 1;  // the place behind is infinity's
-    const auto limited = [](std::int64_t place) {
-        return std::clamp(place, -last_place, last_place);
-    };
     std::int64_t low = -last_place, high = end;
-    const std::int64_t start = limited(place_of(guess));
+    const std::int64_t start = std::clamp(place_of(guess), -last_place, last_place);
     const bool is_behind = is_above(in_order(start));
     (is_behind ? high : low) = is_behind ? start : start + 1;
     for (std::int64_t stride = 1; low < high && stride < (std::int64_t{1} << 61); stride *= 2) {
-        const std::int64_t place = limited(is_behind ? start - stride : start + stride);
+        const std::int64_t place = is_behind ? std::max(start, stride - last_place) - stride
+                                             : std::min(start, last_place - stride) + stride;
         const bool above = is_above(in_order(place));
         (above ? high : low) = above ? place : place + 1;
         if (above != is_behind || std::abs(place) == last_place)

@@ -44,6 +44,8 @@ std::string RenderPlan::describe() const {
     if (method == RenderMethod::exact_lens || method == RenderMethod::exact_area)
         text += fmt::format(", {} x {} samples/px (within {:.2g} gray)", points_per_pixel_side,
                             points_per_pixel_side, sampling_gray);
+    if (border_gray > 0.0)
+        text += fmt::format(", {:.2g} gray more at the distortion model's end", border_gray);
     text +=
         fmt::format(", blur radius {:.3g} to {:.3g} px", min_blur_radius_px, max_blur_radius_px);
     if (tail_reach_px > 0.0)

@@ -44,8 +44,10 @@ struct TileUse {
 struct RenderPlan {
     RenderMethod method = RenderMethod::automatic;  // of most tiles: never automatic
     double tolerance_gray = 0.0;
-    int points_per_pixel_side = 1;    // k: samples to the filter
-    double sampling_gray = 0.0;       // bound for a straight edge, from k samples
+    int points_per_pixel_side = 1;  // k: samples to the filter
+    double sampling_gray = 0.0;     // bound for a straight edge, from k samples
+    // More than that, where the border of the valid region cuts the marker beside a pixel.
+    double border_gray = 0.0;
     double min_blur_radius_px = 0.0;  // over the marker; 0 where it is in focus
     double max_blur_radius_px = 0.0;
     double tail_reach_px = 0.0;  // of diffraction; 0: none

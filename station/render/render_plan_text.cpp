@@ -82,6 +82,9 @@ std::string plan_table(const RenderPlan& plan) {
                                            plan.max_blur_radius_px));
     text += row("samples", fmt::format("{0} x {0} a pixel: {1:.2g} gray",
                                        plan.points_per_pixel_side, plan.sampling_gray));
+    if (plan.border_gray > 0.0)
+        text += row(
+            "", fmt::format("{:.2g} gray more at the distortion model's end", plan.border_gray));
     text +=
         row("diffraction",
             plan.tail_reach_px > 0.0 ? fmt::format("to {:.0f} px", plan.tail_reach_px) : "no tail");
@@ -111,6 +114,7 @@ std::string plan_json(const RenderPlan& plan) {
     const ordered_json json{{"summary", plan.describe()},
                             {"tolerance_gray", plan.tolerance_gray},
                             {"sampling_gray", plan.sampling_gray},
+                            {"border_gray", plan.border_gray},
                             {"blur_radius_px", {plan.min_blur_radius_px, plan.max_blur_radius_px}},
                             {"tail_reach_px", plan.tail_reach_px},
                             {"tiles", json_list(added_up(plan.used), use_json)},

@@ -1,6 +1,8 @@
 // Pixels that the border of the distortion model's valid region cuts: beyond it nothing is seen.
 #include <gtest/gtest.h>
 
+#include "sim/marker/marker.h"
+#include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 
 namespace etalon {
@@ -60,6 +62,33 @@ TEST(FoldBorder, CutsAPixelToTheToleranceWhicheverWayItRuns) {
                     << "angle " << angle << ", border at " << x << ", column " << column;
             }
         }
+}
+
+// Blurred, a pixel beside the border is off by what the plan states: 0.45 gray.
+TEST(FoldBorder, IsWithinWhatThePlanStatesUnderALens) {
+    CameraModel camera;
+    camera.width = 640;
+    camera.height = 480;
+    camera.intrinsics = {616.6, 616.6, 319.5, 239.5};
+    camera.distortion.k1 = -0.38;
+    camera.sensor = Sensor{.pixel_pitch_um = 4.8};
+    camera.lens = Lens{2.8, 150.0, 600.0, {}};
+    const Marker marker = parse_marker("apriltag:36h11:5@60mm", "marker");
+    const Rigid pose{rotation_from_vector({0.26494, 0.01620, 0.57263}), {272.0, 204.0, 400.0}};
+    const Scene scene{{{marker.grid, pose}}, 1.0};
+    const cv::Rect region(636, 456, 3, 3);
+    const RenderedImage image = Renderer(camera).render(scene, {.region = region});
+    const ReferenceImage reference =
+        integrate_reference(camera, scene, region, {.scrambles = 16, .samples_per_scramble = 4096});
+    EXPECT_LT(image.plan.border_gray, 0.5);
+    EXPECT_LT(image.plan.sampling_gray, 0.1);
+    for (int y = 0; y < region.height; ++y)
+        for (int x = 0; x < region.width; ++x)
+            if (image.valid.at<uchar>(region.y + y, region.x + x) != 0)
+                EXPECT_NEAR(255.0 * image.radiance.at<float>(region.y + y, region.x + x),
+                            255.0 * reference.mean.at<float>(y, x),
+                            0.1 + image.plan.border_gray +
+                                4.0 * 255.0 * reference.standard_error.at<float>(y, x));
 }
 
 }  // namespace

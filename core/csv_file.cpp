@@ -10,8 +10,6 @@
 namespace etalon {
 namespace {
 
-constexpr std::uintmax_t max_held_bytes = 64u << 20;  // as read_text()
-
 std::vector<std::string> cells_of(std::string_view line) {
     std::vector<std::string> cells = split(line, ',');
     for (std::string& cell : cells)
@@ -45,18 +43,10 @@ std::size_t CsvFile::column(std::string_view name) const {
 }
 
 CsvReader::CsvReader(const std::filesystem::path& path,
-                     std::initializer_list<std::string_view> headers)
-    : place_{path.string(), 1} {
-    std::error_code error;
-    if (!std::filesystem::is_regular_file(path, error))
-        throw ConfigError({path.string()}, "no such file");
-    file_.open(path, std::ios::binary);
-    if (!file_)
-        throw ConfigError({path.string()}, "cannot be read");
+                     std::initializer_list<std::string_view> headers, std::uintmax_t most_bytes)
+    : place_{path.string(), 1}, file_(open_text(path, most_bytes)) {
     next_line();
-    constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
-    if (line_.starts_with(byte_order_mark))
-        line_.erase(0, byte_order_mark.size());
+    remove_byte_order_mark(line_);
     header_ = cells_of(line_);
     const std::string header = fmt::format("{}", fmt::join(header_, ","));
     if (headers.size() > 0 && std::ranges::find(headers, header) == headers.end())
@@ -71,8 +61,10 @@ bool CsvReader::next_line() {
     const SourcePlace place{place_.file, ++number_};
     if (file_.fail() && file_.gcount() == longest - 1)
         throw ConfigError(place, "is longer than 64 KiB");
-    if (file_.fail())
+    if (file_.fail()) {
+        line_.clear();
         return false;
+    }
     line_.resize(static_cast<std::size_t>(file_.gcount()) - (file_.eof() ? 0 : 1));
     require_utf8(line_, place);
     return true;
@@ -93,9 +85,7 @@ std::optional<CsvRow> CsvReader::next() {
 
 CsvFile read_csv(const std::filesystem::path& path,
                  std::initializer_list<std::string_view> headers) {
-    CsvReader reader(path, headers);
-    if (std::filesystem::file_size(path) > max_held_bytes)
-        throw ConfigError({path.string()}, "is larger than 64 MiB");
+    CsvReader reader(path, headers, max_text_bytes);
     CsvFile file{reader.place(), reader.header(), {}};
     while (auto row = reader.next())
         file.rows.push_back(std::move(*row));

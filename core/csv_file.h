@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <initializer_list>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -37,7 +38,8 @@ class CsvReader {
 public:
     // Throws as read_csv() for what is wrong with the header.
     CsvReader(const std::filesystem::path& path,
-              std::initializer_list<std::string_view> headers = {});
+              std::initializer_list<std::string_view> headers = {},
+              std::uintmax_t most_bytes = std::numeric_limits<std::uintmax_t>::max());
 
     const SourcePlace& place() const { return place_; }  // of the header
     const std::vector<std::string>& header() const { return header_; }
@@ -56,8 +58,9 @@ private:
     std::vector<std::string> header_;
 };
 
-// Throws ConfigError with file and line when the file cannot be read, is not UTF-8, has a header
-// other than one of `headers` (any if there are none), or a row of another length than its header.
+// Throws ConfigError with file and line when the file cannot be read, is larger than 64 MiB, is not
+// UTF-8, has a header other than one of `headers` (any if there are none), or a row of another
+// length than its header.
 CsvFile read_csv(const std::filesystem::path& path,
                  std::initializer_list<std::string_view> headers = {});
 

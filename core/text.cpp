@@ -15,8 +15,6 @@
 namespace etalon {
 namespace {
 
-constexpr std::uintmax_t max_text_bytes = 64u << 20;
-
 std::size_t edit_distance(std::string_view a, std::string_view b) {
     std::vector<std::size_t> row(b.size() + 1);
     std::iota(row.begin(), row.end(), std::size_t{0});
@@ -163,21 +161,32 @@ std::string wrapped_text(const std::string& head, std::string_view text, std::si
     return wrapped_words(head, split(text, ' '), " ", head.size(), columns);
 }
 
-std::string read_text(const std::filesystem::path& path) {
+std::ifstream open_text(const std::filesystem::path& path, std::uintmax_t most_bytes) {
     std::error_code error;
     if (!std::filesystem::is_regular_file(path, error))
         throw ConfigError({path.string()}, "no such file");
-    if (std::filesystem::file_size(path, error) > max_text_bytes)
-        throw ConfigError({path.string()}, "is larger than 64 MiB");
+    if (std::filesystem::file_size(path, error) > most_bytes)
+        throw ConfigError({path.string()}, fmt::format("is larger than {} MiB", most_bytes >> 20));
     std::ifstream file(path, std::ios::binary);
+    if (!file)
+        throw ConfigError({path.string()}, "cannot be read");
+    return file;
+}
+
+void remove_byte_order_mark(std::string& text) {
+    constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
+    if (text.starts_with(byte_order_mark))
+        text.erase(0, byte_order_mark.size());
+}
+
+std::string read_text(const std::filesystem::path& path) {
+    const std::ifstream file = open_text(path, max_text_bytes);
     std::ostringstream text;
     text << file.rdbuf();
     if (!file)
         throw ConfigError({path.string()}, "cannot be read");
-    constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
     std::string whole = std::move(text).str();
-    if (whole.starts_with(byte_order_mark))
-        whole.erase(0, byte_order_mark.size());
+    remove_byte_order_mark(whole);
     require_utf8(whole, {path.string(), 1});
     return whole;
 }

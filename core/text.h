@@ -1,7 +1,9 @@
 // Small text helpers for reading what people type and for writing files that are never half there.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -40,6 +42,12 @@ std::string wrapped_text(const std::string& head, std::string_view text, std::si
 // Whole file as text, without the byte order mark that some programs put before it. Throws
 // ConfigError when it cannot be read, is larger than 64 MiB, or is not UTF-8.
 std::string read_text(const std::filesystem::path& path);
+
+// Its parts, for what reads a file piece by piece. Opening throws ConfigError for what is no
+// regular file, is larger than `most_bytes`, or cannot be read.
+inline constexpr std::uintmax_t max_text_bytes = 64u << 20;  // of what is held in memory
+std::ifstream open_text(const std::filesystem::path& path, std::uintmax_t most_bytes);
+void remove_byte_order_mark(std::string& text);
 
 // Throws ConfigError with the line, `place` being that of the text's first one, at a byte that is
 // not UTF-8 (Unicode 15, table 3-7) or is zero, which would end the text for some libraries.

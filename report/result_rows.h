@@ -5,7 +5,7 @@
 //   results.csv    so many rows for each unit, in the order of the units
 //
 // Units are written in order, so an interrupted work is a whole beginning of the full one and goes
-// on where it ended. A shard (core/shard.h) holds every n-th unit; read in turn, the shards' rows
+// on where it ended. A shard (report/shard.h) holds every n-th unit; read in turn, the shards' rows
 // are those of the work in one piece. No more than a row is in memory.
 #pragma once
 
@@ -17,7 +17,7 @@
 
 #include "core/errors.h"
 #include "core/file_lock.h"
-#include "core/shard.h"
+#include "report/shard.h"
 
 namespace etalon {
 

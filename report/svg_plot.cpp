@@ -82,6 +82,15 @@ std::vector<double> placed(std::span<const double> values, bool logarithmic) {
 constexpr std::size_t max_marks = 400;
 constexpr double point_square_px = 6.0, arrow_square_px = 16.0;
 
+template <class Layer>
+std::vector<std::size_t> finite_marks(const Layer& layer) {
+    std::vector<std::size_t> finite;
+    for (std::size_t i = 0; i < layer.xs.size(); ++i)
+        if (std::isfinite(layer.xs[i]) && std::isfinite(layer.ys[i]))
+            finite.push_back(i);
+    return finite;
+}
+
 // Of each square of `side` px the one with the largest score, the first of several; in their order.
 template <class Place, class Score>
 std::vector<std::size_t> one_a_square(const std::vector<std::size_t>& all, double side, Place place,
@@ -381,10 +390,7 @@ std::string SvgPlot::mark(const Layer& layer, std::size_t i, const Frame& f) con
 }
 
 std::string SvgPlot::marks(const Layer& layer, const Frame& f) const {
-    std::vector<std::size_t> shown;
-    for (std::size_t i = 0; i < layer.xs.size(); ++i)
-        if (std::isfinite(layer.xs[i]) && std::isfinite(layer.ys[i]))
-            shown.push_back(i);
+    std::vector<std::size_t> shown = finite_marks(layer);
     const bool is_arrows = layer.kind == Layer::Kind::arrows;
     const double square = is_arrows ? arrow_square_px : point_square_px;
     if (shown.size() > max_marks && layer.kind != Layer::Kind::bars)
@@ -401,8 +407,8 @@ std::string SvgPlot::marks(const Layer& layer, const Frame& f) const {
 // What a layer of too many marks says of itself.
 std::string SvgPlot::thinning() const {
     const auto is_thinned = [](const Layer& layer) {
-        return layer.xs.size() > max_marks &&
-               (layer.kind == Layer::Kind::points || layer.kind == Layer::Kind::arrows);
+        return (layer.kind == Layer::Kind::points || layer.kind == Layer::Kind::arrows) &&
+               finite_marks(layer).size() > max_marks;
     };
     const auto thinned = std::ranges::find_if(layers_, is_thinned);
     if (thinned == layers_.end())

@@ -58,33 +58,24 @@ BENCHMARK_CAPTURE(render_frame, sharp_1000, "sharp-1000")
     ->MeasureProcessCPUTime();
 
 // From radiance to codes: of a rendered frame, most of which is background, or with noise.
-void expose(benchmark::State& state, Transfer::Kind transfer, int bits, bool noisy) {
+void expose(benchmark::State& state) {
     BenchmarkScene benchmark = benchmark_scene("webcam-500");
-    Sensor& sensor_section = *benchmark.camera.sensor;
-    sensor_section.transfer.kind = transfer;
-    sensor_section.bits = bits;
-    sensor_section.gain_e_per_dn = noisy ? 20.0 : 0.0;
+    Sensor& section = *benchmark.camera.sensor;
+    section.transfer.kind = state.range(0) ? Transfer::Kind::rec709 : Transfer::Kind::linear;
+    section.bits = static_cast<int>(state.range(1));
+    section.gain_e_per_dn = state.range(2) ? 20.0 : 0.0;
     const SensorModel sensor(benchmark.camera);
     const Radiance radiance = Renderer(benchmark.camera).render(benchmark.scene).radiance;
-    const std::optional<NoiseKey> key = noisy ? std::optional(NoiseKey{1, 2}) : std::nullopt;
+    const auto key = state.range(2) ? std::optional(NoiseKey{1, 2}) : std::nullopt;
     for (auto _ : state)
         benchmark::DoNotOptimize(sensor.expose(radiance, key));
     state.SetItemsProcessed(state.iterations() * pixels(benchmark.camera));
 }
-
-void add_exposures(bool noisy) {
-    for (const auto transfer : {Transfer::Kind::linear, Transfer::Kind::rec709})
-        for (const int bits : {8, 12, 16})
-            benchmark::RegisterBenchmark(
-                fmt::format("expose/{}/{} bits{}",
-                            transfer == Transfer::Kind::linear ? "linear" : "rec709", bits,
-                            noisy ? "/noise" : "")
-                    .c_str(),
-                expose, transfer, bits, noisy)
-                ->Unit(benchmark::kMillisecond)
-                ->MeasureProcessCPUTime();
-}
-const bool exposures_added = (add_exposures(false), add_exposures(true), true);
+BENCHMARK(expose)
+    ->ArgNames({"rec709", "bits", "noise"})
+    ->ArgsProduct({{0, 1}, {8, 12, 16}, {0, 1}})
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
 
 }  // namespace
 }  // namespace etalon

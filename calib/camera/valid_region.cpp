@@ -137,20 +137,18 @@ ValidRegion::ValidRegion(const Distortion& distortion, double limit) {
     const RadiusInterval radii = interesting_radii(distortion);
     const double pole = pole_radius(distortion);
     const Eigen::Matrix3d tilt = tilt_matrix(distortion.tau_x, distortion.tau_y);
-    constexpr double between_directions = 1.001;  // four times what the border is good to, and more
+    constexpr double safety = 1.001;  // the border is good to a tenth of it
     border_.reserve(count);
     for (int i = 0; i < count; ++i) {
         const double angle = 2.0 * std::numbers::pi * i / count;
-        const Ray ray(distortion, tilt, {std::cos(angle), std::sin(angle)});
+        const Eigen::Vector2d direction(std::cos(angle), std::sin(angle));
+        const Ray ray(distortion, tilt, direction);
         border_.push_back(std::min({ray.border(radii), pole, limit}));
         // The map is one to one within: its image ends at the border's.
-        const Eigen::Vector2d end =
-            border_.back() * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-        const double radius =
-            std::isfinite(border_.back())
-                ? between_directions * distort_before_tilt(distortion, end).point.norm()
-                : infinity;
-        image_radius_ = radius >= 0.0 ? std::max(image_radius_, radius) : infinity;
+        const Distorted end = distort_before_tilt(distortion, border_.back() * direction);
+        const double radius = safety * end.point.norm();
+        const bool has_end = std::isfinite(border_.back()) && std::isfinite(radius);
+        image_radius_ = has_end ? std::max(image_radius_, radius) : infinity;
     }
     safe_radius_ = *std::min_element(border_.begin(), border_.end());
 }

@@ -149,13 +149,16 @@ private:
         return edges() > 1.0 ? image_.tangents | EdgeTangents(1) : image_.tangents;
     }
 
+    // Or a fold, which is one.
+    bool sees_border() const { return image_.bend.curvature >= UndistortionMap::Bend::most; }
+
     // Samples beside the border of the valid region are means over their parts, and what the
     // interpolant makes of that step falls with k alone. Measured: the largest is along the pixels.
     void state_border() {
         constexpr double gray_times_k = 11.2;
         const bool is_interpolated =
             chosen_.with_spread || chosen_.sampling.kind == SampleKind::point;
-        if (is_interpolated && image_.bend.curvature >= UndistortionMap::Bend::most)
+        if (is_interpolated && sees_border())
             chosen_.plan.border_gray = gray_times_k / chosen_.sampling.k * image_.contrast;
     }
 
@@ -171,7 +174,7 @@ private:
     // Measured beside folds: 1.4 gray of a step of 33 with 1 point a side, 0.03 with 4.
     int min_points() const {
         constexpr int at_border = 8;
-        return image_.bend.curvature < UndistortionMap::Bend::most ? 1 : at_border;
+        return sees_border() ? at_border : 1;
     }
     // Blur disks much smaller than a sample's part cancel along an edge only, not at its end.
     double gray_of_points(int k, double blur_px) const {
@@ -181,7 +184,7 @@ private:
         // Where the undistortion bends, a sample stands for a part whose mean lies the sagitta off,
         // on an edge that blur makes as flat as 2 / (pi R). At the border of the valid region the
         // curvature is a guess, 1: twice that.
-        const double safety = image_.bend.curvature < UndistortionMap::Bend::most ? 1.0 : 2.0;
+        const double safety = sees_border() ? 2.0 : 1.0;
         const double slope = std::min(1.0, 2.0 / (std::numbers::pi * blur_px));
         return bound_.of_points(k, blur_px, tangents()) + safety * slope * gray_of_bend(k);
     }

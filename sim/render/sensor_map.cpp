@@ -66,26 +66,23 @@ std::unique_ptr<const SensorMap> sensor_towards(const Projector& projector,
 
 cv::Mat valid_mask(const CameraModel& camera, const UndistortionMap& map) {
     cv::Mat valid(camera.height, camera.width, CV_8UC1);
-    // Of a group; its parts only where they differ.
-    const auto put = [&](auto&& self, int level, int i, int j) -> void {
+    const cv::Rect image({0, 0}, valid.size());
+    const auto put = [&](int level, int i, int j) {
         const int side = tile_px << (2 * level);
-        const cv::Rect pixels =
-            cv::Rect(i * side, j * side, side, side) & cv::Rect({0, 0}, valid.size());
+        const cv::Rect pixels = cv::Rect(i * side, j * side, side, side) & image;
         const auto validity = map.group(level, i, j).validity;
-        if (pixels.empty())
-            return;
         valid(pixels).setTo(validity == UndistortionMap::Validity::all ? 255 : 0);
-        if (validity != UndistortionMap::Validity::some)
-            return;
-        if (level > 0)
-            return for_each_cell(cells_of(pixels, side / UndistortionMap::group_side),
-                                 [&](int x, int y) { self(self, level - 1, x, y); });
-        for_each_cell(pixels, [&](int x, int y) {
-            valid.at<uchar>(y, x) = map.projector().unproject({x, y}) ? 255 : 0;
-        });
+        return validity == UndistortionMap::Validity::some ? pixels : cv::Rect();
     };
-    const int top = map.levels() - 1;
-    for_each_cell(map.groups(top), [&](int i, int j) { put(put, top, i, j); });
+    constexpr int level = UndistortionMap::block_level, side = tile_px << (2 * level);
+    for_each_cell(cells_of(image, side), [&](int i, int j) {
+        for_each_cell(cells_of(put(level, i, j), tile_px), [&](int x, int y) {
+            for_each_cell(put(0, x, y), [&](int column, int row) {
+                const auto ray = map.projector().unproject(Eigen::Vector2d(column, row));
+                valid.at<uchar>(row, column) = ray ? 255 : 0;
+            });
+        });
+    });
     return valid;
 }
 
@@ -93,9 +90,7 @@ cv::Mat valid_mask(const CameraModel& camera, const UndistortionMap& map) {
 cv::Mat valid_mask(const Projector& projector) {
     const cv::Size size(projector.camera().width, projector.camera().height);
     const cv::Rect image({0, 0}, size), tiles = cells_of(image, tile_px);
-    const auto has_ray = [&](double x, double y) {
-        return projector.ray({x, y}).has_value();
-    };
+    const auto has_ray = [&](double x, double y) { return projector.ray({x, y}).has_value(); };
     cv::Mat corners(tiles.height + 3, tiles.width + 3, CV_8UC1);  // one more on each side
     tbb::parallel_for(0, corners.rows, [&](int j) {
         for (int i = 0; i < corners.cols; ++i) {

@@ -6,7 +6,7 @@
 
 #include "core/errors.h"
 #include "core/json_entry.h"
-#include "core/program_fingerprint.h"
+#include "station/record/program_fingerprint.h"
 #include "core/sha256.h"
 #include "core/text.h"
 #include "station/record/record_json.h"

@@ -6,7 +6,7 @@
 
 #include "core/errors.h"
 #include "core/sha256.h"
-#include "core/shard.h"
+#include "report/shard.h"
 #include "core/text.h"
 #include "report/json_text.h"
 #include "report/result_rows.h"

@@ -6,7 +6,7 @@
 //   images.jsonl          a line a pose, as they were made: the file and its SHA-256, or why it was
 //                         refused
 //
-// The folder of a shard (core/shard.h) holds every n-th image. An image is there when its file and
+// The folder of a shard (report/shard.h) holds every n-th image. An image is there when its file and
 // its line are. Layout of the files: docs/files.md.
 #pragma once
 

@@ -10,7 +10,7 @@
 #include "core/errors.h"
 #include "core/pose_numbers.h"
 #include "core/sha256.h"
-#include "core/shard.h"
+#include "report/shard.h"
 #include "core/text.h"
 #include "core/version.h"
 #include "report/json_text.h"

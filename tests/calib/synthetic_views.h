@@ -1,4 +1,4 @@
-// Views of a 9x6 board of 25 mm squares, made by projection alone.
+// Views of a 9x6 board, made by projection alone.
 #pragma once
 
 #include "calib/camera/projector.h"
@@ -28,13 +28,13 @@ inline Rigid synthetic_pose(int view) {
 }
 
 inline CalibrationView synthetic_view(const CameraModel& camera, const Rigid& camera_from_board,
-                                      double noise_px, int seed) {
+                                      double noise_px, int seed, double square_mm = 25.0) {
     const Projector projector(camera);
     RandomStream random(seed, 1);
     CalibrationView view;
     for (int row = 0; row < 6; ++row)
         for (int column = 0; column < 9; ++column) {
-            view.points_mm.emplace_back(25.0 * column, 25.0 * row, 0.0);
+            view.points_mm.emplace_back(square_mm * column, square_mm * row, 0.0);
             const Eigen::Vector2d noise(random.normal(), random.normal());
             view.pixels.push_back(
                 projector.project(camera_from_board * view.points_mm.back()).value() +
@@ -45,10 +45,11 @@ inline CalibrationView synthetic_view(const CameraModel& camera, const Rigid& ca
 
 inline std::vector<CalibrationView> synthetic_views(const CameraModel& camera, int count,
                                                     double noise_px, int seed,
-                                                    Rigid (*pose)(int) = synthetic_pose) {
+                                                    Rigid (*pose)(int) = synthetic_pose,
+                                                    double square_mm = 25.0) {
     std::vector<CalibrationView> views;
     for (int i = 0; i < count; ++i)
-        views.push_back(synthetic_view(camera, pose(i), noise_px, 1000 * seed + i));
+        views.push_back(synthetic_view(camera, pose(i), noise_px, 1000 * seed + i, square_mm));
     return views;
 }
 

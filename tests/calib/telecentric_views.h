@@ -30,27 +30,13 @@ inline Rigid telecentric_pose(int view) {
 
 inline CalibrationView telecentric_view(const CameraModel& camera, const Rigid& camera_from_board,
                                         double noise_px, int seed) {
-    const Projector projector(camera);
-    RandomStream random(seed, 1);
-    CalibrationView view;
-    for (int row = 0; row < 6; ++row)
-        for (int column = 0; column < 9; ++column) {
-            view.points_mm.emplace_back(2.0 * column, 2.0 * row, 0.0);
-            const Eigen::Vector2d noise(random.normal(), random.normal());
-            view.pixels.push_back(
-                projector.project(camera_from_board * view.points_mm.back()).value() +
-                noise_px * noise);
-        }
-    return view;
+    return synthetic_view(camera, camera_from_board, noise_px, seed, 2.0);
 }
 
 inline std::vector<CalibrationView> telecentric_views(const CameraModel& camera, int count,
                                                       double noise_px, int seed,
                                                       Rigid (*pose)(int) = telecentric_pose) {
-    std::vector<CalibrationView> views;
-    for (int i = 0; i < count; ++i)
-        views.push_back(telecentric_view(camera, pose(i), noise_px, 1000 * seed + i));
-    return views;
+    return synthetic_views(camera, count, noise_px, seed, pose, 2.0);
 }
 
 }  // namespace etalon::test

@@ -61,6 +61,13 @@ TEST_F(CsvFileTest, NamesTheLineOfWhatIsWrong) {
               ":2: -7 must be between 0 and 5");
 }
 
+TEST_F(CsvFileTest, RefusesWhatIsNoFileOrTooLarge) {
+    EXPECT_EQ(error_of([&] { read_csv(path_); }), ": no such file");
+    EXPECT_EQ(read("").header, std::vector<std::string>{""});
+    std::filesystem::resize_file(path_, max_text_bytes + 1);
+    EXPECT_EQ(error_of([&] { read_csv(path_); }), ": is larger than 64 MiB");
+}
+
 TEST(CsvReader, RefusesALineThatNeverEnds) {
     const TemporaryFolder folder;
     write_text(folder / "long.csv", "a,b\n1,2\n" + std::string(70'000, '7') + "\n");

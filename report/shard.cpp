@@ -1,4 +1,4 @@
-#include "core/shard.h"
+#include "report/shard.h"
 
 #include "core/errors.h"
 #include "core/text.h"

@@ -1,4 +1,4 @@
-#include "core/program_fingerprint.h"
+#include "station/record/program_fingerprint.h"
 
 #include <elf.h>
 #include <fmt/format.h>

@@ -65,22 +65,29 @@ PhotoState with_fitted_levels(const PhotoOfMarker& photo, const PhotometricCamer
     return state;
 }
 
+// The deviations that a render is changed by, in the order of DeviatingCamera::changes().
+std::vector<int> changed_in_renders(const std::array<bool, deviation::count>& asked) {
+    std::vector<int> all;
+    for (const int i :
+         {deviation::f_number, deviation::inverse_focus, deviation::blur, deviation::growth})
+        if (asked[static_cast<std::size_t>(i)])
+            all.push_back(i);
+    return all;
+}
+
 // The deviations' part of normal equations in which all others are solved. Those that are renders'
-// changes come first, the tone last.
+// changes come first, the tone last but one, the noise last.
 void reduce(const PhotoEquations& equations, const std::array<bool, deviation::count>& asked,
             PhotoPixels& pixels) {
     std::vector<Eigen::Index> wanted;
-    std::vector<int> as;
-    for (const int i :
-         {deviation::f_number, deviation::inverse_focus, deviation::blur, deviation::growth})
-        if (asked[static_cast<std::size_t>(i)]) {
-            wanted.push_back(std::ssize(as));
-            as.push_back(i);
-        }
+    std::vector<int> as = changed_in_renders(asked);
+    for (Eigen::Index i = 0; i < std::ssize(as); ++i)
+        wanted.push_back(i);
     if (asked[deviation::tone]) {
-        wanted.push_back(equations.score.size() - 1);
+        wanted.push_back(equations.score.size() - 2);
         as.push_back(deviation::tone);
     }
+    wanted.push_back(equations.score.size() - 1);
     std::vector<Eigen::Index> others;
     for (Eigen::Index i = 0; i < equations.score.size(); ++i)
         if (std::ranges::find(wanted, i) == wanted.end())
@@ -102,9 +109,19 @@ void reduce(const PhotoEquations& equations, const std::array<bool, deviation::c
     for (std::size_t i = 0; i < as.size(); ++i) {
         const auto row = static_cast<Eigen::Index>(i);
         pixels.score[as[i]] = score[row];
+        pixels.score_by_log_noise[as[i]] = information(row, std::ssize(as));
         for (std::size_t j = 0; j < as.size(); ++j)
             pixels.information(as[i], as[j]) = information(row, static_cast<Eigen::Index>(j));
     }
+}
+
+void add_largest_changes(const std::vector<cv::Mat>& changes, const PhotoOfMarker& photo,
+                         const cv::Rect& region, const std::array<bool, deviation::count>& asked,
+                         PhotoPixels& pixels) {
+    const cv::Mat counted = photo.use(region) == photo.fitted;
+    const std::vector<int> as = changed_in_renders(asked);
+    for (std::size_t i = 0; i < as.size(); ++i)
+        pixels.largest_change[as[i]] = cv::norm(changes[i], cv::NORM_INF, counted);
 }
 
 // Standard deviation of rounding to the camera's code values, gray.
@@ -221,7 +238,7 @@ DeviatingCamera::DeviatingCamera(const CameraModel& calibration, const PixelDevi
     : asked_(asked_of(calibration)),
       deviating_(deviating),
       steps_(PixelDeviation::Zero()),
-      camera_(with_lens(calibration, deviating)) {
+      camera_(with_lens(calibration, deviating), PhotometricCamera::Predicts::mean_codes) {
     constexpr double f_number_step = 0.03;
     const auto stepped_lens = [&](int which, double step) {
         steps_[which] = step;
@@ -270,7 +287,7 @@ PhotoPixels DeviatingCamera::measure(const PhotoOfMarker& all_of_it,
     const RenderedGradient rendered =
         camera_.gradient_at_sensor({photo.grid, camera_from_marker}, photo.background, motion);
     PhotometricTerms terms = detector_terms(camera_.model());
-    terms.tone = true;
+    terms.tone = terms.noise = true;
     PhotoState state = starting_state(photo, camera_, camera_from_marker, terms);
     if (camera_.model().lens)
         state.photometry.psf_sigma_px = std::sqrt(std::max(deviating_[deviation::blur], 0.0));
@@ -283,12 +300,15 @@ PhotoPixels DeviatingCamera::measure(const PhotoOfMarker& all_of_it,
                                           rendered, motion, none_held_back)
                               .median_size);
     state = with_fitted_levels(photo, camera_, rendered, motion, state, pixels.residual_scale);
-    const PhotoEquations equations = photo_equations(
-        photo, camera_, state, terms, rendered, motion, noise_scale.value_or(pixels.residual_scale),
-        changes(photo, camera_from_marker, rendered, motion.region()));
+    const std::vector<cv::Mat> by_deviations =
+        changes(photo, camera_from_marker, rendered, motion.region());
+    const PhotoEquations equations =
+        photo_equations(photo, camera_, state, terms, rendered, motion,
+                        noise_scale.value_or(pixels.residual_scale), by_deviations);
 
     pixels.depth_mm = depth_mm(camera_.model().projection, camera_from_marker.translation);
     reduce(equations, asked_, pixels);
+    add_largest_changes(by_deviations, photo, motion.region(), asked_, pixels);
     pixels.loss = equations.loss;
     add_noise(photo, camera_, state, rendered, motion.region(), pixels);
     add_levels(photo, camera_, state, whole, pixels);

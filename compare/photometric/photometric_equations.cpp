@@ -76,14 +76,16 @@ struct PixelEquation {
     bool clips = false;  // its noise is clipped too, and says little of the noise elsewhere
 
     PixelEquation(const PhotometricModel& model, const PhotometricTerms& terms,
-                  const Vector6d& level_terms, const LightCurve::Point& curve,
-                  const Eigen::Vector2d& by_variances, Eigen::Ref<Eigen::VectorXd> derivatives) {
+                  const MeanCode& mean_code, const Vector6d& level_terms,
+                  const LightCurve::Point& curve, const Eigen::Vector2d& by_variances,
+                  Eigen::Ref<Eigen::VectorXd> derivatives) {
         const double black = model.black.dot(level_terms), white = model.white.dot(level_terms);
         const double s = curve.value, toned = s * (1.0 + model.tone * (1.0 - s));
         const double level = black + (white - black) * toned;
         const Saturation::Point point =
             model.saturation ? model.saturation->at(level) : Saturation::Point{level, 1.0, 0, 0};
-        gray = point.gray;
+        const MeanCode::Point code = mean_code.at(point.gray);
+        gray = code.gray;
         clips = point.slope < 0.5;
         const double contrast = point.slope * (white - black);
         by_radiance = contrast * (1.0 + model.tone * (1.0 - 2.0 * s)) * curve.slope;
@@ -97,8 +99,14 @@ struct PixelEquation {
             derivatives[next++] = by_radiance * (by_variances.x() - by_variances.y());
         if (terms.tone)
             derivatives[next++] = contrast * s * (1.0 - s);
-        if (terms.saturation)
+        if (terms.saturation) {
             derivatives.segment<2>(next) << point.by_level, point.by_knee;
+            next += 2;
+        }
+        derivatives.head(next) *= code.slope;
+        by_radiance *= code.slope;
+        if (terms.noise)
+            derivatives[next] = code.by_log_noise;
     }
 };
 
@@ -156,10 +164,11 @@ private:
 };
 
 // What is known of a saturation before the photograph is seen, as two more observations.
-void add_known_saturation(const Saturation& saturation, PhotoEquations& equations) {
+void add_known_saturation(const Saturation& saturation, const PhotometricTerms& terms,
+                          PhotoEquations& equations) {
     constexpr Saturation known;
     constexpr double level_deviation_gray = 10.0, knee_deviation_gray = 15.0;
-    const Eigen::Index at = equations.score.size() - 2;
+    const Eigen::Index at = equations.score.size() - (terms.noise ? 3 : 2);
     const auto observe = [&](Eigen::Index i, double missing, double deviation) {
         equations.information(i, i) += 1.0 / (deviation * deviation);
         equations.score[i] += missing / (deviation * deviation);
@@ -250,18 +259,20 @@ void complete(PhotoEquations& equations, const PhotometricModel& photometry,
               const PhotometricTerms& terms) {
     equations.information = Eigen::MatrixXd(equations.information.selfadjointView<Eigen::Lower>());
     if (terms.saturation)
-        add_known_saturation(*photometry.saturation, equations);
+        add_known_saturation(*photometry.saturation, terms, equations);
     hold_what_is_fixed(photometry, terms, equations);
 }
 
 }  // namespace
 
-PhotometricCamera::PhotometricCamera(const CameraModel& camera)
+PhotometricCamera::PhotometricCamera(const CameraModel& camera, Predicts predicts)
     : projector_(camera), renderer_(camera), response_(SensorModel(camera).relative_response()) {
     if (!camera.sensor || !etalon::noise_gray(*camera.sensor, 0.0))
         return;
     for (int gray = 0; gray <= 255; ++gray)
         noise_.push_back(*etalon::noise_gray(*camera.sensor, gray));
+    if (predicts == Predicts::mean_codes)
+        mean_code_ = MeanCode(*camera.sensor);
 }
 
 double PhotometricCamera::noise_gray(double gray) const {
@@ -380,7 +391,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                 continue;
             RowBlock& block = is_flat ? flats : edges;
             auto row = block.next();
-            const PixelEquation model(state.photometry, terms,
+            const PixelEquation model(state.photometry, terms, camera.mean_code(),
                                       level_terms(pixel.x, pixel.y, photo.use.size()),
                                       curve.at(seen.radiance.at<float>(y, x)),
                                       seen.by_variances(x, y), row.tail(photometric));

@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "compare/photometric/mean_code.h"
 #include "compare/photometric/photometric_model.h"
 #include "compare/photometric/render_derivatives.h"
 
@@ -20,7 +21,10 @@ namespace etalon {
 // thread once built.
 class PhotometricCamera {
 public:
-    explicit PhotometricCamera(const CameraModel& camera);
+    // What photographs are predicted to be: the light's own gray, or the mean of the codes that the
+    // sensor makes of it. A pose hardly feels the difference; a lens' blur does.
+    enum class Predicts { light, mean_codes };
+    explicit PhotometricCamera(const CameraModel& camera, Predicts predicts = Predicts::light);
 
     const CameraModel& model() const { return projector_.camera(); }
     const Projector& projector() const { return projector_; }
@@ -29,6 +33,7 @@ public:
         return {model().sensor, photometry};
     }
     bool knows_noise() const { return !noise_.empty(); }
+    const MeanCode& mean_code() const { return mean_code_; }
 
     // Standard deviation of a pixel's noise at a predicted gray; 1 where it is not known.
     double noise_gray(double gray) const;
@@ -50,6 +55,7 @@ private:
     Renderer renderer_;
     cv::Mat response_;           // relative, by pixel; empty: 1
     std::vector<double> noise_;  // of gray 0, 1, ... 255
+    MeanCode mean_code_;
 };
 
 // Which of a photograph's own unknowns are free; the others keep their values.
@@ -60,11 +66,14 @@ struct PhotometricTerms {
     bool pose = true;  // the marker's; the equations have its place in either case
     bool psf_anisotropy = false;
     bool saturation = false;  // its level and knee
+    // The logarithm of the stated noise, by which mean codes change. It is not a photograph's own:
+    // its column says what a noise that is stated wrongly does to the others, no step follows it.
+    bool noise = false;
 
     // Photometric parameters.
     int count() const {
         return 2 * level_terms + (psf ? 1 : 0) + (psf_anisotropy ? 1 : 0) + (tone ? 1 : 0) +
-               (saturation ? 2 : 0);
+               (saturation ? 2 : 0) + (noise ? 1 : 0);
     }
 };
 
@@ -95,7 +104,7 @@ struct PhotoState {
 // and so has a pose that is held.
 // In the order: camera parameters, pose (left perturbation), photometric parameters (black levels,
 // white levels, mean variance and anisotropy of the Gaussian in px^2, tone, saturation's level and
-// knee). A saturation that is free is also held by what is known beforehand of cameras, as if it
+// knee, logarithm of the noise). A saturation that is free is also held by what is known beforehand of cameras, as if it
 // had been measured: its level 255 +- 10 gray, its knee 15 +- 15; most photographs are not bright
 // enough to show it.
 struct PhotoEquations {

@@ -37,6 +37,12 @@ struct PhotoPixels {
     // are not asked for.
     PixelInformation information = PixelInformation::Zero();
     PixelDeviation score = PixelDeviation::Zero();
+    // The score that a noise larger by the factor e than stated would add, first order: mean codes
+    // follow the noise (compare/photometric/mean_code.h).
+    PixelDeviation score_by_log_noise = PixelDeviation::Zero();
+    // The largest change of a pixel's radiance by a deviation of 1; 0 for the tone, which is no
+    // matter of the render.
+    PixelDeviation largest_change = PixelDeviation::Zero();
     double loss = 0.0;            // Huber's, over all pixels
     double residual_scale = 1.0;  // 1.4826 times the median size of the residuals; 1 at least
     // Of the pixels with noise well above rounding: how many, the sum of their squared residuals in

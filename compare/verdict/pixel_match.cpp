@@ -45,16 +45,32 @@ double widening(const RunPixels& pixels, const PixelDeviation& step,
     return std::max(1.0, scatter / photos) + tolerance * count / photos;
 }
 
+// What all photographs may have in common, which their scatter does not show, as a standard
+// deviation: renders that are off by their tolerance where a deviation changes most. A photograph
+// weighs by the square of its changes c, its error is tolerance / c: tolerance sum c / sum c^2.
+double of_renders(const std::vector<PhotoPixels>& photos, int i) {
+    constexpr double full_scale_gray = 255.0;
+    double sum = 0.0, squares = 0.0;
+    for (const PhotoPixels& photo : photos) {
+        sum += photo.largest_change[i];
+        squares += photo.largest_change[i] * photo.largest_change[i];
+    }
+    return squares > 0.0 ? render_tolerance_gray / full_scale_gray * sum / squares : 0.0;
+}
+
 // One step of Newton's from where the photographs were compared. A step that is a good part of the
-// way is as uncertain as a straight line for a curve: 2 % of it.
+// way is as uncertain as a straight line for a curve: 2 % of it. Mean codes follow the stated
+// noise, which may be 10 % off.
 PixelEstimate estimate_of(const RunPixels& pixels) {
-    constexpr double curved = 0.02;
+    constexpr double curved = 0.02, noise_known = 0.1;
     PixelEstimate estimate;
     PixelInformation information = known_beforehand();
-    PixelDeviation score = -information * pixels.at, step = PixelDeviation::Zero();
+    PixelDeviation score = -information * pixels.at, step = PixelDeviation::Zero(),
+                   by_log_noise = PixelDeviation::Zero();
     for (const PhotoPixels& photo : pixels.photos) {
         information += photo.information;
         score += photo.score;
+        by_log_noise += photo.score_by_log_noise;
     }
     for (int i = 0; i < deviation::count; ++i)
         if (pixels.asked[static_cast<std::size_t>(i)])
@@ -63,9 +79,12 @@ PixelEstimate estimate_of(const RunPixels& pixels) {
     const Eigen::MatrixXd inverse = Eigen::MatrixXd(information(asked, asked)).inverse();
     step(asked) = inverse * Eigen::VectorXd(score(asked));
     estimate.value = pixels.at + step;
-    estimate.covariance(asked, asked) = inverse * widening(pixels, step, asked);
+    const Eigen::VectorXd of_noise = noise_known * inverse * Eigen::VectorXd(by_log_noise(asked));
+    estimate.covariance(asked, asked) =
+        inverse * widening(pixels, step, asked) + of_noise * of_noise.transpose();
     for (const int i : asked)
-        estimate.covariance(i, i) += std::pow(curved * estimate.value[i], 2);
+        estimate.covariance(i, i) +=
+            std::pow(curved * estimate.value[i], 2) + std::pow(of_renders(pixels.photos, i), 2);
     return estimate;
 }
 

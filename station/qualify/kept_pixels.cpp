@@ -50,6 +50,8 @@ RecordJson kept_photo(const PhotoPixels& photo) {
         options.push_back(optional_number(photo.*option));
     return {{"information", numbers_json(photo.information)},
             {"score", numbers_json(photo.score)},
+            {"score_by_log_noise", numbers_json(photo.score_by_log_noise)},
+            {"largest_change", numbers_json(photo.largest_change)},
             {"shading", numbers_json(photo.shading)},
             {"pixels", photo.pixels},
             {"numbers", numbers},
@@ -111,6 +113,8 @@ PhotoPixels read_kept_photo(const JsonEntry& entry) {
     PhotoPixels photo;
     read_kept(entry.at("information"), photo.information);
     read_kept(entry.at("score"), photo.score);
+    read_kept(entry.at("score_by_log_noise"), photo.score_by_log_noise);
+    read_kept(entry.at("largest_change"), photo.largest_change);
     read_kept(entry.at("shading"), photo.shading);
     photo.pixels = static_cast<int>(entry.at("pixels").integer(0, std::numeric_limits<int>::max()));
     const auto numbers = entry.at("numbers").numbers(std::size(pixel_numbers));

@@ -165,6 +165,33 @@ TEST(PixelMatch, HasAnUncertaintyThatIsTheScatter) {
     EXPECT_LT(std::sqrt(squares), 1.27 / 3.0);
 }
 
+// A render may be 0.1 gray of 255 off where an edge's growth by 1 px changes 0.2 of full scale: all
+// photographs may have that in common, however many there are.
+TEST(PixelMatch, IsNotSurerThanTheRendersAre) {
+    RunPixels run = run_with(PixelDeviation::Zero());
+    for (PhotoPixels& photo : run.photos) {
+        photo.information *= 1e6;
+        photo.score *= 1e3;
+    }
+    const double sure = match_pixels(run, camera()).edge_px->expanded_uncertainty;
+    for (PhotoPixels& photo : run.photos)
+        photo.largest_change[deviation::growth] = 0.2;
+    const double floor = 3.0 * 0.1 / 255.0 / 0.2;
+    EXPECT_LT(sure, 0.1 * floor);
+    EXPECT_NEAR(match_pixels(run, camera()).edge_px->expanded_uncertainty, std::hypot(sure, floor),
+                1e-9);
+}
+
+// The noise may be 10 % off what is stated. The scores that this adds move growth by 0.1 x 0.3 px.
+TEST(PixelMatch, IsNotSurerThanTheStatedNoise) {
+    RunPixels run = run_with(PixelDeviation::Zero());
+    const double sure = match_pixels(run, camera()).edge_px->expanded_uncertainty;
+    for (PhotoPixels& photo : run.photos)
+        photo.score_by_log_noise = photo.information.col(deviation::growth) * 0.3;
+    EXPECT_NEAR(match_pixels(run, camera()).edge_px->expanded_uncertainty,
+                std::hypot(sure, 3.0 * 0.1 * 0.3), 1e-3);
+}
+
 TEST(PixelMatch, CountsWhatSinglePhotographsShow) {
     RunPixels run = run_with(PixelDeviation::Zero());
     run.findings[3] = {{"glare", "a reflection"}};

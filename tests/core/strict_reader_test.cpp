@@ -2,22 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/error_text.h"
+
 namespace etalon {
 namespace {
 
 StrictFile open(const std::string& body) {
     return StrictFile::from_text("etalon: test/1\n" + body, "test.yml", "test/1");
-}
-
-// Runs `read`, which must throw, and returns the error's text.
-template <class Read>
-std::string error_of(Read read) {
-    try {
-        read();
-    } catch (const ConfigError& error) {
-        return error.what();
-    }
-    return "no error";
 }
 
 TEST(StrictReader, ReadsNumbersTextsListsAndNesting) {
@@ -37,7 +28,7 @@ TEST(StrictReader, ReadsJsonToo) {
 
 TEST(StrictReader, NamesFileLineAndKeyOfEveryFault) {
     const auto at = [](const std::string& body, auto read) {
-        return error_of([&] {
+        return config_error_of([&] {
             const StrictFile file = open(body);
             read(file.root());
             file.finish();
@@ -58,29 +49,29 @@ TEST(StrictReader, NamesFileLineAndKeyOfEveryFault) {
 TEST(StrictReader, AnUnreadSectionIsAnUnknownKey) {
     const StrictFile file = open("a: 1\nextra: {b: 2}\n");
     file.root().at("a").number(any_number);
-    EXPECT_EQ(error_of([&] { file.finish(); }), "test.yml:3: extra: unknown key");
+    EXPECT_EQ(config_error_of([&] { file.finish(); }), "test.yml:3: extra: unknown key");
 }
 
 TEST(StrictReader, KeysInsideListsAreCheckedOneByOne) {
     const StrictFile file = open("axes:\n  - {name: x}\n  - {name: y, nome: z}\n");
     for (const Value& axis : file.root().at("axes").items())
         axis.at("name").text();
-    EXPECT_EQ(error_of([&] { file.finish(); }),
+    EXPECT_EQ(config_error_of([&] { file.finish(); }),
               "test.yml:4: axes[1].nome: unknown key; did you mean 'name'?");
 }
 
 TEST(StrictReader, RefusesAnotherKindAndBrokenYaml) {
-    EXPECT_EQ(error_of([] { StrictFile::from_text("etalon: camera/1\n", "c.yml", "test/1"); }),
+    EXPECT_EQ(config_error_of([] { StrictFile::from_text("etalon: camera/1\n", "c.yml", "test/1"); }),
               "c.yml:1: etalon: must be 'test/1', not 'camera/1'");
-    EXPECT_NE(error_of([] { StrictFile::from_text("etalon: [", "c.yml", "test/1"); }), "no error");
-    EXPECT_NE(error_of([] { StrictFile::from_text("", "c.yml", "test/1"); }), "no error");
-    EXPECT_NE(error_of([] { StrictFile::from_text("- a\n", "c.yml", "test/1"); }), "no error");
+    EXPECT_NE(config_error_of([] { StrictFile::from_text("etalon: [", "c.yml", "test/1"); }), "no error");
+    EXPECT_NE(config_error_of([] { StrictFile::from_text("", "c.yml", "test/1"); }), "no error");
+    EXPECT_NE(config_error_of([] { StrictFile::from_text("- a\n", "c.yml", "test/1"); }), "no error");
 }
 
 TEST(StrictReader, RefusesAliasesOfThemselvesAndTextBehindTheDocument) {
-    EXPECT_EQ(error_of([] { open("id: &a [*a]\n"); }),
+    EXPECT_EQ(config_error_of([] { open("id: &a [*a]\n"); }),
               "test.yml:2: an alias of the value that it is part of");
-    EXPECT_NE(error_of([] { open("a: 1\n--- {a: 2}\n"); }), "no error");
+    EXPECT_NE(config_error_of([] { open("a: 1\n--- {a: 2}\n"); }), "no error");
 }
 
 // A reader of all keys of a mapping looks each of them up; every value carries its path.
@@ -89,18 +80,18 @@ TEST(StrictReader, LimitsKeysByNumberAndLength) {
     for (int i = 0; i < 1000; ++i)
         keys += "  k" + std::to_string(i) + ": 7\n";
     open(keys);
-    EXPECT_EQ(error_of([&] { open(keys + "  last: 7\n"); }),
+    EXPECT_EQ(config_error_of([&] { open(keys + "  last: 7\n"); }),
               "test.yml:3: a: has more than 1000 keys");
     open(std::string(200, 'k') + ": 7\n");
-    EXPECT_EQ(error_of([] { open(std::string(201, 'k') + ": 7\n"); }),
+    EXPECT_EQ(config_error_of([] { open(std::string(201, 'k') + ": 7\n"); }),
               "test.yml:2: a key must be a word");
 }
 
 TEST(StrictReader, RefusesWholeNumbersThatAreNotAndWordsThatAreNotAllowed) {
     const StrictFile file = open("n: 2.5\nw: left\n");
-    EXPECT_EQ(error_of([&] { file.root().at("n").integer(0, 9); }),
+    EXPECT_EQ(config_error_of([&] { file.root().at("n").integer(0, 9); }),
               "test.yml:2: n: must be a whole number, not 2.5");
-    EXPECT_EQ(error_of([&] {
+    EXPECT_EQ(config_error_of([&] {
                   file.root().at("w").one_of({"up", "down"});
               }),
               "test.yml:3: w: must be one of up, down; not 'left'");

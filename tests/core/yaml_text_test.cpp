@@ -22,7 +22,7 @@ std::string error_of(const std::string& text) {
     return "no error";
 }
 
-std::string times(std::size_t count, const std::string& part) {
+std::string repeated(std::size_t count, const std::string& part) {
     std::string text;
     text.reserve(count * part.size());
     for (std::size_t i = 0; i < count; ++i)
@@ -50,17 +50,17 @@ TEST(YamlText, CountsAliasesAsOftenAsTheyStand) {
     std::string text = "l0: &l0 [7, 7, 7, 7, 7, 7, 7, 7, 7, 7]\n";
     for (int i = 1; i < 10; ++i)
         text += "l" + std::to_string(i) + ": &l" + std::to_string(i) + " [" +
-                times(9, "*l" + std::to_string(i - 1) + ", ") + "*l" + std::to_string(i - 1) +
+                repeated(9, "*l" + std::to_string(i - 1) + ", ") + "*l" + std::to_string(i - 1) +
                 "]\n";
     EXPECT_EQ(error_of(text), "t.yml:6: has more than 200000 values by here");
 }
 
 TEST(YamlText, LimitsValuesAndTheirDepthExactly) {
-    const auto list = [](std::size_t items) { return "[" + times(items, "1,") + "]"; };
+    const auto list = [](std::size_t items) { return "[" + repeated(items, "1,") + "]"; };
     EXPECT_EQ(error_of(list(max_yaml_values - 1)), "no error");
     EXPECT_EQ(error_of(list(max_yaml_values)), "t.yml:1: has more than 200000 values by here");
     const auto nested = [](std::size_t levels) {
-        return times(levels, "[") + "1" + times(levels, "]");
+        return repeated(levels, "[") + "1" + repeated(levels, "]");
     };
     EXPECT_EQ(error_of(nested(max_yaml_depth)), "no error");
     EXPECT_EQ(error_of("#\n" + nested(max_yaml_depth + 1)),
@@ -77,7 +77,7 @@ TEST(YamlText, LimitsTheDepthBehindAliases) {
 }
 
 TEST(YamlText, RefusesLargeTextsBeforeParsing) {
-    EXPECT_EQ(error_of("[" + times(max_yaml_bytes / 2, "1,") + "]"),
+    EXPECT_EQ(error_of("[" + repeated(max_yaml_bytes / 2, "1,") + "]"),
               "t.yml: is YAML or JSON of more than 2 MiB");
 }
 
@@ -86,7 +86,7 @@ TEST(YamlText, RefusesLargeTextsBeforeParsing) {
 TEST(YamlText, RefusesWithinSecondsWhatIsJustSmallEnough) {
     for (const std::string part : {"1,", "[", "{a: 1},"}) {
         const auto start = std::chrono::steady_clock::now();
-        EXPECT_THAT(error_of("[" + times((max_yaml_bytes - 8) / part.size(), part)),
+        EXPECT_THAT(error_of("[" + repeated((max_yaml_bytes - 8) / part.size(), part)),
                     HasSubstr("has more than"));
         const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
         EXPECT_LT(taken.count(), 20.0) << part;

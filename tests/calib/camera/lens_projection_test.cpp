@@ -9,13 +9,14 @@
 #include <vector>
 
 #include "core/errors.h"
+#include "tests/calib/ray_at.h"
 
 namespace etalon {
 namespace {
 
 using Kind = Projection;
 using Complex = std::complex<double>;
-constexpr double pi = std::numbers::pi;
+using test::pi, test::ray_at;
 
 // Each with parameters on both sides of where its formula or its limit changes.
 const std::vector<LensProjection> projections{
@@ -39,11 +40,6 @@ const std::vector<LensProjection> projections{
 
 std::string text(const LensProjection& p) {
     return fmt::format("kind {}, a {}, b {}", static_cast<int>(p.kind), p.a, p.b);
-}
-
-Eigen::Vector3d ray_at(double angle, double azimuth, double length = 1.0) {
-    return length * Eigen::Vector3d(std::sin(angle) * std::cos(azimuth),
-                                    std::sin(angle) * std::sin(azimuth), std::cos(angle));
 }
 
 // The image radius as the papers have it, of the sine and cosine of the angle to the axis.

@@ -9,6 +9,7 @@
 
 #include "core/errors.h"
 #include "tests/calib/lens_tables.h"
+#include "tests/calib/ray_at.h"
 
 namespace etalon {
 namespace {
@@ -16,12 +17,7 @@ namespace {
 using Complex = std::complex<double>;
 using ComplexRay = Eigen::Matrix<Complex, 3, 1>;
 using ComplexPoint = Eigen::Matrix<Complex, 2, 1>;
-constexpr double pi = std::numbers::pi;
-
-Eigen::Vector3d ray_at(double angle, double azimuth, double length = 1.0) {
-    return length * Eigen::Vector3d(std::sin(angle) * std::cos(azimuth),
-                                    std::sin(angle) * std::sin(azimuth), std::cos(angle));
-}
+using test::pi, test::ray_at;
 
 // The imaginary part of f(x + i h) / h is the derivative to rounding.
 template <class Function, class Point>

@@ -12,16 +12,12 @@
 #include "core/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/lens_tables.h"
+#include "tests/calib/ray_at.h"
 
 namespace etalon {
 namespace {
 
-constexpr double pi = std::numbers::pi;
-
-Eigen::Vector3d ray_at(double angle, double azimuth, double length = 1.0) {
-    return length * Eigen::Vector3d(std::sin(angle) * std::cos(azimuth),
-                                    std::sin(angle) * std::sin(azimuth), std::cos(angle));
-}
+using test::pi, test::ray_at;
 
 CameraModel wide(LensProjection projection, Distortion distortion = {}, double focal = 150.0) {
     CameraModel camera =

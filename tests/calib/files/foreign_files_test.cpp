@@ -33,14 +33,14 @@ std::filesystem::path written(const std::string& text) {
     return path;
 }
 
-CameraModel read(const std::string& text, const std::string& select = "") {
+CameraModel read_foreign(const std::string& text, const std::string& select = "") {
     return read_foreign_camera(written(text), select);
 }
 
 // The message from the file's name on, or "no error".
-std::string error_of(const std::string& text, const std::string& select = "") {
+std::string foreign_error(const std::string& text, const std::string& select = "") {
     try {
-        read(text, select);
+        read_foreign(text, select);
     } catch (const ConfigError& error) {
         const std::string what = error.what();
         return what.substr(what.find("case:") == std::string::npos ? 0 : what.find("case:"));
@@ -48,7 +48,7 @@ std::string error_of(const std::string& text, const std::string& select = "") {
     return "no error";
 }
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
+std::string with_other(std::string text, const std::string& from, const std::string& to) {
     return text.replace(text.find(from), from.size(), to);
 }
 
@@ -61,7 +61,7 @@ const std::string kalibr =
     "  intrinsics: [461.5, 460.25, 362.75, 246.125]\n"
     "  resolution: [752, 480]\n"
     "  rostopic: /cam0/image_raw\n";
-const std::string second_kalibr = replaced(replaced(kalibr, "cam0:", "cam1:"), "461.5", "463.5");
+const std::string second_kalibr = with_other(with_other(kalibr, "cam0:", "cam1:"), "461.5", "463.5");
 
 const std::string mrcal =
     "# generated on 2024-01-02 with   mrcal-calibrate-cameras --lensmodel ...\n"
@@ -111,7 +111,7 @@ const std::string boofcv =
     "  - 0.125\n"
     "  t2: -0.0021\n";
 
-const std::string colmap =
+const std::string colmap_text =
     "# Camera list with one line of data per camera:\n"
     "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
     "# Number of cameras: 1\n"
@@ -126,25 +126,25 @@ void expect_size(const CameraModel& camera, int width, int height) {
 using All = std::array<double, 14>;
 
 TEST(KalibrFile, ReadsRadtanAndNone) {
-    const CameraModel camera = read(kalibr);
+    const CameraModel camera = read_foreign(kalibr);
     expect_size(camera, 752, 480);
     EXPECT_EQ(camera.intrinsics.fy, 460.25);
     EXPECT_EQ(camera.intrinsics.cx, 362.75);
     EXPECT_EQ(camera.distortion.in_opencv_order(), (All{-0.27, 0.067, 0.00087, 0.00011}));
-    const std::string none = replaced(kalibr, "distortion_model: radtan", "distortion_model: none");
+    const std::string none = with_other(kalibr, "distortion_model: radtan", "distortion_model: none");
     EXPECT_TRUE(
-        read(replaced(none, "[-0.27, 0.067, 0.00087, 0.00011]", "[]")).distortion.is_zero());
+        read_foreign(with_other(none, "[-0.27, 0.067, 0.00087, 0.00011]", "[]")).distortion.is_zero());
 }
 
 TEST(KalibrFile, OneOfSeveralCamerasMustBeNamed) {
-    EXPECT_THAT(error_of(kalibr + second_kalibr), HasSubstr("has 2 cameras (cam0, cam1)"));
-    EXPECT_EQ(read(kalibr + second_kalibr, "cam1").intrinsics.fx, 463.5);
-    EXPECT_THAT(error_of(kalibr, "cam7"), HasSubstr("cam7: missing"));
+    EXPECT_THAT(foreign_error(kalibr + second_kalibr), HasSubstr("has 2 cameras (cam0, cam1)"));
+    EXPECT_EQ(read_foreign(kalibr + second_kalibr, "cam1").intrinsics.fx, 463.5);
+    EXPECT_THAT(foreign_error(kalibr, "cam7"), HasSubstr("cam7: missing"));
 }
 
 TEST(KalibrFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
-        return error_of(replaced(kalibr, from, to));
+        return foreign_error(with_other(kalibr, from, to));
     };
     EXPECT_THAT(with("radtan", "rational"),
                 HasSubstr("case:5: cam0.distortion_model: of pinhole must be radtan, equidistant, "
@@ -175,54 +175,54 @@ std::string kalibr_of(const std::string& model, const std::string& intrinsics,
 
 // Intrinsics and coefficients in the order that Kalibr gives them (its wiki, "supported models").
 TEST(KalibrFile, ReadsEveryModelOfKalibr) {
-    const CameraModel omni = read(kalibr_of("omni", "[0.8, 833.0, 830.3, 373.8, 253.7]", "radtan",
+    const CameraModel omni = read_foreign(kalibr_of("omni", "[0.8, 833.0, 830.3, 373.8, 253.7]", "radtan",
                                             "[-0.3, 0.1, 0.02, 0.01]"));
     EXPECT_EQ(omni.projection, (LensProjection{Projection::unified, 0.8}));
     EXPECT_EQ(omni.intrinsics.fy, 830.3);
     EXPECT_EQ(omni.distortion, (Distortion{.k1 = -0.3, .k2 = 0.1, .p1 = 0.02, .p2 = 0.01}));
     const CameraModel ds =
-        read(kalibr_of("ds", "[-0.2, 0.6, 190.0, 190.1, 254.9, 256.8]", "none", "[]"));
+        read_foreign(kalibr_of("ds", "[-0.2, 0.6, 190.0, 190.1, 254.9, 256.8]", "none", "[]"));
     EXPECT_EQ(ds.projection, (LensProjection{Projection::double_sphere, -0.2, 0.6}));
     EXPECT_EQ(ds.intrinsics.fx, 190.0);
     const CameraModel eucm =
-        read(kalibr_of("eucm", "[0.6, 1.1, 190.0, 190.1, 254.9, 256.8]", "none", "[]"));
+        read_foreign(kalibr_of("eucm", "[0.6, 1.1, 190.0, 190.1, 254.9, 256.8]", "none", "[]"));
     EXPECT_EQ(eucm.projection, (LensProjection{Projection::extended_unified, 1.1, 0.6}));
-    const CameraModel equi = read(kalibr_of("pinhole", "[190.9, 190.8, 254.9, 256.8]",
+    const CameraModel equi = read_foreign(kalibr_of("pinhole", "[190.9, 190.8, 254.9, 256.8]",
                                             "equidistant", "[0.003, 0.0007, -0.002, 0.0002]"));
     EXPECT_EQ(equi.projection, LensProjection{Projection::equidistant});
     EXPECT_EQ(equi.distortion, (Distortion{.k1 = 0.003, .k2 = 0.0007, .k3 = -0.002, .k7 = 0.0002}));
     const CameraModel fov =
-        read(kalibr_of("pinhole", "[190.9, 190.8, 254.9, 256.8]", "fov", "[0.92]"));
+        read_foreign(kalibr_of("pinhole", "[190.9, 190.8, 254.9, 256.8]", "fov", "[0.92]"));
     EXPECT_EQ(fov.projection, (LensProjection{Projection::field_of_view, 0.92}));
     EXPECT_TRUE(fov.distortion.is_zero());
 }
 
 TEST(KalibrFile, RefusesParametersThatNoLensHas) {
-    EXPECT_THAT(error_of(kalibr_of("ds", "[-0.2, 1.6, 190, 190, 255, 257]", "none", "[]")),
+    EXPECT_THAT(foreign_error(kalibr_of("ds", "[-0.2, 1.6, 190, 190, 255, 257]", "none", "[]")),
                 HasSubstr("case:6: cam0.intrinsics: no double_sphere projection has the parameters "
                           "-0.2 and 1.6"));
-    EXPECT_THAT(error_of(kalibr_of("pinhole", "[190, 190, 255, 257]", "fov", "[3.3]")),
+    EXPECT_THAT(foreign_error(kalibr_of("pinhole", "[190, 190, 255, 257]", "fov", "[3.3]")),
                 HasSubstr("cam0.distortion_coeffs: no field_of_view projection"));
-    EXPECT_THAT(error_of(kalibr_of("omni", "[0.8, 190, 190, 255, 257]", "equidistant", "[0]")),
+    EXPECT_THAT(foreign_error(kalibr_of("omni", "[0.8, 190, 190, 255, 257]", "equidistant", "[0]")),
                 HasSubstr("of omni must be radtan or none, not 'equidistant'"));
-    EXPECT_THAT(error_of(kalibr_of("ds", "[-0.2, 0.6, 190, 190, 255, 257]", "radtan", "[0]")),
+    EXPECT_THAT(foreign_error(kalibr_of("ds", "[-0.2, 0.6, 190, 190, 255, 257]", "radtan", "[0]")),
                 HasSubstr("of ds must be none, not 'radtan'"));
 }
 
 TEST(MrcalFile, ReadsTheOpenCvModels) {
-    const CameraModel camera = read(mrcal);
+    const CameraModel camera = read_foreign(mrcal);
     expect_size(camera, 3840, 2160);
     EXPECT_EQ(camera.intrinsics.fx, 1766.5);
     EXPECT_EQ(camera.intrinsics.cy, 1064.125);
     EXPECT_EQ(camera.distortion.in_opencv_order(),
               (All{2.16, -1.18, -9.3e-05, 0.00077, -0.23, 2.44, -0.66, -0.62}));
-    const std::string old = replaced(mrcal, "'lensmodel'", "'lens_model'");
-    EXPECT_EQ(read(old).distortion.k6, -0.62);
+    const std::string old = with_other(mrcal, "'lensmodel'", "'lens_model'");
+    EXPECT_EQ(read_foreign(old).distortion.k6, -0.62);
 }
 
 TEST(MrcalFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
-        return error_of(replaced(mrcal, from, to));
+        return foreign_error(with_other(mrcal, from, to));
     };
     EXPECT_THAT(with("LENSMODEL_OPENCV8", "LENSMODEL_LATLON"),
                 HasSubstr("case:3: lensmodel: must be LENSMODEL_PINHOLE, _STEREOGRAPHIC, _OPENCV4, "
@@ -235,14 +235,14 @@ TEST(MrcalFile, NamesFileLineAndKeyOfWhatItRefuses) {
 
 TEST(MatlabFile, ReadsEveryWayToSayTheMatrix) {
     const auto with_matrix = [](const std::string& text) {
-        return replaced(matlab, "\"IntrinsicMatrix\":[[715.25,0,0],[0,711.5,0],[565.75,355.375,1]]",
+        return with_other(matlab, "\"IntrinsicMatrix\":[[715.25,0,0],[0,711.5,0],[565.75,355.375,1]]",
                         text);
     };
     for (const std::string& text :
          {matlab, with_matrix("\"K\":[[715.25,0,565.75],[0,711.5,355.375],[0,0,1]]"),
           with_matrix("\"FocalLength\":[715.25,711.5],\"PrincipalPoint\":[565.75,355.375],"
                       "\"Skew\":0")}) {
-        const CameraModel camera = read(text);
+        const CameraModel camera = read_foreign(text);
         expect_size(camera, 1072, 712);
         EXPECT_EQ(camera.intrinsics.fx, 715.25);
         EXPECT_EQ(camera.intrinsics.fy, 711.5);
@@ -250,12 +250,12 @@ TEST(MatlabFile, ReadsEveryWayToSayTheMatrix) {
         EXPECT_EQ(camera.intrinsics.cy, 354.375);
         EXPECT_EQ(camera.distortion.in_opencv_order(), (All{-0.33, 0.092, 0.0012, -0.0034, 0.011}));
     }
-    EXPECT_EQ(read(replaced(matlab, "[712,1072]", "[]")).width, 0);
+    EXPECT_EQ(read_foreign(with_other(matlab, "[712,1072]", "[]")).width, 0);
 }
 
 TEST(MatlabFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
-        return error_of(replaced(matlab, from, to));
+        return foreign_error(with_other(matlab, from, to));
     };
     EXPECT_THAT(with("[715.25,0,0]", "[715.25,0.5,0]"),
                 HasSubstr("case:1: IntrinsicMatrix: must be [fx skew cx; 0 fy cy; 0 0 1]"));
@@ -269,24 +269,24 @@ TEST(MatlabFile, NamesFileLineAndKeyOfWhatItRefuses) {
     EXPECT_THAT(with("\"WorldPoints\"",
                      "\"K\":[[715.25,0,565.75],[0,711.5,355.5],[0,0,1]],\"WorldPoints\""),
                 HasSubstr("IntrinsicMatrix: contradicts K"));
-    EXPECT_THAT(error_of("{\"RadialDistortion\":[1,2]}"), HasSubstr("has none of K"));
+    EXPECT_THAT(foreign_error("{\"RadialDistortion\":[1,2]}"), HasSubstr("has none of K"));
 }
 
 TEST(BoofCvFile, ReadsBrown) {
-    const CameraModel camera = read(boofcv);
+    const CameraModel camera = read_foreign(boofcv);
     expect_size(camera, 640, 480);
     EXPECT_EQ(camera.intrinsics.fx, 530.75);
     EXPECT_EQ(camera.intrinsics.cx, 322.75);
     EXPECT_EQ(camera.intrinsics.cy, 234.125);
     EXPECT_EQ(camera.distortion.in_opencv_order(), (All{-0.24, 0.125, 0.0013, -0.0021}));
     const std::string without = boofcv.substr(0, boofcv.find("radial_tangential:\n"));
-    EXPECT_TRUE(read(replaced(without, "model: pinhole_radial_tangential", "model: pinhole"))
+    EXPECT_TRUE(read_foreign(with_other(without, "model: pinhole_radial_tangential", "model: pinhole"))
                     .distortion.is_zero());
 }
 
 TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
     const auto with = [](const std::string& from, const std::string& to) {
-        return error_of(replaced(boofcv, from, to));
+        return foreign_error(with_other(boofcv, from, to));
     };
     EXPECT_THAT(with("model: pinhole_radial_tangential", "model: stereo_camera"),
                 HasSubstr("case:13: model: must be pinhole, pinhole_radial_tangential, "
@@ -299,37 +299,37 @@ TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
 }
 
 TEST(ColmapFile, ReadsEveryModelThatWeHave) {
-    const CameraModel camera = read(colmap);
+    const CameraModel camera = read_foreign(colmap_text);
     expect_size(camera, 3072, 2304);
     EXPECT_EQ(camera.intrinsics.fy, 2558.5);
     EXPECT_EQ(camera.intrinsics.cx, 1535.75);
     EXPECT_EQ(camera.intrinsics.cy, 1152.25);
     EXPECT_EQ(camera.distortion.in_opencv_order(),
               (All{-0.2, 0.1, 0.001, -0.002, 0.03, 0.4, -0.05, 0.06}));
-    const CameraModel radial = read("# list\n1 RADIAL 640 480 500.5 320.5 241.5 0.25 -0.125\n");
+    const CameraModel radial = read_foreign("# list\n1 RADIAL 640 480 500.5 320.5 241.5 0.25 -0.125\n");
     EXPECT_EQ(radial.intrinsics.fx, 500.5);
     EXPECT_EQ(radial.intrinsics.fy, 500.5);
     EXPECT_EQ(radial.intrinsics.cy, 241.0);
     EXPECT_EQ(radial.distortion.in_opencv_order(), (All{0.25, -0.125}));
-    EXPECT_EQ(read("1 PINHOLE 640 480 500.5 502 320.5 241.5\n").intrinsics.fy, 502);
-    EXPECT_EQ(read("1 SIMPLE_RADIAL 640 480 500.5 320.5 241.5 0.25\n").distortion.k1, 0.25);
+    EXPECT_EQ(read_foreign("1 PINHOLE 640 480 500.5 502 320.5 241.5\n").intrinsics.fy, 502);
+    EXPECT_EQ(read_foreign("1 SIMPLE_RADIAL 640 480 500.5 320.5 241.5 0.25\n").distortion.k1, 0.25);
 }
 
 TEST(ColmapFile, ReadsTheWideModels) {
     const CameraModel fisheye =
-        read("1 OPENCV_FISHEYE 640 480 200.5 202 320.5 241.5 0.1 -0.02 0.003 -0.0004\n");
+        read_foreign("1 OPENCV_FISHEYE 640 480 200.5 202 320.5 241.5 0.1 -0.02 0.003 -0.0004\n");
     EXPECT_EQ(fisheye.projection, LensProjection{Projection::equidistant});
     EXPECT_EQ(fisheye.distortion, (Distortion{.k1 = 0.1, .k2 = -0.02, .k3 = 0.003, .k7 = -0.0004}));
-    EXPECT_EQ(read("1 SIMPLE_RADIAL_FISHEYE 640 480 200.5 320.5 241.5 0.1\n").distortion,
+    EXPECT_EQ(read_foreign("1 SIMPLE_RADIAL_FISHEYE 640 480 200.5 320.5 241.5 0.1\n").distortion,
               Distortion{.k1 = 0.1});
-    EXPECT_EQ(read("1 RADIAL_FISHEYE 640 480 200.5 320.5 241.5 0.1 0.2\n").distortion,
+    EXPECT_EQ(read_foreign("1 RADIAL_FISHEYE 640 480 200.5 320.5 241.5 0.1 0.2\n").distortion,
               (Distortion{.k1 = 0.1, .k2 = 0.2}));
     EXPECT_EQ(
-        read("1 THIN_PRISM_FISHEYE 640 480 200.5 202 320.5 241.5 1 2 3 4 5 6 7 8\n").distortion,
+        read_foreign("1 THIN_PRISM_FISHEYE 640 480 200.5 202 320.5 241.5 1 2 3 4 5 6 7 8\n").distortion,
         (Distortion{.k1 = 1, .k2 = 2, .p1 = 3, .p2 = 4, .k3 = 5, .s1 = 7, .s3 = 8, .k7 = 6}));
-    const CameraModel fov = read("1 FOV 640 480 200.5 202 320.5 241.5 0.9\n");
+    const CameraModel fov = read_foreign("1 FOV 640 480 200.5 202 320.5 241.5 0.9\n");
     EXPECT_EQ(fov.projection, (LensProjection{Projection::field_of_view, 0.9}));
-    EXPECT_THAT(error_of("1 FOV 640 480 200.5 202 320.5 241.5 4\n"),
+    EXPECT_THAT(foreign_error("1 FOV 640 480 200.5 202 320.5 241.5 4\n"),
                 HasSubstr("case:1: no field_of_view projection"));
 }
 
@@ -339,49 +339,49 @@ TEST(OpenCvFile, ReadsFisheyeAndOmnidir) {
         "{\"camera_matrix\": [[538.0, 0, 342.5], [0, 541.0, 233.5], [0, 0, 1]],\n"
         "\"image_width\": 640, \"image_height\": 480,\n"
         "\"distortion_coefficients\": [-0.25, 0.125, 0.5, -0.0625], EXTRA}\n";
-    const CameraModel fisheye = read(replaced(text, "EXTRA", "\"fisheye_model\": 1"));
+    const CameraModel fisheye = read_foreign(with_other(text, "EXTRA", "\"fisheye_model\": 1"));
     EXPECT_EQ(fisheye.projection, LensProjection{Projection::equidistant});
     EXPECT_EQ(fisheye.distortion, (Distortion{.k1 = -0.25, .k2 = 0.125, .k3 = 0.5, .k7 = -0.0625}));
-    const CameraModel omnidir = read(replaced(text, "EXTRA", "\"xi\": 1.25"));
+    const CameraModel omnidir = read_foreign(with_other(text, "EXTRA", "\"xi\": 1.25"));
     EXPECT_EQ(omnidir.projection, (LensProjection{Projection::unified, 1.25}));
     EXPECT_EQ(omnidir.distortion.p2, -0.0625);
-    EXPECT_TRUE(read(replaced(text, "EXTRA", "\"fisheye_model\": 0")).projection.is_flat());
-    EXPECT_THAT(error_of(replaced(text, "EXTRA", "\"xi\": -1")), HasSubstr("xi: no unified"));
-    EXPECT_THAT(error_of(replaced(text, "EXTRA", "\"xi\": 1, \"fisheye_model\": 1")),
+    EXPECT_TRUE(read_foreign(with_other(text, "EXTRA", "\"fisheye_model\": 0")).projection.is_flat());
+    EXPECT_THAT(foreign_error(with_other(text, "EXTRA", "\"xi\": -1")), HasSubstr("xi: no unified"));
+    EXPECT_THAT(foreign_error(with_other(text, "EXTRA", "\"xi\": 1, \"fisheye_model\": 1")),
                 HasSubstr("of one of the two"));
 }
 
 // BoofCV's own example of a Ricoh Theta camera, shortened.
 TEST(BoofCvFile, ReadsTheUniversalOmnidirectionalModel) {
     const CameraModel camera =
-        read(replaced(boofcv, "model: pinhole_radial_tangential",
+        read_foreign(with_other(boofcv, "model: pinhole_radial_tangential",
                       "model: omnidirectional_universal\nmirror_offset: 2.945"));
     EXPECT_EQ(camera.projection, (LensProjection{Projection::unified, 2.945}));
     EXPECT_EQ(camera.distortion.k2, 0.125);
-    EXPECT_THAT(error_of(replaced(boofcv, "model: pinhole_radial_tangential",
+    EXPECT_THAT(foreign_error(with_other(boofcv, "model: pinhole_radial_tangential",
                                   "model: omnidirectional_universal\nmirror_offset: -1")),
                 HasSubstr("mirror_offset: no unified projection"));
 }
 
 TEST(ColmapFile, OneOfSeveralCamerasMustBeNamed) {
-    const std::string two = colmap + "7 SIMPLE_PINHOLE 640 480 500 320 240\n";
-    EXPECT_THAT(error_of(two), HasSubstr("has 2 cameras"));
-    EXPECT_EQ(read(two, "7").intrinsics.fx, 500);
-    EXPECT_THAT(error_of(two, "8"), HasSubstr("has no camera 8"));
-    EXPECT_THAT(error_of(two + "7 PINHOLE 640 480 1 2 3 4\n", "7"), HasSubstr("case:6: camera 7"));
+    const std::string two = colmap_text + "7 SIMPLE_PINHOLE 640 480 500 320 240\n";
+    EXPECT_THAT(foreign_error(two), HasSubstr("has 2 cameras"));
+    EXPECT_EQ(read_foreign(two, "7").intrinsics.fx, 500);
+    EXPECT_THAT(foreign_error(two, "8"), HasSubstr("has no camera 8"));
+    EXPECT_THAT(foreign_error(two + "7 PINHOLE 640 480 1 2 3 4\n", "7"), HasSubstr("case:6: camera 7"));
 }
 
 TEST(ColmapFile, NamesFileLineAndFieldOfWhatItRefuses) {
-    EXPECT_THAT(error_of(replaced(colmap, "FULL_OPENCV", "DIVISION")),
+    EXPECT_THAT(foreign_error(with_other(colmap_text, "FULL_OPENCV", "DIVISION")),
                 HasSubstr("case:4: MODEL: must be SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, "
                           "OPENCV, FULL_OPENCV, FOV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, "
                           "OPENCV_FISHEYE, THIN_PRISM_FISHEYE, not 'DIVISION'"));
-    EXPECT_THAT(error_of(replaced(colmap, " 0.06", "")),
+    EXPECT_THAT(foreign_error(with_other(colmap_text, " 0.06", "")),
                 HasSubstr("case:4: PARAMS: FULL_OPENCV has 12 parameters, not 11"));
-    EXPECT_THAT(error_of(replaced(colmap, "2559.75", "nan")),
+    EXPECT_THAT(foreign_error(with_other(colmap_text, "2559.75", "nan")),
                 HasSubstr("case:4: PARAMS: must be a finite number, not 'nan'"));
-    EXPECT_THAT(error_of(replaced(colmap, "3072", "-5")), HasSubstr("case:4: must be a whole"));
-    EXPECT_THAT(error_of("1 PINHOLE\n"), HasSubstr("PARAMS: PINHOLE has 4 parameters, not 0"));
+    EXPECT_THAT(foreign_error(with_other(colmap_text, "3072", "-5")), HasSubstr("case:4: must be a whole"));
+    EXPECT_THAT(foreign_error("1 PINHOLE\n"), HasSubstr("PARAMS: PINHOLE has 4 parameters, not 0"));
 }
 
 // A camera of which every tool's model holds all coefficients up to the given one.
@@ -449,18 +449,18 @@ TEST(OpenCvFile, ReadsStandardDeviations) {
         "\"image_width\": 640, \"image_height\": 480,\n"
         "\"dist_coeffs\": [-0.25, 0.125, 0.5, -0.0625, 7.0],\n"
         "\"dist_coeffs_std_dev\": [0.125, 3, 0, 0, 0.75]}\n";
-    const CameraModel camera = read(text);
+    const CameraModel camera = read_foreign(text);
     ASSERT_TRUE(camera.covariance);
     EXPECT_THAT(camera.covariance->order, testing::ElementsAre("fx", "fy", "cx", "k1", "k2", "k3"));
     EXPECT_EQ(camera.covariance->matrix(2, 2), 2.25);
     EXPECT_EQ(camera.covariance->matrix(5, 5), 0.5625);
     EXPECT_EQ(camera.covariance->matrix(0, 1), 0.0);
-    EXPECT_THAT(error_of(replaced(text, "1.5, 0]", "-1.5, 0]")),
+    EXPECT_THAT(foreign_error(with_other(text, "1.5, 0]", "-1.5, 0]")),
                 HasSubstr("case:2: cameraMatrix_std_dev: has a standard deviation"));
     for (const char* extreme : {"1e200, 0]", "1e-200, 0]"})
-        EXPECT_THAT(error_of(replaced(text, "1.5, 0]", extreme)),
+        EXPECT_THAT(foreign_error(with_other(text, "1.5, 0]", extreme)),
                     HasSubstr("cameraMatrix_std_dev: has a standard deviation"));
-    EXPECT_THAT(error_of(replaced(text, "1.5, 0]", "1.5, 0, 9]")), HasSubstr("at most 4"));
+    EXPECT_THAT(foreign_error(with_other(text, "1.5, 0]", "1.5, 0, 9]")), HasSubstr("at most 4"));
 }
 
 // Laid out as the example in OpenCV's tutorial on the interactive calibration.
@@ -480,17 +480,17 @@ TEST(OpenCvFile, ReadsWhatTheInteractiveCalibrationWrites) {
         "<dist_coeffs_std_dev type_id=\"opencv-matrix\">\n  <rows>5</rows>\n  <cols>1</cols>\n"
         "  <dt>d</dt>\n  <data>\n    0.015625 0.09375 0. 0. 0.1875</data></dist_coeffs_std_dev>\n"
         "<avg_reprojection_error>0.42</avg_reprojection_error>\n</opencv_storage>\n";
-    const CameraModel camera = read(text);
+    const CameraModel camera = read_foreign(text);
     expect_size(camera, 1280, 720);
     EXPECT_EQ(camera.intrinsics.fy, 1251.25);
     EXPECT_EQ(camera.distortion.k3, 1.5);
     ASSERT_TRUE(camera.covariance);
     EXPECT_THAT(camera.covariance->order, testing::ElementsAre("fy", "cx", "cy", "k1", "k2", "k3"));
     EXPECT_EQ(camera.covariance->matrix(5, 5), 0.1875 * 0.1875);
-    EXPECT_THAT(error_of(replaced(text, "1280 720", "1280")), HasSubstr("cameraResolution"));
-    EXPECT_THAT(error_of(replaced(text, "1280 720", "1280 -720")), HasSubstr("cameraResolution"));
+    EXPECT_THAT(foreign_error(with_other(text, "1280 720", "1280")), HasSubstr("cameraResolution"));
+    EXPECT_THAT(foreign_error(with_other(text, "1280 720", "1280 -720")), HasSubstr("cameraResolution"));
     EXPECT_THAT(
-        error_of(replaced(text, "<framesCount>21</framesCount>",
+        foreign_error(with_other(text, "<framesCount>21</framesCount>",
                           "<image_width>1280</image_width><image_height>720</image_height>")),
         HasSubstr("is given as 'image_width' too"));
 }
@@ -544,10 +544,10 @@ TEST(ForeignFiles, PointsProjectOntoTheSamePixelOfTheSensor) {
         "{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [500.5, 502.25, 320.5, 241.75],\n"
         "'extrinsics': [0,0,0,0,0,0], 'imagersize': [640, 480]}\n";
     const std::string plain_kalibr =
-        replaced(kalibr, "[-0.27, 0.067, 0.00087, 0.00011]", "[0, 0, 0, 0]");
+        with_other(kalibr, "[-0.27, 0.067, 0.00087, 0.00011]", "[0, 0, 0, 0]");
     const std::string plain_matlab =
-        replaced(replaced(matlab, "-0.33,0.092,0.011", "0,0"), "0.0012,-0.0034", "0,0");
-    const std::string plain_boofcv = replaced(boofcv.substr(0, boofcv.find("radial_tangential:\n")),
+        with_other(with_other(matlab, "-0.33,0.092,0.011", "0,0"), "0.0012,-0.0034", "0,0");
+    const std::string plain_boofcv = with_other(boofcv.substr(0, boofcv.find("radial_tangential:\n")),
                                               "model: pinhole_radial_tangential", "model: pinhole");
     const std::string plain_colmap = "1 PINHOLE 640 480 500.5 502.25 320.5 241.75\n";
     const Eigen::Vector3d point(0.21, -0.13, 1.4);
@@ -556,7 +556,7 @@ TEST(ForeignFiles, PointsProjectOntoTheSamePixelOfTheSensor) {
                           Case{plain_matlab, 715.25, 711.5, 565.75, 355.375, 1.0},
                           Case{plain_boofcv, 530.75, 529.5, 323.25, 234.625, 0.5},
                           Case{plain_colmap, 500.5, 502.25, 320.5, 241.75, 0.5}}) {
-        const auto ours = Projector(read(c.text)).project(point);
+        const auto ours = Projector(read_foreign(c.text)).project(point);
         ASSERT_TRUE(ours);
         EXPECT_NEAR(c.fx * 0.15 + c.cx - (*ours)(0), c.first_pixel, 1e-12) << c.text;
         EXPECT_NEAR(c.fy * -0.13 / 1.4 + c.cy - (*ours)(1), c.first_pixel, 1e-12) << c.text;
@@ -581,7 +581,7 @@ TEST(ForeignFiles, SayWhatTheyDoNotHold) {
 }
 
 TEST(ForeignFiles, ASelectionNeedsSeveralCameras) {
-    EXPECT_THAT(error_of(mrcal, "cam1"), HasSubstr("there is nothing to select"));
+    EXPECT_THAT(foreign_error(mrcal, "cam1"), HasSubstr("there is nothing to select"));
 }
 
 }  // namespace

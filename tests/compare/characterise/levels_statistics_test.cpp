@@ -29,7 +29,7 @@ double chi_square_limit(int degrees_of_freedom) {
     return degrees_of_freedom * std::pow(1.0 - width + 3.42 * std::sqrt(width), 3);
 }
 
-struct Pulls {
+struct LevelPulls {
     double sum_of_squares = 0.0;
     int count = 0;
 
@@ -48,7 +48,7 @@ struct Pulls {
 };
 
 struct NoisePulls {
-    Pulls black, gain, read_noise;
+    LevelPulls black, gain, read_noise;
 };
 
 NoisePulls noise_pulls(const CameraModel& camera, double top) {
@@ -97,7 +97,7 @@ TEST(LevelsStatistics, GainAndReadNoiseAreCoveredBehindRec709AndWithTwelveBits) 
 
 // Noise below half a code, where rounding rules: black levels at all fractions of a code.
 TEST(LevelsStatistics, ABlackLevelBetweenTwoCodesIsCoveredWithLittleNoise) {
-    Pulls pulls;
+    LevelPulls pulls;
     for (int i = 0; i < runs; ++i) {
         CameraModel camera = noisy_camera();
         camera.sensor->read_noise_e = 12.0 * 0.3;
@@ -133,7 +133,7 @@ CameraModel soft_camera() {
 
 TEST(LevelsStatistics, AMeasuredTransferCurveIsCovered) {
     const CameraModel camera = soft_camera();
-    std::array<Pulls, 3> pulls;
+    std::array<LevelPulls, 3> pulls;
     constexpr std::array<std::size_t, 3> knots{20, 64, 108};  // of 129
     for (std::uint64_t seed = 1; seed <= runs; ++seed) {
         const TransferEstimate estimate =
@@ -169,7 +169,7 @@ TEST(LevelsStatistics, TheTransferCurvesKindIsFound) {
 TEST(LevelsStatistics, RelativeIlluminationIsCovered) {
     CameraModel camera = noisy_camera();
     camera.sensor->illumination = {Illumination::Kind::polynomial, {-0.35, 0.1, -0.04}};
-    std::array<Pulls, 4> pulls;
+    std::array<LevelPulls, 4> pulls;
     for (std::uint64_t seed = 1; seed <= runs; ++seed) {
         std::vector<WhitePatch> patches;
         for (int k = 0; k < 3; ++k) {

@@ -90,7 +90,7 @@ struct Prediction {
     }
 };
 
-struct Pulls {
+struct ShiftPulls {
     double sum = 0.0, squares = 0.0, error = 0.0;
     int count = 0;
     void add(double difference, double deviation) {
@@ -105,7 +105,7 @@ struct Pulls {
 // edge's deviation. Means within 3.5 sqrt(1/1176 + 0.04/49) = 0.14, and 0.05 for what the second
 // order in blur leaves. Deviations are multiplied by max(1, sqrt(chi^2)), which is 1.02 on average
 // for the 180 pixels of an edge: mean squares 0.95 + 0.04 +- 3.5 sqrt(2/1176).
-void expect_fair(const char* name, const char* what, const Pulls& pulls) {
+void expect_fair(const char* name, const char* what, const ShiftPulls& pulls) {
     const double mean = pulls.sum / pulls.count, square = pulls.squares / pulls.count;
     std::printf("%-10s %-6s mean error %8.4f, pulls: mean %6.3f, mean square %5.3f, n %d\n", name,
                 what, pulls.error / pulls.count, mean, square, pulls.count);
@@ -121,7 +121,7 @@ TEST_P(KnownDifferences, ComeOutWithinTheirDeviationsAndNotInPlaceOfEachOther) {
     const Prediction predicted;
     const Difference& known = GetParam();
     const Radiance radiance = predicted.radiance(known, 128);
-    Pulls shift, blur, black, white;
+    ShiftPulls shift, blur, black, white;
     for (int seed = 0; seed < draws; ++seed) {
         const EdgeShifts found = predicted.shifts(predicted.photo(radiance, seed), known);
         EXPECT_TRUE(found.noise_is_known);

@@ -10,6 +10,7 @@
 #include "compare/photometric/photo_match.h"
 #include "core/image.h"
 #include "tests/paths.h"
+#include "tests/photos.h"
 
 namespace etalon {
 namespace {
@@ -84,15 +85,11 @@ MeanResiduals mean_residuals(const std::string& side) {
     return mean;
 }
 
-bool photos_are_there() {
-    return std::filesystem::exists(std::filesystem::path(ETALON_PHOTO_DIR) / "left01.jpg");
-}
-
 // 7 gray are allowed, JPEG of quality 50 alone leaves 3. docs/validation.md says what the model's
 // parts buy and what the rest is. The corners' poses are as good as the refined ones: a held-out
 // half is not matched better by more than a tenth.
 void expect_match(const std::string& side) {
-    if (!photos_are_there())
+    if (!test::photos_are_there())
         GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
     const MeanResiduals mean = mean_residuals(side);
     EXPECT_LE(mean.calibrated, 6.5);

@@ -10,6 +10,7 @@
 #include "compare/detect/chessboard_corners.h"
 #include "compare/match/match_outcome.h"
 #include "tests/paths.h"
+#include "tests/photos.h"
 
 namespace etalon {
 namespace {
@@ -49,13 +50,9 @@ struct Photos {
     }
 };
 
-bool photos_are_there() {
-    return std::filesystem::exists(std::filesystem::path(ETALON_PHOTO_DIR) / "left01.jpg");
-}
-
 // left05.jpg is clipped in 9 % of its light squares, and says so.
 TEST(MatchOutcomeOfRealPhotographs, IsAMatchWithTheirOwnCalibration) {
-    if (!photos_are_there())
+    if (!test::photos_are_there())
         GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
     for (const char* side : {"left", "right"}) {
         const Photos photos(side);
@@ -74,7 +71,7 @@ TEST(MatchOutcomeOfRealPhotographs, IsAMatchWithTheirOwnCalibration) {
 // k1 0.05 off displaces the image's corners by several px and the boards' by one or two: most
 // photographs show it, though each has a pose of its own to make up for it.
 TEST(MatchOutcomeOfRealPhotographs, IsNoMatchWithAWrongDistortion) {
-    if (!photos_are_there())
+    if (!test::photos_are_there())
         GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
     const Photos photos("left");
     CameraModel wrong = photos.fit.camera;

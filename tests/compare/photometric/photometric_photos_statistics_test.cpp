@@ -9,6 +9,7 @@
 #include "compare/photometric/photometric_refinement.h"
 #include "sim/marker/marker.h"
 #include "tests/paths.h"
+#include "tests/photos.h"
 
 namespace etalon {
 namespace {
@@ -31,14 +32,10 @@ PhotometricRefinement refined(const std::string& side) {
                                   corners, model);
 }
 
-bool photos_are_there() {
-    return std::filesystem::exists(std::filesystem::path(ETALON_PHOTO_DIR) / "left01.jpg");
-}
-
 // The photometric model leaves 6.4 gray on squares that were not fitted, of which 7 are allowed;
 // JPEG alone leaves 3.0. Intrinsics change that by a few hundredths, and not significantly.
 void expect_small_residual_and_no_gain(const std::string& side) {
-    if (!photos_are_there())
+    if (!test::photos_are_there())
         GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
     const PhotometricRefinement result = refined(side);
     std::printf("%s: %s\n", side.c_str(), result.in_words().c_str());

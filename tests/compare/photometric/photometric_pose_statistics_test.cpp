@@ -32,7 +32,7 @@ CameraModel noisy_camera() {
     return camera;
 }
 
-Rigid true_pose() {
+Rigid tag_pose() {
     Vector6d pose;
     pose << 0.35, -0.41, 0.2, 3.0, -2.0, 160.0;
     return rigid_from_vector(pose);
@@ -45,10 +45,10 @@ const Marker& tag() {
 
 // White paper at 0.8 of full scale. 4096 samples a pixel: some tenths of a gray at edges, below
 // the noise of 1 to 2.
-Radiance reference() {
+Radiance tag_reference() {
     static const Radiance radiance = [] {
         const CameraModel camera = noisy_camera();
-        const Scene scene{{{tag().grid, true_pose()}}, 1.0};
+        const Scene scene{{{tag().grid, tag_pose()}}, 1.0};
         return integrate_reference(camera, scene, cv::Rect(0, 0, camera.width, camera.height),
                                    {.samples_per_scramble = 256, .stop_at_gray = 0.2})
             .mean;
@@ -57,7 +57,7 @@ Radiance reference() {
 }
 
 PhotoOfMarker photo(const PhotometricCamera& camera, const Rigid& near, std::uint64_t seed) {
-    const CodeImage image = SensorModel(camera.model()).expose(reference(), NoiseKey{seed, 0});
+    const CodeImage image = SensorModel(camera.model()).expose(tag_reference(), NoiseKey{seed, 0});
     return {gray_of(image), tag().grid,
             pixel_uses(camera.projector(), near, compared_area(tag(), {}, "test")) != pixel_outside,
             255, 1.0};
@@ -69,7 +69,7 @@ constexpr PhotometricTerms planes_only{.level_terms = 3, .psf = false, .tone = f
 Rigid displaced_start() {
     Vector6d delta;
     delta << 0.01, -0.012, 0.004, 0.25, -0.2, 0.6;
-    return left_perturbed(true_pose(), delta);
+    return left_perturbed(tag_pose(), delta);
 }
 
 // The sum of 16 squared Mahalanobis distances of six components is a chi-square of 96 degrees of
@@ -86,7 +86,7 @@ TEST(PhotometricPose, ScattersAsItsCovarianceSays) {
             planes_only);
         converged += pose.converged ? 1 : 0;
         EXPECT_NEAR(pose.reduced_squares, 1.0, 0.1);
-        const Vector6d error = left_difference(true_pose(), pose.camera_from_marker);
+        const Vector6d error = left_difference(tag_pose(), pose.camera_from_marker);
         distances += error.dot(pose.covariance.ldlt().solve(error));
     }
     EXPECT_EQ(converged, 16);
@@ -158,7 +158,7 @@ TEST(PhotometricPose, StatesWhatABentPrintDoesToIt) {
         const PhotometricPose pose = photometric_pose(
             seen, camera, starting_state(seen, *camera, displaced_start(), planes_only),
             planes_only);
-        const Vector6d error = left_difference(true_pose(), pose.camera_from_marker);
+        const Vector6d error = left_difference(tag_pose(), pose.camera_from_marker);
         distances += error.dot(pose.covariance.ldlt().solve(error));
     }
     EXPECT_GT(distances, 240.0 / 4.0);
@@ -174,28 +174,28 @@ PhotometricPose pose_from(const PhotoOfMarker& seen,
 }
 
 TEST(PhotometricPose, MirrorsTheTiltAboutTheLineOfSight) {
-    const Rigid mirrored = tilt_mirrored(true_pose(), tag().grid);
+    const Rigid mirrored = tilt_mirrored(tag_pose(), tag().grid);
     // The middle of a tag is its origin: it stays. So do the axes' components across the line of
     // sight; those along it change sign.
-    EXPECT_LT((mirrored.translation - true_pose().translation).norm(), 1e-12);
-    const Eigen::Vector3d sight = true_pose().translation.normalized();
+    EXPECT_LT((mirrored.translation - tag_pose().translation).norm(), 1e-12);
+    const Eigen::Vector3d sight = tag_pose().translation.normalized();
     for (const Eigen::Vector3d axis : {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY()}) {
-        const Eigen::Vector3d before = true_pose().rotation * axis;
+        const Eigen::Vector3d before = tag_pose().rotation * axis;
         const Eigen::Vector3d after = mirrored.rotation * axis;
         EXPECT_NEAR(sight.dot(after), -sight.dot(before), 1e-12);
         EXPECT_LT(sight.cross(after - before).norm(), 1e-12);
     }
     const Rigid twice = tilt_mirrored(mirrored, tag().grid);
-    EXPECT_LT(left_difference(true_pose(), twice).norm(), 1e-12);
+    EXPECT_LT(left_difference(tag_pose(), twice).norm(), 1e-12);
 }
 
 // Either start ends in the true pose, and the other solution is stated with its loss.
 TEST(PhotometricPose, TellsThePlanarSolutionsApartByTheirLoss) {
     const auto camera = std::make_shared<const PhotometricCamera>(noisy_camera());
-    const PhotoOfMarker seen = photo(*camera, true_pose(), 5);
+    const PhotoOfMarker seen = photo(*camera, tag_pose(), 5);
     for (const Rigid& start : {displaced_start(), tilt_mirrored(displaced_start(), tag().grid)}) {
         const PhotometricPose pose = pose_from(seen, camera, start);
-        const Vector6d error = left_difference(true_pose(), pose.camera_from_marker);
+        const Vector6d error = left_difference(tag_pose(), pose.camera_from_marker);
         EXPECT_LT(error.dot(pose.covariance.ldlt().solve(error)), 30.0);
         ASSERT_TRUE(pose.other);
         EXPECT_GT(pose.other->log_likelihood_ratio, 100.0);
@@ -209,11 +209,11 @@ TEST(PhotometricPose, TellsThePlanarSolutionsApartByTheirLoss) {
 
 TEST(PhotometricPose, RefusesWhatDeterminesNoPose) {
     const auto camera = std::make_shared<const PhotometricCamera>(noisy_camera());
-    PhotoOfMarker seen = photo(*camera, true_pose(), 6);
+    PhotoOfMarker seen = photo(*camera, tag_pose(), 6);
     PhotoOfMarker nothing = seen;
     nothing.use = cv::Mat(seen.use.size(), CV_8UC1, cv::Scalar(0));
-    EXPECT_THROW(starting_state(nothing, *camera, true_pose(), planes_only), NumericalError);
-    const PhotoState start = starting_state(seen, *camera, true_pose(), planes_only);
+    EXPECT_THROW(starting_state(nothing, *camera, tag_pose(), planes_only), NumericalError);
+    const PhotoState start = starting_state(seen, *camera, tag_pose(), planes_only);
     EXPECT_THROW(photometric_pose(nothing, camera, start, planes_only), NumericalError);
     PhotoOfMarker other_size = seen;
     other_size.gray = cv::Mat(20, 30, CV_32FC1, cv::Scalar(100));

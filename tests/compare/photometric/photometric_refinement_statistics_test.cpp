@@ -27,7 +27,7 @@ CameraModel true_camera() {
     return camera;
 }
 
-const Marker& board() {
+const Marker& refined_board() {
     static const Marker marker = parse_marker("chessboard:7x5@11mm", "test");
     return marker;
 }
@@ -51,7 +51,7 @@ const std::vector<Radiance>& references() {
         const CameraModel camera = true_camera();
         for (int i = 0; i < photo_count; ++i)
             made.push_back(0.8 *
-                           integrate_reference(camera, {{{board().grid, pose_of(i)}}, 1.0},
+                           integrate_reference(camera, {{{refined_board().grid, pose_of(i)}}, 1.0},
                                                cv::Rect(0, 0, camera.width, camera.height),
                                                {.samples_per_scramble = 64, .stop_at_gray = 0.3})
                                .mean);
@@ -75,7 +75,7 @@ Photographs photographs(double corner_noise_px, std::uint64_t seed) {
         made.images.push_back(SensorModel(camera).expose(references()[static_cast<std::size_t>(i)],
                                                          NoiseKey{seed, frame}));
         RandomStream random(seed, 7, frame);
-        CalibrationView view{board().points_mm, {}};
+        CalibrationView view{refined_board().points_mm, {}};
         for (const Eigen::Vector3d& point : view.points_mm) {
             const Eigen::Vector2d noise(random.normal(), random.normal());
             view.pixels.push_back(projector.project(pose_of(i) * point).value() +
@@ -90,8 +90,8 @@ Photographs photographs(double corner_noise_px, std::uint64_t seed) {
 PhotometricRefinement refined(const Photographs& photos) {
     const CalibrationModel& model = calibration_model("pinhole");
     const CameraFit corners = fit_camera(photos.views, {160, 120}, model);
-    return refine_photometrically(photos.images, photos.views, board().grid,
-                                  compared_area(board(), {}, "test"), corners, model);
+    return refine_photometrically(photos.images, photos.views, refined_board().grid,
+                                  compared_area(refined_board(), {}, "test"), corners, model);
 }
 
 // Corners that are 0.3 px off leave a camera whose error the held-out pixels see. The refined one
@@ -130,16 +130,16 @@ TEST(PhotometricRefinement, GainsNextToNothingWhereCornersArePerfect) {
 TEST(PhotometricRefinement, NeedsSixPhotographsThatMatchTheirViews) {
     Photographs photos = photographs(0.3, 1);
     const CalibrationModel& model = calibration_model("pinhole");
-    const ComparedArea area = compared_area(board(), {}, "test");
+    const ComparedArea area = compared_area(refined_board(), {}, "test");
     const CameraFit corners = fit_camera(photos.views, {160, 120}, model);
     const auto images = std::span(photos.images);
     EXPECT_THROW(
-        refine_photometrically(images.first(5), photos.views, board().grid, area, corners, model),
+        refine_photometrically(images.first(5), photos.views, refined_board().grid, area, corners, model),
         NumericalError);
     CameraFit few = corners;
     few.camera_from_target.resize(5);
     EXPECT_THROW(refine_photometrically(images.first(5), std::span(photos.views).first(5),
-                                        board().grid, area, few, model),
+                                        refined_board().grid, area, few, model),
                  NumericalError);
 }
 

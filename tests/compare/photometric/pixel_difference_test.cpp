@@ -108,8 +108,8 @@ TEST(PixelUses, AreNoneForAMarkerBehindTheCameraEdgeOnOrOutside) {
 }
 
 // A photograph that the model describes exactly, but for noise and rounding.
-struct Scene {
-    explicit Scene(const CameraModel& model) : camera(model) {}
+struct NoisyScene {
+    explicit NoisyScene(const CameraModel& model) : camera(model) {}
 
     PhotoOfMarker photo(double noise_gray, int bits) const {
         PhotometricModel truth;
@@ -136,7 +136,7 @@ struct Scene {
 
 // Rounding to 8 bits leaves an RMS of 1/sqrt(12) = 0.289 gray, and nothing else is wrong.
 TEST(PixelDifference, LeavesOnlyRoundingWhenTheRenderingIsRight) {
-    const Scene scene(small_camera());
+    const NoisyScene scene(small_camera());
     const PixelDifference difference =
         fit_photometry(scene.photo(0.0, 8), scene.camera, scene.pose).difference;
     EXPECT_NEAR(difference.scored.rms_gray, 0.289, 0.03);
@@ -146,7 +146,7 @@ TEST(PixelDifference, LeavesOnlyRoundingWhenTheRenderingIsRight) {
 }
 
 TEST(PixelDifference, FindsAnErrorInTheScoredHalfAlone) {
-    const Scene scene(small_camera());
+    const NoisyScene scene(small_camera());
     PhotoOfMarker photo = scene.photo(0.0, 8);
     cv::add(photo.gray, cv::Scalar(12), photo.gray, scene.use == pixel_scored);
     const PixelDifference difference = fit_photometry(photo, scene.camera, scene.pose).difference;
@@ -163,7 +163,7 @@ TEST(PixelDifference, KnowsNoiseFromSignificantResiduals) {
     model.sensor->bits = 12;
     model.sensor->gain_e_per_dn = 50.0;
     model.sensor->read_noise_e = 50.0 * 40.0;  // 40 DN, much more than shot noise at any level
-    const Scene scene(model);
+    const NoisyScene scene(model);
     const double sigma_gray = 40.0 * 255.0 / 4095.0;
     const PixelDifference quiet =
         fit_photometry(scene.photo(sigma_gray, 12), scene.camera, scene.pose).difference;
@@ -181,7 +181,7 @@ TEST(PixelDifference, KnowsNoiseFromSignificantResiduals) {
 
 // Half of the scored pixels are 25 gray off: the noise, found on the other half, does not follow.
 TEST(PixelDifference, TakesTheNoiseFromTheFittedHalfWhereTheCameraKnowsNone) {
-    const Scene scene(small_camera());
+    const NoisyScene scene(small_camera());
     PhotoOfMarker photo = scene.photo(2.5, 8);
     const PixelDifference right = fit_photometry(photo, scene.camera, scene.pose).difference;
     EXPECT_EQ(right.noise_source, NoiseSource::residuals);

@@ -12,7 +12,7 @@ using testing::Contains;
 using testing::Each;
 using testing::Not;
 
-Qualification qualified(SimulatedRun run, std::uint64_t seed = 1) {
+Qualification qualified_wide(SimulatedRun run, std::uint64_t seed = 1) {
     run.look_for_causes = true;
     return qualify(input_of(run, seed));
 }
@@ -51,7 +51,7 @@ TEST(WideQualification, PassesALensThatIsAsDeclaredBeyondNinetyDegreesToo) {
 TEST(WideQualification, DoesNotPassAWrongLensFarAsideAndNamesIt) {
     SimulatedRun run = wide_run(1.35);
     run.true_camera.intrinsics.zoom(1.005);
-    const Qualification result = qualified(run);
+    const Qualification result = qualified_wide(run);
     EXPECT_NE(result.verdict, Outcome::pass);
     EXPECT_THAT(best_names(result), Contains("focal length"));
 }
@@ -59,7 +59,7 @@ TEST(WideQualification, DoesNotPassAWrongLensFarAsideAndNamesIt) {
 TEST(WideQualification, FailsAWrongFocalLengthAndNamesIt) {
     SimulatedRun run = wide_run();
     run.true_camera.intrinsics.zoom(1.005);
-    const Qualification result = qualified(run);
+    const Qualification result = qualified_wide(run);
     EXPECT_EQ(result.verdict, Outcome::fail);
     EXPECT_THAT(best_names(result), Contains("focal length"));
 }
@@ -67,7 +67,7 @@ TEST(WideQualification, FailsAWrongFocalLengthAndNamesIt) {
 TEST(WideQualification, FailsAWrongFirstCoefficientAndNamesIt) {
     SimulatedRun run = wide_run();
     run.true_camera.distortion.k1 *= 1.1;
-    const Qualification result = qualified(run);
+    const Qualification result = qualified_wide(run);
     EXPECT_EQ(result.verdict, Outcome::fail);
     EXPECT_THAT(best_names(result), Contains("k1"));
 }
@@ -78,9 +78,9 @@ TEST(WideQualification, FindsTheParametersOfItsProjection) {
     run.camera.intrinsics.fx = run.camera.intrinsics.fy = 195.0;
     run.camera.distortion = {};
     run.true_camera = run.camera;
-    EXPECT_EQ(qualified(run).verdict, Outcome::pass);
+    EXPECT_EQ(qualified_wide(run).verdict, Outcome::pass);
     run.true_camera.projection.b += 0.004;
-    const Qualification result = qualified(run);
+    const Qualification result = qualified_wide(run);
     EXPECT_EQ(result.verdict, Outcome::fail);
     EXPECT_THAT(best_names(result), Contains("alpha"));
 }

@@ -11,8 +11,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-struct Rig {
-    explicit Rig(SimulatedStageOptions options = {}) : stage(two_axes(), options, clock) {}
+struct StageRig {
+    explicit StageRig(SimulatedStageOptions options = {}) : stage(two_axes(), options, clock) {}
 
     void enable_and_home() {
         stage.enable(true);
@@ -29,7 +29,7 @@ struct Rig {
 };
 
 TEST(SimulatedStage, MovesEachAxisAtItsSpeed) {
-    Rig rig;
+    StageRig rig;
     rig.enable_and_home();
     rig.stage.start({200.0, 15.0}, {100.0, 30.0});
     rig.clock.advance(500ms);
@@ -53,7 +53,7 @@ TEST(SimulatedStage, HomingTakesTimeAndEndsAtZero) {
     SimulatedStageOptions options;
     options.homing = 700ms;
     options.power_on_position = {11.0, -13.0};
-    Rig rig(options);
+    StageRig rig(options);
     rig.stage.enable(true);
     EXPECT_FALSE(rig.stage.status()[0].homed);
     rig.stage.home();
@@ -68,7 +68,7 @@ TEST(SimulatedStage, HomingTakesTimeAndEndsAtZero) {
 }
 
 TEST(SimulatedStage, HomingThatIsStoppedDoesNotCount) {
-    Rig rig;
+    StageRig rig;
     rig.stage.enable(true);
     rig.stage.home();
     rig.clock.advance(50ms);
@@ -78,7 +78,7 @@ TEST(SimulatedStage, HomingThatIsStoppedDoesNotCount) {
 }
 
 TEST(SimulatedStage, StopBrakesAtOnce) {
-    Rig rig;
+    StageRig rig;
     rig.enable_and_home();
     rig.stage.start({200.0, 0.0}, {100.0, 30.0});
     rig.clock.advance(500ms);
@@ -94,7 +94,7 @@ TEST(SimulatedStage, StopBrakesAtOnce) {
 TEST(SimulatedStage, IsTrulyWhereScaleAndBacklashPutIt) {
     SimulatedStageOptions options;
     options.errors = {{.scale = 0.002, .backlash = 0.03}, {.scale = -0.001}};
-    Rig rig(options);
+    StageRig rig(options);
     rig.enable_and_home();
     rig.move(100.0, 50.0);
     EXPECT_NEAR(rig.stage.true_positions()[0], 100.2, 1e-9);
@@ -107,7 +107,7 @@ TEST(SimulatedStage, IsTrulyWhereScaleAndBacklashPutIt) {
 TEST(SimulatedStage, NeverJumpsWhenTheErrorsChange) {
     SimulatedStageOptions options;
     options.errors = {{.scale = 0.0, .repeatability = 0.5, .backlash = 0.3}, {}};
-    Rig rig(options);
+    StageRig rig(options);
     rig.enable_and_home();
     rig.move(100.0, 0.0);
     const double before = rig.stage.true_positions()[0];
@@ -125,7 +125,7 @@ TEST(SimulatedStage, RepeatsWithTheDeclaredStandardDeviation) {
     SimulatedStageOptions options;
     options.errors = {{.repeatability = 0.007}, {}};
     options.seed = 5;
-    Rig rig(options);
+    StageRig rig(options);
     rig.enable_and_home();
     double sum = 0.0, squares = 0.0;
     for (int i = 0; i < 400; ++i) {
@@ -142,10 +142,10 @@ TEST(SimulatedStage, TheSameSeedGivesTheSameErrors) {
     SimulatedStageOptions options;
     options.errors = {{.repeatability = 0.007}, {.repeatability = 0.005}};
     options.seed = 11;
-    Rig one(options), same(options);
+    StageRig one(options), same(options);
     options.seed = 12;
-    Rig other(options);
-    for (Rig* rig : {&one, &same, &other}) {
+    StageRig other(options);
+    for (StageRig* rig : {&one, &same, &other}) {
         rig->enable_and_home();
         rig->move(7.0, 5.0);
     }
@@ -155,27 +155,27 @@ TEST(SimulatedStage, TheSameSeedGivesTheSameErrors) {
 
 TEST(SimulatedStage, RefusesWhatAControllerRefuses) {
     const auto alarm_after = [](auto act) {
-        Rig rig;
+        StageRig rig;
         act(rig);
         EXPECT_FALSE(rig.stage.true_positions()[0] != 0.0);
         return rig.stage.status()[0].alarm;
     };
-    const auto start = [](Rig& rig, double x, double speed) {
+    const auto start = [](StageRig& rig, double x, double speed) {
         rig.stage.start({x, 0.0}, {speed, 30.0});
     };
-    EXPECT_EQ(alarm_after([&](Rig& rig) { start(rig, 7.0, 100.0); }), StageAlarm::not_ready);
-    EXPECT_EQ(alarm_after([&](Rig& rig) { rig.stage.home(); }), StageAlarm::not_ready);
-    EXPECT_EQ(alarm_after([&](Rig& rig) {
+    EXPECT_EQ(alarm_after([&](StageRig& rig) { start(rig, 7.0, 100.0); }), StageAlarm::not_ready);
+    EXPECT_EQ(alarm_after([&](StageRig& rig) { rig.stage.home(); }), StageAlarm::not_ready);
+    EXPECT_EQ(alarm_after([&](StageRig& rig) {
                   rig.enable_and_home();
                   start(rig, 501.0, 100.0);
               }),
               StageAlarm::outside_travel);
-    EXPECT_EQ(alarm_after([&](Rig& rig) {
+    EXPECT_EQ(alarm_after([&](StageRig& rig) {
                   rig.enable_and_home();
                   start(rig, 7.0, 200.0);
               }),
               StageAlarm::outside_travel);
-    EXPECT_EQ(alarm_after([&](Rig& rig) {
+    EXPECT_EQ(alarm_after([&](StageRig& rig) {
                   rig.enable_and_home();
                   start(rig, 7.0, 100.0);
               }),
@@ -183,7 +183,7 @@ TEST(SimulatedStage, RefusesWhatAControllerRefuses) {
 }
 
 TEST(SimulatedStage, AnAlarmBrakesAndStaysUntilReset) {
-    Rig rig;
+    StageRig rig;
     rig.enable_and_home();
     rig.stage.start({200.0, 0.0}, {100.0, 30.0});
     rig.clock.advance(500ms);
@@ -201,7 +201,7 @@ TEST(SimulatedStage, AnAlarmBrakesAndStaysUntilReset) {
 }
 
 TEST(SimulatedStage, AJammedAxisClaimsToMoveUntilStopped) {
-    Rig rig;
+    StageRig rig;
     rig.enable_and_home();
     rig.stage.start({200.0, 7.0}, {100.0, 30.0});
     rig.clock.advance(500ms);
@@ -226,7 +226,7 @@ TEST(SimulatedStage, AJammedAxisClaimsToMoveUntilStopped) {
 TEST(SimulatedStage, MovesByAnSCurveWhenTheJerkIsLimited) {
     SimulatedStageOptions options;
     options.jerk = 20ms;
-    Rig rig(options);
+    StageRig rig(options);
     rig.enable_and_home();
     rig.stage.start({0.0, 15.0}, {100.0, 30.0});
     rig.clock.advance(20ms);  // j t^3 / 6 = 600 mm/s^2 / 20 ms * (20 ms)^3 / 6
@@ -244,7 +244,7 @@ TEST(SimulatedStage, IsInPositionOnceTheServoHasSettled) {
     SimulatedStageOptions options;
     options.ramp = 1ms;
     options.servos = {std::nullopt, AxisServo{{.bandwidth_hz = 5.0, .damping = 1.0}, 0.01}};
-    Rig rig(options);
+    StageRig rig(options);
     rig.enable_and_home();
     rig.stage.start({0.0, 15.0}, {100.0, 30.0});
     const double w = 10.0 * std::numbers::pi;
@@ -267,7 +267,7 @@ TEST(SimulatedStage, ANewCommandTakesTheServoAsItIs) {
     SimulatedStageOptions options;
     options.jerk = 10ms;
     options.servos = {AxisServo{{.bandwidth_hz = 9.0, .resonance_hz = 14.0}, 0.01}, std::nullopt};
-    Rig rig(options);
+    StageRig rig(options);
     rig.enable_and_home();
     rig.stage.start({100.0, 0.0}, {100.0, 30.0});
     rig.clock.advance(300ms);
@@ -311,7 +311,7 @@ TEST(SimulatedStage, EachControllerDrivesItsOwnAxes) {
 }
 
 TEST(SimulatedStage, TellsReadyAndHoming) {
-    Rig rig;
+    StageRig rig;
     EXPECT_FALSE(rig.stage.status()[0].ready);
     rig.stage.enable(true);
     EXPECT_TRUE(rig.stage.status()[0].ready);
@@ -327,7 +327,7 @@ TEST(SimulatedStage, TellsReadyAndHoming) {
 TEST(SimulatedStage, HoldsInPositionUntilThePictureIsReady) {
     SimulatedStageOptions options;
     options.errors = {{.scale = 0.01}, {}};
-    Rig rig(options);
+    StageRig rig(options);
     rig.enable_and_home();
     bool ready = false;
     std::vector<double> asked;

@@ -63,8 +63,8 @@ TEST(StageErrors, PlayIsTakenUpOnReversal) {
 }
 
 // A stage of one axis of 100 mm/s, homed at 0.
-struct Rig {
-    explicit Rig(const AxisErrors& errors, StageTemperature temperature = {})
+struct ErringRig {
+    explicit ErringRig(const AxisErrors& errors, StageTemperature temperature = {})
         : stage({{.name = "x", .low = -70.0, .high = 500.0, .speed = 100.0}},
                 {.errors = {errors}, .seed = 5, .temperature = temperature}, clock) {
         stage.enable(true);
@@ -82,7 +82,7 @@ struct Rig {
 };
 
 TEST(StageErrors, TheCarriageStandsWhileTheGapIsTakenUp) {
-    Rig rig({.backlash = 2.0});
+    ErringRig rig({.backlash = 2.0});
     rig.move(50.0);
     EXPECT_NEAR(rig.lag(), 0.0, 1e-12);
     rig.stage.start({40.0}, {100.0});
@@ -100,7 +100,7 @@ TEST(StageErrors, TheCarriageStandsWhileTheGapIsTakenUp) {
 }
 
 TEST(StageErrors, DriftsWhileItRests) {
-    Rig rig({.drift = 1.5e-3}, {.change = 2.0, .time_constant = 600.0});
+    ErringRig rig({.drift = 1.5e-3}, {.change = 2.0, .time_constant = 600.0});
     rig.move(50.0);  // 11 s after power-on
     EXPECT_NEAR(rig.lag(), 3e-3 * (1.0 - std::exp(-11.0 / 600.0)), 1e-12);
     rig.clock.advance(600s);
@@ -111,7 +111,7 @@ TEST(StageErrors, DriftsWhileItRests) {
 // Of n = 1000 readings the standard deviation is known to 1 / sqrt(2 n) = 2.2 %, the mean to
 // sigma / sqrt(n) = 3.2 % of it: four of each. Neighbours are independent: correlation 4 / sqrt(n).
 TEST(StageErrors, TheEncoderIsNoisyAndTheCarriageIsNot) {
-    Rig rig({.encoder_noise = 0.002});
+    ErringRig rig({.encoder_noise = 0.002});
     rig.move(50.0);
     double sum = 0.0, squares = 0.0, products = 0.0, last = 0.0;
     constexpr int n = 1000;
@@ -132,7 +132,7 @@ TEST(StageErrors, TheEncoderIsNoisyAndTheCarriageIsNot) {
 }
 
 TEST(StageErrors, ReadingsAtOneInstantAgreeAndSeedsDiffer) {
-    Rig rig({.encoder_noise = 0.002}), same({.encoder_noise = 0.002});
+    ErringRig rig({.encoder_noise = 0.002}), same({.encoder_noise = 0.002});
     EXPECT_EQ(rig.stage.status()[0].position, rig.stage.status()[0].position);
     EXPECT_EQ(rig.stage.status()[0].position, same.stage.status()[0].position);
     SimulatedStage other({{.name = "x", .low = -70.0, .high = 500.0, .speed = 100.0}},

@@ -22,7 +22,7 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-const char* const tag = "apriltag:36h11:7@50mm";
+const char* const tag_name = "apriltag:36h11:7@50mm";
 
 std::filesystem::path temporary(const std::string& name) {
     static const TemporaryFolder folder;
@@ -87,7 +87,7 @@ TEST(PrintPage, IsA4UprightOrLyingWhenTheMarkerFitsAndElseItsOwnSize) {
         const PrintPage page = lay_out_page(parse_marker(spec, "--marker"), false);
         return std::pair(page.width_mm, page.height_mm);
     };
-    EXPECT_EQ(size(tag), std::pair(210.0, 297.0));
+    EXPECT_EQ(size(tag_name), std::pair(210.0, 297.0));
     EXPECT_EQ(size("chessboard:9x6@20mm"), std::pair(297.0, 210.0));  // 240 x 180 mm
     EXPECT_EQ(size("chessboard:6x9@20mm"), std::pair(210.0, 297.0));
     EXPECT_EQ(size("chessboard:9x6@40mm"), std::pair(12 * 40.0 + 10.0, 9 * 40.0 + 22.0));
@@ -95,7 +95,7 @@ TEST(PrintPage, IsA4UprightOrLyingWhenTheMarkerFitsAndElseItsOwnSize) {
 
 TEST(PrintPage, KeepsScaleBarAndCaptionOffTheQuietZoneAndOnThePage) {
     for (const char* spec :
-         {tag, "apriltag:36h11:7@160mm", "chessboard:9x6@40mm", "aruco:4X4_50:7@5mm"}) {
+         {tag_name, "apriltag:36h11:7@160mm", "chessboard:9x6@40mm", "aruco:4X4_50:7@5mm"}) {
         for (const bool own_size : {false, true}) {
             const Marker marker = parse_marker(spec, "--marker");
             const PrintPage page = lay_out_page(marker, own_size);
@@ -146,12 +146,12 @@ TEST(Outline, FillsBackToTheSameCells) {
 }
 
 TEST(MarkerSvg, HasItsSizeInMillimetresAndATagThatIsFound) {
-    const Marker marker = parse_marker(tag, "--marker");
+    const Marker marker = parse_marker(tag_name, "--marker");
     const PrintPage page = lay_out_page(marker, false);
     const std::string svg = marker_svg(marker, page);
     EXPECT_THAT(svg, HasSubstr("width=\"210mm\" height=\"297mm\" viewBox=\"0 0 210 297\""));
     EXPECT_THAT(svg, HasSubstr("width=\"100\" height=\"1.5\""));  // the scale bar
-    EXPECT_THAT(svg, HasSubstr(tag));
+    EXPECT_THAT(svg, HasSubstr(tag_name));
     std::smatch path;
     ASSERT_TRUE(std::regex_search(svg, path, std::regex("fill=\"#000000\"[^>]* d=\"([^\"]*)\"")));
     std::vector<std::vector<cv::Point2d>> loops;
@@ -191,7 +191,7 @@ std::vector<std::vector<cv::Point2d>> pdf_loops(const std::string& pdf) {
 }
 
 TEST(MarkerPdf, HasItsSizeInPointsAndATagThatIsFound) {
-    const Marker marker = parse_marker(tag, "--marker");
+    const Marker marker = parse_marker(tag_name, "--marker");
     const PrintPage page = lay_out_page(marker, false);
     const std::string pdf = marker_pdf(marker, page);
     // A4 in points: 210 / 25.4 * 72 = 595.2756, 297 / 25.4 * 72 = 841.8898.
@@ -202,7 +202,7 @@ TEST(MarkerPdf, HasItsSizeInPointsAndATagThatIsFound) {
 }
 
 TEST(MarkerPdf, HasACrossReferenceTableWhoseOffsetsAreRight) {
-    const Marker marker = parse_marker(tag, "--marker");
+    const Marker marker = parse_marker(tag_name, "--marker");
     const std::string pdf = marker_pdf(marker, lay_out_page(marker, false));
     const std::size_t trailer = pdf.find("startxref\n");
     const std::size_t table = std::stoul(pdf.substr(trailer + 10));
@@ -219,7 +219,7 @@ TEST(MarkerPdf, HasACrossReferenceTableWhoseOffsetsAreRight) {
 }
 
 TEST(MarkerPdf, WritesNamesInLatin1AndEscapesBrackets) {
-    Marker marker = parse_marker(tag, "--marker");
+    Marker marker = parse_marker(tag_name, "--marker");
     marker.spec = "a(b)\\ \xc3\xa9 \xe2\x82\xac";  // e acute, euro sign
     const std::string pdf = marker_pdf(marker, lay_out_page(marker, false));
     EXPECT_THAT(pdf, HasSubstr("(a\\(b\\)\\\\ \\351 ?   \\(bar: 100 mm\\))"));
@@ -229,7 +229,7 @@ TEST(MarkerPdf, IsRenderedByAnIndependentProgram) {
     if (std::system("pdftoppm -v > /dev/null 2>&1") != 0)
         GTEST_SKIP() << "pdftoppm (poppler-utils) is not installed";
     const auto pdf = temporary("page.pdf"), out = temporary("page");
-    const PrintPage page = print_marker(parse_marker(tag, "--marker"), pdf, 40.0);
+    const PrintPage page = print_marker(parse_marker(tag_name, "--marker"), pdf, 40.0);
     const std::string command =
         fmt::format("pdftoppm -r 127 -gray -singlefile -png '{}' '{}'", pdf.string(), out.string());
     ASSERT_EQ(std::system(command.c_str()), 0);
@@ -241,7 +241,7 @@ TEST(MarkerPdf, IsRenderedByAnIndependentProgram) {
 }
 
 TEST(MarkerPng, HoldsTheTagAtItsResolution) {
-    const Marker marker = parse_marker(tag, "--marker");
+    const Marker marker = parse_marker(tag_name, "--marker");
     const PrintPage page = lay_out_page(marker, true);
     EXPECT_EQ(page.width_mm, 72.5);  // 62.5 mm and two margins of 5
     const cv::Mat image =
@@ -252,7 +252,7 @@ TEST(MarkerPng, HoldsTheTagAtItsResolution) {
 
 // 72 dots per inch are 2835 per metre: the chunk as countless image programs write it.
 TEST(MarkerPng, SaysItsResolutionInAChunkWithTheRightChecksum) {
-    const Marker marker = parse_marker(tag, "--marker");
+    const Marker marker = parse_marker(tag_name, "--marker");
     const auto png = marker_png(marker, lay_out_page(marker, true), 2.8349);
     const std::vector<unsigned char> expected{0,    0,    0x00, 9,    'p',  'H',  'Y',
                                               's',  0,    0,    0x0b, 0x13, 0,    0,
@@ -261,7 +261,7 @@ TEST(MarkerPng, SaysItsResolutionInAChunkWithTheRightChecksum) {
 }
 
 TEST(MarkerPng, RefusesAResolutionThatCannotShowTheCells) {
-    const Marker marker = parse_marker(tag, "--marker");
+    const Marker marker = parse_marker(tag_name, "--marker");
     const PrintPage page = lay_out_page(marker, true);
     for (const double bad : {0.0, -5.0, std::nan(""), HUGE_VAL, 1e-9, 0.3, 500.0})
         EXPECT_THROW(marker_png(marker, page, bad), ConfigError) << bad;
@@ -281,7 +281,7 @@ TEST(PrintMarker, WritesEveryKindOfBoardInEveryFormat) {
 }
 
 TEST(PrintMarker, WritesByExtensionAndLeavesNothingBehindWhenItCannot) {
-    const Marker marker = parse_marker(tag, "--marker");
+    const Marker marker = parse_marker(tag_name, "--marker");
     EXPECT_THROW(print_marker(marker, temporary("x.jpg"), 40.0), ConfigError);
     EXPECT_FALSE(std::filesystem::exists(temporary("x.jpg")));
     EXPECT_THROW(print_marker(marker, "/nowhere/at/all.svg", 40.0), ConfigError);

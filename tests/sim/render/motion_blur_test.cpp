@@ -17,7 +17,7 @@ CameraModel narrow_pinhole() {
 }
 
 // Black left of x = edge_mm, white right of it.
-Scene half_plane(double edge_mm, double z_mm) {
+Scene moving_edge(double edge_mm, double z_mm) {
     Scene scene{{PlacedMarker{}}};
     scene.markers[0].grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
     scene.markers[0].grid.cell_mm = {2000.0, 4000.0};
@@ -27,7 +27,7 @@ Scene half_plane(double edge_mm, double z_mm) {
 }
 
 // 4 x 3 cells in an image of 64 x 24 px.
-Scene small_marker() {
+Scene moving_marker() {
     Scene scene{{PlacedMarker{}}};
     scene.markers[0].grid.cells =
         (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
@@ -53,7 +53,7 @@ double swept(double edge_to_pixel_px) {
 // 400 px/mm/250 mm = 1.6 px per mm: the edge sweeps from 33.4 - 4.8 to 33.4 + 4.8.
 TEST(MovingEdge, IsTheTrapeziumOfItsSweep) {
     const auto moving =
-        render_moving(Renderer(narrow_pinhole()), half_plane(1.5, 250.0), along_x(120.0, 0.05));
+        render_moving(Renderer(narrow_pinhole()), moving_edge(1.5, 250.0), along_x(120.0, 0.05));
     EXPECT_GE(moving.path_px, 9.6);
     for (int x = 20; x < 48; ++x) {
         const double from = x - (33.4 - 4.8), to = x - (33.4 + 4.8);
@@ -90,7 +90,7 @@ TEST(MovingEdge, NeedsItsParts) {
 
 TEST(MovingMarker, IsTheLongAverageOfStillOnes) {
     const Renderer renderer(narrow_pinhole());
-    const Scene scene = small_marker();
+    const Scene scene = moving_marker();
     MotionDuringExposure motion{Vector6d::Zero(), 0.02};
     motion.velocity << 0.4, -1.1, 6.0, 90.0, -40.0, 300.0;
     const auto moving = render_moving(renderer, scene, motion);
@@ -113,18 +113,18 @@ TEST(MovingMarker, IsTheLongAverageOfStillOnes) {
 
 TEST(MovingMarker, StandsStillWithoutMotion) {
     const Renderer renderer(narrow_pinhole());
-    const auto moving = render_moving(renderer, small_marker(), along_x(120.0, 0.0));
+    const auto moving = render_moving(renderer, moving_marker(), along_x(120.0, 0.0));
     EXPECT_EQ(moving.parts, 1);
     EXPECT_EQ(moving.path_px, 0.0);
     RenderOptions options;
     options.tolerance_gray = 0.05;
-    EXPECT_EQ(cv::norm(moving.image.radiance, renderer.render(small_marker(), options).radiance,
+    EXPECT_EQ(cv::norm(moving.image.radiance, renderer.render(moving_marker(), options).radiance,
                        cv::NORM_INF),
               0.0);
 }
 
 TEST(MovingScene, MovesAsOneBody) {
-    Scene scene = small_marker();
+    Scene scene = moving_marker();
     scene.markers.push_back(scene.markers[0]);
     scene.markers[1].camera_from_marker.translation += Eigen::Vector3d(20.0, 5.0, -3.0);
     MotionDuringExposure motion{Vector6d::Zero(), 1.0};
@@ -141,10 +141,10 @@ TEST(MovingScene, MovesAsOneBody) {
 
 TEST(MotionDuringExposure, RefusesWhatIsNone) {
     const Renderer renderer(narrow_pinhole());
-    EXPECT_THROW(render_moving(renderer, small_marker(), along_x(std::nan(""), 0.1)),
+    EXPECT_THROW(render_moving(renderer, moving_marker(), along_x(std::nan(""), 0.1)),
                  NumericalError);
-    EXPECT_THROW(render_moving(renderer, small_marker(), along_x(1.0, -0.1)), NumericalError);
-    EXPECT_THROW(render_moving(renderer, small_marker(), along_x(1e9, 1.0)), NumericalError);
+    EXPECT_THROW(render_moving(renderer, moving_marker(), along_x(1.0, -0.1)), NumericalError);
+    EXPECT_THROW(render_moving(renderer, moving_marker(), along_x(1e9, 1.0)), NumericalError);
 }
 
 }  // namespace

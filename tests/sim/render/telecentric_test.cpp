@@ -135,7 +135,7 @@ TEST(TelecentricMarkerView, RefusesWhatItCannotSee) {
 }
 
 // Across an edge, the mean over the pixel of the disk's and the Gaussian's spread.
-double edge_profile(double distance_px, double disk_px, double sigma_px) {
+double telecentric_profile(double distance_px, double disk_px, double sigma_px) {
     const auto phi_integral = [&](double x) {
         const double t = x / sigma_px;
         const double density = std::exp(-0.5 * t * t) / std::sqrt(2.0 * std::numbers::pi);
@@ -166,7 +166,7 @@ TEST_P(TelecentricEdge, HasItsClosedFormProfile) {
     const double blur = 8.2 * std::tan(std::asin(0.03)) * std::abs(z - 150.0);
     for (int x = 65; x < 102; ++x)
         EXPECT_NEAR(image.radiance.at<float>(33, x),
-                    edge_profile(x - (81.0 + 8.2 * edge_mm), blur, 0.7), 0.1 * gray)
+                    telecentric_profile(x - (81.0 + 8.2 * edge_mm), blur, 0.7), 0.1 * gray)
             << "pixel " << x << " blur " << blur << " px, " << image.plan.describe();
 }
 

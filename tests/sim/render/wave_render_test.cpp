@@ -29,7 +29,7 @@ cv::Mat difference_of(const CameraModel& camera, const Scene& scene, const cv::R
                            0.1);
 }
 
-Scene half_plane(double edge_mm, double z_mm) {
+Scene wave_edge(double edge_mm, double z_mm) {
     Scene scene{{PlacedMarker{}}};
     scene.markers[0].grid.cells = (cv::Mat_<float>(1, 2) << 0.0f, 1.0f);
     scene.markers[0].grid.cell_mm = {2000.0, 4000.0};
@@ -45,7 +45,7 @@ TEST_P(WaveEdge, HasTheProfileOfItsEncircledEnergy) {
     const double z = GetParam(), edge_px = 31.0 + 400.0 * 0.001;
     const WavePointSpread psf(lambda_n_px(camera), blur_radius_px(camera, z));
     const cv::Rect region(20, 22, 24, 2);
-    const cv::Mat image = difference_of(camera, half_plane(0.001 * z, z), region) + 1.0;
+    const cv::Mat image = difference_of(camera, wave_edge(0.001 * z, z), region) + 1.0;
     const auto profile =
         test::pixel_profile([&](double r) { return psf.energy_within(r); }, 13.0, 10);
     for (int x = 0; x < region.width; ++x) {
@@ -83,9 +83,9 @@ TEST(WaveRender, AgreesWithTheReferenceOnATiltedMarker) {
 TEST(WaveRender, RefusesWhatItCannotRender) {
     const CameraModel camera = wave_camera();
     EXPECT_GT(blur_radius_px(camera, 5.0), 20.0);
-    EXPECT_THROW(difference_of(camera, half_plane(0.0, 5.0), {0, 0, 8, 8}), NumericalError);
-    EXPECT_THROW(integrate_reference(camera, half_plane(0.0, 5.0), {{3, 3}}), NumericalError);
-    Scene two = half_plane(0.0, 200.0);
+    EXPECT_THROW(difference_of(camera, wave_edge(0.0, 5.0), {0, 0, 8, 8}), NumericalError);
+    EXPECT_THROW(integrate_reference(camera, wave_edge(0.0, 5.0), {{3, 3}}), NumericalError);
+    Scene two = wave_edge(0.0, 200.0);
     two.markers.push_back(two.markers[0]);
     EXPECT_THROW(check_wave_scene(two, camera), NumericalError);
     EXPECT_THROW(PointSpreadFunction::of(camera), NumericalError);

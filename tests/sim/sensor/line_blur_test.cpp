@@ -84,7 +84,7 @@ CameraModel camera_of(bool with_lens) {
 }
 
 // 4 x 3 cells of 5 px and more.
-Scene frontal_marker() {
+Scene frontal_scene() {
     Scene scene{{PlacedMarker{}}};
     scene.markers[0].grid.cells =
         (cv::Mat_<float>(3, 4) << 0, 0.8, 0.2, 1, 1, 0, 0.6, 0, 0.3, 1, 0, 0.9);
@@ -104,8 +104,8 @@ Difference from_moving_renders(const CameraModel& camera, const Eigen::Vector2d&
     const Renderer renderer(camera);
     MotionDuringExposure in_front{Vector6d::Zero(), 1.0};
     in_front.velocity.segment<2>(3) = motion * 250.0 / 400.0;
-    const Radiance truth = render_moving(renderer, frontal_marker(), in_front).image.radiance;
-    const Radiance blurred = line_blurred(renderer.render(frontal_marker()).radiance, motion);
+    const Radiance truth = render_moving(renderer, frontal_scene(), in_front).image.radiance;
+    const Radiance blurred = line_blurred(renderer.render(frontal_scene()).radiance, motion);
     return {cv::norm(blurred, truth, cv::NORM_INF),
             cv::norm(blurred, truth, cv::NORM_L2) / std::sqrt(double(truth.total()))};
 }

@@ -69,20 +69,20 @@ Point point_of(const TileGeometry& tile, int n, int column, int row) {
     return point;
 }
 
-struct Line {
+struct SteepLine {
     double offset;          // D
     Eigen::Vector2d slope;  // w
     Eigen::Vector2d gradient;
 };
 
-Line line_of(const TileGeometry& tile, const TileLine& line, const Point& point) {
+SteepLine line_of(const TileGeometry& tile, const TileLine& line, const Point& point) {
     const Eigen::Vector2d gradient(line.gradient_x, line.gradient_y);
     const double offset = line.offset + gradient.dot(point.d);
     const Eigen::Vector2d turn(tile.turn_x, tile.turn_y);
     return {offset, point.blur * gradient - point.turned * turn * offset, gradient};
 }
 
-DiskChord chord_of(const Line& line) {
+DiskChord chord_of(const SteepLine& line) {
     const double slope = line.slope.norm();
     if (std::abs(line.offset) < slope)
         return disk_chord(line.slope / slope, line.offset / slope);
@@ -124,7 +124,7 @@ double lens_average(const TileGeometry& tile, const Point& point) {
 SquareCut box_cut(const TileGeometry& tile, const TileLine& tile_line, const Point& point,
                   const UnitLensPoint& l) {
     const Eigen::Vector2d lens(l.x, l.y), turn(tile.turn_x, tile.turn_y);
-    const Line line = line_of(tile, tile_line, point);
+    const SteepLine line = line_of(tile, tile_line, point);
     const Eigen::Vector2d gradient =
         line.gradient * (1.0 - turn.dot(lens)) +
         Eigen::Vector2d(tile.blur_slope_x, tile.blur_slope_y) * line.gradient.dot(lens);
@@ -154,7 +154,7 @@ double lens_allowance(const TileGeometry& tile, const Point& point) {
     for (const auto* lines : {&tile.columns, &tile.rows})
         for (const TileLine& tile_line : *lines) {
             const double moved = displacement(tile, tile_line, point);
-            const Line line = line_of(tile, tile_line, point);
+            const SteepLine line = line_of(tile, tile_line, point);
             const double slope = line.slope.norm();
             if (std::abs(line.offset) <= slope + moved)
                 sum += std::min(1.0, 2.0 / std::numbers::pi * moved / (slope + 1e-30));

@@ -19,7 +19,7 @@ ErrorMap map_of(const std::filesystem::path& file, bool rotary) {
     return map;
 }
 
-std::string error_of(const std::string& table) {
+std::string table_error(const std::string& table) {
     try {
         const auto file =
             StrictFile::from_text("etalon: test/1\nmap: " + table + "\n", "m.yml", "test/1");
@@ -67,10 +67,10 @@ TEST(ErrorMap, IsReadFromATableBesideTheFile) {
 }
 
 TEST(ErrorMap, NamesThePlaceOfEveryFault) {
-    EXPECT_EQ(error_of("[[1, 2, 3]]"), "m.yml:2: map: an error map needs at least two points");
-    EXPECT_EQ(error_of("[[1, 2, 3], [1, 2, 3]]"),
+    EXPECT_EQ(table_error("[[1, 2, 3]]"), "m.yml:2: map: an error map needs at least two points");
+    EXPECT_EQ(table_error("[[1, 2, 3], [1, 2, 3]]"),
               "m.yml:2: map: the positions of an error map must rise, but point 2 does not");
-    EXPECT_EQ(error_of("[[1, 2, 3], [2, 2, -3]]"),
+    EXPECT_EQ(table_error("[[1, 2, 3], [2, 2, -3]]"),
               "m.yml:2: map[1]: the standard uncertainty -3 is negative");
     const TemporaryFolder folder;
     write_text(folder / "s.yml", "etalon: test/1\nmap: {file: x.csv}\n");

@@ -20,11 +20,11 @@ namespace {
 using Positions = std::vector<double>;
 
 // Forbidden: |x| < 20 with z > 100; slow from z = 85 on.
-const MotionRules lens{{{"lens", {{-20, 20}, {100, 160}}}}, {0, 15}, 0.2};
+const MotionRules lens_rules{{{"lens", {{-20, 20}, {100, 160}}}}, {0, 15}, 0.2};
 
-struct Rig {
-    explicit Rig(const MotionRules& rules = lens) : Rig(std::make_unique<FakeStage>(xz()), rules) {}
-    Rig(std::unique_ptr<FakeStage> stage, const MotionRules& rules)
+struct GuardedRig {
+    explicit GuardedRig(const MotionRules& rules = lens_rules) : GuardedRig(std::make_unique<FakeStage>(xz()), rules) {}
+    GuardedRig(std::unique_ptr<FakeStage> stage, const MotionRules& rules)
         : fake(*stage), guarded(std::move(stage), rules) {
         guarded.enable({});
         guarded.home({});
@@ -34,7 +34,7 @@ struct Rig {
 };
 
 TEST(GuardedStage, MovesInAsManyMotionsAsTheBoxesTake) {
-    Rig rig;
+    GuardedRig rig;
     rig.guarded.move(Positions{-40, 120}, {});
     rig.guarded.move(Positions{40, 130}, {});
     EXPECT_EQ(rig.fake.moves.front(), (Positions{-40, 0}));
@@ -46,7 +46,7 @@ TEST(GuardedStage, MovesInAsManyMotionsAsTheBoxesTake) {
 }
 
 TEST(GuardedStage, PlansFromWhereTheAxesReadToBe) {
-    Rig rig;
+    GuardedRig rig;
     rig.fake.read_back_error = {0, 40};  // z really stands beside the lens
     rig.guarded.move(Positions{-40, 80}, {});
     rig.fake.read_back_error = {};
@@ -55,7 +55,7 @@ TEST(GuardedStage, PlansFromWhereTheAxesReadToBe) {
 }
 
 TEST(GuardedStage, MovesNothingToWhatIsForbidden) {
-    Rig rig;
+    GuardedRig rig;
     EXPECT_THROW(rig.guarded.move(Positions{7, 120}, {}), ConfigError);
     EXPECT_THROW(rig.guarded.move(Positions{7, 201}, {}), ConfigError);
     EXPECT_THROW(rig.guarded.move(Positions{7}, {}), ConfigError);
@@ -63,7 +63,7 @@ TEST(GuardedStage, MovesNothingToWhatIsForbidden) {
 }
 
 TEST(GuardedStage, IsSlowNearABoxAndNeverFasterThanItWasLimitedTo) {
-    Rig rig;
+    GuardedRig rig;
     rig.guarded.move(Positions{7, 50}, {});
     rig.guarded.move(Positions{7, 95}, {});
     rig.guarded.limit_speed(0.1);
@@ -74,7 +74,7 @@ TEST(GuardedStage, IsSlowNearABoxAndNeverFasterThanItWasLimitedTo) {
 
 // 15 mm beside the lens at 0.1 % of 5 mm/s: half of what the speed register can say.
 TEST(GuardedStage, RefusesASlowZoneThatIsSlowerThanTheControllerCanBeBeforeAnythingMoves) {
-    MotionRules rules = lens;
+    MotionRules rules = lens_rules;
     rules.slow_share = 0.001;
     VirtualClock clock;
     SimulatedStage simulation(xz(), {}, clock);
@@ -101,7 +101,7 @@ TEST(GuardedStage, RefusesASlowZoneThatIsSlowerThanTheControllerCanBeBeforeAnyth
 }
 
 TEST(GuardedStage, EndsTheMoveWhereAMotionFails) {
-    Rig rig;
+    GuardedRig rig;
     rig.guarded.move(Positions{-40, 120}, {});
     rig.fake.before_move = [&](std::span<const double>) {
         if (rig.fake.moves.size() == 4)
@@ -113,7 +113,7 @@ TEST(GuardedStage, EndsTheMoveWhereAMotionFails) {
 
 TEST(GuardedStage, TellsWhatDisturbsTheAxesAtRest) {
     const auto error_with = [](void (*disturb)(AxisStatus & x, AxisStatus & z)) -> std::string {
-        Rig rig;
+        GuardedRig rig;
         rig.fake.on_status = [disturb](auto& axes) { disturb(axes[0], axes[1]); };
         try {
             rig.guarded.position();
@@ -136,7 +136,7 @@ TEST(GuardedStage, TellsWhatDisturbsTheAxesAtRest) {
 }
 
 TEST(GuardedStage, MayLeaveTheLimitSwitchThatItWasHomedTo) {
-    Rig rig;
+    GuardedRig rig;
     rig.fake.on_status = [](std::vector<AxisStatus>& axes) { axes[0].limit = true; };
     rig.guarded.move(Positions{7, 5}, {});
     EXPECT_EQ(rig.fake.moves, (std::vector<Positions>{{7, 5}}));
@@ -167,7 +167,7 @@ private:
 
 // Looked at with every request, that is every 5 ms: where the carriage truly is.
 TEST(GuardedStage, NeverCarriesAnythingIntoABox) {
-    SimulatedRig rig(xz(), lens, {});
+    SimulatedRig rig(xz(), lens_rules, {});
     int looks = 0, inside = 0, beside = 0;
     rig.controller.set_script([&](const ModbusRequest&) {
         const Positions q = rig.simulation.true_positions();
@@ -180,7 +180,7 @@ TEST(GuardedStage, NeverCarriesAnythingIntoABox) {
     int moves = 0;
     while (moves < 40) {
         const Positions target = {200 * random.uniform() - 100, 120 * random.uniform() + 60};
-        if (!is_clear(xz(), lens, target))
+        if (!is_clear(xz(), lens_rules, target))
             continue;
         rig.guarded.move(target, {});
         ++moves;

@@ -14,8 +14,7 @@ namespace etalon {
 namespace {
 
 // Images with more bits than a byte arrive in 16-bit files, whatever the sensor has.
-void take_the_sensors_bits(CodeImage& image, const Sensor& sensor,
-                           const std::string& photo) {
+void take_the_sensors_bits(CodeImage& image, const Sensor& sensor, const std::string& photo) {
     if (image.bits != 16 || sensor.bits <= 8)
         return;
     double highest = 0.0;
@@ -61,10 +60,10 @@ CodeImage taken_by(const CameraModel& camera, CodeImage image, const std::string
                    const std::string& calibration) {
     const cv::Size size = image.pixels.size();
     if (size != cv::Size(camera.width, camera.height))
-        throw ConfigError({photo},
-                          fmt::format("is {} x {} px, but the calibration {} is for {} x {} px",
-                                      size.width, size.height, calibration, camera.width,
-                                      camera.height));
+        throw ConfigError(
+            {photo},
+            fmt::format("is {} x {} px, but the calibration {} is for {} x {} px", size.width,
+                        size.height, calibration, camera.width, camera.height));
     if (camera.sensor)
         take_the_sensors_bits(image, *camera.sensor, photo);
     return image;

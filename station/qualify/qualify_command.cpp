@@ -71,9 +71,8 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
     if (!arguments.station.empty())
         require_same_inputs(recorded.result.station.inputs, read_station(arguments.station).inputs);
     return resume_qualification(
-        recorded,
-        station_devices(recorded.result.station, arguments.homed, clock, progress, stop), clock,
-        progress, stop);
+        recorded, station_devices(recorded.result.station, arguments.homed, clock, progress, stop),
+        clock, progress, stop);
 }
 
 QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& progress,

@@ -169,7 +169,6 @@ std::filesystem::path station_of_record(const std::filesystem::path& record) {
     throw ConfigError({file.string()}, "names no station file");
 }
 
-
 std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
                                           const std::vector<Axis>& axes) {
     const CsvFile file = read_csv(csv);

@@ -5,9 +5,6 @@
 #include "python/bindings.h"
 
 PYBIND11_MODULE(_etalon, module) {
-    // Types stand in etalon/__init__.pyi, where they can be said in numpy's words.
-    pybind11::options options;
-    options.disable_function_signatures();
     module.attr("__version__") = etalon::version;
     etalon::bind_errors();
     etalon::bind_transforms(module);

@@ -50,7 +50,7 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained"
 left.imshow(photo, cmap="gray")
 left.plot(*found.corners.T, "r+", markersize=10)
 left.set_title("photograph, and the corners found")
-comparison = etalon.compare(photo, tag, camera, pose.camera_from_marker)
+comparison = etalon.compare(photo, tag, camera, pose.camera_from_marker, background=0.6)
 shown = right.imshow(np.where(comparison.refined.use > 0, comparison.refined.residual, np.nan), cmap="RdBu", vmin=-6, vmax=6)
 right.set_xlim(150, 400)
 right.set_ylim(300, 80)

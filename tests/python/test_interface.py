@@ -3,6 +3,7 @@
 import ast
 import inspect
 import pickle
+import re
 from pathlib import Path
 
 import etalon
@@ -34,6 +35,32 @@ def test_everything_has_a_text():
         if inspect.isclass(thing) and not issubclass(thing, Exception):
             for member in public(thing):
                 assert inspect.getdoc(getattr(thing, member)), f"{name}.{member}"
+
+
+def arguments(function):
+    """Names of a function's arguments; of a compiled one as the first line of its text has them."""
+    if inspect.isfunction(function):
+        return list(inspect.signature(function).parameters)
+    return re.findall(r"[(,] ?(\w+)(?=:)", function.__doc__.splitlines()[0])
+
+
+def test_arguments_have_the_names_of_the_interface():
+    checked = 0
+    for node in ast.walk(STUB):
+        scope = getattr(etalon, node.name, None) if isinstance(node, ast.ClassDef) else etalon
+        if not isinstance(node, (ast.ClassDef, ast.Module)) or (
+            inspect.isclass(scope) and issubclass(scope, Exception)
+        ):
+            continue
+        for function in node.body:
+            properties = not isinstance(function, ast.FunctionDef) or "property" in ast.dump(function)
+            if properties or function.name == "__exit__":
+                continue
+            named = [one.arg for one in function.args.args + function.args.kwonlyargs]
+            found = arguments(getattr(scope, function.name))
+            assert [name for name in found if name != "self"] == [n for n in named if n != "self"], function.name
+            checked += 1
+    assert checked > 50
 
 
 def test_errors_go_from_process_to_process():

@@ -1,3 +1,5 @@
+import threading
+
 import numpy
 import pytest
 from conftest import DEMO, brown
@@ -148,3 +150,21 @@ def test_poses_are_rodrigues(tmp_path):
     sheared[0, 1] += 1e-3
     with pytest.raises(etalon.ConfigError, match="transform: must be a rigid transform"):
         etalon.vector_from_rigid(sheared)
+
+
+def test_other_threads_run_meanwhile(camera):
+    pixels = numpy.random.default_rng(1).uniform((0, 0), (511, 383), (300_000, 2))  # some 0.2 s
+    counted, done = [0], threading.Event()
+
+    def count():
+        while not done.is_set():
+            counted[0] += 1
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    before = counted[0]
+    camera.unproject(pixels)
+    during = counted[0] - before
+    done.set()
+    thread.join()
+    assert during > 10_000  # with the GIL held, next to none

@@ -3,6 +3,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "compare/detect/photo_pose.h"
 #include "core/errors.h"
 
@@ -111,10 +114,17 @@ std::vector<Eigen::Vector3d> point_list(const py::object& values, const char* na
     return vector_list<3>(values, name);
 }
 
+void require_finite(const NumberArray& numbers, const char* name) {
+    if (!std::all_of(numbers.data(), numbers.data() + numbers.size(),
+                     [](double number) { return std::isfinite(number); }))
+        throw ConfigError({name}, "must be finite numbers");
+}
+
 std::vector<double> number_list(const py::object& values, const char* name) {
     const NumberArray array = real_numbers(values, name);
     if (array.ndim() != 1)
         refuse_shape(name, "(N,)", array);
+    require_finite(array, name);
     return {array.data(), array.data() + array.size()};
 }
 

@@ -33,7 +33,9 @@ std::vector<py::ssize_t> shape_like(const NumberArray& rows, std::vector<py::ssi
 // (N, 2) and (N, 3), or nothing else.
 std::vector<Eigen::Vector2d> pixel_list(const py::object& values, const char* name);
 std::vector<Eigen::Vector3d> point_list(const py::object& values, const char* name);
-// (N,)
+// For what must not pass NaN on. Throws ConfigError.
+void require_finite(const NumberArray& numbers, const char* name);
+// (N,), finite
 std::vector<double> number_list(const py::object& values, const char* name);
 
 // A (4, 4) matrix [R t; 0 0 0 1] whose R is a rotation to 1e-6, mm.

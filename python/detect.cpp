@@ -5,6 +5,7 @@
 #include "compare/detect/photo_pose.h"
 #include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
+#include "core/errors.h"
 #include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"
@@ -64,6 +65,8 @@ std::optional<PoseEstimate> pose_from(const Projector& camera, const py::object&
                                       const py::object& pixels) {
     const auto points = point_list(points_mm, "points_mm");
     const auto seen = pixel_list(pixels, "pixels");
+    if (seen.size() != points.size())
+        throw ConfigError({"pixels"}, "must be as many as points_mm");
     return without_gil([&] { return estimate_pose(camera, points, seen); });
 }
 

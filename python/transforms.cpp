@@ -13,6 +13,7 @@ namespace {
 
 NumberArray from_vector(const py::object& pose) {
     const NumberArray numbers = number_rows(pose, 6, "pose");
+    require_finite(numbers, "pose");
     std::vector<Rigid> transforms;
     for (py::ssize_t i = 0; i < numbers.size(); i += 6)
         transforms.push_back(rigid_from_vector(Vector6d(numbers.data() + i)));

@@ -21,7 +21,7 @@ shutil.copytree(demo, folder)
 for name in ("station.yaml", "twin.yaml"):
     text = (folder / name).read_text()
     for what, by in {
-        "poses: 100": "poses: 40", "repeats: 8": "repeats: 0", "frames: 5": "frames: 1", "settle_ms: 50": "settle_ms: 5",
+        "poses: 100": "poses: 32", "repeats: 8": "repeats: 0", "frames: 5": "frames: 1", "settle_ms: 50": "settle_ms: 5",
         "speed: 400": "speed: 4000", "speed_deg: 360": "speed_deg: 3600",
         "focal_length_percent: 0,": "focal_length_percent: 0.5,",
     }.items():

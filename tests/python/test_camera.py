@@ -146,6 +146,8 @@ def test_poses_are_rodrigues(tmp_path):
     assert numpy.abs(etalon.vector_from_rigid(truth[2]) - numbers[2]).max() < 1e-12
     numpy.savetxt(tmp_path / "poses.csv", numbers, delimiter=",", header="rx,ry,rz,tx,ty,tz", comments="")
     assert numpy.abs(etalon.read_poses(tmp_path / "poses.csv") - truth).max() < 1e-12
+    with pytest.raises(etalon.ConfigError, match="pose: must be finite"):
+        etalon.rigid_from_vector([0, 0, 0, 0, 0, numpy.inf])
     sheared = truth[0].copy()
     sheared[0, 1] += 1e-3
     with pytest.raises(etalon.ConfigError, match="transform: must be a rigid transform"):

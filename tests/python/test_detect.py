@@ -33,6 +33,8 @@ def test_a_pose_from_exact_corners_is_exact(camera, tag):
     assert etalon.estimate_pose(camera, [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]], seen) is None
     with pytest.raises(etalon.ConfigError, match=r"pixels: must be \(N, 2\), is \(4, 3\)"):
         etalon.estimate_pose(camera, tag.points_mm, tag.points_mm)
+    with pytest.raises(etalon.ConfigError, match="pixels: must be as many as points_mm"):
+        etalon.estimate_pose(camera, tag.points_mm, seen[:3])
 
 
 def test_opencv_reads_what_is_rendered(camera):

@@ -5,7 +5,10 @@ add_library(etalon_compiler INTERFACE)
 # No contraction: a fused multiply-add in one build and not in the next would change results.
 target_compile_options(etalon_compiler INTERFACE
     -Wall -Wextra -Wpedantic -Wno-missing-field-initializers -Wnon-virtual-dtor -Woverloaded-virtual -ffp-contract=off
-    -pthread   # on every file or none: a precompiled header is refused when it differs
+    # On every file or none: a precompiled header is refused when they differ. Position-independent, so
+    # that the libraries can be linked into shared ones and Python's module; without interposition, so
+    # that calls within a file are still inlined, and the renderer is as fast.
+    -pthread -fPIC -fno-semantic-interposition
     $<$<BOOL:${ETALON_WARNINGS_AS_ERRORS}>:-Werror>)
 
 # g++ 12 sees an impossible memcpy inside std::string (its bug 105651): not our warning.

@@ -9,9 +9,10 @@ test_packages="libgtest-dev libgmock-dev poppler-utils"
 # ./test.sh --all: Google Benchmark; a system clock that jumps; a virtual machine for tests with real
 # camera drivers (its emulator, what its first file system is made of, and the service that tells
 # programs about devices); a cluster of one node; clang with libFuzzer; mrcal and COLMAP, for what
-# we write for them.
+# we write for them; Python's module and its tests.
 all_test_packages="libbenchmark-dev libfaketime qemu-system-x86 busybox-static kmod cpio udev slurm-wlm \
-    clang libclang-rt-dev python3-mrcal colmap"
+    clang libclang-rt-dev python3-mrcal colmap pybind11-dev python3-dev python3-numpy python3-pytest \
+    python3-matplotlib python3-opencv"
 
 missing_packages() {
     local package

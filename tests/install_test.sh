@@ -14,6 +14,13 @@ headers=$(find "$scratch/prefix/include" -name '*.h' | wc -l)
 echo "$headers headers are installed (at most 100)"
 [ "$headers" -le 100 ]
 
+# Python's module, where the build has one.
+for package in "$scratch"/prefix/lib/python3*/*-packages/etalon; do
+    [ ! -e "$package" ] || ! /usr/bin/python3 -c 'import numpy' 2>/dev/null ||
+        PYTHONPATH=$(dirname "$package") /usr/bin/python3 -c \
+            'import etalon; print(etalon.__file__, etalon.Station(etalon.testing.demo / "station.yaml"))'
+done
+
 cmake -S "$source/examples/library" -B "$scratch/build" -G Ninja \
     -DCMAKE_PREFIX_PATH="$scratch/prefix" >/dev/null
 cmake --build "$scratch/build"

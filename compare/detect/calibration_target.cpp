@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "calib/camera/projector.h"
+#include "calib/intrinsics/calibrate.h"
 #include "compare/detect/board_points.h"
 #include "compare/detect/chessboard_corners.h"
 #include "compare/detect/detector_adaptors.h"
@@ -84,14 +85,16 @@ std::optional<Eigen::Vector2d> disk_centroid(const Projector& projector,
 }  // namespace
 
 CalibrationTarget parse_calibration_target(const std::string& spec, const std::string& place) {
-    CalibrationTarget target{parse_marker(spec, place)};
-    const Marker& board = target.board;
+    return calibration_target(parse_marker(spec, place), place);
+}
+
+CalibrationTarget calibration_target(const Marker& board, const std::string& place) {
     const auto require = [&](int least_columns, int least_rows, const char* what) {
         const auto [small, large] = std::minmax(board.columns, board.rows);
         if (small < std::min(least_columns, least_rows) ||
             large < std::max(least_columns, least_rows))
             throw ConfigError(
-                {place, 0, spec},
+                {place, 0, board.spec},
                 fmt::format("a board of {}x{} {} is too small to calibrate with: "
                             "{}x{} at least",
                             board.columns, board.rows, what, least_columns, least_rows));
@@ -99,23 +102,23 @@ CalibrationTarget parse_calibration_target(const std::string& spec, const std::s
     switch (board.kind) {
         case Marker::Kind::chessboard:
             require(3, 3, "inner corners");
-            return target;
+            return {board};
         case Marker::Kind::charuco:
             require(3, 3, "squares");
-            return target;
+            return {board};
         case Marker::Kind::aprilgrid:
             require(2, 2, "tags");
-            return target;
+            return {board};
         case Marker::Kind::squares:
             require(2, 2, "squares");
-            return target;
+            return {board};
         case Marker::Kind::circles:
         case Marker::Kind::acircles:
         case Marker::Kind::hexcircles:
             require(3, 3, "circles");
-            return target;
+            return {board};
         default:
-            throw ConfigError({place, 0, spec},
+            throw ConfigError({place, 0, board.spec},
                               "a camera is calibrated with a board, for instance "
                               "chessboard:9x6@25mm");
     }
@@ -165,6 +168,20 @@ CalibrationView with_circle_centres(const CalibrationTarget& target,
             view.pixels[i] -= *centroid - *seen;
     }
     return view;
+}
+
+std::vector<CalibrationView> with_circle_centres(const CalibrationTarget& target,
+                                                 std::vector<CalibrationView> views,
+                                                 cv::Size image_size,
+                                                 const std::optional<std::string>& model) {
+    if (!has_circles(target))
+        return views;
+    const CameraCalibration first = calibrate_camera(
+        views, image_size, {.model = model, .leave_one_out = false, .resamples = 0});
+    for (std::size_t i = 0; i < views.size(); ++i)
+        if (const auto& pose = first.views[i].camera_from_target)
+            views[i] = with_circle_centres(target, views[i], first.camera, *pose);
+    return views;
 }
 
 }  // namespace etalon

@@ -13,6 +13,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "calib/camera/camera_model.h"
 #include "calib/intrinsics/calibration_view.h"
@@ -30,6 +31,8 @@ struct CalibrationTarget {
 // no board with points enough to calibrate with: single tags, bitmaps, boards with less than 3x3
 // inner corners or circles, less than 2x2 tags, or less than 3x3 squares of a ChArUco board.
 CalibrationTarget parse_calibration_target(const std::string& spec, const std::string& place);
+// The same of a marker that is at hand.
+CalibrationTarget calibration_target(const Marker& board, const std::string& place);
 
 // What a photograph shows of a target.
 struct ObservedTarget {
@@ -63,6 +66,13 @@ ObservedTarget observe(const CalibrationTarget& target, const CodeImage& image);
 CalibrationView with_circle_centres(const CalibrationTarget& target,
                                     const CalibrationView& observed, const CameraModel& camera,
                                     const Rigid& camera_from_target);
+
+// Views of one camera, all that observe() gave, corrected by a first calibration of them with this
+// model (nothing: the advised one). Throws as calibrate_camera() does; free for other targets.
+std::vector<CalibrationView> with_circle_centres(const CalibrationTarget& target,
+                                                 std::vector<CalibrationView> views,
+                                                 cv::Size image_size,
+                                                 const std::optional<std::string>& model = {});
 
 // Whether with_circle_centres() has anything to correct.
 bool has_circles(const CalibrationTarget& target);

@@ -14,14 +14,13 @@ namespace etalon {
 namespace {
 
 // Images with more bits than a byte arrive in 16-bit files, whatever the sensor has.
-void take_the_sensors_bits(CodeImage& image, const Sensor& sensor,
-                           const std::filesystem::path& photo) {
+void take_the_sensors_bits(CodeImage& image, const Sensor& sensor, const std::string& photo) {
     if (image.bits != 16 || sensor.bits <= 8)
         return;
     double highest = 0.0;
     cv::minMaxLoc(image.pixels, nullptr, &highest);
     if (highest > (1 << sensor.bits) - 1)
-        throw ConfigError({photo.string()},
+        throw ConfigError({photo},
                           fmt::format("holds the code value {:.0f}, too large for the camera's {} "
                                       "bits",
                                       highest, sensor.bits));
@@ -54,13 +53,17 @@ std::vector<Rigid> read_poses_for(const std::filesystem::path& poses,
 
 CodeImage read_photo(const std::filesystem::path& photo, const CameraModel& camera,
                      const std::filesystem::path& camera_file) {
-    CodeImage image = read_image(photo);
+    return taken_by(camera, read_image(photo), photo.string(), camera_file.string());
+}
+
+CodeImage taken_by(const CameraModel& camera, CodeImage image, const std::string& photo,
+                   const std::string& calibration) {
     const cv::Size size = image.pixels.size();
     if (size != cv::Size(camera.width, camera.height))
         throw ConfigError(
-            {photo.string()},
+            {photo},
             fmt::format("is {} x {} px, but the calibration {} is for {} x {} px", size.width,
-                        size.height, camera_file.string(), camera.width, camera.height));
+                        size.height, calibration, camera.width, camera.height));
     if (camera.sensor)
         take_the_sensors_bits(image, *camera.sensor, photo);
     return image;

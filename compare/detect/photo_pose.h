@@ -35,6 +35,10 @@ std::vector<Rigid> read_poses_for(const std::filesystem::path& poses,
 CodeImage read_photo(const std::filesystem::path& photo, const CameraModel& camera,
                      const std::filesystem::path& camera_file);
 
+// The same of an image that is at hand: `photo` and `calibration` are what errors call the two.
+CodeImage taken_by(const CameraModel& camera, CodeImage image, const std::string& photo,
+                   const std::string& calibration);
+
 // By the file's first two bytes, not by its name.
 bool is_jpeg(const std::filesystem::path& photo);
 

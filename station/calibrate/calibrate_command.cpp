@@ -183,18 +183,6 @@ CameraCalibration calibrate_photos(const Observations& observations,
     }
 }
 
-// What is seen of a circle is not its centre: by how much not, a first camera tells.
-void correct_circles(const CalibrationTarget& target, Observations& observations,
-                     const std::optional<std::string>& model) {
-    const CameraCalibration first =
-        calibrate_camera(observations.views, observations.image_size,
-                         {.model = model, .leave_one_out = false, .resamples = 0});
-    for (std::size_t i = 0; i < observations.views.size(); ++i)
-        if (const auto& pose = first.views[i].camera_from_target)
-            observations.views[i] =
-                with_circle_centres(target, observations.views[i], first.camera, *pose);
-}
-
 bool names_telecentric_model(const CalibrateArguments& arguments) {
     return arguments.model != "auto" &&
            calibration_model(arguments.model).projection == Projection::telecentric;
@@ -223,8 +211,8 @@ CalibrationRun calibrated(const CalibrateArguments& arguments) {
         model = calibration_model(arguments.model).name;
     Observations observations = observe_all(target, spec, arguments.photos);
     keep_one_camera(observations, names_telecentric_model(arguments));
-    if (has_circles(target))
-        correct_circles(target, observations, model);
+    observations.views =
+        with_circle_centres(target, observations.views, observations.image_size, model);
     CameraCalibration calibration = calibrate_photos(observations, model, arguments.fit_board);
     if (!observations.shown_as.empty())
         fmt::print(stderr, "the board that is seen is {}: taken as that\n", observations.shown_as);

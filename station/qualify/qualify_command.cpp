@@ -3,7 +3,6 @@
 
 #include <cstdio>
 
-#include "capture/camera_recovery.h"
 #include "core/errors.h"
 #include "core/file_lock.h"
 #include "station/qualify/commands.h"
@@ -64,19 +63,6 @@ int print_result(const QualifyResult& result, bool json) {
     return exit_code(result.outcome);
 }
 
-DeviceOpeners openers(const StationFile& station, bool homed, Clock& clock, Progress& progress,
-                      const std::stop_token& stop) {
-    const auto camera = [&] {
-        return open_when_free(
-            [&] { return open_camera(station.camera.uri, station.camera.link, clock); }, clock,
-            stop, [&](const std::string& text) { progress.note(text); });
-    };
-    const auto stage = [&] {
-        return open_stage(station.stage.link, station.stage.profile, station.stage.axes, clock);
-    };
-    return {camera, stage, homed};
-}
-
 QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                      const std::stop_token& stop) {
     const FileLock lock(arguments.resume / log_file);
@@ -85,16 +71,16 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
     if (!arguments.station.empty())
         require_same_inputs(recorded.result.station.inputs, read_station(arguments.station).inputs);
     return resume_qualification(
-        recorded, openers(recorded.result.station, arguments.homed, clock, progress, stop), clock,
-        progress, stop);
+        recorded, station_devices(recorded.result.station, arguments.homed, clock, progress, stop),
+        clock, progress, stop);
 }
 
 QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                     const std::stop_token& stop) {
     const StationFile station = read_station(arguments.station);
     return run_qualification(station, arguments.out,
-                             openers(station, arguments.homed, clock, progress, stop), clock,
-                             progress, stop);
+                             station_devices(station, arguments.homed, clock, progress, stop),
+                             clock, progress, stop);
 }
 
 // What the command line cannot say by itself: a new run needs a station and a folder.

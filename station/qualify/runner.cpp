@@ -453,6 +453,19 @@ Instant resumed_start(const RecordedRun& recorded, const RunSession& session, In
 
 }  // namespace
 
+DeviceOpeners station_devices(const StationFile& station, bool homed, Clock& clock,
+                              Progress& progress, const std::stop_token& stop) {
+    const auto camera = [&] {
+        return open_when_free(
+            [&] { return open_camera(station.camera.uri, station.camera.link, clock); }, clock,
+            stop, [&](const std::string& text) { progress.note(text); });
+    };
+    const auto stage = [&] {
+        return open_stage(station.stage.link, station.stage.profile, station.stage.axes, clock);
+    };
+    return {camera, stage, homed};
+}
+
 QualifyResult run_qualification(const StationFile& station, const std::filesystem::path& folder,
                                 const DeviceOpeners& open, Clock& clock, Progress& progress,
                                 std::stop_token stop) {

@@ -25,6 +25,11 @@ struct DeviceOpeners {
     bool homed = false;  // the operator's word, Stage::take_for_homed(): remarked in the record
 };
 
+// Those that the station names. A camera that another program seems to hold is waited for, which
+// `progress` is told. All arguments must outlive what is returned.
+DeviceOpeners station_devices(const StationFile& station, bool homed, Clock& clock,
+                              Progress& progress, const std::stop_token& stop);
+
 // Runs on the calling thread, which owns both devices throughout. `progress` is told the plan and
 // how far it is. The result says how the run ended: ERROR with the reason when a device, the disk
 // or a computation failed, ABORTED when `stop` was requested.

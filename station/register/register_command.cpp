@@ -7,7 +7,6 @@
 
 #include "core/errors.h"
 #include "core/pose_numbers.h"
-#include "core/sha256.h"
 #include "core/text.h"
 #include "report/json_text.h"
 #include "station/register/commands.h"
@@ -130,31 +129,6 @@ void print_json(const StationFile& station, const StageRegistration& result) {
         {"bias_correction_rounds", result.rounds},
         {"photos", json_list(result.photos, [](const auto& one) { return json_of(one); })}};
     std::puts(text_of(json).c_str());
-}
-
-// Empty where it is missing or no text.
-std::string text_at(const ordered_json& object, const char* key) {
-    const auto found = object.find(key);
-    return found != object.end() && found->is_string() ? found->get<std::string>() : "";
-}
-
-// The record's own copy of the station file, or else the original, which must be what the run was
-// made with.
-std::filesystem::path station_of_record(const std::filesystem::path& record) {
-    const std::filesystem::path file = record / "run.json";
-    const ordered_json run = read_json(file);
-    if (run.is_object() && run.contains("inputs") && run["inputs"].is_array())
-        for (const auto& input : run["inputs"]) {
-            if (!input.is_object() || text_at(input, "role") != "station")
-                continue;
-            const std::string copy = text_at(input, "copy");
-            const std::filesystem::path path =
-                copy.empty() ? std::filesystem::path(text_at(input, "path")) : record / copy;
-            if (sha256_of_file(path) != text_at(input, "sha256"))
-                throw ConfigError({path.string()}, "is not the station file of this run any more");
-            return path;
-        }
-    throw ConfigError({file.string()}, "names no station file: give --station");
 }
 
 int run_register(const RegisterArguments& arguments) {

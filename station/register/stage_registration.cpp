@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "calib/registration/stage_motion.h"
 #include "compare/detect/photo_pose.h"
@@ -11,7 +12,9 @@
 #include "compare/photometric/photometric_detector.h"
 #include "core/csv_file.h"
 #include "core/errors.h"
+#include "core/sha256.h"
 #include "core/units.h"
+#include "report/json_text.h"
 #include "stage/axes/kinematics.h"
 #include "station/setup/stage_terms.h"
 
@@ -141,7 +144,30 @@ void register_photometric(const StationFile& station, std::vector<Sighting>& see
     result.scale = std::sqrt(std::max(1.0, result.registration.reduced_squares));
 }
 
+// Empty where it is missing or no text.
+std::string text_at(const nlohmann::ordered_json& object, const char* key) {
+    const auto found = object.find(key);
+    return found != object.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
 }  // namespace
+
+std::filesystem::path station_of_record(const std::filesystem::path& record) {
+    const std::filesystem::path file = record / "run.json";
+    const nlohmann::ordered_json run = read_json(file);
+    if (run.is_object() && run.contains("inputs") && run["inputs"].is_array())
+        for (const auto& input : run["inputs"]) {
+            if (!input.is_object() || text_at(input, "role") != "station")
+                continue;
+            const std::string copy = text_at(input, "copy");
+            const std::filesystem::path path =
+                copy.empty() ? std::filesystem::path(text_at(input, "path")) : record / copy;
+            if (sha256_of_file(path) != text_at(input, "sha256"))
+                throw ConfigError({path.string()}, "is not the station file of this run any more");
+            return path;
+        }
+    throw ConfigError({file.string()}, "names no station file");
+}
 
 std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
                                           const std::vector<Axis>& axes) {

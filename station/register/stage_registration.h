@@ -33,6 +33,10 @@ std::vector<StagePhoto> read_stage_photos(const std::filesystem::path& csv,
 std::vector<StagePhoto> read_record_photos(const std::filesystem::path& record,
                                            const std::vector<Axis>& axes);
 
+// The station file of a record: its own copy, or else the original, which must be what the run was
+// made with. Throws ConfigError.
+std::filesystem::path station_of_record(const std::filesystem::path& record);
+
 struct RegisteredPhoto {
     std::filesystem::path photo;
     std::string failure;  // why it takes no part; empty when it does

@@ -225,13 +225,7 @@ std::string compared(const Program& program, const PhotoSet& set, const CameraMo
 void print_row(const std::filesystem::path& folder, const PhotoSet& set, const Program& program) {
     const CalibrationTarget target = parse_calibration_target(set.target, "target");
     Observed all = observe_all(folder, set, target);
-    if (has_circles(target)) {
-        const CameraCalibration first =
-            calibrate_camera(all.views, all.size, {.leave_one_out = false, .resamples = 0});
-        for (std::size_t i = 0; i < all.views.size(); ++i)
-            all.views[i] = with_circle_centres(target, all.views[i], first.camera,
-                                               *first.views[i].camera_from_target);
-    }
+    all.views = with_circle_centres(target, all.views, all.size);
     const CameraCalibration ours = calibrate_camera(all.views, all.size, {.resamples = 0});
     Points points;
     Pixels pixels;

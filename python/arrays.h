@@ -1,0 +1,67 @@
+// numpy arrays in and out. What comes in is refused by the argument's name: another type is a
+// TypeError ("points_camera: ..."), another shape a ConfigError. Images are shared, never copied: a
+// cv::Mat over numpy's memory for the time of a call, and a numpy array over a cv::Mat's memory for
+// as long as the array lives.
+//
+// Everything here needs the GIL.
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <optional>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "core/image.h"
+#include "core/rigid.h"
+
+namespace etalon {
+
+namespace py = pybind11;
+
+using NumberArray = py::array_t<double, py::array::c_style>;
+
+// Real numbers of the shape (..., columns), rows in a line of memory; whole and single-precision
+// numbers are converted.
+NumberArray number_rows(const py::object& values, py::ssize_t columns, const char* name);
+// `shape` with its last dimensions replaced: (..., 3) -> (..., 2).
+std::vector<py::ssize_t> shape_like(const NumberArray& rows, std::vector<py::ssize_t> last);
+
+// (N, 2) and (N, 3), or nothing else.
+std::vector<Eigen::Vector2d> pixel_list(const py::object& values, const char* name);
+std::vector<Eigen::Vector3d> point_list(const py::object& values, const char* name);
+// For what must not pass NaN on. Throws ConfigError.
+void require_finite(const NumberArray& numbers, const char* name);
+// (N,), finite
+std::vector<double> number_list(const py::object& values, const char* name);
+
+// A (4, 4) matrix [R t; 0 0 0 1] whose R is a rotation to 1e-6, mm.
+Rigid rigid_of(const py::object& values, const char* name);
+
+// (4, 4), (rows, columns), (N,), (N, 2), (N, 3): float64.
+NumberArray array_of(const Rigid& transform);
+NumberArray array_of(const std::vector<Rigid>& transforms);  // (N, 4, 4)
+NumberArray array_of(const Eigen::MatrixXd& matrix);
+NumberArray array_of(const std::vector<double>& numbers);
+NumberArray array_of(const std::vector<Eigen::Vector2d>& pixels);
+NumberArray array_of(const std::vector<Eigen::Vector3d>& points);
+py::object array_or_none(const std::optional<Rigid>& transform);
+
+// uint8 or uint16, (height, width), pixels of a row side by side; `bits` 0: 8 or 16 as the type
+// has. It shares the array's memory, which must outlive it.
+CodeImage code_image(const py::array& values, const char* name, int bits = 0);
+// The same as a photograph of this camera, of its size and bits.
+CodeImage photo_of(const py::array& values, const CameraModel& camera, const char* name);
+// float32, (height, width), shared in the same way.
+Radiance radiance_of(const py::array& values, const char* name);
+
+// uint8, uint16 or float32, (height, width), over the image's own memory.
+py::array shared_array(const cv::Mat& image, bool is_writable = true);
+
+// "(3, 2)"
+std::string shape_text(const py::array& values);
+
+}  // namespace etalon

@@ -1,0 +1,182 @@
+// etalon.observe, calibrate, calibrate_camera: intrinsics from photographs of a board.
+#include "calib/intrinsics/calibrate.h"
+
+#include "calib/camera/projector.h"
+#include "compare/detect/calibration_target.h"
+#include "core/errors.h"
+#include "python/arrays.h"
+#include "python/bindings.h"
+#include "python/interruptible.h"
+
+namespace etalon {
+namespace {
+
+using namespace py::literals;
+
+CalibrationView view_from(const py::object& points_mm, const py::object& pixels) {
+    return {point_list(points_mm, "points_mm"), pixel_list(pixels, "pixels")};
+}
+
+ObservedTarget observe_in(const py::array& photo, const Marker& target) {
+    const CodeImage image = code_image(photo, "photo");
+    return without_gil([&] { return observe(calibration_target(target, "target"), image); });
+}
+
+CalibrationOptions options_of(const std::optional<std::string>& model, bool leave_one_out,
+                              int resamples, bool fit_board) {
+    return {model, leave_one_out, resamples, fit_board};
+}
+
+CameraCalibration from_views(const std::vector<CalibrationView>& views,
+                             const std::pair<int, int>& image_size,
+                             const std::optional<std::string>& model, bool leave_one_out,
+                             int resamples, bool fit_board) {
+    const CalibrationOptions options = options_of(model, leave_one_out, resamples, fit_board);
+    return without_gil([&] {
+        return calibrate_camera(views, {image_size.first, image_size.second}, options);
+    });
+}
+
+// Photographs without the board are left out; `views` of the result counts the others.
+CameraCalibration from_photos(const std::vector<py::array>& photos, const Marker& target,
+                              const std::optional<std::string>& model, bool leave_one_out,
+                              int resamples, bool fit_board) {
+    std::vector<CodeImage> images;
+    for (const py::array& photo : photos)
+        images.push_back(code_image(photo, "photos"));
+    for (const CodeImage& image : images)
+        if (image.pixels.size() != images.front().pixels.size())
+            throw ConfigError({"photos"}, "must all have one size");
+    const CalibrationOptions options = options_of(model, leave_one_out, resamples, fit_board);
+    return without_gil([&] {
+        const CalibrationTarget board = calibration_target(target, "target");
+        std::vector<CalibrationView> views;
+        for (const CodeImage& image : images)
+            if (auto view = observe(board, image).view)
+                views.push_back(std::move(*view));
+        const cv::Size size = images.empty() ? cv::Size() : images.front().pixels.size();
+        return calibrate_camera(with_circle_centres(board, views, size, model), size, options);
+    });
+}
+
+py::dict deviations(const CameraCalibration& result) {
+    py::dict all;
+    for (const ParameterDeviation& parameter : result.deviations)
+        all[parameter.name.c_str()] = parameter.stated;
+    return all;
+}
+
+py::dict uncertainty(const CameraCalibration& result) {
+    std::vector<Eigen::Vector2d> pixels;
+    std::vector<double> held, rotated;
+    for (const PixelUncertainty& place : result.uncertainty.pixels) {
+        pixels.push_back(place.pixel);
+        held.push_back(place.held);
+        rotated.push_back(place.rotated);
+    }
+    return py::dict("pixels"_a = array_of(pixels), "held_px"_a = array_of(held),
+                    "rotated_px"_a = array_of(rotated));
+}
+
+py::array_t<bool> left_out(const CalibratedView& view) {
+    py::array_t<bool> flags(static_cast<py::ssize_t>(view.left_out.size()));
+    std::copy(view.left_out.begin(), view.left_out.end(), flags.mutable_data());
+    return flags;
+}
+
+void bind_views(py::module_& module) {
+    py::class_<CalibrationView>(module, "CalibrationView",
+                                "Points of a planar target and where one photograph shows them.")
+        .def(py::init(&view_from), py::arg("points_mm"), py::arg("pixels"),
+             R"(points_mm: (N, 3) in the target's frame and plane z = 0, mm. pixels: (N, 2).)")
+        .def_property_readonly(
+            "points_mm", [](const CalibrationView& view) { return array_of(view.points_mm); },
+            "(N, 3), mm.")
+        .def_property_readonly(
+            "pixels", [](const CalibrationView& view) { return array_of(view.pixels); },
+            "(N, 2), px.")
+        .def_readonly("ids", &CalibrationView::ids,
+                      "Index of each point on the target; empty: 0, 1, ...");
+
+    py::class_<ObservedTarget>(module, "ObservedTarget", "What a photograph shows of a board.")
+        .def_readonly("view", &ObservedTarget::view, "CalibrationView, or None.")
+        .def_property_readonly(
+            "reason",
+            [](const ObservedTarget& seen) {
+                return seen.view || !seen.reason.empty() ? seen.reason : "the board is not found";
+            },
+            "Why there is no view; else empty.")
+        .def_readonly(
+            "shown_as", &ObservedTarget::shown_as,
+            "The board's name where it is drawn otherwise than it was named; else empty.");
+
+    py::class_<CalibratedView>(module, "CalibratedView", "A view in a calibration.")
+        .def_property_readonly(
+            "camera_from_target",
+            [](const CalibratedView& view) { return array_or_none(view.camera_from_target); },
+            "(4, 4), mm, or None of a view that no pose explains.")
+        .def_property_readonly(
+            "residuals_px", [](const CalibratedView& view) { return array_of(view.residuals_px); },
+            "(N, 2): photograph minus model.")
+        .def_property_readonly("left_out", &left_out, "(N,) bool: points that did not fit.")
+        .def_property_readonly("used", &CalibratedView::used, "Whether the view was used.")
+        .def_readonly("rms_px", &CalibratedView::rms_px, "Over its points that were used.");
+}
+
+}  // namespace
+
+void bind_calibrate(py::module_& module) {
+    bind_views(module);
+    py::class_<CameraCalibration>(module, "CameraCalibration",
+                                  "A camera's intrinsics, and what they are worth.")
+        .def_property_readonly(
+            "camera", [](const CameraCalibration& result) { return Projector(result.camera); },
+            "Camera, with the stated covariance.")
+        .def_property_readonly(
+            "model", [](const CameraCalibration& result) { return result.model.name; },
+            "pinhole, radial, standard, ...")
+        .def_property_readonly(
+            "parameters", [](const CameraCalibration& result) { return result.model.parameters; },
+            "Names of the free parameters, in the covariance's order.")
+        .def_readonly("rms_px", &CameraCalibration::rms_px, "Over all points that were used.")
+        .def_readonly("leave_one_out_rms_px", &CameraCalibration::leave_one_out_rms_px,
+                      "Of views that were not calibrated from, or None.")
+        .def_property_readonly("overfits", &CameraCalibration::overfits,
+                               "Whether a simpler model predicts better.")
+        .def_property_readonly(
+            "covariance",
+            [](const CameraCalibration& result) { return array_of(result.covariances.stated); },
+            "(P, P), in the order of parameters.")
+        .def_property_readonly("deviations", &deviations,
+                               "Standard deviation of each parameter, by its name.")
+        .def_property_readonly("uncertainty", &uncertainty,
+                               R"(Of the projection: pixels (M, 2), held_px (M,), rotated_px (M,).
+
+One standard deviation, px, with the camera held and after the best rotation.)")
+        .def_readonly("views", &CameraCalibration::views, "CalibratedViews, in the order given.");
+
+    module.def("observe", &observe_in, py::arg("photo"), py::arg("target"),
+               R"(A board's points in a photograph: an ObservedTarget.
+
+photo: (height, width) uint8 or uint16, shared. target: a Marker that is a board. Raises ConfigError
+for a target with too few points.)");
+    const auto model = py::arg("model") = py::none();
+    const auto leave_one_out = py::arg("leave_one_out") = true;
+    const auto resamples = py::arg("resamples") = bootstrap_resamples;
+    const auto fit_board = py::arg("fit_board") = false;
+    module.def("calibrate", &from_photos, py::arg("photos"), py::arg("target"), py::kw_only(),
+               model, leave_one_out, resamples, fit_board,
+               R"(Intrinsics from photographs of a board: a CameraCalibration.
+
+photos: three or more of (height, width) uint8 or uint16, of one size, shared; those that do not show
+the board are left out. model: None takes the one that they support. resamples: of the bootstrap, 0
+leaves it out. fit_board: the board's shape, too. Raises ConfigError, and NumericalError for
+photographs that do not determine the camera.)");
+    module.def("calibrate_camera", &from_views, py::arg("views"), py::arg("image_size"),
+               py::kw_only(), model, leave_one_out, resamples, fit_board,
+               R"(The same from CalibrationViews of observe(), or of your own points.
+
+image_size: (width, height), px.)");
+}
+
+}  // namespace etalon

@@ -1,0 +1,262 @@
+// etalon.Camera: a calibration, its projection and the exact inverse.
+#include "calib/camera/projector.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <limits>
+
+#include "calib/camera/parameter_names.h"
+#include "calib/files/camera_file.h"
+#include "calib/files/camera_formats.h"
+#include "calib/intrinsics/calibration_model.h"
+#include "calib/intrinsics/camera_check.h"
+#include "core/errors.h"
+#include "python/arrays.h"
+#include "python/bindings.h"
+#include "python/interruptible.h"
+
+namespace etalon {
+namespace {
+
+constexpr double no_number = std::numeric_limits<double>::quiet_NaN();
+
+std::optional<cv::Size> size_of(const std::optional<std::pair<int, int>>& image_size) {
+    return image_size ? std::optional(cv::Size(image_size->first, image_size->second))
+                      : std::nullopt;
+}
+
+Projector load(const std::filesystem::path& path,
+               const std::optional<std::pair<int, int>>& image_size) {
+    return without_gil([&] { return Projector(read_any_camera(path, size_of(image_size))); });
+}
+
+// `tool`: "etalon", or a word of calibration_tools().
+void save(const Projector& camera, const std::filesystem::path& path, const std::string& tool) {
+    if (tool == "etalon")
+        return without_gil([&] { write_camera(path, camera.camera()); });
+    for (const CalibrationTool known : calibration_tools())
+        if (tool == name_of(known))
+            return without_gil([&] { write_foreign_camera(path, known, camera.camera()); });
+    throw ConfigError({"tool"}, fmt::format("there is no tool \"{}\"", tool));
+}
+
+// What OpenCV's users have at hand.
+Projector from_opencv(const std::pair<int, int>& image_size, const py::object& matrix,
+                      const py::object& distortion) {
+    const NumberArray k = number_rows(matrix, 3, "matrix");
+    if (k.size() != 9 || k.at(1, 0) != 0.0 || k.at(2, 0) != 0.0 || k.at(2, 1) != 0.0 ||
+        k.at(2, 2) != 1.0)
+        throw ConfigError({"matrix"}, "must be [fx skew cx; 0 fy cy; 0 0 1]");
+    std::array<double, 14> coefficients{};
+    const std::vector<double> given = number_list(distortion, "distortion");
+    if (given.size() > coefficients.size())
+        throw ConfigError({"distortion"}, "OpenCV has 14 coefficients at most");
+    std::copy(given.begin(), given.end(), coefficients.begin());
+    if (image_size.first < 1 || image_size.second < 1)
+        throw ConfigError({"image_size"}, "must be (width, height), both at least 1 px");
+    CameraModel camera;
+    camera.width = image_size.first;
+    camera.height = image_size.second;
+    camera.intrinsics = {k.at(0, 0), k.at(1, 1), k.at(0, 2), k.at(1, 2), k.at(0, 1)};
+    camera.distortion = Distortion::from_opencv_order(coefficients);
+    return Projector(camera);
+}
+
+py::object project(const Projector& camera, const py::object& points_camera, bool jacobians) {
+    const NumberArray points = number_rows(points_camera, 3, "points_camera");
+    NumberArray pixels(shape_like(points, {2}));
+    NumberArray by_point(jacobians ? shape_like(points, {2, 3}) : std::vector<py::ssize_t>{0});
+    const double* from = points.data();
+    double* pixel = pixels.mutable_data();
+    double* jacobian = by_point.mutable_data();
+    without_gil([&] {
+        for (py::ssize_t i = 0; i < points.size(); i += 3, pixel += 2) {
+            const Eigen::Vector3d point(from + i);
+            Eigen::Map<Eigen::Vector2d> seen(pixel);
+            if (!jacobians) {
+                seen = camera.project(point).value_or(Eigen::Vector2d::Constant(no_number));
+                continue;
+            }
+            Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>> derivative(jacobian + 2 * i);
+            const auto projected = camera.project_with_jacobian(point);
+            seen = projected ? projected->pixel : Eigen::Vector2d::Constant(no_number);
+            derivative.fill(no_number);
+            if (projected)
+                derivative = projected->jacobian;
+        }
+    });
+    return jacobians ? py::object(py::make_tuple(pixels, by_point)) : pixels;
+}
+
+// d ray / d pixel: the inverse of d pixel / d p_camera on the plane in which rays can move, which
+// is Z = 1 or, of rays of length 1, across the ray (there the inverse is Moore and Penrose's).
+Eigen::Matrix<double, 3, 2> ray_by_pixel(const Eigen::Matrix<double, 2, 3>& pixel_by_point,
+                                         bool is_flat) {
+    if (!is_flat)
+        return pixel_by_point.transpose() * (pixel_by_point * pixel_by_point.transpose()).inverse();
+    Eigen::Matrix<double, 3, 2> result = Eigen::Matrix<double, 3, 2>::Zero();
+    result.topRows<2>() = pixel_by_point.leftCols<2>().inverse();
+    return result;
+}
+
+py::object unproject(const Projector& camera, const py::object& pixels, bool jacobians) {
+    const NumberArray places = number_rows(pixels, 2, "pixels");
+    NumberArray rays(shape_like(places, {3}));
+    NumberArray by_pixel(jacobians ? shape_like(places, {3, 2}) : std::vector<py::ssize_t>{0});
+    const bool is_flat = camera.camera().projection.is_flat();
+    const double* from = places.data();
+    double* ray = rays.mutable_data();
+    double* jacobian = by_pixel.mutable_data();
+    without_gil([&] {
+        for (py::ssize_t i = 0; i < places.size(); i += 2, ray += 3) {
+            const auto found = camera.ray(Eigen::Vector2d(from + i));
+            Eigen::Map<Eigen::Vector3d>{ray} = found.value_or(Eigen::Vector3d::Constant(no_number));
+            if (!jacobians)
+                continue;
+            Eigen::Map<Eigen::Matrix<double, 3, 2, Eigen::RowMajor>> derivative(jacobian + 3 * i);
+            derivative.fill(no_number);
+            const auto back = found ? camera.project_with_jacobian(*found) : std::nullopt;
+            if (back)
+                derivative = ray_by_pixel(back->jacobian, is_flat);
+        }
+    });
+    return jacobians ? py::object(py::make_tuple(rays, by_pixel)) : rays;
+}
+
+// ---- what the file says
+
+py::dict parameters(const Projector& camera) {
+    const CameraModel& model = camera.camera();
+    const Intrinsics& k = model.intrinsics;
+    py::dict all;
+    all["fx"] = k.fx;
+    all["fy"] = k.fy;
+    all["cx"] = k.cx;
+    all["cy"] = k.cy;
+    all["skew"] = k.skew;
+    const auto coefficients = model.distortion.coefficients();
+    for (std::size_t i = 0; i < coefficients.size(); ++i)
+        all[distortion_names[i]] = coefficients[i];
+    for (const auto& [name, value] : named_parameters(model.projection))
+        all[name] = value;
+    return all;
+}
+
+NumberArray matrix(const Projector& camera) {
+    const Intrinsics& k = camera.camera().intrinsics;
+    return array_of(Eigen::MatrixXd(
+        (Eigen::Matrix3d() << k.fx, k.skew, k.cx, 0, k.fy, k.cy, 0, 0, 1).finished()));
+}
+
+py::object covariance(const Projector& camera) {
+    const auto& stated = camera.camera().covariance;
+    if (!stated)
+        return py::none();
+    return py::make_tuple(stated->order, array_of(stated->matrix));
+}
+
+py::object lens(const Projector& camera) {
+    const auto& lens = camera.camera().lens;
+    if (!lens)
+        return py::none();
+    using namespace py::literals;
+    static constexpr const char* spreads[] = {"ideal", "gaussian", "measured", "wave"};
+    return py::dict("f_number"_a = lens->f_number, "focus_distance_mm"_a = lens->focus_distance_mm,
+                    "wavelength_nm"_a = lens->wavelength_nm, "object_na"_a = lens->object_na,
+                    "psf"_a = spreads[static_cast<int>(lens->psf.kind)],
+                    "sigma_px"_a = lens->psf.sigma_px);
+}
+
+py::object sensor(const Projector& camera) {
+    const auto& sensor = camera.camera().sensor;
+    if (!sensor)
+        return py::none();
+    using namespace py::literals;
+    static constexpr const char* curves[] = {"linear", "rec709", "table"};
+    return py::dict("pixel_pitch_um"_a = sensor->pixel_pitch_um, "bits"_a = sensor->bits,
+                    "transfer"_a = curves[static_cast<int>(sensor->transfer.kind)],
+                    "black_dn"_a = sensor->black_dn, "gain_e_per_dn"_a = sensor->gain_e_per_dn,
+                    "read_noise_e"_a = sensor->read_noise_e);
+}
+
+py::dict check(const Projector& camera) {
+    const CameraCheck check = without_gil([&] { return check_camera(camera.camera()); });
+    using namespace py::literals;
+    static constexpr const char* weights[] = {"note", "warning", "fault"};
+    py::list findings;
+    for (const CameraFinding& finding : check.findings)
+        findings.append(py::dict("weight"_a = weights[static_cast<int>(finding.weight)],
+                                 "about"_a = finding.about, "message"_a = finding.message));
+    return py::dict("has_fault"_a = check.has_fault(), "horizontal_deg"_a = check.horizontal_deg,
+                    "vertical_deg"_a = check.vertical_deg, "diagonal_deg"_a = check.diagonal_deg,
+                    "image_without_ray"_a = check.image_without_ray, "margin"_a = check.margin,
+                    "findings"_a = findings);
+}
+
+std::string text_of(const Projector& camera) {
+    const CameraModel& model = camera.camera();
+    return fmt::format("<etalon.Camera {} x {} px, {}, fx {:.6g}, fy {:.6g}>", model.width,
+                       model.height, name_of(model.projection.kind).name, model.intrinsics.fx,
+                       model.intrinsics.fy);
+}
+
+}  // namespace
+
+void bind_camera(py::module_& module) {
+    py::class_<Projector>(module, "Camera",
+                          R"(A calibrated camera. Immutable, safe from every thread.
+
+Camera frame: x right, y down, z forward, mm. Pixel (0, 0) is the centre of the top-left pixel.)")
+        .def(py::init(&from_opencv), py::arg("image_size"), py::arg("matrix"),
+             py::arg("distortion") = py::tuple(),
+             R"(A perspective camera from OpenCV's numbers; others are read from files: load().
+
+image_size: (width, height), px. matrix: (3, 3), [fx skew cx; 0 fy cy; 0 0 1], px.
+distortion: up to 14 coefficients in OpenCV's order. Raises ConfigError, NumericalError.)")
+        .def_static("load", &load, py::arg("path"), py::arg("image_size") = py::none(),
+                    R"(Reads camera.yml or the calibration of another tool, of any lens.
+
+image_size: (width, height) where the file may not say it. Raises ConfigError with file, line, key.)")
+        .def("save", &save, py::arg("path"), py::arg("tool") = "etalon",
+             R"(Writes camera.yml, so that load() gives the same doubles, or another tool's file.
+
+tool: etalon, opencv, ros, kalibr, mrcal, matlab, boofcv or colmap. Raises ConfigError where the
+tool lacks a coefficient that is not 0.)")
+        .def("project", &project, py::arg("points_camera"), py::kw_only(),
+             py::arg("jacobians") = false,
+             R"(Pixels (..., 2) of points (..., 3) in the camera frame, mm.
+
+With jacobians=True also d pixel / d point, (..., 2, 3), px/mm. NaN where a point has no image:
+behind the camera, outside the distortion model's valid region, not finite.)")
+        .def("unproject", &unproject, py::arg("pixels"), py::kw_only(),
+             py::arg("jacobians") = false,
+             R"(Rays (..., 3) of pixels (..., 2): Z = 1, or length 1 of a wide lens.
+
+With jacobians=True also d ray / d pixel, (..., 3, 2). NaN where a pixel has no ray. Of a
+telecentric camera X and Y in mm.)")
+        .def("check", &check, R"(Whether the whole image can be used, and what is unusual: a dict.
+
+Angles in degrees, image_without_ray 0 to 1, findings with weight, about and message.)")
+        .def_property_readonly(
+            "width", [](const Projector& c) { return c.camera().width; }, "px")
+        .def_property_readonly(
+            "height", [](const Projector& c) { return c.camera().height; }, "px")
+        .def_property_readonly(
+            "serial", [](const Projector& c) { return c.camera().serial; },
+            "Serial number; empty where it is not known.")
+        .def_property_readonly(
+            "projection",
+            [](const Projector& c) { return name_of(c.camera().projection.kind).name; },
+            "perspective, telecentric, equidistant, ...: docs/files.md.")
+        .def_property_readonly("parameters", &parameters,
+                               "By name: fx, fy, cx, cy, skew, k1 ... k7, and the projection's.")
+        .def_property_readonly("matrix", &matrix, "(3, 3), [fx skew cx; 0 fy cy; 0 0 1], px.")
+        .def_property_readonly("covariance", &covariance,
+                               "(names, (P, P)) of the calibrated parameters, or None.")
+        .def_property_readonly("lens", &lens, "What is known of the lens: a dict, or None.")
+        .def_property_readonly("sensor", &sensor, "What is known of the sensor: a dict, or None.")
+        .def("__repr__", &text_of);
+}
+
+}  // namespace etalon

@@ -1,0 +1,156 @@
+// etalon.compare: a photograph against its rendering.
+#include "calib/camera/projector.h"
+#include "compare/detect/photo_pose.h"
+#include "compare/make_detector.h"
+#include "compare/match/match_outcome.h"
+#include "compare/photometric/photo_match.h"
+#include "core/errors.h"
+#include "python/arrays.h"
+#include "python/bindings.h"
+#include "python/interruptible.h"
+
+namespace etalon {
+namespace {
+
+using namespace py::literals;
+
+struct ComparedOnce {
+    std::string failure;  // why there is no match
+    Findings findings;
+    std::optional<PhotoMatch> match;
+
+    bool is_matched() const { return match && etalon::is_matched(findings); }
+};
+
+// The pose under test: the one that was given, or that of the marker's own detector.
+PhotoPose pose_under_test(const CodeImage& photo, const Marker& marker, const Projector& projector,
+                          const std::optional<Rigid>& given) {
+    if (given)
+        return {"photo", {}, {}, PoseEstimate{.camera_from_marker = *given}};
+    const auto detector = make_detector("auto", marker, "marker");
+    return find_as_drawn("photo", photo, *detector, projector, marker);
+}
+
+ComparedOnce compared(const CodeImage& photo, const Marker& marker, const CameraModel& model,
+                      const std::optional<Rigid>& given, double background) {
+    const auto camera = std::make_shared<const PhotometricCamera>(model);
+    const PhotoPose under_test = pose_under_test(photo, marker, camera->projector(), given);
+    if (!under_test.estimate)
+        return {under_test.failure, {}, {}};
+    const ComparedArea area = compared_area(marker, {}, "marker");
+    const Rigid& pose = under_test.estimate->camera_from_marker;
+    Findings refusals = examine_marker(photo, marker, area, camera->projector(), pose);
+    if (is_refused(refusals))
+        return {refusals.front().sentence, std::move(refusals), {}};
+    PhotoMatch match = match_photo(photo, marker.grid, area, camera, pose, background);
+    Findings findings = examine_match(photo, marker, area, *camera, match);
+    return {{}, std::move(findings), std::move(match)};
+}
+
+ComparedOnce compare(const py::array& photo, const Marker& marker, const Projector& camera,
+                     const py::object& camera_from_marker, double background) {
+    const CodeImage image = photo_of(photo, camera.camera(), "photo");
+    std::optional<Rigid> given;
+    if (!camera_from_marker.is_none())
+        given = rigid_of(camera_from_marker, "camera_from_marker");
+    return without_gil([&] { return compared(image, marker, camera.camera(), given, background); });
+}
+
+py::list model_parameters(const PhotoFit& fit) {
+    py::list all;
+    for (const MatchParameter& parameter : fit.parameters)
+        all.append(py::dict("name"_a = parameter.name, "value"_a = parameter.value,
+                            "deviation"_a = parameter.deviation, "unit"_a = parameter.unit,
+                            "source"_a = name(parameter.source)));
+    return all;
+}
+
+void bind_findings(py::module_& module) {
+    py::class_<Finding>(module, "Finding", "What speaks against a match.")
+        .def_readonly("name", &Finding::name, "occluded, glare, blur_differs, ...")
+        .def_readonly("sentence", &Finding::sentence, "For a technician.")
+        .def_readonly("value", &Finding::value, "Measured, in unit.")
+        .def_readonly("limit", &Finding::limit, "That it is beyond.")
+        .def_readonly("unit", &Finding::unit, "px, %, gray; empty for a ratio.")
+        .def_readonly("is_refusal", &Finding::is_refusal,
+                      "The figures of this photograph mean nothing.")
+        .def("__repr__", [](const Finding& finding) {
+            return "<etalon.Finding " + finding.name + ": " + finding.sentence + ">";
+        });
+}
+
+void bind_fit(py::module_& module) {
+    const auto image = [](cv::Mat PixelDifference::*which) {
+        return [which](const PhotoFit& fit) { return shared_array(fit.difference.*which); };
+    };
+    const auto figure = [](double ResidualStatistics::*which) {
+        return [which](const PhotoFit& fit) { return fit.difference.scored.*which; };
+    };
+    py::class_<PhotoFit>(module, "PhotoFit", R"(A photograph against its rendering at one pose.
+
+Gray: code value / full scale * 255. Fitted on one half of the marker's cells, scored on the other.)")
+        .def_property_readonly(
+            "camera_from_marker",
+            [](const PhotoFit& fit) { return array_of(fit.state.camera_from_marker); },
+            "(4, 4), mm.")
+        .def_property_readonly("rms_gray", figure(&ResidualStatistics::rms_gray),
+                               "Of the scored pixels.")
+        .def_property_readonly("mean_gray", figure(&ResidualStatistics::mean_gray), "Signed.")
+        .def_property_readonly("p99_gray", figure(&ResidualStatistics::p99_gray),
+                               "99 % of the absolute residuals are at most this.")
+        .def_property_readonly(
+            "noise_gray", [](const PhotoFit& fit) { return fit.difference.noise_gray; },
+            "Standard deviation of the noise, RMS.")
+        .def_property_readonly(
+            "predicted", image(&PixelDifference::predicted),
+            "(height, width) float32, gray: what the photograph should have been.")
+        .def_property_readonly("residual", image(&PixelDifference::residual),
+                               "(height, width) float32, gray: photograph minus predicted.")
+        .def_property_readonly(
+            "significance", image(&PixelDifference::significance),
+            "(height, width) float32: residual / standard deviation of the noise.")
+        .def_property_readonly("use", image(&PixelDifference::use),
+                               "(height, width) uint8: 0 outside, 1 fitted, 2 scored.")
+        .def_property_readonly(
+            "parameters", &model_parameters,
+            "Of the photometric model: dicts of name, value, deviation, unit, source.");
+}
+
+}  // namespace
+
+void bind_compare(py::module_& module) {
+    bind_findings(module);
+    bind_fit(module);
+    const auto fit = [](PhotoFit PhotoMatch::*which) {
+        return [which](const ComparedOnce& result) {
+            return result.match ? std::optional((*result.match).*which) : std::nullopt;
+        };
+    };
+    py::class_<ComparedOnce>(module, "Comparison", "A photograph against its rendering.")
+        .def_property_readonly("is_matched", &ComparedOnce::is_matched,
+                               "Compared, and nothing speaks against a match.")
+        .def_readonly("findings", &ComparedOnce::findings, "What speaks against a match.")
+        .def_readonly("failure", &ComparedOnce::failure,
+                      "Why it could not be compared; else empty.")
+        .def_property_readonly("calibrated", fit(&PhotoMatch::calibrated),
+                               "PhotoFit at the pose under test, or None.")
+        .def_property_readonly("refined", fit(&PhotoMatch::refined),
+                               "PhotoFit at the photometric pose, or None.")
+        .def_property_readonly(
+            "pose",
+            [](const ComparedOnce& result) {
+                return result.match ? std::optional(result.match->pose) : std::nullopt;
+            },
+            "PhotometricPose, or None.");
+    module.def("compare", &compare, py::arg("photo"), py::arg("marker"), py::arg("camera"),
+               py::arg("camera_from_marker") = py::none(), py::kw_only(),
+               py::arg("background") = 1.0,
+               R"(A photograph of a marker against its rendering: a Comparison.
+
+photo: (height, width) uint8 or uint16, shared. camera_from_marker: (4, 4), mm, the pose under test;
+None takes that of the marker's own detector. background: radiance beside the marker, whose white is
+1. A marker that is not found is no error: failure says why. Raises ConfigError for a photograph of
+another size than the camera's, NumericalError where the pixels do not determine the fit.)");
+}
+
+}  // namespace etalon

@@ -1,0 +1,36 @@
+// Long calls from Python: the work is done without the GIL, on a thread of its own, so that Ctrl-C
+// reaches it as a request to stop. Axes are then stopped and files closed before the
+// KeyboardInterrupt goes on.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <functional>
+#include <optional>
+#include <stop_token>
+#include <utility>
+
+namespace etalon {
+
+// Does `work` and returns when it has ended, whatever happened; call with the GIL. Throws what it
+// threw, and KeyboardInterrupt (or what a signal handler of Python raised) if that came meanwhile.
+// Signals are Python's affair: they are seen where the caller is its main thread.
+void run_interruptibly(const std::function<void(std::stop_token)>& work);
+
+// The same of work that returns something.
+template <class Work>
+auto interruptible(Work&& work) {
+    std::optional<decltype(work(std::stop_token()))> result;
+    run_interruptibly([&](std::stop_token stop) { result.emplace(work(std::move(stop))); });
+    return std::move(*result);
+}
+
+// For work that takes less than a tenth of a second or cannot be stopped: without the GIL, on the
+// caller's thread.
+template <class Work>
+auto without_gil(Work&& work) {
+    const pybind11::gil_scoped_release released;
+    return std::forward<Work>(work)();
+}
+
+}  // namespace etalon

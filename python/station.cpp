@@ -1,0 +1,233 @@
+// etalon.Station: what a station.yaml says, its devices, and the main job; records analysed again.
+#include "calib/camera/projector.h"
+#include "core/file_lock.h"
+#include "core/pose_numbers.h"
+#include "python/arrays.h"
+#include "python/bindings.h"
+#include "python/devices.h"
+#include "python/interruptible.h"
+#include "python/progress.h"
+#include "stage/axes/kinematics.h"
+#include "station/qualify/runner.h"
+#include "station/register/stage_registration.h"
+#include "station/setup/plan.h"
+
+namespace etalon {
+namespace {
+
+using namespace py::literals;
+
+// What the record says, in Python's types.
+py::object read_back(const std::filesystem::path& folder) {
+    return py::module_::import("etalon.records").attr("read_record")(folder);
+}
+
+py::object qualify_station(const StationFile& station, const std::filesystem::path& out, bool homed,
+                           bool progress) {
+    interruptible([&](std::stop_token stop) {
+        RunProgress shown(progress);
+        return run_qualification(
+            station, out, station_devices(station, homed, shown.clock(), shown.progress(), stop),
+            shown.clock(), shown.progress(), stop);
+    });
+    return read_back(out);
+}
+
+py::object resume(const std::filesystem::path& record, bool homed, bool progress) {
+    interruptible([&](std::stop_token stop) {
+        const FileLock lock(record / log_file);
+        RunProgress shown(progress);
+        const RecordedRun recorded = read_record(record, shown.progress(), stop);
+        return resume_qualification(
+            recorded,
+            station_devices(recorded.result.station, homed, shown.clock(), shown.progress(), stop),
+            shown.clock(), shown.progress(), stop);
+    });
+    return read_back(record);
+}
+
+py::object analyse(const std::filesystem::path& record, bool progress) {
+    interruptible([&](std::stop_token stop) {
+        const FileLock lock(record / log_file);
+        RunProgress shown(progress);
+        return analyse_record(read_record(record, shown.progress(), stop), shown.progress(), stop);
+    });
+    return read_back(record);
+}
+
+// ---- registration
+
+StageRegistration registered(const StationFile& station, const std::vector<StagePhoto>& photos,
+                             const std::string& detector) {
+    return register_photos(station, photos, detector.empty() ? station.detector : detector);
+}
+
+StageRegistration register_positions(const StationFile& station, const std::filesystem::path& csv,
+                                     const std::string& detector) {
+    return without_gil(
+        [&] { return registered(station, read_stage_photos(csv, station.stage.axes), detector); });
+}
+
+StageRegistration register_record(const std::filesystem::path& record,
+                                  const std::string& detector) {
+    return without_gil([&] {
+        const StationFile station = read_station(station_of_record(record));
+        return registered(station, read_record_photos(record, station.stage.axes), detector);
+    });
+}
+
+py::list badly_determined(const StageRegistration& result) {
+    py::list all;
+    for (const WeakDirection& weak : result.registration.weak)
+        all.append(py::dict("name"_a = weak.name, "deviation"_a = result.scale * weak.deviation,
+                            "unit"_a = weak.is_shift() ? "mm" : "rad"));
+    return all;
+}
+
+py::list photos(const StageRegistration& result) {
+    py::list all;
+    for (const RegisteredPhoto& photo : result.photos)
+        all.append(
+            py::dict("photo"_a = photo.photo.string(), "failure"_a = photo.failure,
+                     "difference_mm"_a = array_of(numbers_of(photo.residual.translation_mm)),
+                     "difference_rad"_a = array_of(numbers_of(photo.residual.rotation_rad))));
+    return all;
+}
+
+NumberArray registration_covariance(const StageRegistration& result) {
+    return array_of(Eigen::MatrixXd(result.scale * result.scale * result.registration.covariance));
+}
+
+void bind_registration(py::module_& module) {
+    py::class_<StageRegistration>(module, "StageRegistration",
+                                  "Where a stage stands before the camera, and the marker on it.")
+        .def_property_readonly(
+            "camera_from_base",
+            [](const StageRegistration& r) { return array_of(r.registration.camera_from_base); },
+            "(4, 4), mm.")
+        .def_property_readonly(
+            "carriage_from_marker",
+            [](const StageRegistration& r) {
+                return array_of(r.registration.carriage_from_marker);
+            },
+            "(4, 4), mm.")
+        .def_property_readonly(
+            "deviations",
+            [](const StageRegistration& r) { return array_of(numbers_of(r.deviations)); },
+            "(12,): standard deviations of the two, each rotation (rad), then translation (mm).")
+        .def_property_readonly("covariance", &registration_covariance,
+                               "(12, 12), in the same order.")
+        .def_property_readonly(
+            "freedoms",
+            [](const StageRegistration& r) {
+                std::vector<std::string> names;
+                for (const GaugeFreedom& freedom : r.registration.freedoms)
+                    names.push_back(freedom.name);
+                return names;
+            },
+            "Directions that no motion of the stage can tell, by name.")
+        .def_property_readonly("badly_determined", &badly_determined,
+                               "Directions that the poses hardly tell: name, deviation, unit.")
+        .def_property_readonly("photos", &photos,
+                               "Of each: photo, failure, difference_mm (3,), difference_rad (3,).")
+        .def_readonly("used", &StageRegistration::used, "Number of photographs that took part.")
+        .def_readonly("detector", &StageRegistration::detector, "apriltag, photometric, ...")
+        .def_property_readonly(
+            "residual_rms_px",
+            [](const StageRegistration& r) { return r.registration.residual_rms_px; },
+            "Over the coordinates of the corners; 0 of photometric poses.");
+    module.def("register_record", &register_record, py::arg("record"), py::arg("detector") = "",
+               R"(A StageRegistration from the photographs and positions of a run's record.
+
+detector: "" takes the station's; "photometric" weighs each pose by its covariance. Raises
+ConfigError, and NumericalError for poses that do not tell.)");
+}
+
+// ---- the station
+
+py::dict plan(const StationFile& station) {
+    const Plan plan = without_gil([&] { return plan_of(station); });
+    const auto axes = static_cast<py::ssize_t>(station.stage.axes.size());
+    NumberArray targets({static_cast<py::ssize_t>(plan.poses.size()), axes});
+    py::array_t<bool> hold_out(static_cast<py::ssize_t>(plan.poses.size()));
+    double* target = targets.mutable_data();
+    bool* held = hold_out.mutable_data();
+    for (const Pose& pose : plan.poses) {
+        target = std::copy(pose.target.begin(), pose.target.end(), target);
+        *held++ = pose.hold_out;
+    }
+    return py::dict(
+        "targets"_a = targets, "hold_out"_a = hold_out,
+        "expected_duration_s"_a = std::chrono::duration<double>(plan.expected_duration).count());
+}
+
+std::unique_ptr<SharedCamera> open_station_camera(const StationFile& station) {
+    auto camera = std::make_unique<SharedCamera>(station.camera.uri, station.camera.link);
+    configured(*camera, station.camera.settings);
+    return camera;
+}
+
+std::unique_ptr<SharedStage> open_station_stage(const StationFile& station, bool homed) {
+    return std::make_unique<SharedStage>(station.stage, homed);
+}
+
+NumberArray carriage_at(const StationFile& station, const py::object& positions) {
+    return array_of(base_from_carriage(station.stage.axes, number_list(positions, "positions")));
+}
+
+StationFile read_file(const std::filesystem::path& path) {
+    return without_gil([&] { return read_station(path); });
+}
+
+}  // namespace
+
+void bind_station(py::module_& module) {
+    bind_registration(module);
+    py::class_<StationFile>(module, "Station",
+                            "A camera, a stage and what they are to be told: station.yaml.")
+        .def(py::init(&read_file), py::arg("path"),
+             "Reads station.yaml; touches no device. Raises ConfigError with file, line and key.")
+        .def_readonly("id", &StationFile::id, "Names the station in records.")
+        .def_readonly("marker", &StationFile::marker, "The Marker on the stage.")
+        .def_property_readonly(
+            "camera", [](const StationFile& station) { return Projector(station.camera.model); },
+            "The calibration under test, a Camera.")
+        .def_property_readonly(
+            "axes", [](const StationFile& station) { return axes_list(station.stage.axes); },
+            "Dicts of name, kind, unit, low, high, speed; mm or rad.")
+        .def("plan", &plan,
+             "Where a run goes: targets (P, A), hold_out (P,) bool, expected_duration_s.")
+        .def("base_from_carriage", &carriage_at, py::arg("positions"),
+             "(4, 4), mm, at positions (A,), mm or rad.")
+        .def("open_camera", &open_station_camera,
+             "The CameraDevice with the station's settings, ready. Raises DeviceError.")
+        .def("open_stage", &open_station_stage, py::arg("homed") = false,
+             R"(The Stage, with all rules of the file. Nothing moves yet.
+
+homed: your word that axes stand at their zero, for controllers that do not tell. Raises
+DeviceError.)")
+        .def("qualify", &qualify_station, py::arg("out"), py::kw_only(), py::arg("homed") = false,
+             py::arg("progress") = false,
+             R"(The whole job: plan, motion, capture, detection, comparison, verdict.
+
+out: new folder for the record. Returns what read_record() does: outcome is PASS, FAIL, INCONCLUSIVE
+or, with its reason, ERROR. progress: to stderr. Raises ConfigError and DeviceError before anything
+moved. Ctrl-C stops the axes, and what was measured is kept.)")
+        .def("register_photos", &register_positions, py::arg("positions"), py::arg("detector") = "",
+             R"(A StageRegistration from photographs at known positions.
+
+positions: CSV with `photo` and a column for each axis, x_mm, rz_deg, ... Raises ConfigError and
+NumericalError.)")
+        .def("__repr__",
+             [](const StationFile& station) { return "<etalon.Station " + station.id + ">"; });
+    module.def("analyse_record", &analyse, py::arg("record"), py::kw_only(),
+               py::arg("progress") = false,
+               R"(Analyses a run's record again and replaces its results; as read_record() after it.
+
+Raises ConfigError for a record that is not what a run wrote.)");
+    module.def("resume_record", &resume, py::arg("record"), py::kw_only(), py::arg("homed") = false,
+               py::arg("progress") = false,
+               R"(Goes on with a run that did not come to its end; as Station.qualify().)");
+}
+
+}  // namespace etalon

@@ -1,0 +1,47 @@
+// etalon._etalon._Twin: what etalon.twin() starts (etalon/testing.py).
+#include "python/bindings.h"
+
+#ifdef ETALON_HAVE_TWIN
+#include "mocks/twin/twin.h"
+#include "python/arrays.h"
+#include "python/interruptible.h"
+
+namespace etalon {
+namespace {
+
+std::unique_ptr<Twin> start(const std::filesystem::path& file,
+                            const std::optional<std::uint64_t>& seed) {
+    return without_gil([&] {
+        TwinFile twin = read_twin_file(file);
+        twin.seed = seed.value_or(twin.seed);
+        return std::make_unique<Twin>(twin);
+    });
+}
+
+// Its threads may wait for the GIL's holder.
+struct EndWithoutGil {
+    void operator()(Twin* twin) const {
+        const py::gil_scoped_release released;
+        delete twin;
+    }
+};
+
+}  // namespace
+
+void bind_twin(py::module_& module) {
+    py::class_<Twin, std::unique_ptr<Twin, EndWithoutGil>>(
+        module, "_Twin", "A simulated stage and camera on 127.0.0.1, until it is deleted.")
+        .def(py::init(
+                 [](const std::filesystem::path& file, const std::optional<std::uint64_t>& seed) {
+                     return std::unique_ptr<Twin, EndWithoutGil>(start(file, seed).release());
+                 }),
+             py::arg("file"), py::arg("seed") = py::none())
+        .def_property_readonly("stage_place", &Twin::stage_place, "Where the stage listens.");
+}
+
+}  // namespace etalon
+#else
+
+void etalon::bind_twin(pybind11::module_&) {}
+
+#endif

@@ -15,7 +15,10 @@ install(TARGETS etalon)
 if(TARGET etalon-twin)
     install(TARGETS etalon-twin)
 endif()
-install(DIRECTORY stage/profiles DESTINATION ${CMAKE_INSTALL_DATADIR}/etalon)
+install(DIRECTORY stage/profiles examples DESTINATION ${CMAKE_INSTALL_DATADIR}/etalon)
+# The programs find the examples in the build folder as they do where they are installed.
+file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/share/etalon)
+file(CREATE_LINK ${PROJECT_SOURCE_DIR}/examples ${PROJECT_BINARY_DIR}/share/etalon/examples SYMBOLIC)
 install(EXPORT etalonTargets NAMESPACE etalon::
     DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/etalon)
 configure_package_config_file(cmake/etalonConfig.cmake.in

@@ -49,4 +49,10 @@ if [ -x "$scratch/prefix/bin/etalon-twin" ]; then
     for _ in $(seq 100); do [ -e ready ] || sleep 0.1; done
     expect '^\(PASS\|INCONCLUSIVE\)' ./qualify station.yaml record
     [ -s record/report.html ]
+
+    # The installed program finds the installed twin and examples: the twin answers.
+    status=0
+    "$scratch/prefix/bin/etalon" demo -- --no-such-option 2>refused || status=$?
+    cat refused
+    [ $status -eq 3 ] && grep -q no-such-option refused
 fi

@@ -2,7 +2,6 @@
 # find_package(etalon) finds them: linking etalon::sim alone gives the renderer. examples/library/
 # shows how each of the five headers of etalon/ is used.
 
-include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 install(TARGETS etalon_opencv EXPORT etalonTargets)
@@ -17,7 +16,8 @@ install(TARGETS etalon)
 if(TARGET etalon-twin)
     install(TARGETS etalon-twin)
 endif()
-install(DIRECTORY stage/profiles examples DESTINATION ${CMAKE_INSTALL_DATADIR}/etalon)
+install(DIRECTORY stage/profiles examples DESTINATION ${CMAKE_INSTALL_DATADIR}/etalon
+    USE_SOURCE_PERMISSIONS)
 # The programs find the examples in the build folder as they do where they are installed.
 file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/share/etalon)
 file(CREATE_LINK ${PROJECT_SOURCE_DIR}/examples ${PROJECT_BINARY_DIR}/share/etalon/examples SYMBOLIC)

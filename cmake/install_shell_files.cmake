@@ -29,6 +29,10 @@ function(install_page name summary)
             --manual=Etalon --source=etalon --version-string=${VERSION} --name=${summary}
             --output=${scratch}/${name}.1 ${command}
         COMMAND_ERROR_IS_FATAL ANY)
+    # "etalon render" is found as what its page is called.
+    file(READ ${scratch}/${name}.1 page)
+    string(REGEX REPLACE "(.SH NAME\n)[^\n]* \\\\- " "\\1${name} \\\\- " page "${page}")
+    file(WRITE ${scratch}/${name}.1 "${page}")
     file(INSTALL ${scratch}/${name}.1 DESTINATION ${share}/man/man1)
 endfunction()
 install_page(etalon "qualifies calibrated cameras on a motorised stage" ${program})

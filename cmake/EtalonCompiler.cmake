@@ -26,6 +26,14 @@ if(ETALON_SANITIZE)
     target_link_options(etalon_compiler INTERFACE -fsanitize=${ETALON_SANITIZE})
 endif()
 
+# Shared libraries, and with them mocks, which shares their precompiled header. Programs find the
+# libraries wherever both are moved to.
+if(BUILD_SHARED_LIBS)
+    set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+    set(CMAKE_BUILD_RPATH_USE_ORIGIN ON)
+    set(CMAKE_INSTALL_RPATH "$ORIGIN/../${CMAKE_INSTALL_LIBDIR}")
+endif()
+
 # ccache is used when it is there. The two sloppiness flags are what it needs for precompiled
 # headers; neither can change what is compiled. Paths below the source folder count as relative, so
 # that a second clone finds what the first one compiled.

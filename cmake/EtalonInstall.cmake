@@ -2,7 +2,6 @@
 # find_package(etalon) finds them: linking etalon::sim alone gives the renderer. examples/library/
 # shows how each of the five headers of etalon/ is used.
 
-include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 install(TARGETS etalon_opencv EXPORT etalonTargets)
@@ -10,12 +9,18 @@ foreach(library core report calib sim capture stage compare bench study station)
     install(TARGETS etalon_${library} EXPORT etalonTargets)
 endforeach()
 install(CODE "set(SOURCE_DIR \"${PROJECT_SOURCE_DIR}\")\nset(BINARY_DIR \"${PROJECT_BINARY_DIR}\")")
+install(CODE "set(VERSION \"${PROJECT_VERSION}\")")
 install(SCRIPT cmake/install_headers.cmake)
+install(SCRIPT cmake/install_shell_files.cmake)
 install(TARGETS etalon)
 if(TARGET etalon-twin)
     install(TARGETS etalon-twin)
 endif()
-install(DIRECTORY stage/profiles DESTINATION ${CMAKE_INSTALL_DATADIR}/etalon)
+install(DIRECTORY stage/profiles examples DESTINATION ${CMAKE_INSTALL_DATADIR}/etalon
+    USE_SOURCE_PERMISSIONS)
+# The programs find the examples in the build folder as they do where they are installed.
+file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/share/etalon)
+file(CREATE_LINK ${PROJECT_SOURCE_DIR}/examples ${PROJECT_BINARY_DIR}/share/etalon/examples SYMBOLIC)
 install(EXPORT etalonTargets NAMESPACE etalon::
     DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/etalon)
 configure_package_config_file(cmake/etalonConfig.cmake.in

@@ -1,18 +1,25 @@
-# etalon_library(NAME [PUBLIC libs...] [PRIVATE libs...] [WITHOUT files or rooms...])
+# etalon_library(NAME [STATIC] [PUBLIC libs...] [PRIVATE libs...] [WITHOUT files or rooms...])
 #
-# One static library per folder at the top, with the alias etalon::NAME: every .cpp file of its rooms.
+# One library per folder at the top, with the alias etalon::NAME: every .cpp file of its rooms. Static
+# unless BUILD_SHARED_LIBS is on, as it is for the Debian packages; STATIC: even then.
 # Headers are included from the root ("sim/render/renderer.h"). Each room is one translation unit: what
 # its files include is then parsed once, which takes a quarter of the time. All folders share one
 # precompiled header, made by core.
 function(etalon_library name)
-    cmake_parse_arguments(ARG "" "" "PUBLIC;PRIVATE;WITHOUT" ${ARGN})
+    cmake_parse_arguments(ARG "STATIC" "" "PUBLIC;PRIVATE;WITHOUT" ${ARGN})
+    set(kind "")
+    if(ARG_STATIC)
+        set(kind STATIC)
+    endif()
     file(GLOB_RECURSE sources CONFIGURE_DEPENDS RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} *.cpp)
     foreach(pattern IN LISTS ARG_WITHOUT)
         list(FILTER sources EXCLUDE REGEX "^${pattern}")
     endforeach()
-    add_library(etalon_${name} STATIC ${sources})
+    add_library(etalon_${name} ${kind} ${sources})
     add_library(etalon::${name} ALIAS etalon_${name})
-    set_target_properties(etalon_${name} PROPERTIES EXPORT_NAME ${name})
+    # No symbol of its own for exports: a precompiled header is refused when one differs.
+    set_target_properties(etalon_${name} PROPERTIES EXPORT_NAME ${name} DEFINE_SYMBOL ""
+        VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR})
     target_include_directories(etalon_${name} PUBLIC
         $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
         $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/generated>

@@ -47,11 +47,7 @@ constexpr Maker makers[] = {
 };
 
 [[noreturn]] void refuse(const std::string& name, const std::string& place) {
-    std::vector<std::string> names;
-    for (const Maker& maker : makers)
-        names.push_back(maker.name);
-    names.push_back("auto");
-    const std::string nearest = nearest_word(name, names);
+    const std::string nearest = nearest_word(name, detector_names());
     throw ConfigError({place}, fmt::format("there is no detector '{}'{}", name,
                                            nearest.empty() ? "" : "; is it " + nearest + "?"));
 }
@@ -72,6 +68,14 @@ std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& m
     if (!is_auto && detector->name() != name)
         throw ConfigError({place}, fmt::format("the {} detector cannot see {}", name, marker.spec));
     return detector;
+}
+
+std::vector<std::string> detector_names() {
+    std::vector<std::string> names = {"auto"};
+    for (const Maker& maker : makers)
+        if (std::ranges::count(names, maker.name) == 0)
+            names.emplace_back(maker.name);
+    return names;
 }
 
 }  // namespace etalon

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "compare/detect/detector.h"
 
@@ -16,5 +17,8 @@ namespace etalon {
 // detector or it cannot see the marker.
 std::unique_ptr<Detector> make_detector(const std::string& name, const Marker& marker,
                                         const std::string& place);
+
+// The names that make_detector() takes; "auto" is the first.
+std::vector<std::string> detector_names();
 
 }  // namespace etalon

@@ -8,6 +8,7 @@
 #include <map>
 #include <set>
 
+#include "core/read_trace.h"
 #include "core/text.h"
 #include "core/yaml_text.h"
 
@@ -17,9 +18,20 @@ struct Value::Shared {
     std::string file;
     std::set<std::string> asked;                            // paths that were looked up
     std::map<std::string, std::vector<std::string>> known;  // per mapping: keys looked for
+    std::shared_ptr<ReadTrace::File> trace;                 // empty: nobody wants to know
 };
 
 namespace {
+
+thread_local ReadTrace* active_trace = nullptr;
+
+std::shared_ptr<ReadTrace::File> traced_file(std::string_view kind) {
+    if (!active_trace)
+        return nullptr;
+    active_trace->files.push_back(
+        std::make_shared<ReadTrace::File>(ReadTrace::File{std::string(kind), {}}));
+    return active_trace->files.back();
+}
 
 // Of one mapping; of one key. Whoever reads all keys of a mapping looks each of them up among all,
 // and every value carries its path.
@@ -69,6 +81,14 @@ void require_sound_keys(const YAML::Node& mapping, const std::string& path,
 
 }  // namespace
 
+ReadTrace::ReadTrace() {
+    active_trace = this;
+}
+
+ReadTrace::~ReadTrace() {
+    active_trace = nullptr;
+}
+
 Value::Value(std::shared_ptr<YAML::Node> node, std::string path, std::shared_ptr<Shared> shared)
     : node_(std::move(node)), path_(std::move(path)), shared_(std::move(shared)) {}
 
@@ -76,13 +96,34 @@ Value Value::child(const YAML::Node& node, std::string path) const {
     return Value(std::make_shared<YAML::Node>(node), std::move(path), shared_);
 }
 
+// Only where somebody wants to know: files of many thousand values are read, too.
+void Value::note(ReadEvent event) const {
+    event.path = path_;
+    event.is_name = names_;
+    shared_->trace->events.push_back(std::move(event));
+}
+
+Value Value::with_names() const {
+    Value same = *this;
+    same.names_ = true;
+    return same;
+}
+
 Value Value::at(std::string_view key) const {
-    if (auto value = find(key))
+    if (shared_->trace)
+        note({.question = ReadEvent::Question::required_key, .key = std::string(key)});
+    if (auto value = look_up(key))
         return *value;
     throw ConfigError({shared_->file, line_of(*node_), join(path_, std::string(key))}, "missing");
 }
 
 std::optional<Value> Value::find(std::string_view key) const {
+    if (shared_->trace)
+        note({.question = ReadEvent::Question::optional_key, .key = std::string(key)});
+    return look_up(key);
+}
+
+std::optional<Value> Value::look_up(std::string_view key) const {
     if (!node_->IsMap())
         fail("must be a mapping (key: value)");
     const std::string word(key);
@@ -113,6 +154,8 @@ std::vector<std::string> Value::keys() const {
 }
 
 std::vector<Value> Value::items() const {
+    if (shared_->trace)
+        note({.question = ReadEvent::Question::items});
     if (!node_->IsSequence())
         fail("must be a list");
     std::vector<Value> items;
@@ -122,6 +165,12 @@ std::vector<Value> Value::items() const {
 }
 
 double Value::number(Range range) const {
+    if (shared_->trace)
+        note({.question = ReadEvent::Question::number, .range = range});
+    return finite_number(range);
+}
+
+double Value::finite_number(Range range) const {
     // yaml-cpp tags quoted scalars with "!", plain ones with "?".
     if (!node_->IsScalar() || node_->Tag() == "!")
         fail("must be a number");
@@ -134,27 +183,40 @@ double Value::number(Range range) const {
 }
 
 int Value::integer(int low, int high) const {
-    const double value = number({static_cast<double>(low), static_cast<double>(high)});
+    const Range range{static_cast<double>(low), static_cast<double>(high)};
+    if (shared_->trace)
+        note({.question = ReadEvent::Question::integer, .range = range});
+    const double value = finite_number(range);
     if (value != std::floor(value))
         fail(fmt::format("must be a whole number, not {}", value));
     return static_cast<int>(value);
 }
 
 bool Value::flag() const {
-    const std::string word = text();
+    if (shared_->trace)
+        note({.question = ReadEvent::Question::flag});
+    const std::string word = scalar();
     if (word != "true" && word != "false")
         fail(fmt::format("must be true or false, not '{}'", word));
     return word == "true";
 }
 
 std::string Value::text() const {
+    if (shared_->trace)
+        note({.question = ReadEvent::Question::text});
+    return scalar();
+}
+
+std::string Value::scalar() const {
     if (!node_->IsScalar())
         fail("must be a single word or text");
     return node_->Scalar();
 }
 
 std::string Value::one_of(std::initializer_list<std::string_view> words) const {
-    const std::string word = text();
+    if (shared_->trace)
+        note({.question = ReadEvent::Question::words, .words = {words.begin(), words.end()}});
+    const std::string word = scalar();
     std::string allowed;
     for (const std::string_view candidate : words) {
         if (word == candidate)
@@ -203,7 +265,8 @@ StrictFile::StrictFile(const std::string& text, const std::filesystem::path& pat
                        std::string_view kind)
     : path_(path),
       root_(std::make_shared<YAML::Node>(parse_yaml(text, path.string())), "",
-            std::make_shared<Value::Shared>(Value::Shared{path.string(), {}, {}})) {
+            std::make_shared<Value::Shared>(
+                Value::Shared{path.string(), {}, {}, traced_file(kind)})) {
     visit_mappings(*root_.node_, "", [&](const std::string& at, const YAML::Node& mapping) {
         require_sound_keys(mapping, at, path.string());
     });

@@ -28,6 +28,7 @@ class Node;
 namespace etalon {
 
 class StrictFile;
+struct ReadEvent;
 
 // One value of a file, with its place. Cheap to copy; outlives its file object.
 class Value {
@@ -36,6 +37,9 @@ public:
     Value at(std::string_view key) const;
     std::optional<Value> find(std::string_view key) const;
     std::vector<std::string> keys() const;
+    // The same mapping; what is looked up through it are names that the file itself gives, of its
+    // axes for instance, and no words of ours (core/read_trace.h).
+    Value with_names() const;
 
     // Of an optional key, 0 without it.
     double number_or_zero(std::string_view key, Range range) const;
@@ -67,9 +71,14 @@ private:
     Value(std::shared_ptr<YAML::Node> node, std::string path, std::shared_ptr<Shared> shared);
 
     Value child(const YAML::Node& node, std::string path) const;
+    std::optional<Value> look_up(std::string_view key) const;
+    double finite_number(Range range) const;
+    std::string scalar() const;
+    void note(ReadEvent event) const;
 
     std::shared_ptr<YAML::Node> node_;
-    std::string path_;  // dotted, "plan.volume.x" or "axes[1].name"
+    std::string path_;    // dotted, "plan.volume.x" or "axes[1].name"
+    bool names_ = false;  // with_names()
     std::shared_ptr<Shared> shared_;
 };
 

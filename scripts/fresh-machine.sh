@@ -3,9 +3,11 @@
 # exist), clones the committed state of this project into it, and runs ./demo.sh and ./test.sh there
 # with a stock machine's socket buffers, as somebody would who has nothing but git and a shell.
 # Prints the time of each step, without a compiler cache. Needs root, debootstrap, 6 GB; takes about
-# half an hour.
+# half an hour. Packages that scripts/package.sh has made are there in build/package.
 #
 #     scripts/fresh-machine.sh FOLDER [COMMAND...]        default: ./demo.sh, then ./test.sh
+#     scripts/fresh-machine.sh FOLDER 'apt-get update' 'apt-get install -y ./build/package/*.deb' \
+#         '! command -v c++' 'etalon demo'
 set -euo pipefail
 project=$(cd "$(dirname "$0")/.." && pwd)
 root=${1:?usage: scripts/fresh-machine.sh FOLDER [COMMAND...]}
@@ -45,6 +47,10 @@ rmem_max=$(sysctl -n net.core.rmem_max)
 sysctl -qw net.core.rmem_max=212992
 
 timed "clone" git clone -q "$project" "$root/etalon"
+if compgen -G "$project/build/package/*.deb" >/dev/null; then
+    mkdir -p "$root/etalon/build/package"
+    cp "$project"/build/package/*.deb "$root/etalon/build/package/"
+fi
 for command in "$@"; do
     timed "$command" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root CCACHE_DISABLE=1 \
         chroot "$root" sh -c "cd /etalon && $command"

@@ -5,14 +5,17 @@ build_packages="g++ cmake ninja-build ccache pkg-config libopencv-dev libopencv-
     libeigen3-dev libapriltag-dev libaravis-dev libusb-1.0-0-dev libcamera-dev \
     libmodbus-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev libfmt-dev libhwy-dev libtbb-dev \
     libboost-math-dev libssl-dev"
+docs_packages="mkdocs mkdocs-material"   # scripts/docs.sh
+package_packages="debhelper lintian help2man"   # scripts/package.sh
 test_packages="libgtest-dev libgmock-dev poppler-utils"
 # ./test.sh --all: Google Benchmark; a system clock that jumps; a virtual machine for tests with real
 # camera drivers (its emulator, what its first file system is made of, and the service that tells
 # programs about devices); a cluster of one node; clang with libFuzzer; mrcal and COLMAP, for what
-# we write for them; Python's module and its tests.
+# we write for them; Python's module and its tests; the shells that complete our commands; the
+# documentation's site; a reader of pipelines' files.
 all_test_packages="libbenchmark-dev libfaketime qemu-system-x86 busybox-static kmod cpio udev slurm-wlm \
     clang libclang-rt-dev python3-mrcal colmap pybind11-dev python3-dev python3-numpy python3-pytest \
-    python3-matplotlib python3-opencv"
+    python3-matplotlib python3-opencv bash-completion zsh fish $docs_packages python3-yaml"
 
 missing_packages() {
     local package

@@ -18,7 +18,8 @@ void declare_commands(Command& program) {
           declare_history, declare_compare, declare_calibrate, declare_characterise,
           declare_render,  declare_detect,  declare_marker,    declare_devices,
           declare_capture, declare_stage,   declare_register,  declare_expect,
-          declare_study,   declare_camera,  declare_bench,     declare_stability})
+          declare_study,   declare_camera,  declare_bench,     declare_stability,
+          declare_demo,    declare_init,    declare_completion})
         declare(program);
 }
 

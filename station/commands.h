@@ -8,4 +8,7 @@ namespace etalon {
 // In the order of the help.
 void declare_commands(Command& program);
 
+// `etalon completion`, which is asked about all of them.
+void declare_completion(Command& program);
+
 }  // namespace etalon

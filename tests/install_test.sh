@@ -10,6 +10,13 @@ trap '[ -z "$twin" ] || kill "$twin"; wait; rm -rf "$scratch"' EXIT
 cmake --install "$1" --prefix "$scratch/prefix" >/dev/null
 "$scratch/prefix/bin/etalon" --version
 
+for script in bash-completion/completions/etalon zsh/vendor-completions/_etalon fish/vendor_completions.d/etalon.fish; do
+    [ -s "$scratch/prefix/share/$script" ]
+done
+if command -v help2man >/dev/null; then
+    grep -q 'marker is seen squarely\|rx,ry,rz,tx,ty,tz' "$scratch/prefix/share/man/man1/etalon-render.1"
+fi
+
 headers=$(find "$scratch/prefix/include" -name '*.h' | wc -l)
 echo "$headers headers are installed (at most 100)"
 [ "$headers" -le 100 ]
@@ -56,4 +63,10 @@ if [ -x "$scratch/prefix/bin/etalon-twin" ]; then
     for _ in $(seq 100); do [ -e ready ] || sleep 0.1; done
     expect '^\(PASS\|INCONCLUSIVE\)' ./qualify station.yaml record
     [ -s record/report.html ]
+
+    # The installed program finds the installed twin and examples: the twin answers.
+    status=0
+    "$scratch/prefix/bin/etalon" demo -- --no-such-option 2>refused || status=$?
+    cat refused
+    [ $status -eq 3 ] && grep -q no-such-option refused
 fi

@@ -61,7 +61,7 @@ void read_lean(const Value& value, std::size_t axis, const std::vector<Axis>& ax
         return;
     errors.lean.assign(axes.size(), 0.0);
     for (const std::string& name : lean->keys()) {
-        const Value angle = lean->at(name);
+        const Value angle = lean->with_names().at(name);
         const std::size_t towards = index_of_axis(angle, name, axes);
         if (towards == axis || axes[axis].kind != Axis::Kind::linear ||
             axes[towards].kind != Axis::Kind::linear)
@@ -207,9 +207,9 @@ void read_errors(const Value& section, TwinStage& stage) {
     const auto errors = section.find("errors"), servos = section.find("servo");
     for (std::size_t i = 0; i < stage.axes.size(); ++i) {
         Axis& axis = stage.axes[i];
-        if (const auto value = errors ? errors->find(axis.name) : std::nullopt)
+        if (const auto value = errors ? errors->with_names().find(axis.name) : std::nullopt)
             stage.options.errors[i] = read_axis_errors(*value, i, stage.axes);
-        if (const auto value = servos ? servos->find(axis.name) : std::nullopt)
+        if (const auto value = servos ? servos->with_names().find(axis.name) : std::nullopt)
             stage.options.servos[i] = read_servo(*value, Units(axis.kind));
         stage.options.errors[i].map = std::exchange(axis.errors, std::nullopt);
     }

@@ -33,14 +33,12 @@ struct Spec {
 constexpr const char* form =
     "a marker is named KIND:WHAT@SIZEmm, for instance apriltag:36h11:5@50mm";
 
-std::vector<std::string> kinds();
-
 Spec take_apart(const std::string& text, const std::string& place) {
     Spec spec{text, place, {}, {}, {}};
     const auto colon = text.find(':');
     const auto at = text.rfind('@');  // a bitmap's path may hold one, too
     if (colon == std::string::npos || at == std::string::npos || at < colon)
-        spec.fail(fmt::format("{}; the kinds are {}", form, fmt::join(kinds(), ", ")));
+        spec.fail(fmt::format("{}; the kinds are {}", form, fmt::join(marker_kinds(), ", ")));
     spec.kind = text.substr(0, colon);
     spec.what = text.substr(colon + 1, at - colon - 1);
     spec.size = text.substr(at + 1);
@@ -346,21 +344,22 @@ constexpr ParserOfKind parsers[] = {
     {"bitmap", parse_bitmap},
 };
 
-std::vector<std::string> kinds() {
+}  // namespace
+
+std::vector<std::string> marker_kinds() {
     std::vector<std::string> names;
     for (const ParserOfKind& parser : parsers)
         names.emplace_back(parser.kind);
     return names;
 }
 
-}  // namespace
-
 Marker parse_marker(const std::string& text, const std::string& place) {
     const Spec spec = take_apart(text, place);
     const auto parser = std::ranges::find(parsers, spec.kind, &ParserOfKind::kind);
     if (parser == std::end(parsers))
         spec.fail(fmt::format("unknown kind of marker '{}'; the kinds are {}{}", spec.kind,
-                              fmt::join(kinds(), ", "), did_you_mean(spec.kind, kinds())));
+                              fmt::join(marker_kinds(), ", "),
+                              did_you_mean(spec.kind, marker_kinds())));
     return parser->parse(spec);
 }
 

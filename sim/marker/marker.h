@@ -90,6 +90,9 @@ struct Marker {
 // STag and boards of many cells.
 Marker parse_marker(const std::string& spec, const std::string& place);
 
+// The beginnings of such names: "apriltag", "chessboard", ...
+std::vector<std::string> marker_kinds();
+
 // The file that the marker's name names, as it stands there: a bitmap, or a table of STag's words;
 // empty where the name says all.
 std::string marker_file(const Marker& marker);

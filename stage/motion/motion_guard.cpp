@@ -307,7 +307,7 @@ ForbiddenBox read_box(const Value& value, std::span<const Axis> axes) {
     ForbiddenBox box{value.at("name").text(), {}};
     bool bounded = false;
     for (const Axis& axis : axes) {
-        const auto side = value.find(axis.name);
+        const auto side = value.with_names().find(axis.name);
         box.sides.push_back(side ? read_side(*side, axis) : AxisInterval{});
         bounded = bounded || side.has_value();
     }
@@ -317,7 +317,7 @@ ForbiddenBox read_box(const Value& value, std::span<const Axis> axes) {
 }
 
 void read_slow_zone(const Value& value, std::span<const Axis> axes, MotionRules& rules) {
-    const Value margin = value.at("margin");
+    const Value margin = value.at("margin").with_names();
     for (const Axis& axis : axes) {
         const auto distance = margin.find(axis.name);
         const double unit = is_rotary(axis) ? rad_per_deg : 1.0;

@@ -67,6 +67,7 @@ struct StageCheckArguments {
 int run_stage_check(const StageCheckArguments& arguments);
 
 void declare_devices(Command& program);
+void declare_init(Command& program);
 void declare_capture(Command& program);
 void declare_stage(Command& program);
 

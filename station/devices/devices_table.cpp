@@ -118,11 +118,22 @@ std::string camera_text(const ListedCamera& camera) {
     return text;
 }
 
-std::string backend_text(const ListedBackend& listed) {
+// One width for cameras and stages.
+std::size_t name_width(const std::vector<ListedBackend>& backends,
+                       const std::vector<std::string>& stage_profiles) {
+    std::size_t width = 0;
+    for (const ListedBackend& listed : backends)
+        width = std::max(width, listed.backend.name.size());
+    for (const std::string& profile : stage_profiles)
+        width = std::max(width, profile.size());
+    return width;
+}
+
+std::string backend_text(const ListedBackend& listed, std::size_t width) {
     const CameraBackend& backend = listed.backend;
-    std::string text =
-        wrapped_text(fmt::format("  {:<11}{:<5}", backend.name, backend.built_in ? "yes" : "no"),
-                     backend.detail);
+    std::string text = wrapped_text(
+        fmt::format("  {:<{}}  {:<5}", backend.name, width, backend.built_in ? "yes" : "no"),
+        backend.detail);
     for (const ListedCamera& camera : listed.cameras)
         text += camera_text(camera);
     if (backend.built_in && backend.name != "files" && listed.cameras.empty())
@@ -134,12 +145,13 @@ std::string backend_text(const ListedBackend& listed) {
 
 std::string devices_table(const std::vector<ListedBackend>& backends,
                           const std::vector<std::string>& stage_profiles) {
+    const std::size_t width = name_width(backends, stage_profiles);
     std::string text = "cameras\n";
     for (const ListedBackend& listed : backends)
-        text += backend_text(listed);
+        text += backend_text(listed, width);
     text += "stages\n";
     for (const std::string& profile : stage_profiles)
-        text += fmt::format("  {:<11}{:<5}Modbus TCP\n", profile, "yes");
+        text += fmt::format("  {:<{}}  {:<5}Modbus TCP\n", profile, width, "yes");
     return text;
 }
 

@@ -7,6 +7,7 @@
 #include "core/file_lock.h"
 #include "station/qualify/commands.h"
 #include "station/qualify/runner.h"
+#include "station/qualify/twin_process.h"
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
 #include "station/setup/station_inputs.h"
@@ -15,13 +16,6 @@
 
 namespace etalon {
 namespace {
-
-struct QualifyArguments {
-    std::filesystem::path station, out;
-    std::filesystem::path resume;  // in place of out: the record to go on with
-    bool homed = false;            // the operator's word, Stage::take_for_homed()
-    bool json = false;
-};
 
 struct ReportArguments {
     std::filesystem::path record;
@@ -93,16 +87,6 @@ void require_either(const QualifyArguments& arguments) {
         throw ConfigError({"--out"}, "is required, unless a run is resumed with --resume DIR");
 }
 
-int run_qualify(const QualifyArguments& arguments) {
-    require_either(arguments);
-    std::stop_source stop;
-    const StopOnSignals signals(stop);
-    SteadyClock clock;
-    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
-    const auto run = arguments.resume.empty() ? begin : resume;
-    return print_result(run(arguments, clock, progress, stop.get_token()), arguments.json);
-}
-
 int run_report(const ReportArguments& arguments) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
@@ -115,6 +99,24 @@ int run_report(const ReportArguments& arguments) {
 }
 
 }  // namespace
+
+int run_qualify(const QualifyArguments& arguments) {
+    require_either(arguments);
+    std::optional<TwinProcess> twin;
+    if (!arguments.twin.empty()) {
+        twin.emplace(arguments.twin);
+        const std::string ready = twin->ready_line();
+        if (ready.empty())
+            return twin->exit_code();  // it has said why
+        fmt::print(stderr, "{}", ready);
+    }
+    std::stop_source stop;
+    const StopOnSignals signals(stop);
+    SteadyClock clock;
+    Progress progress(stderr, isatty(STDERR_FILENO) != 0, clock);
+    const auto run = arguments.resume.empty() ? begin : resume;
+    return print_result(run(arguments, clock, progress, stop.get_token()), arguments.json);
+}
 
 void declare_qualify(Command& program) {
     auto [command, asked] = program.add(
@@ -139,18 +141,22 @@ void declare_qualify(Command& program) {
     const Option out = command.option("--out", asked->out, "folder of the record", "DIR");
     command.option("--resume", asked->resume, "in place of --out: go on with this record", "DIR")
         .excludes(out);
+    command
+        .option("--twin", asked->twin,
+                "start etalon-twin with this file for the\nrun: needs no device", "FILE")
+        .one_each();
     command.flag("--homed", asked->homed, homed_help);
 }
 
 void declare_report(Command& program) {
-    auto [command, asked] =
-        program.add(run_report, "report", "analyse the record of a run again",
-                    "From the raw frames, the stage's readings and the copies of station.yaml and\n"
-                    "calibration in DIR, each checked by its SHA-256: writes run.json, poses.csv,\n"
-                    "junit.xml, renders and report.html anew. The same build writes the same\n"
-                    "bytes. What this build found in the frames before it takes from pixels.jsonl;\n"
-                    "delete that file to have it found again. Prints what `etalon qualify` prints,\n"
-                    "with its exit code.\n");
+    auto [command, asked] = program.add(
+        run_report, "report", "analyse the record of a run again",
+        "From the raw frames, the stage's readings and the copies of station.yaml and\n"
+        "calibration in DIR, each checked by its SHA-256: writes run.json, poses.csv,\n"
+        "junit.xml, renders and report.html anew. The same build writes the same\n"
+        "bytes. What this build found in the frames before it takes from pixels.jsonl;\n"
+        "delete that file to have it found again. Prints what `etalon qualify` prints,\n"
+        "with its exit code.\n");
     command.required("DIR", asked->record, "folder of the record");
 }
 

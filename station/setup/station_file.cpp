@@ -57,7 +57,8 @@ CaptureSettings read_settings(const Value& camera, const CameraModel& model) {
     settings.trigger = text_or(camera, "trigger", "");
     if (const auto controls = camera.find("controls"))
         for (const std::string& name : controls->keys())
-            settings.controls[name] = controls->at(name).number(units::one.either_sign());
+            settings.controls[name] =
+                controls->with_names().at(name).number(units::one.either_sign());
     return settings;
 }
 
@@ -127,7 +128,7 @@ std::vector<PlanRequest::Interval> read_volume(const Value& volume, const std::v
 
 PlanRequest read_plan(const Value& section, const std::vector<Axis>& axes) {
     PlanRequest plan;
-    const Value volume = section.at("volume");
+    const Value volume = section.at("volume").with_names();
     plan.volume = read_volume(volume, axes);
     plan.place = volume.place();
     plan.poses = section.at("poses").integer(2, 2000);

@@ -28,6 +28,39 @@ CLI::Validator number_rule(std::optional<Number> (*parse)(std::string_view), Rul
         "");
 }
 
+// CLI11 puts the only values behind the type's name: "M:{auto,E,C}".
+std::vector<std::string> choices_of(const std::string& type) {
+    const auto begin = type.find('{'), end = type.rfind('}');
+    if (begin == std::string::npos || end == std::string::npos)
+        return {};
+    return split(type.substr(begin + 1, end - begin - 1), ',');
+}
+
+DescribedOption described(const CLI::Option& option) {
+    DescribedOption one{.help = option.get_description(), .is_argument = option.get_positional()};
+    if (one.is_argument)
+        one.names = {option.get_name(/*positional=*/true)};
+    for (const std::string& name : option.get_snames())
+        one.names.push_back("-" + name);
+    for (const std::string& name : option.get_lnames())
+        one.names.push_back("--" + name);
+    if (option.get_items_expected_max() > 0) {
+        const std::string type = option.get_type_name();
+        one.choices = choices_of(type);
+        one.value = type.substr(0, type.find(':'));
+    }
+    return one;
+}
+
+DescribedCommand described(const CLI::App& app) {
+    DescribedCommand command{app.get_name(), app.get_description(), {}, {}};
+    for (const CLI::Option* option : app.get_options())
+        command.options.push_back(described(*option));
+    for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; }))
+        command.commands.push_back(described(*sub));
+    return command;
+}
+
 }  // namespace
 
 void Option::require() const {
@@ -91,6 +124,7 @@ template Option Command::option(Words, std::uint64_t&, Words, Words);
 template Option Command::option(Words, std::string&, Words, Words);
 template Option Command::option(Words, std::filesystem::path&, Words, Words);
 template Option Command::option(Words, std::optional<int>&, Words, Words);
+template Option Command::option(Words, std::optional<std::string>&, Words, Words);
 template Option Command::option(Words, std::optional<double>&, Words, Words);
 template Option Command::option(Words, std::optional<std::uint64_t>&, Words, Words);
 template Option Command::option(Words, std::vector<std::string>&, Words, Words);
@@ -152,6 +186,16 @@ std::function<int()> parse_command_line(int argc, char** argv, const ProgramText
         exit_code = fail(ExitCode::usage_error, error.what());
     }
     return [exit_code] { return exit_code; };
+}
+
+DescribedCommand describe_program(const std::function<void(Command&)>& declare) {
+    CLI::App app("", "etalon");
+    app.set_help_flag("-h,--help", "show this help");
+    app.set_version_flag("--version", "", "show versions and backends");
+    std::function<int()> run;
+    Command program(app, run);
+    declare(program);
+    return described(app);
 }
 
 const std::string homed_help = "your word that axes which do not tell are homed";

@@ -94,6 +94,24 @@ struct ProgramText {
 std::function<int()> parse_command_line(int argc, char** argv, const ProgramText& text,
                                         const std::function<void(Command&)>& declare);
 
+// ---- what is declared, for shells and manuals
+
+struct DescribedOption {
+    std::vector<std::string> names;    // "-h", "--help"; of an argument "STATION"
+    std::string help, value;           // "DIR"; empty: a flag
+    std::vector<std::string> choices;  // the only values, where they are listed
+    bool is_argument = false;
+};
+
+struct DescribedCommand {
+    std::string name, summary;
+    std::vector<DescribedOption> options;  // and arguments, in their order
+    std::vector<DescribedCommand> commands;
+};
+
+// The whole program; nothing of it is run.
+DescribedCommand describe_program(const std::function<void(Command&)>& declare);
+
 // One line on stderr, whatever the message that was thrown; returns `exit_code`.
 int fail(int exit_code, const std::string& message);
 

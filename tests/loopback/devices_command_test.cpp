@@ -23,11 +23,11 @@ TEST(DevicesCommand, NamesWhatIsThereAndWhatIsLeftOutAndWhy) {
     const GigeCamera camera(options, [](const CaptureSettings&) { return CodeImage{}; });
     const std::string table = printed(false);
     for (const char* words :
-         {"genicam    yes  Aravis", "genicam:Aravis-Fake-SN-75  Aravis Fake, serial SN-75",
+         {"genicam           yes  Aravis", "genicam:Aravis-Fake-SN-75  Aravis Fake, serial SN-75",
           "Mono12p       12 bits  1x1 to 512x384",
           "ExposureTime          10000 us    10 to 10000000",
-          "GainAuto              Off         Off, Continuous", "files      yes", "v4l2       ",
-          "libcamera  ", "generic    yes  Modbus TCP"})
+          "GainAuto              Off         Off, Continuous", "files             yes", "v4l2 ",
+          "libcamera ", "leadshine-icl-rs  yes  Modbus TCP"})
         EXPECT_NE(table.find(words), std::string::npos) << words << " is missing in\n" << table;
     for (std::size_t begin = 0, end = 0; begin < table.size(); begin = end + 1) {
         end = table.find('\n', begin);

@@ -38,8 +38,8 @@ ListedBackend webcam() {
 }
 
 TEST(DevicesTable, FitsATerminalAndKeepsItsColumns) {
-    EXPECT_EQ(devices_table({webcam()}, {"generic"}), R"(cameras
-  v4l2       yes  Linux video drivers
+    EXPECT_EQ(devices_table({webcam()}, {"generic", "leadshine-icl-rs"}), R"(cameras
+  v4l2              yes  Linux video drivers
       v4l2:usb-0000:00:14.0-3
         uvcvideo HD Pro Webcam with a long name, serial unknown
         formats
@@ -57,7 +57,8 @@ TEST(DevicesTable, FitsATerminalAndKeepsItsColumns) {
                                                              Shutter Priority Mode,
                                                              Aperture Priority Mode
 stages
-  generic    yes  Modbus TCP
+  generic           yes  Modbus TCP
+  leadshine-icl-rs  yes  Modbus TCP
 )");
 }
 

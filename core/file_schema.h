@@ -1,0 +1,18 @@
+// JSON Schema (draft 2020-12) of our kinds of files, for editors: made of what the strict reader
+// asked while files were read (core/read_trace.h), so that it says what the reader takes and
+// nothing else. It has the keys and ranges that those files led the reader to; what one key says
+// about another (files that exist, low < high, a key that another one needs) only the reader knows.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "core/read_trace.h"
+
+namespace etalon {
+
+// By kind, "camera/1". A key is required if the reader wanted it in every mapping of its place. The
+// files of the trace must be ones that were read without an error.
+std::map<std::string, std::string> file_schemas(const ReadTrace& trace);
+
+}  // namespace etalon

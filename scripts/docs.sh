@@ -1,0 +1,35 @@
+#!/usr/bin/env bash
+# Makes the documentation site in build/docs/site: the pages of docs/, README.md, and a page with the
+# help of every command. Strict: a broken link or a page that the navigation does not name ends it.
+#     scripts/docs.sh [BUILD_FOLDER]          default: build/release
+set -euo pipefail
+cd "$(dirname "$0")/.."
+build=${1:-build/release}
+. scripts/packages.sh
+mkdir -p build
+# shellcheck disable=SC2086
+install_packages $docs_packages
+
+pages=build/docs/pages
+rm -rf build/docs
+mkdir -p $pages
+cp -r docs/. README.md CHANGELOG.md THIRD_PARTY.md LICENSE CITATION.cff $pages
+# All pages lie in one folder there.
+sed -i 's#](docs/#](#g' $pages/README.md $pages/CHANGELOG.md
+sed -i 's#](\.\./README\.md#](README.md#g' $pages/*.md
+
+# The page of commands, as each explains itself.
+{
+    printf '# Commands\n\n`--json` gives every result as JSON. Exit codes: 0 PASS or done, 1 FAIL, '
+    printf '2 INCONCLUSIVE, 3 bad input,\n4 device or run error, 130 interrupted.\n'
+    "$build"/etalon completion commands | while IFS=$'\t' read -r command _; do
+        # shellcheck disable=SC2086  # several words
+        printf '\n## etalon %s\n\n```text\n%s\n```\n' "$command" "$("$build"/etalon $command --help)"
+    done
+    printf '\n## etalon-twin\n\n```text\n%s\n```\n' "$("$build"/etalon-twin --help)"
+} >$pages/commands.md
+
+# Links to a heading are not looked at by mkdocs itself.
+mkdocs build --config-file scripts/mkdocs.yml --quiet
+python3 scripts/check_anchors.py build/docs/site
+echo "site build/docs/site/start-here.html"

@@ -102,7 +102,8 @@ StationCharacteristic read_planned(const std::filesystem::path& path, const std:
     StationCharacteristic planned;
     planned.station = root.at("station").text();
     planned.detector = read_detector(root.at("detector"));
-    planned.made_from = ordered_json::parse(text).at("made_from").dump();
+    root.at("made_from");  // or it says where that is missing
+    planned.made_from = ordered_json::parse(text)["made_from"].dump();
     OperatingCharacteristic& result = planned.result;
     result.runs = static_cast<int>(root.at("runs").integer(1, max_count));
     result.seed = root.at("seed").whole();

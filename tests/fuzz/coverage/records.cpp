@@ -1,7 +1,8 @@
-// What a run, a study and a set of images leave behind: run.json, study.json, set.json and
-// images.jsonl, each by the kind that the text names.
+// What a run, a study, a set of images and a shard of runs leave behind: run.json, study.json,
+// set.json, images.jsonl and oc.json, each by the kind that the text names.
 #include <array>
 
+#include "station/foresee/oc_record.h"
 #include "station/history/run_history.h"
 #include "station/render/image_set.h"
 #include "study/study_description.h"
@@ -50,11 +51,21 @@ void read_settings(std::string_view text) {
     ImageSet(folder, R"({"seed": 7, "marker": "aruco:4X4_50:7@50mm"})", "{}", ".png", 3);
 }
 
+// Its runs are not there: whatever the description says, it cannot be merged.
+void read_oc_json(std::string_view text) {
+    write_input("oc.json", text);
+    write_input("results.csv", "");
+    merged_characteristic({input_folder()});
+    violation("runs that are not there were merged");
+}
+
 void read(std::string_view text) {
     if (text.find("image-set/1") != std::string_view::npos)
         read_settings(text);
     else if (text.find("study-record/1") != std::string_view::npos)
         read_study_json(text);
+    else if (text.find("oc-record/1") != std::string_view::npos)
+        read_oc_json(text);
     else if (text.starts_with("{\"image\""))
         read_manifest(text);
     else

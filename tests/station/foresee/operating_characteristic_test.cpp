@@ -283,6 +283,9 @@ TEST_F(ShardedCharacteristic, IsNotMergedFromShardsThatDoNotFit) {
     const std::string rows = read_text(two() / "results.csv");
     write_text(two() / "results.csv", replaced(rows, ",1,0,", ",1,7,"));
     EXPECT_THAT(refusal({one(), two()}), HasSubstr("results.csv:3: is no line of point 1"));
+    const std::string description = read_text(two() / "oc.json");
+    write_text(two() / "oc.json", replaced(description, "\"made_from\"", "\"made_of\""));
+    EXPECT_THAT(refusal({one(), two()}), HasSubstr("oc.json: made_from: is missing"));
 }
 
 }  // namespace

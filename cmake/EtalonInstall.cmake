@@ -15,7 +15,7 @@ install(TARGETS etalon)
 if(TARGET etalon-twin)
     install(TARGETS etalon-twin)
 endif()
-install(DIRECTORY stage/profiles DESTINATION ${CMAKE_INSTALL_DATADIR}/etalon)
+install(DIRECTORY stage/profiles web DESTINATION ${CMAKE_INSTALL_DATADIR}/etalon)
 install(EXPORT etalonTargets NAMESPACE etalon::
     DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/etalon)
 configure_package_config_file(cmake/etalonConfig.cmake.in

@@ -11,6 +11,7 @@
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
 #include "station/setup/station_inputs.h"
+#include "station/setup/station_lock.h"
 #include "station/shell/command.h"
 #include "station/shell/signals.h"
 
@@ -19,8 +20,10 @@ namespace {
 
 struct QualifyArguments {
     std::filesystem::path station, out;
-    std::filesystem::path resume;  // in place of out: the record to go on with
-    bool homed = false;            // the operator's word, Stage::take_for_homed()
+    std::filesystem::path calibration;  // in place of the one that the station names
+    std::filesystem::path resume;       // in place of out: the record to go on with
+    std::string operator_name;
+    bool homed = false;  // the operator's word, Stage::take_for_homed()
     bool json = false;
 };
 
@@ -64,8 +67,8 @@ int print_result(const QualifyResult& result, bool json) {
     return exit_code(result.outcome);
 }
 
-DeviceOpeners openers(const StationFile& station, bool homed, Clock& clock, Progress& progress,
-                      const std::stop_token& stop) {
+DeviceOpeners openers(const StationFile& station, const QualifyArguments& arguments, Clock& clock,
+                      Progress& progress, const std::stop_token& stop) {
     const auto camera = [&] {
         return open_when_free(
             [&] { return open_camera(station.camera.uri, station.camera.link, clock); }, clock,
@@ -74,7 +77,11 @@ DeviceOpeners openers(const StationFile& station, bool homed, Clock& clock, Prog
     const auto stage = [&] {
         return open_stage(station.stage.link, station.stage.profile, station.stage.axes, clock);
     };
-    return {camera, stage, homed};
+    return {camera, stage, arguments.homed, arguments.operator_name};
+}
+
+std::string holder(const QualifyArguments& arguments) {
+    return stage_holder("a qualification", arguments.operator_name);
 }
 
 QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& progress,
@@ -83,18 +90,21 @@ QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& 
     const RecordedRun recorded = read_record(arguments.resume, progress, stop);
     announce(recorded, progress);
     if (!arguments.station.empty())
-        require_same_inputs(recorded.result.station.inputs, read_station(arguments.station).inputs);
-    return resume_qualification(
-        recorded, openers(recorded.result.station, arguments.homed, clock, progress, stop), clock,
-        progress, stop);
+        require_same_inputs(recorded.result.station.inputs,
+                            read_station(arguments.station, arguments.calibration).inputs);
+    const StationFile& station = recorded.result.station;
+    const StationLock stage_lock(station.stage.link, holder(arguments));
+    return resume_qualification(recorded, openers(station, arguments, clock, progress, stop), clock,
+                                progress, stop);
 }
 
 QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                     const std::stop_token& stop) {
-    const StationFile station = read_station(arguments.station);
+    const StationFile station = read_station(arguments.station, arguments.calibration);
+    const StationLock stage_lock(station.stage.link, holder(arguments));
     return run_qualification(station, arguments.out,
-                             openers(station, arguments.homed, clock, progress, stop), clock,
-                             progress, stop);
+                             openers(station, arguments, clock, progress, stop), clock, progress,
+                             stop);
 }
 
 // What the command line cannot say by itself: a new run needs a station and a folder.
@@ -153,18 +163,21 @@ void declare_qualify(Command& program) {
     const Option out = command.option("--out", asked->out, "folder of the record", "DIR");
     command.option("--resume", asked->resume, "in place of --out: go on with this record", "DIR")
         .excludes(out);
+    command.option("--calibration", asked->calibration, "in place of the one that STATION names",
+                   "CAMERA");
+    command.option("--operator", asked->operator_name, "who runs it: for the record", "NAME");
     command.flag("--homed", asked->homed, homed_help);
 }
 
 void declare_report(Command& program) {
-    auto [command, asked] =
-        program.add(run_report, "report", "analyse the record of a run again",
-                    "From the raw frames, the stage's readings and the copies of station.yaml and\n"
-                    "calibration in DIR, each checked by its SHA-256: writes run.json, poses.csv,\n"
-                    "junit.xml, renders and report.html anew. The same build writes the same\n"
-                    "bytes. What this build found in the frames before it takes from pixels.jsonl;\n"
-                    "delete that file to have it found again. Prints what `etalon qualify` prints,\n"
-                    "with its exit code.\n");
+    auto [command, asked] = program.add(
+        run_report, "report", "analyse the record of a run again",
+        "From the raw frames, the stage's readings and the copies of station.yaml and\n"
+        "calibration in DIR, each checked by its SHA-256: writes run.json, poses.csv,\n"
+        "junit.xml, renders and report.html anew. The same build writes the same\n"
+        "bytes. What this build found in the frames before it takes from pixels.jsonl;\n"
+        "delete that file to have it found again. Prints what `etalon qualify` prints,\n"
+        "with its exit code.\n");
     command.required("DIR", asked->record, "folder of the record");
 }
 

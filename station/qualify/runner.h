@@ -23,6 +23,7 @@ struct DeviceOpeners {
     std::function<std::unique_ptr<Camera>()> camera;
     std::function<std::unique_ptr<Stage>()> stage;
     bool homed = false;  // the operator's word, Stage::take_for_homed(): remarked in the record
+    std::string operator_name = {};  // who begins the session, for the record; may be empty
 };
 
 // Runs on the calling thread, which owns both devices throughout. `progress` is told the plan and

@@ -16,7 +16,7 @@ install(TARGETS etalon)
 if(TARGET etalon-twin)
     install(TARGETS etalon-twin)
 endif()
-install(DIRECTORY stage/profiles examples DESTINATION ${CMAKE_INSTALL_DATADIR}/etalon
+install(DIRECTORY stage/profiles web examples DESTINATION ${CMAKE_INSTALL_DATADIR}/etalon
     USE_SOURCE_PERMISSIONS)
 # The programs find the examples in the build folder as they do where they are installed.
 file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/share/etalon)

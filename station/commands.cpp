@@ -8,13 +8,14 @@
 #include "station/qualify/commands.h"
 #include "station/register/commands.h"
 #include "station/render/commands.h"
+#include "station/serve/commands.h"
 #include "station/studies/commands.h"
 
 namespace etalon {
 
 void declare_commands(Command& program) {
     for (const auto declare :
-         {declare_qualify, declare_plan,    declare_oc,        declare_report,
+         {declare_qualify, declare_serve, declare_plan,    declare_oc,        declare_report,
           declare_history, declare_compare, declare_calibrate, declare_characterise,
           declare_render,  declare_detect,  declare_marker,    declare_devices,
           declare_capture, declare_stage,   declare_register,  declare_expect,

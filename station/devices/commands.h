@@ -49,6 +49,7 @@ struct StageArguments {
     int polls = 1;                     // trace
     bool yes = false;                  // home: do not ask
     bool homed = false;                // move and jog: the operator's word
+    std::string operator_name;         // who moves it, for those who find it moved
     bool trace = false;                // print every exchange on stderr
     bool json = false;
 };

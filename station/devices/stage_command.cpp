@@ -11,6 +11,7 @@
 #include "stage/motion/guarded_stage.h"
 #include "station/devices/commands.h"
 #include "station/devices/stage_text.h"
+#include "station/setup/station_lock.h"
 #include "station/shell/command.h"
 #include "station/shell/signals.h"
 
@@ -71,6 +72,7 @@ int move_axes(const StageArguments& arguments, bool relative) {
     std::stop_source stop;
     const StopOnSignals signals(stop);
     const StationStage station = read_station_stage(arguments.station);
+    const StationLock lock(station.link, stage_holder("a motion", arguments.operator_name));
     Session session(station, arguments.trace);
     if (arguments.homed)
         session.stage().take_for_homed();
@@ -95,6 +97,7 @@ int run_stage_home(const StageArguments& arguments) {
     confirm_homing(station.axes, arguments.yes);
     std::stop_source stop;
     const StopOnSignals signals(stop);
+    const StationLock lock(station.link, stage_holder("homing", arguments.operator_name));
     Session session(station, arguments.trace);
     session.stage().enable(stop.get_token());
     session.stage().home(stop.get_token());
@@ -150,6 +153,7 @@ namespace {
 
 using StageAction = int (*)(const StageArguments&);
 
+constexpr const char* operator_help = "who moves it: others who want to are told";
 constexpr const char* station_help = "station.yaml: its stage section is used";
 
 Declared<StageArguments> declare_on_stage(Command& stage, StageAction action, const char* name,
@@ -172,6 +176,7 @@ void declare_motion(Command& stage, StageAction action, const char* name, const 
     command.option("--speed", asked->speed_percent, "percent of the axes' speeds (100)", "P")
         .in_range(0.1, 100.0);
     command.flag("--homed", asked->homed, homed_help);
+    command.option("--operator", asked->operator_name, operator_help, "NAME");
 }
 
 void declare_homing(Command& stage) {
@@ -179,6 +184,7 @@ void declare_homing(Command& stage) {
         declare_on_stage(stage, run_stage_home, "home", "enable the axes and find their zeros",
                          "Asks first: homing goes the controller's own way, whatever is in it.\n");
     command.flag("--yes", asked->yes, "do not ask (needed without a terminal)");
+    command.option("--operator", asked->operator_name, operator_help, "NAME");
 }
 
 void declare_trace(Command& stage) {

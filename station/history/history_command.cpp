@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
+#include "core/errors.h"
 #include "station/history/commands.h"
 #include "station/history/run_history.h"
+#include "station/history/run_index.h"
 #include "station/shell/command.h"
 #include "station/shell/command_output.h"
 
@@ -11,7 +13,8 @@ namespace {
 // Exit code 1 when a quantity drifts.
 struct HistoryArguments {
     std::vector<std::filesystem::path> records;
-    std::filesystem::path out;  // folder of the report; empty: none
+    std::filesystem::path index;  // in place of records: the folder whose index is used
+    std::filesystem::path out;    // folder of the report; empty: none
     bool json = false;
 };
 
@@ -28,8 +31,22 @@ void print_alarms(std::span<const QuantityHistory> charts) {
         fmt::print("no drift alarm\n");
 }
 
+// A run.json that is none is said and left out: one bad record must not hide a fleet.
+std::vector<HistoricRun> indexed_runs(const std::filesystem::path& folder) {
+    RunIndex index(folder);
+    const IndexUpdate update = index.update();
+    for (const std::string& refused : update.refused)
+        fmt::print(stderr, "etalon: left out: {}\n", refused);
+    fmt::print(stderr, "{} runs in {}, {} read anew\n", update.runs,
+               (folder / run_index_file).string(), update.read);
+    return index.runs();
+}
+
 int run_history(const HistoryArguments& arguments) {
-    const std::vector<HistoricRun> runs = read_history(arguments.records);
+    if (arguments.records.empty() && arguments.index.empty())
+        throw ConfigError({"DIR"}, "is required, or --index FOLDER");
+    const std::vector<HistoricRun> runs =
+        arguments.index.empty() ? read_history(arguments.records) : indexed_runs(arguments.index);
     const std::vector<QuantityHistory> charts = chart_history(runs);
     if (!arguments.out.empty())
         write_history_report(runs, charts, arguments.out);
@@ -55,7 +72,14 @@ void declare_history(Command& program) {
                     "373 runs. A new calibration begins a new baseline. Prints a table, and\n"
                     "`drift alarm camera SERIAL QUANTITY` or `no drift alarm`; exit code 1 when a\n"
                     "quantity drifts. --out writes report.html, an SVG of each chart and JSON.\n");
-    command.required("DIR", asked->records, "records, or folders that hold records");
+    const Option records =
+        command.option("DIR", asked->records, "records, or folders that hold records");
+    command
+        .option("--index", asked->index,
+                "in place of DIR: the records in this folder, by an index that is kept\n"
+                "there, brought up to date and can be deleted at any time",
+                "FOLDER")
+        .excludes(records);
     command.option("--out", asked->out, "folder of the report", "DIR");
 }
 

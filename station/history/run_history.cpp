@@ -41,6 +41,16 @@ std::string calibration_of(const JsonEntry& run) {
     run.at("inputs").fail("has no calibration");
 }
 
+// Of the last session; records of before 2026-11-26 do not have it.
+std::string operator_of(const JsonEntry& run) {
+    if (!run.has("sessions") || run.at("sessions").items().empty())
+        return {};
+    const JsonEntry last = run.at("sessions").items().back();
+    return last.has("operator") ? last.at("operator").text() : "";
+}
+
+}  // namespace
+
 HistoricRun read_run(const Path& folder) {
     const Path path = folder / "run.json";
     const JsonEntry json(read_text(path), {path.string(), 0, ""});
@@ -52,6 +62,8 @@ HistoricRun read_run(const Path& folder) {
     if (!utc_seconds(run.started_utc))
         json.at("started_utc").fail("must be a time as 2026-03-07T14:05:09Z");
     run.outcome = json.at("outcome").text();
+    run.reason = json.has("reason") ? json.at("reason").text() : "";
+    run.operator_name = operator_of(json);
     run.camera = json.at("camera").at("serial").text();
     if (run.camera.empty())
         run.camera = json.at("camera").at("uri").text();
@@ -62,6 +74,8 @@ HistoricRun read_run(const Path& folder) {
     run.quantities = read_quantities(json);
     return run;
 }
+
+namespace {
 
 bool is_record(const Path& folder) {
     std::error_code ignored;

@@ -22,11 +22,15 @@ struct HistoricQuantity {
 struct HistoricRun {
     std::filesystem::path folder;
     std::string started_utc, outcome;
+    std::string reason, operator_name;  // of an ERROR or ABORTED; of the last session; may be empty
     std::string camera;  // serial number; the address of a camera without one
     std::string station, marker, limits;
     std::string calibration_sha256;
     std::vector<HistoricQuantity> quantities;
 };
+
+// Of the record in this folder. Throws ConfigError for a run.json that is none.
+HistoricRun read_run(const std::filesystem::path& folder);
 
 // The runs of these folders, in the order of their start. A folder is a record, or holds records.
 // Throws ConfigError for a folder without a record, a run.json that is none, and a run that is

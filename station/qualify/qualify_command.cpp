@@ -11,6 +11,7 @@
 #include "station/record/run_json.h"
 #include "station/record/run_record.h"
 #include "station/setup/station_inputs.h"
+#include "station/setup/station_lock.h"
 #include "station/shell/command.h"
 #include "station/shell/signals.h"
 
@@ -57,24 +58,38 @@ int print_result(const QualifyResult& result, bool json) {
     return exit_code(result.outcome);
 }
 
+DeviceOpeners devices(const StationFile& station, const QualifyArguments& arguments, Clock& clock,
+                      Progress& progress, const std::stop_token& stop) {
+    DeviceOpeners open = station_devices(station, arguments.homed, clock, progress, stop);
+    open.operator_name = arguments.operator_name;
+    return open;
+}
+
+std::string holder(const QualifyArguments& arguments) {
+    return stage_holder("a qualification", arguments.operator_name);
+}
+
 QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                      const std::stop_token& stop) {
     const FileLock lock(arguments.resume / log_file);
     const RecordedRun recorded = read_record(arguments.resume, progress, stop);
     announce(recorded, progress);
     if (!arguments.station.empty())
-        require_same_inputs(recorded.result.station.inputs, read_station(arguments.station).inputs);
-    return resume_qualification(
-        recorded, station_devices(recorded.result.station, arguments.homed, clock, progress, stop),
-        clock, progress, stop);
+        require_same_inputs(recorded.result.station.inputs,
+                            read_station(arguments.station, arguments.calibration).inputs);
+    const StationFile& station = recorded.result.station;
+    const StationLock stage_lock(station.stage.link, holder(arguments));
+    return resume_qualification(recorded, devices(station, arguments, clock, progress, stop), clock,
+                                progress, stop);
 }
 
 QualifyResult begin(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                     const std::stop_token& stop) {
-    const StationFile station = read_station(arguments.station);
+    const StationFile station = read_station(arguments.station, arguments.calibration);
+    const StationLock stage_lock(station.stage.link, holder(arguments));
     return run_qualification(station, arguments.out,
-                             station_devices(station, arguments.homed, clock, progress, stop),
-                             clock, progress, stop);
+                             devices(station, arguments, clock, progress, stop), clock, progress,
+                             stop);
 }
 
 // What the command line cannot say by itself: a new run needs a station and a folder.
@@ -145,6 +160,9 @@ void declare_qualify(Command& program) {
         .option("--twin", asked->twin,
                 "start etalon-twin with this file for the\nrun: needs no device", "FILE")
         .one_each();
+    command.option("--calibration", asked->calibration, "in place of the one that STATION names",
+                   "CAMERA");
+    command.option("--operator", asked->operator_name, "who runs it: for the record", "NAME");
     command.flag("--homed", asked->homed, homed_help);
 }
 

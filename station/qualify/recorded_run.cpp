@@ -126,7 +126,11 @@ private:
 
     void take_session(const JsonEntry& line, double t) {
         const bool knows_boot = line.has("boot");  // logs of before 2026-11-25 do not
-        if (knows_boot)
+        const bool knows_operator = line.has("operator");  // nor those of before the day after
+        if (knows_operator)
+            line.require_keys({"t", "event", "started_utc", "boot", "boot_s", "version", "operator",
+                               "camera"});
+        else if (knows_boot)
             line.require_keys({"t", "event", "started_utc", "boot", "boot_s", "version", "camera"});
         else
             line.require_keys({"t", "event", "started_utc", "version", "camera"});
@@ -146,6 +150,8 @@ private:
                                line.at("boot_s").number(units::s.non_negative())};
         session.start_s = t;
         session.version = line.at("version").text();
+        if (knows_operator)
+            session.operator_name = line.at("operator").text();
         result_.sessions.push_back(session);
         frames_.clear();
         result_.outcome = RunOutcome::error;

@@ -389,8 +389,9 @@ void close_record(const Run& run) {
         attempt([&] { run.record.write(result); });
 }
 
-RunSession new_session() {
+RunSession new_session(const DeviceOpeners& open) {
     RunSession session;
+    session.operator_name = open.operator_name;
     session.started_utc = utc_now();
     session.started = boot_moment();
     session.version = version;
@@ -486,7 +487,7 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
     RunRecord record(folder);
     const FileLock lock(folder / log_file);
     copy_inputs(result.station.inputs, folder);
-    const RunSession session = new_session();
+    const RunSession session = new_session(open);
     result.started_utc = session.started_utc;
     record.log(run_event(result));
     const Run run{result, record, clock, progress, stop, clock.now(), open.homed};
@@ -509,7 +510,7 @@ QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& op
         stage = guarded(result.station, open);
     }
     RunRecord record(result.folder, recorded.whole_bytes);
-    const RunSession session = new_session();
+    const RunSession session = new_session(open);
     const Instant start = resumed_start(recorded, session, clock.now());
     const Run run{result, record, clock, progress, stop, start, open.homed};
     begin_session(run, session);

@@ -23,6 +23,7 @@ struct DeviceOpeners {
     std::function<std::unique_ptr<Camera>()> camera;
     std::function<std::unique_ptr<Stage>()> stage;
     bool homed = false;  // the operator's word, Stage::take_for_homed(): remarked in the record
+    std::string operator_name = {};  // who begins the session, for the record; may be empty
 };
 
 // Those that the station names. A camera that another program seems to hold is waited for, which

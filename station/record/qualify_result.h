@@ -27,11 +27,12 @@ int exit_code(RunOutcome outcome);
 
 // From one start of the program to its end. A run that was resumed has several.
 struct RunSession {
-    std::string started_utc;  // "2026-03-07T14:05:09Z", as the system's clock was set
-    BootMoment started;       // what the time from one session to the next is taken from
-    double start_s = 0.0;     // on the run's time: the first one's is 0
-    std::string version;      // of the program that measured
-    int poses = 0;            // that it visited
+    std::string started_utc;    // "2026-03-07T14:05:09Z", as the system's clock was set
+    BootMoment started;         // what the time from one session to the next is taken from
+    double start_s = 0.0;       // on the run's time: the first one's is 0
+    std::string version;        // of the program that measured
+    std::string operator_name;  // who began it; empty: not told
+    int poses = 0;              // that it visited
     CaptureStatistics counters;
 };
 

@@ -52,6 +52,7 @@ std::string session_event(const RunSession& session, const CameraIdentity& camer
                     {"boot", session.started.boot},
                     {"boot_s", session.started.seconds},
                     {"version", session.version},
+                    {"operator", session.operator_name},
                     {"camera", device_json(camera)}});
 }
 

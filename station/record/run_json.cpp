@@ -132,6 +132,7 @@ Json sessions_json(const std::vector<RunSession>& sessions) {
         list.push_back({{"started_utc", session.started_utc},
                         {"start_s", session.start_s},
                         {"version", session.version},
+                        {"operator", session.operator_name},
                         {"poses_visited", session.poses}});
     return list;
 }

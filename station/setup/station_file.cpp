@@ -62,10 +62,10 @@ CaptureSettings read_settings(const Value& camera, const CameraModel& model) {
     return settings;
 }
 
-StationCamera read_camera_section(const StrictFile& file, const Value& section) {
+StationCamera read_camera_section(const Value& section, const std::filesystem::path& calibration) {
     StationCamera camera;
     camera.uri = non_empty_text(section.at("uri"));
-    camera.model = read_any_camera(existing_file(file, section.at("calibration")));
+    camera.model = read_any_camera(calibration);
     if (camera.model.projection.kind == Projection::telecentric)
         section.at("calibration")
             .fail("is of a telecentric camera: a distance is not in its images");
@@ -173,13 +173,17 @@ ExpectedScene expected_scene(const StationFile& station) {
             station.white_level};
 }
 
-StationFile read_station(const std::filesystem::path& path) {
+StationFile read_station(const std::filesystem::path& path,
+                         const std::filesystem::path& given_calibration) {
     const StrictFile file(path, "station/1");
     const Value root = file.root();
     StationFile station;
     station.id = non_empty_text(root.at("id"));
     const Value camera = root.at("camera");
-    station.camera = read_camera_section(file, camera);
+    const Value named = camera.at("calibration");
+    const std::filesystem::path calibration =
+        given_calibration.empty() ? existing_file(file, named) : given_calibration;
+    station.camera = read_camera_section(camera, calibration);
     station.stage = read_stage_section(file, root.at("stage"));
     if (const auto mount = root.find("marker_mount"))
         station.carriage_from_marker_nominal = read_mount(*mount);
@@ -203,8 +207,7 @@ StationFile read_station(const std::filesystem::path& path) {
 
     station.marker = read_marker(marker, station.detector, place_text(detector.value_or(marker)));
     station.limits = read_limits(limits_path);
-    station.inputs = station_inputs(path, existing_file(file, camera.at("calibration")),
-                                    limits_path, station.stage.profile);
+    station.inputs = station_inputs(path, calibration, limits_path, station.stage.profile);
     return station;
 }
 

@@ -112,10 +112,11 @@ struct StationFile {
     std::vector<InputFile> inputs;  // station, calibration, limits, and what these name
 };
 
-// Reads the file and the calibration that it names; checks that the detector can see the marker,
-// that the calibration has what the run needs, and that the volume fits the axes' soft limits.
-// Touches no device. Throws ConfigError with file, line and key.
-StationFile read_station(const std::filesystem::path& path);
+// Reads the file and the calibration that it names, or this one in its place; checks that the
+// detector can see the marker, that the calibration has what the run needs, and that the volume
+// fits the axes' soft limits. Touches no device. Throws ConfigError with file, line and key.
+StationFile read_station(const std::filesystem::path& path,
+                         const std::filesystem::path& calibration = {});
 
 // What the station's camera should see (compare/expect/expected_view.h).
 ExpectedScene expected_scene(const StationFile& station);

@@ -120,7 +120,9 @@ StationFile read_recorded_station(const Path& record, const std::vector<InputFil
         throw ConfigError({record.string()}, "the record names no station file");
     for (const InputFile& input : inputs)
         require_recorded_bytes(record, input);
-    StationFile station = read_station(record / inputs.front().copy);
+    const bool has_calibration = inputs.size() > 1 && inputs[1].role == "calibration";
+    StationFile station = read_station(record / inputs.front().copy,
+                                       has_calibration ? record / inputs[1].copy : Path());
     require_same_inputs(inputs, station.inputs);
     for (std::size_t i = 0; i < inputs.size(); ++i)
         if (station.inputs[i].path == station.stage.profile)

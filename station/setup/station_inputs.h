@@ -2,8 +2,9 @@
 // tell years later what was measured with what, wherever the originals have gone.
 //
 // Copies lie under inputs/ as the originals lay under their nearest common folder, so that relative
-// paths from one to another still lead to the copy. A file that is named with its absolute path is
-// copied too, but it is the original that reading back opens: it must still be the same.
+// paths from one to another still lead to the copy. A file other than the calibration that is named
+// with its absolute path is copied too, but it is the original that reading back opens: it must
+// still be the same.
 #pragma once
 
 #include <filesystem>

@@ -8,7 +8,9 @@
 
 #include <array>
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -67,6 +69,21 @@ public:
         siginfo_t info{};
         waitid(P_PID, static_cast<id_t>(process_), &info, WEXITED | WNOHANG | WNOWAIT);
         return info.si_pid != 0;
+    }
+    // A program that it started and that has not ended; 0: none.
+    int child() const {
+        for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+            if (std::atoi(entry.path().filename().c_str()) <= 0)
+                continue;
+            std::ifstream stat(entry.path() / "stat");
+            const std::string text{std::istreambuf_iterator<char>(stat), {}};
+            const std::size_t name_end = text.rfind(')');  // "4711 (etalon) S 4710 ..."
+            if (name_end == std::string::npos || text.size() < name_end + 5)
+                continue;
+            if (std::atoi(text.c_str() + name_end + 4) == process_ && text[name_end + 2] != 'Z')
+                return std::atoi(text.c_str());
+        }
+        return 0;
     }
     int exit_code() {
         int status = 0;

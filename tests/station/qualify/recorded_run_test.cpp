@@ -268,8 +268,10 @@ TEST_F(RecordOfARun, IsGoneOnWithByTheSystemsClockAfterARestartOfTheMachine) {
     kept.replace(kept.find(key) + key.size(), begun.size(), begun);
     const auto from = kept.find(",\"boot\":"), to = kept.find(",\"version\":", from);
     for (const char* boot : {",\"boot\":\"another\",\"boot_s\":7.5", ""}) {
-        write_text(mocks.record() / "events.jsonl",
-                   std::string(kept).replace(from, to - from, boot));
+        std::string log = std::string(kept).replace(from, to - from, boot);
+        if (boot[0] == '\0')  // logs without it are older than operators
+            log = replaced(log, ",\"operator\":\"\"", "");
+        write_text(mocks.record() / "events.jsonl", log);
         const QualifyResult result = mocks.resume();
         EXPECT_NEAR(result.sessions[1].start_s, 18000.0, 60.0);
     }

@@ -1,0 +1,40 @@
+// Who may ask the page's server for what. docs/serve.md says what this protects against.
+//
+//   * Host must name this server: a foreign name that leads here (DNS rebinding) is refused.
+//   * Where a token is set, every request brings it: as `Authorization: Bearer TOKEN`, as the
+//     cookie that the link ?token=TOKEN sets, or as that link itself.
+//   * What changes anything is a POST with the header X-Etalon-Action, whose value only a page of
+//     this server can read, and an Origin, where there is one, that is this server.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "station/serve/web_request.h"
+
+namespace etalon {
+
+struct AccessRules {
+    std::string token;                    // of all requests; empty: none is asked for
+    std::string action_token;             // of requests that change something
+    std::vector<std::string> host_names;  // besides the address itself: "localhost"
+};
+
+// 256 bits from the kernel, as 64 hexadecimal digits.
+std::string random_token();
+
+// Takes the same time wherever two texts of the same length differ.
+bool is_same_secret(std::string_view given, std::string_view expected);
+
+// The answer to a request that may not pass: 400, 401, 403, 405; nothing for one that may.
+std::optional<WebReply> refusal(const AccessRules& rules, const WebRequest& request);
+
+// Of a request with a right ?token=...: the way to the page without it, with the cookie set.
+std::optional<WebReply> token_link(const AccessRules& rules, const WebRequest& request);
+
+// An error as every route answers it: {"error": text}.
+WebReply error_reply(int status, const std::string& text);
+
+}  // namespace etalon

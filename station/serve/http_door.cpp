@@ -1,0 +1,296 @@
+#include "station/serve/http_door.h"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <httplib.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+#undef _res  // of <resolv.h>: Eigen has variables of this name
+
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+
+#include "core/clock.h"
+#include "core/errors.h"
+#include "station/serve/access.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+
+std::pair<std::string, int> name_of(const sockaddr_storage& address) {
+    std::array<char, INET6_ADDRSTRLEN> text{};
+    if (address.ss_family == AF_INET6) {
+        const auto& six = reinterpret_cast<const sockaddr_in6&>(address);
+        inet_ntop(AF_INET6, &six.sin6_addr, text.data(), text.size());
+        return {text.data(), ntohs(six.sin6_port)};
+    }
+    const auto& four = reinterpret_cast<const sockaddr_in&>(address);
+    inet_ntop(AF_INET, &four.sin_addr, text.data(), text.size());
+    return {text.data(), ntohs(four.sin_port)};
+}
+
+// A connection that ends when its request is too large or late, or its answer is not taken in time.
+class BoundedStream final : public httplib::Stream {
+public:
+    BoundedStream(int socket, const DoorLimits& limits)
+        : socket_(socket), limits_(limits), end_(now() + limits.request_time) {}
+
+    bool is_readable() const override { return ready(POLLIN, end_ - now()); }
+    bool is_writable() const override { return ready(POLLOUT, limits_.write_time) && is_open(); }
+
+    ssize_t read(char* to, std::size_t size) override {
+        if (first_ == last_ && !fill())
+            return -1;
+        const std::size_t count = std::min(size, last_ - first_);
+        std::copy_n(buffer_.data() + first_, count, to);
+        first_ += count;
+        return static_cast<ssize_t>(count);
+    }
+    ssize_t write(const char* from, std::size_t size) override {
+        return ready(POLLOUT, limits_.write_time) ? send(socket_, from, size, MSG_NOSIGNAL) : -1;
+    }
+    void get_remote_ip_and_port(std::string& ip, int& port) const override {
+        name_by(getpeername, ip, port);
+    }
+    void get_local_ip_and_port(std::string& ip, int& port) const override {
+        name_by(getsockname, ip, port);
+    }
+    socket_t socket() const override { return socket_; }
+
+private:
+    static Instant now() { return SteadyClock().now(); }
+
+    bool ready(short what, Duration time) const {
+        pollfd entry{socket_, what, 0};
+        const auto milliseconds = std::chrono::ceil<std::chrono::milliseconds>(time).count();
+        return milliseconds > 0 && poll(&entry, 1, static_cast<int>(milliseconds)) == 1;
+    }
+    // A reader that has closed its side takes nothing more.
+    bool is_open() const {
+        char byte = 0;
+        const ssize_t count = recv(socket_, &byte, 1, MSG_PEEK | MSG_DONTWAIT);
+        return count > 0 || (count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK));
+    }
+    bool fill() {
+        const std::size_t left = limits_.request_bytes - std::min(limits_.request_bytes, taken_);
+        if (left == 0 || !ready(POLLIN, end_ - now()))
+            return false;
+        const ssize_t count = recv(socket_, buffer_.data(), std::min(left, buffer_.size()), 0);
+        if (count <= 0)
+            return false;
+        taken_ += static_cast<std::size_t>(count);
+        first_ = 0;
+        last_ = static_cast<std::size_t>(count);
+        return true;
+    }
+    template <class Ask>
+    void name_by(Ask ask, std::string& ip, int& port) const {
+        sockaddr_storage address{};
+        socklen_t size = sizeof(address);
+        if (ask(socket_, reinterpret_cast<sockaddr*>(&address), &size) == 0)
+            std::tie(ip, port) = name_of(address);
+    }
+
+    int socket_;
+    const DoorLimits& limits_;
+    Instant end_;  // of the request
+    std::array<char, 4096> buffer_{};
+    std::size_t first_ = 0, last_ = 0, taken_ = 0;
+};
+
+// A thread for each connection, up to so many; one more is run where it came in, which closes it.
+class ConnectionThreads final : public httplib::TaskQueue {
+public:
+    explicit ConnectionThreads(int most) : most_(most) {}
+
+    void enqueue(std::function<void()> connection) override {
+        {
+            const std::lock_guard lock(mutex_);
+            is_full_here = running_ >= most_;
+            running_ += is_full_here ? 0 : 1;
+        }
+        if (is_full_here)
+            return connection();
+        std::thread([this, connection = std::move(connection)] {
+            connection();
+            const std::lock_guard lock(mutex_);
+            --running_;
+            ended_.notify_all();
+        }).detach();
+    }
+    void shutdown() override {
+        std::unique_lock lock(mutex_);
+        ended_.wait(lock, [this] { return running_ == 0; });
+    }
+
+    static thread_local bool is_full_here;
+
+private:
+    int most_, running_ = 0;
+    std::mutex mutex_;
+    std::condition_variable ended_;
+};
+thread_local bool ConnectionThreads::is_full_here = false;
+
+std::string header_of(const httplib::Request& request, const char* name) {
+    return request.get_header_value(name);
+}
+
+bool has_doubled_header(const httplib::Request& request) {
+    for (const char* name : {"Host", "Origin", "Authorization", "Cookie", "Content-Length",
+                             "Transfer-Encoding", "X-Etalon-Action", "Sec-Fetch-Site"})
+        if (request.get_header_value_count(name) > 1)
+            return true;
+    return false;
+}
+
+// Nothing that the library would unpack: parts, forms, compressed bytes.
+bool has_plain_json(const httplib::Request& request) {
+    return request.get_header_value("Content-Type").starts_with("application/json") &&
+           !request.has_header("Content-Encoding");
+}
+
+WebRequest request_of(const httplib::Request& request) {
+    WebRequest asked;
+    asked.method = request.method;
+    asked.path = request.path;
+    asked.fields = {request.params.begin(), request.params.end()};
+    asked.body = request.body;
+    asked.host = header_of(request, "Host");
+    asked.origin = header_of(request, "Origin");
+    asked.fetch_site = header_of(request, "Sec-Fetch-Site");
+    asked.authorization = header_of(request, "Authorization");
+    asked.cookie = header_of(request, "Cookie");
+    asked.action_token = header_of(request, "X-Etalon-Action");
+    asked.local_address = request.local_addr;
+    asked.local_port = request.local_port;
+    return asked;
+}
+
+}  // namespace
+
+class HttpDoor::Implementation final : public httplib::Server {
+public:
+    Implementation(const DoorLimits& limits, std::function<WebReply(const WebRequest&)> answer)
+        : limits_(limits), answer_(std::move(answer)) {
+        new_task_queue = [this] { return new ConnectionThreads(limits_.connections); };
+        set_payload_max_length(limits_.request_bytes);
+        // Before any route, so that none of the library's own is ever reached. The body of a POST
+        // is read after it.
+        set_pre_routing_handler([this](const httplib::Request& request, httplib::Response& reply) {
+            if (request.method == "POST" && has_plain_json(request))
+                return HandlerResponse::Unhandled;
+            reply_with(request.method == "POST"
+                           ? error_reply(415, "a POST has application/json, as it is")
+                           : answered(request),
+                       reply);
+            return HandlerResponse::Handled;
+        });
+        Post(".*", [this](const httplib::Request& request, httplib::Response& reply) {
+            reply_with(answered(request), reply);
+        });
+    }
+
+    // The library lets five wait to be accepted: a sixth would try again a second later.
+    void let_many_wait() { ::listen(svr_sock_, SOMAXCONN); }
+
+    void close() noexcept {
+        is_closing_ = true;
+        stop();
+    }
+
+private:
+    WebReply answered(const httplib::Request& request) {
+        try {
+            if (has_doubled_header(request))
+                return error_reply(400, "a header came twice");
+            return answer_(request_of(request));
+        } catch (const std::exception& error) {
+            return error_reply(500, error.what());
+        }
+    }
+
+    void reply_with(const WebReply& answered, httplib::Response& reply) {
+        reply.status = answered.status;
+        for (const auto& [name, value] : answered.headers)
+            reply.set_header(name, value);
+        if (answered.stream)
+            stream(answered, reply);
+        else
+            reply.set_content(answered.body, answered.type);
+    }
+
+    void stream(const WebReply& answered, httplib::Response& reply) {
+        if (++streams_ > limits_.streams) {
+            --streams_;
+            return reply_with(error_reply(503, "too many pages are open"), reply);
+        }
+        reply.set_content_provider(
+            answered.type,
+            [this, more = answered.stream](std::size_t, httplib::DataSink& sink) {
+                if (is_closing_ || !sink.is_writable())
+                    return false;
+                return more([&sink](std::string_view piece) {
+                    return sink.write(piece.data(), piece.size());
+                });
+            },
+            [this](bool) { --streams_; });
+    }
+
+    bool process_and_close_socket(socket_t socket) override {
+        bool done = false, closed = false;
+        if (!ConnectionThreads::is_full_here) {
+            BoundedStream stream(socket, limits_);
+            done = process_request(stream, true, closed, {});
+            drain(socket);
+        }
+        ::close(socket);
+        return done;
+    }
+
+    // A connection that is closed with unread bytes is reset, and its answer lost: what comes in
+    // the next moment is thrown away.
+    static void drain(int socket) {
+        shutdown(socket, SHUT_WR);
+        std::array<char, 4096> waste{};
+        pollfd entry{socket, POLLIN, 0};
+        for (int i = 0; i < 64 && poll(&entry, 1, 50) == 1; ++i)
+            if (recv(socket, waste.data(), waste.size(), 0) <= 0)
+                return;
+    }
+
+    const DoorLimits limits_;
+    std::function<WebReply(const WebRequest&)> answer_;
+    std::atomic<int> streams_ = 0;
+    std::atomic<bool> is_closing_ = false;
+};
+
+HttpDoor::HttpDoor(const DoorLimits& limits, std::function<WebReply(const WebRequest&)> answer)
+    : implementation_(std::make_unique<Implementation>(limits, std::move(answer))) {}
+
+HttpDoor::~HttpDoor() = default;
+
+int HttpDoor::open(const std::string& address, int port) {
+    const int bound = port == 0 ? implementation_->bind_to_any_port(address)
+                                : (implementation_->bind_to_port(address, port) ? port : -1);
+    if (bound < 0)
+        throw ConfigError({"--port"}, fmt::format("{}:{} cannot be listened on: {}", address, port,
+                                                  std::generic_category().message(errno)));
+    implementation_->let_many_wait();
+    return bound;
+}
+
+void HttpDoor::serve() {
+    implementation_->listen_after_bind();
+}
+
+void HttpDoor::close() noexcept {
+    implementation_->close();
+}
+
+}  // namespace etalon

@@ -1,0 +1,44 @@
+// The door to the network: HTTP/1.1 by cpp-httplib behind bounds for everything that a stranger can
+// send or keep waiting. One request a connection; each connection has a thread of its own. What is
+// asked and answered is web_request.h's.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "station/serve/web_request.h"
+
+namespace etalon {
+
+struct DoorLimits {
+    std::size_t request_bytes = 64u << 10;  // line, headers and body
+    std::chrono::seconds request_time{5};   // for all of them
+    std::chrono::seconds write_time{10};    // for each piece of an answer to be taken
+    int connections = 224;                  // at a time; one more is closed at once
+    int streams = 160;                      // of them; one more is answered 503
+};
+
+class HttpDoor {
+public:
+    // `answer` is called from many threads. What it throws becomes an answer 500.
+    HttpDoor(const DoorLimits& limits, std::function<WebReply(const WebRequest&)> answer);
+    ~HttpDoor();
+    HttpDoor(const HttpDoor&) = delete;
+    HttpDoor& operator=(const HttpDoor&) = delete;
+
+    // Port 0: any. Returns the port. Throws ConfigError when it cannot be had.
+    int open(const std::string& address, int port);
+
+    // Answers until close(), from any thread, and until all connections have ended.
+    void serve();
+    void close() noexcept;
+
+private:
+    class Implementation;
+    std::unique_ptr<Implementation> implementation_;
+};
+
+}  // namespace etalon

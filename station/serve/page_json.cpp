@@ -1,0 +1,192 @@
+#include "station/serve/page_json.h"
+
+#include <nlohmann/json.hpp>
+
+#include "compare/verdict/judged_quantities.h"
+#include "core/errors.h"
+#include "core/units.h"
+#include "core/version.h"
+#include "report/json_text.h"
+#include "station/setup/plan.h"
+
+namespace etalon {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+double unit_factor(const Axis& axis) {
+    return axis.kind == Axis::Kind::rotary ? deg_per_rad : 1.0;
+}
+
+Json axis_of(const Axis& axis) {
+    return {{"name", axis.name},
+            {"unit", axis.kind == Axis::Kind::rotary ? "deg" : "mm"},
+            {"low", axis.low * unit_factor(axis)},
+            {"high", axis.high * unit_factor(axis)}};
+}
+
+Json station_of(const ServedStation& served) {
+    const StationFile& station = served.station;
+    return {{"id", station.id},
+            {"file", served.file.filename().string()},
+            {"camera", station.camera.uri},
+            {"serial", station.camera.model.serial},
+            {"stage", describe(station.stage.link)},
+            {"marker", station.marker.spec},
+            {"exposure_us", station.camera.settings.exposure.count()},
+            {"gain_db", station.camera.settings.gain_db},
+            {"poses", station.plan.poses + station.plan.repeats},
+            {"axes", json_list(station.stage.axes, axis_of)}};
+}
+
+const char* word_of(Work work) {
+    constexpr const char* words[] = {"none", "run", "homing", "motion", "stopping"};
+    return words[static_cast<int>(work)];
+}
+
+// One letter a pose: planned, seen, not seen.
+std::string marks_of(const RunWatch& watch) {
+    std::string marks;
+    for (const WatchedPose& pose : watch.poses())
+        marks += !pose.visited ? '.' : pose.seen ? 'o' : 'x';
+    return marks;
+}
+
+template <class Key>
+Json value_at(const Json& json, const Key& key) {
+    return json.is_object() && json.contains(key) ? json.at(key) : Json();
+}
+
+// The cause that is more probable than not, and what to do about it.
+Json named_cause(const Json& run) {
+    const Json ranked = value_at(value_at(run, "causes"), "ranked");
+    if (!ranked.is_array() || ranked.empty() || !ranked[0].is_object() ||
+        !(ranked[0].value("probability", 0.0) > 0.5))
+        return {};
+    Json remedies = Json::array();
+    if (const Json errors = value_at(ranked[0], "errors"); errors.is_array())
+        for (const Json& error : errors)
+            if (const Json list = value_at(error, "remedies"); list.is_array() && !list.empty())
+                remedies.push_back(list[0]);
+    return {{"text", value_at(ranked[0], "text")},
+            {"probability", ranked[0]["probability"]},
+            {"remedies", remedies}};
+}
+
+}  // namespace
+
+Json session_json(const Workplace& workplace, const std::string& action_token) {
+    Json words = Json::object();
+    for (const QuantityKind& kind : quantity_kinds())
+        words[kind.name] = kind.words;
+    return {{"version", version},
+            {"quantities", words},
+            {"action_token", action_token},
+            {"has_calibrations", !workplace.calibrations.empty()},
+            {"stations", json_list(workplace.stations, station_of)}};
+}
+
+Json work_json(const StationControl& control) {
+    const Holder holder = control.holder();
+    return {{"kind", word_of(holder.work)},
+            {"station", holder.station},
+            {"who", holder.who},
+            {"since_utc", holder.since_utc},
+            {"stop", control.last_stop()},
+            {"failure", control.last_failure()}};
+}
+
+Json shown_run_json(const ShownRun& run, const RunWatch* watch) {
+    Json json = {{"name", run.name},      {"station", run.station},
+                 {"serial", run.serial},  {"operator", run.operator_name},
+                 {"going", run.is_going}, {"pausing", run.is_pausing},
+                 {"said", run.said},      {"failure", run.failure},
+                 {"phase", "preparing"}};
+    if (!watch)
+        return json;
+    if (run.serial.empty())
+        json["serial"] = watch->camera_serial();
+    json["phase"] = name(watch->phase());
+    json["outcome"] = watch->outcome();
+    json["reason"] = watch->reason();
+    json["poses"] = watch->poses().size();
+    json["marks"] = marks_of(*watch);
+    json["latest_pose"] = watch->latest_pose();
+    json["visited"] = watch->figures().visited;
+    json["seen"] = watch->figures().seen;
+    json["seconds_left"] = optional_number(watch->seconds_left());
+    json["corner_noise_px"] = optional_number(watch->figures().corner_noise_px);
+    json["rejected_frames"] = watch->figures().rejected_frames;
+    json["remarks"] = watch->remarks();
+    return json;
+}
+
+Json live_json(const LivePicture& picture, long dropped) {
+    const LiveFigures& figures = picture.figures;
+    return {{"exposure_us", picture.exposure_us},
+            {"gain_db", picture.gain_db},
+            {"per_second", figures.frames_per_second},
+            {"mean", figures.mean},
+            {"noise", figures.noise},
+            {"saturated", figures.saturated},
+            {"sharpness", figures.sharpness},
+            {"bad", figures.bad},
+            {"marker_seen", picture.marker_seen},
+            {"marker_detail", picture.marker_detail},
+            {"fault", picture.fault},
+            {"dropped", dropped}};
+}
+
+Json runs_json(const std::vector<HistoricRun>& runs) {
+    Json list = Json::array();
+    for (auto run = runs.rbegin(); run != runs.rend(); ++run) {  // the latest first
+        Json quantities = Json::array();
+        for (const HistoricQuantity& one : run->quantities)
+            quantities.push_back({{"name", one.name},
+                                  {"unit", one.unit},
+                                  {"value", optional_number(one.value)},
+                                  {"u", optional_number(one.expanded_uncertainty)},
+                                  {"limit", optional_number(one.limit)},
+                                  {"outcome", one.outcome}});
+        list.push_back({{"record", run->folder.filename().string()},
+                        {"started_utc", run->started_utc},
+                        {"outcome", run->outcome},
+                        {"reason", run->reason},
+                        {"operator", run->operator_name},
+                        {"camera", run->camera},
+                        {"station", run->station},
+                        {"quantities", quantities}});
+    }
+    return list;
+}
+
+Json plan_positions_json(const RunWatch& watch, const std::vector<Axis>& axes) {
+    Json poses = Json::array();
+    for (const WatchedPose& pose : watch.poses()) {
+        Json target = Json::array();
+        for (std::size_t i = 0; i < std::min(axes.size(), pose.target.size()); ++i)
+            target.push_back(pose.target[i] * unit_factor(axes[i]));
+        poses.push_back({{"target", target}, {"hold_out", pose.hold_out}});
+    }
+    return {{"axes", json_list(axes, axis_of)}, {"poses", poses}};
+}
+
+Json result_json(const std::filesystem::path& record) {
+    try {
+        const Json run = read_json(record / "run.json");
+        if (!run.is_object())
+            return {};
+        std::error_code ignored;
+        return {{"outcome", value_at(run, "outcome")},
+                {"reason", value_at(run, "reason")},
+                {"quantities", value_at(run, "measurements")},
+                {"reasons", value_at(run, "reasons")},
+                {"findings", value_at(value_at(run, "pixels"), "findings")},
+                {"cause", named_cause(run)},
+                {"has_report", std::filesystem::is_regular_file(record / "report.html", ignored)}};
+    } catch (const ConfigError&) {
+        return {};
+    }
+}
+
+}  // namespace etalon

@@ -1,0 +1,330 @@
+#include "station/serve/station_control.h"
+
+#include <fmt/chrono.h>
+
+#include <csignal>
+
+#include "core/frame_log.h"
+#include "core/text.h"
+#include "station/record/run_record.h"
+#include "station/serve/calibration_folder.h"
+
+namespace etalon {
+namespace {
+
+using namespace std::chrono_literals;
+using Path = std::filesystem::path;
+
+const char* words_of(Work work) {
+    switch (work) {
+        case Work::run:
+            return "a run";
+        case Work::homing:
+            return "homing";
+        case Work::motion:
+            return "a motion";
+        case Work::stopping:
+            return "a stop";
+        case Work::none:
+            break;
+    }
+    return "nothing";
+}
+
+void require_name(const std::string& who) {
+    if (trimmed(who).empty() || who.size() > 60)
+        throw ConfigError({"operator"}, "needs a name of 1 to 60 characters");
+}
+
+// Of the letters that a file name may have everywhere.
+std::string file_name_of(const std::string& text) {
+    std::string name;
+    for (const char c : text)
+        name += std::isalnum(static_cast<unsigned char>(c)) || c == '-' ? c : '_';
+    return name.substr(0, 40);
+}
+
+std::string new_record_name(const std::string& serial) {
+    return fmt::format("{}-{:%Y%m%dT%H%M%SZ}", file_name_of(serial),
+                       fmt::gmtime(std::time(nullptr)));
+}
+
+// The line that a person needs: the program's own, without its name.
+std::string reason_of(const EndedProgram& ended) {
+    const std::vector<std::string> lines = split(std::string(trimmed(ended.last_words)), '\n');
+    constexpr std::string_view mark = "etalon: ";
+    for (const std::string& line : lines)
+        if (line.starts_with(mark))
+            return line.substr(mark.size());
+    return lines.empty() || lines.back().empty() ? fmt::format("ended with {}", ended.exit_code)
+                                                 : lines.back();
+}
+
+}  // namespace
+
+StationControl::StationControl(Workplace workplace)
+    : workplace_(std::move(workplace)), stopper_([this](const std::stop_token& closing) {
+          std::unique_lock lock(mutex_);
+          const std::stop_callback wake(closing, [this] { changed_.notify_all(); });
+          while (!closing.stop_requested()) {
+              changed_.wait_for(lock, 1s, [&] { return stop_wanted_; });
+              if (!std::exchange(stop_wanted_, false))
+                  continue;
+              const std::size_t station = stop_station_;
+              lock.unlock();
+              stop_all(station, closing);
+              lock.lock();
+          }
+      }) {}
+
+StationControl::~StationControl() {
+    stopper_.request_stop();
+    changed_.notify_all();
+    stopper_.join();
+    end_live();
+    program_.reset();
+}
+
+const ServedStation& StationControl::station_at(std::size_t index) const {
+    if (index >= workplace_.stations.size())
+        throw ConfigError({"station"}, "there is no such one");
+    return workplace_.stations[index];
+}
+
+// ---- one at a time
+
+void StationControl::begin(Work work, std::size_t station, const std::string& who,
+                           const std::vector<std::string>& arguments) {
+    std::unique_ptr<ChildProgram> over;  // joined when the lock is gone: its thread may want it
+    const std::lock_guard lock(mutex_);
+    if (holder_.work != Work::none)
+        throw NotNow(fmt::format("{} by {} goes on since {}", words_of(holder_.work), holder_.who,
+                                 holder_.since_utc));
+    over = std::move(program_);
+    program_ = std::make_unique<ChildProgram>(
+        arguments,
+        [this, work](const std::string& line) {
+            const std::lock_guard inner(mutex_);
+            if (work == Work::run && run_)
+                run_->said = line;
+        },
+        [this, work](const EndedProgram& ended) { has_ended(work, ended); });
+    holder_ = {work, station, who, utc_now()};
+    failure_.clear();
+    stop_.clear();
+}
+
+void StationControl::has_ended(Work work, const EndedProgram& ended) {
+    {
+        const std::lock_guard lock(mutex_);
+        if (holder_.work == work)
+            holder_ = {};
+        const bool went_wrong = ended.exit_code < 0 || ended.exit_code == 3 || ended.exit_code == 4;
+        if (work == Work::run && run_) {
+            run_->is_going = false;
+            run_->failure = went_wrong ? reason_of(ended) : "";
+        } else if (ended.exit_code != 0 && ended.exit_code != 130) {
+            failure_ = reason_of(ended);
+        }
+    }
+    if (work != Work::run) {
+        const std::lock_guard lock(status_mutex_);
+        statuses_.clear();
+    }
+    changed_.notify_all();
+}
+
+void StationControl::begin_run(ShownRun run, const std::vector<std::string>& arguments) {
+    end_live();
+    run.is_going = true;
+    const std::string who = run.operator_name;
+    const std::size_t station = run.station;
+    {
+        const std::lock_guard lock(mutex_);
+        if (holder_.work == Work::none)
+            run_ = std::move(run);
+    }
+    begin(Work::run, station, who, arguments);
+    end_live();  // which somebody may have begun in between: the run waits for the camera
+}
+
+void StationControl::start_run(std::size_t station, const std::string& serial,
+                               const std::string& who) {
+    const ServedStation& served = station_at(station);
+    require_name(who);
+    if (trimmed(serial).empty())
+        throw ConfigError({"serial"}, "type or scan the camera's serial number");
+    Path calibration = served.station.inputs.at(1).path;
+    if (!workplace_.calibrations.empty())
+        calibration = calibration_of(workplace_.calibrations, serial);
+    else if (served.station.camera.model.serial != serial)
+        throw ConfigError({served.file.string()},
+                          fmt::format("names the calibration of camera {}, not {}",
+                                      served.station.camera.model.serial, serial));
+    const std::string record = new_record_name(serial);
+    begin_run({record, station, serial, who},
+              {"qualify", served.file.string(), "--calibration", calibration.string(), "--operator",
+               who, "--out", (workplace_.records / record).string()});
+}
+
+void StationControl::resume_run(const std::string& record, const std::string& who) {
+    require_name(who);
+    const Path folder = record_named(record);
+    RunWatch watch(folder);
+    watch.look();
+    if (watch.inputs().empty())
+        throw ConfigError({record}, "has no log that could be gone on with");
+    const std::size_t station = station_of(folder / watch.inputs().front().copy);
+    begin_run({record, station, "", who},
+              {"qualify", "--resume", folder.string(), "--operator", who});
+}
+
+void StationControl::pause_run() {
+    const std::lock_guard lock(mutex_);
+    if (holder_.work != Work::run || !run_)
+        throw NotNow("no run goes on");
+    run_->is_pausing = true;
+    program_->send(SIGTERM);
+}
+
+void StationControl::home(std::size_t station, const std::string& who) {
+    require_name(who);
+    begin(Work::homing, station, who,
+          {"stage", "home", station_at(station).file.string(), "--yes", "--operator", who});
+}
+
+void StationControl::jog(std::size_t station, const std::string& who, const std::string& axis,
+                         double step) {
+    require_name(who);
+    const ServedStation& served = station_at(station);
+    const auto& axes = served.station.stage.axes;
+    if (std::ranges::find(axes, axis, &Axis::name) == axes.end())
+        throw ConfigError({"axis"}, "there is no such one");
+    begin(Work::motion, station, who,
+          {"stage", "jog", served.file.string(), fmt::format("{}={}", axis, exact(step)),
+           "--operator", who});
+}
+
+// The one whose stage a record's copy names: that is what would have to be stopped.
+std::size_t StationControl::station_of(const Path& copy) const {
+    const std::string stage = describe(read_station_stage(copy).link);
+    for (std::size_t i = 0; i < workplace_.stations.size(); ++i)
+        if (describe(workplace_.stations[i].station.stage.link) == stage)
+            return i;
+    throw ConfigError({copy.string()},
+                      fmt::format("names the stage {}, which this page does not serve", stage));
+}
+
+// ---- stop
+
+void StationControl::stop(std::size_t station) {
+    station_at(station);
+    const std::lock_guard lock(mutex_);
+    stop_station_ = holder_.work == Work::none ? station : holder_.station;
+    if (program_)
+        program_->send(SIGTERM);
+    stop_ = "stopping";
+    stop_wanted_ = true;
+    changed_.notify_all();
+}
+
+bool StationControl::wait_for_end(std::unique_lock<std::mutex>& lock, std::chrono::seconds time) {
+    return changed_.wait_for(lock, time, [this] { return holder_.work == Work::none; });
+}
+
+// A healthy program has stopped its axes within the first second and says so in its record. The
+// second connection is for one that hangs; where all went well it only confirms.
+void StationControl::stop_all(std::size_t station, const std::stop_token& closing) {
+    const auto stop_stage = [&] {
+        return run_program({"stage", "stop", station_at(station).file.string()});
+    };
+    std::unique_lock lock(mutex_);
+    wait_for_end(lock, 1s);
+    lock.unlock();
+    EndedProgram ended = stop_stage();
+    lock.lock();
+    if (!closing.stop_requested() && !wait_for_end(lock, 9s)) {
+        program_->send(SIGKILL);
+        wait_for_end(lock, 2s);
+        lock.unlock();
+        ended = stop_stage();
+        lock.lock();
+    }
+    stop_ = ended.exit_code == 0 ? "confirmed" : reason_of(ended);
+}
+
+// ---- looking
+
+std::string StationControl::stage_status(std::size_t station) {
+    const ServedStation& served = station_at(station);
+    const std::lock_guard lock(status_mutex_);
+    Status& status = statuses_[station];
+    const Instant now = SteadyClock().now();
+    if (holder().work != Work::none || (status.at != Instant{} && now - status.at < 1s))
+        return status.json;
+    const EndedProgram ended = run_program({"stage", "status", served.file.string(), "--json"});
+    status.json = ended.exit_code == 0 ? ended.output : "";
+    status.at = SteadyClock().now();
+    if (ended.exit_code != 0) {
+        const std::lock_guard inner(mutex_);
+        failure_ = reason_of(ended);
+    }
+    return status.json;
+}
+
+void StationControl::start_live(std::size_t station) {
+    const ServedStation& served = station_at(station);
+    const std::lock_guard lock(mutex_);
+    if (holder_.work == Work::run)
+        throw NotNow(fmt::format("a run by {} has the camera", holder_.who));
+    if (!live_ || live_->has_ended())
+        live_ = std::make_shared<LiveCamera>(served.station);
+}
+
+void StationControl::end_live() {
+    std::shared_ptr<LiveCamera> live;
+    {
+        const std::lock_guard lock(mutex_);
+        live = std::move(live_);
+    }
+    if (live)
+        live->release();
+}
+
+std::shared_ptr<LiveCamera> StationControl::live() const {
+    const std::lock_guard lock(mutex_);
+    return live_;
+}
+
+Holder StationControl::holder() const {
+    const std::lock_guard lock(mutex_);
+    return holder_;
+}
+
+std::optional<ShownRun> StationControl::shown_run() const {
+    const std::lock_guard lock(mutex_);
+    return run_;
+}
+
+std::string StationControl::last_failure() const {
+    const std::lock_guard lock(mutex_);
+    return failure_;
+}
+
+std::string StationControl::last_stop() const {
+    const std::lock_guard lock(mutex_);
+    return stop_;
+}
+
+Path StationControl::record_named(const std::string& name) const {
+    const bool is_plain = !name.empty() && name.size() <= 200 && name[0] != '.' &&
+                          name.find('/') == std::string::npos &&
+                          name.find('\0') == std::string::npos;
+    std::error_code ignored;
+    if (!is_plain ||
+        !std::filesystem::is_regular_file(workplace_.records / name / log_file, ignored))
+        throw ConfigError({name}, "is no record of this page");
+    return workplace_.records / name;
+}
+
+}  // namespace etalon

@@ -1,0 +1,127 @@
+// What the page may make the stations do, and who does it: one run or motion at a time, however
+// many browsers look on.
+//
+// Every run and motion is a command of `etalon` in a process of its own (child_program.h), so the
+// page and the command line drive the same runner, a run that hangs can be stopped all the same,
+// and one that the server's death ends is gone on with from its record. Besides these, the server
+// itself holds at most a camera, for its live picture.
+//
+// Safe from every thread.
+#pragma once
+
+#include <condition_variable>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/errors.h"
+#include "station/serve/child_program.h"
+#include "station/serve/live_camera.h"
+#include "station/serve/run_watch.h"
+
+namespace etalon {
+
+// What cannot be done now, in a sentence for the operator.
+class NotNow : public Error {
+public:
+    using Error::Error;
+};
+
+struct ServedStation {
+    std::filesystem::path file;
+    StationFile station;
+};
+
+struct Workplace {
+    std::vector<ServedStation> stations;
+    std::filesystem::path records;       // where runs are kept
+    std::filesystem::path calibrations;  // empty: each station's own
+};
+
+enum class Work { none, run, homing, motion, stopping };
+
+// Who does what.
+struct Holder {
+    Work work = Work::none;
+    std::size_t station = 0;
+    std::string who, since_utc;
+};
+
+// The run that the page shows: the one that goes on, else the last one that it began.
+struct ShownRun {
+    std::string name;  // of its record's folder
+    std::size_t station = 0;
+    std::string serial, operator_name;
+    bool is_going = false;
+    bool is_pausing = false;  // asked to end so that it can be gone on with
+    std::string said;         // the program's last line
+    std::string failure;      // why it ended without an outcome
+};
+
+class StationControl {
+public:
+    explicit StationControl(Workplace workplace);
+    ~StationControl();  // ends what goes on, in order
+
+    // Each throws NotNow when something else goes on, ConfigError for what cannot be; who: the
+    // operator's name, 1 to 60 characters.
+    void start_run(std::size_t station, const std::string& serial, const std::string& who);
+    void resume_run(const std::string& record, const std::string& who);
+    void pause_run();
+    void home(std::size_t station, const std::string& who);
+    void jog(std::size_t station, const std::string& who, const std::string& axis, double step);
+
+    // At any time, by anybody: asks what goes on to end, then stops the station's axes by a
+    // connection of its own, whether or not it has ended, and kills what has not after 10 s.
+    void stop(std::size_t station);
+
+    // `etalon stage status --json`, at most once a second however many ask; what it said last while
+    // something moves. Empty: not known.
+    std::string stage_status(std::size_t station);
+
+    void start_live(std::size_t station);
+    void end_live();
+    std::shared_ptr<LiveCamera> live() const;
+
+    const Workplace& workplace() const { return workplace_; }
+    Holder holder() const;
+    std::optional<ShownRun> shown_run() const;
+    std::string last_failure() const;  // of a motion or a stop; empty: it went well
+    std::string last_stop() const;     // "stopping", "confirmed", or why not; empty: none yet
+    // What the record of this name is: a folder in `records`, never anything else.
+    std::filesystem::path record_named(const std::string& name) const;
+
+private:
+    struct Status {
+        Instant at{};
+        std::string json;
+    };
+    const ServedStation& station_at(std::size_t index) const;
+    std::size_t station_of(const std::filesystem::path& copy) const;
+    void begin(Work work, std::size_t station, const std::string& who,
+               const std::vector<std::string>& arguments);
+    void begin_run(ShownRun run, const std::vector<std::string>& arguments);
+    void has_ended(Work work, const EndedProgram& ended);
+    void stop_all(std::size_t station, const std::stop_token& closing);
+    bool wait_for_end(std::unique_lock<std::mutex>& lock, std::chrono::seconds time);
+
+    const Workplace workplace_;
+    mutable std::mutex mutex_;
+    std::condition_variable changed_;
+    Holder holder_;
+    std::optional<ShownRun> run_;
+    std::string failure_, stop_;
+    bool stop_wanted_ = false;
+    std::size_t stop_station_ = 0;
+    std::map<std::size_t, Status> statuses_;
+    std::mutex status_mutex_;
+    std::shared_ptr<LiveCamera> live_;
+    std::unique_ptr<ChildProgram> program_;
+    std::jthread stopper_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,314 @@
+// `etalon serve` as a program: what strangers send to it, and runs against the twin that are
+// started, looked at, stopped and gone on with over HTTP as the page does it.
+#include <gmock/gmock.h>
+
+#include <filesystem>
+
+#include "tests/loopback/quick_run.h"
+#include "tests/loopback/web_client.h"
+
+namespace etalon {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+using namespace std::chrono_literals;
+
+class ServedPage : public QuickRun {
+protected:
+    ServedPage() {
+        std::filesystem::create_directories(folder_ / "cameras");
+        write_text(folder_ / "cameras/camera.yml", read_text(folder_ / "camera.yml"));
+        begin_server();
+    }
+    ~ServedPage() override { end_server(SIGTERM); }
+
+    void begin_server(const std::vector<std::string>& more = {}) {
+        std::vector<std::string> arguments = {
+            "serve",          (folder_ / "station.yaml").string(), "--records", records().string(),
+            "--calibrations", (folder_ / "cameras").string(),      "--port",    "0"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        server_ = std::make_unique<Program>("etalon", arguments);
+        link_ = server_->line();
+        ASSERT_EQ(link_.rfind("page http://127.0.0.", 0), 0u) << link_;
+        web_port_ = std::stoi(link_.substr(link_.find(':', 12) + 1));
+        if (more.empty())
+            action_ = Json::parse(get("/api/session").body)["action_token"];
+    }
+    void end_server(int signal) {
+        server_->send(signal);
+        server_->exit_code();
+        server_.reset();
+    }
+    std::filesystem::path records() const { return folder_ / "records"; }
+    std::filesystem::path record() const {
+        for (const auto& entry : std::filesystem::directory_iterator(records()))
+            if (entry.is_directory())
+                return entry.path();
+        return records() / "none";
+    }
+
+    std::string host() const { return fmt::format("127.0.0.1:{}", web_port_); }
+    WebAnswer ask(const std::string& raw) const {
+        WebConnection connection(web_port_);
+        connection.send(raw);
+        return answer_of(connection.read_all());
+    }
+    std::string request(const std::string& line, const std::string& headers = "") const {
+        return fmt::format("{} HTTP/1.1\r\nHost: {}\r\n{}\r\n", line, host(), headers);
+    }
+    WebAnswer get(const std::string& path, const std::string& headers = "") const {
+        return ask(request("GET " + path, headers));
+    }
+    WebAnswer post(const std::string& path, const Json& body) const {
+        const std::string text = body.dump();
+        return ask(request("POST " + path,
+                           fmt::format("Content-Type: application/json\r\nContent-Length: {}\r\n"
+                                       "X-Etalon-Action: {}\r\n",
+                                       text.size(), action_)) +
+                   text);
+    }
+    Json state() const { return Json::parse(get("/api/state").body); }
+    WebAnswer start_run(const std::string& who) const {
+        return post("/api/run/start", {{"station", 0}, {"serial", "CAM-7"}, {"operator", who}});
+    }
+    void wait_for_poses(int poses) const {
+        wait_until([&] { return count(record(), "pose") >= poses; });
+        ASSERT_GE(count(record(), "pose"), poses);
+    }
+    void wait_for_end_of_run() const {
+        wait_until([&] {
+            const Json run = state()["run"];
+            return !run["going"].get<bool>() && run.contains("result");
+        });
+    }
+
+    std::unique_ptr<Program> server_;
+    std::string link_, action_;
+    int web_port_ = 0;
+};
+
+// ---- strangers
+
+TEST_F(ServedPage, ShowsItsPageUnderAPolicyThatLetsNothingElseIn) {
+    const WebAnswer page = get("/");
+    EXPECT_EQ(page.status, 200);
+    EXPECT_THAT(page.body, HasSubstr("<title>Etalon</title>"));
+    EXPECT_THAT(page.head, HasSubstr("Content-Security-Policy: default-src 'none'"));
+    EXPECT_THAT(page.head, HasSubstr("X-Content-Type-Options: nosniff"));
+    for (const char* file : {"/page.js", "/style.css", "/strings.js"})
+        EXPECT_EQ(get(file).status, 200) << file;
+}
+
+TEST_F(ServedPage, RefusesForeignNamesOriginsAndPosts) {
+    EXPECT_EQ(ask("GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n").status, 403);
+    EXPECT_EQ(ask("GET / HTTP/1.1\r\n\r\n").status, 403);
+    EXPECT_EQ(ask(request("GET /", "Host: evil.example\r\n")).status, 400);
+    EXPECT_EQ(get("/api/state", "Sec-Fetch-Site: cross-site\r\n").status, 403);
+    const std::string json = "Content-Type: application/json\r\nContent-Length: 2\r\n";
+    EXPECT_EQ(ask(request("POST /api/run/pause", json) + "{}").status, 403) << "no token";
+    const std::string token = "X-Etalon-Action: " + action_ + "\r\n";
+    EXPECT_EQ(
+        ask(request("POST /api/run/pause", json + token + "Origin: http://evil.example\r\n") + "{}")
+            .status,
+        403);
+    EXPECT_EQ(ask(request("POST /api/run/pause",
+                          token + "Content-Type: text/plain\r\nContent-Length: 2\r\n") +
+                  "{}")
+                  .status,
+              415);
+    EXPECT_EQ(post("/api/run/pause", Json::object()).status, 409) << "no run goes on";
+}
+
+TEST_F(ServedPage, NoPathReachesTheFileSystem) {
+    for (const char* path :
+         {"/../station.yaml", "/..%2fstation.yaml", "/%2e%2e/station.yaml", "//etc/passwd",
+          "/web/../station.yaml", "/index.html/../../station.yaml", "/report?record=..",
+          "/report?record=../../etc", "/report?record=..%2frecords", "/report?record=%00",
+          "/report?record=", "/report?record=.etalon-index.sqlite", "/records/", "/station.yaml"}) {
+        const WebAnswer answer = get(path);
+        EXPECT_TRUE(answer.status == 404 || answer.status == 422) << path << " " << answer.status;
+        EXPECT_THAT(answer.body, Not(HasSubstr("station/1"))) << path;
+    }
+}
+
+TEST_F(ServedPage, CutsOffWhatIsTooLarge) {
+    const std::string ten_megabytes(10 << 20, 'x');
+    for (const std::string& huge :
+         {"GET / HTTP/1.1\r\nX-Long: " + ten_megabytes, "GET /" + ten_megabytes, ten_megabytes,
+          request("POST /api/stop",
+                  "Content-Type: application/json\r\nContent-Length: 10485760\r\n"
+                  "X-Etalon-Action: " +
+                      action_ + "\r\n") +
+              ten_megabytes}) {
+        WebConnection connection(web_port_);
+        connection.send(huge);
+        EXPECT_THAT(connection.read_all(), Not(HasSubstr(" 200 ")));
+    }
+    std::string many = "GET / HTTP/1.1\r\n";
+    for (int i = 0; i < 100000; ++i)
+        many += fmt::format("X-{}: y\r\n", i);
+    WebConnection connection(web_port_);
+    connection.send(many);
+    EXPECT_THAT(connection.read_all(), Not(HasSubstr(" 200 ")));
+    EXPECT_EQ(get("/").status, 200) << "it goes on";
+}
+
+TEST_F(ServedPage, GoesOnBesideConnectionsThatStayHalfOpenAndEndsThem) {
+    std::vector<WebConnection> half_open;
+    for (int i = 0; i < 150; ++i) {
+        half_open.emplace_back(web_port_);
+        half_open.back().send(i % 2 ? "GET / HTTP/1.1\r\nHost: " : "");
+    }
+    EXPECT_EQ(get("/api/state").status, 200);
+    for (WebConnection& connection : half_open)
+        EXPECT_TRUE(connection.is_closed_within(8s));
+}
+
+TEST_F(ServedPage, ClosesConnectionsBeyondItsBoundAndIsBackWhenTheyAreGone) {
+    {
+        std::vector<WebConnection> many;
+        for (int i = 0; i < 300; ++i)
+            many.emplace_back(web_port_);
+        EXPECT_TRUE(many.back().is_closed_within(3s));
+    }
+    wait_until([&] { return get("/").status == 200; });
+    EXPECT_EQ(get("/").status, 200);
+}
+
+TEST_F(ServedPage, AnotherAddressWantsTheTokenOfTheLink) {
+    end_server(SIGTERM);
+    begin_server({"--listen", "127.0.0.2"});
+    const auto ask_there = [&](const std::string& path, const std::string& headers) {
+        WebConnection connection(web_port_, "127.0.0.2");
+        connection.send(fmt::format("GET {} HTTP/1.1\r\nHost: 127.0.0.2:{}\r\n{}\r\n", path,
+                                    web_port_, headers));
+        return answer_of(connection.read_all());
+    };
+    const std::string token = link_.substr(link_.find("?token=") + 7);
+    ASSERT_EQ(token.size(), 64u) << link_;
+    EXPECT_EQ(ask_there("/", "").status, 401);
+    EXPECT_EQ(
+        ask_there("/api/session", "Authorization: Bearer " + token.substr(1) + "0\r\n").status,
+        401);
+    EXPECT_EQ(ask_there("/api/session", "Authorization: Bearer " + token + "\r\n").status, 200);
+    EXPECT_THAT(ask_there("/?token=" + token, "").head, HasSubstr("Set-Cookie: etalon_"));
+    EXPECT_EQ(ask_there("/", fmt::format("Cookie: etalon_{}={}\r\n", web_port_, token)).status,
+              200);
+}
+
+// ---- runs
+
+TEST_F(ServedPage, ARunGoesOnWhileAHundredLookAndOneIsStuck) {
+    ASSERT_EQ(start_run("Anna").status, 200);
+    std::vector<WebConnection> readers;
+    for (int i = 0; i < 100; ++i) {
+        readers.emplace_back(web_port_);
+        readers.back().send(request("GET /api/events"));
+    }
+    std::vector<WebConnection> stuck;  // never read: each takes a state a time until it is full
+    for (int i = 0; i < 5; ++i) {
+        stuck.emplace_back(web_port_);
+        stuck.back().send(request("GET /api/run/photo.jpg?pose=0") + request("GET /api/events"));
+    }
+    wait_until([&] { return state()["run"]["visited"] >= 3; });
+    EXPECT_EQ(get("/api/run/photo.jpg?pose=2").body.substr(0, 2), "\xFF\xD8") << "a JPEG";
+    EXPECT_EQ(get("/api/run/render.jpg?pose=2").body.substr(0, 2), "\xFF\xD8");
+    EXPECT_EQ(get("/api/run/photo.jpg?pose=999").status, 422);
+    EXPECT_EQ(Json::parse(get("/api/run/plan").body)["poses"].size(), quick_poses);
+    wait_for_end_of_run();
+    const Json run = state()["run"];
+    EXPECT_EQ(run["result"]["outcome"], "PASS") << run;
+    EXPECT_EQ(run["visited"], quick_poses);
+    for (WebConnection& reader : readers)
+        EXPECT_THAT(reader.read_all(50ms), HasSubstr("\"outcome\":\"PASS\""));
+    EXPECT_THAT(get("/report?record=" + record().filename().string()).head,
+                HasSubstr("sandbox allow-scripts"));
+    EXPECT_THAT(get("/api/fleet/runs?camera=CAM-7").body, HasSubstr("\"operator\":\"Anna\""));
+}
+
+TEST_F(ServedPage, OneAtATimeAndTheSecondIsToldByWhom) {
+    ASSERT_EQ(start_run("Anna").status, 200);
+    wait_for_poses(1);
+    const WebAnswer second = start_run("Bert");
+    EXPECT_EQ(second.status, 409);
+    EXPECT_THAT(second.body, HasSubstr("a run by Anna goes on"));
+    EXPECT_EQ(post("/api/stage/home", {{"station", 0}, {"operator", "Bert"}}).status, 409);
+    Program jog("etalon", {"stage", "jog", (folder_ / "station.yaml").string(), "x=1"});
+    EXPECT_THAT(jog.rest(), HasSubstr("is in use by a qualification by Anna"));
+    EXPECT_EQ(jog.exit_code(), 3);
+    EXPECT_EQ(post("/api/stop", {{"station", 0}}).status, 200) << "anybody may stop";
+    wait_for_end_of_run();
+    wait_until([&] { return state()["work"]["stop"] == "confirmed"; });
+    EXPECT_EQ(state()["work"]["stop"], "confirmed");
+    EXPECT_EQ(state()["run"]["result"]["outcome"], "ABORTED");
+}
+
+TEST_F(ServedPage, AKilledServerEndsItsRunWhichTheNextOneGoesOnWith) {
+    ASSERT_EQ(start_run("Anna").status, 200);
+    wait_for_poses(5);
+    end_server(SIGKILL);
+    wait_for(record(), "ABORTED", 1);  // the run heard of it and has stopped its axes
+    EXPECT_EQ(count(record(), "axes stopped"), 1);
+    begin_server();
+    const Json unfinished = state()["unfinished"];
+    ASSERT_EQ(unfinished.size(), 1u);
+    // The record is let go a moment after its last line.
+    wait_until([&] {
+        post("/api/run/resume", {{"record", unfinished[0]["record"]}, {"operator", "Bert"}});
+        wait_for_end_of_run();
+        return state()["run"]["result"]["outcome"] == "PASS";
+    });
+    EXPECT_EQ(state()["run"]["result"]["outcome"], "PASS");
+    EXPECT_EQ(count(record(), "pose"), quick_poses);
+    const Json sessions = run_of(record())["sessions"];
+    EXPECT_EQ(sessions.front()["operator"], "Anna");
+    EXPECT_EQ(sessions.back()["operator"], "Bert");
+}
+
+TEST_F(ServedPage, StopWorksWhenTheRunItselfHangs) {
+    ASSERT_EQ(start_run("Anna").status, 200);
+    wait_for_poses(2);
+    const int run = server_->child();
+    ASSERT_GT(run, 0);
+    kill(run, SIGSTOP);
+    EXPECT_EQ(post("/api/stop", {{"station", 0}}).status, 200);
+    wait_until([&] { return state()["work"]["kind"] == "none"; });  // killed after ten seconds
+    wait_until([&] { return state()["work"]["stop"] != "stopping"; });
+    EXPECT_EQ(state()["work"]["stop"], "confirmed");
+    wait_for_end_of_run();
+    EXPECT_EQ(state()["run"]["result"]["outcome"], "ERROR");
+    EXPECT_GE(count(record(), "pose"), 2) << "what was measured is kept";
+}
+
+TEST_F(ServedPage, TheCalibrationIsThatOfTheSerialNumberAndOfTheDevice) {
+    const auto start = [&](const std::string& serial) {
+        return post("/api/run/start", {{"station", 0}, {"serial", serial}, {"operator", "Anna"}});
+    };
+    EXPECT_THAT(start("CAM-12").body, HasSubstr("no calibration of camera CAM-12"));
+    EXPECT_EQ(start("").status, 422);
+    write_text(folder_ / "cameras/other.yml",
+               replaced(read_text(folder_ / "camera.yml"), "CAM-7", "CAM-12"));
+    EXPECT_EQ(start("CAM-12").status, 200);
+    wait_until([&] { return !state()["run"]["going"].get<bool>(); });
+    EXPECT_THAT(state()["run"]["failure"].get<std::string>(),
+                HasSubstr("the calibration is of camera CAM-12, but genicam:127.0.0.1 is camera"));
+}
+
+TEST_F(ServedPage, ShowsAndSetsTheLivePictureUntilItIsHidden) {
+    EXPECT_EQ(get("/api/live.mjpg").status, 404);
+    EXPECT_EQ(post("/api/live/start", {{"station", 0}}).status, 200);
+    WebConnection reader(web_port_);
+    reader.send(request("GET /api/live.mjpg"));
+    wait_until([&] { return state()["live"].is_object() && state()["live"]["mean"] > 0.0; });
+    EXPECT_EQ(state()["live"]["exposure_us"], 2000.0);
+    EXPECT_EQ(post("/api/live/set", {{"exposure_us", 3000}, {"gain_db", 0}}).status, 200);
+    wait_until([&] { return state()["live"]["exposure_us"] == 3000.0; });
+    EXPECT_EQ(post("/api/live/end", Json::object()).status, 200);
+    const std::string pictures = reader.read_all();
+    EXPECT_THAT(pictures, HasSubstr("multipart/x-mixed-replace"));
+    EXPECT_THAT(pictures, HasSubstr("\xFF\xD8\xFF"));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -153,8 +153,11 @@ private:
         if (!ours || !baseline)
             return;
         const PublishedMethod published(scene_.camera, rays, Undistortion::per_ray);
-        std::tie(ours->cpu_ms, baseline->cpu_ms) = median_cpu_ms_by_turns(
-            [&] { renderer_->render(scene_.scene); }, [&] { published.render(scene_.scene); });
+        const TimesByTurns times = cpu_ms_by_turns([&] { renderer_->render(scene_.scene); },
+                                                   [&] { published.render(scene_.scene); });
+        ours->cpu_ms = times.one_ms;
+        baseline->cpu_ms = times.other_ms;
+        result_.ratio_error = times.ratio_error;
         for (BenchRow* each : {ours, baseline})
             each->ns_per_pixel = 1e6 * each->cpu_ms / std::max(1, result_.refined_pixels);
     }

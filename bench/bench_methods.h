@@ -39,7 +39,8 @@ struct BenchScene {
     double cache_ms = 0.0;       // CPU time to build what the renderer keeps for this camera
     int refined_pixels = 0;   // within blur radius + 1 px of an edge (the published method's); of a
                               // wide lens those of the tiles that are not uniform
-    double ns_per_ray = 0.0;  // of the published method, from its two largest settings
+    double ratio_error = 0.0;  // relative standard error of the promised ratio of times
+    double ns_per_ray = 0.0;   // of the published method, from its two largest settings
     int refused_poses = 0;    // of the cloud, with NumericalError; not in the rows
     std::vector<std::string> left_out;  // settings not measured, and why
 

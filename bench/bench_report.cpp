@@ -2,10 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <fstream>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "core/text.h"
 #include "report/json_text.h"
+#include "report/software_versions.h"
 #include "report/svg_plot.h"
 
 namespace etalon {
@@ -239,10 +243,48 @@ std::string bench_plot(const std::vector<BenchScene>& scenes) {
     return text + "</svg>\n";
 }
 
+namespace {
+
+// "AMD EPYC 9B14, 2 processors".
+std::string machine_name() {
+    constexpr std::string_view key = "model name";
+    std::ifstream file("/proc/cpuinfo");
+    std::string line, model = "unknown processor";
+    while (std::getline(file, line))
+        if (const auto colon = line.find(':'); line.starts_with(key) && colon != line.npos) {
+            model = trimmed(line.substr(colon + 1));
+            break;
+        }
+    return fmt::format("{}, {} processors", model, std::thread::hardware_concurrency());
+}
+
+std::string compiler_with_flags() {
+    const std::vector<SoftwareVersion> versions = software_versions();
+    const auto compiler = std::ranges::find(versions, "compiler", &SoftwareVersion::name);
+    return fmt::format("{} {}", compiler->version, ETALON_COMPILER_FLAGS);
+}
+
+std::optional<double> known_ratio(const BenchScene& scene) {
+    const double ratio = published_over_default(scene);
+    return std::isnan(ratio) ? std::nullopt : std::optional(ratio);
+}
+
+}  // namespace
+
+double published_over_default(const BenchScene& scene) {
+    return ratio_to_published(scene, scene.default_row());
+}
+
 std::string bench_json(const BenchResult& result) {
-    ordered_json json = {{"etalon", "bench/1"}, {"rows", json_list(all_rows(result), row_json)}};
+    ordered_json json = {{"etalon", bench_kind},
+                         {"machine", machine_name()},
+                         {"compiler", compiler_with_flags()},
+                         {"rows", json_list(all_rows(result), row_json)}};
     for (const BenchScene& scene : result.scenes)
         json["scenes"].push_back({{"scene", scene.name},
+                                  {"default_cpu_ms", scene.default_row().cpu_ms},
+                                  {"ratio", optional_number(known_ratio(scene))},
+                                  {"ratio_error", scene.ratio_error},
                                   {"cache_ms", scene.cache_ms},
                                   {"refined_pixels", scene.refined_pixels},
                                   {"baseline_ns_per_ray", scene.ns_per_ray},

@@ -11,6 +11,8 @@
 
 namespace etalon {
 
+inline constexpr const char* bench_kind = "bench/1";
+
 struct BenchResult {
     std::vector<BenchScene> scenes;
     std::optional<BenchScene> cloud;
@@ -31,10 +33,14 @@ std::vector<BenchCheck> bench_checks(const BenchResult& result);
 std::string bench_csv(const BenchResult& result);
 std::string bench_markdown(const BenchResult& result);
 std::string bench_plot(const std::vector<BenchScene>& scenes);
+// With the machine, the compiler and its flags. bench/bench_against.h reads it back.
 std::string bench_json(const BenchResult& result);
 
 // For a terminal of 80 columns: everything but the checks.
 std::string bench_text(const BenchResult& result);
+
+// How much longer the published method takes than the default; NaN where it was not measured.
+double published_over_default(const BenchScene& scene);
 
 // Which settings nothing else beats in both time and error; and whether `default` is among them.
 // Errors below the reference's standard error count as equal: nobody can tell them apart.

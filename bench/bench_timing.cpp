@@ -2,6 +2,7 @@
 
 #include <malloc.h>
 
+#include <cmath>
 #include <vector>
 
 #include "core/cpu_time.h"
@@ -21,15 +22,18 @@ double run_ms(const std::function<void()>& work) {
     return thread_cpu_ms() - start;
 }
 
-// After a run that only warms the processor's caches: one, or as many as take 50 ms.
-void add_warm_runs(const std::function<void()>& work, std::vector<double>& times) {
+// After a run that only warms the processor's caches: one, or as many as take 50 ms. Their median.
+double add_warm_runs(const std::function<void()>& work, std::vector<double>& times) {
     constexpr double long_enough_ms = 50.0;
     run_ms(work);
+    std::vector<double> of_turn;
     double sum = 0.0;
     while (sum < long_enough_ms) {
-        times.push_back(run_ms(work));
-        sum += times.back();
+        of_turn.push_back(run_ms(work));
+        sum += of_turn.back();
     }
+    times.insert(times.end(), of_turn.begin(), of_turn.end());
+    return median(of_turn);
 }
 
 }  // namespace
@@ -53,15 +57,18 @@ double median_cpu_ms(const std::function<void()>& work) {
     return median(times);
 }
 
-std::pair<double, double> median_cpu_ms_by_turns(const std::function<void()>& one,
-                                                 const std::function<void()>& other) {
+TimesByTurns cpu_ms_by_turns(const std::function<void()>& one, const std::function<void()>& other) {
     constexpr int turns = 9;
     std::vector<double> ones, others;
+    double sum = 0.0, squares = 0.0;
     for (int turn = 0; turn < turns; ++turn) {
-        add_warm_runs(one, ones);
-        add_warm_runs(other, others);
+        const double one_ms = add_warm_runs(one, ones);
+        const double log_ratio = std::log(add_warm_runs(other, others) / one_ms);
+        sum += log_ratio;
+        squares += log_ratio * log_ratio;
     }
-    return {median(ones), median(others)};
+    const double variance = std::max(0.0, squares - sum * sum / turns) / (turns - 1);
+    return {median(ones), median(others), std::sqrt(variance / turns)};
 }
 
 }  // namespace etalon

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <functional>
-#include <utility>
 
 namespace etalon {
 
@@ -18,7 +17,10 @@ double median_cpu_ms(const std::function<void()>& work);
 
 // The same of two whose ratio is wanted, by turns, so that what slows the machine for a while slows
 // both: nine turns of one warm run each, or of 50 ms if that is more.
-std::pair<double, double> median_cpu_ms_by_turns(const std::function<void()>& one,
-                                                 const std::function<void()>& other);
+struct TimesByTurns {
+    double one_ms = 0.0, other_ms = 0.0;
+    double ratio_error = 0.0;  // relative standard error of their ratio, by the turns' own ratios
+};
+TimesByTurns cpu_ms_by_turns(const std::function<void()>& one, const std::function<void()>& other);
 
 }  // namespace etalon

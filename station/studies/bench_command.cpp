@@ -3,6 +3,7 @@
 
 #include <cstdio>
 
+#include "bench/bench_against.h"
 #include "bench/bench_report.h"
 #include "bench/bench_timing.h"
 #include "core/errors.h"
@@ -93,11 +94,24 @@ bool print_checks(const std::vector<BenchCheck>& checks, std::FILE* stream) {
     return all;
 }
 
+// Returns whether nothing got slower.
+bool print_against(const BenchBefore& before, const BenchResult& result, double margin,
+                   std::FILE* stream) {
+    const std::vector<SpeedChange> changes = speed_changes(before, result, margin);
+    fmt::print(stream, "\n{}", against_text(before, changes));
+    if (changes.empty())
+        throw ConfigError({"--against"}, "has none of the scenes that were measured");
+    return std::ranges::none_of(changes, &SpeedChange::is_slower);
+}
+
 }  // namespace
 
 int run_bench(const BenchArguments& arguments) {
     const std::vector<BenchmarkScene> scenes = chosen_scenes(arguments.scenes);
     plan_of(arguments);
+    std::optional<BenchBefore> before;
+    if (!arguments.against.empty())
+        before = read_bench(arguments.against);
     if (!arguments.out.empty())
         make_out_folder(arguments.out);
     keep_freed_memory();
@@ -108,8 +122,10 @@ int run_bench(const BenchArguments& arguments) {
         std::puts(bench_json(result).c_str());
     else
         std::fputs(bench_text(result).c_str(), stdout);
-    const bool reached = print_checks(bench_checks(result), arguments.json ? stderr : stdout);
-    return arguments.check && !reached ? 1 : 0;
+    std::FILE* const words = arguments.json ? stderr : stdout;
+    const bool reached = print_checks(bench_checks(result), words);
+    const bool as_fast = !before || print_against(*before, result, arguments.margin, words);
+    return (arguments.check && !reached) || !as_fast ? 1 : 0;
 }
 
 void declare_bench(Command& program) {
@@ -132,6 +148,11 @@ void declare_bench(Command& program) {
                 "in each of 16 scrambles (default 16384)", "N")
         .whole();
     command.flag("--quick", asked->quick, "few settings and samples, to try the command");
+    command.option("--against", asked->against,
+                   "bench.json of another run: exit code 1 when a\nratio to the published method fell",
+                   "FILE");
+    command.option("--margin", asked->margin, "by which a ratio may fall (default 0.1)", "PART")
+        .in_range(0.0, 0.9);
     command.flag("--check", asked->check, "exit code 1 when a promised figure is missed");
 }
 

@@ -18,6 +18,8 @@ struct BenchArguments {
     std::optional<int> poses;         // of the cloud: 200, quick 5; 0: no cloud
     std::optional<int> throughput;    // frames: 10000, quick 40; 0: none
     int reference_samples = 0;        // in each of 16 scrambles; 0: the plan's own
+    std::filesystem::path against;    // bench.json of another run; none: not compared
+    double margin = 0.1;              // by which a ratio may fall
     bool quick = false;               // few settings and samples: a trial of the command
     bool check = false;               // exit code 1 when a promised figure is missed
     bool json = false;

@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "bench/bench_against.h"
 #include "bench/bench_report.h"
 #include "bench/benchmark_scenes.h"
 #include "calib/camera/projector.h"
@@ -113,6 +114,43 @@ TEST(BenchReport, ChecksFailBelowThePromisedRatio) {
     scene.rows[0].error.max_sigmas = 4.1;
     scene.ns_per_ray = 9.5;
     EXPECT_EQ(failed(), "webcam-500: max <= 0.1 gray + 4 s.e.;webcam-500: baseline, ns per ray;");
+}
+
+// A ratio of 16 with 1 % of error each time: a fall by a tenth is told from noise, one by 3 % not.
+TEST(BenchAgainst, NamesWhatFellBeyondMarginAndNoise) {
+    BenchResult result;
+    result.scenes.resize(2);
+    const auto measured = [&](double first_ms, double second_ms) -> const BenchResult& {
+        for (std::size_t i = 0; i < 2; ++i) {
+            BenchScene& scene = result.scenes[i];
+            scene.name = i == 0 ? "webcam-500" : "sharp-500";
+            scene.rows = {made_row("default", "0.1", i == 0 ? first_ms : second_ms, 0.03),
+                          made_row("published", "n256", 32.0, 1.5)};
+            scene.ratio_error = 0.01;
+        }
+        return result;
+    };
+    const TemporaryFolder folder;
+    write_text(folder / "bench.json", bench_json(measured(2.0, 4.0)));
+    const BenchBefore before = read_bench(folder / "bench.json");
+    EXPECT_THAT(before.machine, HasSubstr("processors"));
+    EXPECT_THAT(before.compiler, testing::AnyOf(HasSubstr("GNU"), HasSubstr("Clang")));
+    const auto slower = [&](double first_ms, double second_ms, double margin) {
+        std::string names;
+        for (const SpeedChange& each : speed_changes(before, measured(first_ms, second_ms), margin))
+            names += each.is_slower ? each.scene + ";" : "";
+        return names;
+    };
+    EXPECT_EQ(slower(2.0, 4.0, 0.05), "");
+    EXPECT_EQ(slower(2.0, 4.0 / 0.94, 0.05), "sharp-500;");
+    EXPECT_EQ(slower(2.0 / 0.94, 4.0 / 0.96, 0.1), "");
+    EXPECT_EQ(slower(2.0 / 0.97, 4.0, 0.01), "");  // three errors of both are 4.2 %
+    result.scenes[1].rows.pop_back();               // not measured: nothing to judge
+    const auto changes = speed_changes(before, result, 0.1);
+    EXPECT_FALSE(changes[1].is_slower || changes[1].ratio_now);
+    EXPECT_THAT(against_text(before, changes), HasSubstr("sharp-500"));
+    write_text(folder / "bench.json", R"({"etalon": "bench/1", "machine": "", "compiler": ""})");
+    EXPECT_THROW(read_bench(folder / "bench.json"), ConfigError);
 }
 
 TEST(SpreadPoses, ShowTheWholeMarkerFromItsFront) {

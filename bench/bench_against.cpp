@@ -65,10 +65,10 @@ std::string against_text(const BenchBefore& before, const std::vector<SpeedChang
     text += fmt::format("{:<14} {:>10} {:>10} {:>10} {:>10}\n", "scene", "CPU ms then", "now",
                         "ratio then", "now");
     for (const SpeedChange& change : changes)
-        text += fmt::format("{:<14} {:>11.3f} {:>10.3f} {:>10} {:>10}{}\n", change.scene,
-                            change.cpu_ms_before, change.cpu_ms_now,
-                            ratio_text(change.ratio_before), ratio_text(change.ratio_now),
-                            change.is_slower ? "  SLOWER" : "");
+        text +=
+            fmt::format("{:<14} {:>11.3f} {:>10.3f} {:>10} {:>10}{}\n", change.scene,
+                        change.cpu_ms_before, change.cpu_ms_now, ratio_text(change.ratio_before),
+                        ratio_text(change.ratio_now), change.is_slower ? "  SLOWER" : "");
     return text;
 }
 

@@ -62,6 +62,7 @@ inline PixelMatch photographed(const PhotographedTruth& truth, std::uint64_t see
                                RenderMethod method = RenderMethod::automatic) {
     constexpr double white_level = 0.8;
     constexpr std::size_t photos = 14;
+    constexpr int reference_samples = 256;
     const CameraModel camera = photographed_calibration();
     const PhotometricDetector detector(camera, photographed_tag(), "test", stated_background);
     const Renderer renderer(truth.camera);
@@ -72,7 +73,9 @@ inline PixelMatch photographed(const PhotographedTruth& truth, std::uint64_t see
         grid.cells = cv::Mat(grid.cells * white_level);
         RenderedImage image =
             renderer.render({{{grid, photographed_pose(i)}}, truth.background * white_level},
-                            {.method = method, .tolerance_gray = 0.05});
+                            {.method = method,
+                             .tolerance_gray = 0.05,
+                             .reference_samples = reference_samples});
         image.radiance = blurred(image.radiance, std::sqrt(truth.blur_px2));
         const CodeImage photo =
             sensor.expose(image.radiance, NoiseKey{seed, static_cast<std::uint32_t>(i)});

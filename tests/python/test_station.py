@@ -100,6 +100,8 @@ def test_the_rules_of_the_station_hold(station):
             etalon.open_camera("genicam:127.0.0.9", frame_timeout_s=0.2)
         with pytest.raises(etalon.ConfigError):
             etalon.open_camera("polaroid:1")
+    with station.open_camera() as camera, pytest.raises(etalon.ConfigError, match="retries"):
+        camera.frame(retries=-3)
 
 
 @pytest.mark.parametrize("how", ["ctrl-c", "stop"])

@@ -168,8 +168,8 @@ for a target with too few points.)");
                model, leave_one_out, resamples, fit_board,
                R"(Intrinsics from photographs of a board: a CameraCalibration.
 
-photos: three or more of (height, width) uint8 or uint16, of one size, shared; those that do not show
-the board are left out. model: None takes the one that they support. resamples: of the bootstrap, 0
+photos: three or more of (height, width) uint8 or uint16, of one size, shared; those that do not
+show the board are left out. model: None takes the one that they support. resamples: of the bootstrap, 0
 leaves it out. fit_board: the board's shape, too. Raises ConfigError, and NumericalError for
 photographs that do not determine the camera.)");
     module.def("calibrate_camera", &from_views, py::arg("views"), py::arg("image_size"),

@@ -217,7 +217,8 @@ distortion: up to 14 coefficients in OpenCV's order. Raises ConfigError, Numeric
         .def_static("load", &load, py::arg("path"), py::arg("image_size") = py::none(),
                     R"(Reads camera.yml or the calibration of another tool, of any lens.
 
-image_size: (width, height) where the file may not say it. Raises ConfigError with file, line, key.)")
+image_size: (width, height) where the file may not say it. Raises ConfigError with file, line and
+key.)")
         .def("save", &save, py::arg("path"), py::arg("tool") = "etalon",
              R"(Writes camera.yml, so that load() gives the same doubles, or another tool's file.
 

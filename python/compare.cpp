@@ -88,7 +88,8 @@ void bind_fit(py::module_& module) {
     };
     py::class_<PhotoFit>(module, "PhotoFit", R"(A photograph against its rendering at one pose.
 
-Gray: code value / full scale * 255. Fitted on one half of the marker's cells, scored on the other.)")
+Gray: code value / full scale * 255. Fitted on one half of the marker's cells, scored on the
+other.)")
         .def_property_readonly(
             "camera_from_marker",
             [](const PhotoFit& fit) { return array_of(fit.state.camera_from_marker); },

@@ -141,7 +141,8 @@ why. Raises ConfigError for a photograph of another size than the camera's.)");
         "estimate_pose", &pose_from, py::arg("camera"), py::arg("points_mm"), py::arg("pixels"),
         R"(A PoseEstimate from points (N, 3) of the marker's plane, mm, seen at pixels (N, 2).
 
-None where they fix no pose in front of the camera. Raises NumericalError for a telecentric camera.)");
+None where they fix no pose in front of the camera. Raises NumericalError for a telecentric
+camera.)");
 }
 
 void bind_photometric(py::module_& module) {
@@ -180,14 +181,15 @@ What a wrong calibration or size of the print does is not in it.)")
         R"(Poses from all pixels of a marker or board, from a pose nearby.
 
 Safe from every thread.)")
-        .def(
-            py::init([](const Projector& camera, const Marker& marker, double background) {
-                return without_gil([&] {
-                    return PhotometricDetector(camera.camera(), marker, "marker", background);
-                });
-            }),
-            py::arg("camera"), py::arg("marker"), py::arg("background") = 1.0,
-            R"(background: radiance beside the marker, whose white is 1. Raises ConfigError, NumericalError.)")
+        .def(py::init([](const Projector& camera, const Marker& marker, double background) {
+                 return without_gil([&] {
+                     return PhotometricDetector(camera.camera(), marker, "marker", background);
+                 });
+             }),
+             py::arg("camera"), py::arg("marker"), py::arg("background") = 1.0,
+             R"(background: radiance beside the marker, whose white is 1.
+
+Raises ConfigError, NumericalError.)")
         .def("find", &find, py::arg("photo"), py::arg("start"),
              py::arg("start_error_px") = PhotometricDetector::basin_px,
              R"(The PhotometricPose in a photograph.

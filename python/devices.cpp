@@ -20,6 +20,8 @@ SharedCamera::SharedCamera(const std::string& uri, const CameraLink& link) {
 }
 
 Frame SharedCamera::frame(int retries) {
+    if (retries < 0)
+        throw ConfigError({"retries"}, "must not be negative");
     return interruptible([&](std::stop_token stop) {
         const std::lock_guard turn(mutex_);
         return open().frame_after(clock_.now(), retries, stop);

@@ -144,9 +144,10 @@ Safe from every thread. Raises ConfigError for a sensor section that contradicts
 
 A longer exposure is a larger radiance. seed: with the sensor's noise, a function of (seed, frame,
 pixel). Raises NumericalError for another size than the camera's and what is not finite.)")
-        .def(
-            "linear_radiance", &linear_radiance, py::arg("image"),
-            R"(Radiance at the sensor, (height, width) float32, of code values, black level and curve undone.)")
+        .def("linear_radiance", &linear_radiance, py::arg("image"),
+             R"(Radiance at the sensor, (height, width) float32, of code values.
+
+Black level and curve are undone, the relative response is not.)")
         .def_property_readonly("bits", &SensorModel::bits, "Full scale is 2^bits - 1.");
 }
 

@@ -19,7 +19,7 @@ id: two-detectors
 camera: {demo / "camera.yml"}
 background: 0.6
 white_level: 0.8
-poses: {{count: 80, seed: 3, z_mm: [250, 900], roll_deg: [-45, 45], pitch_deg: [-45, 45], yaw_deg: [-180, 180]}}
+poses: {{count: 60, seed: 3, z_mm: [250, 900], roll_deg: [-45, 45], pitch_deg: [-45, 45], yaw_deg: [-180, 180]}}
 detectors:
   - {{name: AprilTag, detector: apriltag, marker: "apriltag:36h11:5@50mm"}}
   - {{name: ArUco, detector: aruco, marker: "aruco:4X4_50:7@50mm"}}

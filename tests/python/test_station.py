@@ -1,6 +1,7 @@
 """Everything that needs devices: the twin speaks their protocols on 127.0.0.1."""
 
 import _thread
+import signal
 import threading
 import time
 
@@ -16,6 +17,14 @@ CAMERA_FROM_BASE = pose(*numpy.radians([1.1, -1.7, 0.6]), 4, -3, 480)
 CARRIAGE_FROM_MARKER = pose(*numpy.radians([22.5, -0.4, 0.7]), 5.3, -7.2, 20.5)
 
 pytestmark = pytest.mark.skipif(not hasattr(etalon._etalon, "_Twin"), reason="this build has no twin: Aravis is missing")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def ctrl_c():
+    """As in a terminal: a program in the background ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +100,8 @@ def test_the_rules_of_the_station_hold(station):
             etalon.open_camera("genicam:127.0.0.9", frame_timeout_s=0.2)
         with pytest.raises(etalon.ConfigError):
             etalon.open_camera("polaroid:1")
+    with station.open_camera() as camera, pytest.raises(etalon.ConfigError, match="retries"):
+        camera.frame(retries=-3)
 
 
 @pytest.mark.parametrize("how", ["ctrl-c", "stop"])

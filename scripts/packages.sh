@@ -14,7 +14,8 @@ test_packages="libgtest-dev libgmock-dev poppler-utils"
 # we write for them; the shells that complete our commands; the documentation's site; a reader of
 # pipelines' files.
 all_test_packages="libbenchmark-dev libfaketime qemu-system-x86 busybox-static kmod cpio udev slurm-wlm \
-    clang libclang-rt-dev python3-mrcal colmap bash-completion zsh fish $docs_packages python3-yaml"
+    clang libclang-rt-dev python3-mrcal colmap bash-completion zsh fish $docs_packages python3-yaml \
+    python3-jsonschema"
 
 missing_packages() {
     local package

@@ -54,6 +54,7 @@ int run_schema(const SchemaArguments& arguments) {
     ReadTrace trace;
     for (const std::filesystem::path& path : arguments.files)
         read_as_declared(path);
+    std::erase_if(trace.files, [](const auto& file) { return file->kind == "stage-profile/1"; });
     write_schemas(trace, arguments.out);
     return 0;
 }

@@ -16,6 +16,18 @@ install_completion(bash bash-completion/completions etalon)
 install_completion(zsh zsh/vendor-completions _etalon)
 install_completion(fish fish/vendor_completions.d etalon.fish)
 
+# Schemas for editors, from the files that have every key.
+file(GLOB files ${SOURCE_DIR}/examples/every-key/*.y*ml
+    ${SOURCE_DIR}/examples/study/*.yaml)
+list(FILTER files EXCLUDE REGEX "/(twin[^/]*|psf)\\.y")
+execute_process(COMMAND ${program} schema --out ${scratch}/schema ${files} COMMAND_ERROR_IS_FATAL ANY)
+if(EXISTS ${BINARY_DIR}/etalon-twin)
+    file(GLOB files ${SOURCE_DIR}/examples/every-key/twin*.yaml)
+    execute_process(COMMAND ${BINARY_DIR}/etalon-twin --schema ${scratch}/schema ${files}
+        COMMAND_ERROR_IS_FATAL ANY)
+endif()
+file(INSTALL ${scratch}/schema DESTINATION ${share}/etalon)
+
 find_program(HELP2MAN help2man)
 if(NOT HELP2MAN)
     message(STATUS "help2man is missing: no manual pages are installed")

@@ -5,6 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "core/text.h"
+
 namespace etalon {
 namespace {
 
@@ -155,7 +157,8 @@ ordered_json schema_of(const Place& place) {
 std::map<std::string, std::string> file_schemas(const ReadTrace& trace) {
     std::map<std::string, KindOfFile> kinds;
     for (const auto& file : trace.files)
-        kinds[file->kind].add(*file);
+        if (file->is_whole)
+            kinds[file->kind].add(*file);
     std::map<std::string, std::string> schemas;
     for (const auto& [kind, file] : kinds) {
         ordered_json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
@@ -165,6 +168,12 @@ std::map<std::string, std::string> file_schemas(const ReadTrace& trace) {
         schemas[kind] = schema.dump(2) + "\n";
     }
     return schemas;
+}
+
+void write_schemas(const ReadTrace& trace, const std::filesystem::path& folder) {
+    std::filesystem::create_directories(folder);
+    for (const auto& [kind, schema] : file_schemas(trace))
+        write_text(folder / (kind.substr(0, kind.find('/')) + ".json"), schema);
 }
 
 }  // namespace etalon

@@ -4,6 +4,7 @@
 // about another (files that exist, low < high, a key that another one needs) only the reader knows.
 #pragma once
 
+#include <filesystem>
 #include <map>
 #include <string>
 
@@ -11,8 +12,12 @@
 
 namespace etalon {
 
-// By kind, "camera/1". A key is required if the reader wanted it in every mapping of its place. The
-// files of the trace must be ones that were read without an error.
+// By kind, "camera/1", of the files that were read to their end. A key is required if the reader
+// wanted it in every mapping of its place. The files of the trace must be ones that were read
+// without an error.
 std::map<std::string, std::string> file_schemas(const ReadTrace& trace);
+
+// Each as FOLDER/NAME.json, "camera.json"; the folder is made.
+void write_schemas(const ReadTrace& trace, const std::filesystem::path& folder);
 
 }  // namespace etalon

@@ -34,6 +34,7 @@ public:
     struct File {
         std::string kind;  // "camera/1"
         std::vector<ReadEvent> events;
+        bool is_whole = false;  // read to its end, StrictFile::finish()
     };
     std::vector<std::shared_ptr<File>> files;  // in the order in which they were opened
 };

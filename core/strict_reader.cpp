@@ -29,7 +29,7 @@ std::shared_ptr<ReadTrace::File> traced_file(std::string_view kind) {
     if (!active_trace)
         return nullptr;
     active_trace->files.push_back(
-        std::make_shared<ReadTrace::File>(ReadTrace::File{std::string(kind), {}}));
+        std::make_shared<ReadTrace::File>(ReadTrace::File{std::string(kind), {}, false}));
     return active_trace->files.back();
 }
 
@@ -283,6 +283,8 @@ std::filesystem::path StrictFile::resolve(const std::string& relative) const {
 
 void StrictFile::finish() const {
     const Value::Shared& shared = *root_.shared_;
+    if (shared.trace)
+        shared.trace->is_whole = true;
     visit_mappings(*root_.node_, "", [&](const std::string& path, const YAML::Node& mapping) {
         for (const auto& entry : mapping) {
             const std::string full = join(path, entry.first.Scalar());

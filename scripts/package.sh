@@ -33,12 +33,13 @@ make_packages build/package
 printf '%d s\n' $((SECONDS - begin))
 (cd build/package && ls -l --block-size=K *.deb | awk '{print $5, $9}' && sha256sum *.deb >SHA256SUMS)
 echo "== lintian"
-lintian --fail-on error --no-tag-display-limit build/package/*.changes
+lintian --fail-on error --tag-display-limit 0 build/package/*.changes
 
 if [ "${1:-}" = --reproducible ]; then
     echo "== building again, elsewhere"
     again=$(mktemp -d)
     trap 'rm -rf "$again"' EXIT
-    make_packages "$again/in-another-folder"
+    # Compiled anew: what the cache holds would only be compared with itself.
+    CCACHE_RECACHE=1 make_packages "$again/in-another-folder"
     (cd "$again/in-another-folder" && sha256sum -c "$OLDPWD/build/package/SHA256SUMS")
 fi

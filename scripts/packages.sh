@@ -15,7 +15,8 @@ test_packages="libgtest-dev libgmock-dev poppler-utils"
 # documentation's site; a reader of pipelines' files.
 all_test_packages="libbenchmark-dev libfaketime qemu-system-x86 busybox-static kmod cpio udev slurm-wlm \
     clang libclang-rt-dev python3-mrcal colmap pybind11-dev python3-dev python3-numpy python3-pytest \
-    python3-matplotlib python3-opencv bash-completion zsh fish $docs_packages python3-yaml"
+    python3-matplotlib python3-opencv bash-completion zsh fish $docs_packages python3-yaml \
+    python3-jsonschema"
 
 missing_packages() {
     local package

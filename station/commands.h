@@ -11,4 +11,6 @@ void declare_commands(Command& program);
 // `etalon completion`, which is asked about all of them.
 void declare_completion(Command& program);
 
+void declare_schema(Command& program);
+
 }  // namespace etalon

@@ -11,6 +11,7 @@
 
 #include "core/errors.h"
 #include "core/exit_codes.h"
+#include "core/file_schema.h"
 #include "core/text.h"
 #include "mocks/ending_signals.h"
 #include "mocks/twin/twin.h"
@@ -18,13 +19,17 @@
 namespace {
 
 struct Arguments {
-    std::filesystem::path file;
+    std::vector<std::filesystem::path> files;  // one, but for a schema
     std::optional<std::uint64_t> seed;
-    std::filesystem::path ready_file;
+    std::filesystem::path ready_file, schema;
 };
 
 void declare(CLI::App& app, Arguments& arguments) {
-    app.add_option("file", arguments.file, "The twin's twin.yaml")->required();
+    app.add_option(
+        "--schema", arguments.schema,
+        "Only write the JSON Schema of such files, from what these have, to this folder");
+    app.add_option("file", arguments.files, "The twin's twin.yaml; for --schema any number")
+        ->required();
     app.add_option("--seed", arguments.seed, "In place of the file's seed");
     app.add_option("--ready-file", arguments.ready_file,
                    "Written once both devices listen, with the line that is printed");
@@ -32,7 +37,9 @@ void declare(CLI::App& app, Arguments& arguments) {
 
 int run(const Arguments& arguments) {
     const sigset_t signals = etalon::block_ending_signals();
-    etalon::TwinFile file = etalon::read_twin_file(arguments.file);
+    if (arguments.files.size() != 1)
+        throw etalon::ConfigError({"file"}, "a twin has one file");
+    etalon::TwinFile file = etalon::read_twin_file(arguments.files.front());
     if (arguments.seed)
         file.seed = *arguments.seed;
     const etalon::Twin twin(file);
@@ -44,6 +51,15 @@ int run(const Arguments& arguments) {
         etalon::write_text(arguments.ready_file, ready);
     int signal = 0;
     sigwait(&signals, &signal);
+    return 0;
+}
+
+int write_schema(const Arguments& arguments) {
+    etalon::ReadTrace trace;
+    for (const std::filesystem::path& file : arguments.files)
+        etalon::read_twin_file(file);
+    std::erase_if(trace.files, [](const auto& file) { return file->kind != "twin/1"; });
+    etalon::write_schemas(trace, arguments.schema);
     return 0;
 }
 
@@ -60,7 +76,7 @@ int main(int argc, char** argv) {
     declare(app, arguments);
     try {
         app.parse(argc, argv);
-        return run(arguments);
+        return arguments.schema.empty() ? run(arguments) : write_schema(arguments);
     } catch (const CLI::ParseError& error) {
         return app.exit(error) == 0 ? 0 : etalon::ExitCode::usage_error;  // --help is no error
     } catch (const etalon::ConfigError& error) {

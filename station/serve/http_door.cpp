@@ -199,6 +199,12 @@ public:
     // The library lets five wait to be accepted: a sixth would try again a second later.
     void let_many_wait() { ::listen(svr_sock_, SOMAXCONN); }
 
+    void serve() {
+        listen_after_bind();
+        if (!is_closing_)
+            throw DeviceError("the page's port", "accept a connection",
+                              std::generic_category().message(errno));
+    }
     void close() noexcept {
         is_closing_ = true;
         stop();
@@ -286,7 +292,7 @@ int HttpDoor::open(const std::string& address, int port) {
 }
 
 void HttpDoor::serve() {
-    implementation_->listen_after_bind();
+    implementation_->serve();
 }
 
 void HttpDoor::close() noexcept {

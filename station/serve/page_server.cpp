@@ -408,7 +408,9 @@ void PageServer::look_at_records() {
         RunFilter filter;
         filter.unfinished = true;
         filter.at_most = 20;
-        unfinished_ = text_of(runs_json(index_->runs(filter)), -1);
+        std::string unfinished = text_of(runs_json(index_->runs(filter)), -1);
+        const std::lock_guard inner(unfinished_mutex_);
+        unfinished_ = std::move(unfinished);
     } catch (const ConfigError&) {  // the next look may succeed; the fleet's view says why
     }
 }
@@ -425,7 +427,7 @@ std::string PageServer::composed_state() {
         }
     }
     {
-        const std::lock_guard lock(index_mutex_);
+        const std::lock_guard lock(unfinished_mutex_);
         json["unfinished"] = Json::array();
         for (const Json& run : Json::parse(unfinished_, nullptr, false))
             if (!shown || !shown->is_going || run["record"] != shown->name)

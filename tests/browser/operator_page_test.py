@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 
+sys.dont_write_bytecode = True
 from webdriver import ENTER, SPACE, TAB, Browser, is_installed
 
 BUILD, SOURCE = map(pathlib.Path, sys.argv[1:3])

@@ -281,6 +281,18 @@ TEST_F(ServedPage, StopWorksWhenTheRunItselfHangs) {
     EXPECT_GE(count(record(), "pose"), 2) << "what was measured is kept";
 }
 
+TEST_F(ServedPage, ADeviceThatDiesIsAnErrorThatSaysWhatWasAskedOfIt) {
+    ASSERT_EQ(start_run("Anna").status, 200);
+    wait_for_poses(2);
+    twin_->send(SIGKILL);
+    wait_for_end_of_run();
+    const Json result = state()["run"]["result"];
+    EXPECT_EQ(result["outcome"], "ERROR");
+    EXPECT_THAT(result["reason"].get<std::string>(),
+                testing::MatchesRegex("(camera|stage) .*: .+"));
+    EXPECT_EQ(state()["unfinished"].size(), 1u) << "it can be gone on with";
+}
+
 TEST_F(ServedPage, TheCalibrationIsThatOfTheSerialNumberAndOfTheDevice) {
     const auto start = [&](const std::string& serial) {
         return post("/api/run/start", {{"station", 0}, {"serial", serial}, {"operator", "Anna"}});

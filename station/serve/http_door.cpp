@@ -180,6 +180,11 @@ public:
         : limits_(limits), answer_(std::move(answer)) {
         new_task_queue = [this] { return new ConnectionThreads(limits_.connections); };
         set_payload_max_length(limits_.request_bytes);
+        // The library's own way lets two servers share a port, and each gets some of the requests.
+        set_socket_options([](socket_t socket) {
+            const int yes = 1;
+            setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+        });
         // Before any route, so that none of the library's own is ever reached. The body of a POST
         // is read after it.
         set_pre_routing_handler([this](const httplib::Request& request, httplib::Response& reply) {

@@ -100,6 +100,13 @@ TEST_F(ServedPage, ShowsItsPageUnderAPolicyThatLetsNothingElseIn) {
         EXPECT_EQ(get(file).status, 200) << file;
 }
 
+TEST_F(ServedPage, HasItsPortForItself) {
+    Program second("etalon", {"serve", (folder_ / "station.yaml").string(), "--records",
+                              records().string(), "--port", std::to_string(web_port_)});
+    EXPECT_THAT(second.rest(), HasSubstr("cannot be listened on"));
+    EXPECT_EQ(second.exit_code(), 3);
+}
+
 TEST_F(ServedPage, RefusesForeignNamesOriginsAndPosts) {
     EXPECT_EQ(ask("GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n").status, 403);
     EXPECT_EQ(ask("GET / HTTP/1.1\r\n\r\n").status, 403);

@@ -362,10 +362,13 @@ void PageServer::watch(const std::stop_token& stop) {
     for (long round = 0; !stop.stop_requested(); ++round) {
         const auto shown = control_.shown_run();
         const bool is_going = shown && shown->is_going;
-        if (round % 25 == 0 || is_going != was_going)
-            look_at_records();
+        try {
+            if (round % 25 == 0 || is_going != was_going)
+                look_at_records();
+            refresh();
+        } catch (const std::exception&) {  // a disk that fails must not end the page, and with it a
+        }                                  // run; the next round may do
         was_going = is_going;
-        refresh();
         clock.wait_for(200ms, stop);
     }
 }

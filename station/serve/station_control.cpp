@@ -84,12 +84,8 @@ StationControl::~StationControl() {
     end_live();
     const Holder last = holder();
     program_.reset();  // in order, or after ten seconds by force
-    if (last.work == Work::none)
-        return;
-    try {
+    if (last.work != Work::none)
         run_program({"stage", "stop", station_at(last.station).file.string()});
-    } catch (const std::exception&) {  // the program has stopped them itself, if it could
-    }
 }
 
 const ServedStation& StationControl::station_at(std::size_t index) const {

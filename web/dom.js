@@ -32,7 +32,7 @@ export function facts(pairs) {
 
 // Rows of cells; a cell is text, a number (aligned right) or an element.
 export function table(header, rows, label) {
-  const cell = (value, i) => make('td', {class: typeof value === 'number' ? 'number' : null, 'data-label': header[i]},
+  const cell = (value, i) => make('td', {class: typeof value === 'number' ? 'number' : null, 'data-column': header[i]},
     value instanceof Node ? value : String(value ?? ''));
   return make('table', {class: 'stack', 'aria-label': label},
     make('thead', {}, make('tr', {}, header.map(text => make('th', {scope: 'col'}, text)))),

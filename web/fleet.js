@@ -49,7 +49,7 @@ function runTable() {
 // ---- control charts
 
 function chartPicture(chart) {
-  const width = 640, height = 230, left = 52, right = 14, top = 14, bottom = 26;
+  const width = 460, height = 210, left = 48, right = 14, top = 14, bottom = 28;
   const points = chart.runs.map(run => ({...run, u: run.expanded_uncertainty ?? 0}));
   const limit = points.at(-1).limit;
   const high = 1.05 * Math.max(limit ?? 0, ...points.map(p => p.value + p.u)), low = Math.min(0, ...points.map(p => p.value - p.u));
@@ -57,10 +57,11 @@ function chartPicture(chart) {
   const y = value => top + (high - value) / (high - low || 1) * (height - top - bottom);
   const along = values => values.map(([i, value]) => `${x(i).toFixed(1)},${y(value).toFixed(1)}`).join(' ');
   const upper = points.map((p, i) => [i, p.value + p.u]), lower = points.map((p, i) => [i, p.value - p.u]).reverse();
-  return svg('svg', {viewBox: `0 0 ${width} ${height}`, role: 'img', 'aria-label': text('chart_label', {quantity: chart.quantity, camera: chart.camera, n: points.length})},
+  return svg('svg', {class: 'chart', viewBox: `0 0 ${width} ${height}`, role: 'img', 'aria-label': text('chart_label', {quantity: chart.quantity, camera: chart.camera, n: points.length})},
     svg('polygon', {class: 'band', points: along([...upper, ...lower])}),
     limit ? svg('line', {class: 'limit', x1: left, x2: width - right, y1: y(limit), y2: y(limit)}) : null,
     svg('polyline', {class: 'line', points: along(points.map((p, i) => [i, p.value]))}),
+    points.map((p, i) => svg('line', {class: 'band bar', x1: x(i), x2: x(i), y1: y(p.value - p.u), y2: y(p.value + p.u)})),
     points.map((p, i) => svg('circle', {class: p.alarm ? 'alarm' : 'dot', cx: x(i), cy: y(p.value), r: p.alarm ? 6 : 4}, svg('title', {}, `${p.started_utc}: ${figure(p.value)} \u00b1 ${figure(p.u, 2)}, ${p.outcome}`))),
     [0, high / 1.05].map(value => svg('text', {x: left - 8, y: y(value) + 4, 'text-anchor': 'end'}, figure(value, 2))),
     svg('text', {x: left, y: height - 6}, points[0].started_utc.slice(0, 10)),

@@ -169,6 +169,11 @@ function section(title, lines) {
   return [make('h3', {}, title), lines.length === 1 ? make('p', {}, lines[0]) : make('ul', {}, lines.map(line => make('li', {}, line)))];
 }
 
+// The quantities of a sentence by their words.
+function inWords(sentence) {
+  return Object.entries(session.quantities).reduce((told, [name, words]) => told.replaceAll(name, words), sentence);
+}
+
 function verdictOf(run) {
   const outcome = run.result?.outcome ?? run.outcome;
   if (outcome === 'ABORTED' && run.pausing) return {kind: 'ABORTED', word: text('word_PAUSED'), meaning: text('means_PAUSED')};
@@ -184,9 +189,9 @@ function after(container, state, page) {
     make('section', {class: `card verdict ${verdict.kind}`, 'aria-live': 'polite'},
       make('p', {class: 'soft'}, `${text('camera')} ${run.serial}, ${run.operator}`),
       make('h1', {class: 'word'}, verdict.word), make('p', {class: 'meaning'}, verdict.meaning),
-      section(text('why'), [...(result.reason ? [result.reason] : run.failure && run.failure !== result.reason ? [run.failure] : []), ...(result.reasons ?? [])]),
       result.cause ? section(text('most_probable'), [`${result.cause.text} (${text('percent', {n: Math.round(100 * result.cause.probability)})})`]) : null,
       result.cause ? section(text('to_do'), result.cause.remedies) : null,
+      section(text('why'), [result.reason || run.failure, ...(result.reasons ?? [])].filter(Boolean).map(inWords)),
       section(text('findings'), result.findings),
       make('div', {class: 'row'},
         result.has_report ? make('a', {class: 'button main', href: `/report?record=${encodeURIComponent(run.name)}`, target: '_blank', rel: 'noopener'}, text('open_report')) : null,

@@ -139,7 +139,9 @@ export function speak(name) {
 
 // The text with its {places} filled.
 export function text(key, places = {}) {
-  return strings[chosen][key].replace(/\{(\w+)\}/g, (_, name) => String(places[name]));
+  const found = strings[chosen][key];
+  if (found === undefined) throw new Error(`there is no text ${key}`);
+  return found.replace(/\{(\w+)\}/g, (_, name) => String(places[name]));
 }
 
 // "14:05" of "2026-03-07T14:05:09Z", where the reader is.

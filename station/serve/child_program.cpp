@@ -194,9 +194,13 @@ EndedProgram ChildProgram::read_all(int output, int errors) {
 EndedProgram run_program(const std::vector<std::string>& arguments) {
     std::promise<EndedProgram> promise;
     std::future<EndedProgram> ended = promise.get_future();
-    const ChildProgram program(arguments, {},
-                               [&](const EndedProgram& end) { promise.set_value(end); });
-    return ended.get();
+    try {
+        const ChildProgram program(arguments, {},
+                                   [&](const EndedProgram& end) { promise.set_value(end); });
+        return ended.get();
+    } catch (const std::system_error& error) {
+        return {-1, "", error.what()};
+    }
 }
 
 }  // namespace etalon

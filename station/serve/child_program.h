@@ -48,7 +48,7 @@ private:
     std::thread thread_;
 };
 
-// Runs it to its end on the calling thread.
+// Runs it to its end on the calling thread. One that cannot be started has ended with exit code -1.
 EndedProgram run_program(const std::vector<std::string>& arguments);
 
 }  // namespace etalon

@@ -54,6 +54,10 @@ public:
     ssize_t write(const char* from, std::size_t size) override {
         return ready(POLLOUT, limits_.write_time) ? send(socket_, from, size, MSG_NOSIGNAL) : -1;
     }
+    // Of the library from 0.18 on, which asks these.
+    bool wait_readable() const { return is_readable(); }
+    bool wait_writable() const { return is_writable(); }
+    time_t duration() const { return 0; }
     void get_remote_ip_and_port(std::string& ip, int& port) const override {
         name_by(getpeername, ip, port);
     }
@@ -103,25 +107,25 @@ private:
     std::size_t first_ = 0, last_ = 0, taken_ = 0;
 };
 
+// What the library wants to hear of a connection: nothing, and from 0.15 on that it was taken.
+using Enqueued = decltype(std::declval<httplib::TaskQueue&>().enqueue(std::function<void()>()));
+
 // A thread for each connection, up to so many; one more is run where it came in, which closes it.
 class ConnectionThreads final : public httplib::TaskQueue {
 public:
     explicit ConnectionThreads(int most) : most_(most) {}
 
-    void enqueue(std::function<void()> connection) override {
+    Enqueued enqueue(std::function<void()> connection) override {
         {
             const std::lock_guard lock(mutex_);
             is_full_here = running_ >= most_;
             running_ += is_full_here ? 0 : 1;
         }
         if (is_full_here)
-            return connection();
-        std::thread([this, connection = std::move(connection)] {
             connection();
-            const std::lock_guard lock(mutex_);
-            --running_;
-            ended_.notify_all();
-        }).detach();
+        else
+            begin(std::move(connection));
+        return Enqueued(true);
     }
     void shutdown() override {
         std::unique_lock lock(mutex_);
@@ -131,6 +135,15 @@ public:
     static thread_local bool is_full_here;
 
 private:
+    void begin(std::function<void()> connection) {
+        std::thread([this, connection = std::move(connection)] {
+            connection();
+            const std::lock_guard lock(mutex_);
+            --running_;
+            ended_.notify_all();
+        }).detach();
+    }
+
     int most_, running_ = 0;
     std::mutex mutex_;
     std::condition_variable ended_;
@@ -180,6 +193,11 @@ public:
         : limits_(limits), answer_(std::move(answer)) {
         new_task_queue = [this] { return new ConnectionThreads(limits_.connections); };
         set_payload_max_length(limits_.request_bytes);
+        // The library's own way lets two servers share a port, and each gets some of the requests.
+        set_socket_options([](socket_t socket) {
+            const int yes = 1;
+            setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+        });
         // Before any route, so that none of the library's own is ever reached. The body of a POST
         // is read after it.
         set_pre_routing_handler([this](const httplib::Request& request, httplib::Response& reply) {
@@ -199,6 +217,12 @@ public:
     // The library lets five wait to be accepted: a sixth would try again a second later.
     void let_many_wait() { ::listen(svr_sock_, SOMAXCONN); }
 
+    void serve() {
+        listen_after_bind();
+        if (!is_closing_)
+            throw DeviceError("the page's port", "accept a connection",
+                              std::generic_category().message(errno));
+    }
     void close() noexcept {
         is_closing_ = true;
         stop();
@@ -243,14 +267,30 @@ private:
     }
 
     bool process_and_close_socket(socket_t socket) override {
-        bool done = false, closed = false;
+        bool done = false;
         if (!ConnectionThreads::is_full_here) {
             BoundedStream stream(socket, limits_);
-            done = process_request(stream, true, closed, {});
+            done = processed(*this, stream);
             drain(socket);
         }
         ::close(socket);
         return done;
+    }
+
+    // The library from 0.18 on wants the addresses, too.
+    template <class Door>
+    static bool processed(Door& door, BoundedStream& stream) {
+        bool closed = false;
+        if constexpr (requires { door.process_request(stream, true, closed, nullptr); }) {
+            return door.process_request(stream, true, closed, nullptr);
+        } else {
+            std::string remote, local;
+            int remote_port = 0, local_port = 0;
+            stream.get_remote_ip_and_port(remote, remote_port);
+            stream.get_local_ip_and_port(local, local_port);
+            return door.process_request(stream, remote, remote_port, local, local_port, true,
+                                        closed, nullptr);
+        }
     }
 
     // A connection that is closed with unread bytes is reset, and its answer lost: what comes in
@@ -286,7 +326,7 @@ int HttpDoor::open(const std::string& address, int port) {
 }
 
 void HttpDoor::serve() {
-    implementation_->listen_after_bind();
+    implementation_->serve();
 }
 
 void HttpDoor::close() noexcept {

@@ -32,7 +32,8 @@ public:
     // Port 0: any. Returns the port. Throws ConfigError when it cannot be had.
     int open(const std::string& address, int port);
 
-    // Answers until close(), from any thread, and until all connections have ended.
+    // Answers until close(), from any thread, and until all connections have ended. Throws
+    // DeviceError when the network takes the port away.
     void serve();
     void close() noexcept;
 

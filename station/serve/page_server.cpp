@@ -362,10 +362,13 @@ void PageServer::watch(const std::stop_token& stop) {
     for (long round = 0; !stop.stop_requested(); ++round) {
         const auto shown = control_.shown_run();
         const bool is_going = shown && shown->is_going;
-        if (round % 25 == 0 || is_going != was_going)
-            look_at_records();
+        try {
+            if (round % 25 == 0 || is_going != was_going)
+                look_at_records();
+            refresh();
+        } catch (const std::exception&) {  // a disk that fails must not end the page, and with it a
+        }                                  // run; the next round may do
         was_going = is_going;
-        refresh();
         clock.wait_for(200ms, stop);
     }
 }
@@ -408,7 +411,9 @@ void PageServer::look_at_records() {
         RunFilter filter;
         filter.unfinished = true;
         filter.at_most = 20;
-        unfinished_ = text_of(runs_json(index_->runs(filter)), -1);
+        std::string unfinished = text_of(runs_json(index_->runs(filter)), -1);
+        const std::lock_guard inner(unfinished_mutex_);
+        unfinished_ = std::move(unfinished);
     } catch (const ConfigError&) {  // the next look may succeed; the fleet's view says why
     }
 }
@@ -425,7 +430,7 @@ std::string PageServer::composed_state() {
         }
     }
     {
-        const std::lock_guard lock(index_mutex_);
+        const std::lock_guard lock(unfinished_mutex_);
         json["unfinished"] = Json::array();
         for (const Json& run : Json::parse(unfinished_, nullptr, false))
             if (!shown || !shown->is_going || run["record"] != shown->name)

@@ -76,8 +76,9 @@ private:
     std::shared_ptr<PosePictureMaker> picture_maker_;
     std::string result_;  // JSON, of a run that has ended; empty: not read yet
 
-    std::mutex index_mutex_;  // of these two
+    std::mutex index_mutex_;  // held while records are read
     std::unique_ptr<RunIndex> index_;
+    std::mutex unfinished_mutex_;
     std::string unfinished_ = "[]";
 
     struct Forecast {

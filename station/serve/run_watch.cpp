@@ -53,6 +53,8 @@ void RunWatch::take(const JsonEntry& line) {
         outcome_.clear();
         reason_.clear();
         visited_in_session_ = 0;
+        frame_corners_.clear();  // of a pose that the one before did not finish
+        first_photo_.clear();
         camera_serial_ = line.at("camera").at("serial").text();
     } else if (event == "stage homed") {
         phase_ = RunPhase::measuring;

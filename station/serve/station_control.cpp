@@ -82,7 +82,10 @@ StationControl::~StationControl() {
     changed_.notify_all();
     stopper_.join();
     end_live();
-    program_.reset();
+    const Holder last = holder();
+    program_.reset();  // in order, or after ten seconds by force
+    if (last.work != Work::none)
+        run_program({"stage", "stop", station_at(last.station).file.string()});
 }
 
 const ServedStation& StationControl::station_at(std::size_t index) const {

@@ -119,7 +119,7 @@ class Browser:
         entries = self._ask("POST", "/se/log", {"type": "browser"})
         return [entry["message"] for entry in entries if entry["level"] == "SEVERE"]
 
-    def wait(self, what, until, seconds=30):
+    def wait(self, what, until, seconds=90):
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             try:

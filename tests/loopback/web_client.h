@@ -43,6 +43,8 @@ public:
         }
         return true;
     }
+    // Nothing more is sent.
+    void end() { shutdown(socket_, SHUT_WR); }
     // All that comes until the other side closes, or nothing has come for so long.
     std::string read_all(std::chrono::milliseconds patience = std::chrono::seconds(30)) {
         std::string all;

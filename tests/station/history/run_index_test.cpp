@@ -8,6 +8,7 @@
 #include "core/errors.h"
 #include "core/text.h"
 #include "tests/error_text.h"
+#include "tests/station/built_program.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {
@@ -138,6 +139,17 @@ TEST_F(RunIndexTest, IsMadeAnewWhenItIsDeletedDamagedOrOfAnotherVersion) {
         RunIndex index(folder());
         EXPECT_EQ(index.update().runs, 1);
     }
+}
+
+TEST_F(RunIndexTest, GivesTheCommandTheTableThatTheRecordsGive) {
+    for (const int day : {1, 2, 3})
+        add(day, "CAM-7");
+    const Finished indexed = etalon_with(folder_, "history --index .");
+    EXPECT_EQ(indexed.exit_code, 0) << indexed.err;
+    EXPECT_EQ(indexed.out, etalon_with(folder_, "history .").out);
+    EXPECT_THAT(indexed.err, testing::HasSubstr("3 runs in ./.etalon-index.sqlite, 3 read anew"));
+    EXPECT_EQ(etalon_with(folder_, "history --index . .").exit_code, 3);
+    expect_one_line_error(etalon_with(folder_, "history"), 3, "DIR: is required, or --index");
 }
 
 TEST_F(RunIndexTest, SaysWhereItCannotBe) {

@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "core/frame_log.h"
+#include "tests/error_text.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace etalon {
@@ -84,6 +85,23 @@ TEST_F(WatchedRun, KnowsThePhaseAndTheTimeLeft) {
     EXPECT_EQ(watch.phase(), RunPhase::measuring);
     const double per_pose_s = (result_.poses[9].done_s - result_.poses[0].move_start_s) / 10;
     EXPECT_NEAR(*watch.seconds_left(), 15 * per_pose_s, 0.1 * per_pose_s);
+}
+
+TEST_F(WatchedRun, PassesOverTheFramesOfAPoseThatAKilledProgramDidNotFinish) {
+    const std::size_t begin = log_.find('\n') + 1;
+    const std::string session = log_.substr(begin, log_.find('\n', begin) + 1 - begin);
+    ASSERT_TRUE(has(session, "\"event\":\"session\""));
+    const std::size_t frame = log_.find("{\"t\":", log_.find("\"event\":\"frame\"") - 40);
+    const std::size_t pose = log_.rfind('\n', log_.find("\"event\":\"pose\"")) + 1;
+    const std::string frames = log_.substr(frame, pose - frame);
+    RunWatch undisturbed(mocks_.record()), killed(watched());
+    log_.insert(pose, session + frames);
+    log_ = replaced(log_, "\"corners\":[[", "\"corners\":[[9");  // the first ones are far off
+    write(log_.size());
+    undisturbed.look();
+    killed.look();
+    EXPECT_EQ(killed.poses()[0].photo, undisturbed.poses()[0].photo);
+    EXPECT_EQ(killed.figures().corner_noise_px, undisturbed.figures().corner_noise_px);
 }
 
 // Of a file that somebody else wrote: an error, not a crash and not a number.

@@ -6,7 +6,7 @@ build_packages="g++ cmake ninja-build ccache pkg-config libopencv-dev libopencv-
     libmodbus-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev libfmt-dev libhwy-dev libtbb-dev \
     libboost-math-dev libssl-dev libcpp-httplib-dev libsqlite3-dev"
 docs_packages="mkdocs mkdocs-material"   # scripts/docs.sh
-package_packages="debhelper lintian help2man"   # scripts/package.sh
+package_packages="debhelper dh-python lintian help2man pybind11-dev python3-dev"   # scripts/package.sh
 test_packages="libgtest-dev libgmock-dev poppler-utils"
 # ./test.sh --all: Google Benchmark; a system clock that jumps; a virtual machine for tests with real
 # camera drivers (its emulator, what its first file system is made of, and the service that tells

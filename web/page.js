@@ -19,7 +19,7 @@ export const page = {
 
   // What a person asked for: why it was refused is said on top.
   async attempt(path, body) {
-    by('trouble').textContent = '';
+    if (!tellStatus.isUnconfirmed) by('trouble').textContent = '';
     try {
       return await act(path, body);
     } catch (error) {
@@ -69,11 +69,16 @@ function tellStatus() {
     : text('idle');
   if (work.stop === 'stopping') told = text('stop_stopping');
   else if (work.stop === 'confirmed') told = text('stop_confirmed');
-  by('status').textContent = told;
-  by('status').className = moves || work.stop === 'stopping' ? 'busy' : '';
-  if (work.stop && !['stopping', 'confirmed'].includes(work.stop)) page.complain(text('stop_failed', {why: work.stop}));
+  const wasUnconfirmed = tellStatus.isUnconfirmed;
+  tellStatus.isUnconfirmed = Boolean(work.stop) && !['stopping', 'confirmed'].includes(work.stop);
+  if (tellStatus.isUnconfirmed) {
+    told = moves ? told : '';
+    page.complain(text('stop_failed', {why: work.stop}));
+  } else if (wasUnconfirmed) page.complain('');
   else if (work.failure && work.failure !== tellStatus.failure) page.complain(work.failure);
   tellStatus.failure = work.failure;
+  by('status').textContent = told;
+  by('status').className = moves || work.stop === 'stopping' ? 'busy' : '';
 }
 
 function translate() {
@@ -92,8 +97,13 @@ async function open() {
     redraw();
   });
   // Whatever else this page is busy with: it only asks, the server stops.
-  by('stop').addEventListener('click', () => page.attempt('/api/stop', {station: page.station}));
+  by('stop').addEventListener('click', () => page.attempt('/api/stop'));
   window.addEventListener('hashchange', showView);
+  // A picture is a connection of its own, which a page that is not seen gives back.
+  document.addEventListener('visibilitychange', () => {
+    if (document.hidden) document.querySelectorAll('img[src*="live.mjpg"]').forEach(image => image.removeAttribute('src'));
+    else redraw();
+  });
   try {
     await begin();
   } catch (error) {

@@ -191,7 +191,7 @@ function after(container, state, page) {
       make('h1', {class: 'word'}, verdict.word), make('p', {class: 'meaning'}, verdict.meaning),
       result.cause ? section(text('most_probable'), [`${result.cause.text} (${text('percent', {n: Math.round(100 * result.cause.probability)})})`]) : null,
       result.cause ? section(text('to_do'), result.cause.remedies) : null,
-      section(text('why'), [result.reason || run.failure, ...(result.reasons ?? [])].filter(Boolean).map(inWords)),
+      section(text('why'), [run.failure || result.reason, ...(result.reasons ?? [])].filter(Boolean).map(inWords)),
       section(text('findings'), result.findings),
       make('div', {class: 'row'},
         result.has_report ? make('a', {class: 'button main', href: `/report?record=${encodeURIComponent(run.name)}`, target: '_blank', rel: 'noopener'}, text('open_report')) : null,

@@ -34,13 +34,22 @@ std::string bearer_of(const WebRequest& request) {
                                                     : "";
 }
 
+std::string lower(std::string_view text) {
+    std::string small(text);
+    std::ranges::transform(small, small.begin(),
+                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return small;
+}
+
 // "127.0.0.1:7530", "[::1]:7530", and each of the names with the port.
-bool is_this_server(const AccessRules& rules, const WebRequest& request, std::string_view host) {
+bool is_this_server(const AccessRules& rules, const WebRequest& request, std::string_view asked) {
+    const std::string host = lower(asked);
     std::vector<std::string> names = rules.host_names;
     names.push_back(request.local_address.find(':') == std::string::npos
                         ? request.local_address
                         : "[" + request.local_address + "]");
-    return std::ranges::any_of(names, [&](const std::string& name) {
+    return std::ranges::any_of(names, [&](const std::string& each) {
+        const std::string name = lower(each);
         const bool usual_port = request.local_port == 80 && host == name;
         return usual_port || host == fmt::format("{}:{}", name, request.local_port);
     });

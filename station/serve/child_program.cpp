@@ -143,7 +143,8 @@ ChildProgram::~ChildProgram() {
 
 bool ChildProgram::send(int signal) {
     const std::lock_guard lock(mutex_);
-    return process_ > 0 && kill(process_, signal) == 0;
+    // By force with all that it began: it leads a group of its own.
+    return process_ > 0 && kill(signal == SIGKILL ? -process_ : process_, signal) == 0;
 }
 
 void ChildProgram::follow(int output, int errors) {

@@ -57,11 +57,18 @@ Json value_at(const Json& json, const Key& key) {
     return json.is_object() && json.contains(key) ? json.at(key) : Json();
 }
 
+Json list_at(const Json& json, const char* key) {
+    const Json list = value_at(json, key);
+    return list.is_array() ? list : Json::array();
+}
+
 // The cause that is more probable than not, and what to do about it.
 Json named_cause(const Json& run) {
     const Json ranked = value_at(value_at(run, "causes"), "ranked");
-    if (!ranked.is_array() || ranked.empty() || !ranked[0].is_object() ||
-        !(ranked[0].value("probability", 0.0) > 0.5))
+    if (!ranked.is_array() || ranked.empty())
+        return {};
+    const Json probability = value_at(ranked[0], "probability");
+    if (!probability.is_number() || !(probability.get<double>() > 0.5))
         return {};
     Json remedies = Json::array();
     if (const Json errors = value_at(ranked[0], "errors"); errors.is_array())
@@ -69,7 +76,7 @@ Json named_cause(const Json& run) {
             if (const Json list = value_at(error, "remedies"); list.is_array() && !list.empty())
                 remedies.push_back(list[0]);
     return {{"text", value_at(ranked[0], "text")},
-            {"probability", ranked[0]["probability"]},
+            {"probability", probability},
             {"remedies", remedies}};
 }
 
@@ -179,9 +186,9 @@ Json result_json(const std::filesystem::path& record) {
         std::error_code ignored;
         return {{"outcome", value_at(run, "outcome")},
                 {"reason", value_at(run, "reason")},
-                {"quantities", value_at(run, "measurements")},
-                {"reasons", value_at(run, "reasons")},
-                {"findings", value_at(value_at(run, "pixels"), "findings")},
+                {"quantities", list_at(run, "measurements")},
+                {"reasons", list_at(run, "reasons")},
+                {"findings", list_at(value_at(run, "pixels"), "findings")},
                 {"cause", named_cause(run)},
                 {"has_report", std::filesystem::is_regular_file(record / "report.html", ignored)}};
     } catch (const ConfigError&) {

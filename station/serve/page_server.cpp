@@ -133,6 +133,8 @@ WebReply PageServer::routed(const WebRequest& request) {
         return error_reply(409, error.what());
     } catch (const ConfigError& error) {
         return error_reply(422, error.what());
+    } catch (const std::exception& error) {
+        return error_reply(500, error.what());
     }
     const auto file = files_.find(request.path);
     if (request.method != "GET" || file == files_.end())
@@ -155,7 +157,7 @@ WebReply PageServer::events(const WebRequest&) {
     reply.stream = [this, last = 0L](const WebSink& sink) mutable {
         const auto seen = state_.after(last, 2s);
         if (!seen)
-            return sink(": still here\n\n");
+            return sink("event: alive\ndata:\n\n");  // the page misses what it does not hear
         if (last > 0)
             dropped_ += seen->number - last - 1;
         last = seen->number;
@@ -244,7 +246,10 @@ WebReply PageServer::fleet_charts(const WebRequest& request) {
 
 WebReply PageServer::report(const WebRequest& request) {
     const std::filesystem::path record = control_.record_named(field(request, "record"));
-    WebReply reply{200, "text/html; charset=utf-8", read_text(record / "report.html")};
+    const std::filesystem::path file = record / "report.html";
+    if (!std::filesystem::is_regular_file(std::filesystem::symlink_status(file)))
+        throw ConfigError({file.string()}, "is no file");
+    WebReply reply{200, "text/html; charset=utf-8", read_text(file)};
     reply.headers.emplace_back("Content-Security-Policy", report_policy);
     return reply;
 }
@@ -271,7 +276,8 @@ WebReply PageServer::pause_run(const WebRequest&) {
 }
 
 WebReply PageServer::stop(const WebRequest& request) {
-    control_.stop(station_in(body_of(request)));
+    body_of(request);
+    control_.stop();
     return done();
 }
 
@@ -331,23 +337,26 @@ WebReply PageServer::start_forecast(const WebRequest& request) {
     Forecast& forecast = forecasts_[station];
     if (forecast.is_going)
         return done();
-    forecast = {nullptr, true, "", ""};
+    forecast = {};
     forecast.program = std::make_unique<ChildProgram>(
         std::vector<std::string>{"plan", control_.workplace().stations[station].file.string(),
                                  "--json"},
-        nullptr, [this, station](const EndedProgram& ended) {
+        nullptr, [this, &forecast](const EndedProgram& ended) {
             const std::lock_guard inner(forecast_mutex_);
-            Forecast& made = forecasts_[station];
-            made.is_going = false;
-            (ended.exit_code == 0 ? made.json : made.failure) =
+            forecast.is_going = false;
+            (ended.exit_code == 0 ? forecast.json : forecast.failure) =
                 ended.exit_code == 0 ? ended.output : ended.last_words;
         });
+    forecast.is_going = true;
     return done();
 }
 
 WebReply PageServer::forecast(const WebRequest& request) {
     const std::lock_guard lock(forecast_mutex_);
-    const Forecast& forecast = forecasts_[number_field(request, "station")];
+    const std::size_t station = number_field(request, "station");
+    if (station >= control_.workplace().stations.size())
+        throw ConfigError({"station"}, "there is no such one");
+    const Forecast& forecast = forecasts_[station];
     Json json = {{"going", forecast.is_going}, {"failure", forecast.failure}};
     if (!forecast.json.empty())
         json["plan"] = Json::parse(forecast.json, nullptr, false);

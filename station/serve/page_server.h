@@ -23,6 +23,9 @@ public:
     PageServer(AccessRules rules, Workplace workplace);
     ~PageServer();
 
+    // Asks what goes on to end, and lets nothing more begin.
+    void close() { control_.close(); }
+
     // Safe from every thread.
     WebReply answer(const WebRequest& request);
 
@@ -82,9 +85,9 @@ private:
     std::string unfinished_ = "[]";
 
     struct Forecast {
-        std::unique_ptr<ChildProgram> program;
         bool is_going = false;
         std::string json, failure;
+        std::unique_ptr<ChildProgram> program;  // last: ends first, and writes to the others
     };
     std::mutex forecast_mutex_;
     std::map<std::size_t, Forecast> forecasts_;  // by station

@@ -60,6 +60,8 @@ void require_address(const std::string& listen) {
     if (!listen.empty() && inet_pton(AF_INET, listen.c_str(), address.data()) != 1 &&
         inet_pton(AF_INET6, listen.c_str(), address.data()) != 1)
         throw ConfigError({"--listen"}, fmt::format("{} is no IP address of this machine", listen));
+    if (listen == "0.0.0.0" || listen == "::")
+        throw ConfigError({"--listen"}, "names one address of this machine, not all of them");
 }
 
 std::string link_to(const ServeArguments& arguments, const AccessRules& rules, int port) {
@@ -80,7 +82,11 @@ int run_serve(const ServeArguments& arguments) {
         door.open(arguments.listen.empty() ? loopback : arguments.listen, arguments.port);
     fmt::print("page {}\n", link_to(arguments, rules, port));
     std::fflush(stdout);
-    const std::stop_callback close(stop.get_token(), [&door] { door.close(); });
+    // The run first: readers that are slow may keep the door open for long.
+    const std::stop_callback close(stop.get_token(), [&] {
+        server.close();
+        door.close();
+    });
     door.serve();
     return 0;
 }
@@ -102,7 +108,7 @@ void declare_serve(Command& program) {
                    "folder of camera files: a camera's is found by its serial number;\n"
                    "without it the station's own is used",
                    "DIR");
-    command.option("--listen", asked->listen, "an address besides 127.0.0.1", "ADDRESS");
+    command.option("--listen", asked->listen, "an address in place of 127.0.0.1", "ADDRESS");
     command.option("--port", asked->port, "(7530; 0: any)", "PORT").within(0, 65535);
 }
 

@@ -3,6 +3,8 @@
 #include <fmt/chrono.h>
 
 #include <csignal>
+#include <future>
+#include <set>
 
 #include "core/frame_log.h"
 #include "core/text.h"
@@ -32,7 +34,8 @@ const char* words_of(Work work) {
 }
 
 void require_name(const std::string& who) {
-    if (trimmed(who).empty() || who.size() > 60)
+    const auto is_control = [](unsigned char c) { return c < 0x20 || c == 0x7f; };
+    if (trimmed(who).empty() || who.size() > 60 || std::ranges::any_of(who, is_control))
         throw ConfigError({"operator"}, "needs a name of 1 to 60 characters");
 }
 
@@ -56,6 +59,8 @@ std::string reason_of(const EndedProgram& ended) {
     for (const std::string& line : lines)
         if (line.starts_with(mark))
             return line.substr(mark.size());
+    if (ended.exit_code < 0)
+        return "was ended by a signal";
     return lines.empty() || lines.back().empty() ? fmt::format("ended with {}", ended.exit_code)
                                                  : lines.back();
 }
@@ -70,9 +75,8 @@ StationControl::StationControl(Workplace workplace)
               changed_.wait_for(lock, 1s, [&] { return stop_wanted_; });
               if (!std::exchange(stop_wanted_, false))
                   continue;
-              const std::size_t station = stop_station_;
               lock.unlock();
-              stop_all(station, closing);
+              stop_all(closing);
               lock.lock();
           }
       }) {}
@@ -97,12 +101,14 @@ const ServedStation& StationControl::station_at(std::size_t index) const {
 // ---- one at a time
 
 void StationControl::begin(Work work, std::size_t station, const std::string& who,
-                           const std::vector<std::string>& arguments) {
+                           const std::vector<std::string>& arguments, std::optional<ShownRun> run) {
     std::unique_ptr<ChildProgram> over;  // joined when the lock is gone: its thread may want it
     const std::lock_guard lock(mutex_);
     if (holder_.work != Work::none)
         throw NotNow(fmt::format("{} by {} goes on since {}", words_of(holder_.work), holder_.who,
                                  holder_.since_utc));
+    if (is_closed_)
+        throw NotNow("the server is about to end");
     over = std::move(program_);
     program_ = std::make_unique<ChildProgram>(
         arguments,
@@ -113,6 +119,8 @@ void StationControl::begin(Work work, std::size_t station, const std::string& wh
         },
         [this, work](const EndedProgram& ended) { has_ended(work, ended); });
     holder_ = {work, station, who, utc_now()};
+    if (run)
+        run_ = std::move(run);
     failure_.clear();
     stop_.clear();
 }
@@ -140,14 +148,7 @@ void StationControl::has_ended(Work work, const EndedProgram& ended) {
 void StationControl::begin_run(ShownRun run, const std::vector<std::string>& arguments) {
     end_live();
     run.is_going = true;
-    const std::string who = run.operator_name;
-    const std::size_t station = run.station;
-    {
-        const std::lock_guard lock(mutex_);
-        if (holder_.work == Work::none)
-            run_ = std::move(run);
-    }
-    begin(Work::run, station, who, arguments);
+    begin(Work::run, run.station, run.operator_name, arguments, run);
     end_live();  // which somebody may have begun in between: the run waits for the camera
 }
 
@@ -220,15 +221,38 @@ std::size_t StationControl::station_of(const Path& copy) const {
 
 // ---- stop
 
-void StationControl::stop(std::size_t station) {
-    station_at(station);
+void StationControl::stop() {
     const std::lock_guard lock(mutex_);
-    stop_station_ = holder_.work == Work::none ? station : holder_.station;
     if (program_)
         program_->send(SIGTERM);
     stop_ = "stopping";
     stop_wanted_ = true;
     changed_.notify_all();
+}
+
+void StationControl::close() {
+    const std::lock_guard lock(mutex_);
+    is_closed_ = true;
+    if (program_)
+        program_->send(SIGTERM);
+}
+
+// All at once: a controller that does not answer must not keep the others moving. Empty, or why it
+// is not known that one stands still.
+std::string StationControl::stop_stages() const {
+    std::set<std::string> stages;
+    std::vector<std::pair<std::string, std::future<EndedProgram>>> stops;
+    for (const ServedStation& served : workplace_.stations)
+        if (stages.insert(describe(served.station.stage.link)).second)
+            stops.emplace_back(
+                served.station.id,
+                std::async(std::launch::async, run_program,
+                           std::vector<std::string>{"stage", "stop", served.file.string()}));
+    std::string failure;
+    for (auto& [station, stopped] : stops)
+        if (const EndedProgram ended = stopped.get(); ended.exit_code != 0)
+            failure += (failure.empty() ? "" : "; ") + station + ": " + reason_of(ended);
+    return failure;
 }
 
 bool StationControl::wait_for_end(std::unique_lock<std::mutex>& lock, std::chrono::seconds time) {
@@ -237,23 +261,20 @@ bool StationControl::wait_for_end(std::unique_lock<std::mutex>& lock, std::chron
 
 // A healthy program has stopped its axes within the first second and says so in its record. The
 // second connection is for one that hangs; where all went well it only confirms.
-void StationControl::stop_all(std::size_t station, const std::stop_token& closing) {
-    const auto stop_stage = [&] {
-        return run_program({"stage", "stop", station_at(station).file.string()});
-    };
+void StationControl::stop_all(const std::stop_token& closing) {
     std::unique_lock lock(mutex_);
     wait_for_end(lock, 1s);
     lock.unlock();
-    EndedProgram ended = stop_stage();
+    std::string failure = stop_stages();
     lock.lock();
     if (!closing.stop_requested() && !wait_for_end(lock, 9s)) {
         program_->send(SIGKILL);
         wait_for_end(lock, 2s);
         lock.unlock();
-        ended = stop_stage();
+        failure = stop_stages();
         lock.lock();
     }
-    stop_ = ended.exit_code == 0 ? "confirmed" : reason_of(ended);
+    stop_ = failure.empty() ? "confirmed" : failure;
 }
 
 // ---- looking
@@ -323,9 +344,13 @@ Path StationControl::record_named(const std::string& name) const {
     const bool is_plain = !name.empty() && name.size() <= 200 && name[0] != '.' &&
                           name.find('/') == std::string::npos &&
                           name.find('\0') == std::string::npos;
-    std::error_code ignored;
-    if (!is_plain ||
-        !std::filesystem::is_regular_file(workplace_.records / name / log_file, ignored))
+    const auto is_own = [&](const Path& path, std::filesystem::file_type type) {
+        std::error_code ignored;  // a link may lead anywhere
+        return std::filesystem::symlink_status(path, ignored).type() == type;
+    };
+    const Path record = workplace_.records / name;
+    if (!is_plain || !is_own(record, std::filesystem::file_type::directory) ||
+        !is_own(record / log_file, std::filesystem::file_type::regular))
         throw ConfigError({name}, "is no record of this page");
     return workplace_.records / name;
 }

@@ -75,9 +75,11 @@ public:
     void home(std::size_t station, const std::string& who);
     void jog(std::size_t station, const std::string& who, const std::string& axis, double step);
 
-    // At any time, by anybody: asks what goes on to end, then stops the station's axes by a
-    // connection of its own, whether or not it has ended, and kills what has not after 10 s.
-    void stop(std::size_t station);
+    // At any time, by anybody: asks what goes on to end, then stops the axes of every station by
+    // connections of their own, whether or not it has ended, and kills what has not after 10 s.
+    void stop();
+    // Asks what goes on to end, and lets nothing more begin: the server is about to end.
+    void close();
 
     // `etalon stage status --json`, at most once a second however many ask; what it said last while
     // something moves. Empty: not known.
@@ -103,10 +105,11 @@ private:
     const ServedStation& station_at(std::size_t index) const;
     std::size_t station_of(const std::filesystem::path& copy) const;
     void begin(Work work, std::size_t station, const std::string& who,
-               const std::vector<std::string>& arguments);
+               const std::vector<std::string>& arguments, std::optional<ShownRun> run = {});
     void begin_run(ShownRun run, const std::vector<std::string>& arguments);
     void has_ended(Work work, const EndedProgram& ended);
-    void stop_all(std::size_t station, const std::stop_token& closing);
+    std::string stop_stages() const;
+    void stop_all(const std::stop_token& closing);
     bool wait_for_end(std::unique_lock<std::mutex>& lock, std::chrono::seconds time);
 
     const Workplace workplace_;
@@ -115,8 +118,7 @@ private:
     Holder holder_;
     std::optional<ShownRun> run_;
     std::string failure_, stop_;
-    bool stop_wanted_ = false;
-    std::size_t stop_station_ = 0;
+    bool stop_wanted_ = false, is_closed_ = false;
     std::map<std::size_t, Status> statuses_;
     std::mutex status_mutex_;
     std::shared_ptr<LiveCamera> live_;

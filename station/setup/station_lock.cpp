@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/chrono.h>
+#include <netdb.h>
 #include <pwd.h>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -24,11 +25,42 @@ std::string network() {
     return std::filesystem::read_symlink("/proc/self/ns/net", ignored).string();
 }
 
+// A host by its number, IPv4's where it has one, as it is written where nobody knows it: localhost
+// and 127.0.0.1 are one.
+std::string numeric(const std::string& host) {
+    for (const int family : {AF_INET, AF_INET6}) {
+        addrinfo hints{};
+        hints.ai_family = family;
+        addrinfo* found = nullptr;
+        if (getaddrinfo(host.c_str(), nullptr, &hints, &found) != 0)
+            continue;
+        std::array<char, NI_MAXHOST> number{};
+        const int failure = getnameinfo(found->ai_addr, found->ai_addrlen, number.data(),
+                                        number.size(), nullptr, 0, NI_NUMERICHOST);
+        freeaddrinfo(found);
+        if (failure == 0)
+            return number.data();
+    }
+    return host;
+}
+
+// However the link is spelled: a device by way of /dev/serial/by-id is the same.
+StageLink as_one(StageLink stage) {
+    if (auto* tcp = std::get_if<TcpAddress>(&stage.address))
+        tcp->host = numeric(tcp->host);
+    if (auto* serial = std::get_if<SerialPort>(&stage.address)) {
+        std::error_code missing;
+        const auto device = std::filesystem::canonical(serial->device, missing);
+        serial->device = missing ? serial->device : device.string();
+    }
+    return stage;
+}
+
 std::filesystem::path lock_path(const StageLink& stage) {
     const std::filesystem::path usual = "/run/lock";
     const std::filesystem::path folder =
         access(usual.c_str(), W_OK) == 0 ? usual : std::filesystem::temp_directory_path();
-    const std::string name = sha256(describe(stage) + "\n" + network());
+    const std::string name = sha256(describe(as_one(stage)) + "\n" + network());
     return folder / fmt::format("etalon-stage-{}.lock", name.substr(0, 16));
 }
 

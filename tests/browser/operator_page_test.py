@@ -135,7 +135,7 @@ def set_up(browser, address):
     browser.wait("homed", lambda: browser.all("#setup .axis") and
                  all("not" not in e.text and "homed" in e.text
                      for e in browser.all("#setup .told")))
-    browser.wait("rest", lambda: browser.find("#status").text.startswith("Nothing moves"))
+    browser.wait("rest", lambda: browser.find("#status").text.startswith("This page moves nothing"))
     before = position(browser, "x")
     browser.find("#setup button[aria-label='x: 1 mm ahead']").click()
     browser.wait("the jog", lambda: abs(position(browser, "x") - before - 1) < 0.02)

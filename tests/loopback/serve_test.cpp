@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <filesystem>
+#include <regex>
 
 #include "core/random.h"
 #include "tests/loopback/quick_run.h"
@@ -33,7 +34,7 @@ protected:
         link_ = server_->line();
         ASSERT_EQ(link_.rfind("page http://127.0.0.", 0), 0u) << link_;
         web_port_ = std::stoi(link_.substr(link_.find(':', 12) + 1));
-        if (more.empty())
+        if (link_.find("token=") == std::string::npos)
             action_ = Json::parse(get("/api/session").body)["action_token"];
     }
     void end_server(int signal) {
@@ -284,6 +285,39 @@ TEST_F(ServedPage, OneAtATimeAndTheSecondIsToldByWhom) {
     wait_until([&] { return state()["work"]["stop"] == "confirmed"; });
     EXPECT_EQ(state()["work"]["stop"], "confirmed");
     EXPECT_EQ(state()["run"]["result"]["outcome"], "ABORTED");
+}
+
+// The other station's controller is switched off: its stop fails, the run's is not kept waiting.
+TEST_F(ServedPage, StopsEveryStationThoughOneDoesNotAnswer) {
+    end_server(SIGTERM);
+    const std::string station = read_text(folder_ / "station.yaml");
+    const std::string dead = replaced(station, "id: test-station", "id: dead-station");
+    write_text(folder_ / "dead.yaml",
+               std::regex_replace(dead, std::regex("port: [0-9]+"), "port: 1"));
+    begin_server({(folder_ / "dead.yaml").string()});
+    ASSERT_EQ(start_run("Anna").status, 200);
+    wait_for_poses(1);
+    EXPECT_EQ(post("/api/stop", Json::object()).status, 200);
+    wait_for_end_of_run();
+    EXPECT_EQ(state()["run"]["result"]["outcome"], "ABORTED");
+    wait_until([&] { return state()["work"]["stop"] != "stopping"; });
+    EXPECT_EQ(state()["work"]["stop"],
+              "dead-station: the stage did NOT confirm that its axes stand still");
+}
+
+TEST_F(ServedPage, ARecordThatWasHarmedOrLeadsElsewhereHarmsNothingElse) {
+    const std::filesystem::path evil = records() / "evil";
+    std::filesystem::create_directories(evil);
+    write_text(evil / "events.jsonl", "\n");
+    std::filesystem::create_symlink("/etc/hostname", evil / "report.html");
+    EXPECT_EQ(get("/report?record=evil").status, 422);
+    std::filesystem::create_directory_symlink(evil, records() / "linked");
+    EXPECT_EQ(get("/report?record=linked").status, 422);
+    EXPECT_EQ(
+        post("/api/run/start", {{"station", 0}, {"serial", "CAM-7"}, {"operator", "Anna\x1b[2J"}})
+            .status,
+        422);
+    EXPECT_EQ(get("/api/forecast?station=7").status, 422);
 }
 
 TEST_F(ServedPage, AKilledServerEndsItsRunWhichTheNextOneGoesOnWith) {

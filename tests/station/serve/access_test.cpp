@@ -37,7 +37,7 @@ int status_of(const AccessRules& rules, const WebRequest& request) {
 
 TEST(Access, PassesItsOwnPageByEveryNameOfTheServer) {
     WebRequest request = asked("GET", "/");
-    for (const char* host : {"127.0.0.1:7530", "localhost:7530"}) {
+    for (const char* host : {"127.0.0.1:7530", "localhost:7530", "LocalHost:7530"}) {
         request.host = host;
         EXPECT_EQ(status_of(rules_with(""), request), 200) << host;
     }

@@ -31,6 +31,20 @@ TEST(StationLock, IsForOneStageAndEndsWithItsHolder) {
                 testing::EndsWith("is in use by short"));
 }
 
+// However its address is spelled.
+TEST(StationLock, IsOneForAStageWithTwoNames) {
+    const auto at = [](const std::string& host) {
+        StageLink link;
+        link.address = TcpAddress{host, 1 + getpid() % 60000};
+        return link;
+    };
+    const StationLock first(at("127.0.0.1"), "a motion");
+    for (const char* host : {"localhost", "127.1"})
+        EXPECT_THAT(config_error_of([&] { StationLock second(at(host), "x"); }),
+                    testing::HasSubstr("is in use by a motion"))
+            << host;
+}
+
 TEST(StationLock, HolderIsNamed) {
     EXPECT_THAT(stage_holder("homing", "Carl"), testing::StartsWith("homing by Carl since "));
     EXPECT_THAT(stage_holder("homing", "Carl"),

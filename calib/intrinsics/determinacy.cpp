@@ -42,7 +42,8 @@ void check_tilts(const CameraFit& fit, std::span<const ViewEquations> equations,
     }
     const Intrinsics& i = fit.camera.intrinsics;
     const Eigen::Matrix2d of_shares = Eigen::Vector2d(i.fx, i.fy).asDiagonal();
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(of_shares * information * of_shares);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+        Eigen::MatrixXd(of_shares * information * of_shares));
     const double least = eigen.eigenvalues()[0], most = eigen.eigenvalues()[1];
     if (!(least > least_ratio * most && least * max_share * max_share > noise * noise))
         throw NumericalError(

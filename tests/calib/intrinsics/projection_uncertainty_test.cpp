@@ -68,7 +68,8 @@ TEST(ProjectionUncertainty, IsTheScatterOfRaysThroughDrawnCameras) {
             Eigen::Vector2d(k.cx + k.fx * d.x(), k.cy + k.fy * d.y()) - rays.pixels[ray];
         scatter += moved * moved.transpose() / draws;
     }
-    const double largest = std::sqrt(scatter.selfadjointView<Eigen::Lower>().eigenvalues()[1]);
+    const double largest = std::sqrt(
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(Eigen::MatrixXd(scatter)).eigenvalues()[1]);
     const auto map = projection_uncertainty(camera, model, covariance, {});
     // Relative standard error of a standard deviation of 2000: 1 / sqrt(4000) = 0.016; 3.5 of it.
     EXPECT_NEAR(map.pixels[ray].held / largest, 1.0, 0.055);

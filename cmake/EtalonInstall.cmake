@@ -18,9 +18,11 @@ if(TARGET etalon-twin)
 endif()
 install(DIRECTORY stage/profiles web examples DESTINATION ${CMAKE_INSTALL_DATADIR}/etalon
     USE_SOURCE_PERMISSIONS)
-# The programs find the examples in the build folder as they do where they are installed.
+# The programs find these in the build folder as they do where they are installed.
 file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/share/etalon)
-file(CREATE_LINK ${PROJECT_SOURCE_DIR}/examples ${PROJECT_BINARY_DIR}/share/etalon/examples SYMBOLIC)
+foreach(folder examples web)
+    file(CREATE_LINK ${PROJECT_SOURCE_DIR}/${folder} ${PROJECT_BINARY_DIR}/share/etalon/${folder} SYMBOLIC)
+endforeach()
 install(EXPORT etalonTargets NAMESPACE etalon::
     DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/etalon)
 configure_package_config_file(cmake/etalonConfig.cmake.in

@@ -22,26 +22,21 @@ std::exception_ptr raised_meanwhile() {
 }  // namespace
 
 void run_interruptibly(const std::function<void(std::stop_token)>& work) {
-    std::exception_ptr raised, thrown;
+    std::exception_ptr raised;
+    std::future<void> done;
     {
         const pybind11::gil_scoped_release released;
         std::stop_source stop;
         std::packaged_task<void()> task([&] { work(stop.get_token()); });
-        std::future<void> done = task.get_future();
+        done = task.get_future();
         const std::jthread worker(std::move(task));
         while (done.wait_for(poll) != std::future_status::ready)
             if (!raised && (raised = raised_meanwhile()))
                 stop.request_stop();
-        try {
-            done.get();
-        } catch (...) {
-            thrown = std::current_exception();
-        }
     }
     if (raised)
         std::rethrow_exception(raised);
-    if (thrown)
-        std::rethrow_exception(thrown);
+    done.get();
 }
 
 }  // namespace etalon

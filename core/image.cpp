@@ -25,6 +25,16 @@ bool is_heif(const std::filesystem::path& path) {
     return box == "ftyp" && std::ranges::find(brands, brand) != brands.end();
 }
 
+// DICOM PS3.10, 7.1: these letters behind a preamble of 128 bytes. Debian's OpenCV hands such a
+// file to GDCM 3.0.21, which ends the program when what follows is no DICOM.
+bool is_dicom(const std::filesystem::path& path) {
+    std::array<char, 132> start{};
+    std::ifstream(path, std::ios::binary).read(start.data(), start.size());
+    constexpr std::string_view mark = "DICM";
+    return std::string_view(start.data(), mark.size()) == mark ||
+           std::string_view(start.data() + 128, mark.size()) == mark;
+}
+
 // Whether a JPEG lacks the marker that ends it, FF D9, behind its segments (ITU-T T.81, B.1.1); one
 // in a segment, of a thumbnail, is another picture's. It would be decoded as far as it goes.
 bool is_cut_jpeg(const std::filesystem::path& path) {
@@ -50,6 +60,8 @@ cv::Mat read_any(const std::filesystem::path& path) {
         throw ConfigError({path.string()},
                           "is HEIC, which is not read here: convert it to PNG, or "
                           "to JPEG of quality 95 (heif-convert)");
+    if (is_dicom(path))
+        throw ConfigError({path.string()}, "is DICOM, which is not read here: convert it to PNG");
     if (is_cut_jpeg(path))
         throw ConfigError({path.string()}, "is a JPEG that ends early: copy or download it again");
     cv::Mat image;

@@ -296,12 +296,14 @@ std::string size_fault(const PixelFormat& format, const RawImage& raw) {
 
 // ---- JPEG ------------------------------------------------------------------------------------
 
-// A JPEG is whole if it begins and ends with its markers; cameras pad behind with zeros.
+// A JPEG is whole if it begins and ends with its markers; cameras pad behind with zeros. Without
+// the third byte OpenCV would take it for another format, and its DICOM reader ends the program on
+// it.
 bool is_whole_jpeg(std::span<const std::uint8_t> data) {
     while (!data.empty() && data.back() == 0)
         data = data.first(data.size() - 1);
     const std::size_t n = data.size();
-    return n >= 4 && data[0] == 0xFF && data[1] == 0xD8 && data[n - 2] == 0xFF &&
+    return n >= 5 && data[0] == 0xFF && data[1] == 0xD8 && data[2] == 0xFF && data[n - 2] == 0xFF &&
            data[n - 1] == 0xD9;
 }
 

@@ -47,6 +47,18 @@ TEST(Image, RefusesWhatIsNoImageAndNamesTheFile) {
     EXPECT_THROW(read_image(temporary("missing.png")), ConfigError);
 }
 
+// What follows is no element of DICOM: its reader would end the program.
+TEST(Image, RefusesDicom) {
+    const auto path = temporary("scan.png");
+    std::ofstream(path) << std::string(128, '\0') << "DICM" << std::string(40, '\xff');
+    try {
+        read_image(path);
+        FAIL() << "was read";
+    } catch (const ConfigError& error) {
+        EXPECT_NE(std::string(error.what()).find("is DICOM"), std::string::npos) << error.what();
+    }
+}
+
 // OpenCV decodes one as far as it goes, gray below. The thumbnail in front has an end of its own,
 // and what cameras write behind the picture is no part of it.
 TEST(Image, RefusesAJpegThatEndsEarly) {

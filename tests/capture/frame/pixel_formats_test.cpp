@@ -284,6 +284,17 @@ TEST(Jpeg, IsRefusedWhenCutOffAnywhere) {
     }
 }
 
+// Found by random payloads: OpenCV takes it for DICOM, whose reader ends the program.
+TEST(Jpeg, IsRefusedWhenItBeginsLikeOneOnly) {
+    Bytes data(168, 0xFF);
+    std::ranges::copy(std::array{0xFF, 0xD8, 0x00}, data.begin());
+    std::ranges::copy(std::string_view("DICM"), data.begin() + 128);
+    data.back() = 0xD9;
+    CodeImage image;
+    EXPECT_EQ(unpack(*find_v4l2_format("MJPG"), {data, 56, 40, 0}, image),
+              "168 bytes are no whole JPEG image");
+}
+
 TEST(Jpeg, OfAnotherSizeIsRefused) {
     const Bytes data = as_jpeg(smooth_picture());
     CodeImage image;

@@ -29,15 +29,27 @@ void open(const std::filesystem::path& description) {
 }  // namespace
 }  // namespace etalon::test
 
-// The library's device copies beyond its buffer when it is read behind its memory, where it keeps
-// the description (Aravis 0.8.26). A camera refuses what it does not have, and so does this one.
-// Takes the place of the library's function.
+// The library's device copies beyond its buffer when it is read or written behind its memory, where
+// it keeps the description (Aravis 0.8.26). A camera refuses what it does not have, and so does
+// this one. Both take the place of the library's functions.
+namespace {
+bool is_there(guint32 address, guint32 size) {
+    return guint64(address) + size <= ARV_FAKE_CAMERA_MEMORY_SIZE;
+}
+}  // namespace
+
 extern "C" gboolean arv_fake_camera_read_memory(ArvFakeCamera* camera, guint32 address,
                                                 guint32 size, void* buffer) {
     static const auto read = reinterpret_cast<decltype(&arv_fake_camera_read_memory)>(
         dlsym(RTLD_NEXT, "arv_fake_camera_read_memory"));
-    const bool is_there = guint64(address) + size <= ARV_FAKE_CAMERA_MEMORY_SIZE;
-    return is_there && read(camera, address, size, buffer);
+    return is_there(address, size) && read(camera, address, size, buffer);
+}
+
+extern "C" gboolean arv_fake_camera_write_memory(ArvFakeCamera* camera, guint32 address,
+                                                 guint32 size, const void* buffer) {
+    static const auto write = reinterpret_cast<decltype(&arv_fake_camera_write_memory)>(
+        dlsym(RTLD_NEXT, "arv_fake_camera_write_memory"));
+    return is_there(address, size) && write(camera, address, size, buffer);
 }
 
 extern "C" int LLVMFuzzerInitialize(int*, char***) {

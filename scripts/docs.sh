@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
-# Makes the documentation site in build/docs/site: the pages of docs/, README.md, and a page with the
-# help of every command. Strict: a broken link or a page that the navigation does not name ends it.
+# Makes the documentation site in build/docs/site: the pages of docs/, README.md, a page with the help
+# of every command, and the references of the libraries in C++ (installed headers, by doxygen) and in
+# Python (where the build has its module). Strict: a broken link or a page that the navigation does
+# not name ends it.
 #     scripts/docs.sh [BUILD_FOLDER]          default: build/release
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -29,6 +31,21 @@ sed -i 's#](\.\./README\.md#](README.md#g' $pages/*.md
     printf '\n## etalon-twin\n\n```text\n%s\n```\n' "$("$build"/etalon-twin --help)"
 } >$pages/commands.md
 
+printf '# Python reference\n\nNot made: the build has no Python module.\n' >$pages/python-reference.md
+if compgen -G "$build/python/etalon/_etalon*.so" >/dev/null; then
+    PYTHONPATH=$build/python /usr/bin/python3 scripts/python_reference.py python/etalon/__init__.pyi \
+        >$pages/python-reference.md
+fi
+printf '\nEvery type and function: [C++ reference](cpp/index.html).\n' >>$pages/library.md
+headers=build/docs/headers
+cmake -D SOURCE_DIR="$PWD" -D BINARY_DIR=$headers -D CMAKE_INSTALL_PREFIX="$PWD/$headers/installed" \
+    -P cmake/install_headers.cmake >/dev/null
+doxygen scripts/Doxyfile
+
+unnamed=$(cd $pages && find . -name '*.md' | sed 's#^\./##' | while read -r page; do
+    grep -qF "$page" "$OLDPWD/scripts/mkdocs.yml" || echo "$page"
+done)
+[ -z "$unnamed" ] || { echo "scripts/mkdocs.yml does not name: $unnamed" >&2; exit 1; }
 # Links to a heading are not looked at by mkdocs itself.
 mkdocs build --config-file scripts/mkdocs.yml --quiet
 python3 scripts/check_anchors.py build/docs/site

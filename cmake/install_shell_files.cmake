@@ -18,7 +18,7 @@ install_completion(fish fish/vendor_completions.d etalon.fish)
 
 # Schemas for editors, from the files that have every key.
 file(GLOB files ${SOURCE_DIR}/examples/every-key/*.y*ml
-    ${SOURCE_DIR}/examples/study/*.yaml)
+    ${SOURCE_DIR}/examples/study/*.yaml ${SOURCE_DIR}/stage/profiles/*.yaml)
 list(FILTER files EXCLUDE REGEX "/(twin[^/]*|psf)\\.y")
 execute_process(COMMAND ${program} schema --out ${scratch}/schema ${files} COMMAND_ERROR_IS_FATAL ANY)
 if(EXISTS ${BINARY_DIR}/etalon-twin)

@@ -89,8 +89,9 @@ private:
         }
         Place& key = event.is_name ? made(place.named) : key_of(place, event.key);
         known_[event.path.empty() ? event.key : event.path + "." + event.key] = &key;
-        const bool wanted = event.question == Question::required_key && !event.is_name;
-        if (wanted && place.asked_now.insert(event.key).second)
+        // A key that the reader first looks for is optional, however it then reads it.
+        const bool is_wanted = event.question == Question::required_key && !event.is_name;
+        if (place.asked_now.insert(event.key).second && is_wanted)
             ++place.required_in[event.key];
     }
 
@@ -105,6 +106,15 @@ private:
         return schema;
     }
 
+    // A word that looks like a number, "-1", is one to whoever reads YAML by the book.
+    static ordered_json as_editors_read(const std::vector<std::string>& words) {
+        ordered_json values = words;
+        for (const std::string& word : words)
+            if (const auto number = parse_integer(word))
+                values.push_back(*number);
+        return values;
+    }
+
     static ordered_json scalar_schema(const ReadEvent& event) {
         switch (event.question) {
             case Question::number:
@@ -114,7 +124,7 @@ private:
             case Question::flag:
                 return {{"enum", {true, false, "true", "false"}}};
             case Question::words:
-                return {{"enum", event.words}};
+                return {{"enum", as_editors_read(event.words)}};
             default:  // a text may look like a number
                 return {{"type", {"string", "number", "boolean"}}};
         }
@@ -124,29 +134,34 @@ private:
     std::map<std::string, Place*> known_;  // by path in the present file
 };
 
-ordered_json schema_of(const Place& place);
+// A file that may extend another needs none of its keys, and `key: ~` takes one of the other's
+// away; lists are never merged.
+ordered_json schema_of(const Place& place, bool extends);
 
-ordered_json mapping_schema(const Place& place) {
+ordered_json mapping_schema(const Place& place, bool extends) {
     ordered_json properties = ordered_json::object(), required = ordered_json::array();
     for (const auto& [name, value] : place.keys) {
-        properties[name] = schema_of(*value);
+        properties[name] = schema_of(*value, extends);
         const auto wanted = place.required_in.find(name);
-        if (wanted != place.required_in.end() && wanted->second == place.mappings)
+        if (!extends && wanted != place.required_in.end() && wanted->second == place.mappings)
             required.push_back(name);
     }
     ordered_json schema = {{"type", "object"}, {"properties", properties}};
     if (!required.empty())
         schema["required"] = required;
-    schema["additionalProperties"] = place.named ? schema_of(*place.named) : ordered_json(false);
+    schema["additionalProperties"] =
+        place.named ? schema_of(*place.named, extends) : ordered_json(false);
     return schema;
 }
 
-ordered_json schema_of(const Place& place) {
+ordered_json schema_of(const Place& place, bool extends) {
     std::vector<ordered_json> choices = place.scalars;
     if (!place.keys.empty() || place.named)
-        choices.push_back(mapping_schema(place));
+        choices.push_back(mapping_schema(place, extends));
     if (place.item)
-        choices.push_back({{"type", "array"}, {"items", schema_of(*place.item)}});
+        choices.push_back({{"type", "array"}, {"items", schema_of(*place.item, false)}});
+    if (extends && !choices.empty())
+        choices.push_back({{"type", "null"}});
     if (choices.size() == 1)
         return choices.front();
     return choices.empty() ? ordered_json::object() : ordered_json{{"anyOf", choices}};
@@ -163,7 +178,9 @@ std::map<std::string, std::string> file_schemas(const ReadTrace& trace) {
     for (const auto& [kind, file] : kinds) {
         ordered_json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
                                {"title", "etalon: " + kind}};
-        schema.update(mapping_schema(file.root()));
+        const bool extends = std::ranges::count(file.root().keys, "extends",
+                                                [](const auto& key) { return key.first; });
+        schema.update(mapping_schema(file.root(), extends));
         schema["properties"]["etalon"] = {{"const", kind}};
         schemas[kind] = schema.dump(2) + "\n";
     }

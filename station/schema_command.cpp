@@ -6,6 +6,7 @@
 #include "core/errors.h"
 #include "core/file_schema.h"
 #include "core/text.h"
+#include "stage/profile/profile.h"
 #include "station/commands.h"
 #include "station/setup/station_file.h"
 #include "station/shell/command_output.h"
@@ -25,10 +26,10 @@ struct ReaderOfKind {
     void (*read)(const std::filesystem::path& path);
 };
 
-// Not of stage profiles: one may say nothing but what it changes in another.
 constexpr ReaderOfKind readers[] = {
     {"camera/1", [](const auto& path) { read_any_camera(path); }},
     {"limits/1", [](const auto& path) { read_limits(path); }},
+    {"stage-profile/1", [](const auto& path) { read_stage_profile(path); }},
     {"station/1", [](const auto& path) { read_station(path); }},
     {"study/1", [](const auto& path) { read_study(path); }},
 };
@@ -54,7 +55,6 @@ int run_schema(const SchemaArguments& arguments) {
     ReadTrace trace;
     for (const std::filesystem::path& path : arguments.files)
         read_as_declared(path);
-    std::erase_if(trace.files, [](const auto& file) { return file->kind == "stage-profile/1"; });
     write_schemas(trace, arguments.out);
     return 0;
 }

@@ -177,7 +177,7 @@ const DisturbanceAxis* disturbance_axis(const std::string& name) {
 
 void read_disturbances(const Value& section, StudyFile& study) {
     for (const std::string& name : section.keys()) {
-        const Value value = section.at(name);
+        const Value value = *section.find(name);
         if (name == "focus-mm") {
             study.focus_mm = value.numbers(0, units::mm.positive());
             if (study.focus_mm.empty() || !study.camera.lens)

@@ -80,4 +80,11 @@ std::set<std::string> Layers::keys() const {
     return all;
 }
 
+Layers Layers::with_names() const {
+    std::vector<Value> named;
+    for (const Value& mapping : mappings_)
+        named.push_back(mapping.with_names());
+    return Layers(std::move(named));
+}
+
 }  // namespace etalon

@@ -26,6 +26,7 @@ public:
     std::optional<Layers> find_section(const std::string& key) const;
 
     std::set<std::string> keys() const;  // without removed ones
+    Layers with_names() const;           // the keys are names that the files give
 
 private:
     std::vector<Value> mappings_;  // never empty

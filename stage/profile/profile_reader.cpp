@@ -90,7 +90,7 @@ StageProfile read_profile(const Layers& root) {
     read_done(root.section("done"), profile);
     read_limits(root.section("limits"), profile.limits);
     if (const auto alarms = root.find_section("alarms"))
-        read_alarms(*alarms, profile);
+        read_alarms(alarms->with_names(), profile);
     return profile;
 }
 

@@ -126,7 +126,8 @@ class FieldFigures {
 public:
     FieldFigures(const SmoothField& field, std::span<const FieldSample> samples,
                  std::span<const Eigen::Vector3d> positions)
-        : lengthening_(pair_lengthening(samples) * stacked_design(field, samples)),
+        : lengthening_(samples),
+          design_(stacked_design(field, samples)),
           power_(Eigen::MatrixXd::Zero(field.coefficients.size(), field.coefficients.size())),
           largest_(field, hull_positions(positions)) {
         for (const Eigen::Vector3d& position : positions) {
@@ -142,19 +143,17 @@ public:
     }
     double max(const Eigen::VectorXd& c) const { return largest_.of(c); }
 
-    // For each column of coefficients. So many pairs at a time stay in the cache for all columns.
+    // For each column of coefficients. The rows of so many pairs are made for so many columns.
     Eigen::VectorXd length_max(const Eigen::MatrixXd& coefficients) const {
-        constexpr Eigen::Index at_a_time = 1024;
-        Eigen::VectorXd largest(coefficients.cols());
+        constexpr std::size_t columns_at_a_time = 64;
+        Eigen::VectorXd largest = Eigen::VectorXd::Zero(coefficients.cols());
         tbb::parallel_for(
-            tbb::blocked_range<Eigen::Index>(0, coefficients.cols()), [&](const auto& columns) {
-                for (Eigen::Index i = columns.begin(); i < columns.end(); ++i)
-                    largest[i] = 0.0;
-                for (Eigen::Index first = 0, count = 0; first < lengthening_.rows();
-                     first += count) {
-                    const Eigen::Index left = lengthening_.rows() - first;
-                    count = left < 2 * at_a_time ? left : at_a_time;
-                    const Eigen::MatrixXd rows = lengthening_.middleRows(first, count);
+            tbb::blocked_range<Eigen::Index>(0, coefficients.cols(), columns_at_a_time),
+            [&](const auto& columns) {
+                const Eigen::Index pairs = lengthening_.size();
+                for (Eigen::Index first = 0; first < pairs; first += pairs_at_a_time) {
+                    const Eigen::MatrixXd rows =
+                        lengthening_.of(design_, first, std::min(pairs_at_a_time, pairs - first));
                     for (Eigen::Index i = columns.begin(); i < columns.end(); ++i)
                         largest[i] = std::max(largest[i],
                                               (rows * coefficients.col(i)).cwiseAbs().maxCoeff());
@@ -164,7 +163,8 @@ public:
     }
 
 private:
-    Eigen::MatrixXd lengthening_, power_;
+    PairLengthening lengthening_;
+    Eigen::MatrixXd design_, power_;
     LargestLength largest_;
     double noise_power_ = 0.0;
 };

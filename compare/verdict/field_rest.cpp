@@ -36,11 +36,59 @@ Eigen::VectorXd stacked_errors(std::span<const FieldSample> samples) {
     return errors;
 }
 
+// A square matrix with 3 rows for each sample, blocks on its diagonal and a product of two thin
+// matrices beside them: B + L R^T. In full a run of 2000 poses would need a gigabyte for it.
+struct BlocksAndThin {
+    std::vector<Eigen::Matrix3d> blocks;
+    Eigen::MatrixXd left, right;
+};
+
+double thin_trace(const Eigen::MatrixXd& left, const Eigen::MatrixXd& right) {
+    return left.cwiseProduct(right).sum();
+}
+
+double trace(const BlocksAndThin& matrix) {
+    double sum = thin_trace(matrix.left, matrix.right);
+    for (const Eigen::Matrix3d& block : matrix.blocks)
+        sum += block.trace();
+    return sum;
+}
+
+Eigen::Matrix3d diagonal_block(const BlocksAndThin& matrix, std::size_t i) {
+    const auto k = static_cast<Eigen::Index>(3 * i);
+    return matrix.blocks[i] +
+           matrix.left.middleRows<3>(k) * matrix.right.middleRows<3>(k).transpose();
+}
+
+// B x
+Eigen::MatrixXd blocks_times(const BlocksAndThin& matrix, const Eigen::MatrixXd& x) {
+    Eigen::MatrixXd product(x.rows(), x.cols());
+    for (std::size_t i = 0; i < matrix.blocks.size(); ++i) {
+        const auto k = static_cast<Eigen::Index>(3 * i);
+        product.middleRows<3>(k).noalias() = matrix.blocks[i] * x.middleRows<3>(k);
+    }
+    return product;
+}
+
+Eigen::MatrixXd times(const BlocksAndThin& matrix, const Eigen::MatrixXd& x) {
+    return blocks_times(matrix, x) + matrix.left * (matrix.right.transpose() * x);
+}
+
+// tr(A C)
+double trace_of_product(const BlocksAndThin& a, const BlocksAndThin& c) {
+    double sum =
+        thin_trace(blocks_times(a, c.left), c.right) +
+        thin_trace(a.left, times_blocks(a.right.transpose(), c.blocks).transpose()) +
+        thin_trace((a.right.transpose() * c.left).transpose(), c.right.transpose() * a.left);
+    for (std::size_t i = 0; i < a.blocks.size(); ++i)
+        sum += (a.blocks[i] * c.blocks[i]).trace();
+    return sum;
+}
+
 // The residuals r = M e of a fit with the weights W: M = I - D E, of the design D and the estimator
-// E = (D^T W D)^-1 D^T W, has a symmetric W M. Its products are left to the thin D and E, which
-// have 15 columns and rows where M has 3 for each sample. Declared errors S are fitted beside the
-// field, each drawn towards 0 as its standard uncertainty says: D becomes (D S), and to
-// (D S)^T W (D S) a 1 is added for each.
+// E = (D^T W D)^-1 D^T W, has a symmetric W M. Declared errors S are fitted beside the field, each
+// drawn towards 0 as its standard uncertainty says: D becomes (D S), and to (D S)^T W (D S) a 1 is
+// added for each.
 class Residuals {
 public:
     Residuals(const SmoothField& field, std::span<const FieldSample> samples,
@@ -56,25 +104,22 @@ public:
         return errors - design_ * (estimator_ * errors);
     }
 
-    // M^T M = I - D E - (D E)^T + E^T (D^T D) E
-    Eigen::MatrixXd plain_kernel() const {
-        const Eigen::MatrixXd half = 0.5 * (design_.transpose() * design_) * estimator_;
-        const Eigen::MatrixXd taken = (design_.transpose() - half).transpose() * estimator_;
-        Eigen::MatrixXd kernel = -taken - taken.transpose();
-        kernel.diagonal().array() += 1.0;
+    // M^T M = I - D E - E^T (D - E^T D^T D)^T
+    BlocksAndThin plain_kernel() const {
+        const Eigen::Index rows = design_.rows(), columns = design_.cols();
+        BlocksAndThin kernel{{weights_.size(), Eigen::Matrix3d::Identity()},
+                             Eigen::MatrixXd(rows, 2 * columns),
+                             Eigen::MatrixXd(rows, 2 * columns)};
+        kernel.left << -design_, -estimator_.transpose();
+        kernel.right << estimator_.transpose(),
+            design_ - estimator_.transpose() * (design_.transpose() * design_);
         return kernel;
     }
 
     // W M = W - W D E: of the smallest r^T W r, with what declared errors pay for their sizes
-    Eigen::MatrixXd weighted_kernel() const {
-        const Eigen::MatrixXd weighted_design =
-            times_blocks(design_.transpose(), weights_).transpose();
-        Eigen::MatrixXd kernel = -weighted_design * estimator_;
-        for (std::size_t i = 0; i < weights_.size(); ++i) {
-            const auto k = static_cast<Eigen::Index>(3 * i);
-            kernel.block<3, 3>(k, k) += weights_[i];
-        }
-        return kernel;
+    BlocksAndThin weighted_kernel() const {
+        return {weights_, -times_blocks(design_.transpose(), weights_).transpose(),
+                estimator_.transpose()};
     }
 
     // e^T W M e
@@ -104,28 +149,40 @@ private:
 
 // Of Q = e^T K e: what noise and declared errors in e make of it.
 struct QuadraticForm {
-    Eigen::MatrixXd kernel;      // K
-    Eigen::MatrixXd spread;      // K times their covariance
+    BlocksAndThin kernel;        // K
+    BlocksAndThin spread;        // K times their covariance
     double mean = 0.0;           // for what is stated
     double variance = 0.0;       // of Q for it
     double mean_variance = 0.0;  // of the mean, as the noise is itself an estimate
 };
 
-QuadraticForm form_of(const Eigen::MatrixXd& kernel, std::span<const SampleNoise> noise,
-                      const Eigen::MatrixXd& declared) {
-    std::vector<Eigen::Matrix3d> covariances;
-    for (const SampleNoise& each : noise)
-        covariances.push_back(each.covariance);
-    QuadraticForm form{kernel, times_blocks(kernel, covariances)};
+// K (C + S S^T) for the noise's blocks C and declared errors S.
+BlocksAndThin spread_by(const BlocksAndThin& kernel, std::span<const SampleNoise> noise,
+                        const Eigen::MatrixXd& declared) {
+    BlocksAndThin spread = kernel;
     for (std::size_t i = 0; i < noise.size(); ++i) {
-        const double share =
-            form.spread.diagonal().segment<3>(static_cast<Eigen::Index>(3 * i)).sum();
+        const auto k = static_cast<Eigen::Index>(3 * i);
+        spread.blocks[i] = kernel.blocks[i] * noise[i].covariance;
+        spread.right.middleRows<3>(k) = noise[i].covariance * kernel.right.middleRows<3>(k);
+    }
+    if (declared.cols() > 0) {
+        spread.left.conservativeResize(Eigen::NoChange, kernel.left.cols() + declared.cols());
+        spread.left.rightCols(declared.cols()) = times(kernel, declared);
+        spread.right.conservativeResize(Eigen::NoChange, kernel.right.cols() + declared.cols());
+        spread.right.rightCols(declared.cols()) = declared;
+    }
+    return spread;
+}
+
+QuadraticForm form_of(const BlocksAndThin& kernel, std::span<const SampleNoise> noise,
+                      const Eigen::MatrixXd& declared) {
+    QuadraticForm form{kernel, spread_by(kernel, noise, declared)};
+    for (std::size_t i = 0; i < noise.size(); ++i) {
+        const double share = (diagonal_block(kernel, i) * noise[i].covariance).trace();
         form.mean_variance += 2.0 * share * share / noise[i].degrees_of_freedom;
     }
-    if (declared.cols() > 0)
-        form.spread += (kernel * declared) * declared.transpose();
-    form.mean = form.spread.trace();
-    form.variance = 2.0 * form.spread.cwiseProduct(form.spread.transpose()).sum();
+    form.mean = trace(form.spread);
+    form.variance = 2.0 * trace_of_product(form.spread, form.spread);
     return form;
 }
 
@@ -133,10 +190,10 @@ QuadraticForm form_of(const Eigen::MatrixXd& kernel, std::span<const SampleNoise
 // of mean square length s puts s t into |r|^2, t = trace(K) / 3. The upper end of the interval is
 // the s with s = s_0 + k sigma(s), which grows with s itself.
 void find_rest(const Eigen::VectorXd& residual, const QuadraticForm& form, FieldRest& rest) {
-    const double gain = form.kernel.trace() / 3.0;
+    const double gain = trace(form.kernel) / 3.0;
     const double mean_square = std::max(0.0, (residual.squaredNorm() - form.mean) / gain);
-    const double mixed = 4.0 * form.spread.cwiseProduct(form.kernel.transpose()).sum() / 3.0;
-    const double own = 2.0 * form.kernel.squaredNorm() / 9.0;
+    const double mixed = 4.0 * trace_of_product(form.spread, form.kernel) / 3.0;
+    const double own = 2.0 * trace_of_product(form.kernel, form.kernel) / 9.0;
     double upper = mean_square;
     for (int round = 0; round < 100; ++round)
         upper = mean_square +

@@ -35,7 +35,7 @@ struct FieldRest {
 // uncertainty; a column each. The expectation of the residuals' power and its variance follow from
 // the fit's own weights (quadratic forms of normal deviates). Throws NumericalError when the sizes
 // do not agree, a covariance is not finite and positive, or a declared error not finite. A
-// millisecond for 60 samples, with the square of their number.
+// millisecond for 60 samples, time and memory in proportion to their number.
 FieldRest field_rest(const SmoothField& field, std::span<const FieldSample> samples,
                      std::span<const SampleNoise> noise, const Eigen::MatrixXd& declared = {});
 

@@ -7,8 +7,8 @@
 // noise of two poses.
 #pragma once
 
-#include <Eigen/SparseCore>
 #include <span>
+#include <vector>
 
 #include "compare/verdict/smooth_field.h"
 
@@ -31,9 +31,27 @@ struct LengthErrors {
 LengthErrors length_errors(const SmoothField& field, std::span<const FieldSample> samples,
                            const NoiseDraws& draws);
 
-// One row per pair: what the samples' shifts, stacked by three, do to its length. Zeros for two
-// poses in the same place.
-using PairLengthening = Eigen::SparseMatrix<double, Eigen::RowMajor>;
-PairLengthening pair_lengthening(std::span<const FieldSample> samples);
+// By how much shifts of the samples lengthen the distances of all their pairs, to first order.
+// Pairs are numbered; they grow with the square of the samples, so that what is known of each is
+// made again whenever it is asked for, and nothing is kept.
+class PairLengthening {
+public:
+    explicit PairLengthening(std::span<const FieldSample> samples);
+
+    Eigen::Index size() const { return n_ * (n_ - 1) / 2; }
+
+    // A row for each pair from `first` on, of `shifts`, which have 3 rows for each sample and any
+    // number of columns. Zeros for two poses in the same place.
+    Eigen::MatrixXd of(const Eigen::MatrixXd& shifts, Eigen::Index first, Eigen::Index count) const;
+
+    double distance_mm(Eigen::Index pair) const;
+
+private:
+    std::vector<Eigen::Vector3d> positions_;
+    Eigen::Index n_;
+};
+
+// How many pairs to ask for at a time: their rows stay in the cache.
+constexpr Eigen::Index pairs_at_a_time = 1024;
 
 }  // namespace etalon

@@ -91,7 +91,7 @@ public:
             std::span<const FieldSample> samples)
         : input_(input), result_(result) {
         if (result.lengths)
-            lengthening_ = pair_lengthening(samples);
+            lengthening_.emplace(samples);
     }
 
     QualificationBudget build(std::span<const ErrorSignature> calibration) {
@@ -131,7 +131,14 @@ private:
 
     // By which shifts, a column each, change a length at most; 0 where no lengths are measured.
     double largest_lengthening(const Eigen::MatrixXd& shifts) const {
-        return lengthening_.rows() == 0 ? 0.0 : (lengthening_ * shifts).rowwise().norm().maxCoeff();
+        double largest = 0.0;
+        const Eigen::Index pairs = lengthening_ ? lengthening_->size() : 0;
+        for (Eigen::Index first = 0; first < pairs; first += pairs_at_a_time) {
+            const Eigen::Index count = std::min(pairs_at_a_time, pairs - first);
+            largest = std::max(largest,
+                               lengthening_->of(shifts, first, count).rowwise().norm().maxCoeff());
+        }
+        return largest;
     }
 
     void set_sensitivity(BudgetRow& row, const Effect& effect) const {
@@ -377,7 +384,7 @@ private:
 
     const QualificationInput& input_;
     const Qualification& result_;
-    PairLengthening lengthening_;
+    std::optional<PairLengthening> lengthening_;
     QualificationBudget budget_;
 };
 

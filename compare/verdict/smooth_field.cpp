@@ -264,67 +264,67 @@ double coverage_quantile(Eigen::VectorXd values) {
     return *quantile;
 }
 
-// Vectors that are linear in normal deviates, those that can be longest first. None is longer than
-// its bound (the norm of its rows) times the deviates' norm.
-class LinearVectors {
+// Vectors as they are linear in normal deviates, those that can be longest first. None is longer
+// than its bound (the norm of its rows) times the deviates' norm.
+class LongestFirst {
 public:
-    LinearVectors(const Eigen::MatrixXd& rows, int components)
-        : components_(components),
-          rows_(rows.rows(), rows.cols()),
-          bounds_(rows.rows() / components) {
-        std::vector<std::pair<double, Eigen::Index>> order;
-        for (Eigen::Index i = 0; i < bounds_.size(); ++i)
-            order.emplace_back(-rows.middleRows(i * components, components).norm(), i);
-        std::ranges::sort(order);
-        for (Eigen::Index i = 0; i < bounds_.size(); ++i) {
-            const auto& [minus_bound, from] = order[static_cast<std::size_t>(i)];
-            bounds_[i] = -minus_bound;
-            rows_.middleRows(i * components, components) =
-                rows.middleRows(from * components, components);
+    LongestFirst(const LinearVectors& vectors, const Eigen::MatrixXd& factor)
+        : vectors_(vectors), factor_(factor) {
+        constexpr Eigen::Index at_a_time = 1024;
+        for (Eigen::Index first = 0; first < vectors.size; first += at_a_time) {
+            const Eigen::Index count = std::min(at_a_time, vectors.size - first);
+            const Eigen::MatrixXd rows = vectors.rows(first, count) * factor;
+            for (Eigen::Index i = 0; i < count; ++i)
+                order_.emplace_back(
+                    -rows.middleRows(i * vectors.components, vectors.components).norm(), first + i);
         }
+        std::ranges::sort(order_);
     }
 
-    Eigen::Index size() const { return bounds_.size(); }
-    double bound(Eigen::Index i) const { return bounds_[i]; }
+    double bound(Eigen::Index i) const { return -order_[static_cast<std::size_t>(i)].first; }
 
     // Of `count` vectors from the `first` on, for each column of deviates.
     Eigen::RowVectorXd largest(Eigen::Index first, Eigen::Index count,
                                const Eigen::MatrixXd& deviates) const {
-        const Eigen::MatrixXd all =
-            rows_.middleRows(first * components_, count * components_) * deviates;
+        const int components = vectors_.components;
+        Eigen::MatrixXd rows(count * components, factor_.rows());
+        for (Eigen::Index i = 0; i < count; ++i)
+            rows.middleRows(i * components, components) =
+                vectors_.rows(order_[static_cast<std::size_t>(first + i)].second, 1);
+        const Eigen::MatrixXd all = rows * factor_ * deviates;
         const Eigen::RowVectorXd squares =
-            all.reshaped(components_, count * deviates.cols()).colwise().squaredNorm();
+            all.reshaped(components, count * deviates.cols()).colwise().squaredNorm();
         return squares.reshaped(count, deviates.cols()).colwise().maxCoeff().cwiseSqrt();
     }
 
 private:
-    Eigen::Index components_;
-    Eigen::MatrixXd rows_;
-    Eigen::VectorXd bounds_;
+    const LinearVectors& vectors_;
+    const Eigen::MatrixXd& factor_;
+    std::vector<std::pair<double, Eigen::Index>> order_;  // by minus the bound
 };
 
 }  // namespace
 
 double noise_quantile(const SmoothField& field, const NoiseDraws& draws,
-                      const Eigen::MatrixXd& rows, int components) {
+                      const LinearVectors& vectors) {
     constexpr Eigen::Index block = 64;
     const Eigen::MatrixXd factor = covariance_factor(field);
-    const LinearVectors vectors(rows * factor, components);
+    const LongestFirst longest_first(vectors, factor);
     const Eigen::MatrixXd deviates = draws.deviates.topRows(factor.cols());
     const Eigen::VectorXd norms = deviates.colwise().norm();
     Eigen::VectorXd largest = Eigen::VectorXd::Zero(draw_count);
-    for (Eigen::Index first = 0; first < vectors.size(); first += block) {
+    for (Eigen::Index first = 0; first < vectors.size; first += block) {
         // A draw below what is the quantile already is looked at again where it may get above.
         const double reached = coverage_quantile(largest);
         std::vector<Eigen::Index> open;
         for (Eigen::Index i = 0; i < draw_count; ++i)
-            if (vectors.bound(first) * norms[i] > std::max(reached, largest[i]))
+            if (longest_first.bound(first) * norms[i] > std::max(reached, largest[i]))
                 open.push_back(i);
         if (open.empty())
             break;
-        const Eigen::Index count = std::min(block, vectors.size() - first);
+        const Eigen::Index count = std::min(block, vectors.size - first);
         largest(open) = largest(open).cwiseMax(
-            vectors.largest(first, count, deviates(Eigen::all, open)).transpose());
+            longest_first.largest(first, count, deviates(Eigen::all, open)).transpose());
     }
     return coverage_quantile(largest);
 }
@@ -358,10 +358,14 @@ void summarize_rms(const SmoothField& field, std::span<const Eigen::Vector3d> po
 
 double largest_noise(const SmoothField& field, std::span<const Eigen::Vector3d> positions,
                      const NoiseDraws& draws) {
-    Eigen::MatrixXd spread(3 * positions.size(), field.coefficients.size());
-    for (std::size_t i = 0; i < positions.size(); ++i)
-        spread.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = field.design(positions[i]);
-    return noise_quantile(field, draws, spread, 3);
+    const auto spread = [&](Eigen::Index first, Eigen::Index count) {
+        Eigen::MatrixXd rows(3 * count, field.coefficients.size());
+        for (Eigen::Index i = 0; i < count; ++i)
+            rows.middleRows<3>(3 * i) =
+                field.design(positions[static_cast<std::size_t>(first + i)]);
+        return rows;
+    };
+    return noise_quantile(field, draws, {std::ssize(positions), 3, spread});
 }
 
 }  // namespace

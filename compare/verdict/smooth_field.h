@@ -86,12 +86,19 @@ struct NoiseDraws {
     Eigen::MatrixXd deviates;  // 15 x 2000
 };
 
+// Vectors that are linear in a field's coefficients: rows(first, count) times the coefficients are
+// `count` of them below one another, each of `components`. They may be too many to be kept.
+struct LinearVectors {
+    Eigen::Index size = 0;
+    int components = 1;
+    std::function<Eigen::MatrixXd(Eigen::Index first, Eigen::Index count)> rows;
+};
+
 // The 97.7 % quantile, over the draws of the coefficients' noise from their covariance, of the
-// largest length among vectors that are linear in the coefficients. `rows` times the coefficients
-// are these vectors below one another, each of `components`. Exact, though most vectors are left
-// out of most draws: those that by the Cauchy-Schwarz inequality cannot matter.
+// largest length among the vectors. Exact, though most vectors are left out of most draws: those
+// that by the Cauchy-Schwarz inequality cannot matter.
 double noise_quantile(const SmoothField& field, const NoiseDraws& draws,
-                      const Eigen::MatrixXd& rows, int components);
+                      const LinearVectors& vectors);
 
 // A matrix F with F F^T the coefficients' covariance.
 Eigen::MatrixXd covariance_factor(const SmoothField& field);

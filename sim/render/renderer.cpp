@@ -224,7 +224,13 @@ void merge(const RenderPlan& one, RenderPlan& all) {
     all.min_blur_radius_px = std::min(all.min_blur_radius_px, one.min_blur_radius_px);
     all.max_blur_radius_px = std::max(all.max_blur_radius_px, one.max_blur_radius_px);
     all.tail_reach_px = std::max(all.tail_reach_px, one.tail_reach_px);
-    all.left_out.insert(all.left_out.end(), one.left_out.begin(), one.left_out.end());
+    for (const LeftOut& left : one.left_out) {
+        const auto same = std::ranges::find(all.left_out, left.what, &LeftOut::what);
+        if (same == all.left_out.end())
+            all.left_out.push_back(left);
+        else if (left.gray > same->gray)
+            *same = left;
+    }
     all.used.insert(all.used.end(), one.used.begin(), one.used.end());
     all.uniform_tiles = std::min(all.uniform_tiles, one.uniform_tiles);
 }
@@ -280,8 +286,10 @@ public:
         return sources_.empty() ? cv::Rect() : grown(sources_, reach, reach) & region;
     }
 
-    // Adds to the pixels; with a `background`, writes them, whatever was there.
-    void draw(const cv::Rect& region, std::optional<float> background, cv::Mat& pixels) {
+    // Adds to the pixels; with a `background`, writes them, whatever was there. Without one, what
+    // the marker adds far from itself is left in `far`.
+    void draw(const cv::Rect& region, std::optional<float> background, FarTail& far,
+              cv::Mat& pixels) {
         const ImageFilter& filter = chosen_.with_spread ? cache_.filter : cache_.box_filter;
         const FilterKernel& core = filter.core(chosen_.sampling.k, chosen_.sampling.kind);
         const auto add_core = [&](const cv::Rect& band) {
@@ -289,7 +297,7 @@ public:
         };
         if (plan().tail_reach_px > 0.0)
             return sensor_.tail.add(*samples_, view_, sources_, plan().tail_reach_px,
-                                    chosen_.finest_ring, region, background, pixels, add_core);
+                                    chosen_.finest_ring, region, background, far, pixels, add_core);
         if (background)
             set_outside({}, region, *background, pixels);
         for_each_band(region, add_core);
@@ -353,6 +361,7 @@ Renderer::Drawn Renderer::draw_markers(const Scene& scene, const RenderOptions& 
     Drawn drawn;
     if (scene.markers.empty())
         canvas({});
+    FarTail far(cache_->filter, region);
     for (const PlacedMarker& placed : scene.markers) {
         MarkerRender marker(*cache_, scene, placed, options);
         const bool first = &placed == &scene.markers.front();
@@ -362,13 +371,14 @@ Renderer::Drawn Renderer::draw_markers(const Scene& scene, const RenderOptions& 
             drawn.pixels = canvas(drawn.region);
         }
         if (!is_reference)
-            marker.draw(drawn.region, first ? std::optional(background) : std::nullopt,
+            marker.draw(drawn.region, first ? std::optional(background) : std::nullopt, far,
                         drawn.pixels);
         if (first)
             drawn.plan = marker.plan();
         else
             merge(marker.plan(), drawn.plan);
     }
+    far.add_to(drawn.pixels);
     return drawn;
 }
 

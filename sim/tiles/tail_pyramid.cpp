@@ -42,6 +42,10 @@ void add_refined(const cv::Mat& coarse, const cv::Rect& from, const cv::Rect& to
     }
 }
 
+int smooth_shift(const ImageFilter& filter) {
+    return filter.first_ring() + 3;
+}
+
 // What is written where. Beside the marker every grid is interpolated from the next coarser one. A
 // pixel 6 of the smooth grid's squares away from it sees no ring of a finer grid, and so little
 // curvature that straight lines between the smooth grid's sums are off by less than 0.06 lambda N
@@ -143,9 +147,26 @@ cv::Rect TailPyramid::sources(const TileSamples& samples, const MarkerView& mark
     return source_pixels(samples, marker, corners_.projector().camera().intrinsics, outline, limit);
 }
 
+FarTail::FarTail(const ImageFilter& filter, const cv::Rect& pixels)
+    : shift(smooth_shift(filter)),
+      region(pixels),
+      squares(grown(cells_of(pixels, 1 << shift), 1, 1)) {}
+
+void FarTail::add(const cv::Mat& more, const cv::Rect& of_squares) {
+    if (sums.empty())
+        sums = cv::Mat::zeros(squares.size(), CV_32FC1);
+    const cv::Rect both = squares & of_squares;
+    sums(both - squares.tl()) += more(both - of_squares.tl());
+}
+
+void FarTail::add_to(cv::Mat& pixels) const {
+    if (!sums.empty())
+        add_smooth(sums, squares, shift, region, region, std::nullopt, pixels);
+}
+
 void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, const cv::Rect& seen_at,
                       double reach_px, int finest, const cv::Rect& region,
-                      std::optional<float> background, cv::Mat& pixels,
+                      std::optional<float> background, FarTail& far, cv::Mat& pixels,
                       const std::function<void(const cv::Rect&)>& done) const {
     constexpr int min_outside = 3;  // shift of the squares outside the samples
     constexpr double max_px = 1e5;
@@ -159,7 +180,7 @@ void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, cons
         set_outside(reached, region, *background, pixels);
     if (reached.empty())
         return for_each_band(region, done);
-    const Targets targets(sources.pixels(), reached, filter_.first_ring() + 3,
+    const Targets targets(sources.pixels(), reached, smooth_shift(filter_),
                           std::max(rings.top, min_outside));
     sources.average(rings.sources(targets.squares), std::min(rings.first, min_outside - 1));
     cv::Mat coarser;
@@ -179,9 +200,14 @@ void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, cons
         const cv::Rect& target = targets.squares[static_cast<std::size_t>(shift)];
         cv::Mat sums(target.size(), CV_32FC1);
         for_each_band(target, [&](const cv::Rect& band) { add_band(shift, band, 0.0f, sums); });
-        if (shift == targets.smooth)
+        if (shift == targets.smooth && background)
             for (const cv::Rect& part : targets.farther())
                 add_smooth(sums, target, shift, part, region, background, pixels);
+        if (shift == targets.smooth && !background) {
+            // Beside the marker finer grids take the place of what will come from there.
+            far.add(sums, target);
+            add_smooth(-sums, target, shift, targets.beside, region, std::nullopt, pixels);
+        }
         coarser = sums;
     }
     cv::Mat beside = pixels(targets.beside - region.tl());

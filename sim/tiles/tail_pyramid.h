@@ -12,6 +12,18 @@
 
 namespace etalon {
 
+// What several markers add to a region's pixels far from themselves: sums over the squares of a
+// smooth grid, which are put into the pixels once, and not once for each marker.
+struct FarTail {
+    int shift;
+    cv::Rect region, squares;
+    cv::Mat sums;  // empty: nothing yet
+
+    FarTail(const ImageFilter& filter, const cv::Rect& pixels);
+    void add(const cv::Mat& more, const cv::Rect& of_squares);
+    void add_to(cv::Mat& pixels) const;
+};
+
 // One per camera, or part of its image. Safe from every thread.
 class TailPyramid {
 public:
@@ -26,13 +38,14 @@ public:
     // Adds to the region's `pixels` (CV_32FC1, its size) the tail of everything within `reach_px`
     // (infinity included) of a pixel; `seen_at` is what sources() gave for the region with that
     // much room around it. With a `background`, writes tail and background instead,
-    // whatever was there. The samples must cover the region and ImageFilter::reach_px() around it,
-    // best in multiples of 8 px. `finest`: the shift of the first ring's grid. Calls `done` for
-    // each band of the region (for_each_band()), from its thread, as soon as nothing else will be
-    // written there. Parallel, and the same bytes for any number of threads.
+    // whatever was there; without one, leaves the pixels far from the marker to `far`. The samples
+    // must cover the region and ImageFilter::reach_px() around it, best in multiples of 8 px.
+    // `finest`: the shift of the first ring's grid. Calls `done` for each band of the region
+    // (for_each_band()), from its thread, as soon as nothing else will be written there. Parallel,
+    // and the same bytes for any number of threads.
     void add(const TileSamples& samples, const MarkerView& marker, const cv::Rect& seen_at,
              double reach_px, int finest, const cv::Rect& region, std::optional<float> background,
-             cv::Mat& pixels, const std::function<void(const cv::Rect&)>& done) const;
+             FarTail& far, cv::Mat& pixels, const std::function<void(const cv::Rect&)>& done) const;
 
 private:
     const ImageFilter& filter_;

@@ -180,6 +180,27 @@ TEST(Renderer, IsLinearInTheRadiances) {
     EXPECT_LT(largest_difference(faint, 0.3 + 0.2 * full), 0.01 * gray);
 }
 
+// The sum of what each alone takes from the background, tails to the image's end included, which
+// come from grids of their own near each of them. Within float's rounding.
+TEST(Renderer, OfSeveralMarkersIsTheSumOfTheirDifferences) {
+    CameraModel camera = benchmark_scene("webcam-500").camera;
+    camera.lens->psf = {PointSpread::Kind::ideal, 0.0};
+    camera.lens->wavelength_nm = 600.0;
+    const Renderer renderer(camera);
+    Scene scene{{}, 0.9};
+    Radiance sum(camera.height, camera.width, CV_32FC1, cv::Scalar(0.9));
+    for (const auto& [x_mm, y_mm] : {std::pair{-130.0, -70.0}, {20.0, 15.0}, {110.0, 80.0}}) {
+        PlacedMarker marker = small_marker().markers[0];
+        marker.camera_from_marker.translation = {x_mm, y_mm, 500.0};
+        scene.markers.push_back(marker);
+        const RenderOptions keep{.samples_per_side = 6, .keep = {Omission::tail}};
+        sum += renderer.render({{marker}, 0.9}, keep).radiance - 0.9;
+    }
+    const auto all =
+        renderer.render(scene, {.samples_per_side = 6, .keep = {Omission::tail}}).radiance;
+    EXPECT_LT(largest_difference(all, sum), 1e-6);
+}
+
 TEST(Renderer, OfARegionIsThatPartOfTheWhole) {
     const Renderer renderer(with_lens({PointSpread::Kind::ideal, 0.0}));
     RenderOptions options;

@@ -65,7 +65,8 @@ cv::Mat filtered(const CameraModel& camera, const PlacedMarker& marker, const Sa
     const int room = static_cast<int>(std::min(reach_px, 1e5)) + 1;
     const auto outline = marker_outline(view, projector, 31);
     const cv::Rect seen_at = tail.sources(samples, view, outline, grown(region, room, room));
-    tail.add(samples, view, seen_at, reach_px, filter.first_ring() + coarser, region, 0.0f,
+    FarTail none(filter, region);
+    tail.add(samples, view, seen_at, reach_px, filter.first_ring() + coarser, region, 0.0f, none,
              difference, [](const cv::Rect&) {});
     add_filtered(samples.field(), filter.core(sampling.k, sampling.kind), region, difference);
     return difference;

@@ -79,7 +79,7 @@ run_target() {
     TIMEFORMAT='cpu %U %S'
     # shellcheck disable=SC2046
     { time "build/fuzz/build/$target" -seed="${ETALON_FUZZ_SEED:-0}" \
-        -max_total_time="$seconds" -timeout=20 -rss_limit_mb=3000 -close_fd_mask=3 \
+        -max_total_time="$seconds" -timeout=60 -rss_limit_mb=3000 -close_fd_mask=3 \
         -print_final_stats=1 "${with_words[@]}" \
         -artifact_prefix="build/fuzz/findings/$target-" "$kept" $(seeds_of "$target"); } \
         2>"$log" || status=$?

@@ -129,7 +129,7 @@ void TailSources::average_pixels() {
     float* next = pixel_averages_.data();
     for (std::size_t n = 0; n < count; ++n)
         if (tiles.refined(n)) {
-            average_parts(values_[n], samples_.k() * tile_px, side, next);
+            average_parts(values_[n] + TileSamples::samples_offset, samples_.k() * tile_px, side, next);
             pixel_values_[n] = next;
             next += pixels;
         }
@@ -207,7 +207,7 @@ SampleField TailSources::field(int shift) const {
         return {squares_[static_cast<std::size_t>(shift)]};
     if (shift == 0)
         return {squares_[tile_shift], tile_px, pixel_values_.get()};
-    return {squares_[tile_shift], tile_px / 2, values_.get(), samples_.quarters_offset()};
+    return {squares_[tile_shift], tile_px / 2, values_.get()};
 }
 
 }  // namespace etalon

@@ -87,7 +87,7 @@ private:
     const SquareCorners& corners_;
     cv::Rect pixels_;
     std::vector<TileMap> squares_;  // by shift, from 2 on
-    // Of each refined tile: its samples, and 4 x 4 averages of its pixels.
+    // Of each refined tile: its quarters and samples, and 4 x 4 averages of its pixels.
     std::unique_ptr<const float*[]> values_, pixel_values_;
     std::vector<float> pixel_averages_;
 };

@@ -295,7 +295,7 @@ FilterKernel ImageFilter::make_ring(int shift, bool and_finer) const {
     const double g = std::ldexp(1.0, shift);
     const RadialWindow window{inner, 2.0 * inner, 2.0 * outer, 4.0 * outer};
     const bool average = shift > first_shift_ || psf_->scale_px() < 0.15;
-    const double step = average ? g / 8.0 : psf_->scale_px() / 12.0;
+    const double step = average ? g / 8.0 : psf_->scale_px() / 8.0;
     const Response response = square_response(g);
     const auto samples = [&](double radius) {
         return SampleAxis{2 * (static_cast<int>(std::ceil(radius / g)) + 4) + 1, g};

@@ -124,8 +124,10 @@ public:
     // part. Nothing where there is no ray.
     void sample(int i, int j, int n, std::vector<std::optional<MappedPoint>>& points) const;
 
-    // Exact and slow, at any pixel.
-    std::optional<MappedPoint> exact(const Eigen::Vector2d& pixel) const;
+    // Exact and slow, at any pixel; less so where a point `near` it is known.
+    std::optional<MappedPoint> exact(
+        const Eigen::Vector2d& pixel,
+        const std::optional<MappedPoint>& near = std::nullopt) const;
 
     const Projector& projector() const { return projector_; }
 
@@ -195,6 +197,7 @@ private:
     static Nodes nodes(const Block& block, int i, int j, int axis);
     static TilePolynomial through_nodes(const Block& block, int i, int j);
     Tile make_tile(int i, int j, Block& block) const;
+    static double bend_of_nodes(const Block& block, int i, int j);
     std::optional<double> error_at(const Eigen::Vector2d& rough,
                                    const Eigen::Vector2d& pixel) const;
     std::optional<TilePolynomial> own_cubic(int i, int j, const TilePolynomial& rough) const;

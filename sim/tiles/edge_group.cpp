@@ -99,14 +99,14 @@ std::optional<OneEdge> one_edge(const MarkerView& view, const CellRange& range) 
 }
 
 std::optional<EdgeGroup> edge_group(const MarkerView& view, const UndistortionMap& map, int i,
-                                    int j, const OneEdge& edge, const EdgeResponse& response,
+                                    int j, const OneEdge& edge, const EdgeTable& response,
                                     double gray) {
     constexpr double side = EdgeGroup::side_px, good_enough_px = 2e-4;
     const EdgeOffset offset(view, edge);
     const Eigen::Matrix4d c = offsets_of(offset, map, i, j);
     const Eigen::Vector2d middle = gradient(c, 0.0, 0.0) / side;
     const double blur = 1.0 / middle.norm();
-    if (!(blur >= EdgeResponse::least_blur_px && blur <= EdgeResponse::largest_blur_px))
+    if (!(blur >= EdgeTable::least_blur_px && blur <= EdgeTable::largest_blur_px))
         return std::nullopt;
     // A cubic errs most in the middle.
     if (!(std::abs(offset.at(map.corner_in_group(i, j, 2, 2)) - c(0, 0)) * blur < good_enough_px))

@@ -1,5 +1,5 @@
 // Groups of 4 x 4 tiles that see one edge, far from any corner: a pixel there is a function of its
-// distance from the edge (sim/spread/edge_response.h), so that nothing is sampled nor filtered.
+// distance from the edge (sim/spread/edge_table.h), so that nothing is sampled nor filtered.
 #pragma once
 
 #include <array>
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "sim/scene/marker_view.h"
-#include "sim/spread/edge_response.h"
+#include "sim/spread/edge_table.h"
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
@@ -36,7 +36,7 @@ std::optional<OneEdge> one_edge(const MarkerView& view, const CellRange& range);
 
 // How the group sees the edge; nothing where the table's bound is above `gray`, or for a wide lens.
 std::optional<EdgeGroup> edge_group(const MarkerView& view, const UndistortionMap& map, int i,
-                                    int j, const OneEdge& edge, const EdgeResponse& response,
+                                    int j, const OneEdge& edge, const EdgeTable& response,
                                     double gray);
 
 // The averages of the group's squares of 2 x 2 px before any point spread, 8 x 8 row by row.

@@ -60,7 +60,7 @@ void add_edge_rows(const EdgeGroup& group, const EdgeProfile& profile, float ene
     const hn::RebindToSigned<Tag> whole;
     const float* values = profile.values.data();
     const Vector last = all(static_cast<float>(profile.values.size() - 2));
-    const Vector per_px = all(static_cast<float>(EdgeResponse::per_px));
+    const Vector per_px = all(static_cast<float>(EdgeTable::per_px));
     const Vector before = all(energy * group.before), beyond = all(energy * group.beyond);
     const Vector step = all(group.beyond - group.before), shift = all(profile.shift);
     for (int row = first; row < end; ++row, out += stride) {

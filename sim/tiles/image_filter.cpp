@@ -225,7 +225,7 @@ const SharpenedSpread* ImageFilter::sharpened() const {
     return sharpened_ ? &*sharpened_ : nullptr;
 }
 
-const EdgeResponse* ImageFilter::edges() const {
+const EdgeTable* ImageFilter::edges() const {
     constexpr double oblong = 0.005, wide_px = 8.0;
     std::call_once(edges_made_, [this] {
         if (has_tail() && std::abs(pitch_y_ - 1.0) < oblong && core_.fall_to < wide_px)

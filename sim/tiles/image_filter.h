@@ -15,7 +15,7 @@
 
 #include "calib/camera/camera_model.h"
 #include "sim/spread/diffraction.h"
-#include "sim/spread/edge_response.h"
+#include "sim/spread/edge_table.h"
 #include "sim/spread/sharpened_spread.h"
 #include "sim/tiles/core_filter.h"
 #include "sim/tiles/sampling.h"
@@ -44,7 +44,7 @@ public:
 
     // The core beside straight edges; nullptr where pixels are not square or the core is wide. Made
     // when first asked for.
-    const EdgeResponse* edges() const;
+    const EdgeTable* edges() const;
 
     // On samples at k per pixel; disk samples need sharpened().
     const FilterKernel& core(int k, SampleKind kind) const;
@@ -96,7 +96,7 @@ private:
     int first_shift_ = 0;
     RadialWindow core_{-1, -1, 0, 0};
     mutable std::once_flag sharpening_, edges_made_;
-    mutable std::optional<EdgeResponse> edges_;
+    mutable std::optional<EdgeTable> edges_;
     mutable std::optional<SharpenedSpread> sharpened_;
     mutable std::mutex mutex_;
     mutable std::map<std::pair<int, int>, Slot> cores_,

@@ -4,7 +4,7 @@
 #include <limits>
 #include <vector>
 
-#include "sim/spread/edge_response.h"
+#include "sim/spread/edge_table.h"
 
 namespace etalon {
 
@@ -40,7 +40,7 @@ struct Sampling {
     double direct_from_px = 0.0;
     // Point samples: groups of tiles that see one edge take its response, where that errs by less
     // than this much; null: none does.
-    const EdgeResponse* edges = nullptr;
+    const EdgeTable* edges = nullptr;
     double edge_gray = 0.0;
     // The coarsest first.
     std::vector<CoarseSampling> coarser;

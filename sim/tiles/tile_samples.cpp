@@ -44,7 +44,7 @@ public:
         // its shape.
         constexpr double of_shape = 1.25 / (0.5 * tile_px);
         margin_ = of_shape * samples.sampling_.disk_radius_px;
-        if (const EdgeResponse* edges = samples.sampling_.edges)
+        if (const EdgeTable* edges = samples.sampling_.edges)
             group_margin_ = of_shape * edges->reach_px();
     }
 
@@ -222,7 +222,7 @@ void TileSamples::average_edges(Block& block) {
                          even ? TileDetail::none : TileDetail::quarters);
                 values_[map_.index(i, j)] = values;
             }
-        count(block.used, {RenderMethod::edge_response, 1, 1, tiles.area()});
+        count(block.used, {RenderMethod::edge_table, 1, 1, tiles.area()});
     }
 }
 

@@ -1,4 +1,4 @@
-#include "sim/spread/edge_response.h"
+#include "sim/spread/edge_table.h"
 
 #include <algorithm>
 #include <cmath>
@@ -93,7 +93,7 @@ double response(const std::vector<double>& strips, const double* segment) {
 
 }  // namespace
 
-EdgeResponse::EdgeResponse(const std::function<double(double)>& density, double reach_px,
+EdgeTable::EdgeTable(const std::function<double(double)>& density, double reach_px,
                            double energy)
     : energy_(energy), reach_px_(reach_px + std::numbers::sqrt2 / 2.0) {
     const std::vector<double> strips = line_spread(density, reach_px);
@@ -102,12 +102,12 @@ EdgeResponse::EdgeResponse(const std::function<double(double)>& density, double 
     variance_ = second_moment(straight_, energy);
 }
 
-double EdgeResponse::radius_of(int row) {
+double EdgeTable::radius_of(int row) {
     return least_blur_px * std::pow(ratio, row + first_row);
 }
 
 // A profile needs rows of up to twice a ratio less than its own blur, as far as its own middle.
-void EdgeResponse::make(Row& row, double blur_px) const {
+void EdgeTable::make(Row& row, double blur_px) const {
     row.before = static_cast<int>(std::ceil((ratio * ratio * 1.01 * blur_px + 1.0) * per_px));
     const int behind = static_cast<int>(std::ceil(reach_px_ * per_px)) + 3;
     const int step = fine_per_px / static_cast<int>(per_px);
@@ -122,13 +122,13 @@ void EdgeResponse::make(Row& row, double blur_px) const {
     }
 }
 
-const EdgeResponse::Row& EdgeResponse::row(int index) const {
+const EdgeTable::Row& EdgeTable::row(int index) const {
     Row& row = rows_[static_cast<std::size_t>(index)];
     std::call_once(row.made, [&] { make(row, radius_of(index)); });
     return row;
 }
 
-void EdgeResponse::profile(double blur_px, double diagonal, EdgeProfile& profile) const {
+void EdgeTable::profile(double blur_px, double diagonal, EdgeProfile& profile) const {
     const double place = std::log(blur_px / least_blur_px) / std::log(ratio) - first_row;
     const int below = std::clamp(static_cast<int>(place), 1, row_count - 3);
     const int before = static_cast<int>(std::ceil(blur_px * per_px)) + 1;
@@ -154,7 +154,7 @@ void EdgeResponse::profile(double blur_px, double diagonal, EdgeProfile& profile
     profile.values[count - 1] = profile.values[count - 2] = 0.0f;
 }
 
-double EdgeResponse::gray_of_bend(double blur_px) const {
+double EdgeTable::gray_of_bend(double blur_px) const {
     // The steepest change of the profile's slope, at the rim: that of the disk over a distance of
     // the filter's deviation; and the slope itself, for what bends within 8 px.
     const double deviation = std::sqrt(variance_), t = 1.0 - deviation / blur_px;

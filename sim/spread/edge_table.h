@@ -22,14 +22,14 @@ struct EdgeProfile {
 };
 
 // Safe from every thread.
-class EdgeResponse {
+class EdgeTable {
 public:
     static constexpr double per_px = 16.0;
     static constexpr double least_blur_px = 2.5, largest_blur_px = 48.0;
 
     // `density`: the spread's energy per px^2 by the radius, nothing from `reach_px` on; scaled to
     // `energy`. Not convolved with the pixel.
-    EdgeResponse(const std::function<double(double)>& density, double reach_px, double energy);
+    EdgeTable(const std::function<double(double)>& density, double reach_px, double energy);
 
     // Of an edge far behind, that is of the whole filter.
     double energy() const { return energy_; }

@@ -29,8 +29,11 @@ std::optional<Eigen::Vector2d> damped_newton(const Map& map, const Contains& con
                 continue;
             const auto there = map(next);
             const double next_error = (target - there.point).norm();
-            if (!there.is_regular() || !(next_error < error))
+            if (!there.is_regular() || !(next_error < error)) {
+                if (error <= tolerance * scale)
+                    break;  // rounding is all that is left
                 continue;
+            }
             x = next;
             at = there;
             error = next_error;

@@ -1,6 +1,7 @@
 #include "calib/camera/valid_region.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <limits>
 #include <numbers>
 
@@ -137,7 +138,10 @@ ValidRegion::ValidRegion(const Distortion& distortion, double limit) {
     const RadiusInterval radii = interesting_radii(distortion);
     const double pole = pole_radius(distortion);
     const Eigen::Matrix3d tilt = tilt_matrix(distortion.tau_x, distortion.tau_y);
-    constexpr double safety = 1.001;  // the border is good to a tenth of it
+    // The border is good to a tenth of 1e-3. Of a radial model no direction lies between others, and
+    // the image's radius is that there or a little farther out; at a fold it is largest there.
+    constexpr double uncertain = 1e-4;
+    const double safety = count == 1 ? 1.0 + 1e-6 : 1.001;
     border_.reserve(count);
     for (int i = 0; i < count; ++i) {
         const double angle = 2.0 * std::numbers::pi * i / count;
@@ -145,8 +149,11 @@ ValidRegion::ValidRegion(const Distortion& distortion, double limit) {
         const Ray ray(distortion, tilt, direction);
         border_.push_back(std::min({ray.border(radii), pole, limit}));
         // The map is one to one within: its image ends at the border's.
-        const Distorted end = distort_before_tilt(distortion, border_.back() * direction);
-        const double radius = safety * end.point.norm();
+        const auto radius_at = [&](double border) {
+            return distort_before_tilt(distortion, border * direction).point.norm();
+        };
+        const double radius = safety * std::max(radius_at(border_.back()),
+                                                radius_at((1.0 + uncertain) * border_.back()));
         const bool has_end = std::isfinite(border_.back()) && std::isfinite(radius);
         image_radius_ = has_end ? std::max(image_radius_, radius) : infinity;
     }

@@ -87,6 +87,7 @@ public:
         choose_method();
         state_border();
         choose_tail();
+        choose_edges();
         return chosen_;
     }
 
@@ -446,6 +447,18 @@ private:
             leave_out(Omission::tail,
                       fmt::format("its detail below {} px", 1 << chosen_.finest_ring),
                       gray_of_rings(chosen_.finest_ring));
+    }
+
+    // What the sampling may err by. Of the tail only grids of 2 px and more know the edges.
+    void choose_edges() {
+        constexpr double smallest_cells_px = 40.0;
+        if (options_.method != RenderMethod::automatic || options_.samples_per_side > 0 ||
+            chosen_.sampling.kind != SampleKind::point || !chosen_.with_spread ||
+            chosen_.finest_ring < 1 || chosen_.plan.tail_reach_px == 0.0 ||
+            image_.cell_px < smallest_cells_px || kept(options_, Omission::uniform_tiles))
+            return;
+        chosen_.sampling.edges = filter_.edges();
+        chosen_.sampling.edge_gray = allowed(share_of_sampling);
     }
 
     const ImageExtremes& image_;

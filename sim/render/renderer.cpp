@@ -294,6 +294,7 @@ public:
         const FilterKernel& core = filter.core(chosen_.sampling.k, chosen_.sampling.kind);
         const auto add_core = [&](const cv::Rect& band) {
             add_filtered_band(samples_->field(), core, region, band, pixels);
+            samples_->add_edges(region, band, pixels);
         };
         if (plan().tail_reach_px > 0.0)
             return sensor_.tail.add(*samples_, view_, sources_, plan().tail_reach_px,

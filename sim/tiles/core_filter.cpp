@@ -131,6 +131,23 @@ public:
           stride_(kernel.k() * phase_stride_),
           window_(new float[length((block_rows * kernel.k() + 2 * kernel.reach_y()) * stride_)]) {}
 
+    // The same where groups of tiles are known by how they are found.
+    void filter_row_of_groups(int left, int right, int top) {
+        for (int x = left; x < right; x += block)
+            for (int y = top; y < top + block_rows; y += block)
+                if (group_at({x, y}) == GroupKind::constant)
+                    fill({x, y, block, block});
+        for (int y = top; y < top + block_rows; y += block)
+            for (int x = left; x < right;) {
+                int end = x;
+                while (end < right && end < x + strip && group_at({end, y}) == GroupKind::sampled)
+                    end += block;
+                if (end > x)
+                    filter({x, y, end - x, block});
+                x = std::max(end, x + block);
+            }
+    }
+
     // The blocks of a row that hold the outputs `left` (a multiple of their side) to `right` - 1. A
     // strip is filtered when the next one is found, whose samples are fetched meanwhile.
     void filter_row(int left, int right, int top) {
@@ -155,6 +172,11 @@ public:
     }
 
 private:
+    GroupKind group_at(const cv::Point& output) const {
+        static_assert(block == 16);
+        return field_.groups->at(output.x >> 4, output.y >> 4);
+    }
+
     cv::Rect tiles_seen(const cv::Rect& outputs) const {
         const int x = outputs.x - kernel_.margin_x(), y = outputs.y - kernel_.margin_y();
         const int last_x = outputs.br().x - 1 + kernel_.margin_x();
@@ -200,10 +222,10 @@ private:
         const cv::Rect seen = tiles_seen(outputs) & field_.map.tiles();
         const std::ptrdiff_t samples = std::ptrdiff_t{field_.side} * field_.side;
         for (int j = seen.y; j < seen.br().y; ++j) {
-            const unsigned char* refined = field_.map.refined_from({seen.x, j});
+            const TileDetail* details = field_.map.details_from({seen.x, j});
             const float* const* finer = &field_.finer[field_.map.index(seen.x, j)];
             for (int i = 0; i < seen.width; ++i)
-                for (std::ptrdiff_t n = 0; refined[i] && n < samples; n += line)
+                for (std::ptrdiff_t n = 0; has_samples(details[i]) && n < samples; n += line)
                     hwy::Prefetch(finer[i] + field_.offset + n);
         }
     }
@@ -340,11 +362,11 @@ private:
         if (inside.empty())
             return;
         const float* values = field_.map.from(inside.tl());
-        const unsigned char* refined = field_.map.refined_from(inside.tl());
+        const TileDetail* details = field_.map.details_from(inside.tl());
         const float* const* finer = &field_.finer[field_.map.index(inside.x, inside.y)];
         for (int i = 0; i < inside.width; ++i, to += n) {
-            if (!refined[i]) {
-                const int alike = count_alike(values + i, refined + i, inside.width - i);
+            if (!has_samples(details[i])) {
+                const int alike = count_alike(values + i, details + i, inside.width - i);
                 fill_rows(values[i], alike * n, rows, to);
                 i += alike - 1, to += (alike - 1) * n;
                 continue;
@@ -359,10 +381,12 @@ private:
         fill_rows(0.0f, (seen.width - left - inside.width) * n, rows, to);
     }
 
-    // The first of these tiles, which is not refined, and those behind it that have its value.
-    static int count_alike(const float* values, const unsigned char* refined, int count) {
+    bool has_samples(TileDetail detail) const { return detail >= field_.least; }
+
+    // The first of these tiles, which has no samples, and those behind it that have its value.
+    int count_alike(const float* values, const TileDetail* details, int count) const {
         int alike = 1;
-        while (alike < count && !refined[alike] && values[alike] == values[0])
+        while (alike < count && !has_samples(details[alike]) && values[alike] == values[0])
             ++alike;
         return alike;
     }
@@ -417,7 +441,11 @@ void add_filtered_band(const SampleField& field, const FilterKernel& kernel, con
         return;
     const int left = floor_div(reached.x, block) * block;
     const int top = floor_div(reached.y, block_rows) * block_rows;
-    BlockFilter(field, kernel, region, out).filter_row(left, reached.br().x, top);
+    BlockFilter filter(field, kernel, region, out);
+    if (field.groups)
+        filter.filter_row_of_groups(left, reached.br().x, top);
+    else
+        filter.filter_row(left, reached.br().x, top);
 }
 
 void add_filtered(const SampleField& field, const FilterKernel& kernel, const cv::Rect& region,

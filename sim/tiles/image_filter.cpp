@@ -225,6 +225,16 @@ const SharpenedSpread* ImageFilter::sharpened() const {
     return sharpened_ ? &*sharpened_ : nullptr;
 }
 
+const EdgeTable* ImageFilter::edges() const {
+    constexpr double oblong = 0.005, wide_px = 8.0;
+    std::call_once(edges_made_, [this] {
+        if (has_tail() && std::abs(pitch_y_ - 1.0) < oblong && core_.fall_to < wide_px)
+            edges_.emplace([this](double r) { return core_(r) * psf_->density(r); },
+                           core_.fall_to, windowed_energy(*psf_, core_));
+    });
+    return edges_ ? &*edges_ : nullptr;
+}
+
 // Renders that need another kernel do not wait while one is made.
 template <class Make>
 const FilterKernel& ImageFilter::Slot::get(const Make& make) {
@@ -285,7 +295,7 @@ FilterKernel ImageFilter::make_ring(int shift, bool and_finer) const {
     const double g = std::ldexp(1.0, shift);
     const RadialWindow window{inner, 2.0 * inner, 2.0 * outer, 4.0 * outer};
     const bool average = shift > first_shift_ || psf_->scale_px() < 0.15;
-    const double step = average ? g / 8.0 : psf_->scale_px() / 12.0;
+    const double step = average ? g / 8.0 : psf_->scale_px() / 8.0;
     const Response response = square_response(g);
     const auto samples = [&](double radius) {
         return SampleAxis{2 * (static_cast<int>(std::ceil(radius / g)) + 4) + 1, g};

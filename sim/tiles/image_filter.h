@@ -15,6 +15,7 @@
 
 #include "calib/camera/camera_model.h"
 #include "sim/spread/diffraction.h"
+#include "sim/spread/edge_table.h"
 #include "sim/spread/sharpened_spread.h"
 #include "sim/tiles/core_filter.h"
 #include "sim/tiles/sampling.h"
@@ -40,6 +41,10 @@ public:
 
     // What sharp images can be sampled for; nullptr where there is none. Made when first asked for.
     const SharpenedSpread* sharpened() const;
+
+    // The core beside straight edges; nullptr where pixels are not square or the core is wide. Made
+    // when first asked for.
+    const EdgeTable* edges() const;
 
     // On samples at k per pixel; disk samples need sharpened().
     const FilterKernel& core(int k, SampleKind kind) const;
@@ -90,7 +95,8 @@ private:
     double split_px_ = 1.0;  // s: the core ends between 1.5 s and 3 s
     int first_shift_ = 0;
     RadialWindow core_{-1, -1, 0, 0};
-    mutable std::once_flag sharpening_;
+    mutable std::once_flag sharpening_, edges_made_;
+    mutable std::optional<EdgeTable> edges_;
     mutable std::optional<SharpenedSpread> sharpened_;
     mutable std::mutex mutex_;
     mutable std::map<std::pair<int, int>, Slot> cores_,

@@ -11,6 +11,8 @@ const char* name_of(RenderMethod method) {
             return "exact lens averages";
         case RenderMethod::exact_area:
             return "exact areas";
+        case RenderMethod::edge_table:
+            return "a table of edges";
         case RenderMethod::reference:
             return "reference integrator";
         case RenderMethod::wave:

@@ -11,6 +11,7 @@ enum class RenderMethod {
     automatic,
     exact_lens,  // E
     exact_area,  // C
+    edge_table,  // of tiles that see one edge, by a table
     reference,
     wave,  // of a camera with the wave-optical point spread, and of no other
 };
@@ -35,7 +36,7 @@ struct LeftOut {
 
 // How the tiles that were not uniform were sampled.
 struct TileUse {
-    RenderMethod method;  // exact_lens or exact_area
+    RenderMethod method;  // exact_lens, exact_area or edge_table
     int points_per_pixel_side;
     int lens_points;  // of exact_area
     long tiles;

@@ -4,6 +4,8 @@
 #include <limits>
 #include <vector>
 
+#include "sim/spread/edge_table.h"
+
 namespace etalon {
 
 enum class SampleKind {
@@ -36,6 +38,10 @@ struct Sampling {
     // Disk samples: tiles not blurred by at least this everywhere are sampled at 2 k places per
     // pixel side and thinned out.
     double direct_from_px = 0.0;
+    // Point samples: groups of tiles that see one edge take its response, where that errs by less
+    // than this much; null: none does.
+    const EdgeTable* edges = nullptr;
+    double edge_gray = 0.0;
     // The coarsest first.
     std::vector<CoarseSampling> coarser;
 };

@@ -44,39 +44,43 @@ cv::Rect marker_box(const MarkerView& marker, const Intrinsics& intrinsics,
 }  // namespace
 
 std::optional<SquareCorners::Corners> SquareCorners::of(int shift, int i, int j) const {
-    const Table& known = table(shift);
     Corners result;
     for (int q = 0; q < 4; ++q) {
-        const cv::Point node(i + q % 2, j + q / 2);
         auto& x = result[static_cast<std::size_t>(q)];
-        if (known.nodes.contains(node))
-            x = known.points[static_cast<std::size_t>((node.y - known.nodes.y) * known.nodes.width +
-                                                      node.x - known.nodes.x)];
-        else
-            x = point_at(shift, node);
+        x = point_at(shift, {i + q % 2, j + q / 2});
         if (!x.allFinite())
             return std::nullopt;
     }
     return result;
 }
 
-Eigen::Vector2d SquareCorners::point_at(int shift, const cv::Point& node) const {
+Eigen::Vector2d SquareCorners::compute(int shift, const cv::Point& node) const {
     const double g = std::ldexp(1.0, shift);
     const auto x = projector_.unproject({g * node.x - 0.5, g * node.y - 0.5});
     return x ? *x : Eigen::Vector2d::Constant(std::nan(""));
+}
+
+Eigen::Vector2d SquareCorners::point_at(int shift, const cv::Point& node) const {
+    const Table& known = table(shift);
+    const cv::Point at(floor_div(node.x, part_side), floor_div(node.y, part_side));
+    if (!known.parts.contains(at))
+        return compute(shift, node);
+    Part& part = known.of_parts[(at.y - known.parts.y) * known.parts.width + at.x - known.parts.x];
+    const cv::Point first = part_side * at;
+    std::call_once(part.once, [&] {
+        for (int n = 0; n < part_side * part_side; ++n)
+            part.points.push_back(
+                compute(shift, first + cv::Point(n % part_side, n / part_side)));
+    });
+    return part.points[static_cast<std::size_t>((node.y - first.y) * part_side + node.x - first.x)];
 }
 
 const SquareCorners::Table& SquareCorners::table(int shift) const {
     constexpr int margin = 32;  // squares beyond the image that rings and interpolation see
     Table& result = tables_[static_cast<std::size_t>(shift)];
     std::call_once(result.once, [&] {
-        const cv::Rect nodes = grown(cells_of(pixels_, 1 << shift), margin, margin);
-        result.points.resize(static_cast<std::size_t>(nodes.area()));
-        for (int n = 0; n < nodes.area(); ++n) {
-            const cv::Point node(n % nodes.width, n / nodes.width);
-            result.points[static_cast<std::size_t>(n)] = point_at(shift, nodes.tl() + node);
-        }
-        result.nodes = nodes;
+        result.parts = cells_of(grown(cells_of(pixels_, 1 << shift), margin, margin), part_side);
+        result.of_parts = std::make_unique<Part[]>(static_cast<std::size_t>(result.parts.area()));
     });
     return result;
 }
@@ -129,7 +133,7 @@ void TailSources::average_pixels() {
     float* next = pixel_averages_.data();
     for (std::size_t n = 0; n < count; ++n)
         if (tiles.refined(n)) {
-            average_parts(values_[n], samples_.k() * tile_px, side, next);
+            average_parts(values_[n] + TileSamples::samples_offset, samples_.k() * tile_px, side, next);
             pixel_values_[n] = next;
             next += pixels;
         }
@@ -207,7 +211,7 @@ SampleField TailSources::field(int shift) const {
         return {squares_[static_cast<std::size_t>(shift)]};
     if (shift == 0)
         return {squares_[tile_shift], tile_px, pixel_values_.get()};
-    return {squares_[tile_shift], tile_px / 2, values_.get(), samples_.quarters_offset()};
+    return {squares_[tile_shift], tile_px / 2, values_.get()};
 }
 
 }  // namespace etalon

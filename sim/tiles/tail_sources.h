@@ -21,9 +21,9 @@
 
 namespace etalon {
 
-// Undistorted points at the corners of squares, one per camera; a grid's are computed on first use
-// (0.5 us per square of the pixels that were named and a margin), others each time. Safe from every
-// thread.
+// Undistorted points at the corners of squares, one per camera; those of the pixels that were named
+// and a margin are computed on first use, 16 x 16 at once (0.5 us each), others each time. Safe
+// from every thread.
 class SquareCorners {
 public:
     static constexpr int max_shift = 20;
@@ -40,12 +40,18 @@ public:
     std::optional<Corners> of(int shift, int i, int j) const;
 
 private:
-    struct Table {
-        cv::Rect nodes;
-        std::vector<Eigen::Vector2d> points;  // NaN: no ray
+    static constexpr int part_side = 16;
+    struct Part {
         std::once_flag once;
+        std::vector<Eigen::Vector2d> points;  // NaN: no ray
+    };
+    struct Table {
+        std::once_flag once;
+        cv::Rect parts;
+        std::unique_ptr<Part[]> of_parts;
     };
 
+    Eigen::Vector2d compute(int shift, const cv::Point& node) const;
     Eigen::Vector2d point_at(int shift, const cv::Point& node) const;
     const Table& table(int shift) const;
 
@@ -87,7 +93,7 @@ private:
     const SquareCorners& corners_;
     cv::Rect pixels_;
     std::vector<TileMap> squares_;  // by shift, from 2 on
-    // Of each refined tile: its samples, and 4 x 4 averages of its pixels.
+    // Of each refined tile: its quarters and samples, and 4 x 4 averages of its pixels.
     std::unique_ptr<const float*[]> values_, pixel_values_;
     std::vector<float> pixel_averages_;
 };

@@ -213,15 +213,18 @@ FibonacciLattice lattice_of_at_least(int points) {
 // The points of a grid with its margin, row by row; false if one of them has no ray.
 bool TileEvaluator::find_points(const Grid& grid, int i, int j) {
     points_.clear();
+    std::optional<MappedPoint> last;
     const Eigen::Vector2d corner = UndistortionMap::tile_corner_px(i, j);
     for (int row = 0; row < grid.positions.n(); ++row)
         for (int column = 0; column < grid.positions.n(); ++column) {
             const Eigen::Vector2d place(column + 0.5, row + 0.5);
-            points_.push_back(
-                map_.exact(corner + (place - Eigen::Vector2d::Constant(TileInterpolation::margin)) /
-                                        double(grid.k)));
-            if (!points_.back())
+            last = map_.exact(
+                corner + (place - Eigen::Vector2d::Constant(TileInterpolation::margin)) /
+                             double(grid.k),
+                last);
+            if (!last)
                 return false;
+            points_.push_back(last);
         }
     return true;
 }
@@ -260,11 +263,14 @@ std::vector<bool> TileEvaluator::rays_around(int i, int j) const {
     std::vector<bool> rays;
     for (int row = -1; row <= n; ++row)
         for (int column = -1; column <= n; ++column) {
+            const auto& nearest = points_[static_cast<std::size_t>(
+                std::clamp(row, 0, n - 1) * n + std::clamp(column, 0, n - 1))];
             const bool is_inside = row >= 0 && row < n && column >= 0 && column < n;
             const Eigen::Vector2d within(column + 0.5, row + 0.5);
             rays.push_back(
-                is_inside ? points_[static_cast<std::size_t>(row * n + column)].has_value()
-                          : map_.exact(UndistortionMap::tile_corner_px(i, j) + within / sampling_.k)
+                is_inside ? nearest.has_value()
+                          : map_.exact(UndistortionMap::tile_corner_px(i, j) + within / sampling_.k,
+                                       nearest)
                                 .has_value());
         }
     return rays;
@@ -298,10 +304,15 @@ double TileEvaluator::mean_of_parts(int i, int j, int column, int row) {
     const double sample_px = 1.0 / sampling_.k;
     const double part_px = sample_px / std::sqrt(lattice.points);
     double sum = 0.0;
+    std::optional<MappedPoint> near =
+        points_[static_cast<std::size_t>(row * tile_px * sampling_.k + column)];
     for (int q = 0; q < lattice.points; ++q) {
         const auto point =
             map_.exact(UndistortionMap::tile_corner_px(i, j) +
-                       sample_px * (Eigen::Vector2d(column, row) + lattice.point(q)));
+                           sample_px * (Eigen::Vector2d(column, row) + lattice.point(q)),
+                       near);
+        if (point)
+            near = point;
         sum += point ? radiance_at(*point, part_px) : view_.background();
     }
     return sum / lattice.points;

@@ -33,24 +33,13 @@ HWY_INLINE Mask is_cut(const Chord& chord) {
     return hn::Lt(hn::Abs(load(chord.offset)), all(1.0f));
 }
 
-// Minimax polynomials (Remez) on [0, 1]:
-// the area beyond a chord at x by 1 - x, divided by (1 - x)^(3/2); 2e-8 of the disk.
-constexpr float segment_area[] = {0.6002143025f,    -0.09008195996f,  -0.007776257582f,
-                                  -0.002201624447f, 0.0003666134134f, -0.0005210483214f};
+// Minimax polynomials (Remez) on [0, 1].
 // acos(x) / sqrt(1 - x), for acos to 6e-7 rad.
 constexpr float arc_cosine[] = {1.57079569f,     -0.2145428168f, 0.08817105367f,
                                 -0.04592722905f, 0.02062006212f, -0.004911174695f};
 // asin(x) / x by x^2 on [0, 1/2]: minimax for asin, 3e-7 rad.
 constexpr float arc_sine[] = {0.999994359f,   0.1669592553f,   0.07070499958f,
                               0.07104289101f, -0.04452862232f, 0.1111271978f};
-
-// The area beyond a chord at `offset`, of the smaller part first: no cancellation. `root` is that
-// of 1 - |offset|.
-HWY_INLINE Vector area_beyond(Vector offset, Vector root) {
-    const Vector one = all(1.0f), height = one - hn::Abs(offset);
-    const Vector area = height * root * polynomial<5>(segment_area, height);
-    return hn::IfThenElse(hn::Gt(offset, hn::Zero(tag)), one - area, area);
-}
 
 // The angle, 0 to pi, with this sine (not negative) and cosine; accurate at every angle.
 HWY_INLINE Vector angle_of(Vector sine, Vector cosine) {

@@ -51,7 +51,7 @@ std::size_t length(int n) {
 }  // namespace
 
 TileMap::TileMap(const cv::Rect& tiles)
-    : tiles_(tiles), values_(length(tiles.area())), refined_(length(tiles.area())) {}
+    : tiles_(tiles), values_(length(tiles.area())), details_(length(tiles.area())) {}
 
 void TileMap::fill(const cv::Rect& part, float value) {
     for (int j = part.y; j < part.br().y; ++j)
@@ -63,7 +63,7 @@ void TileMap::copy(const TileMap& other) {
     for (int j = both.y; j < both.br().y; ++j) {
         const std::size_t from = other.index(both.x, j), to = index(both.x, j);
         std::copy_n(&other.values_[from], both.width, &values_[to]);
-        std::copy_n(&other.refined_[from], both.width, &refined_[to]);
+        std::copy_n(&other.details_[from], both.width, &details_[to]);
     }
 }
 
@@ -85,7 +85,7 @@ void TileMap::finish() {
             differs[i] = int(here[i + 1] != here[i]) | int(here[i + 1] != above[i + 1]);
         if (own)
             for (std::size_t i = 0; i < own_width; ++i)
-                differs[i + 1] |= refined_[(j - 1) * own_width + i];
+                differs[i + 1] |= refined((j - 1) * own_width + i);
         const int* last = &counts_[j * (width + 1)];
         int* sums = &counts_[(j + 1) * (width + 1)];
         sums[0] = 0;
@@ -99,7 +99,8 @@ void TileMap::finish() {
 }
 
 std::size_t TileMap::refined_count() const {
-    return static_cast<std::size_t>(std::count(refined_.begin(), refined_.end(), 1));
+    return details_.size() -
+           static_cast<std::size_t>(std::count(details_.begin(), details_.end(), TileDetail::none));
 }
 
 bool TileMap::is_constant(const cv::Rect& part) const {

@@ -40,10 +40,16 @@ public:
     Search(const TileSamples& samples, const MarkerView& view, const UndistortionMap& map,
            bool all_refined)
         : asked_(samples.tiles_), view_(view), map_(map), all_refined_(all_refined) {
-        // Disks reach beyond their tile: by less than this part of its half side of 2 px, whatever
+        // What reaches beyond a tile or a group, in units of a tile's half side of 2 px, whatever
         // its shape.
-        margin_ = 1.25 * samples.sampling_.disk_radius_px / (0.5 * tile_px);
+        constexpr double of_shape = 1.25 / (0.5 * tile_px);
+        margin_ = of_shape * samples.sampling_.disk_radius_px;
+        if (const EdgeTable* edges = samples.sampling_.edges)
+            group_margin_ = of_shape * edges->reach_px();
     }
+
+    // Groups that have no samples are passed over.
+    void leave_out_edges(const GroupMap& groups) { groups_ = &groups; }
 
     // Calls found(i, j, range) for every group of `to_level` that is not uniform and
     // uniform(tiles, value) for the uniform ones, of any level, that are not background. A range
@@ -54,13 +60,14 @@ public:
                  const MeetsUniform& uniform,
                  const std::optional<CellRange>& around = std::nullopt) const {
         const cv::Rect tiles = tiles_of_group(level, i, j) & asked_;
-        if (tiles.empty())
+        if (tiles.empty() || (level == EdgeGroup::level && groups_ &&
+                              groups_->at(i, j) == GroupKind::edge_only))
             return;
         const auto& [validity, all_bounds] = map_.group(level, i, j);
         if (validity == UndistortionMap::Validity::none)
             return;
         std::optional<CellRange> range;
-        const Box bounds = grown(all_bounds);
+        const Box bounds = grown(all_bounds, level);
         if (validity == UndistortionMap::Validity::all) {
             range = around && has_few_lines(*around) ? view_.narrowed(*around, bounds)
                                                      : view_.footprint(bounds);
@@ -97,8 +104,9 @@ private:
                range.last_row - range.first_row <= few;
     }
 
-    Box grown(const Box& box) const {
-        const Eigen::Vector2d margin = margin_ * box.half();
+    Box grown(const Box& box, int level) const {
+        const double of_half = margin_ + (level > 0 ? std::ldexp(group_margin_, -2 * level) : 0.0);
+        const Eigen::Vector2d margin = of_half * box.half();
         return {box.low - margin, box.high + margin};
     }
 
@@ -106,13 +114,14 @@ private:
     const MarkerView& view_;
     const UndistortionMap& map_;
     bool all_refined_;
-    double margin_;
+    double margin_, group_margin_ = 0.0;
+    const GroupMap* groups_ = nullptr;
 };
 
 TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, const cv::Rect& tiles,
                          const Sampling& sampling, bool all_refined)
     : tiles_(tiles), sampling_(sampling) {
-    const Search search(*this, view, map, all_refined);
+    Search search(*this, view, map, all_refined);
     const int top = map.levels() - 1;
     const cv::Rect groups = map.groups(top);
     std::vector<Uniform> uniform;
@@ -122,7 +131,7 @@ TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, con
             search.descend(
                 top, i, j, block_level,
                 [&](int x, int y, const auto&) {
-                    blocks_.push_back({x, y, nullptr, {}, {}});
+                    blocks_.push_back({x, y, nullptr, {}, {}, {}, nullptr});
                     include(tiles_of_group(block_level, x, y) & tiles_, mapped);
                 },
                 [&](const cv::Rect& part, float value) {
@@ -135,14 +144,119 @@ TileSamples::TileSamples(const MarkerView& view, const UndistortionMap& map, con
         std::make_unique_for_overwrite<const float*[]>(static_cast<std::size_t>(mapped.area()));
     for (const auto& [part, value] : uniform)
         map_.fill(part, value);
+    if (sampling_.edges) {
+        find_edges(search, view, map);
+        search.leave_out_edges(groups_);
+    }
     sample(search, view, map);
     map_.finish();
     sum_up_blocks();
 }
 
+void TileSamples::find_edges(const Search& search, const MarkerView& view,
+                             const UndistortionMap& map) {
+    groups_ = GroupMap(cells_of(map_.tiles(), UndistortionMap::group_side));
+    tbb::parallel_for_each(blocks_, [&](Block& block) {
+        search.descend(
+            block_level, block.i, block.j, EdgeGroup::level,
+            [&](int i, int j, const std::optional<CellRange>& range) {
+                groups_.set(i, j, GroupKind::sampled);
+                const auto edge = range ? one_edge(view, *range) : std::nullopt;
+                if (!edge)
+                    return;
+                if (const auto group = edge_group(view, map, i, j, *edge, *sampling_.edges,
+                                                  sampling_.edge_gray)) {
+                    groups_.set(i, j, GroupKind::edge);
+                    block.edges.push_back(*group);
+                }
+            },
+            [](const cv::Rect&, float) {});
+    });
+    leave_out_samples();
+}
+
+// Only groups that are sampled, beside whose kernels reach less than a group's side, look at other
+// groups' samples.
+void TileSamples::leave_out_samples() {
+    for (const Block& block : blocks_)
+        for (const EdgeGroup& group : block.edges) {
+            bool is_needed = false;
+            for (int j = group.j - 1; j <= group.j + 1; ++j)
+                for (int i = group.i - 1; i <= group.i + 1; ++i)
+                    is_needed |= groups_.at(i, j) == GroupKind::sampled;
+            if (!is_needed)
+                groups_.set(group.i, group.j, GroupKind::edge_only);
+            edges_.push_back(&group);
+        }
+    std::sort(edges_.begin(), edges_.end(), [](const EdgeGroup* a, const EdgeGroup* b) {
+        return a->j != b->j ? a->j < b->j : a->i < b->i;
+    });
+}
+
+// Of those tiles that have no samples.
+void TileSamples::average_edges(Block& block) {
+    constexpr int side = UndistortionMap::group_side, quarters = 2 * side;
+    std::size_t groups = 0;
+    for (const EdgeGroup& group : block.edges)
+        groups += groups_.at(group.i, group.j) == GroupKind::edge_only;
+    if (groups == 0)
+        return;
+    constexpr std::size_t values_of_group = quarters * quarters;
+    block.edge_store.reset(new float[groups * values_of_group]);
+    float* values = block.edge_store.get();
+    for (const EdgeGroup& group : block.edges) {
+        if (groups_.at(group.i, group.j) != GroupKind::edge_only)
+            continue;
+        float averages[values_of_group];
+        edge_averages(group, averages);
+        const cv::Rect tiles = tiles_of_group(EdgeGroup::level, group.i, group.j) & tiles_;
+        include(tiles, block.off_background);
+        for (int j = tiles.y; j < tiles.br().y; ++j)
+            for (int i = tiles.x; i < tiles.br().x; ++i, values += samples_offset) {
+                const float* upper = averages + 2 * (quarters * (j - side * group.j) + i - side * group.i);
+                const float* lower = upper + quarters;
+                const float q[samples_offset] = {upper[0], upper[1], lower[0], lower[1]};
+                std::copy_n(q, samples_offset, values);
+                const bool even = q[0] == q[1] && q[2] == q[3] && q[0] == q[2];
+                map_.set(i, j, 0.25f * ((q[0] + q[1]) + (q[2] + q[3])),
+                         even ? TileDetail::none : TileDetail::quarters);
+                values_[map_.index(i, j)] = values;
+            }
+        count(block.used, {RenderMethod::edge_table, 1, 1, tiles.area()});
+    }
+}
+
+void TileSamples::add_edges(const cv::Rect& region, const cv::Rect& band, cv::Mat& pixels) const {
+    constexpr int side = EdgeGroup::side_px;
+    const auto from = std::partition_point(edges_.begin(), edges_.end(), [&](const EdgeGroup* e) {
+        return side * (e->j + 1) <= band.y;
+    });
+    EdgeProfile profile;
+    for (auto at = from; at != edges_.end() && side * (*at)->j < band.br().y; ++at) {
+        const EdgeGroup& group = **at;
+        const cv::Rect all(side * group.i, side * group.j, side, side), part = all & band & region;
+        if (part.empty())
+            continue;
+        sampling_.edges->profile(group.blur, group.diagonal, profile);
+        const auto energy = static_cast<float>(sampling_.edges->energy());
+        const int first = part.y - all.y, end = part.br().y - all.y;
+        float* to = pixels.ptr<float>(part.y - region.y) + (part.x - region.x);
+        if (part.width == side) {
+            add_edge(group, profile, energy, first, end, to,
+                     static_cast<std::ptrdiff_t>(pixels.step1()));
+            continue;
+        }
+        float whole[side * side] = {};
+        add_edge(group, profile, energy, first, end, whole, side);
+        for (int y = 0; y < part.height; ++y)
+            for (int x = 0; x < part.width; ++x)
+                pixels.at<float>(part.y - region.y + y, part.x - region.x + x) +=
+                    whole[side * y + part.x - all.x + x];
+    }
+}
+
 void TileSamples::sample(const Search& search, const MarkerView& view, const UndistortionMap& map) {
     const TilePositionsOf positions(sampling_);
-    constexpr std::size_t quarters = 4;
     const std::size_t samples = static_cast<std::size_t>(side() * side());
     struct Tile {
         int i, j;
@@ -160,19 +274,20 @@ void TileSamples::sample(const Search& search, const MarkerView& view, const Und
                 map_.fill(part, value);
                 include(part, block.off_background);
             });
+        average_edges(block);
         if (refined.empty())
             return;
         TileEvaluator evaluator(view, map, sampling_, positions);
-        block.store.reset(new float[refined.size() * (samples + quarters)]);
+        block.store.reset(new float[refined.size() * (samples_offset + samples)]);
         float* values = block.store.get();
         for (const auto& [i, j, range] : refined) {
-            count(block.used, evaluator.evaluate(i, j, range, values));
-            float* q = values + samples;
-            average_parts(values, side(), 2, q);
-            map_.set(i, j, 0.25f * ((q[0] + q[1]) + (q[2] + q[3])), true);
+            float *q = values, *of_tile = values + samples_offset;
+            count(block.used, evaluator.evaluate(i, j, range, of_tile));
+            average_parts(of_tile, side(), 2, q);
+            map_.set(i, j, 0.25f * ((q[0] + q[1]) + (q[2] + q[3])), TileDetail::samples);
             include({i, j, 1, 1}, block.off_background);
             values_[map_.index(i, j)] = values;
-            values += samples + quarters;
+            values += samples_offset + samples;
         }
     });
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sim/scene/marker_view.h"
+#include "sim/tiles/edge_group.h"
 #include "sim/tiles/render_plan.h"
 #include "sim/tiles/sampling.h"
 #include "sim/tiles/tile_map.h"
@@ -32,18 +33,27 @@ public:
     // The tiles among which are all that differ from the background: each tile's average. Refined
     // ones have values of their own, the others the one value.
     const TileMap& map() const { return map_; }
-    // Of a tile of the map its (4 k)^2 values, row by row, and behind them the averages of its
-    // quarters, 2 x 2 of them; null: not refined.
+    // Of a tile of the map its (4 k)^2 values, row by row; null: there are none.
     const float* values(int i, int j) const {
-        return map_.refined(i, j) ? values_[map_.index(i, j)] : nullptr;
+        return map_.detail(i, j) == TileDetail::samples
+                   ? values_[map_.index(i, j)] + samples_offset
+                   : nullptr;
     }
-    const float* const* all_values() const {
-        return values_.get();
-    }  // of the refined ones, by
-       // the map's index
-    std::ptrdiff_t quarters_offset() const { return side() * side(); }
+    // Of the refined tiles, by the map's index: the averages of the quarters, 2 x 2 of them, and
+    // behind them the samples.
+    static constexpr std::ptrdiff_t samples_offset = 4;
+    const float* const* all_values() const { return values_.get(); }
     // All of it for add_filtered().
-    SampleField field() const { return {map_, side(), values_.get()}; }
+    SampleField field() const {
+        return {map_,
+                side(),
+                values_.get(),
+                samples_offset,
+                TileDetail::samples,
+                sampling_.edges ? &groups_ : nullptr};
+    }
+    // Adds what the pixels of a band of the region see of the edges that are not in the field.
+    void add_edges(const cv::Rect& region, const cv::Rect& band, cv::Mat& pixels) const;
 
     // The smallest rectangle of tiles that holds every tile different from the background.
     const cv::Rect& tiles_off_background() const { return off_background_; }
@@ -58,6 +68,8 @@ private:
         std::unique_ptr<float[]> store;
         std::vector<TileUse> used;
         cv::Rect off_background;
+        std::vector<EdgeGroup> edges;
+        std::unique_ptr<float[]> edge_store;  // of those without samples
     };
     class Search;
     int side() const { return tile_px * k(); }
@@ -68,6 +80,9 @@ private:
         float value;
     };
 
+    void find_edges(const Search& search, const MarkerView& view, const UndistortionMap& map);
+    void leave_out_samples();
+    void average_edges(Block& block);
     void sample(const Search& search, const MarkerView& view, const UndistortionMap& map);
     void sum_up_blocks();
 
@@ -76,6 +91,8 @@ private:
     TileMap map_;
     std::unique_ptr<const float*[]> values_;  // of the refined tiles, into a block's store
     std::vector<Block> blocks_;
+    GroupMap groups_;  // with edges only
+    std::vector<const EdgeGroup*> edges_;  // by rows
     std::vector<TileUse> used_;
     cv::Rect off_background_;
 };

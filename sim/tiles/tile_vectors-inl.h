@@ -75,6 +75,21 @@ HWY_INLINE Vector reciprocal(Vector x) {
 #endif
 }
 
+// ---- Segments of the unit disk
+
+// Minimax polynomial (Remez) on [0, 1]: the area beyond a chord at x by 1 - x, divided by
+// (1 - x)^(3/2); 2e-8 of the disk.
+constexpr float segment_area[] = {0.6002143025f,    -0.09008195996f,  -0.007776257582f,
+                                  -0.002201624447f, 0.0003666134134f, -0.0005210483214f};
+
+// The area beyond a chord at `offset`, of the smaller part first: no cancellation. `root` is that
+// of 1 - |offset|.
+HWY_INLINE Vector area_beyond(Vector offset, Vector root) {
+    const Vector one = all(1.0f), height = one - hn::Abs(offset);
+    const Vector area = height * root * polynomial<5>(segment_area, height);
+    return hn::IfThenElse(hn::Gt(offset, hn::Zero(tag)), one - area, area);
+}
+
 // ---- Sensor points
 
 // The terms s^i t^j with i + j <= degree of a bicubic polynomial.

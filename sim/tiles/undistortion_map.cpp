@@ -35,6 +35,9 @@ const Eigen::Matrix4d& bezier_from_nodes() {
 }
 
 constexpr double good_enough_px = 1e-4;  // of a cubic's error
+// Of its estimate by differences of the nodes: beside a fold, where those say little, they are
+// larger by far.
+constexpr double surely_good_px = 0.1 * good_enough_px;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 // The coefficients of the cubic whose values at -1.5, -0.5, 0.5 and 1.5 are these, element by
@@ -331,15 +334,19 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j, Block& block) con
     const Eigen::Matrix4d control_x = b * x * b.transpose(), control_y = b * y * b.transpose();
     const Box bounds{{control_x.minCoeff(), control_y.minCoeff()},
                      {control_x.maxCoeff(), control_y.maxCoeff()}};
+    Tile tile;
+    tile.validity = Validity::all;
+    tile.bounds = bounds;
+    if (bend_of_nodes(block, i, j) * projector_.camera().intrinsics.fx < surely_good_px) {
+        set_bend(x, y, tile);
+        return tile;
+    }
     // The cubic errs most in the middle. A wide-angle lens may bend too much for it.
     const Eigen::Vector4d w = cubic_weights(0.5);
     const auto error = error_at({w.dot(x * w), w.dot(y * w)},
                                 tile_corner_px(i, j) + Eigen::Vector2d::Constant(0.5 * tile_px));
     if (!error)
         return make_border_tile(i, j);
-    Tile tile;
-    tile.validity = Validity::all;
-    tile.bounds = bounds;
     const bool is_good = *error * projector_.camera().intrinsics.fx < good_enough_px;
     if (const auto own = is_good ? std::nullopt : own_cubic(i, j, through_nodes(block, i, j))) {
         tile.bounds = bounds_of(*own);
@@ -352,6 +359,26 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j, Block& block) con
     }
     set_bend(x, y, tile);
     return tile;
+}
+
+// The error of the cubics through four nodes, in their middle: 3/128 of the fourth differences along
+// the rows and the columns of nodes around the tile.
+double UndistortionMap::bend_of_nodes(const Block& block, int i, int j) {
+    const int column = (i & (block_side - 1)) + 1 - ((i & (block_side - 1)) == 0 ? 1 : 2);
+    const int row = (j & (block_side - 1)) + 1 - ((j & (block_side - 1)) == 0 ? 1 : 2);
+    const auto differences = [&](int x, int y, int stride) {
+        const Eigen::Vector2d* n = &block.nodes[static_cast<std::size_t>(y * nodes_a_side + x)];
+        const Eigen::Vector2d fourth =
+            (n[0] + n[4 * stride]) - 4.0 * (n[stride] + n[3 * stride]) + 6.0 * n[2 * stride];
+        return fourth.cwiseAbs().sum();
+    };
+    double along_rows = 0.0, along_columns = 0.0;
+    for (int n = 1; n <= 2; ++n) {
+        along_rows = std::max(along_rows, differences(column, (j & (block_side - 1)) + n, 1));
+        along_columns =
+            std::max(along_columns, differences((i & (block_side - 1)) + n, row, nodes_a_side));
+    }
+    return 3.0 / 128.0 * (along_rows + along_columns);  // not a number where a node is none
 }
 
 // From differences of the nodes, which are a tile apart.
@@ -393,13 +420,21 @@ UndistortionMap::Bend UndistortionMap::bend(int level, int i, int j) const {
 UndistortionMap::Bend UndistortionMap::bend(const cv::Rect& tiles) const {
     const cv::Rect within = cells_of(tiles & tiles_, group_side);
     Bend all;
-    for (int j = within.y; j < within.br().y; ++j)
-        for (int i = within.x; i < within.br().x; ++i) {
-            const Bend one = bend(1, i, j);
-            all.curvature = std::max(all.curvature, one.curvature);
-            all.is_polynomial = all.is_polynomial && one.is_polynomial;
-            all.least_scale = std::min(all.least_scale, one.least_scale);
-            all.largest_scale = std::max(all.largest_scale, one.largest_scale);
+    const auto include = [&](const Bend& one) {
+        all.curvature = std::max(all.curvature, one.curvature);
+        all.is_polynomial = all.is_polynomial && one.is_polynomial;
+        all.least_scale = std::min(all.least_scale, one.least_scale);
+        all.largest_scale = std::max(all.largest_scale, one.largest_scale);
+    };
+    const cv::Rect blocks = cells_of(within, group_side);
+    for (int y = blocks.y; y < blocks.br().y; ++y)
+        for (int x = blocks.x; x < blocks.br().x; ++x) {
+            const cv::Rect groups = parts_of(x, y, group_side), own = groups & within;
+            if (own == groups)
+                include(bend(block_level, x, y));
+            for (int j = own.y; own != groups && j < own.br().y; ++j)
+                for (int i = own.x; i < own.br().x; ++i)
+                    include(bend(1, i, j));
         }
     return all;
 }
@@ -416,18 +451,37 @@ std::optional<double> UndistortionMap::error_at(const Eigen::Vector2d& rough,
 }
 
 // From points so dense that no ray lies farther from them than they reach: beside a fold rays
-// spread like the square root of the distance from it.
+// spread like the square root of the distance from it. Half as dense where all have rays or none.
 UndistortionMap::Tile UndistortionMap::make_border_tile(int i, int j) const {
-    constexpr int n = 4 * tile_px;
+    constexpr int n = 2 * tile_px, points = n + 1;
     Eigen::Vector2d low = Eigen::Vector2d::Constant(1e9), high = -low, last(0.0, 0.0);
-    for (int q = 0; q < (n + 1) * (n + 1); ++q) {
-        const Eigen::Vector2d within(q % (n + 1), q / (n + 1));
-        if (const auto x = projector_.unproject(tile_corner_px(i, j) + within / 4.0, last)) {
-            last = *x;
-            low = low.cwiseMin(*x);
-            high = high.cwiseMax(*x);
+    const auto include = [&](double x, double y) {
+        const auto ray = projector_.unproject(
+            tile_corner_px(i, j) + Eigen::Vector2d(x, y) * (tile_px / double(n)), last);
+        if (ray) {
+            last = *ray;
+            low = low.cwiseMin(last);
+            high = high.cwiseMax(last);
         }
-    }
+        return ray.has_value();
+    };
+    std::array<bool, points * points> rays;
+    const auto has_ray = [&](int x, int y) -> bool& {
+        return rays[static_cast<std::size_t>(y * points + x)];
+    };
+    for (int y = 0; y < points; ++y)
+        for (int x = 0; x < points; ++x)
+            has_ray(x, y) = include(x, y);
+    for (int y = 0; y < n; ++y)
+        for (int x = 0; x < n; ++x) {
+            const int of_corners = has_ray(x, y) + has_ray(x + 1, y) + has_ray(x, y + 1) +
+                                   has_ray(x + 1, y + 1);
+            if (of_corners == 0 || of_corners == 4)
+                continue;
+            for (const auto& [right, down] :
+                 {std::pair{0.5, 0.0}, {0.0, 0.5}, {0.5, 0.5}, {1.0, 0.5}, {0.5, 1.0}})
+                include(x + right, y + down);
+        }
     if (low.x() > high.x())
         return {};
     const Intrinsics& intrinsics = projector_.camera().intrinsics;
@@ -478,8 +532,9 @@ void UndistortionMap::prefetch_polynomial(int i, int j) const {
     }
 }
 
-std::optional<MappedPoint> UndistortionMap::exact(const Eigen::Vector2d& pixel) const {
-    const auto x = projector_.unproject(pixel);
+std::optional<MappedPoint> UndistortionMap::exact(const Eigen::Vector2d& pixel,
+                                                  const std::optional<MappedPoint>& near) const {
+    const auto x = near ? projector_.unproject(pixel, near->x) : projector_.unproject(pixel);
     if (!x)
         return std::nullopt;
     return MappedPoint{*x, projector_.pixel_by_normalised(*x).inverse()};
@@ -490,9 +545,12 @@ void UndistortionMap::sample(int i, int j, int n,
     points.clear();
     points.reserve(static_cast<std::size_t>(n * n));
     if (validity(i, j) != Validity::all) {
+        std::optional<MappedPoint> last;
         for (int q = 0; q < n * n; ++q) {
             const Eigen::Vector2d within(q % n + 0.5, q / n + 0.5);
-            points.push_back(exact(tile_corner_px(i, j) + within * (tile_px / double(n))));
+            points.push_back(exact(tile_corner_px(i, j) + within * (tile_px / double(n)), last));
+            if (points.back())
+                last = points.back();
         }
         return;
     }

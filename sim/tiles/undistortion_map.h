@@ -114,12 +114,20 @@ public:
     // Says that a tile's will be asked for soon.
     void prefetch_polynomial(int i, int j) const;
 
+    // The corner of a tile of group (i, j) of level 1, counted from the group's first: 0 to 4. Not a
+    // number where there is no ray.
+    const Eigen::Vector2d& corner_in_group(int i, int j, int column, int row) const {
+        return node(block(i >> 2, j >> 2), group_side * i, group_side * j, row + 1, column + 1);
+    }
+
     // The points of a tile on a regular grid of n x n, row by row, each at the centre of its n-th
     // part. Nothing where there is no ray.
     void sample(int i, int j, int n, std::vector<std::optional<MappedPoint>>& points) const;
 
-    // Exact and slow, at any pixel.
-    std::optional<MappedPoint> exact(const Eigen::Vector2d& pixel) const;
+    // Exact and slow, at any pixel; less so where a point `near` it is known.
+    std::optional<MappedPoint> exact(
+        const Eigen::Vector2d& pixel,
+        const std::optional<MappedPoint>& near = std::nullopt) const;
 
     const Projector& projector() const { return projector_; }
 
@@ -189,6 +197,7 @@ private:
     static Nodes nodes(const Block& block, int i, int j, int axis);
     static TilePolynomial through_nodes(const Block& block, int i, int j);
     Tile make_tile(int i, int j, Block& block) const;
+    static double bend_of_nodes(const Block& block, int i, int j);
     std::optional<double> error_at(const Eigen::Vector2d& rough,
                                    const Eigen::Vector2d& pixel) const;
     std::optional<TilePolynomial> own_cubic(int i, int j, const TilePolynomial& rough) const;

@@ -19,7 +19,9 @@ constexpr std::size_t indent = 16;  // of everything but a row's name
 const char* short_name(RenderMethod method) {
     const auto at =
         std::ranges::find(method_words, method, &std::pair<const char*, RenderMethod>::second);
-    return at == method_words.end() ? "wave" : at->first;
+    if (at != method_words.end())
+        return at->first;
+    return method == RenderMethod::edge_table ? "edge table" : "wave";
 }
 
 // A row of the table: its name, and text broken into as many lines as it needs.
@@ -67,6 +69,8 @@ std::vector<LeftOut> largest_of_each(const std::vector<LeftOut>& left_out) {
 }
 
 std::string words(const TileUse& use) {
+    if (use.method == RenderMethod::edge_table)
+        return fmt::format("{:>8} by the table of edges", use.tiles);
     const std::string lens = use.method == RenderMethod::exact_area
                                  ? fmt::format(", lens points {}", use.lens_points)
                                  : "";

@@ -43,7 +43,7 @@ public:
                 const bool refined = static_cast<double>(random()) < part_refined * 0x1p32;
                 // Large areas share one value.
                 const float value = i > 8 && j > 2 ? 0.0f : j > 5 ? -0.75f : 0.5f;
-                map.set(i, j, value, refined);
+                map.set(i, j, value, refined ? TileDetail::samples : TileDetail::none);
                 part.setTo(value);
                 if (refined) {
                     auto& values = store[map.index(i, j)];

@@ -107,7 +107,7 @@ bool Projector::has_ray(const Eigen::Vector2d& undistorted) const {
 
 // solve() stays within the region and on this side of the distortion's fold; the tilt has its own.
 bool Projector::is_accepted(const Eigen::Vector2d& solution) const {
-    return (!has_tilt_ || distorted(solution)) && has_ray(solution);
+    return !has_tilt_ || distorted(solution);
 }
 
 bool Projector::is_valid(const Eigen::Vector2d& undistorted) const {
@@ -162,17 +162,18 @@ std::optional<Eigen::Vector2d> Projector::solve_along_ray(const Eigen::Vector2d&
 }
 
 std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pixel) const {
-    return undistorted(pixel, nullptr);
+    const auto point = on_plane(pixel, nullptr);
+    return point && has_ray(*point) ? point : std::nullopt;
 }
 
-std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pixel,
-                                                      const Eigen::Vector2d* near) const {
+std::optional<Eigen::Vector2d> Projector::on_plane(const Eigen::Vector2d& pixel,
+                                                   const Eigen::Vector2d* near) const {
     const Intrinsics& i = camera_.intrinsics;
     const Eigen::Vector2d target((pixel.x() - i.cx) / i.fx, (pixel.y() - i.cy) / i.fy);
     if (!target.allFinite())
         return std::nullopt;
     if (!has_distortion_)
-        return region_.contains(target) && has_ray(target) ? std::optional(target) : std::nullopt;
+        return region_.contains(target) ? std::optional(target) : std::nullopt;
     const auto before_tilt = has_tilt_ ? untilted(target) : target;
     if (!before_tilt || !(before_tilt->norm() <= region_.image_radius()))
         return std::nullopt;
@@ -194,7 +195,7 @@ std::optional<Eigen::Vector2d> Projector::undistorted(const Eigen::Vector2d& pix
 }
 
 std::optional<Eigen::Vector3d> Projector::ray(const Eigen::Vector2d& pixel) const {
-    return ray_of(undistorted(pixel));
+    return ray_of(on_plane(pixel, nullptr));
 }
 
 std::optional<Eigen::Vector3d> Projector::ray_of(
@@ -231,9 +232,9 @@ std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel
 std::optional<Eigen::Vector2d> Projector::unproject(const Eigen::Vector2d& pixel,
                                                     const Eigen::Vector2d& near) const {
     if (camera_.projection.is_flat())
-        return undistorted(pixel, &near);
+        return on_plane(pixel, &near);
     const auto plane = projected(camera_.projection, turn_, near.homogeneous());
-    return in_front(ray_of(undistorted(pixel, plane ? &plane->point : nullptr)));
+    return in_front(ray_of(on_plane(pixel, plane ? &plane->point : nullptr)));
 }
 
 Eigen::Matrix2d Projector::pixel_by_normalised(const Eigen::Vector2d& normalised) const {

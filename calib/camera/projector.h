@@ -87,8 +87,9 @@ private:
     std::optional<Distorted> distorted(const Eigen::Vector2d& undistorted) const;
     bool has_ray(const Eigen::Vector2d& undistorted) const;
     bool is_accepted(const Eigen::Vector2d& solution) const;
-    std::optional<Eigen::Vector2d> undistorted(const Eigen::Vector2d& pixel,
-                                               const Eigen::Vector2d* near) const;
+    // Whether or not a projection with a table has a ray there, which costs its inverse.
+    std::optional<Eigen::Vector2d> on_plane(const Eigen::Vector2d& pixel,
+                                            const Eigen::Vector2d* near) const;
     std::optional<Eigen::Vector3d> ray_of(const std::optional<Eigen::Vector2d>& point) const;
     std::optional<Eigen::Vector2d> untilted(const Eigen::Vector2d& distorted) const;
     std::optional<Eigen::Vector2d> solve(const Eigen::Vector2d& target,

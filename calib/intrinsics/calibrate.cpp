@@ -55,16 +55,17 @@ void refuse_many_outliers(std::span<const CalibrationView> views, const CornerMa
                         count, all, 100.0 * max_outlier_share, fmt::join(of_views, ", ")));
 }
 
-// Those beside the named model, or of the kind that follows the lens.
+// Those beside the named model, or all that may follow the lens.
 std::vector<CalibrationModel> candidates(std::span<const CalibrationView> views,
                                          cv::Size image_size, const CalibrationOptions& options) {
-    const CalibrationModel& asked =
-        calibration_model(options.model                     ? *options.model
-                          : is_wide_lens(views, image_size) ? "kannala_brandt"
-                                                            : "standard");
-    if (options.leave_one_out)
-        return calibration_models_beside(asked.projection);
-    return {asked};
+    if (options.model && options.leave_one_out)
+        return calibration_models_beside(calibration_model(*options.model).projection);
+    if (options.model)
+        return {calibration_model(*options.model)};
+    const LensAngle angle = lens_angle(views, image_size);
+    if (!options.leave_one_out)
+        return {calibration_model(angle == LensAngle::wide ? "kannala_brandt" : "standard")};
+    return angle == LensAngle::ordinary ? calibration_models() : perspective_and_wide_models();
 }
 
 // Of models that were left out of and that are all in doubt.
@@ -77,19 +78,23 @@ std::vector<CalibrationModel> candidates(std::span<const CalibrationView> views,
                          "): more of them are needed, tilted more ways and nearer to the borders");
 }
 
+// Without advice.
+std::string usual_model(const ModelAdvice& advice) {
+    const auto standard = std::ranges::find(advice.models, "standard", &ModelScore::model);
+    const bool is_followed = standard != advice.models.end() && standard->doubt.empty();
+    return is_followed ? "standard" : "kannala_brandt";
+}
+
 // What the advice, or the user, chose among the scored models.
 const ModelScore& chosen_score(const ModelAdvice& advice, const CalibrationOptions& options) {
-    const bool has_standard = std::ranges::any_of(
-        advice.models, [](const ModelScore& score) { return score.model == "standard"; });
-    std::string name = options.model.value_or(has_standard ? "standard" : "kannala_brandt");
+    std::string name = options.model.value_or(usual_model(advice));
     if (!options.model && advice.advised)
         name = advice.models[*advice.advised].model;
     else if (!options.model && std::ranges::any_of(advice.models, [](const ModelScore& score) {
-                 return !score.doubt.empty();
+                 return score.leave_one_out_rms_px.has_value();
              }))
         refuse_all(advice);
-    const auto score = std::find_if(advice.models.begin(), advice.models.end(),
-                                    [&](const ModelScore& each) { return each.model == name; });
+    const auto score = std::ranges::find(advice.models, name, &ModelScore::model);
     if (!score->fit)
         throw NumericalError(score->failure);
     return *score;
@@ -416,6 +421,20 @@ std::size_t CameraCalibration::points_left_out() const {
     return count;
 }
 
+std::vector<std::size_t> CameraCalibration::askew() const {
+    const Eigen::VectorXd values = parameters_of(camera, model);
+    std::vector<std::size_t> askew;
+    for (std::size_t i = 0; i < intervals.size(); ++i) {
+        if (!intervals[i])
+            continue;
+        const double value = values[static_cast<Eigen::Index>(i)];
+        const double below = value - intervals[i]->low, above = intervals[i]->high - value;
+        if (std::abs(above - below) > askew_share * (above + below))
+            askew.push_back(i);
+    }
+    return askew;
+}
+
 bool CameraCalibration::overfits() const {
     return std::any_of(advice.models.begin(), advice.models.end(), [&](const ModelScore& score) {
         return score.model == model.name && score.overfits;
@@ -459,6 +478,8 @@ CameraCalibration calibrate_camera(const std::vector<CalibrationView>& views, cv
         add_board(calibration.covariances, *calibration.board, fit.variance);
     calibration.deviations = deviations_of(calibration.model, calibration.covariances);
     const Eigen::MatrixXd& stated = calibration.covariances.stated;
+    calibration.intervals =
+        profile_intervals(used, image_size, calibration.model, fit, stated.diagonal().cwiseSqrt());
     calibration.camera.covariance = ParameterCovariance{calibration.model.parameters, stated};
     calibration.uncertainty =
         projection_uncertainty(calibration.camera, calibration.model, stated, all_pixels(used));

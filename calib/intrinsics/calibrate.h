@@ -21,6 +21,7 @@
 #include "calib/intrinsics/calibration_view.h"
 #include "calib/intrinsics/cross_validation.h"
 #include "calib/intrinsics/model_advice.h"
+#include "calib/intrinsics/profile_interval.h"
 #include "calib/intrinsics/projection_uncertainty.h"
 #include "core/rigid.h"
 
@@ -59,6 +60,8 @@ struct CameraCalibration {
     ModelAdvice advice;                          // of the views that were used
     CalibrationCovariances covariances;
     std::vector<ParameterDeviation> deviations;
+    // 95 %, in the order of the parameters; of a board fitted with them for the board found.
+    std::vector<std::optional<ProfileInterval>> intervals;
     ProjectionUncertainty uncertainty;
     std::optional<CrossValidation> halves;  // needs six views that determine the camera in halves
     // Of the model that was taken with the board as drawn; nothing: these views, or a telecentric
@@ -69,14 +72,16 @@ struct CameraCalibration {
     std::optional<BoardShape> board;
 
     std::size_t points() const, points_left_out() const;  // of all views
+    // Parameters whose interval lies askew (askew_share), so that a deviation does not say it.
+    std::vector<std::size_t> askew() const;
     // The chosen model is richer than the advised one and overfits.
     bool overfits() const;
 };
 
 struct CalibrationOptions {
     std::optional<std::string> model = std::nullopt;  // nothing: the advised one
-    // Of every model of the lens's kind, perspective, wide or (named) telecentric; without it
-    // "standard", or "kannala_brandt", when no model is named.
+    // Of every model that may follow the lens (calib/intrinsics/wide_lens.h), of a named one those
+    // of its kind; without it "standard", or "kannala_brandt", when no model is named.
     bool leave_one_out = true;
     int resamples = bootstrap_resamples;  // 0: no bootstrap
     bool fit_board = false;               // the board's shape with the camera

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+
 #include "calib/camera/parameter_names.h"
 #include "core/errors.h"
 
@@ -56,6 +58,16 @@ const std::vector<CalibrationModel>& calibration_models_beside(Projection projec
     return projection == Projection::perspective   ? calibration_models()
            : projection == Projection::telecentric ? telecentric_calibration_models()
                                                    : wide_calibration_models();
+}
+
+const std::vector<CalibrationModel>& perspective_and_wide_models() {
+    static const std::vector<CalibrationModel> models = [] {
+        std::vector<CalibrationModel> all = calibration_models();
+        const auto rational = std::ranges::find(all, "rational", &CalibrationModel::name);
+        all.insert(rational, wide_calibration_models().begin(), wide_calibration_models().end());
+        return all;
+    }();
+    return models;
 }
 
 int pose_parameters(Projection projection) {

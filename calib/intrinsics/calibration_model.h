@@ -38,6 +38,12 @@ const std::vector<CalibrationModel>& telecentric_calibration_models();
 // Those that are compared with a model of this projection: the list that it is in.
 const std::vector<CalibrationModel>& calibration_models_beside(Projection projection);
 
+// Of lenses that perspective and wide models may follow, in the order in which the first that
+// predicts well is advised. Photos of an ordinary lens do not tell a wide lens's model from a
+// perspective one, so that all of them stand behind standard, also those with fewer parameters, and
+// before rational, which has more.
+const std::vector<CalibrationModel>& perspective_and_wide_models();
+
 // Of a pose of a view that pixels depend on: 6, and 5 of a telecentric camera's, all but the
 // distance.
 int pose_parameters(Projection projection);

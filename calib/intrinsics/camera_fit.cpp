@@ -400,14 +400,6 @@ CameraFit fit_from(const Solution& solution, std::span<const CalibrationView> vi
     return fit;
 }
 
-double weighted_squares(std::span<const CalibrationView> views, const CameraFit& fit) {
-    double squares = 0.0;
-    for (std::size_t v = 0; v < views.size(); ++v)
-        for (std::size_t i = 0; i < views[v].pixels.size(); ++i)
-            squares += (fit.residuals_px[v][i] / views[v].sigma(i)).squaredNorm();
-    return squares;
-}
-
 CameraModel plain_camera(cv::Size size, Projection projection) {
     CameraModel camera;
     camera.projection.kind = projection;
@@ -470,6 +462,14 @@ CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size
     fit.condition_number = weakest_direction(equations, model).condition_number;
     check_determinacy(views, fit, model, equations);
     return fit;
+}
+
+double weighted_squares(std::span<const CalibrationView> views, const CameraFit& fit) {
+    double squares = 0.0;
+    for (std::size_t v = 0; v < views.size(); ++v)
+        for (std::size_t i = 0; i < views[v].pixels.size(); ++i)
+            squares += (fit.residuals_px[v][i] / views[v].sigma(i)).squaredNorm();
+    return squares;
 }
 
 Rigid fit_view_pose(const CameraModel& camera, const CalibrationView& view) {

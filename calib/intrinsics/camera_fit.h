@@ -73,6 +73,9 @@ struct CameraFitOptions {
 CameraFit fit_camera(std::span<const CalibrationView> views, cv::Size image_size,
                      const CalibrationModel& model, const CameraFitOptions& options = {});
 
+// Of the residuals in their points' sigmas.
+double weighted_squares(std::span<const CalibrationView> views, const CameraFit& fit);
+
 // The pose of a view of at least four points for a known camera; of the two mirrored solutions that
 // a plane has, the one that fits better; of a telecentric camera either. Throws NumericalError when
 // there is none.

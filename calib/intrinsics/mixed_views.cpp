@@ -389,7 +389,8 @@ std::vector<ViewGroup> camera_groups(std::span<const CalibrationView> views, cv:
     Indices planes, others;
     for (std::size_t i = 0; i < views.size(); ++i)
         (no_plane[i] ? others : planes).push_back(i);
-    const bool is_wide = !is_telecentric && views.size() >= min_views && is_wide_lens(views, size);
+    const bool is_wide =
+        !is_telecentric && views.size() >= min_views && lens_angle(views, size) == LensAngle::wide;
     const CalibrationModel& model =
         is_telecentric ? telecentric_model()
                        : calibration_model(is_wide ? "kannala_brandt" : "standard");

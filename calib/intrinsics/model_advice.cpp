@@ -42,6 +42,22 @@ ModelScore fitted_score(std::span<const CalibrationView> views, cv::Size image_s
     return score;
 }
 
+// Of scores in the order of the models.
+void set_doubts_about_kind(std::vector<ModelScore>& scores,
+                           std::span<const CalibrationModel> models) {
+    std::size_t best = 0;
+    for (std::size_t i = 0; i < scores.size(); ++i)
+        if (scores[i].fit && (!scores[best].fit || scores[i].rms_px < scores[best].rms_px))
+            best = i;
+    for (std::size_t i = 0; i < scores.size(); ++i) {
+        const LensProjection kind{models[i].projection}, of_best{models[best].projection};
+        if (scores[i].fit && kind.is_flat() != of_best.is_flat() &&
+            scores[i].rms_px > max_above_other_kind * scores[best].rms_px)
+            scores[i].doubt = fmt::format("it leaves {:.2g} px in the fit, {} {:.2g} px",
+                                          scores[i].rms_px, models[best].name, scores[best].rms_px);
+    }
+}
+
 template <class Element>
 std::vector<Element> without(std::span<const Element> all, std::size_t left_out) {
     std::vector<Element> rest(all.begin(), all.end());
@@ -121,7 +137,11 @@ void set_doubts(std::vector<ModelScore>& scores, double best_error_px) {
         max_projection_deviation *
         std::max(best_error_px, least(scores, &ModelScore::projection_deviation_px));
     for (ModelScore& score : scores)
-        if (score.fit && !score.fit->converged)
+        if (!score.doubt.empty())
+            continue;
+        else if (!score.fit)
+            score.doubt = score.failure;
+        else if (!score.fit->converged)
             score.doubt = "its best fit lies where its distortion folds over";
         else if (!score.projection_deviation_px)
             score.doubt = "its projection cannot be told";
@@ -172,7 +192,7 @@ void set_difference(ModelScore& score, const ModelScore& best,
 
 bool predicts_worse(const ModelScore& richer, const ModelScore& advised) {
     if (!richer.leave_one_out_rms_px)
-        return true;
+        return richer.failed_view.has_value();
     return richer.above_best > advised.above_best &&
            (richer.above_best > richer.above_best_error ||
             *richer.leave_one_out_rms_px > (1.0 + overfit_share) * *advised.leave_one_out_rms_px);
@@ -188,16 +208,18 @@ std::vector<ModelScore> score_models(std::span<const CalibrationView> views, cv:
     std::vector<ModelScore> scores(models.size());
     for_each_index(models.size(),
                    [&](std::size_t i) { scores[i] = fitted_score(views, image_size, models[i]); });
+    set_doubts_about_kind(scores, models);
+    const auto is_asked = [&](std::size_t i) { return scores[i].fit && scores[i].doubt.empty(); };
     if (!leave_out_views || views.size() < 4)
         return scores;
     std::vector<ViewLeftOut> left_out(models.size() * views.size());
     for_each_index(left_out.size(), [&](std::size_t i) {
         const std::size_t model = i / views.size(), view = i % views.size();
-        if (scores[model].fit)
+        if (is_asked(model))
             left_out[i] = leave_out(views, image_size, models[model], *scores[model].fit, view);
     });
     for_each_index(models.size(), [&](std::size_t i) {
-        if (!scores[i].fit)
+        if (!is_asked(i))
             return;
         set_left_out(scores[i], std::span(left_out).subspan(i * views.size(), views.size()), views);
         set_determinacy(scores[i], views, image_size, models[i]);
@@ -225,9 +247,11 @@ ModelAdvice compare_models(std::vector<ModelScore> scores, std::span<const Calib
             *score.leave_one_out_rms_px <= max_above_best * best_error)
             advice.advised = i;
     }
-    for (std::size_t i = *advice.advised + 1; i < advice.models.size(); ++i)
-        advice.models[i].overfits =
-            predicts_worse(advice.models[i], advice.models[*advice.advised]);
+    const ModelScore& advised = advice.models[*advice.advised];
+    for (std::size_t i = *advice.advised + 1; i < advice.models.size(); ++i) {
+        ModelScore& score = advice.models[i];
+        score.overfits = score.parameters > advised.parameters && predicts_worse(score, advised);
+    }
     return advice;
 }
 

@@ -42,10 +42,11 @@ struct ModelScore {
     // six views; px. Nothing where there is none.
     std::optional<double> projection_deviation_px, halves_px;
 
-    // Set by compare_models(). Why it is not advised, however well it predicts: "two halves of the
-    // photos differ by 2.5 px"; empty for the others.
+    // Why it is not advised, however well it predicts: "two halves of the photos differ by 2.5 px";
+    // empty for the others. Set by compare_models(), and by score_models() where it is of the other
+    // kind, perspective or wide, than the lens.
     std::string doubt = {};
-    // How much the mean left-out square is above the best model's, and
+    // Set by compare_models(). How much the mean left-out square is above the best model's, and
     // the standard error of that difference; px^2.
     double above_best = 0.0, above_best_error = 0.0;
     bool overfits = false;
@@ -66,6 +67,9 @@ inline constexpr double max_above_best = 1.25;
 // differ by this much more, than the best model's, or than the best leave-one-out error where that
 // is larger.
 inline constexpr double max_projection_deviation = 2.0, max_halves_difference = 3.0;
+// A model leaves this many times what one of the other kind, perspective or wide, does: such a lens
+// it is not, and no view is left out of it.
+inline constexpr double max_above_other_kind = 2.0;
 
 // Fits and, with four views or more, leaves every view out under each of the models. A model that
 // cannot be fitted has a failure in place of a score; the views must be valid (check_view). About

@@ -13,7 +13,7 @@
 namespace etalon {
 namespace {
 
-constexpr double max_noise_over_scatter = 1.5, wide_angle_deg = 50.0;
+constexpr double max_noise_over_scatter = 1.5, either_angle_deg = 40.0, wide_angle_deg = 50.0;
 
 // Infinite where there is no fit.
 struct Misfit {
@@ -46,20 +46,22 @@ Misfit misfit_of(const std::string& model, std::span<const CalibrationView> view
 
 }  // namespace
 
-bool is_wide_lens(std::span<const CalibrationView> views, cv::Size image_size) {
-    double perspective = std::numeric_limits<double>::infinity();
+LensAngle lens_angle(std::span<const CalibrationView> views, cv::Size image_size) {
+    Misfit perspective;
     for (const char* model : {"standard", "rational"}) {
         const Misfit misfit = misfit_of(model, views, image_size);
+        if (misfit.rms_px < perspective.rms_px)
+            perspective = misfit;
         if (misfit.rms_px <= max_noise_over_scatter * misfit.scatter_px)
-            return false;
-        perspective = std::min(perspective, misfit.rms_px);
+            return perspective.angle_deg < either_angle_deg ? LensAngle::ordinary
+                                                            : LensAngle::either;
     }
     for (const CalibrationModel& model : wide_calibration_models()) {
         const Misfit misfit = misfit_of(model.name, views, image_size);
-        if (misfit.rms_px < 0.5 * perspective && misfit.angle_deg > wide_angle_deg)
-            return true;
+        if (misfit.rms_px < 0.5 * perspective.rms_px && misfit.angle_deg > wide_angle_deg)
+            return LensAngle::wide;
     }
-    return false;
+    return perspective.angle_deg < either_angle_deg ? LensAngle::ordinary : LensAngle::either;
 }
 
 }  // namespace etalon

@@ -61,20 +61,25 @@ std::vector<std::string> short_labels(const std::vector<std::string>& photos) {
 HtmlPage::Figure model_figure(const CameraCalibration& calibration) {
     constexpr double far_worse = 2.0;
     const double best = chosen_score(calibration).rms_px;
-    Series fitted, left_out;
+    Series fitted, left_out, wide;
     for (const ModelScore& score : calibration.advice.models) {
         if (!score.fit || score.rms_px > far_worse * best)
             continue;
-        fitted.add(score.parameters, score.rms_px,
-                   fmt::format("{}: {:.4f} px in the fit", score.model, score.rms_px));
+        const bool contains_others = score.fit->camera.projection.is_flat();
+        if (contains_others)
+            fitted.add(score.parameters, score.rms_px,
+                       fmt::format("{}: {:.4f} px in the fit", score.model, score.rms_px));
         if (const auto error = score.leave_one_out_rms_px;
             error && *error <= 2.0 * far_worse * best)
-            left_out.add(score.parameters, *error,
-                         fmt::format("{}: {:.4f} px left out", score.model, *error));
+            (contains_others ? left_out : wide)
+                .add(score.parameters, *error,
+                     fmt::format("{}: {:.4f} px left out", score.model, *error));
     }
     SvgPlot plot("free parameters of the camera", "error / px");
     plot.add_curve(fitted, Ink::gray, "in the fit");
     plot.add_curve(left_out, Ink::blue, "on photos left out");
+    if (!wide.empty())
+        plot.add_points(wide, Ink::orange, "the same, models of wide lenses");
     return {plot.svg(),
             "Error of each model, those left out of the picture that are far worse. More "
             "parameters always fit better; where the blue line turns up, they follow the photos "

@@ -70,7 +70,7 @@ void remark_on_model(const CalibrationRun& run, std::vector<std::string>& remark
         if (!score.doubt.empty())
             remarks.push_back(fmt::format("{} is not advised: {}.", score.model, score.doubt));
     for (const ModelScore& score : calibration.advice.models)
-        if (score.overfits && score.fit)
+        if (score.overfits)
             remarks.push_back(fmt::format("{} ({}: {:.3f} px).", words_of_overfit(run, score),
                                           advised->model, *advised->leave_one_out_rms_px));
     if (chosen.model != advised->model)
@@ -93,6 +93,16 @@ void remark_on_deviations(const CalibrationRun& run, std::vector<std::string>& r
             "Corners of one photo are not independent: what the photos say of each other makes "
             "standard deviations more than {:g} times the formal ones ({}).",
             suspicious_deviation_ratio, fmt::join(suspicious, ", ")));
+    std::vector<std::string> askew;
+    for (const std::size_t i : calibration.askew())
+        askew.push_back(fmt::format("{} {:.5g} to {:.5g}", calibration.model.parameters[i],
+                                    calibration.intervals[i]->low, calibration.intervals[i]->high));
+    if (!askew.empty())
+        remarks.push_back(fmt::format(
+            "Parameters that trade for each other so freely that a standard deviation does not say "
+            "how far off each may be; their 95 % intervals: {}. What the camera projects is as "
+            "certain as stated.",
+            fmt::join(askew, ", ")));
     if (!calibration.covariances.bootstrap)
         remarks.push_back(fmt::format(
             "No bootstrap: it needs {} photos, and nearly every resample of them must determine "
@@ -233,6 +243,8 @@ ordered_json parameters_json(const CameraCalibration& calibration) {
                                        {"cluster_robust", each.cluster_robust}};
         if (each.bootstrap)
             entry["standard_deviation"]["bootstrap"] = *each.bootstrap;
+        if (const auto& interval = calibration.intervals[i])
+            entry["interval_95"] = {interval->low, interval->high};
     }
     for (const auto& [name, value] : held_parameters(calibration))
         json[name] = {{"value", value}, {"held", reason_held}};

@@ -46,6 +46,7 @@ TEST(ModelAdvice, TakesTheSimplestModelWithinAStandardErrorOfTheBest) {
                                    score("d", 12, {1.0, 2.5, 1.0, 1.0, 1.0}, 50),
                                    score("e", 16, {1.02, 0.99, 1.01, 1.03, 0.98}, 50),
                                    score("f", 18, {}, 50)};
+    scores.back().failed_view = 0;
     const ModelAdvice advice = compare_models(std::move(scores), five_views_of(10));
     EXPECT_EQ(advice.best, 2u);
     EXPECT_EQ(advice.advised, 1u);

@@ -6,6 +6,7 @@
 #include "core/errors.h"
 #include "core/file_schema.h"
 #include "core/text.h"
+#include "station/certify/certificate_form.h"
 #include "station/commands.h"
 #include "station/setup/station_file.h"
 #include "station/shell/command_output.h"
@@ -27,6 +28,7 @@ struct ReaderOfKind {
 
 // Not of stage profiles: one may say nothing but what it changes in another.
 constexpr ReaderOfKind readers[] = {
+    {"certificate/1", [](const auto& path) { read_certificate_form(path); }},
     {"camera/1", [](const auto& path) { read_any_camera(path); }},
     {"limits/1", [](const auto& path) { read_limits(path); }},
     {"station/1", [](const auto& path) { read_station(path); }},

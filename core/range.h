@@ -49,15 +49,16 @@ inline constexpr Unit s{"s", 1e-6, 1e9};
 inline constexpr Unit us{"us", 1e-3, 1e9};
 inline constexpr Unit hz{"Hz", 1e-3, 1e6};
 inline constexpr Unit ppm{"ppm", 1e-3, 1e5};
+inline constexpr Unit kelvin{"K", 1e-4, 1e3};
 inline constexpr Unit percent{"%", 1e-6, 1e4};
 inline constexpr Unit gray{"gray", 1e-6, 255.0};
 inline constexpr Unit electrons{"e", 1e-6, 1e9};
 inline constexpr Unit counts{"counts", 1e-3, 1e10};
 inline constexpr Unit f_number{"f-number", 0.1, 1e3};
 inline constexpr Unit one{"1", 1e-12, 1e12};  // without a unit, or in one of a device's own
-inline constexpr std::array all{mm,       um,        nm,     px,       deg, mrad, urad,
-                                mm_per_s, deg_per_s, s,      us,       hz,  ppm,  percent,
-                                gray,     electrons, counts, f_number, one};
+inline constexpr std::array all{mm,       um,        nm,        px,     deg,      mrad, urad,
+                                mm_per_s, deg_per_s, s,         us,     hz,       ppm,  kelvin,
+                                percent,  gray,      electrons, counts, f_number, one};
 }  // namespace units
 
 // Of `units::all`; the name must be there.

@@ -28,6 +28,16 @@ std::string value_or_below(double value, double expanded_uncertainty, int digits
                                                       : significant(value, digits);
 }
 
+std::string probability_text(double probability) {
+    constexpr double least = 1e-4;
+    if (probability < least)
+        return "< 0.01 %";
+    if (probability > 1.0 - least)
+        return "> 99.99 %";
+    const double percent = 100.0 * probability;
+    return percent > 90.0 ? fmt::format("{:.2f} %", percent) : fmt::format("{:.2g} %", percent);
+}
+
 int decimals_of(double uncertainty) {
     if (!(uncertainty > 0.0))
         return 6;

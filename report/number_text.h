@@ -18,6 +18,9 @@ std::string significant(const std::optional<double>& value, int digits, const ch
 inline constexpr const char* below = "below ";
 std::string value_or_below(double value, double expanded_uncertainty, int digits);
 
+// In percent with two digits: "2.3 %"; "< 0.01 %" and "> 99.99 %" where no more is worth saying.
+std::string probability_text(double probability);
+
 // Decimals that show two digits of an uncertainty.
 int decimals_of(double uncertainty);
 

@@ -7,7 +7,7 @@ build_packages="g++ cmake ninja-build ccache pkg-config libopencv-dev libopencv-
     libboost-math-dev libssl-dev libcpp-httplib-dev libsqlite3-dev"
 docs_packages="mkdocs mkdocs-material doxygen"   # scripts/docs.sh
 package_packages="debhelper dh-python lintian help2man pybind11-dev python3-dev"   # scripts/package.sh
-test_packages="libgtest-dev libgmock-dev poppler-utils"
+test_packages="libgtest-dev libgmock-dev poppler-utils libxml2-utils"
 # ./test.sh --all: Google Benchmark; a system clock that jumps; a virtual machine for tests with real
 # camera drivers (its emulator, what its first file system is made of, and the service that tells
 # programs about devices); a cluster of one node; clang with libFuzzer; mrcal and COLMAP, for what
@@ -16,7 +16,7 @@ test_packages="libgtest-dev libgmock-dev poppler-utils"
 all_test_packages="libbenchmark-dev libfaketime qemu-system-x86 busybox-static kmod cpio udev slurm-wlm \
     clang libclang-rt-dev python3-mrcal colmap pybind11-dev python3-dev python3-numpy python3-pytest \
     python3-matplotlib python3-opencv bash-completion zsh fish $docs_packages python3-yaml \
-    python3-jsonschema"
+    python3-jsonschema weasyprint"
 
 missing_packages() {
     local package

@@ -1,6 +1,7 @@
 #include "station/commands.h"
 
 #include "station/calibrate/commands.h"
+#include "station/certify/commands.h"
 #include "station/compare/commands.h"
 #include "station/devices/commands.h"
 #include "station/foresee/commands.h"
@@ -15,13 +16,13 @@ namespace etalon {
 
 void declare_commands(Command& program) {
     for (const auto declare :
-         {declare_qualify,      declare_serve,   declare_plan,    declare_oc,
-          declare_report,       declare_history, declare_compare, declare_calibrate,
-          declare_characterise, declare_render,  declare_detect,  declare_marker,
-          declare_devices,      declare_capture, declare_stage,   declare_register,
-          declare_expect,       declare_study,   declare_camera,  declare_bench,
-          declare_stability,    declare_demo,    declare_init,    declare_completion,
-          declare_schema})
+         {declare_qualify,    declare_serve,        declare_plan,    declare_oc,
+          declare_report,     declare_certify,      declare_history, declare_compare,
+          declare_calibrate,  declare_characterise, declare_render,  declare_detect,
+          declare_marker,     declare_devices,      declare_capture, declare_stage,
+          declare_register,   declare_expect,       declare_study,   declare_camera,
+          declare_bench,      declare_stability,    declare_demo,    declare_init,
+          declare_completion, declare_schema})
         declare(program);
 }
 

@@ -7,6 +7,7 @@
 #include "core/file_schema.h"
 #include "core/text.h"
 #include "stage/profile/profile.h"
+#include "station/certify/certificate_form.h"
 #include "station/commands.h"
 #include "station/setup/station_file.h"
 #include "station/shell/command_output.h"
@@ -27,6 +28,7 @@ struct ReaderOfKind {
 };
 
 constexpr ReaderOfKind readers[] = {
+    {"certificate/1", [](const auto& path) { read_certificate_form(path); }},
     {"camera/1", [](const auto& path) { read_any_camera(path); }},
     {"limits/1", [](const auto& path) { read_limits(path); }},
     {"stage-profile/1", [](const auto& path) { read_stage_profile(path); }},

@@ -4,7 +4,7 @@ import {look, session} from './server.js';
 import {text} from './strings.js';
 
 const wanted = {camera: '', station: '', outcome: ''};
-let runs = null, choices = {camera: [], station: []}, charts = null, trouble = '', asked = '';
+let runs = null, cameras = null, choices = {camera: [], station: []}, charts = null, trouble = '', asked = '';
 
 const tone = {PASS: 'good', FAIL: 'bad', INCONCLUSIVE: 'unsure', ERROR: 'bad'};
 
@@ -19,6 +19,7 @@ async function fetchRuns() {
       const all = await look('/api/fleet/runs');
       for (const key of ['camera', 'station']) choices[key] = [...new Set(all.map(run => run[key]))].sort();
     }
+    cameras = (await look('/api/fleet/cameras')).cameras;
     runs = await look(`/api/fleet/runs?${question}`);
     charts = wanted.camera ? await look(`/api/fleet/charts?camera=${encodeURIComponent(wanted.camera)}`) : null;
     trouble = '';
@@ -44,6 +45,26 @@ function runTable() {
   return table([text('date'), text('camera'), text('station'), text('outcome'), text('value'), text('who'), ''], runs.map(run => [
     run.started_utc.replace('T', ' ').replace('Z', ''), run.camera, run.station, make('strong', {class: tone[run.outcome] ?? ''}, run.outcome), worst(run), run.operator,
     make('a', {href: `/report?record=${encodeURIComponent(run.record)}`, target: '_blank', rel: 'noopener', 'aria-label': `${text('report')} ${run.record}`}, text('report'))]), text('runs'));
+}
+
+// ---- the state of each camera
+
+function stateOf(camera) {
+  const shown = camera.trends.filter(one => one.trend);
+  const words = [];
+  if (camera.is_due) words.push(make('strong', {class: 'bad'}, text(camera.due ? 'due_since' : 'due_now', {day: camera.due})));
+  for (const quantity of camera.alarms) words.push(make('strong', {class: 'bad'}, `${text('drift')}: ${session.quantities[quantity] ?? quantity}`));
+  for (const one of shown)
+    words.push(make('strong', {class: 'bad'}, text('trend', {quantity: session.quantities[one.quantity] ?? one.quantity, rate: figure(one.per_year, 2), unit: one.unit, n: one.runs})));
+  return words.length ? make('div', {}, words.map(word => make('div', {}, word))) : make('span', {class: 'good'}, text('no_drift'));
+}
+
+function cameraTable() {
+  const wantedOnes = (cameras ?? []).filter(one => (!wanted.camera || one.camera === wanted.camera) && (!wanted.station || one.station === wanted.station));
+  if (!wantedOnes.length) return make('p', {class: 'soft'}, text('no_runs'));
+  return [table([text('camera'), text('station'), text('last_run'), text('outcome'), text('runs'), text('due'), text('state')], wantedOnes.map(one => [
+    one.camera, one.station, one.last_utc.slice(0, 10), make('strong', {class: tone[one.last_outcome] ?? ''}, one.last_outcome), one.runs, one.due ?? '', stateOf(one)]), text('cameras')),
+  make('p', {class: 'soft small'}, text('fleet_legend'))];
 }
 
 // ---- control charts
@@ -84,10 +105,10 @@ export const fleetView = {
       if (state.run) choices.camera = [];
       fetchRuns().then(() => fleetView.draw(container, state, page));
     }
-    show(container, ['fleet', wanted, choices, runs, charts?.charts, trouble, document.documentElement.lang], () => [make('h1', {}, text('view_fleet')),
+    show(container, ['fleet', wanted, choices, runs, cameras, charts?.charts, trouble, document.documentElement.lang], () => [make('h1', {}, text('view_fleet')),
       trouble ? make('p', {class: 'bad'}, trouble) : null,
       make('div', {class: 'row'}, choice(text('camera'), 'camera', choices.camera, again), choice(text('station'), 'station', choices.station, again),
         choice(text('outcome'), 'outcome', ['PASS', 'FAIL', 'INCONCLUSIVE', 'ERROR', 'ABORTED'], again)),
-      card(text('charts'), chartCards()), card(text('runs'), runTable())]);
+      card(text('cameras'), cameraTable()), card(text('charts'), chartCards()), card(text('runs'), runTable())]);
   },
 };

@@ -60,6 +60,9 @@ export const strings = {
     runs: 'Runs', who: 'Operator', all: 'all', date: 'Date (UTC)', no_runs: 'No runs yet.', report: 'Report', charts: 'Control charts',
     charts_hint: 'Choose a camera to see its charts.', drift: 'DRIFT', no_drift: 'no drift',
     chart_label: '{quantity} of camera {camera}, {n} runs', chart_legend: 'Line: value. Band: U. Dashes: the limit. Red: drift alarm.',
+    cameras: 'Cameras', last_run: 'Last run', due: 'Due', state: 'State', due_now: 'due: it never passed', due_since: 'due since {day}',
+    trend: 'TREND: {quantity} changes by {rate} {unit} a year ({n} runs)',
+    fleet_legend: 'Due: so many days after the last PASS as the limits file says (due_after_days). Trend: since the latest calibration; a camera without one shows one with 1 % probability at each look.',
   },
   de: {
     stop: 'STOPP', stop_label: 'Alle Achsen anhalten und Laufendes beenden', views: 'Ansichten',
@@ -119,6 +122,9 @@ export const strings = {
     runs: 'Messungen', who: 'Bediener', all: 'alle', date: 'Datum (UTC)', no_runs: 'Noch keine Messungen.', report: 'Bericht', charts: 'Regelkarten',
     charts_hint: 'Eine Kamera w\u00e4hlen, um ihre Karten zu sehen.', drift: 'DRIFT', no_drift: 'keine Drift',
     chart_label: '{quantity} der Kamera {camera}, {n} Messungen', chart_legend: 'Linie: Wert. Band: U. Gestrichelt: die Grenze. Rot: Drift-Alarm.',
+    cameras: 'Kameras', last_run: 'Letzte Messung', due: 'F\u00e4llig', state: 'Zustand', due_now: 'f\u00e4llig: sie hat nie bestanden', due_since: 'f\u00e4llig seit {day}',
+    trend: 'TREND: {quantity} \u00e4ndert sich um {rate} {unit} im Jahr ({n} Messungen)',
+    fleet_legend: 'F\u00e4llig: so viele Tage nach dem letzten PASS, wie die Grenzwertdatei sagt (due_after_days). Trend: seit der neuesten Kalibrierung; eine Kamera ohne Trend zeigt bei jedem Blick mit 1 % Wahrscheinlichkeit einen.',
   },
 };
 

@@ -15,11 +15,20 @@
 //     pixel_residual_gray, pixel_blur_px, pixel_tone_gray, pixel_shading_percent (unit: "%"),
 //     pixel_noise_ratio (unit: "1"), pixel_edge_px, pixel_background_gray, pixel_black_gray
 //     pixels: must_match     # any difference of photographs and renders that is shown is a FAIL
+//     decision_rule: guarded         # or simple, or {guard_band: 0.5}, a factor of U
+//     due_after_days: 365            # when a camera that has passed is to be qualified again
+//
+// Of each quantity, optional, how its values scatter among the cameras that are judged:
+//
+//     b3_position_field_rms_mm: {limit: 0.06, unit: mm, prior: {mean: 0.03, deviation: 0.01}}
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
+
+#include "compare/verdict/decision_rule.h"
 
 namespace etalon {
 
@@ -44,6 +53,9 @@ struct Limits {
     std::optional<double> pixel_background_gray = {};
     std::optional<double> pixel_black_gray = {};
     bool pixels_must_match = false;
+    DecisionRule rule = {};
+    std::map<std::string, ValuePrior> priors = {};  // by the quantity's name
+    std::optional<int> due_after_days = {};
 };
 
 // Throws ConfigError with file, line and key: unknown, missing or doubled keys, a limit that is not

@@ -69,7 +69,7 @@ void list_quantities(const QualificationInput& input, Qualification& result) {
         quantity.reason = limit ? "" : "the limits have none for it";
         (limit ? result.quantities : result.reported).push_back(quantity);
     }
-    result.risk = family_risk(result.quantities);
+    result.risk = family_risk(result.quantities, input.limits.rule);
 }
 
 Qualification skipped(Qualification result, const std::string& reason) {
@@ -451,37 +451,55 @@ bool measure(JudgedQuantity& quantity, const Qualification& result) {
 }
 
 // A PASS must hold whatever an unknown input may be. Nothing when it does.
-std::string unknown_in_the_way(const JudgedQuantity& quantity, const Qualification& result) {
+std::string unknown_in_the_way(const JudgedQuantity& quantity, const DecisionRule& rule,
+                               const Qualification& result) {
     auto sources = unknown_sources(result.budget, quantity.name, true);
     const double widest = combined_at_widest(result.budget, quantity.name).expanded;
-    if (sources.empty() && decide(quantity.value, widest, quantity.limit) != Outcome::pass)
+    if (sources.empty() && decide(quantity.value, widest, quantity.limit, rule) != Outcome::pass)
         sources = unknown_sources(result.budget, quantity.name, false);
     if (sources.empty())
         return "";
     return fmt::format("the uncertainty of '{}' is unknown", fmt::join(sources, "', '"));
 }
 
-void judge(JudgedQuantity& quantity, Qualification& result) {
+// Nothing where there is no uncertainty, as in a simulation without noise.
+std::optional<DecisionRisk> risk_of(const JudgedQuantity& quantity, const Limits& limits) {
+    if (!(quantity.expanded_uncertainty > 0.0))
+        return std::nullopt;
+    const auto prior = limits.priors.find(quantity.name);
+    return decision_risk(
+        {quantity.value, quantity.expanded_uncertainty / quantity.coverage_factor,
+         quantity.coverage_factor, quantity.degrees_of_freedom, quantity.limit},
+        limits.rule, prior == limits.priors.end() ? std::nullopt : std::optional(prior->second));
+}
+
+void judge(JudgedQuantity& quantity, const Limits& limits, Qualification& result) {
     if (!measure(quantity, result))
         return;
-    quantity.outcome = decide(quantity.value, quantity.expanded_uncertainty, quantity.limit);
+    quantity.outcome =
+        decide(quantity.value, quantity.expanded_uncertainty, quantity.limit, limits.rule);
+    quantity.risk = risk_of(quantity, limits);
     if (quantity.outcome == Outcome::inconclusive)
-        quantity.reason = "the limit lies within the uncertainty of the value";
+        quantity.reason = limits.rule.guard_factor == 1.0
+                              ? "the limit lies within the uncertainty of the value"
+                              : "the limit lies within the guard band of the value";
     if (quantity.outcome != Outcome::pass)
         return;
-    quantity.reason = unknown_in_the_way(quantity, result);
+    quantity.reason = unknown_in_the_way(quantity, limits.rule, result);
     if (!quantity.reason.empty()) {
         quantity.outcome = Outcome::inconclusive;
         result.budget_complete = false;
     }
 }
 
-void judge_all(Qualification& result) {
+void judge_all(const Limits& limits, Qualification& result) {
     result.budget_complete = true;
     for (JudgedQuantity& quantity : result.quantities)
-        judge(quantity, result);
+        judge(quantity, limits, result);
     for (JudgedQuantity& quantity : result.reported)
         measure(quantity, result);
+    result.rule = limits.rule;
+    result.risk = family_risk(result.quantities, limits.rule);
     result.verdict = combine(result.quantities);
 }
 
@@ -583,7 +601,7 @@ Qualification qualify(QualificationInput& input) {
     QualificationBudget budget = qualification_budget(input, result, position_samples(input.poses),
                                                       calibration_signatures(chain));
     result.budget = std::move(budget.rows);
-    judge_all(result);
+    judge_all(input.limits, result);
     require_conditions(input, result);
     judge_pixels(input, result);
     if (input.monte_carlo)

@@ -59,6 +59,10 @@ struct DeclaredErrorMap {
 struct DeclaredTemperature {
     double standard_uncertainty_k = 0.0;
     double marker_expansion_per_k = 0.0, stage_expansion_per_k = 0.0;  // relative
+    double reference_c = 20.0;  // the one at which the sizes are declared (ISO 1)
+    // Of a measured one, and how it was measured; empty: declared.
+    double degrees_of_freedom = std::numeric_limits<double>::infinity();
+    std::string basis = {};
 };
 
 struct QualificationInput {
@@ -137,6 +141,7 @@ struct Qualification {
     // have none: they are SKIPPED with a limit of 0, and their value and U are there where they
     // were measured.
     std::vector<JudgedQuantity> quantities, reported;
+    DecisionRule rule;                 // that they are judged by
     FamilyRisk risk;                   // of the judged ones together
     std::vector<std::string> reasons;  // why the verdict is not PASS, one sentence each
 

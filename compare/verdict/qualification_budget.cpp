@@ -331,10 +331,11 @@ private:
         }
         const DeclaredTemperature& temperature = *input_.temperature;
         row.standard_uncertainty = checked(row.source, temperature.standard_uncertainty_k);
-        row.basis = fmt::format(
-            "declared by the station, expanding by {:.3g} (marker) and {:.3g} "
-            "(stage) per kelvin",
-            temperature.marker_expansion_per_k, temperature.stage_expansion_per_k);
+        row.degrees_of_freedom = temperature.degrees_of_freedom;
+        row.basis =
+            fmt::format("{}, expanding by {:.3g} (marker) and {:.3g} (stage) per kelvin",
+                        temperature.basis.empty() ? "declared by the station" : temperature.basis,
+                        temperature.marker_expansion_per_k, temperature.stage_expansion_per_k);
         Effect effect = marker * temperature.marker_expansion_per_k;
         for (const DeclaredStageTerm& term : input_.stage_terms)
             if (term.is_linear_scale)

@@ -15,14 +15,15 @@ const char* name(Outcome outcome) {
     return names[static_cast<std::size_t>(outcome)];
 }
 
-Outcome decide(double value, double expanded_uncertainty, double limit) {
+Outcome decide(double value, double expanded_uncertainty, double limit, const DecisionRule& rule) {
     if (!std::isfinite(value) || !std::isfinite(expanded_uncertainty) || !std::isfinite(limit) ||
         expanded_uncertainty < 0.0 || limit <= 0.0)
         throw NumericalError(fmt::format("verdict: value {}, U {}, limit {} cannot be judged",
                                          value, expanded_uncertainty, limit));
-    if (value + expanded_uncertainty <= limit)
+    const double guard = rule.guard_factor * expanded_uncertainty;
+    if (value + guard <= limit)
         return Outcome::pass;
-    if (value - expanded_uncertainty > limit)
+    if (value - guard > limit)
         return Outcome::fail;
     return Outcome::inconclusive;
 }
@@ -38,10 +39,17 @@ Outcome combine(std::span<const JudgedQuantity> quantities) {
     return Outcome::inconclusive;
 }
 
-FamilyRisk family_risk(std::span<const JudgedQuantity> quantities) {
+FamilyRisk family_risk(std::span<const JudgedQuantity> quantities, const DecisionRule& rule) {
     FamilyRisk risk;
     risk.judged = static_cast<int>(quantities.size());
-    risk.each = risk.wrong_pass = 1.0 - coverage_probability;
+    if (rule.guard_factor == 1.0) {
+        risk.each = 1.0 - coverage_probability;  // whatever the degrees of freedom; less for pixels
+    } else {
+        for (const JudgedQuantity& each : quantities)
+            risk.each = std::max(
+                risk.each, risk_at_limit(rule, each.coverage_factor, each.degrees_of_freedom));
+    }
+    risk.wrong_pass = risk.each;
     risk.wrong_fail = std::min(1.0, risk.judged * risk.each);
     return risk;
 }

@@ -1,7 +1,8 @@
 // From a measured value with its uncertainty to an outcome, and from outcomes to the verdict.
 //
-// Decision rule: ISO 14253-1 with guard bands of the expanded uncertainty (JCGM 106:2012, 8.3.2):
-// what lies within U of the limit is proven neither good nor bad.
+// Decision rule, unless the limits say otherwise (compare/verdict/decision_rule.h): ISO 14253-1
+// with guard bands of the expanded uncertainty (JCGM 106:2012, 8.3.2): what lies within U of the
+// limit is proven neither good nor bad.
 #pragma once
 
 #include <limits>
@@ -9,11 +10,13 @@
 #include <span>
 #include <string>
 
+#include "compare/verdict/decision_rule.h"
+
 namespace etalon {
 
 enum class Outcome {
-    pass,            // value + U <= limit
-    fail,            // value - U > limit
+    pass,            // value + w <= limit; w is U, or what the decision rule makes of it
+    fail,            // value - w > limit
     inconclusive,    // neither can be said at this uncertainty
     not_observable,  // this run cannot see it, whatever its size
     skipped,         // not measured; the reason says why
@@ -37,11 +40,13 @@ struct JudgedQuantity {
     std::optional<double> monte_carlo_uncertainty = {};
     double limit = 0.0;
     Outcome outcome = Outcome::skipped;
-    std::string reason;  // empty for a plain PASS or FAIL
+    std::string reason;                     // empty for a plain PASS or FAIL
+    std::optional<DecisionRisk> risk = {};  // of what is judged; nothing without an uncertainty
 };
 
 // The decision rule. Throws NumericalError unless all three are finite, U >= 0 and limit > 0.
-Outcome decide(double value, double expanded_uncertainty, double limit);
+Outcome decide(double value, double expanded_uncertainty, double limit,
+               const DecisionRule& rule = {});
 
 // FAIL when any is FAIL; PASS when there is at least one and all are PASS; INCONCLUSIVE otherwise.
 Outcome combine(std::span<const JudgedQuantity> quantities);
@@ -49,7 +54,8 @@ Outcome combine(std::span<const JudgedQuantity> quantities);
 // What the verdict risks over all quantities together, each judged one-sided.
 struct FamilyRisk {
     int judged = 0;
-    double each = 0.0;  // that a quantity exactly at its limit comes out as PASS, or as FAIL
+    // That a quantity exactly at its limit comes out as PASS, or as FAIL: the largest of all.
+    double each = 0.0;
     // That a camera with any quantity at or above its limit gets PASS: all must pass, so it is no
     // more than that of one.
     double wrong_pass = 0.0;
@@ -57,6 +63,6 @@ struct FamilyRisk {
     // add up (Bonferroni's bound, however the quantities depend on each other).
     double wrong_fail = 0.0;
 };
-FamilyRisk family_risk(std::span<const JudgedQuantity> quantities);
+FamilyRisk family_risk(std::span<const JudgedQuantity> quantities, const DecisionRule& rule = {});
 
 }  // namespace etalon

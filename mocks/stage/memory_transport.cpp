@@ -20,8 +20,8 @@ std::size_t bytes_of(const ModbusRequest& request) {
 
 void MemoryTransport::advance_to(Instant until) {
     while (clock_.now() < until) {
-        clock_.wait_until(std::min(until, clock_.now() + watchdog_tick), {});
-        controller_.check_watchdogs();
+        clock_.wait_until(std::min(until, clock_.now() + modbus_tick), {});
+        controller_.tick();
     }
 }
 
@@ -39,7 +39,7 @@ void MemoryTransport::close() noexcept {
 ModbusReply MemoryTransport::exchange(const ModbusRequest& request,
                                       std::chrono::milliseconds timeout) {
     const Instant deadline = clock_.now() + timeout;
-    controller_.check_watchdogs();
+    controller_.tick();
     ++transaction_;
     if (!deaf_ && !hung_up_ && controller_.has_unit(request.unit))
         queue(request, controller_.handle(request));

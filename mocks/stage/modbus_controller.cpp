@@ -75,7 +75,7 @@ ModbusReaction ModbusController::ask_script(const ModbusRequest& request) {
     return script ? script(request) : ModbusReaction{};
 }
 
-void ModbusController::check_watchdogs() {
+void ModbusController::tick() {
     for (Unit& unit : units_)
         unit.registers.check_watchdog();
 }

@@ -4,30 +4,20 @@
 // (mocks/stage/memory_transport.h).
 #pragma once
 
-#include <chrono>
 #include <mutex>
 #include <optional>
 #include <vector>
 
 #include "mocks/stage/modbus_fault.h"
 #include "mocks/stage/modbus_framing.h"
+#include "mocks/stage/modbus_server.h"
 #include "mocks/stage/simulated_stage.h"
 #include "mocks/stage/stage_registers.h"
 #include "stage/profile/profile.h"
 
 namespace etalon {
 
-// How often the controllers' own watchdogs are looked at.
-inline constexpr std::chrono::milliseconds watchdog_tick{10};
-
-// What the controller says to a request, before it goes onto the wire.
-struct ModbusAnswer {
-    ModbusReaction reaction;
-    int exception = no_exception;
-    std::vector<std::uint16_t> values;  // of a read
-};
-
-class ModbusController {
+class ModbusController final : public ModbusUnits {
 public:
     // One unit for each of the stage's controllers. A controller whose axes name no unit answers to
     // `unit`, and to every unit if there is none. The stage must outlive this. Throws ConfigError
@@ -35,13 +25,13 @@ public:
     ModbusController(SimulatedStage& stage, const StageProfile& profile,
                      std::optional<int> unit = std::nullopt);
 
-    bool has_unit(int unit) const;
+    bool has_unit(int unit) const override;
 
     // On one thread: carries the request out. The unit must be here.
-    ModbusAnswer handle(const ModbusRequest& request);
+    ModbusAnswer handle(const ModbusRequest& request) override;
 
     // On the same thread, every few milliseconds: the controllers' own watchdogs.
-    void check_watchdogs();
+    void tick() override;
 
     // Safe from every thread, as in ModbusStageServer.
     void set_script(ModbusScript script);

@@ -1,13 +1,13 @@
 // A stage controller on Modbus TCP (127.0.0.1) or on a serial line with Modbus RTU: the registers
 // of a profile in front of a simulated stage. For the twin and for tests, which script its faults.
-//
-// Function codes 1 to 6, 15 and 16; everything else is answered by an exception.
 #pragma once
 
 #include <memory>
 #include <vector>
 
+#include "mocks/stage/modbus_controller.h"
 #include "mocks/stage/modbus_fault.h"
+#include "mocks/stage/modbus_server.h"
 #include "mocks/stage/serial_pair.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/profile/profile.h"
@@ -26,10 +26,6 @@ public:
     ModbusStageServer(SimulatedStage& stage, const StageProfile& profile, const SerialPair& line,
                       int unit = 1);
 
-    ~ModbusStageServer();  // closes every connection and returns within milliseconds
-    ModbusStageServer(const ModbusStageServer&) = delete;
-    ModbusStageServer& operator=(const ModbusStageServer&) = delete;
-
     int port() const;  // the bound one; 0 on a serial line
 
     // Asked about every request from now on, on the server's thread; an empty one ends the faults.
@@ -43,8 +39,8 @@ public:
     std::vector<ModbusRequest> writes() const;
 
 private:
-    class Worker;
-    std::unique_ptr<Worker> worker_;
+    std::unique_ptr<ModbusController> controller_;
+    std::unique_ptr<ModbusServer> server_;  // last: its thread uses the other
 };
 
 }  // namespace etalon

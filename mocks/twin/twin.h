@@ -21,6 +21,7 @@ public:
 
     int stage_port() const { return rig_.stage_port(); }
     std::string stage_place() const { return rig_.stage_place(); }
+    int room_port() const { return rig_.room_port(); }
 
     // The parts, for tests: to script faults, and to know the truth.
     SimulatedStage& stage() { return rig_.stage(); }

@@ -66,6 +66,17 @@ TwinScene read_scene(const Value& value) {
     return scene;
 }
 
+TwinRoom read_room(const Value& value) {
+    TwinRoom twin;
+    twin.port = value.at("port").integer(0, 65535);
+    twin.room.temperature_c = value.at("temperature_c").number({-40.0, 85.0});
+    twin.room.swing_k = value.number_or_zero("swing_k", {0.0, 20.0});
+    if (const auto period = value.find("period_s"))
+        twin.room.period_s = period->number(units::s.positive());
+    twin.room.humidity_percent = value.at("humidity_percent").number({0.0, 100.0});
+    return twin;
+}
+
 }  // namespace
 
 TwinFile read_twin_file(const std::filesystem::path& path) {
@@ -77,6 +88,8 @@ TwinFile read_twin_file(const std::filesystem::path& path) {
     twin.stage = read_twin_stage(file, root.at("stage"));
     read_twin_camera(file, root.at("camera"), twin);
     twin.scene = read_scene(root.at("scene"));
+    if (const auto room = root.find("room"))
+        twin.room = read_room(*room);
     file.finish();
     return twin;
 }

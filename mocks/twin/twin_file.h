@@ -15,6 +15,9 @@
 //       background: 0.6
 //       camera_from_base: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 300]}
 //       carriage_from_marker: {rotation_deg: [0, 0, 0], translation_mm: [0, 0, 0]}
+//     room: {port: 1503, temperature_c: 20.3, swing_k: 0.1, period_s: 60, humidity_percent: 45}
+//                                               # a sensor (mocks/stage/room_sensor_server.h);
+//                                               optional
 //
 // rotation_deg is a rotation vector: axis times angle.
 #pragma once
@@ -22,13 +25,20 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 
 #include "calib/camera/camera_model.h"
+#include "mocks/stage/room_sensor_server.h"
 #include "mocks/twin/twin_stage_file.h"
 #include "sim/render/renderer.h"
 #include "sim/twin/twin_physics.h"
 
 namespace etalon {
+
+struct TwinRoom {
+    int port = 0;  // of its sensor; 0: any free one
+    SimulatedRoom room;
+};
 
 struct TwinFile {
     std::uint64_t seed = 0;
@@ -41,6 +51,7 @@ struct TwinFile {
     double packet_loss = 0.0;
 
     TwinScene scene;
+    std::optional<TwinRoom> room;
 };
 
 // Throws ConfigError with file, line and key.

@@ -43,8 +43,10 @@ int run(const Arguments& arguments) {
     if (arguments.seed)
         file.seed = *arguments.seed;
     const etalon::Twin twin(file);
-    const std::string ready =
-        fmt::format("twin ready: stage {}, camera 127.0.0.1 (GigE Vision)\n", twin.stage_place());
+    const std::string room =
+        twin.room_port() ? fmt::format(", room 127.0.0.1:{}", twin.room_port()) : "";
+    const std::string ready = fmt::format(
+        "twin ready: stage {}, camera 127.0.0.1 (GigE Vision){}\n", twin.stage_place(), room);
     fmt::print("{}", ready);
     std::fflush(stdout);
     if (!arguments.ready_file.empty())

@@ -32,6 +32,8 @@ TwinRig::TwinRig(const TwinFile& file)
       line_(line_of(file.stage)),
       server_(line_ ? ModbusStageServer(stage_, file.stage.profile, line_->pair())
                     : ModbusStageServer(stage_, file.stage.profile, file.stage.port)) {
+    if (file.room)
+        room_.emplace(file.room->room, clock_, file.room->port);
     server_.set_script(scripted_faults(file.stage.link_faults, stage_));
     stage_.hold_in_position_until(
         [this](const std::vector<double>& positions) { return darkroom_.shows(positions); });

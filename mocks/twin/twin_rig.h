@@ -30,6 +30,7 @@ public:
 
     int stage_port() const { return server_.port(); }  // the bound one; 0: a serial line
     std::string stage_place() const;                   // "127.0.0.1:1502" or the serial line's name
+    int room_port() const { return room_ ? room_->port() : 0; }  // of the room's sensor; 0: none
     SimulatedStage& stage() { return stage_; }
     const TwinPhysics& physics() const { return physics_; }
     Radiance picture() const { return darkroom_.picture(); }  // safe from every thread
@@ -47,6 +48,7 @@ private:
     TwinPhysics physics_;
     Darkroom darkroom_;
     std::optional<SerialLink> line_;
+    std::optional<RoomSensorServer> room_;
     ModbusStageServer server_;  // last: its thread uses all the others
 };
 

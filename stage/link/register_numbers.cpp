@@ -24,6 +24,19 @@ std::uint32_t bits_of(double number, NumberType type) {
 
 }  // namespace
 
+NumberType read_number_type(const Value& value) {
+    const std::string word = value.one_of({"int16", "uint16", "int32", "float32"});
+    return word == "int16"    ? NumberType::int16
+           : word == "uint16" ? NumberType::uint16
+           : word == "int32"  ? NumberType::int32
+                              : NumberType::float32;
+}
+
+WordOrder read_word_order(const Value& value) {
+    return value.one_of({"high_first", "low_first"}) == "low_first" ? WordOrder::low_first
+                                                                    : WordOrder::high_first;
+}
+
 NumberRange range_of(NumberType type) {
     switch (type) {
         case NumberType::int16:

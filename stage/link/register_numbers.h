@@ -5,10 +5,16 @@
 #include <span>
 #include <vector>
 
+#include "core/strict_reader.h"
+
 namespace etalon {
 
 enum class NumberType { int16, uint16, int32, float32 };
 enum class WordOrder { high_first, low_first };  // of the two registers of 32 bits
+
+// int16, uint16, int32 or float32; high_first or low_first. Throw ConfigError for other words.
+NumberType read_number_type(const Value& value);
+WordOrder read_word_order(const Value& value);
 
 constexpr int registers_of(NumberType type) {
     return type == NumberType::int32 || type == NumberType::float32 ? 2 : 1;

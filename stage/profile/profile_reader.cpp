@@ -81,8 +81,7 @@ StageProfile read_profile(const Layers& root) {
     profile.max_axes = root.at("max_axes").integer(1, 31);
     if (const auto link = root.find("link"))
         profile.link = read_link_defaults(*link);
-    const bool low_first = root.at("word_order").one_of({"high_first", "low_first"}) == "low_first";
-    profile.word_order = low_first ? WordOrder::low_first : WordOrder::high_first;
+    profile.word_order = read_word_order(root.at("word_order"));
     read_counts(root.section("counts"), profile.counts);
     read_speed(root.section("speed"), profile.speed);
     read_profile_registers(root, profile);

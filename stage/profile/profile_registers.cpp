@@ -37,14 +37,6 @@ bool flag_or(const Value& mapping, const char* key, bool otherwise) {
     return value ? value->flag() : otherwise;
 }
 
-NumberType read_type(const Value& value) {
-    const std::string word = value.one_of({"int16", "uint16", "int32", "float32"});
-    return word == "int16"    ? NumberType::int16
-           : word == "uint16" ? NumberType::uint16
-           : word == "int32"  ? NumberType::int32
-                              : NumberType::float32;
-}
-
 // As manuals give addresses and codes: 0x6002 or 24578.
 int read_word(const Value& value, int low, int high) {
     const std::string text = value.is_scalar() ? value.text() : "";
@@ -187,7 +179,7 @@ private:
         const Place place = read_place(value);
         if (is_bits(place.space))
             value.fail("a number needs registers");
-        const PolledNumber number{place.space, place.address, read_type(value.at("type"))};
+        const PolledNumber number{place.space, place.address, read_number_type(value.at("type"))};
         require_polled(value, place, registers_of(number.type));
         for (int i = 0; i < registers_of(number.type); ++i)
             claim(value, {place.space, place.address + i}, whole, meaning);
@@ -307,10 +299,10 @@ private:
     static TargetBlock::Field read_field(const Value& value) {
         using Is = TargetBlock::Field::Is;
         if (const auto type = value.find("target"))
-            return {Is::target, read_type(*type)};
+            return {Is::target, read_number_type(*type)};
         if (const auto type = value.find("speed"))
-            return {Is::speed, read_type(*type)};
-        const NumberType type = read_type(value.at("type"));
+            return {Is::speed, read_number_type(*type)};
+        const NumberType type = read_number_type(value.at("type"));
         const NumberRange range = range_of(type);
         const Value constant = value.at("constant");
         if (type != NumberType::float32)

@@ -2,8 +2,10 @@
 
 #include "core/errors.h"
 #include "station/history/commands.h"
+#include "station/history/fleet.h"
 #include "station/history/run_history.h"
 #include "station/history/run_index.h"
+#include "station/record/run_record.h"
 #include "station/shell/command.h"
 #include "station/shell/command_output.h"
 
@@ -20,8 +22,17 @@ struct HistoryArguments {
 
 constexpr int drift_found = 1;
 
-void print_alarms(std::span<const QuantityHistory> charts) {
+void print_alarms(std::span<const QuantityHistory> charts, std::span<const CameraState> fleet) {
     bool any = false;
+    for (const CameraState& state : fleet) {
+        if (state.is_due)
+            fmt::print("due camera {} {}\n", state.camera, state.due.empty() ? "now" : state.due);
+        for (const QuantityTrend& each : state.trends)
+            if (each.is_shown) {
+                fmt::print("trend camera {} {}\n", state.camera, each.quantity);
+                any = true;
+            }
+    }
     for (const QuantityHistory& history : charts)
         if (history.drifts()) {
             fmt::print("drift alarm camera {} {}\n", history.camera, history.quantity);
@@ -48,18 +59,17 @@ int run_history(const HistoryArguments& arguments) {
     const std::vector<HistoricRun> runs =
         arguments.index.empty() ? read_history(arguments.records) : indexed_runs(arguments.index);
     const std::vector<QuantityHistory> charts = chart_history(runs);
+    const std::vector<CameraState> fleet = fleet_of(runs, charts, utc_now().substr(0, 10));
     if (!arguments.out.empty())
-        write_history_report(runs, charts, arguments.out);
+        write_history_report(runs, charts, fleet, arguments.out);
     if (arguments.json) {
-        fmt::print("{}", history_json(runs, charts));
+        fmt::print("{}", history_json(runs, charts, fleet));
     } else {
-        fmt::print("{}", history_text(runs, charts));
-        print_alarms(charts);
+        fmt::print("{}{}", fleet_text(fleet), history_text(runs, charts));
+        print_alarms(charts, fleet);
         print_report(arguments.out);
     }
-    const bool drifts = std::any_of(charts.begin(), charts.end(),
-                                    [](const QuantityHistory& chart) { return chart.drifts(); });
-    return drifts ? drift_found : 0;
+    return std::ranges::any_of(fleet, &CameraState::drifts) ? drift_found : 0;
 }
 
 }  // namespace
@@ -69,9 +79,12 @@ void declare_history(Command& program) {
         program.add(run_history, "history", "control chart of a camera over its runs",
                     "Reads the run.json of every record and charts each judged quantity of each\n"
                     "camera over time: a self-starting EWMA chart, which gives one false alarm in\n"
-                    "373 runs. A new calibration begins a new baseline. Prints a table, and\n"
-                    "`drift alarm camera SERIAL QUANTITY` or `no drift alarm`; exit code 1 when a\n"
-                    "quantity drifts. --out writes report.html, an SVG of each chart and JSON.\n");
+                    "373 runs. A new calibration begins a new baseline. A trend since then is\n"
+                    "tested for at 1 % a camera. Prints the fleet with what is due\n"
+                    "(due_after_days in limits.yaml), a table of each chart, and\n"
+                    "`drift alarm camera SERIAL QUANTITY`, `trend camera SERIAL QUANTITY` or\n"
+                    "`no drift alarm`, and `due camera SERIAL DAY`; exit code 1 when a quantity\n"
+                    "drifts. --out writes report.html, an SVG of each chart and JSON.\n");
     const Option records =
         command.option("DIR", asked->records, "records, or folders that hold records");
     command

@@ -4,6 +4,7 @@
 #include "report/html.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
+#include "station/history/fleet.h"
 #include "station/history/run_history.h"
 #include "station/record/record_json.h"
 #include "station/shell/command_output.h"
@@ -90,6 +91,30 @@ RecordJson chart_entry(std::span<const HistoricRun> runs, const QuantityHistory&
              })}};
 }
 
+RecordJson trend_entry(const QuantityTrend& each) {
+    return {{"quantity", each.quantity},
+            {"unit", each.unit},
+            {"runs", each.trend.runs},
+            {"probability", each.trend.probability},
+            {"per_year", optional_number(each.trend.per_year)},
+            {"judged", each.is_judged},
+            {"trend", each.is_shown}};
+}
+
+RecordJson state_entry(const CameraState& state) {
+    return {{"camera", state.camera},
+            {"station", state.station},
+            {"marker", state.marker},
+            {"runs", state.runs},
+            {"last_utc", state.last_utc},
+            {"last_outcome", state.last_outcome},
+            {"due", state.due.empty() ? RecordJson() : RecordJson(state.due)},
+            {"is_due", state.is_due},
+            {"drifts", state.drifts()},
+            {"alarms", state.alarms},
+            {"trends", json_list(state.trends, trend_entry)}};
+}
+
 // ---- pictures
 
 struct Columns {
@@ -135,6 +160,26 @@ SvgPlot drift_plot(const Columns& columns) {
     return plot;
 }
 
+std::string trend_sentence(const CameraState& state, const QuantityTrend& each) {
+    return fmt::format("Camera {}: {} changes by {:+.3g} {} a year ({} runs, p = {:.2g})",
+                       state.camera, each.quantity, each.trend.per_year.value_or(0.0), each.unit,
+                       each.trend.runs, each.trend.probability);
+}
+
+void add_fleet(HtmlPage& page, std::span<const CameraState> fleet) {
+    TableRows rows;
+    for (const CameraState& state : fleet)
+        rows.push_back({state.camera, state.last_outcome, state.station, state.marker,
+                        state.last_utc, fmt::format("{}", state.runs),
+                        state.due.empty() ? dash : state.due, state.is_due ? "DUE" : "",
+                        state.drifts() ? "DRIFT" : ""});
+    page.add_heading("Fleet");
+    page.add_table(
+        {"camera", "outcome", "station", "marker", "last run", "runs", "due", "is due", "drift"},
+        rows);
+    page.add_notes({trend_method_text()});
+}
+
 void add_chart(HtmlPage& page, std::span<const HistoricRun> runs, const QuantityHistory& history) {
     page.add_heading(fmt::format("Camera {}: {}", history.camera, title_of(history)));
     page.add_facts({{"Station", history.station},
@@ -172,11 +217,18 @@ std::string history_text(std::span<const HistoricRun> runs,
     return text;
 }
 
-std::string history_json(std::span<const HistoricRun> runs,
-                         std::span<const QuantityHistory> charts) {
+std::string fleet_json(std::span<const CameraState> fleet) {
+    return text_of({{"method", trend_method_text()}, {"cameras", json_list(fleet, state_entry)}}) +
+           "\n";
+}
+
+std::string history_json(std::span<const HistoricRun> runs, std::span<const QuantityHistory> charts,
+                         std::span<const CameraState> fleet) {
     return text_of({{"etalon", "history/1"},
                     {"method", method_text()},
+                    {"trend_method", trend_method_text()},
                     {"runs", runs.size()},
+                    {"cameras", json_list(fleet, state_entry)},
                     {"charts", json_list(charts,
                                          [&](const QuantityHistory& history) {
                                              return chart_entry(runs, history);
@@ -186,17 +238,29 @@ std::string history_json(std::span<const HistoricRun> runs,
 
 void write_history_report(std::span<const HistoricRun> runs,
                           std::span<const QuantityHistory> charts,
-                          const std::filesystem::path& folder) {
+                          std::span<const CameraState> fleet, const std::filesystem::path& folder) {
     make_out_folder(folder);
     HtmlPage page("Cameras over time", counted(runs.size(), "run"));
     std::vector<std::string> drifting;
     for (const QuantityHistory& history : charts)
         if (history.drifts())
             drifting.push_back(fmt::format("Camera {}: {}", history.camera, title_of(history)));
+    const std::size_t alarms = drifting.size();
+    std::vector<std::string> due;
+    for (const CameraState& state : fleet) {
+        for (const QuantityTrend& each : state.trends)
+            if (each.is_shown)
+                drifting.push_back(trend_sentence(state, each));
+        if (state.is_due)
+            due.push_back(
+                fmt::format("Camera {}: {}", state.camera,
+                            state.due.empty() ? "it never passed" : "since " + state.due));
+    }
     page.add_verdict(
         drifting.empty() ? "NO ALARM" : "DRIFT",
-        fmt::format("{} of {} show an alarm.", drifting.size(), counted(charts.size(), "chart")),
-        {{"What drifts", drifting}});
+        fmt::format("{} of {} show an alarm.", alarms, counted(charts.size(), "chart")),
+        {{"What drifts", drifting}, {"What is due", due}});
+    add_fleet(page, fleet);
     int count = 0;
     for (const QuantityHistory& history : charts) {
         add_chart(page, runs, history);
@@ -208,7 +272,7 @@ void write_history_report(std::span<const HistoricRun> runs,
          " A new calibration begins a new baseline, of which the first two runs only tell "
          "the mean and the spread."});
     write_text(folder / "report.html", page.finish());
-    write_text(folder / "history.json", history_json(runs, charts));
+    write_text(folder / "history.json", history_json(runs, charts, fleet));
 }
 
 }  // namespace etalon

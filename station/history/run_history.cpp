@@ -71,6 +71,8 @@ HistoricRun read_run(const Path& folder) {
     run.marker = json.at("marker").text();
     run.limits = json.at("limits").text();
     run.calibration_sha256 = calibration_of(json);
+    if (json.has("due_after_days") && !json.at("due_after_days").is_null())
+        run.due_after_days = static_cast<int>(json.at("due_after_days").integer(1, 36500));
     run.quantities = read_quantities(json);
     return run;
 }

@@ -19,13 +19,16 @@ struct HistoricQuantity {
     std::string outcome;
 };
 
+struct CameraState;
+
 struct HistoricRun {
     std::filesystem::path folder;
     std::string started_utc, outcome;
     std::string reason, operator_name;  // of an ERROR or ABORTED; of the last session; may be empty
-    std::string camera;  // serial number; the address of a camera without one
+    std::string camera;                 // serial number; the address of a camera without one
     std::string station, marker, limits;
     std::string calibration_sha256;
+    std::optional<int> due_after_days;  // of the limits; records of before 2026-11-27 have none
     std::vector<HistoricQuantity> quantities;
 };
 
@@ -55,14 +58,15 @@ struct QuantityHistory {
 
 std::vector<QuantityHistory> chart_history(std::span<const HistoricRun> runs);
 
-// For people, at most 80 columns; as JSON, `etalon: history/1`; as a folder with report.html, a
-// chart-N.svg of each quantity and history.json.
+// `fleet` is that of the runs (station/history/fleet.h). For people, at most 80 columns; as JSON,
+// `etalon: history/1`; as a folder with report.html, a chart-N.svg of each quantity and
+// history.json.
 std::string history_text(std::span<const HistoricRun> runs,
                          std::span<const QuantityHistory> charts);
-std::string history_json(std::span<const HistoricRun> runs,
-                         std::span<const QuantityHistory> charts);
+std::string history_json(std::span<const HistoricRun> runs, std::span<const QuantityHistory> charts,
+                         std::span<const CameraState> fleet);
 void write_history_report(std::span<const HistoricRun> runs,
                           std::span<const QuantityHistory> charts,
-                          const std::filesystem::path& folder);
+                          std::span<const CameraState> fleet, const std::filesystem::path& folder);
 
 }  // namespace etalon

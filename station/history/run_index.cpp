@@ -14,11 +14,11 @@ namespace {
 
 using Path = std::filesystem::path;
 
-constexpr int index_version = 1;  // of the tables below
+constexpr int index_version = 2;  // of the tables below
 constexpr const char* tables = R"(
     CREATE TABLE run(record TEXT PRIMARY KEY, stamp TEXT, started_utc TEXT, outcome TEXT,
         reason TEXT, operator TEXT, camera TEXT, station TEXT, marker TEXT, limits TEXT,
-        calibration TEXT);
+        calibration TEXT, due_after_days REAL);
     CREATE TABLE quantity(record TEXT, place INTEGER, name TEXT, unit TEXT, value REAL, u REAL,
         bound REAL, outcome TEXT, PRIMARY KEY(record, place)) WITHOUT ROWID;
     CREATE INDEX run_started ON run(started_utc);)";
@@ -140,6 +140,8 @@ HistoricRun run_of(const Path& folder, const Statement& row) {
                                   &run.marker,        &run.limits,  &run.calibration_sha256};
     for (int column = 1; std::string * text : texts)
         *text = row.text(column++);
+    if (const auto days = row.number(10))
+        run.due_after_days = static_cast<int>(*days);
     return run;
 }
 
@@ -231,11 +233,12 @@ IndexUpdate RunIndex::update() {
 void RunIndex::take(const Path& record, const std::string& stamp) {
     const HistoricRun run = read_run(record);
     const std::string name = record.filename().string();
-    Statement row(database_, "INSERT INTO run VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+    Statement row(database_, "INSERT INTO run VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     for (const std::string& text :
          {name, stamp, run.started_utc, run.outcome, run.reason, run.operator_name, run.camera,
           run.station, run.marker, run.limits, run.calibration_sha256})
         row.bind(text);
+    row.bind(run.due_after_days ? std::optional<double>(*run.due_after_days) : std::nullopt);
     row.run();
     Statement quantity(database_, "INSERT INTO quantity VALUES(?, ?, ?, ?, ?, ?, ?, ?)");
     for (long long place = 0; const HistoricQuantity& one : run.quantities)
@@ -253,7 +256,8 @@ void RunIndex::take(const Path& record, const std::string& stamp) {
 std::vector<HistoricRun> RunIndex::runs(const RunFilter& filter) const {
     std::string sql =
         "SELECT record, started_utc, outcome, reason, operator, camera, station, marker, limits, "
-        "calibration FROM run WHERE (?1 = '' OR camera = ?1) AND (?2 = '' OR station = ?2) AND "
+        "calibration, due_after_days FROM run WHERE (?1 = '' OR camera = ?1) AND (?2 = '' OR "
+        "station = ?2) AND "
         "(?3 = '' OR outcome = ?3)";
     if (filter.unfinished)
         sql += " AND outcome IN ('ERROR', 'ABORTED')";

@@ -18,6 +18,7 @@
 #include "core/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
+#include "station/qualify/decision_table.h"
 #include "station/qualify/report_plots.h"
 #include "station/qualify/run_expectation.h"
 
@@ -226,9 +227,9 @@ void add_judged(HtmlPage& page, const Qualification& analysis) {
     std::vector<std::string> notes = quantity_notes(analysis);
     notes.insert(
         notes.end(),
-        {"value + U <= limit is PASS, value - U > limit is FAIL, anything between is INCONCLUSIVE. "
-         "U is the expanded uncertainty, one-sided 97.7 %, and k its coverage factor; \"below\" U "
-         "is a field that is no stronger than noise alone makes it.",
+        {analysis.rule.sentence() + ". U is the expanded uncertainty, one-sided 97.7 %, and k its "
+                                    "coverage factor; \"below\" U "
+                                    "is a field that is no stronger than noise alone makes it.",
          "Judged is a smooth field of the bias over the volume, never its mean: registration makes "
          "the mean vanish whatever the camera.",
          fmt::format("A camera with any judged quantity at its limit gets PASS in at most {:.1f} % "
@@ -546,6 +547,7 @@ void add_run(HtmlPage& page, const QualifyResult& result) {
 void add_analysis(HtmlPage& page, const QualifyResult& result) {
     const Qualification& analysis = *result.analysis;
     add_judged(page, analysis);
+    add_decision(page, analysis);
     add_conditions(page, analysis);
     if (analysis.causes)
         add_causes(page, *analysis.causes);

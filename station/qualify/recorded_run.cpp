@@ -105,6 +105,10 @@ private:
             take_frame(line);
         else if (event == "pose")
             take_pose(line, t);
+        else if (event == climate_read)
+            take_climate(line, t);
+        else if (event == climate_lost)
+            result_.environment.lost = line.at("detail").text();
         else if (event == "remark")
             add_once(result_.remarks, line.at("detail").text());
         else if (event == "camera released")
@@ -125,11 +129,11 @@ private:
     }
 
     void take_session(const JsonEntry& line, double t) {
-        const bool knows_boot = line.has("boot");  // logs of before 2026-11-25 do not
+        const bool knows_boot = line.has("boot");          // logs of before 2026-11-25 do not
         const bool knows_operator = line.has("operator");  // nor those of before the day after
         if (knows_operator)
-            line.require_keys({"t", "event", "started_utc", "boot", "boot_s", "version", "operator",
-                               "camera"});
+            line.require_keys(
+                {"t", "event", "started_utc", "boot", "boot_s", "version", "operator", "camera"});
         else if (knows_boot)
             line.require_keys({"t", "event", "started_utc", "boot", "boot_s", "version", "camera"});
         else
@@ -193,6 +197,14 @@ private:
         ++result_.sessions.back().poses;
         result_.poses.push_back(pose);
         frames_.clear();
+    }
+
+    void take_climate(const JsonEntry& line, double t) {
+        line.require_keys({"t", "event", "temperature_c", "humidity_percent"});
+        ClimateReading reading{t, line.at("temperature_c").number(any_number), {}};
+        if (!line.at("humidity_percent").is_null())
+            reading.humidity_percent = line.at("humidity_percent").number(any_number);
+        result_.environment.readings.push_back(reading);
     }
 
     Pose planned_pose(const JsonEntry& line) const {

@@ -89,7 +89,7 @@ void analyse_run(QualifyResult& result, PhotometricPoses& photometric, Progress&
                  const std::stop_token& stop) {
     const StationFile& station = result.station;
     photometric.set_in(result);
-    QualificationInput input = declared_input(station, result.poses);
+    QualificationInput input = declared_input(station, result.poses, result.environment);
     input.monte_carlo = true;
     input.look_for_causes = true;
     input.pixels = match_pixels(photometric.pixels(), station.camera.model);

@@ -13,6 +13,7 @@
 #include "core/file_lock.h"
 #include "core/version.h"
 #include "stage/motion/guarded_stage.h"
+#include "station/qualify/room_sensor.h"
 #include "station/qualify/run_analysis.h"
 #include "station/qualify/run_results.h"
 #include "station/qualify/visited_pose.h"
@@ -31,7 +32,7 @@ struct Run {
     Progress& progress;
     std::stop_token stop;
     Instant start;  // of the run: where it was resumed, so long ago as its record says
-    bool homed;     // DeviceOpeners::homed
+    const DeviceOpeners& open;
 
     double seconds_until(Instant instant) const {
         return std::chrono::duration<double>(instant - start).count();
@@ -203,6 +204,24 @@ void keep(const Run& run, Pose pose, const CaptureStatistics& counters) {
     run.result.poses.push_back(std::move(pose));
 }
 
+void note_climate(const Run& run) {
+    RunEnvironment& environment = run.result.environment;
+    if (!run.open.climate || !environment.lost.empty())
+        return;
+    try {
+        ClimateReading reading = run.open.climate();
+        reading.t_s = run.now_s();
+        environment.readings.push_back(reading);
+        run.record.log(climate_event(reading));
+    } catch (const DeviceError& error) {
+        environment.lost = error.what();
+        run.log(climate_lost, environment.lost);
+        run.remark("the room's sensor was lost, and with it what this run could be certified on: " +
+                   environment.lost);
+        run.progress.note(run.result.remarks.back());
+    }
+}
+
 // All poses of a run must be taken alike.
 void configure(const Run& run, Camera& camera) {
     const CaptureSettings settings = camera.configure(run.result.station.camera.settings);
@@ -217,7 +236,7 @@ void configure(const Run& run, Camera& camera) {
 }
 
 void prepare(const Run& run, Camera& camera, Stage& stage) {
-    if (run.homed)
+    if (run.open.homed)
         run.remark(
             "axes that do not tell whether they are homed were taken for homed on the "
             "operator's word (--homed)");
@@ -284,6 +303,7 @@ void visit_missing(const Run& run, Camera& camera, Stage& stage, PhotometricPose
     for (const Pose& planned : missing) {
         Pose pose = visit(run, planned, from, camera, stage, *detector);
         from = pose.read_back;
+        note_climate(run);
         keep(run, std::move(pose), camera.statistics());
         require_marker_in_view(run, *detector);
         photometric.add(result.poses.back());
@@ -464,7 +484,10 @@ DeviceOpeners station_devices(const StationFile& station, bool homed, Clock& clo
     const auto stage = [&] {
         return open_stage(station.stage.link, station.stage.profile, station.stage.axes, clock);
     };
-    return {camera, stage, homed};
+    DeviceOpeners open{camera, stage, homed};
+    if (station.environment && station.environment->sensor)
+        open.climate = room_sensor(*station.environment->sensor, clock);
+    return open;
 }
 
 QualifyResult run_qualification(const StationFile& station, const std::filesystem::path& folder,
@@ -490,7 +513,7 @@ QualifyResult run_qualification(const StationFile& station, const std::filesyste
     const RunSession session = new_session(open);
     result.started_utc = session.started_utc;
     record.log(run_event(result));
-    const Run run{result, record, clock, progress, stop, clock.now(), open.homed};
+    const Run run{result, record, clock, progress, stop, clock.now(), open};
     begin_session(run, session);
     carry_out(run, std::move(camera), std::move(stage));
     close_record(run);
@@ -512,7 +535,7 @@ QualifyResult resume_qualification(RecordedRun recorded, const DeviceOpeners& op
     RunRecord record(result.folder, recorded.whole_bytes);
     const RunSession session = new_session(open);
     const Instant start = resumed_start(recorded, session, clock.now());
-    const Run run{result, record, clock, progress, stop, start, open.homed};
+    const Run run{result, record, clock, progress, stop, start, open};
     begin_session(run, session);
     for (const std::string& dropped : recorded.dropped)
         run.log("dropped", dropped);

@@ -4,6 +4,9 @@
 // The first three poses must show the marker in one of them at least: a run that would measure in
 // vain ends there and says what is seen instead.
 //
+// The room's sensor is asked with every pose. One that fails is left alone from then on: the run
+// goes on, remarks it, and cannot be certified.
+//
 // Whatever happens after the first motion, the axes are stopped and what was measured is on disk.
 #pragma once
 
@@ -24,6 +27,8 @@ struct DeviceOpeners {
     std::function<std::unique_ptr<Stage>()> stage;
     bool homed = false;  // the operator's word, Stage::take_for_homed(): remarked in the record
     std::string operator_name = {};  // who begins the session, for the record; may be empty
+    // Reads the room's sensor once, its time apart; throws DeviceError. Empty: there is none.
+    std::function<ClimateReading()> climate = {};
 };
 
 // Those that the station names. A camera that another program seems to hold is waited for, which

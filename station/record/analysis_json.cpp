@@ -10,6 +10,18 @@ namespace {
 
 using Json = RecordJson;
 
+Json decision_risk_json(const std::optional<DecisionRisk>& risk) {
+    if (!risk)
+        return {};
+    return {{"conformance_probability", risk->conformance},
+            {"global_consumer", risk->consumer},
+            {"global_producer", risk->producer},
+            {"global_of", risk->has_prior ? "prior" : "any prior, at most"},
+            {"passes_95", optional_number(risk->passes_95)},
+            {"passes_50", optional_number(risk->passes_50)},
+            {"passes_5", optional_number(risk->passes_5)}};
+}
+
 // Of a reported quantity limit and outcome are null: nobody asked for a judgement. Infinite degrees
 // of freedom are written as null.
 Json measurement_json(const JudgedQuantity& q, bool judged) {
@@ -23,7 +35,8 @@ Json measurement_json(const JudgedQuantity& q, bool judged) {
             {"monte_carlo_uncertainty", optional_number(q.monte_carlo_uncertainty)},
             {"limit", judged ? Json(q.limit) : Json()},
             {"outcome", judged ? Json(name(q.outcome)) : Json()},
-            {"reason", q.reason}};
+            {"reason", q.reason},
+            {"risk", decision_risk_json(q.risk)}};
 }
 
 Json measurements_json(std::span<const JudgedQuantity> quantities, bool judged) {
@@ -212,6 +225,8 @@ Json causes_json(const Causes& causes) {
 void add_analysis(Json& run, const Qualification& analysis) {
     run["measurements"] = measurements_json(analysis.quantities, true);
     run["reported"] = measurements_json(analysis.reported, false);
+    run["decision_rule"] = {{"name", analysis.rule.name()},
+                            {"guard_factor", analysis.rule.guard_factor}};
     run["risk"] = risk_json(analysis.risk);
     run["conditions"] = conditions_json(analysis);
     run["reasons"] = analysis.reasons;

@@ -65,6 +65,7 @@ struct QualifyResult {
     std::vector<std::string> remarks;  // what limited the devices here, one line each
     std::vector<RunSession> sessions;  // at least one; `started_utc` is the first one's
     std::vector<Pose> poses;           // visited ones only
+    RunEnvironment environment;
     // Nothing when the run ended before; the poses are judged when it is there.
     std::optional<Qualification> analysis;
     RunOutcome outcome = RunOutcome::error;

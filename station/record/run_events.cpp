@@ -98,6 +98,13 @@ std::string pose_event(const Pose& pose, const CaptureStatistics& counts) {
                     {"camera", counters_json(counts)}});
 }
 
+std::string climate_event(const ClimateReading& reading) {
+    return line_of({{"t", reading.t_s},
+                    {"event", climate_read},
+                    {"temperature_c", reading.temperature_c},
+                    {"humidity_percent", optional_number(reading.humidity_percent)}});
+}
+
 std::string released_event(double time_s, const CaptureStatistics& counts) {
     return line_of(
         {{"t", time_s}, {"event", "camera released"}, {"camera", counters_json(counts)}});

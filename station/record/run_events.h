@@ -6,6 +6,8 @@
 //     session            the program was started: a run that was resumed has several
 //     camera configured  the settings in force
 //     frame, pose        what was taken and read; the frames of a pose come before it
+//     climate            what the room's sensor said with the pose that follows
+//     climate lost       why it is not asked any more
 //     remark             what limited the devices, one line each
 //     camera released    its counters at the end of a session
 //     PASS, FAIL, ...    how a session ended; missing where the program was killed
@@ -21,6 +23,8 @@
 namespace etalon {
 
 inline constexpr const char* run_log_kind = "run-log/1";
+inline constexpr const char* climate_read = "climate";
+inline constexpr const char* climate_lost = "climate lost";
 
 // One line each, without its end.
 std::string state_event(double time_s, const std::string& state, const std::string& detail);
@@ -29,6 +33,7 @@ std::string session_event(const RunSession& session, const CameraIdentity& camer
 std::string settings_event(double time_s, const CaptureSettings& settings);
 std::string frame_event(int pose, const FrameRecord& frame);
 std::string pose_event(const Pose& pose, const CaptureStatistics& counts);
+std::string climate_event(const ClimateReading& reading);
 std::string released_event(double time_s, const CaptureStatistics& counts);
 
 }  // namespace etalon

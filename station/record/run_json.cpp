@@ -126,6 +126,42 @@ Json plan_json(const StationFile& station, const Plan& plan) {
             {"expected_duration_s", seconds(plan.expected_duration)}};
 }
 
+Json climate_json(const std::optional<ClimateSummary>& climate) {
+    if (!climate)
+        return {};
+    return {{"lowest", climate->lowest},
+            {"highest", climate->highest},
+            {"mean", climate->mean},
+            {"deviation", climate->deviation},
+            {"readings", climate->readings}};
+}
+
+// `source`: a sensor's address, "given by hand", or null.
+Json environment_json(const QualifyResult& result) {
+    const auto& declared = result.station.environment;
+    Json source;
+    if (declared)
+        source = declared->sensor ? describe(declared->sensor->link) : "given by hand";
+    return {{"source", source},
+            {"temperature_c", climate_json(room_temperature(result.station, result.environment))},
+            {"humidity_percent", climate_json(room_humidity(result.station, result.environment))},
+            {"lost", result.environment.lost}};
+}
+
+Json references_json(const std::vector<TracedReference>& references) {
+    Json list = Json::array();
+    for (const TracedReference& each : references)
+        list.push_back({{"name", each.name},
+                        {"value", each.value},
+                        {"expanded_uncertainty", each.expanded_uncertainty},
+                        {"unit", each.unit},
+                        {"certificate", each.certificate},
+                        {"laboratory", each.laboratory},
+                        {"date", each.date},
+                        {"due", each.due}});
+    return list;
+}
+
 Json sessions_json(const std::vector<RunSession>& sessions) {
     Json list = Json::array();
     for (const RunSession& session : sessions)
@@ -239,7 +275,11 @@ std::string run_json(const QualifyResult& result) {
         {"carriage_from_marker_nominal", pose_numbers(station.carriage_from_marker_nominal)},
         {"marker_size_uncertainty", optional_number(station.marker_size_uncertainty)},
         {"marker_flatness_mm", optional_number(station.marker_flatness_mm)},
+        {"environment", environment_json(result)},
+        {"references", references_json(station.references)},
         {"limits", station.limits.id},
+        {"due_after_days",
+         station.limits.due_after_days ? Json(*station.limits.due_after_days) : Json()},
         {"inputs", inputs_json(station.inputs)},
         {"camera", camera_json(result)},
         {"stage", stage_json(station.stage)},

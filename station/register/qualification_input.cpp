@@ -16,7 +16,8 @@ double render_edge_bound_px(const StationFile& station) {
 
 }  // namespace
 
-QualificationInput declared_input(const StationFile& station, std::vector<Pose> poses) {
+QualificationInput declared_input(const StationFile& station, std::vector<Pose> poses,
+                                  const RunEnvironment& environment) {
     const std::vector<Axis>& axes = station.stage.axes;
     const Rigid& mount = station.carriage_from_marker_nominal;
     QualificationInput input;
@@ -25,7 +26,7 @@ QualificationInput declared_input(const StationFile& station, std::vector<Pose> 
     input.nominal_carriage_from_marker = mount;
     input.marker_size_uncertainty = station.marker_size_uncertainty;
     input.marker_flatness_mm = station.marker_flatness_mm;
-    input.temperature = station.temperature;
+    input.temperature = temperature_of_run(station, environment);
     input.render_noise_ratio = RenderedCorners::noise_ratio(station.camera.model);
     input.render_edge_bound_px = render_edge_bound_px(station);
     input.limits = station.limits;

@@ -8,6 +8,8 @@
 #include "core/frame_log.h"
 #include "core/text.h"
 #include "report/json_text.h"
+#include "station/history/fleet.h"
+#include "station/record/run_record.h"
 #include "station/serve/page_json.h"
 
 namespace etalon {
@@ -105,6 +107,7 @@ WebReply PageServer::routed(const WebRequest& request) {
         {"/api/run/render.jpg", &PageServer::run_render},
         {"/api/fleet/runs", &PageServer::fleet_runs},
         {"/api/fleet/charts", &PageServer::fleet_charts},
+        {"/api/fleet/cameras", &PageServer::fleet_cameras},
         {"/api/forecast", &PageServer::forecast},
         {"/report", &PageServer::report},
     };
@@ -241,7 +244,17 @@ WebReply PageServer::fleet_charts(const WebRequest& request) {
     index_->update();
     const std::vector<HistoricRun> runs =
         index_->runs({field(request, "camera"), field(request, "station")});
-    return {200, "application/json", history_json(runs, chart_history(runs))};
+    const std::vector<QuantityHistory> charts = chart_history(runs);
+    return {200, "application/json",
+            history_json(runs, charts, fleet_of(runs, charts, utc_now().substr(0, 10)))};
+}
+
+WebReply PageServer::fleet_cameras(const WebRequest&) {
+    const std::lock_guard lock(index_mutex_);
+    index_->update();
+    const std::vector<HistoricRun> runs = index_->runs();
+    return {200, "application/json",
+            fleet_json(fleet_of(runs, chart_history(runs), utc_now().substr(0, 10)))};
 }
 
 WebReply PageServer::report(const WebRequest& request) {

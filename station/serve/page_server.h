@@ -43,6 +43,7 @@ private:
     WebReply run_render(const WebRequest& request);
     WebReply fleet_runs(const WebRequest& request);
     WebReply fleet_charts(const WebRequest& request);
+    WebReply fleet_cameras(const WebRequest& request);
     WebReply forecast(const WebRequest& request);
     WebReply report(const WebRequest& request);
 

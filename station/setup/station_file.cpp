@@ -157,6 +157,8 @@ DeclaredTemperature read_temperature(const Value& section) {
         section.at("marker_expansion_ppm_per_k").number(expansion) * per_million;
     temperature.stage_expansion_per_k =
         section.at("stage_expansion_ppm_per_k").number(expansion) * per_million;
+    temperature.reference_c =
+        number_or(section, "reference_c", temperature.reference_c, {-40.0, 85.0});
     return temperature;
 }
 
@@ -195,6 +197,10 @@ StationFile read_station(const std::filesystem::path& path,
         station.marker_flatness_mm = um->number(units::um.non_negative()) * 1e-3;
     if (const auto temperature = root.find("temperature"))
         station.temperature = read_temperature(*temperature);
+    if (const auto environment = root.find("environment"))
+        station.environment = read_environment(*environment);
+    if (const auto references = root.find("references"))
+        station.references = read_references(*references, station);
     station.background = number_or(root, "background", 1.0, {0.0, 1.0});
     station.white_level = number_or(root, "white_level", 1.0, {0.0, 1.0, true});
     station.plan = read_plan(root.at("plan"), station.stage.axes);

@@ -16,7 +16,9 @@
 //     marker_size_uncertainty_ppm: 100          # standard uncertainty
 //     marker_flatness_um: 10                    # the same, of its edge out of its plane
 //     temperature: {uncertainty_k: 0.5, marker_expansion_ppm_per_k: 9,
-//                   stage_expansion_ppm_per_k: 11}
+//                   stage_expansion_ppm_per_k: 11, reference_c: 20}
+//     environment: {...}                        # station/setup/environment.h
+//     references: {...}                         # station/setup/references.h
 //     background: 0.6                           # radiance around the marker; its white is 1
 //     white_level: 0.8                          # the marker's white in the photographs
 //     plan: {volume: {x: [-20, 20], rz: [-5, 5]}, poses: 60, hold_out: 0.4, frames: 3, seed: 7,
@@ -27,8 +29,9 @@
 // Optional, with these values when left out: exposure_us and gain_db (the device's own, not
 // touched), packet_size 1400, frame_timeout_ms 1000, retries 5, of the link all but the address
 // (the values above), profile generic, marker_mount identity, camera_mount unknown,
-// marker_size_uncertainty_ppm, marker_flatness_um and temperature unknown, background 1,
-// white_level 1, detector auto. All else is required.
+// marker_size_uncertainty_ppm, marker_flatness_um, temperature and environment unknown, no
+// references, reference_c 20 (ISO 1), background 1, white_level 1, detector auto. All else is
+// required.
 #pragma once
 
 #include <chrono>
@@ -47,6 +50,8 @@
 #include "stage/axes/axes.h"
 #include "stage/motion/motion_guard.h"
 #include "stage/motion/stage.h"
+#include "station/setup/environment.h"
+#include "station/setup/references.h"
 
 namespace etalon {
 
@@ -104,6 +109,8 @@ struct StationFile {
     // Standard uncertainty of how far its edge stands out of its plane; nothing: unknown.
     std::optional<double> marker_flatness_mm;
     std::optional<DeclaredTemperature> temperature;  // nothing: unknown
+    std::optional<StationEnvironment> environment;   // nothing: not looked at
+    std::vector<TracedReference> references;         // those that there are
     double background = 1.0;                         // radiance around the marker, whose white is 1
     double white_level = 1.0;  // of the marker's white in the photographs; 1 = full scale
     PlanRequest plan;

@@ -33,5 +33,13 @@ TEST(NumberText, SaysOfAValueLostInNoiseWhatItIsBelow) {
     EXPECT_EQ(value_or_below(0.0, 0.0, 2), "0");
 }
 
+TEST(NumberText, SaysProbabilitiesInPercent) {
+    EXPECT_EQ(probability_text(0.02275), "2.3 %");
+    EXPECT_EQ(probability_text(0.5), "50 %");
+    EXPECT_EQ(probability_text(0.97725), "97.72 %");
+    EXPECT_EQ(probability_text(3e-5), "< 0.01 %");
+    EXPECT_EQ(probability_text(0.99995), "> 99.99 %");
+}
+
 }  // namespace
 }  // namespace etalon

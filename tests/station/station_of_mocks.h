@@ -65,6 +65,7 @@ public:
     std::function<void(std::vector<AxisStatus>&)> on_status = [](auto&) {};
     std::function<void(std::size_t move)> before_move = [](std::size_t) {};
     bool homed = false;  // the operator's word
+    std::function<ClimateReading()> climate;
     int opened = 0, moves = 0, stops = 0, closings = 0;  // closing a stage stops it, too
     bool stage_is_silent = false;
     std::vector<double> carriage, first_target;
@@ -113,7 +114,11 @@ private:
     };
 
     DeviceOpeners openers() {
-        return {[this] { return opened_camera(); }, [this] { return opened_stage(); }, homed};
+        return {[this] { return opened_camera(); },
+                [this] { return opened_stage(); },
+                homed,
+                {},
+                climate};
     }
     std::unique_ptr<Camera> opened_camera() {
         ++opened;

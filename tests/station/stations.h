@@ -61,6 +61,20 @@ marker_flatness_um: 4
 temperature: {uncertainty_k: 0.3, marker_expansion_ppm_per_k: 9, stage_expansion_ppm_per_k: 11}
 )";
 
+// Appended to it: everything that a certificate asks of a station.
+inline const char* const traced_text =
+    R"(environment: {temperature_c: [19.9, 20.5], humidity_percent: [40, 52]}
+references:
+  stage_scale:
+    x: {value_ppm: 3, U_ppm: 20, certificate: S-1, laboratory: Laboratory A, date: 2026-01-12, due: 2999-01-12}
+    y: {value_ppm: -7, U_ppm: 24, certificate: S-2, laboratory: Laboratory A, date: 2026-01-12, due: 2999-01-12}
+    z: {value_ppm: 5, U_ppm: 30, certificate: S-3, laboratory: Laboratory A, date: 2026-01-12, due: 2999-01-12}
+    rz: {value_ppm: 0, U_ppm: 50, certificate: S-4, laboratory: Laboratory A, date: 2026-01-12, due: 2999-01-12}
+  marker_size: {value_ppm: 12, U_ppm: 60, certificate: M-1, laboratory: "Laboratory <B> & Sons", date: 2026-02-03, due: 2999-02-03}
+  marker_flatness: {value_um: 2, U_um: 6, certificate: M-2, laboratory: Laboratory B, date: 2026-02-03, due: 2999-02-03}
+  thermometer: {value_k: 0.03, U_k: 0.08, certificate: T-1, laboratory: Laboratory C, date: 2026-03-04, due: 2999-03-04}
+)";
+
 // Writes the three files; returns the station file's path.
 inline std::filesystem::path write_station(const TemporaryFolder& folder,
                                            const std::string& text = station_text) {

@@ -106,5 +106,34 @@ TEST(LimitsFile, KnowsTheRangeOfEveryQuantity) {
         })) << kind.name;
 }
 
+TEST(LimitsFile, ReadsTheDecisionRule) {
+    const auto factor = [](const std::string& rule) {
+        return read_limits(file_with(good + rule)).rule.guard_factor;
+    };
+    EXPECT_EQ(factor(""), 1.0);
+    EXPECT_EQ(factor("decision_rule: guarded\n"), 1.0);
+    EXPECT_EQ(factor("decision_rule: simple\n"), 0.0);
+    EXPECT_EQ(factor("decision_rule: {guard_band: 0.83}\n"), 0.83);
+    EXPECT_THAT(refusal(std::string(good) + "decision_rule: lenient\n"),
+                HasSubstr("decision_rule"));
+    EXPECT_THAT(refusal(std::string(good) + "decision_rule: {guard_band: 3.1}\n"),
+                HasSubstr("decision_rule.guard_band"));
+    EXPECT_THAT(refusal(std::string(good) + "decision_rule: {guard_band: 1, factor: 2}\n"),
+                HasSubstr("decision_rule.factor"));
+}
+
+TEST(LimitsFile, ReadsWhenACameraIsDueAndHowItsFleetScatters) {
+    const std::string prior = "unit: mm, prior: {mean: 0.03, deviation: 0.01}}";
+    std::string text = std::string(good) + "due_after_days: 180\n";
+    text.replace(text.find("unit: mm}"), 9, prior);
+    const Limits limits = read_limits(file_with(text));
+    EXPECT_EQ(limits.due_after_days, 180);
+    ASSERT_EQ(limits.priors.size(), 1u);
+    EXPECT_EQ(limits.priors.at("b3_position_field_rms_mm").mean, 0.03);
+    EXPECT_EQ(limits.priors.at("b3_position_field_rms_mm").deviation, 0.01);
+    EXPECT_FALSE(read_limits(file_with(good)).due_after_days);
+    EXPECT_THAT(refusal(std::string(good) + "due_after_days: 0\n"), HasSubstr("due_after_days"));
+}
+
 }  // namespace
 }  // namespace etalon

@@ -33,7 +33,7 @@ private:
 void suspend(Rig& rig, MonotonicClock& clock) {
     for (Duration slept{}; slept < 2s; slept += 10ms) {
         rig.clock.advance(10ms);
-        rig.controller.check_watchdogs();
+        rig.controller.tick();
     }
     rig.clock.advance(1h - 2s);
     clock.suspended += 1h;

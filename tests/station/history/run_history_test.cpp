@@ -74,7 +74,7 @@ TEST_F(History, RaisesTheAlarmWhenAQuantityDrifts) {
     ASSERT_EQ(charts.size(), 1u);
     EXPECT_EQ(charts[0].camera, "CAM-7");
     EXPECT_TRUE(charts[0].drifts());
-    const Json json = Json::parse(history_json(runs, charts));
+    const Json json = Json::parse(history_json(runs, charts, {}));
     EXPECT_EQ(json["etalon"], "history/1");
     EXPECT_EQ(json["charts"][0]["runs"].size(), 16u);
     EXPECT_TRUE(json["charts"][0]["runs"][0]["q"].is_null());
@@ -95,7 +95,7 @@ TEST_F(History, BeginsANewBaselineWithANewCalibration) {
     EXPECT_EQ(charts[0].runs[12].baseline, 2);
     EXPECT_FALSE(charts[0].runs[13].chart.q);
     EXPECT_THAT(history_text(runs, charts), HasSubstr("calibration bbbbbbbbbbbb: a new baseline"));
-    write_history_report(runs, charts, folder / "report");
+    write_history_report(runs, charts, {}, folder / "report");
     const std::string chart = read_text(folder / "report/chart-1.svg");
     EXPECT_THAT(chart, HasSubstr("new calibration"));
     EXPECT_THAT(chart, HasSubstr("2026-03-13T14:05:09Z, PASS, calibration bbbbbbbbbbbb"));
@@ -138,13 +138,13 @@ TEST_F(History, FitsEightyColumnsAndWritesAReport) {
     const auto charts = chart_history(runs);
     for (const std::string& line : split(history_text(runs, charts), '\n'))
         EXPECT_LE(line.size(), 80u) << line;
-    write_history_report(runs, charts, folder / "report");
+    write_history_report(runs, charts, {}, folder / "report");
     const std::string page = read_text(folder / "report/report.html");
     EXPECT_THAT(page, HasSubstr("one false alarm in 373 runs"));
     EXPECT_THAT(page, HasSubstr("CAM-7"));
     test::expect_readable_page(page);
     EXPECT_THAT(read_text(folder / "report/chart-1.svg"), HasSubstr("<svg"));
-    EXPECT_EQ(read_text(folder / "report/history.json"), history_json(runs, charts));
+    EXPECT_EQ(read_text(folder / "report/history.json"), history_json(runs, charts, {}));
 }
 
 // Folders by their names would be the other way round; 32 bits would take 2039 for 1902.

@@ -382,5 +382,40 @@ TEST(Runner, PassesATrueCamera) {
     }
 }
 
+TEST(Runner, LogsTheRoomWithEveryPoseAndReadsItBack) {
+    StationOfMocks mocks;
+    int asked = 0;
+    mocks.climate = [&] { return ClimateReading{0.0, 20.0 + 0.1 * asked++, 45.5}; };
+    const QualifyResult result = mocks.run();
+    ASSERT_EQ(result.environment.readings.size(), result.poses.size());
+    EXPECT_EQ(mocks.events("climate").at(2)["temperature_c"], 20.2);
+    EXPECT_EQ(mocks.events("climate").at(2)["humidity_percent"], 45.5);
+    const RunEnvironment read = mocks.read().result.environment;
+    ASSERT_EQ(read.readings.size(), result.poses.size());
+    EXPECT_EQ(read.readings[2].t_s, result.environment.readings[2].t_s);
+    EXPECT_EQ(read.readings[2].temperature_c, 20.2);
+    EXPECT_EQ(read.readings[2].humidity_percent, 45.5);
+    EXPECT_EQ(read.lost, "");
+}
+
+// It is asked no more: a dead sensor must not cost every pose its time-outs.
+TEST(Runner, GoesOnWithoutASensorThatFailsAndSaysSo) {
+    StationOfMocks mocks;
+    int asked = 0;
+    mocks.climate = [&] {
+        if (++asked == 3)
+            throw DeviceError("room sensor 127.0.0.1:1503", "read register 0", "timed out");
+        return ClimateReading{0.0, 20.0, {}};
+    };
+    const QualifyResult result = mocks.run();
+    EXPECT_EQ(asked, 3);
+    EXPECT_EQ(result.poses.size(), result.plan.poses.size());
+    EXPECT_EQ(result.environment.readings.size(), 2u);
+    EXPECT_THAT(result.remarks, Contains(HasSubstr("room's sensor was lost")));
+    EXPECT_EQ(mocks.run_file()["environment"]["lost"],
+              "room sensor 127.0.0.1:1503: read register 0: timed out");
+    EXPECT_EQ(mocks.read().result.environment.lost, result.environment.lost);
+}
+
 }  // namespace
 }  // namespace etalon

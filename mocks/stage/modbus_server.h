@@ -1,0 +1,59 @@
+// Modbus TCP (127.0.0.1) or a serial line with Modbus RTU, in front of whatever answers the
+// requests: a stage controller (mocks/stage/modbus_stage_server.h) or a room's sensor
+// (mocks/stage/room_sensor_server.h).
+//
+// Function codes 1 to 6, 15 and 16; everything else is answered by an exception.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <vector>
+
+#include "mocks/stage/modbus_fault.h"
+#include "mocks/stage/modbus_framing.h"
+#include "mocks/stage/serial_pair.h"
+
+namespace etalon {
+
+// How often the units are told that time passes.
+inline constexpr std::chrono::milliseconds modbus_tick{10};
+
+// What is said to a request, before it goes onto the wire.
+struct ModbusAnswer {
+    ModbusReaction reaction;
+    int exception = no_exception;
+    std::vector<std::uint16_t> values;  // of a read
+};
+
+// The devices on a bus. The server calls them on its one thread.
+class ModbusUnits {
+public:
+    virtual ~ModbusUnits() = default;
+    virtual bool has_unit(int unit) const = 0;
+    virtual ModbusAnswer handle(const ModbusRequest& request) = 0;  // of a unit that is there
+    virtual void tick() {}
+};
+
+class ModbusServer {
+public:
+    // Listens at once; port 0 takes any free one. Throws DeviceError when the port is taken,
+    // ConfigError when it is none. The units must outlive the server. One thread serves every
+    // client (at most 16).
+    ModbusServer(ModbusUnits& units, int port);
+
+    // Answers on the serial line, which must outlive the server.
+    ModbusServer(ModbusUnits& units, const SerialPair& line);
+
+    ~ModbusServer();  // closes every connection and returns within milliseconds
+    ModbusServer(const ModbusServer&) = delete;
+    ModbusServer& operator=(const ModbusServer&) = delete;
+
+    int port() const;          // the bound one; 0 on a serial line
+    void close_connections();  // those that are open now; a serial line has none
+
+private:
+    class Worker;
+    std::unique_ptr<Worker> worker_;
+};
+
+}  // namespace etalon

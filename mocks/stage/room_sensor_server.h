@@ -1,0 +1,43 @@
+// A sensor of temperature and humidity on Modbus TCP (127.0.0.1): input register 0 holds the
+// temperature in 0.01 degrees C (int16), input register 1 the humidity in 0.1 %. It answers to
+// every unit, and only to function 4. For the twin and for tests.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <optional>
+
+#include "core/clock.h"
+#include "mocks/stage/modbus_server.h"
+
+namespace etalon {
+
+// A room whose temperature goes up and down as its air conditioning does.
+struct SimulatedRoom {
+    double temperature_c = 20.0, swing_k = 0.0, period_s = 60.0;  // mean, amplitude of a sine
+    double humidity_percent = 45.0;
+
+    double temperature_at(double seconds) const;
+};
+
+class RoomSensorServer {
+public:
+    // The clock, from now on, is the room's time and must outlive the server. Throws as
+    // ModbusServer.
+    RoomSensorServer(const SimulatedRoom& room, const Clock& clock, int port = 0);
+    ~RoomSensorServer();
+    RoomSensorServer(const RoomSensorServer&) = delete;
+    RoomSensorServer& operator=(const RoomSensorServer&) = delete;
+
+    int port() const { return server_->port(); }
+
+    // From now on it hears requests and says nothing. Safe from every thread.
+    void fall_silent();
+
+private:
+    class Registers;
+    std::unique_ptr<Registers> registers_;
+    std::optional<ModbusServer> server_;  // last: its thread uses the other
+};
+
+}  // namespace etalon

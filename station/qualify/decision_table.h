@@ -1,0 +1,12 @@
+// The decision rule of a run and what each of its judgements risks, in the report.
+#pragma once
+
+#include "compare/verdict/qualification.h"
+#include "report/html.h"
+
+namespace etalon {
+
+// Nothing where nothing was judged.
+void add_decision(HtmlPage& page, const Qualification& analysis);
+
+}  // namespace etalon

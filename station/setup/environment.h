@@ -1,0 +1,97 @@
+// `environment` in station.yaml: temperature and humidity of the air beside marker and stage during
+// a run, given by hand
+//
+//     environment: {temperature_c: [20.1, 20.6], humidity_percent: [40, 50]}    # lowest, highest
+//
+// or read from a sensor on Modbus with every pose:
+//
+//     environment:
+//       link: {host: 10.0.0.7, port: 502, unit: 3, response_timeout_ms: 300}     # or a serial line
+//       temperature: {input_register: 0, type: int16, scale: 0.01, offset: 0}    # in degrees C
+//       humidity: {input_register: 1, type: uint16, scale: 0.1}                  # in percent
+//
+// (`register` for a holding register; types of 32 bits take word_order; scale 1, offset 0, humidity
+// may be left out.) What it makes of the uncertainty: docs/metrology.md, Temperature.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/strict_reader.h"
+#include "stage/link/register_numbers.h"
+#include "stage/link/registers.h"
+#include "stage/link/stage_link.h"
+
+namespace etalon {
+
+struct StationFile;
+struct DeclaredTemperature;
+
+// Where a sensor keeps a quantity: scale * number + offset.
+struct SensorRegister {
+    RegisterSpace space = RegisterSpace::input_registers;
+    int address = 0;
+    NumberType type = NumberType::int16;
+    WordOrder order = WordOrder::high_first;
+    double scale = 1.0, offset = 0.0;
+    Range possible;  // what a sensor in a room can say; anything else is a fault
+};
+
+struct RoomSensor {
+    StageLink link;
+    SensorRegister temperature_c;
+    std::optional<SensorRegister> humidity_percent;
+};
+
+// Given by hand.
+struct GivenClimate {
+    double lowest = 0.0, highest = 0.0;
+};
+
+struct StationEnvironment {
+    std::optional<RoomSensor> sensor;  // otherwise:
+    GivenClimate temperature_c;
+    std::optional<GivenClimate> humidity_percent;
+};
+
+struct ClimateReading {
+    double t_s = 0.0;  // on the run's time
+    double temperature_c = 0.0;
+    std::optional<double> humidity_percent;
+};
+
+// What a run knows of its room.
+struct RunEnvironment {
+    std::vector<ClimateReading> readings;
+    std::string lost;  // why the sensor was given up, as of when it last was; empty: it never was
+};
+
+// Of readings, or of what was given: then the middle, and the deviation of a uniform distribution.
+struct ClimateSummary {
+    double lowest = 0.0, highest = 0.0, mean = 0.0, deviation = 0.0;
+    int readings = 0;  // 0: given by hand
+};
+
+// Throws ConfigError with file, line and key.
+StationEnvironment read_environment(const Value& section);
+
+// Nothing without a section, or before the second reading.
+std::optional<ClimateSummary> room_temperature(const StationFile& station,
+                                               const RunEnvironment& environment);
+std::optional<ClimateSummary> room_humidity(const StationFile& station,
+                                            const RunEnvironment& environment);
+
+// How far the temperature may have been from the one at which marker and stage have their declared
+// sizes: of what the station's thermometer measured where it has one that is traced and was never
+// lost, otherwise as declared.
+//
+//     u^2 = (mean - reference)^2 + s^2 + u_thermometer^2
+//
+// The deviation from the reference temperature is not corrected for and counts in full; s is that
+// of single readings, since each pose has its own temperature.
+std::optional<DeclaredTemperature> temperature_of_run(const StationFile& station,
+                                                      const RunEnvironment& environment);
+
+}  // namespace etalon

@@ -8,27 +8,31 @@ namespace etalon {
 
 namespace {
 
-// A disk of confusion is round on the sensor, and an upright ellipse in pixels: with a skew it
-// would be an inclined one, which is not rendered.
-void refuse_skew(const CameraModel& camera) {
-    if (camera.intrinsics.skew != 0.0)
+void refuse_much_skew(const CameraModel& camera) {
+    if (!has_lens_with(camera.intrinsics))
         throw NumericalError(
-            fmt::format("a lens needs rows and columns at right angles, not a skew of {} px",
-                        camera.intrinsics.skew));
+            fmt::format("a lens needs rows and columns at right angles to {} rad, not a skew of {} "
+                        "px: its point "
+                        "spread, round on the sensor, would be an inclined ellipse in pixels",
+                        max_skew_of_a_lens, camera.intrinsics.skew));
 }
 
 }  // namespace
 
+bool has_lens_with(const Intrinsics& intrinsics) {
+    return std::abs(intrinsics.skew) <= max_skew_of_a_lens * intrinsics.fx;
+}
+
 double image_distance_mm(const CameraModel& camera) {
-    return camera.intrinsics.fx * scale_on_axis(camera.projection) *
-           camera.sensor->pixel_pitch_um * 1e-3;
+    return camera.intrinsics.fx * scale_on_axis(camera.projection) * camera.sensor->pixel_pitch_um *
+           1e-3;
 }
 
 ThinLens thin_lens(const CameraModel& camera) {
     require_point_of_view(camera, "a thin lens");
     if (!camera.lens || !camera.sensor)
         throw NumericalError("a thin lens needs the lens and the sensor section of the camera");
-    refuse_skew(camera);
+    refuse_much_skew(camera);
     const Lens& lens = *camera.lens;
     const double v = image_distance_mm(camera);
     const bool usable = std::isfinite(v) && v > 0.0 && lens.focus_distance_mm > 0.0 &&
@@ -52,7 +56,7 @@ TelecentricLens telecentric_lens(const CameraModel& camera) {
             "a telecentric lens needs the lens and the sensor section of a telecentric camera");
     if (camera.distortion.tau_x != 0.0 || camera.distortion.tau_y != 0.0)
         throw NumericalError("tau_x and tau_y belong to a perspective camera, not a telecentric");
-    refuse_skew(camera);
+    refuse_much_skew(camera);
     const Lens& lens = *camera.lens;
     const double m = camera.intrinsics.fx * camera.sensor->pixel_pitch_um * 1e-3;
     const bool usable = std::isfinite(m) && m > 0.0 && std::isfinite(lens.focus_distance_mm) &&

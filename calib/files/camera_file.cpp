@@ -170,8 +170,10 @@ Lens read_lens(const StrictFile& file, const Value& value, const CameraModel& ca
     if (const auto psf = value.find("psf"))
         lens.psf = read_point_spread(file, *psf, uncertainty.psf_density);
     if (lens.psf.kind == PointSpread::Kind::wave && !camera.projection.is_flat())
-        value.at("psf").fail(fmt::format("wave belongs to a flat projection: this one is {}",
-                                         name_of(camera.projection.kind).name));
+        value.at("psf").fail(
+            fmt::format("wave belongs to a flat projection, whose pattern is round "
+                        "on the sensor: this one is {}, which draws it out",
+                        name_of(camera.projection.kind).name));
     return lens;
 }
 
@@ -225,8 +227,10 @@ Illumination read_illumination(const Value& value, Projection projection) {
         std::copy(coefficients.begin(), coefficients.end(), illumination.polynomial.begin());
     } else if (value.at("cos4").flag()) {
         if (projection != Projection::perspective)
-            cos4->fail(fmt::format("belongs to a perspective camera: this one is {}",
-                                   name_of(projection).name));
+            cos4->fail(
+                fmt::format("belongs to a perspective camera, with a pupil across its axis: this "
+                            "one is {}; a polynomial does for any",
+                            name_of(projection).name));
         illumination.kind = Illumination::Kind::cos4;
     }
     return illumination;
@@ -422,8 +426,11 @@ CameraModel read_own_camera(const std::filesystem::path& path) {
         check_illumination(camera, *sensor);
     }
     if (const auto lens = root.find("lens")) {
-        if (camera.intrinsics.skew != 0.0)
-            lens->fail("has no meaning with a skew: its blur is not rendered");
+        if (!has_lens_with(camera.intrinsics))
+            lens->fail(
+                fmt::format("has no meaning where a skew is above {} fx: its point spread, round "
+                            "on the sensor, would be an inclined ellipse in pixels",
+                            max_skew_of_a_lens));
         root.at("sensor").at("pixel_pitch_um").number(units::um.positive());
         camera.lens = read_lens(file, *lens, camera, uncertainty);
         check_lens(camera, *lens);

@@ -63,8 +63,8 @@ const std::vector<CalibrationModel>& calibration_models_beside(Projection projec
 const std::vector<CalibrationModel>& perspective_and_wide_models() {
     static const std::vector<CalibrationModel> models = [] {
         std::vector<CalibrationModel> all = calibration_models();
-        const auto rational = std::ranges::find(all, "rational", &CalibrationModel::name);
-        all.insert(rational, wide_calibration_models().begin(), wide_calibration_models().end());
+        const auto prism = std::ranges::find(all, "prism", &CalibrationModel::name);
+        all.insert(prism, wide_calibration_models().begin(), wide_calibration_models().end());
         return all;
     }();
     return models;

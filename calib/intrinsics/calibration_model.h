@@ -39,9 +39,9 @@ const std::vector<CalibrationModel>& telecentric_calibration_models();
 const std::vector<CalibrationModel>& calibration_models_beside(Projection projection);
 
 // Of lenses that perspective and wide models may follow, in the order in which the first that
-// predicts well is advised. Photos of an ordinary lens do not tell a wide lens's model from a
-// perspective one, so that all of them stand behind standard, also those with fewer parameters, and
-// before rational, which has more.
+// predicts well is advised. What radial distortion does to a perspective camera is tried first, as
+// every tool reads it, though some models of wide lenses have fewer parameters; these stand behind
+// rational and before prism, which is for lenses and sensors that are not centred.
 const std::vector<CalibrationModel>& perspective_and_wide_models();
 
 // Of a pose of a view that pixels depend on: 6, and 5 of a telecentric camera's, all but the

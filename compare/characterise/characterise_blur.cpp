@@ -64,9 +64,6 @@ void measure_defocus(const std::vector<StraightEdge>& edges, Characterisation& r
     const char* const what = "focus distance and f-number";
     if (result.camera.projection.kind == Projection::telecentric)
         return refuse(result, what, "the camera is telecentric");
-    if (!result.camera.projection.is_flat())
-        return refuse(result, what,
-                      "they are a thin lens's, whose focus is a plane; this lens is wide");
     if (!(result.camera.sensor->pixel_pitch_um > 0.0))
         return refuse(result, what, "the camera file gives no pixel pitch");
     auto defocus = attempted([&] { return estimate_defocus(edges, result.camera); });

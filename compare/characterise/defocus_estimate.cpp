@@ -77,8 +77,7 @@ BlurModel::Transfer transfer_of(const StraightEdge& edge, const Setting& setting
 
 void require_usable(std::span<const StraightEdge> edges, const CameraModel& camera,
                     FocusSpread spread) {
-    if (camera.projection.kind != Projection::perspective)
-        throw NumericalError("defocus: a thin lens is estimated of a perspective camera only");
+    require_point_of_view(camera, "estimating a thin lens");
     if (!camera.sensor || !(camera.sensor->pixel_pitch_um > 0.0))
         throw NumericalError("defocus: the pixel pitch is needed");
     if (spread == FocusSpread::diffraction && (!camera.lens || !(camera.lens->wavelength_nm > 0.0)))
@@ -94,7 +93,7 @@ Setting setting_of(std::span<const StraightEdge> edges, const CameraModel& camer
     for (const StraightEdge& edge : edges)
         depth += edge.depth_term / static_cast<double>(edges.size());
     const double pitch = camera.sensor->pixel_pitch_um * 1e-3;
-    return {camera.intrinsics.fx * pitch, pitch,
+    return {image_distance_mm(camera), pitch,
             spread == FocusSpread::diffraction ? camera.lens->wavelength_nm * 1e-6 : 0.0, depth,
             spread};
 }

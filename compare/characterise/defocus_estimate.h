@@ -1,9 +1,10 @@
 // Focus distance and effective f-number from the blur along a tilted target.
 //
-// Thin lens (calib/camera/camera_model.h): a point at depth z has a blur disk of the radius
-// R = fx (d/2) |1/z - 1/z_f| px, so over 1/z two straight lines meet at focus. Fitted to the pixels
-// of all edges at once: aperture, 1/z_f and the width of the point spread at focus. With
-// d = f/N, 1/f = 1/z_f + 1/v and v = fx * pixel pitch the aperture gives the engraved f-number N.
+// Thin lens (calib/camera/camera_model.h): a point at depth z (of a wide lens: its distance) has a
+// blur disk of the radius R = fx (d/2) |1/z - 1/z_f| px, so over 1/z two straight lines meet at
+// focus. Fitted to the pixels of all edges at once: aperture, 1/z_f and the width of the point
+// spread at focus. With d = f/N, 1/f = 1/z_f + 1/v and v = fx * pixel pitch the aperture gives the
+// engraved f-number N.
 //
 // Both sides of focus must be seen: from one side alone z_f, N and the width are told apart only by
 // the assumed shapes of disk and point spread. Then the result says what is not determined; it is

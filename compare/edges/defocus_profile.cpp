@@ -176,7 +176,7 @@ DefocusProfile defocus_profile(const CodeImage& photo, const Radiance& rendering
                                const Rigid& camera_from_marker, const ComparedArea& area,
                                std::span<const EdgeShift> shifts, const EdgeSelection& selection,
                                int bins) {
-    require_perspective(projector.camera(), "a profile of defocus");
+    require_point_of_view(projector.camera(), "a profile of defocus");
     if (bins < 1)
         throw NumericalError(fmt::format("a profile of defocus with {} bins", bins));
     const LinearPhoto measured = linear_photo(photo, projector.camera());

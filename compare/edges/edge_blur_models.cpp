@@ -31,7 +31,9 @@ double volume(double a, double b) {
 }  // namespace
 
 double defocus_radius_px(const StraightEdge& edge, const Aperture& aperture) {
-    const double defocus = edge.depth_term - aperture.focus(edge.undistorted);
+    const double focus =
+        aperture.faces_rays ? aperture.focus_on_axis : aperture.focus(edge.undistorted);
+    const double defocus = edge.depth_term - focus;
     return aperture.radius_mm * edge.px_per_unit *
            std::sqrt(defocus * defocus + edge.depth_term_variance);
 }

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <optional>
 
+#include "calib/camera/sight.h"
 #include "compare/edges/grid_edges.h"
 #include "core/errors.h"
 #include "sim/sensor/sensor_model.h"
@@ -31,10 +32,10 @@ struct PlaneView {
     Eigen::Vector3d camera_point(double u, double v) const {
         return camera_from_grid * Eigen::Vector3d(u, v, 1.0);
     }
-    // 1/z of the plane on the ray through grid coordinates (telecentric: z).
+    // StraightEdge's, on the ray through grid coordinates.
     double depth_term(const Eigen::Vector2d& uv) const {
-        const double z = camera_from_grid.row(2).dot(uv.homogeneous());
-        return projection == Projection::telecentric ? z : 1.0 / z;
+        const double depth = depth_mm({projection}, camera_point(uv.x(), uv.y()));
+        return projection == Projection::telecentric ? depth : 1.0 / depth;
     }
 
     const CellGrid& grid;
@@ -128,8 +129,7 @@ private:
         frame.undistorted = *x;
         frame.normal = gradient->normalized();
         frame.tangent = {-frame.normal.y(), frame.normal.x()};
-        const Aperture pupil{.faces_rays = !projector_.camera().projection.is_flat()};
-        frame.px_per_unit = (pupil.pupil(*x) * line.row.head<2>()).norm() / gradient->norm();
+        frame.px_per_unit = px_per_unit(line.row.head<2>(), *x) / gradient->norm();
         const double half = std::min(std::abs((*last - *centre).dot(frame.tangent)),
                                      std::abs((*first - *centre).dot(frame.tangent)));
         frame.half_length_px = half - selection_.clearance_px;
@@ -139,6 +139,15 @@ private:
             selection_.half_width_px,
             std::min(edge.reach_before, edge.reach_after) * cell_px - selection_.clearance_px);
         return frame;
+    }
+
+    // How far the line's equation moves per unit of blur. The defocus of a wide lens is that of
+    // depths along the frame's axis, |(x, 1)| times that of distances.
+    double px_per_unit(const Eigen::Vector2d& row, const Eigen::Vector2d& x) const {
+        if (projector_.camera().projection.is_flat())
+            return row.norm();
+        const Aperture pupil{.faces_rays = true};
+        return (pupil.pupil(x) * row).norm() * x.homogeneous().norm();
     }
 
     std::optional<Eigen::Vector2d> pixel_of(const Eigen::Vector2d& uv) const {
@@ -285,7 +294,7 @@ TargetEdges target_edges(const LinearPhoto& photo, const Projector& projector, c
     const Projector seen_by = is_flat ? projector : projector.turned(turn);
     const PlaneView plane(marker.grid,
                           is_flat ? camera_from_marker : turned(placed, turn).camera_from_marker,
-                          camera.projection.of_normalised());
+                          camera.projection.kind);
     const EdgeReader reader(photo, seen_by, plane, area, selection);
     TargetEdges result;
     for (const GridEdge& edge : grid_edges(marker.grid))

@@ -53,12 +53,14 @@ struct StraightEdge {
     Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  // in the image, towards the lighter side
     double length_px = 0.0;                             // of the part that was used
     double clearance_px = 0.0;                          // from any pixel to the next edge, at least
-    // Of the target along the edge: mean of 1/z and variance about it. A telecentric camera's is z.
+    // Of the target along the edge: mean of 1/z and variance about it. Of a wide lens z is the
+    // distance; a telecentric camera's term is z itself.
     double depth_term = 0.0, depth_term_variance = 0.0;
     Eigen::Vector2d undistorted = Eigen::Vector2d::Zero();  // of centre_px: normalised coordinates
     // Pixels along the normal per unit of undistorted image coordinate: fx and fy, distortion and
-    // how a wide lens's pupil is seen included. Makes a blur on the normalised image plane one in
-    // pixels. All of a wide lens in the frame that looks at the target (turn_towards()).
+    // how a wide lens's pupil is seen included, so that a blur disk's radius in pixels is this
+    // times the aperture's times the difference of depth terms. `undistorted` and this of a wide
+    // lens in the frame that looks at the target (turn_towards()).
     double px_per_unit = 0.0;
     // A length along the normal in px is this times one in units of the pixel pitch along x
     // (1 where fx = fy): hypot(nx, ny fy / fx).

@@ -184,11 +184,12 @@ private:
         return x ? std::optional(flat_ray(aperture_, *x, l)) : std::nullopt;
     }
 
-    // A point of the pattern, px. It is round on the sensor; a pixel is fx/fy as high as wide.
+    // A point of the pattern, px. It is round on the sensor; a pixel is fx/fy as high as wide, and
+    // leans with a skew.
     Eigen::Vector2d on_sensor(double radius, double turn) const {
         const double angle = 2.0 * std::numbers::pi * turn;
-        return {radius * std::cos(angle),
-                radius * std::sin(angle) * camera_.intrinsics.fy / camera_.intrinsics.fx};
+        const Eigen::Vector2d point(std::cos(angle), std::sin(angle));
+        return radius / camera_.intrinsics.fx * camera_.intrinsics.pixel_by_plane() * point;
     }
 
     // Of the (only) marker's plane where the chief ray of a sensor point meets it.

@@ -245,8 +245,10 @@ void add_tail(const WaveFilter& filter, const cv::Mat& means, const cv::Rect& pi
 
 void check_wave_scene(const Scene& scene, const CameraModel& camera) {
     if (!camera.projection.is_flat())
-        throw NumericalError(fmt::format("psf wave: of a flat projection only, not one that is {}",
-                                         name_of(camera.projection.kind).name));
+        throw NumericalError(
+            fmt::format("psf wave: of a flat projection only, whose pattern is round "
+                        "on the sensor, not one that is {}",
+                        name_of(camera.projection.kind).name));
     if (scene.markers.size() != 1)
         throw NumericalError(fmt::format("psf wave: needs a scene with exactly one marker, not {}",
                                          scene.markers.size()));

@@ -50,19 +50,6 @@ void require_usable_folder(const std::filesystem::path& folder) {
         throw ConfigError({"--out"}, folder.string() + " is there already and is no folder");
 }
 
-// A given pose must show the marker: a wrong sign is an input error, found before anything starts.
-std::vector<Rigid> given_poses(const CompareArguments& arguments, const ComparedArea& area) {
-    const std::vector<Rigid> poses = read_poses_for(arguments.poses, arguments.photos);
-    for (std::size_t i = 0; i < poses.size(); ++i)
-        for (const double x : {area.low_mm.x(), area.high_mm.x()})
-            for (const double y : {area.low_mm.y(), area.high_mm.y()})
-                if (!((poses[i] * Eigen::Vector3d(x, y, 0)).z() > 0))
-                    throw ConfigError(
-                        {arguments.poses.string()},
-                        fmt::format("pose {}: the marker is behind the camera", i + 1));
-    return poses;
-}
-
 // Everything that is checked before the first file is written.
 struct Job {
     Marker marker;
@@ -72,6 +59,22 @@ struct Job {
     std::unique_ptr<Detector> detector;  // when there are no poses
     std::optional<ComparisonSummary> baseline;
 };
+
+// A given pose must show the marker: a wrong sign is an input error, found before anything starts.
+std::vector<Rigid> given_poses(const CompareArguments& arguments, const Job& job) {
+    const std::vector<Rigid> poses = read_poses_for(arguments.poses, arguments.photos);
+    if (!job.camera.projection.is_flat())  // may see behind itself
+        return poses;
+    const ComparedArea& area = job.area;
+    for (std::size_t i = 0; i < poses.size(); ++i)
+        for (const double x : {area.low_mm.x(), area.high_mm.x()})
+            for (const double y : {area.low_mm.y(), area.high_mm.y()})
+                if (!((poses[i] * Eigen::Vector3d(x, y, 0)).z() > 0))
+                    throw ConfigError(
+                        {arguments.poses.string()},
+                        fmt::format("pose {}: the marker is behind the camera", i + 1));
+    return poses;
+}
 
 ComparisonSummary checked_baseline(const CompareArguments& arguments, const Job& job) {
     std::error_code ignored;
@@ -91,10 +94,10 @@ Job checked_job(const CompareArguments& arguments) {
     job.area = compared_area(job.marker, margin_of(arguments, job.marker), "--score-margin");
     if (arguments.poses.empty())
         job.detector = make_detector(arguments.detector, job.marker, "--detector");
-    else
-        job.poses = given_poses(arguments, job.area);
     require_usable_folder(arguments.out);
     job.camera = read_camera_for(arguments.camera, arguments.photos);
+    if (!arguments.poses.empty())
+        job.poses = given_poses(arguments, job);
     if (!arguments.baseline.empty())
         job.baseline = checked_baseline(arguments, job);
     return job;

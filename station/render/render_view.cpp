@@ -52,12 +52,13 @@ std::vector<Marker> read_markers(const std::vector<std::string>& names) {
 }
 
 // What makes a marker one that could not be seen at all; empty if nothing does.
-std::string why_unseen(const PlacedMarker& marker, Projection projection) {
+std::string why_unseen(const PlacedMarker& marker, const LensProjection& projection) {
     const CellGrid& grid = marker.grid;
-    int behind = 0;
+    int behind = 0;  // a wide lens may see behind itself
     for (const int u : {0, grid.columns()}) {
         for (const int v : {0, grid.rows()})
-            behind += (marker.camera_from_marker * grid.point_mm(u, v)).z() <= 0.0;
+            behind += projection.is_flat() &&
+                      (marker.camera_from_marker * grid.point_mm(u, v)).z() <= 0.0;
     }
     if (behind == 4)
         return "is behind the camera (z points forward)";
@@ -65,14 +66,14 @@ std::string why_unseen(const PlacedMarker& marker, Projection projection) {
         return "reaches behind the camera";
     // The marker's z points into the marker, away from whoever sees its front.
     const Eigen::Vector3d inward = marker.camera_from_marker.rotation * Eigen::Vector3d::UnitZ();
-    const bool front = projection == Projection::telecentric
+    const bool front = projection.kind == Projection::telecentric
                            ? inward.z() > 0.0
                            : inward.dot(marker.camera_from_marker.translation) > 0.0;
     return front ? "" : "is seen from its back or its edge";
 }
 
 // Such a marker is a slip in the pose: better said than rendered.
-void check_seen(const Scene& scene, Projection projection) {
+void check_seen(const Scene& scene, const LensProjection& projection) {
     for (std::size_t i = 0; i < scene.markers.size(); ++i) {
         const std::string why = why_unseen(scene.markers[i], projection);
         if (!why.empty())
@@ -172,7 +173,7 @@ Scene ViewRenderer::scene(const std::vector<Rigid>& camera_from_marker) const {
     Scene scene{{}, background_};
     for (std::size_t i = 0; i < markers_.size(); ++i)
         scene.markers.push_back({markers_[i].grid, camera_from_marker.at(i)});
-    check_seen(scene, camera_.projection.of_normalised());
+    check_seen(scene, camera_.projection);
     if (renderer_)
         check_no_occlusion(scene, camera_);
     return scene;

@@ -42,11 +42,11 @@ TEST(SkewedCameraFile, HasNoLens) {
     const TemporaryFolder folder;
     std::ofstream(folder / "camera.yml")
         << "etalon: camera/1\nimage: {width: 640, height: 480}\n"
-           "intrinsics: {fx: 611, fy: 609, cx: 319.5, cy: 239.5, skew: 0.5}\n"
+           "intrinsics: {fx: 611, fy: 609, cx: 319.5, cy: 239.5, skew: 0.7}\n"
            "sensor: {pixel_pitch_um: 5}\n"
            "lens: {f_number: 2.8, focus_distance_mm: 150, wavelength_nm: 650}\n";
     EXPECT_THAT(text_of_error<ConfigError>([&] { read_camera(folder / "camera.yml"); }),
-                HasSubstr("camera.yml:5: lens: has no meaning with a skew"));
+                HasSubstr("camera.yml:5: lens: has no meaning where a skew is above 0.001 fx"));
 }
 
 TEST(SkewedCameraFile, OfAToolThatHasASkewReadsBack) {

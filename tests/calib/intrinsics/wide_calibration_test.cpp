@@ -94,7 +94,7 @@ TEST(WideCalibration, ComparesPerspectiveModelsWithThoseOfWideLenses) {
                          test::image_size, {.resamples = 0});
     EXPECT_EQ(either.advice.models.size(), perspective_and_wide_models().size());
     EXPECT_LT(*either.leave_one_out_rms_px, 0.15);
-    // Rational holds such a lens as well, with half as many parameters more than what is taken.
+    // Rational holds such a lens as well, with twice as many parameters.
     EXPECT_LT(*score_of(either, "rational").leave_one_out_rms_px, 0.15);
     EXPECT_LE(either.model.parameters.size(), 8u);
     EXPECT_FALSE(either.camera.projection.is_flat());

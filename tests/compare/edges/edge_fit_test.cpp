@@ -236,6 +236,26 @@ TEST(DefocusEstimate, FindsFocusAndFNumber) {
     EXPECT_NEAR(estimate.sigma_px, 0.5, 0.01);
 }
 
+// A lens of 200 degrees that sees the board 60 degrees from its axis: the thin lens near the axis,
+// its pupil turned to the board, its focus a sphere.
+TEST(DefocusEstimate, FindsTheFocusSphereOfAWideLens) {
+    EdgeScene scene = test::defocused_board();
+    scene.camera.width = 640;
+    scene.camera.height = 520;
+    scene.camera.intrinsics = {700.0, 704.0, 20.0, 11.0};
+    scene.camera.distortion = {.k1 = 0.01};
+    scene.camera.projection.kind = Projection::equidistant;
+    scene.camera.lens->focus_distance_mm = 240.0;
+    const Rigid to_the_side(rotation_from_vector({-0.35, 0.55, 0.0}), Eigen::Vector3d::Zero());
+    scene.pose = to_the_side * test::pose_of(0.25, -0.8, 0.12, -26.0, -22.0, 220.0);
+    const CodeImage photo = SensorModel(scene.camera).expose(scene.rendered());
+    const auto estimate = estimate_defocus(scene.edges(photo).edges, scene.camera);
+    ASSERT_TRUE(estimate.is_determined) << estimate.undetermined;
+    EXPECT_NEAR(estimate.focus_distance_mm, 240.0, 0.5);
+    EXPECT_NEAR(estimate.f_number, 1.4, 0.02);
+    EXPECT_NEAR(estimate.sigma_px, 0.5, 0.01);
+}
+
 // f/0.6: disks of up to 4 px reach the next edge. With those left out the result is right.
 TEST(DefocusEstimate, LeavesOutEdgesWhoseBlurReachesTheNext) {
     EdgeScene scene = test::defocused_board();

@@ -226,6 +226,15 @@ TEST_F(RenderCommand, RefusesAMarkerThatCannotBeSeen) {
     EXPECT_THAT(complaint(), HasSubstr("--pose: 0,0,0,7,-5,-100: the marker is behind the camera"));
     arguments_.poses = {"0,1.5,0,0,0,5"};
     EXPECT_THAT(complaint(), HasSubstr("reaches behind the camera"));
+    // Across 90 degrees from the axis: the same pose before a lens that looks there.
+    arguments_.poses = {"0,1.5,0,100,0,5"};
+    EXPECT_THAT(complaint(), HasSubstr("reaches behind the camera"));
+    write_text(folder_ / "camera.yml",
+               "etalon: camera/1\nimage: {width: 80, height: 60}\nprojection: equidistant\n"
+               "intrinsics: {fx: 20, fy: 20, cx: 39.5, cy: 29.5}\n");
+    EXPECT_EQ(run_render(arguments_), 0);
+    std::filesystem::remove(arguments_.out);
+    write_text(folder_ / "camera.yml", pinhole);
     arguments_.poses = {"0,3.1,0,7,-5,100"};
     EXPECT_THAT(complaint(), HasSubstr("from its back"));
 }

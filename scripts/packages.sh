@@ -12,7 +12,7 @@ test_packages="libgtest-dev libgmock-dev poppler-utils libxml2-utils"
 # camera drivers (its emulator, what its first file system is made of, and the service that tells
 # programs about devices); a cluster of one node; clang with libFuzzer; mrcal and COLMAP, for what
 # we write for them; Python's module and its tests; the shells that complete our commands; the
-# documentation's site; a reader of pipelines' files.
+# documentation's site; a reader of pipelines' files; certificates as PDF.
 all_test_packages="libbenchmark-dev libfaketime qemu-system-x86 busybox-static kmod cpio udev slurm-wlm \
     clang libclang-rt-dev python3-mrcal colmap pybind11-dev python3-dev python3-numpy python3-pytest \
     python3-matplotlib python3-opencv bash-completion zsh fish $docs_packages python3-yaml \

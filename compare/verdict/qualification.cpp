@@ -12,6 +12,7 @@
 #include "compare/verdict/judged_quantities.h"
 #include "compare/verdict/outlying_poses.h"
 #include "compare/verdict/qualification_budget.h"
+#include "compare/verdict/quantity_decision.h"
 #include "core/errors.h"
 
 namespace etalon {
@@ -462,27 +463,10 @@ std::string unknown_in_the_way(const JudgedQuantity& quantity, const DecisionRul
     return fmt::format("the uncertainty of '{}' is unknown", fmt::join(sources, "', '"));
 }
 
-// Nothing where there is no uncertainty, as in a simulation without noise.
-std::optional<DecisionRisk> risk_of(const JudgedQuantity& quantity, const Limits& limits) {
-    if (!(quantity.expanded_uncertainty > 0.0))
-        return std::nullopt;
-    const auto prior = limits.priors.find(quantity.name);
-    return decision_risk(
-        {quantity.value, quantity.expanded_uncertainty / quantity.coverage_factor,
-         quantity.coverage_factor, quantity.degrees_of_freedom, quantity.limit},
-        limits.rule, prior == limits.priors.end() ? std::nullopt : std::optional(prior->second));
-}
-
 void judge(JudgedQuantity& quantity, const Limits& limits, Qualification& result) {
     if (!measure(quantity, result))
         return;
-    quantity.outcome =
-        decide(quantity.value, quantity.expanded_uncertainty, quantity.limit, limits.rule);
-    quantity.risk = risk_of(quantity, limits);
-    if (quantity.outcome == Outcome::inconclusive)
-        quantity.reason = limits.rule.guard_factor == 1.0
-                              ? "the limit lies within the uncertainty of the value"
-                              : "the limit lies within the guard band of the value";
+    decide(quantity, limits);
     if (quantity.outcome != Outcome::pass)
         return;
     quantity.reason = unknown_in_the_way(quantity, limits.rule, result);

@@ -26,7 +26,7 @@ h2 { font-size: 9.2pt; margin: 4mm 0 1.2mm; break-after: avoid; } h2 + p { break
 p { margin: 0 0 1.5mm; } ul { margin: 0; padding-left: 4mm; }
 table { border-collapse: collapse; width: 100%; } table.figures td:last-child { white-space: nowrap; }
 table.wide td:last-child { white-space: normal; } tr { break-inside: avoid; }
-table.facts th { width: 38mm; font-weight: normal; color: #444; }
+table.facts { break-inside: avoid; } table.facts th { width: 38mm; font-weight: normal; color: #444; }
 th, td { text-align: left; vertical-align: top; padding: 0.65mm 2.6mm 0.65mm 0; }
 table.figures { border-top: 0.8pt solid #111; border-bottom: 0.8pt solid #111; }
 table.figures th { font-weight: bold; border-bottom: 0.5pt solid #111; vertical-align: bottom; }
@@ -34,7 +34,7 @@ table.figures td { border-bottom: 0.3pt solid #bbb; } table.figures tr:last-chil
 .n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
 td:last-child, th:last-child { padding-right: 0; }
 .statement { border: 0.8pt solid #111; padding: 2.5mm 3.5mm; margin: 4mm 0 1mm; font-size: 11pt; font-weight: bold; }
-.small { font-size: 7.8pt; color: #333; } code { font: 7.2pt "Liberation Mono", "DejaVu Sans Mono", monospace; overflow-wrap: anywhere; }
+.small { font-size: 7.6pt; color: #333; } .record { margin-top: 7mm; } code { font: 7.2pt "Liberation Mono", "DejaVu Sans Mono", monospace; overflow-wrap: anywhere; }
 .sign { display: flex; gap: 14mm; margin-top: 15mm; break-inside: avoid; } .sign div { flex: 1; border-top: 0.6pt solid #111; padding-top: 1mm; }
 )";
 
@@ -136,14 +136,20 @@ std::string results_html(const Qualification& analysis) {
            "record.</p>\n";
 }
 
+// Without a prior it is the most that it can be.
+std::string risk_text(double probability, const DecisionRisk& risk) {
+    return (risk.has_prior ? "" : "at most ") + probability_text(probability);
+}
+
 std::string decision_html(const Certificate& certificate) {
     const Qualification& analysis = *certificate.run.analysis;
     std::vector<Texts> rows;
     for (const JudgedQuantity& each : analysis.quantities)
         if (each.risk)
-            rows.push_back(
-                {quantity_kind(each.name).words, probability_text(each.risk->conformance),
-                 probability_text(each.risk->consumer), probability_text(each.risk->producer)});
+            rows.push_back({quantity_kind(each.name).words,
+                            probability_text(each.risk->conformance),
+                            risk_text(each.risk->consumer, *each.risk),
+                            risk_text(each.risk->producer, *each.risk)});
     return heading("Decision rule: " + analysis.rule.name()) +
            paragraphs({fmt::format(
                "{}. A camera with any judged quantity at its limit gets PASS in at most {}, one "
@@ -232,7 +238,8 @@ std::string item_html(const Certificate& certificate) {
 std::string record_html(const Certificate& certificate) {
     const RunSession& session = certificate.run.sessions.back();
     return fmt::format(
-        "<p class=\"small\">Record of the run: events.jsonl SHA-256 <code>{}</code>, run.json "
+        "<p class=\"small record\">Record of the run: events.jsonl SHA-256 <code>{}</code>, "
+        "run.json "
         "SHA-256 "
         "<code>{}</code>; measured with etalon {}. {}</p>\n",
         escape_html(certificate.log_sha256), escape_html(certificate.run_sha256),

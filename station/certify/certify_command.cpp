@@ -38,12 +38,18 @@ QualifyResult analysed(const std::filesystem::path& record) {
                           stop.get_token());
 }
 
-void require_nothing_missing(const QualifyResult& run, const CertificateForm& form) {
+void require_nothing_missing(const QualifyResult& run, const CertificateForm& form, bool json) {
     const std::vector<std::string> missing = missing_for_certificate(run, form);
-    if (!missing.empty())
-        throw ConfigError({run.folder.string()},
-                          fmt::format("cannot be certified, there is missing:\n  {}",
-                                      fmt::join(missing, "\n  ")));
+    if (missing.empty())
+        return;
+    if (json)
+        fmt::print("{}\n", text_of({{"missing", missing}}, 2));
+    else
+        for (const std::string& each : missing)
+            fmt::print("missing {}\n", each);
+    throw ConfigError({run.folder.string(), 0, {}},
+                      fmt::format("cannot be certified, {} {} missing", missing.size(),
+                                  missing.size() == 1 ? "thing is" : "things are"));
 }
 
 int run_certify(const CertifyArguments& arguments) {
@@ -51,7 +57,7 @@ int run_certify(const CertifyArguments& arguments) {
     if (!arguments.number.empty())
         form.number = arguments.number;
     const QualifyResult run = analysed(arguments.record);
-    require_nothing_missing(run, form);
+    require_nothing_missing(run, form, arguments.json);
     const Certificate certificate{run, form, utc_now().substr(0, 10),
                                   sha256_of_file(run.folder / log_file),
                                   sha256_of_file(run.folder / "run.json")};

@@ -63,11 +63,14 @@ CameraState& state_of(std::vector<CameraState>& fleet, const HistoricRun& run) {
         std::ranges::find_if(fleet, [&](const CameraState& state) { return is_of(state, run); });
     if (found != fleet.end())
         return *found;
-    fleet.push_back({run.camera, run.station, run.marker});
-    return fleet.back();
+    CameraState& state = fleet.emplace_back();
+    state.camera = run.camera;
+    state.station = run.station;
+    state.marker = run.marker;
+    return state;
 }
 
-constexpr const char* columns = "  {:11} {:9} {:10} {:12} {:>4}  {:10} {}\n";
+constexpr const char* columns = "  {:11} {:9} {:10} {:12} {:>4}  {:10} {}";
 
 // "DUE ALARM TREND", as much of it as there is.
 std::string words_of(const CameraState& state) {
@@ -83,8 +86,11 @@ std::string words_of(const CameraState& state) {
 
 std::string line_of(const CameraState& state) {
     const std::string due = !state.due.empty() ? state.due : state.is_due ? "now" : "-";
-    return fmt::format(columns, state.camera, state.station, state.last_utc.substr(0, 10),
-                       state.last_outcome, state.runs, due, words_of(state));
+    std::string line =
+        fmt::format(columns, state.camera, state.station, state.last_utc.substr(0, 10),
+                    state.last_outcome, state.runs, due, words_of(state));
+    line.erase(line.find_last_not_of(' ') + 1);
+    return line + "\n";
 }
 
 std::string trend_line(const CameraState& state, const QuantityTrend& each) {
@@ -132,7 +138,8 @@ std::vector<CameraState> fleet_of(std::span<const HistoricRun> runs,
 
 std::string fleet_text(std::span<const CameraState> fleet) {
     std::string text =
-        fmt::format(columns, "camera", "station", "last run", "outcome", "runs", "due", "state");
+        fmt::format(columns, "camera", "station", "last run", "outcome", "runs", "due", "state") +
+        "\n";
     for (const CameraState& state : fleet) {
         text += line_of(state);
         for (const QuantityTrend& each : state.trends)

@@ -68,7 +68,8 @@ Trend trend_of(std::span<const TimedValue> values) {
                 slopes.push_back(rise / days * days_per_year);
         }
     }
-    Trend trend{static_cast<int>(values.size())};
+    Trend trend;
+    trend.runs = static_cast<int>(values.size());
     if (values.size() >= 2)
         trend.probability = values.size() <= most_exact ? exact_probability(values.size(), s)
                                                         : normal_approximation(values.size(), s);

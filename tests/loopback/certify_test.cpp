@@ -2,14 +2,12 @@
 // reads it, and the program `etalon certify`.
 #include <gmock/gmock.h>
 
-#include "station/setup/references.h"
 #include "tests/loopback/quick_run.h"
 
 namespace etalon {
 namespace {
 
 using testing::HasSubstr;
-using testing::Not;
 
 class CertifyCommand : public QuickRun {
 protected:
@@ -84,7 +82,12 @@ TEST_F(CertifyCommand, GoesOnWithoutASensorAndThenRefusesToCertify) {
     EXPECT_EQ(qualify(), 0);
     EXPECT_EQ(count(record(), "climate lost"), 1);
     EXPECT_EQ(count(record(), "pose"), quick_poses);
-    EXPECT_EQ(certify()->exit_code(), 3);
+    const auto refused = certify();
+    std::string said;
+    for (std::string line = refused->line(); !line.empty(); line = refused->line())
+        said += line + "\n";
+    EXPECT_EQ(refused->exit_code(), 3);
+    EXPECT_THAT(said, HasSubstr("\nmissing the temperature during the whole run: room sensor"));
     EXPECT_FALSE(std::filesystem::exists(folder_ / "certificate"));
 }
 

@@ -268,6 +268,7 @@ TEST_F(ServedPage, ARunGoesOnWhileAHundredLookAndOneIsStuck) {
     EXPECT_THAT(get("/report?record=" + record().filename().string()).head,
                 HasSubstr("sandbox allow-scripts"));
     EXPECT_THAT(get("/api/fleet/runs?camera=CAM-7").body, HasSubstr("\"operator\":\"Anna\""));
+    EXPECT_THAT(get("/api/fleet/cameras").body, HasSubstr("\"last_outcome\": \"PASS\""));
 }
 
 TEST_F(ServedPage, OneAtATimeAndTheSecondIsToldByWhom) {

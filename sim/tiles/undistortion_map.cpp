@@ -372,13 +372,11 @@ double UndistortionMap::bend_of_nodes(const Block& block, int i, int j) {
             (n[0] + n[4 * stride]) - 4.0 * (n[stride] + n[3 * stride]) + 6.0 * n[2 * stride];
         return fourth.cwiseAbs().sum();
     };
-    double along_rows = 0.0, along_columns = 0.0;
-    for (int n = 1; n <= 2; ++n) {
-        along_rows = std::max(along_rows, differences(column, (j & (block_side - 1)) + n, 1));
-        along_columns =
-            std::max(along_columns, differences((i & (block_side - 1)) + n, row, nodes_a_side));
-    }
-    return 3.0 / 128.0 * (along_rows + along_columns);  // not a number where a node is none
+    double sum = 0.0;  // no largest: it must not be a number where a node is none
+    for (int n = 1; n <= 2; ++n)
+        sum += differences(column, (j & (block_side - 1)) + n, 1) +
+               differences((i & (block_side - 1)) + n, row, nodes_a_side);
+    return 3.0 / 128.0 * sum;
 }
 
 // From differences of the nodes, which are a tile apart.

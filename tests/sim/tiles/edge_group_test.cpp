@@ -52,7 +52,7 @@ TEST(EdgeGroup, IsAsGoodAsManySamples) {
     const RenderedImage image = renderer.render(large_cells());
     const RenderedImage samples = renderer.render(
         large_cells(), {.method = RenderMethod::exact_lens, .samples_per_side = 6});
-    EXPECT_GT(tiles_by_table(image.plan), 1000);
+    EXPECT_GT(tiles_by_table(image.plan), 500);
     EXPECT_EQ(tiles_by_table(samples.plan), 0);
     EXPECT_LT(255.0 * cv::norm(image.radiance, samples.radiance, cv::NORM_INF), 0.06);
 }
@@ -60,7 +60,7 @@ TEST(EdgeGroup, IsAsGoodAsManySamples) {
 TEST(EdgeGroup, AgreesWithTheReference) {
     const CameraModel camera = camera_of_large_cells();
     const RenderedImage image = Renderer(camera).render(large_cells());
-    const cv::Rect region(154, 40, 12, 4);  // across the edge between the upper cells
+    const cv::Rect region(184, 58, 16, 3);  // across the edge between the upper cells
     const ReferenceImage reference = integrate_reference(
         camera, large_cells(), region, {.scrambles = 16, .samples_per_scramble = 8192});
     const auto [least, most] = std::minmax_element(reference.mean.begin<float>(),

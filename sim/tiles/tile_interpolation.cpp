@@ -21,9 +21,8 @@ TileInterpolation::TileInterpolation(int from_k, int k, SampleKind kind)
     const double half = kind == SampleKind::box ? 0.5 * step : 0.0;
     for (int x = 0; x < tile_px * k; ++x)
         weights_.push_back(
-            is_thinning_
-                ? thinning(x)
-                : interpolating((x + 0.5) * step - 0.5 + margin, half, side(from_k)));
+            is_thinning_ ? thinning(x)
+                         : interpolating((x + 0.5) * step - 0.5 + margin, half, side(from_k)));
 }
 
 // An average's part, 2 half, is narrower than two samples: at most 8 samples have a weight.

@@ -361,8 +361,8 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j, Block& block) con
     return tile;
 }
 
-// The error of the cubics through four nodes, in their middle: 3/128 of the fourth differences along
-// the rows and the columns of nodes around the tile.
+// The error of the cubics through four nodes, in their middle: 3/128 of the fourth differences
+// along the rows and the columns of nodes around the tile.
 double UndistortionMap::bend_of_nodes(const Block& block, int i, int j) {
     const int column = (i & (block_side - 1)) + 1 - ((i & (block_side - 1)) == 0 ? 1 : 2);
     const int row = (j & (block_side - 1)) + 1 - ((j & (block_side - 1)) == 0 ? 1 : 2);
@@ -472,8 +472,8 @@ UndistortionMap::Tile UndistortionMap::make_border_tile(int i, int j) const {
             has_ray(x, y) = include(x, y);
     for (int y = 0; y < n; ++y)
         for (int x = 0; x < n; ++x) {
-            const int of_corners = has_ray(x, y) + has_ray(x + 1, y) + has_ray(x, y + 1) +
-                                   has_ray(x + 1, y + 1);
+            const int of_corners =
+                has_ray(x, y) + has_ray(x + 1, y) + has_ray(x, y + 1) + has_ray(x + 1, y + 1);
             if (of_corners == 0 || of_corners == 4)
                 continue;
             for (const auto& [right, down] :

@@ -138,8 +138,8 @@ ValidRegion::ValidRegion(const Distortion& distortion, double limit) {
     const RadiusInterval radii = interesting_radii(distortion);
     const double pole = pole_radius(distortion);
     const Eigen::Matrix3d tilt = tilt_matrix(distortion.tau_x, distortion.tau_y);
-    // The border is good to a tenth of 1e-3. Of a radial model no direction lies between others, and
-    // the image's radius is that there or a little farther out; at a fold it is largest there.
+    // The border is good to a tenth of 1e-3. Of a radial model no direction lies between others,
+    // and the image's radius is that there or a little farther out; at a fold it is largest there.
     constexpr double uncertain = 1e-4;
     const double safety = count == 1 ? 1.0 + 1e-6 : 1.001;
     border_.reserve(count);

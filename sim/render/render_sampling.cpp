@@ -452,13 +452,15 @@ private:
     // What the sampling may err by. Of the tail only grids of 2 px and more know the edges.
     void choose_edges() {
         constexpr double smallest_cells_px = 40.0;
+        const double left = allowed(share_of_sampling) - EdgeTable::gray * image_.step;
         if (options_.method != RenderMethod::automatic || options_.samples_per_side > 0 ||
             chosen_.sampling.kind != SampleKind::point || !chosen_.with_spread ||
             chosen_.finest_ring < 1 || chosen_.plan.tail_reach_px == 0.0 ||
-            image_.cell_px < smallest_cells_px || kept(options_, Omission::uniform_tiles))
+            image_.cell_px < smallest_cells_px || left <= 0.0 ||
+            kept(options_, Omission::uniform_tiles))
             return;
         chosen_.sampling.edges = filter_.edges();
-        chosen_.sampling.edge_gray = allowed(share_of_sampling);
+        chosen_.sampling.edge_gray = left;
     }
 
     const ImageExtremes& image_;

@@ -50,8 +50,7 @@ double pixel_strip(double x, bool is_diagonal) {
     return std::max(0.0, half - far) / (half * half) * fine_step;
 }
 
-std::vector<double> with_pixel(const std::vector<double>& strips, bool is_diagonal,
-                               double energy) {
+std::vector<double> with_pixel(const std::vector<double>& strips, bool is_diagonal, double energy) {
     const int n = static_cast<int>(strips.size()), pixel = fine_per_px;
     std::vector<double> result(strips.size() + static_cast<std::size_t>(pixel));
     for (int i = -n + 1; i < n; ++i)
@@ -93,8 +92,7 @@ double response(const std::vector<double>& strips, const double* segment) {
 
 }  // namespace
 
-EdgeTable::EdgeTable(const std::function<double(double)>& density, double reach_px,
-                           double energy)
+EdgeTable::EdgeTable(const std::function<double(double)>& density, double reach_px, double energy)
     : energy_(energy), reach_px_(reach_px + std::numbers::sqrt2 / 2.0) {
     const std::vector<double> strips = line_spread(density, reach_px);
     straight_ = with_pixel(strips, false, energy);
@@ -112,8 +110,8 @@ void EdgeTable::make(Row& row, double blur_px) const {
     const int behind = static_cast<int>(std::ceil(reach_px_ * per_px)) + 3;
     const int step = fine_per_px / static_cast<int>(per_px);
     const int reach = static_cast<int>(straight_.size());
-    const std::vector<double> parts = segments(blur_px, -step * row.before - reach,
-                                               step * (row.before + behind) + 2 * reach);
+    const std::vector<double> parts =
+        segments(blur_px, -step * row.before - reach, step * (row.before + behind) + 2 * reach);
     for (int n = 0; n < row.before + behind; ++n) {
         const double* middle = &parts[static_cast<std::size_t>(step * n + reach)];
         const double along = response(straight_, middle);

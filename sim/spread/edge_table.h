@@ -26,6 +26,7 @@ class EdgeTable {
 public:
     static constexpr double per_px = 16.0;
     static constexpr double least_blur_px = 2.5, largest_blur_px = 48.0;
+    static constexpr double gray = 0.02;  // of its own error, of an edge of contrast 1
 
     // `density`: the spread's energy per px^2 by the radius, nothing from `reach_px` on; scaled to
     // `energy`. Not convolved with the pixel.

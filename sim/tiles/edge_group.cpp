@@ -57,8 +57,7 @@ Eigen::Matrix4d offsets_of(const EdgeOffset& offset, const UndistortionMap& map,
     for (std::size_t row = 0; row < 4; ++row) {
         std::array<double, 4> values;
         for (std::size_t column = 0; column < 4; ++column)
-            values[column] =
-                offset.at(map.corner_in_group(i, j, corners[column], corners[row]));
+            values[column] = offset.at(map.corner_in_group(i, j, corners[column], corners[row]));
         const std::array<double, 4> c = cubic_through_corners(values);
         rows[row] = {c[0], c[1], c[2], c[3]};
     }
@@ -102,6 +101,8 @@ std::optional<EdgeGroup> edge_group(const MarkerView& view, const UndistortionMa
                                     int j, const OneEdge& edge, const EdgeTable& response,
                                     double gray) {
     constexpr double side = EdgeGroup::side_px, good_enough_px = 2e-4;
+    if (view.aperture().faces_rays)
+        return std::nullopt;
     const EdgeOffset offset(view, edge);
     const Eigen::Matrix4d c = offsets_of(offset, map, i, j);
     const Eigen::Vector2d middle = gradient(c, 0.0, 0.0) / side;

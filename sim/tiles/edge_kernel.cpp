@@ -44,8 +44,7 @@ void average_edge(const EdgeGroup& group, float* averages) {
             Vector sum = hn::Zero(tag);
             for (std::size_t y = row; y < row + 2; ++y) {
                 const EdgeRow of_row(group, static_cast<int>(y));
-                const Vector offset =
-                    hn::Clamp(of_row.distance(lane) * inverse, hn::Neg(one), one);
+                const Vector offset = hn::Clamp(of_row.distance(lane) * inverse, hn::Neg(one), one);
                 sum = sum + area_beyond(offset, hn::Sqrt(one - hn::Abs(offset)));
             }
             store(hn::MulAdd(sum * all(0.5f), step, before), sums + lane);
@@ -73,8 +72,8 @@ void add_edge_rows(const EdgeGroup& group, const EdgeProfile& profile, float ene
             const Vector near = hn::GatherIndex(tag, values, index);
             const Vector far = hn::GatherIndex(tag, values + 1, index);
             const Vector part = step * hn::MulAdd(way, far - near, near);
-            const Vector seen = hn::IfThenElse(hn::Lt(distance, hn::Zero(tag)), before + part,
-                                               beyond - part);
+            const Vector seen =
+                hn::IfThenElse(hn::Lt(distance, hn::Zero(tag)), before + part, beyond - part);
             hn::StoreU(hn::LoadU(tag, out + lane) + seen, tag, out + lane);
         }
     }

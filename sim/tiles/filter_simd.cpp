@@ -157,6 +157,54 @@ HWY_ATTR void FillRow(float value, std::ptrdiff_t count, bool past_caches, float
         out[x] = value;
 }
 
+HWY_ATTR void SumEightRows(const float* from, std::ptrdiff_t stride, const float weights[8],
+                           int width, float* to) {
+    const Vector16 d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    int x = 0;
+    for (; x + n <= width; x += n) {
+        auto even = hn::Zero(d), odd = hn::Zero(d);
+        for (int tap = 0; tap < 8; tap += 2) {
+            const float* at = from + tap * stride + x;
+            even = hn::MulAdd(hn::Set(d, weights[tap]), hn::LoadU(d, at), even);
+            odd = hn::MulAdd(hn::Set(d, weights[tap + 1]), hn::LoadU(d, at + stride), odd);
+        }
+        hn::StoreU(even + odd, d, to + x);
+    }
+    for (; x < width; ++x) {
+        float even = 0.0f, odd = 0.0f;
+        for (int tap = 0; tap < 8; tap += 2) {
+            even += weights[tap] * from[tap * stride + x];
+            odd += weights[tap + 1] * from[(tap + 1) * stride + x];
+        }
+        to[x] = even + odd;
+    }
+}
+
+HWY_ATTR void ThinRow(const float* from, const float weights[8], int count, float* to) {
+    const Vector16 d;
+    const int n = static_cast<int>(hn::Lanes(d));
+    int x = 0;
+    for (; x + n <= count; x += n) {
+        auto even = hn::Zero(d), odd = hn::Zero(d);
+        for (int tap = 0; tap < 8; tap += 2) {
+            hn::Vec<Vector16> first, second;
+            hn::LoadInterleaved2(d, from + 2 * x + tap, first, second);
+            even = hn::MulAdd(hn::Set(d, weights[tap]), first, even);
+            odd = hn::MulAdd(hn::Set(d, weights[tap + 1]), second, odd);
+        }
+        hn::StoreU(even + odd, d, to + x);
+    }
+    for (; x < count; ++x) {
+        float even = 0.0f, odd = 0.0f;
+        for (int tap = 0; tap < 8; tap += 2) {
+            even += weights[tap] * from[2 * x + tap];
+            odd += weights[tap + 1] * from[2 * x + tap + 1];
+        }
+        to[x] = even + odd;
+    }
+}
+
 HWY_ATTR void FillPhases(float value, int columns, int k, int rows, std::ptrdiff_t phase,
                          std::ptrdiff_t window_stride, float* to) {
     const Vector16 d;
@@ -438,6 +486,8 @@ HWY_AFTER_NAMESPACE();
 namespace etalon {
 
 HWY_EXPORT(AddConvolved);
+HWY_EXPORT(SumEightRows);
+HWY_EXPORT(ThinRow);
 HWY_EXPORT(FillPhases);
 HWY_EXPORT(SplitPhases);
 HWY_EXPORT(AverageParts);
@@ -453,6 +503,15 @@ void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdi
                    int width, int height, float* out, std::ptrdiff_t out_stride) {
     HWY_DYNAMIC_DISPATCH(AddConvolved)
     (kernel, window, window_stride, width, height, out, out_stride);
+}
+
+void sum_eight_rows(const float* from, std::ptrdiff_t stride, const float weights[8], int width,
+                    float* to) {
+    HWY_DYNAMIC_DISPATCH(SumEightRows)(from, stride, weights, width, to);
+}
+
+void thin_row(const float* from, const float weights[8], int count, float* to) {
+    HWY_DYNAMIC_DISPATCH(ThinRow)(from, weights, count, to);
 }
 
 void fill_phases(float value, int columns, int k, int rows, std::ptrdiff_t phase_stride,

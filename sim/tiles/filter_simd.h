@@ -29,6 +29,13 @@ struct MirroredKernel {
 void add_convolved(const MirroredKernel& kernel, const float* window, std::ptrdiff_t window_stride,
                    int width, int height, float* out, std::ptrdiff_t out_stride);
 
+// to[x] = the sum of weights[n] * from[n * stride + x].
+void sum_eight_rows(const float* from, std::ptrdiff_t stride, const float weights[8], int width,
+                    float* to);
+
+// to[x] = the sum of weights[n] * from[2 x + n], for `count` of them.
+void thin_row(const float* from, const float weights[8], int count, float* to);
+
 // One value in `columns` places of each phase and row, and in up to 15 more behind them.
 void fill_phases(float value, int columns, int k, int rows, std::ptrdiff_t phase_stride,
                  std::ptrdiff_t window_stride, float* to);

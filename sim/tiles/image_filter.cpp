@@ -229,8 +229,8 @@ const EdgeTable* ImageFilter::edges() const {
     constexpr double oblong = 0.005, wide_px = 8.0;
     std::call_once(edges_made_, [this] {
         if (has_tail() && std::abs(pitch_y_ - 1.0) < oblong && core_.fall_to < wide_px)
-            edges_.emplace([this](double r) { return core_(r) * psf_->density(r); },
-                           core_.fall_to, windowed_energy(*psf_, core_));
+            edges_.emplace([this](double r) { return core_(r) * psf_->density(r); }, core_.fall_to,
+                           windowed_energy(*psf_, core_));
     });
     return edges_ ? &*edges_ : nullptr;
 }

@@ -69,8 +69,7 @@ Eigen::Vector2d SquareCorners::point_at(int shift, const cv::Point& node) const 
     const cv::Point first = part_side * at;
     std::call_once(part.once, [&] {
         for (int n = 0; n < part_side * part_side; ++n)
-            part.points.push_back(
-                compute(shift, first + cv::Point(n % part_side, n / part_side)));
+            part.points.push_back(compute(shift, first + cv::Point(n % part_side, n / part_side)));
     });
     return part.points[static_cast<std::size_t>((node.y - first.y) * part_side + node.x - first.x)];
 }
@@ -133,7 +132,8 @@ void TailSources::average_pixels() {
     float* next = pixel_averages_.data();
     for (std::size_t n = 0; n < count; ++n)
         if (tiles.refined(n)) {
-            average_parts(values_[n] + TileSamples::samples_offset, samples_.k() * tile_px, side, next);
+            average_parts(values_[n] + TileSamples::samples_offset, samples_.k() * tile_px, side,
+                          next);
             pixel_values_[n] = next;
             next += pixels;
         }

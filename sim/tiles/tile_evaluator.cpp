@@ -218,10 +218,10 @@ bool TileEvaluator::find_points(const Grid& grid, int i, int j) {
     for (int row = 0; row < grid.positions.n(); ++row)
         for (int column = 0; column < grid.positions.n(); ++column) {
             const Eigen::Vector2d place(column + 0.5, row + 0.5);
-            last = map_.exact(
-                corner + (place - Eigen::Vector2d::Constant(TileInterpolation::margin)) /
-                             double(grid.k),
-                last);
+            last =
+                map_.exact(corner + (place - Eigen::Vector2d::Constant(TileInterpolation::margin)) /
+                                        double(grid.k),
+                           last);
             if (!last)
                 return false;
             points_.push_back(last);
@@ -263,8 +263,8 @@ std::vector<bool> TileEvaluator::rays_around(int i, int j) const {
     std::vector<bool> rays;
     for (int row = -1; row <= n; ++row)
         for (int column = -1; column <= n; ++column) {
-            const auto& nearest = points_[static_cast<std::size_t>(
-                std::clamp(row, 0, n - 1) * n + std::clamp(column, 0, n - 1))];
+            const auto& nearest = points_[static_cast<std::size_t>(std::clamp(row, 0, n - 1) * n +
+                                                                   std::clamp(column, 0, n - 1))];
             const bool is_inside = row >= 0 && row < n && column >= 0 && column < n;
             const Eigen::Vector2d within(column + 0.5, row + 0.5);
             rays.push_back(

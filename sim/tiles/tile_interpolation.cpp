@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include "sim/spread/lagrange.h"
+#include "sim/tiles/filter_simd.h"
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {
-namespace {}  // namespace
 
 int TileInterpolation::side(int k) {
     return tile_px * k + 2 * margin;
@@ -15,14 +15,14 @@ int TileInterpolation::side(int k) {
 
 // Places are counted in samples of the other grid from the first one of the margin.
 TileInterpolation::TileInterpolation(int from_k, int k, SampleKind kind)
-    : side_(static_cast<std::size_t>(side(from_k))) {
+    : side_(static_cast<std::size_t>(side(from_k))),
+      is_thinning_(kind == SampleKind::disk && from_k > k) {
     const double step = static_cast<double>(from_k) / k;
     const double half = kind == SampleKind::box ? 0.5 * step : 0.0;
     for (int x = 0; x < tile_px * k; ++x)
         weights_.push_back(
-            kind == SampleKind::disk && from_k > k
-                ? thinning(x)
-                : interpolating((x + 0.5) * step - 0.5 + margin, half, side(from_k)));
+            is_thinning_ ? thinning(x)
+                         : interpolating((x + 0.5) * step - 0.5 + margin, half, side(from_k)));
 }
 
 // An average's part, 2 half, is narrower than two samples: at most 8 samples have a weight.
@@ -48,6 +48,13 @@ TileInterpolation::Weights TileInterpolation::thinning(int sample) {
 }
 
 void TileInterpolation::along_rows(const float* from, std::size_t rows, float* to) const {
+    if (is_thinning_) {
+        const Weights& first = weights_.front();
+        for (std::size_t y = 0; y < rows; ++y)
+            thin_row(from + y * side_ + first.first, first.of, static_cast<int>(weights_.size()),
+                     to + y * weights_.size());
+        return;
+    }
     for (std::size_t y = 0; y < rows; ++y, from += side_)
         for (const Weights& weights : weights_) {
             const float *v = from + weights.first, *w = weights.of;
@@ -58,12 +65,8 @@ void TileInterpolation::along_rows(const float* from, std::size_t rows, float* t
 
 void TileInterpolation::along_columns(const float* from, std::size_t n, float* to) const {
     for (const Weights& weights : weights_) {
-        const float *v = from + n * static_cast<std::size_t>(weights.first), *w = weights.of;
-        for (std::size_t x = 0; x < n; ++x)
-            to[x] =
-                ((w[0] * v[x] + w[1] * v[n + x]) + (w[2] * v[2 * n + x] + w[3] * v[3 * n + x])) +
-                ((w[4] * v[4 * n + x] + w[5] * v[5 * n + x]) +
-                 (w[6] * v[6 * n + x] + w[7] * v[7 * n + x]));
+        sum_eight_rows(from + n * static_cast<std::size_t>(weights.first),
+                       static_cast<std::ptrdiff_t>(n), weights.of, static_cast<int>(n), to);
         to += n;
     }
 }

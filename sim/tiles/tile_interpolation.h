@@ -52,6 +52,7 @@ private:
     void along_columns(const float* from, std::size_t columns, float* to) const;
 
     std::size_t side_;
+    bool is_thinning_;
     std::vector<Weights> weights_;
 };
 

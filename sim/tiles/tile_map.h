@@ -88,8 +88,8 @@ private:
 enum class GroupKind : unsigned char {
     constant,  // as far as a pixel's filter looks
     sampled,
-    edge,         // from an edge's response; there are samples for others
-    edge_only,    // there are none
+    edge,       // from an edge's response; there are samples for others
+    edge_only,  // there are none
 };
 
 // `constant` outside of its groups.
@@ -116,8 +116,8 @@ private:
 
 // Samples on a regular grid in square tiles. For each tile with the detail `least` or more `finer`
 // holds a pointer, by TileMap::index(): `side` x `side` samples stand row by row `offset` behind
-// it. Elsewhere the tile is taken as the map's value throughout. With the side 1 the map says it all. The map and `finer` must
-// outlive it.
+// it. Elsewhere the tile is taken as the map's value throughout. With the side 1 the map says it
+// all. The map and `finer` must outlive it.
 struct SampleField {
     const TileMap& map;
     int side = 1;

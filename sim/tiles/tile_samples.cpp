@@ -60,8 +60,8 @@ public:
                  const MeetsUniform& uniform,
                  const std::optional<CellRange>& around = std::nullopt) const {
         const cv::Rect tiles = tiles_of_group(level, i, j) & asked_;
-        if (tiles.empty() || (level == EdgeGroup::level && groups_ &&
-                              groups_->at(i, j) == GroupKind::edge_only))
+        if (tiles.empty() ||
+            (level == EdgeGroup::level && groups_ && groups_->at(i, j) == GroupKind::edge_only))
             return;
         const auto& [validity, all_bounds] = map_.group(level, i, j);
         if (validity == UndistortionMap::Validity::none)
@@ -164,8 +164,8 @@ void TileSamples::find_edges(const Search& search, const MarkerView& view,
                 const auto edge = range ? one_edge(view, *range) : std::nullopt;
                 if (!edge)
                     return;
-                if (const auto group = edge_group(view, map, i, j, *edge, *sampling_.edges,
-                                                  sampling_.edge_gray)) {
+                if (const auto group =
+                        edge_group(view, map, i, j, *edge, *sampling_.edges, sampling_.edge_gray)) {
                     groups_.set(i, j, GroupKind::edge);
                     block.edges.push_back(*group);
                 }
@@ -213,7 +213,8 @@ void TileSamples::average_edges(Block& block) {
         include(tiles, block.off_background);
         for (int j = tiles.y; j < tiles.br().y; ++j)
             for (int i = tiles.x; i < tiles.br().x; ++i, values += samples_offset) {
-                const float* upper = averages + 2 * (quarters * (j - side * group.j) + i - side * group.i);
+                const float* upper =
+                    averages + 2 * (quarters * (j - side * group.j) + i - side * group.i);
                 const float* lower = upper + quarters;
                 const float q[samples_offset] = {upper[0], upper[1], lower[0], lower[1]};
                 std::copy_n(q, samples_offset, values);

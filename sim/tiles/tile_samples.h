@@ -35,9 +35,8 @@ public:
     const TileMap& map() const { return map_; }
     // Of a tile of the map its (4 k)^2 values, row by row; null: there are none.
     const float* values(int i, int j) const {
-        return map_.detail(i, j) == TileDetail::samples
-                   ? values_[map_.index(i, j)] + samples_offset
-                   : nullptr;
+        return map_.detail(i, j) == TileDetail::samples ? values_[map_.index(i, j)] + samples_offset
+                                                        : nullptr;
     }
     // Of the refined tiles, by the map's index: the averages of the quarters, 2 x 2 of them, and
     // behind them the samples.
@@ -91,7 +90,7 @@ private:
     TileMap map_;
     std::unique_ptr<const float*[]> values_;  // of the refined tiles, into a block's store
     std::vector<Block> blocks_;
-    GroupMap groups_;  // with edges only
+    GroupMap groups_;                      // with edges only
     std::vector<const EdgeGroup*> edges_;  // by rows
     std::vector<TileUse> used_;
     cv::Rect off_background_;

@@ -361,8 +361,8 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j, Block& block) con
     return tile;
 }
 
-// The error of the cubics through four nodes, in their middle: 3/128 of the fourth differences along
-// the rows and the columns of nodes around the tile.
+// The error of the cubics through four nodes, in their middle: 3/128 of the fourth differences
+// along the rows and the columns of nodes around the tile.
 double UndistortionMap::bend_of_nodes(const Block& block, int i, int j) {
     const int column = (i & (block_side - 1)) + 1 - ((i & (block_side - 1)) == 0 ? 1 : 2);
     const int row = (j & (block_side - 1)) + 1 - ((j & (block_side - 1)) == 0 ? 1 : 2);
@@ -372,13 +372,11 @@ double UndistortionMap::bend_of_nodes(const Block& block, int i, int j) {
             (n[0] + n[4 * stride]) - 4.0 * (n[stride] + n[3 * stride]) + 6.0 * n[2 * stride];
         return fourth.cwiseAbs().sum();
     };
-    double along_rows = 0.0, along_columns = 0.0;
-    for (int n = 1; n <= 2; ++n) {
-        along_rows = std::max(along_rows, differences(column, (j & (block_side - 1)) + n, 1));
-        along_columns =
-            std::max(along_columns, differences((i & (block_side - 1)) + n, row, nodes_a_side));
-    }
-    return 3.0 / 128.0 * (along_rows + along_columns);  // not a number where a node is none
+    double sum = 0.0;  // no largest: it must not be a number where a node is none
+    for (int n = 1; n <= 2; ++n)
+        sum += differences(column, (j & (block_side - 1)) + n, 1) +
+               differences((i & (block_side - 1)) + n, row, nodes_a_side);
+    return 3.0 / 128.0 * sum;
 }
 
 // From differences of the nodes, which are a tile apart.
@@ -474,8 +472,8 @@ UndistortionMap::Tile UndistortionMap::make_border_tile(int i, int j) const {
             has_ray(x, y) = include(x, y);
     for (int y = 0; y < n; ++y)
         for (int x = 0; x < n; ++x) {
-            const int of_corners = has_ray(x, y) + has_ray(x + 1, y) + has_ray(x, y + 1) +
-                                   has_ray(x + 1, y + 1);
+            const int of_corners =
+                has_ray(x, y) + has_ray(x + 1, y) + has_ray(x, y + 1) + has_ray(x + 1, y + 1);
             if (of_corners == 0 || of_corners == 4)
                 continue;
             for (const auto& [right, down] :

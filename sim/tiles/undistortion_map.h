@@ -114,8 +114,8 @@ public:
     // Says that a tile's will be asked for soon.
     void prefetch_polynomial(int i, int j) const;
 
-    // The corner of a tile of group (i, j) of level 1, counted from the group's first: 0 to 4. Not a
-    // number where there is no ray.
+    // The corner of a tile of group (i, j) of level 1, counted from the group's first: 0 to 4. Not
+    // a number where there is no ray.
     const Eigen::Vector2d& corner_in_group(int i, int j, int column, int row) const {
         return node(block(i >> 2, j >> 2), group_side * i, group_side * j, row + 1, column + 1);
     }
@@ -125,9 +125,8 @@ public:
     void sample(int i, int j, int n, std::vector<std::optional<MappedPoint>>& points) const;
 
     // Exact and slow, at any pixel; less so where a point `near` it is known.
-    std::optional<MappedPoint> exact(
-        const Eigen::Vector2d& pixel,
-        const std::optional<MappedPoint>& near = std::nullopt) const;
+    std::optional<MappedPoint> exact(const Eigen::Vector2d& pixel,
+                                     const std::optional<MappedPoint>& near = std::nullopt) const;
 
     const Projector& projector() const { return projector_; }
 

@@ -50,9 +50,9 @@ long tiles_by_table(const RenderPlan& plan) {
 TEST(EdgeGroup, IsAsGoodAsManySamples) {
     const Renderer renderer(camera_of_large_cells());
     const RenderedImage image = renderer.render(large_cells());
-    const RenderedImage samples = renderer.render(
-        large_cells(), {.method = RenderMethod::exact_lens, .samples_per_side = 6});
-    EXPECT_GT(tiles_by_table(image.plan), 1000);
+    const RenderedImage samples =
+        renderer.render(large_cells(), {.method = RenderMethod::exact_lens, .samples_per_side = 6});
+    EXPECT_GT(tiles_by_table(image.plan), 500);
     EXPECT_EQ(tiles_by_table(samples.plan), 0);
     EXPECT_LT(255.0 * cv::norm(image.radiance, samples.radiance, cv::NORM_INF), 0.06);
 }
@@ -60,11 +60,11 @@ TEST(EdgeGroup, IsAsGoodAsManySamples) {
 TEST(EdgeGroup, AgreesWithTheReference) {
     const CameraModel camera = camera_of_large_cells();
     const RenderedImage image = Renderer(camera).render(large_cells());
-    const cv::Rect region(154, 40, 12, 4);  // across the edge between the upper cells
+    const cv::Rect region(184, 58, 16, 3);  // across the edge between the upper cells
     const ReferenceImage reference = integrate_reference(
         camera, large_cells(), region, {.scrambles = 16, .samples_per_scramble = 8192});
-    const auto [least, most] = std::minmax_element(reference.mean.begin<float>(),
-                                                   reference.mean.end<float>());
+    const auto [least, most] =
+        std::minmax_element(reference.mean.begin<float>(), reference.mean.end<float>());
     EXPECT_GT(*most - *least, 0.3f);
     for (int y = 0; y < region.height; ++y)
         for (int x = 0; x < region.width; ++x)

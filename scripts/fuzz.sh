@@ -38,7 +38,7 @@ fi
 seeds_of() {
     echo "tests/fuzz/corpus/$1"
     if [ "$1" = own_files ]; then
-        echo examples/demo examples/study stage/profiles tests/vm/qualify
+        echo examples/demo examples/study examples/every-key stage/profiles tests/vm/qualify
     fi
 }
 
@@ -46,7 +46,7 @@ seeds_of() {
 words_of() {
     local sources
     case $1 in
-        own_files) sources="compare/verdict mocks/twin stage sim/marker/marker.cpp station/compare \
+        own_files) sources="compare/verdict station/certify/certificate_form.cpp mocks/twin stage sim/marker/marker.cpp station/compare \
             station/setup study calib/files/camera_file.cpp calib/camera/parameter_names.h core/units.h" ;;
         foreign_cameras) sources=calib/files ;;
         event_log) sources="core/frame_log.cpp core/image.cpp station/qualify/recorded_run.cpp station/record" ;;

@@ -5,6 +5,7 @@
 #include "compare/verdict/limits_file.h"
 #include "mocks/twin/twin_file.h"
 #include "stage/profile/profile.h"
+#include "station/certify/certificate_form.h"
 #include "station/compare/compare_baseline.h"
 #include "station/setup/station_file.h"
 #include "study/study_file.h"
@@ -45,6 +46,12 @@ void read_station_file(const Path& path) {
     require(!station.marker.points_mm.empty(), "a marker without points");
     for (const PlanRequest::Interval& interval : station.plan.volume)
         require_all_finite(std::array{interval.low, interval.high});
+    for (const TracedReference& reference : station.references)
+        require_finite(reference.standard_uncertainty());
+}
+
+void read_certificate(const Path& path) {
+    address_of(read_certificate_form(path).laboratory);
 }
 
 void read_twin(const Path& path) {
@@ -84,6 +91,7 @@ struct Kind {
 constexpr std::array kinds{Kind{"station/1", read_station_file},
                            Kind{"stage-profile/1", read_profile},
                            Kind{"limits/1", read_limits_file},
+                           Kind{"certificate/1", read_certificate},
                            Kind{"twin/1", read_twin},
                            Kind{"psf/1", read_spread_file},
                            Kind{"study/1", read_study_file},

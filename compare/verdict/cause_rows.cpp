@@ -72,9 +72,9 @@ Eigen::MatrixXd FreedRows::whitened(Eigen::MatrixXd columns) const {
 }
 
 Eigen::MatrixXd FreedRows::columns_of(const Suspect& suspect) const {
-    const Eigen::Index corners = suspect.corners_px.rows();
-    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(corners + pixel_rows_, suspect.corners_px.cols());
-    all.topRows(corners) = suspect.corners_px;
+    const Eigen::Index rows = suspect.corners_px.rows();
+    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(absorbed_.rows(), suspect.corners_px.cols());
+    all.middleRows(suspect.only_pose.value_or(0) * rows, rows) = suspect.corners_px;
     if (pixel_rows_ > 0 && suspect.pixels.rows() == pixel_rows_)
         all.bottomRows(pixel_rows_) = suspect.pixels;
     return all;

@@ -252,20 +252,17 @@ std::string misplaced_pose_remedy(const std::string& pose) {
 
 std::vector<Suspect> misplaced_poses(const SuspectRequest& request) {
     const std::size_t poses = request.chain.poses.size();
-    const auto rows = static_cast<Eigen::Index>(2 * request.chain.points_mm.size());
     std::vector<Suspect> family;
     for (std::size_t i = 0; i < poses; ++i) {
         const int index = request.chain.poses[i].index;
-        Suspect suspect{misplaced_pose_name(index),
-                        "mm",
-                        misplaced_pose_remedy(fmt::format("pose {}", index)),
-                        1.0,
-                        Eigen::MatrixXd::Zero(rows * static_cast<Eigen::Index>(poses), 3),
-                        {},
-                        static_cast<int>(poses)};
-        suspect.corners_px.middleRows(static_cast<Eigen::Index>(i) * rows, rows) =
-            request.chain.pose_jacobian(i).rightCols<3>();
-        family.push_back(std::move(suspect));
+        family.push_back({misplaced_pose_name(index),
+                          "mm",
+                          misplaced_pose_remedy(fmt::format("pose {}", index)),
+                          1.0,
+                          request.chain.pose_jacobian(i).rightCols<3>(),
+                          {},
+                          static_cast<int>(poses),
+                          static_cast<int>(i)});
     }
     return family;
 }

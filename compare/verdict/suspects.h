@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,13 +31,14 @@ struct Suspect {
     std::string name, unit;
     std::string remedy;  // what to do first: "look at the stage's axis z: backlash"
     double size = 0.0;   // that one unit of a column stands for
-    // 2 rows per point and pose, px at `size`.
+    // 2 rows per point and pose, px at `size`; of that of `only_pose` alone where there is one.
     Eigen::MatrixXd corners_px;
     // What it does to the pixel errors of the request, in their units, at `size`, by column; empty:
     // nothing.
     Eigen::MatrixXd pixels = {};
     // Of how many like it that were tried this is the best: periods, poses.
     int tried = 1;
+    std::optional<int> only_pose = {};  // of the chain's: it does nothing to the others
 };
 
 struct SuspectRequest {

@@ -226,21 +226,10 @@ ordered_json throughput_json(const Throughput& t) {
 }  // namespace
 
 std::string bench_plot(const std::vector<BenchScene>& scenes) {
-    constexpr int width = 640, height = 360, columns = 2;
-    const int rows = (static_cast<int>(scenes.size()) + columns - 1) / columns;
-    std::string text = fmt::format("<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {} {}'>",
-                                   columns * width, rows * height);
-    int index = 0;
-    for (const BenchScene& scene : scenes) {
-        SvgPlot plot = panel(scene);
-        plot.set_size(width, height);
-        std::string svg = plot.svg(true);
-        svg.insert(4, fmt::format(" x='{}' y='{}' width='{}' height='{}'", index % columns * width,
-                                  index / columns * height, width, height));
-        text += svg;
-        ++index;
-    }
-    return text + "</svg>\n";
+    std::vector<SvgPlot> panels;
+    for (const BenchScene& scene : scenes)
+        panels.push_back(panel(scene));
+    return svg_panels(panels, 2, 640, 360);
 }
 
 namespace {

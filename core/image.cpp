@@ -15,10 +15,16 @@
 namespace etalon {
 namespace {
 
-// ISO 23008-12: a box "ftyp" at the beginning with one of these brands.
-bool is_heif(const std::filesystem::path& path) {
-    std::array<char, 12> start{};
+// The first bytes of a file, zeros behind its end.
+using FileStart = std::array<char, 132>;
+FileStart start_of(const std::filesystem::path& path) {
+    FileStart start{};
     std::ifstream(path, std::ios::binary).read(start.data(), start.size());
+    return start;
+}
+
+// ISO 23008-12: a box "ftyp" at the beginning with one of these brands.
+bool is_heif(const FileStart& start) {
     const std::string_view box(&start[4], 4), brand(&start[8], 4);
     constexpr std::array<std::string_view, 6> brands{"heic", "heix", "hevc",
                                                      "mif1", "msf1", "avif"};
@@ -27,12 +33,9 @@ bool is_heif(const std::filesystem::path& path) {
 
 // DICOM PS3.10, 7.1: these letters behind a preamble of 128 bytes. Debian's OpenCV hands such a
 // file to GDCM 3.0.21, which ends the program when what follows is no DICOM.
-bool is_dicom(const std::filesystem::path& path) {
-    std::array<char, 132> start{};
-    std::ifstream(path, std::ios::binary).read(start.data(), start.size());
+bool is_dicom(const FileStart& start) {
     constexpr std::string_view mark = "DICM";
-    return std::string_view(start.data(), mark.size()) == mark ||
-           std::string_view(start.data() + 128, mark.size()) == mark;
+    return std::string_view(&start[0], 4) == mark || std::string_view(&start[128], 4) == mark;
 }
 
 // Whether a JPEG lacks the marker that ends it, FF D9, behind its segments (ITU-T T.81, B.1.1); one
@@ -56,11 +59,12 @@ cv::Mat read_any(const std::filesystem::path& path) {
     std::error_code ignored;
     if (!std::filesystem::exists(path, ignored))  // OpenCV would print a warning of its own
         throw ConfigError({path.string()}, "no such image");
-    if (is_heif(path))
+    const FileStart start = start_of(path);
+    if (is_heif(start))
         throw ConfigError({path.string()},
                           "is HEIC, which is not read here: convert it to PNG, or "
                           "to JPEG of quality 95 (heif-convert)");
-    if (is_dicom(path))
+    if (is_dicom(start))
         throw ConfigError({path.string()}, "is DICOM, which is not read here: convert it to PNG");
     if (is_cut_jpeg(path))
         throw ConfigError({path.string()}, "is a JPEG that ends early: copy or download it again");

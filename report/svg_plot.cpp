@@ -508,4 +508,18 @@ std::string stand_alone_svg(std::string svg) {
     return svg.insert(svg.find("<svg") + 4, " xmlns='http://www.w3.org/2000/svg'");
 }
 
+std::string svg_panels(std::span<SvgPlot> plots, int columns, int width, int height) {
+    const int count = static_cast<int>(plots.size()), rows = (count + columns - 1) / columns;
+    std::string text = fmt::format("<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {} {}'>",
+                                   columns * width, rows * height);
+    for (int i = 0; i < count; ++i) {
+        SvgPlot& plot = plots[static_cast<std::size_t>(i)];
+        plot.set_size(width, height);
+        text += plot.svg(true).insert(
+            4, fmt::format(" x='{}' y='{}' width='{}' height='{}'", i % columns * width,
+                           i / columns * height, width, height));
+    }
+    return text + "</svg>\n";
+}
+
 }  // namespace etalon

@@ -126,4 +126,7 @@ private:
 // Its colours are plain ones, as tools for papers (librsvg, Inkscape, TeX) know no CSS variables.
 std::string stand_alone_svg(std::string svg);
 
+// Plots of this size side by side as one file, row by row.
+std::string svg_panels(std::span<SvgPlot> plots, int columns, int width, int height);
+
 }  // namespace etalon

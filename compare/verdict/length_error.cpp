@@ -82,6 +82,18 @@ Eigen::MatrixXd PairLengthening::of(const Eigen::MatrixXd& shifts, Eigen::Index 
     return rows;
 }
 
+PairLengthening::Largest PairLengthening::largest(const Eigen::MatrixXd& shifts) const {
+    Largest result;
+    for (Eigen::Index first = 0; first < size(); first += pairs_at_a_time) {
+        const Eigen::Index count = std::min(pairs_at_a_time, size() - first);
+        Eigen::Index at = 0;
+        const double largest = of(shifts, first, count).rowwise().norm().maxCoeff(&at);
+        if (largest > result.lengthening)
+            result = {largest, first + at};
+    }
+    return result;
+}
+
 LengthErrors length_errors(const SmoothField& field, std::span<const FieldSample> samples,
                            const NoiseDraws& draws) {
     const PairLengthening lengthening(samples);
@@ -89,18 +101,9 @@ LengthErrors length_errors(const SmoothField& field, std::span<const FieldSample
     LengthErrors result;
     result.pairs = static_cast<int>(lengthening.size());
     summarize_pairs(samples, result);
-    const Eigen::VectorXd errors = design * field.coefficients;
-    Eigen::Index worst = 0;
-    for (Eigen::Index first = 0; first < lengthening.size(); first += pairs_at_a_time) {
-        const Eigen::Index count = std::min(pairs_at_a_time, lengthening.size() - first);
-        Eigen::Index at = 0;
-        const double largest = lengthening.of(errors, first, count).col(0).cwiseAbs().maxCoeff(&at);
-        if (largest > result.field_max_mm) {
-            result.field_max_mm = largest;
-            worst = first + at;
-        }
-    }
-    result.field_max_length_mm = lengthening.distance_mm(worst);
+    const auto [lengthened, pair] = lengthening.largest(design * field.coefficients);
+    result.field_max_mm = lengthened;
+    result.field_max_length_mm = lengthening.distance_mm(pair);
     result.field_max_uncertainty_mm = noise_quantile(
         field, draws, {lengthening.size(), 1, [&](Eigen::Index first, Eigen::Index count) {
                            return lengthening.of(design, first, count);

@@ -44,6 +44,13 @@ public:
     // number of columns. Zeros for two poses in the same place.
     Eigen::MatrixXd of(const Eigen::MatrixXd& shifts, Eigen::Index first, Eigen::Index count) const;
 
+    // The pair whose row of `shifts` is the longest, and how long that is; nothing is 0.
+    struct Largest {
+        double lengthening = 0.0;
+        Eigen::Index pair = 0;
+    };
+    Largest largest(const Eigen::MatrixXd& shifts) const;
+
     double distance_mm(Eigen::Index pair) const;
 
 private:

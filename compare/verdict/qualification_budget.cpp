@@ -131,14 +131,7 @@ private:
 
     // By which shifts, a column each, change a length at most; 0 where no lengths are measured.
     double largest_lengthening(const Eigen::MatrixXd& shifts) const {
-        double largest = 0.0;
-        const Eigen::Index pairs = lengthening_ ? lengthening_->size() : 0;
-        for (Eigen::Index first = 0; first < pairs; first += pairs_at_a_time) {
-            const Eigen::Index count = std::min(pairs_at_a_time, pairs - first);
-            largest = std::max(largest,
-                               lengthening_->of(shifts, first, count).rowwise().norm().maxCoeff());
-        }
-        return largest;
+        return lengthening_ ? lengthening_->largest(shifts).lengthening : 0.0;
     }
 
     void set_sensitivity(BudgetRow& row, const Effect& effect) const {

@@ -200,10 +200,10 @@ void TailPyramid::add(const TileSamples& samples, const MarkerView& marker, cons
         const cv::Rect& target = targets.squares[static_cast<std::size_t>(shift)];
         cv::Mat sums(target.size(), CV_32FC1);
         for_each_band(target, [&](const cv::Rect& band) { add_band(shift, band, 0.0f, sums); });
-        if (shift == targets.smooth && background)
+        if (shift == targets.smooth && background) {
             for (const cv::Rect& part : targets.farther())
                 add_smooth(sums, target, shift, part, region, background, pixels);
-        if (shift == targets.smooth && !background) {
+        } else if (shift == targets.smooth) {
             // Beside the marker finer grids take the place of what will come from there.
             far.add(sums, target);
             add_smooth(-sums, target, shift, targets.beside, region, std::nullopt, pixels);

@@ -164,22 +164,14 @@ Curve cores() {
 }
 
 void write_picture(const std::vector<Curve>& curves, const char* path) {
-    constexpr int width = 480, height = 320, columns = 3;
-    const int rows = (static_cast<int>(curves.size()) + columns - 1) / columns;
-    std::string text = fmt::format("<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {} {}'>",
-                                   columns * width, rows * height);
-    for (std::size_t i = 0; i < curves.size(); ++i) {
-        SvgPlot plot(curves[i].name + (curves[i].unit.empty() ? "" : ", " + curves[i].unit), "ms",
-                     width, height);
+    std::vector<SvgPlot> plots;
+    for (const Curve& curve : curves) {
+        SvgPlot& plot =
+            plots.emplace_back(curve.name + (curve.unit.empty() ? "" : ", " + curve.unit), "ms");
         plot.set_log_axes();
-        plot.add_curve(curves[i].times, Ink::blue, "measured");
-        std::string svg = plot.svg(true);
-        svg.insert(4, fmt::format(" x='{}' y='{}' width='{}' height='{}'",
-                                  static_cast<int>(i) % columns * width,
-                                  static_cast<int>(i) / columns * height, width, height));
-        text += svg;
+        plot.add_curve(curve.times, Ink::blue, "measured");
     }
-    std::ofstream(path) << text << "</svg>\n";
+    std::ofstream(path) << svg_panels(plots, 3, 480, 320);
 }
 
 }  // namespace

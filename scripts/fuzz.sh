@@ -23,9 +23,9 @@ if ! echo 'extern "C" int LLVMFuzzerTestOneInput(const char*, unsigned long) { r
     exit 77
 fi
 . scripts/packages.sh
-build_etalon etalon etalon-twin
 mkdir -p build/fuzz/findings
-if ! { cmake --install build/release --prefix build/fuzz/etalon &&
+build_etalon etalon etalon-twin
+if ! { cmake --install build/release --component Unspecified --prefix build/fuzz/etalon &&
         cmake -S tests/fuzz/coverage -B build/fuzz/build -G Ninja -DCMAKE_CXX_COMPILER=clang++ \
             -DCMAKE_PREFIX_PATH="$PWD/build/fuzz/etalon" &&
         cmake --build build/fuzz/build --target "${@:-all}"; } >build/fuzz/build.log 2>&1; then
@@ -79,7 +79,7 @@ run_target() {
     TIMEFORMAT='cpu %U %S'
     # shellcheck disable=SC2046
     { time "build/fuzz/build/$target" -seed="${ETALON_FUZZ_SEED:-0}" \
-        -max_total_time="$seconds" -timeout=60 -rss_limit_mb=3000 -close_fd_mask=3 \
+        -max_total_time="$seconds" -timeout=600 -rss_limit_mb=3000 -close_fd_mask=3 \
         -print_final_stats=1 "${with_words[@]}" \
         -artifact_prefix="build/fuzz/findings/$target-" "$kept" $(seeds_of "$target"); } \
         2>"$log" || status=$?

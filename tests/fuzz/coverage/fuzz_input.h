@@ -3,7 +3,10 @@
 // libFuzzer reports with the input that did it.
 #pragma once
 
+#include <sys/time.h>
+
 #include <cmath>
+#include <csignal>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
@@ -40,9 +43,29 @@ void require_all_finite(const Numbers& numbers) {
         require_finite(value);
 }
 
+// A read may take 20 s of the processor, instrumented as it is. Its time by the clock says nothing:
+// other programs may have the processor. A read that waits for ever is found by libFuzzer's -timeout.
+class ProcessorLimit {
+public:
+    ProcessorLimit() {
+        std::signal(SIGPROF, [](int) { std::abort(); });
+        set(20);
+    }
+    ~ProcessorLimit() { set(0); }
+    ProcessorLimit(const ProcessorLimit&) = delete;
+    ProcessorLimit& operator=(const ProcessorLimit&) = delete;
+
+private:
+    static void set(long seconds) {
+        const itimerval limit{{0, 0}, {seconds, 0}};
+        setitimer(ITIMER_PROF, &limit, nullptr);
+    }
+};
+
 // Reads, and takes a refusal for an answer.
 template <class Read>
 void read_or_refuse(const Read& read) {
+    const ProcessorLimit limit;
     try {
         read();
     } catch (const Error& error) {

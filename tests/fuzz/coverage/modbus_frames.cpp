@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::size_t head = 3;
 constexpr std::chrono::milliseconds timeout(1);
+constexpr std::chrono::seconds patience(60);   // with a machine that does other things
 
 // A port of this machine that connections can be made to.
 struct Listener {
@@ -62,7 +63,7 @@ void answer_on_tcp(const ModbusRequest& request, std::span<const std::uint8_t> a
     StageLink link;
     link.address = TcpAddress{"127.0.0.1", listener.port};
     const auto transport = make_modbus_transport(link);
-    require(transport->connect(std::chrono::milliseconds(500)).empty(), "no connection");
+    require(transport->connect(patience).empty(), "no connection");
     const int controller = accept4(listener.socket, nullptr, nullptr, SOCK_CLOEXEC);
     require(send(controller, answer.data(), answer.size(), MSG_NOSIGNAL) ==
                 static_cast<ssize_t>(answer.size()),
@@ -80,7 +81,7 @@ void answer_on_line(const ModbusRequest& request, std::span<const std::uint8_t> 
         StageLink link;
         link.address = SerialPort{.device = line.device(), .baud = 115200};
         auto made = make_modbus_transport(link);
-        require(made->connect(timeout).empty(), "no line");
+        require(made->connect(patience).empty(), "no line");
         return made;
     }();
     std::array<std::uint8_t, 512> sent;

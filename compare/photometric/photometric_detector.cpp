@@ -140,9 +140,9 @@ Rigid PhotometricDetector::from_afar(const cv::Mat& gray, const Rigid& start,
 void PhotometricDetector::require_shown(const PhotoOfMarker& photo,
                                         const Rigid& camera_from_marker) const {
     constexpr double least = 0.7;
-    const cv::Rect region = fitted_region(photo, *camera_);
-    const Radiance expected =
-        camera_->at_sensor({{{grid_, camera_from_marker}}, photo.background}, region);
+    const cv::Rect region = fitted_region(photo, *camera_, 0);
+    const Radiance expected = camera_->at_sensor({{{grid_, camera_from_marker}}, photo.background},
+                                                 region, PhotometricCamera::rough_tolerance_gray);
     const double found = correlation(photo.gray(region), expected, photo.use(region));
     if (!(found >= least))
         throw NumericalError(

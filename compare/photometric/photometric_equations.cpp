@@ -17,13 +17,13 @@ namespace {
 constexpr double huber_threshold = 3.0;
 constexpr int min_pixels = 50, blocks_a_side = 10;
 
-// The region with these pixels and what is blurred into them.
-cv::Rect rendered_region(const cv::Mat& pixels) {
-    constexpr int room = 16;  // five times max_psf_sigma_px, and one
-    cv::Rect region = cv::boundingRect(pixels);
-    region -= cv::Point(room, room);
-    region += cv::Size(2 * room, 2 * room);
-    return region & cv::Rect({0, 0}, pixels.size());
+cv::Rect box_around(const cv::Mat& pixels, int room) {
+    const cv::Rect box = cv::boundingRect(pixels);
+    return {box.x - room, box.y - room, box.width + 2 * room, box.height + 2 * room};
+}
+
+cv::Rect rendered_region(const cv::Mat& pixels, int room) {
+    return box_around(pixels, room) & cv::Rect({0, 0}, pixels.size());
 }
 
 Scene scene_of(const PhotoOfMarker& photo, const Rigid& camera_from_marker) {
@@ -248,8 +248,9 @@ Levels levels_of(const cv::Mat& gray, const Radiance& radiance, const cv::Mat& u
     return {black, black + slope};
 }
 
-int image_block(int x, int y, const cv::Size& size) {
-    return y * blocks_a_side / size.height * blocks_a_side + x * blocks_a_side / size.width;
+int image_block(const cv::Point& pixel, const cv::Rect& box) {
+    const cv::Point at = pixel - box.tl();
+    return at.y * blocks_a_side / box.height * blocks_a_side + at.x * blocks_a_side / box.width;
 }
 
 constexpr double flat = 1e-5;  // of full scale per px: nothing moves there
@@ -296,10 +297,10 @@ Radiance PhotometricCamera::at_sensor(const Scene& scene, const cv::Rect& region
 }
 
 RenderedGradient PhotometricCamera::gradient_at_sensor(const PlacedMarker& marker,
-                                                       double background,
-                                                       const ImageMotion& motion) const {
+                                                       double background, const ImageMotion& motion,
+                                                       Differences differences) const {
     RenderedGradient rendered =
-        rendered_gradient(renderer_, marker, background, motion, fine_tolerance_gray);
+        rendered_gradient(renderer_, marker, background, motion, fine_tolerance_gray, differences);
     for (cv::Mat* image : {&rendered.radiance, &rendered.by_x, &rendered.by_y})
         *image = with_response(*image, motion.region());
     return rendered;
@@ -315,24 +316,26 @@ void require_fitting(const PhotoOfMarker& photo, const PhotometricCamera& camera
                         size.width, size.height));
 }
 
-cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& camera) {
+cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& camera, int room_px) {
     require_fitting(photo, camera);
     const cv::Mat fitted = photo.use == photo.fitted;
     if (cv::countNonZero(fitted) < min_pixels)
         throw NumericalError(
             fmt::format("fewer than {} pixels of the marker can be fitted", min_pixels));
-    return rendered_region(fitted);
+    return rendered_region(fitted, room_px);
 }
 
 PhotoOfMarker with_few_flats(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                              const Rigid& camera_from_marker) {
     constexpr int many_pixels = 100'000, reach_px = 8, step_px = 7;
-    constexpr double rough_tolerance_gray = 0.5, min_change_gray = 2.0;
+    constexpr double min_change_gray = 2.0;
     const cv::Rect region = fitted_region(photo, camera);
     if (cv::countNonZero(photo.use == photo.fitted) <= many_pixels)
         return photo;
     cv::Mat rendered, brightest, darkest;
-    camera.at_sensor(scene_of(photo, camera_from_marker), region, rough_tolerance_gray)
+    camera
+        .at_sensor(scene_of(photo, camera_from_marker), region,
+                   PhotometricCamera::rough_tolerance_gray)
         .convertTo(rendered, CV_8U, 255.0);
     const cv::Mat window = cv::Mat::ones(2 * reach_px + 1, 2 * reach_px + 1, CV_8U);
     cv::dilate(rendered, brightest, window);
@@ -372,6 +375,8 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
     const int further = static_cast<int>(changed.size()), geometric = motion.columns(),
               photometric = terms.count(), all = further + geometric + photometric;
 
+    const cv::Rect box = box_around(photo.use(region) == photo.fitted, gaussian_reach_px);
+
     PhotoEquations equations;
     equations.information = Eigen::MatrixXd::Zero(all, all);
     equations.score = Eigen::VectorXd::Zero(all);
@@ -407,7 +412,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
             const double residual = (photo.gray.at<float>(pixel) - model.gray) / noise;
             if (!model.clips && (is_flat || ++beside_edges % photo.stands_for == 0))
                 sizes.push_back(std::abs(residual));
-            block.add(noise, residual, image_block(x, y, region.size()));
+            block.add(noise, residual, image_block({x, y}, box));
         }
     edges.flush();
     flats.flush();
@@ -422,7 +427,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
 cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                      const PhotoState& state) {
     require_fitting(photo, camera);
-    const cv::Rect region = rendered_region(photo.use != pixel_outside);
+    const cv::Rect region = rendered_region(photo.use != pixel_outside, gaussian_reach_px);
     Radiance lit(photo.gray.size(), CV_32FC1, cv::Scalar(0));
     camera.at_sensor(scene_of(photo, state.camera_from_marker), region).copyTo(lit(region));
     return predicted_gray(state.photometry, lit, camera.curve(state.photometry));
@@ -467,9 +472,9 @@ PhotoState starting_state(const PhotoOfMarker& photo, const PhotometricCamera& c
                           const Rigid& camera_from_marker, const PhotometricTerms& terms) {
     constexpr double typical_sigma_px = 0.75, min_gray = 0.0, full_gray = 255.0;
     constexpr int curve_rounds = 2;  // the levels say between which light the curve is taken
-    require_fitting(photo, camera);
-    const cv::Rect region = rendered_region(photo.use == photo.fitted);
-    const Radiance radiance = camera.at_sensor(scene_of(photo, camera_from_marker), region);
+    const cv::Rect region = fitted_region(photo, camera, 0);
+    const Radiance radiance = camera.at_sensor(scene_of(photo, camera_from_marker), region,
+                                               PhotometricCamera::rough_tolerance_gray);
     PhotoState state{camera_from_marker, {}};
     state.photometry.black[0] = min_gray;
     state.photometry.white[0] = full_gray;

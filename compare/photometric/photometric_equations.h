@@ -44,9 +44,11 @@ public:
 
     // And its derivatives, in the region of `motion`, which is that of this marker's pose.
     RenderedGradient gradient_at_sensor(const PlacedMarker& marker, double background,
-                                        const ImageMotion& motion) const;
+                                        const ImageMotion& motion,
+                                        Differences differences = Differences::central) const;
 
-    static constexpr double fine_tolerance_gray = 0.1;
+    // Rough ones find the way, fine ones the result.
+    static constexpr double rough_tolerance_gray = 0.5, fine_tolerance_gray = 0.1;
 
 private:
     cv::Mat with_response(const cv::Mat& image, const cv::Rect& region) const;
@@ -104,14 +106,14 @@ struct PhotoState {
 // and so has a pose that is held.
 // In the order: camera parameters, pose (left perturbation), photometric parameters (black levels,
 // white levels, mean variance and anisotropy of the Gaussian in px^2, tone, saturation's level and
-// knee, logarithm of the noise). A saturation that is free is also held by what is known beforehand of cameras, as if it
-// had been measured: its level 255 +- 10 gray, its knee 15 +- 15; most photographs are not bright
-// enough to show it.
+// knee, logarithm of the noise). A saturation that is free is also held by what is known beforehand
+// of cameras, as if it had been measured: its level 255 +- 10 gray, its knee 15 +- 15; most
+// photographs are not bright enough to show it.
 struct PhotoEquations {
     Eigen::MatrixXd information;   // J^T J of the pixels within Huber's threshold
     Eigen::VectorXd score;         // J^T r, r limited to the threshold
-    Eigen::MatrixXd block_scores;  // the score in parts, a column for each of 10 x 10 blocks of the
-                                   // region
+    Eigen::MatrixXd block_scores;  // the score in parts, a column for each of at most 10 x 10
+                                   // blocks of the region, none below 5 px
     double loss = 0.0;             // sum of Huber's function
     double squares = 0.0;          // sum of the squares of the limited r
     double median_size = 0.0;      // of |r|, of the pixels that do not clip
@@ -136,9 +138,14 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
 // Throws NumericalError unless photograph and mask have the camera's size and their types.
 void require_fitting(const PhotoOfMarker& photo, const PhotometricCamera& camera);
 
-// The part of the image with the fitted pixels and what is blurred into them. Throws NumericalError
-// for sizes that differ and fewer than 50 pixels.
-cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& camera);
+// From where the photometric model's Gaussian blurs into a pixel: five times its largest width, and
+// one.
+inline constexpr int gaussian_reach_px = 16;
+
+// The part of the image with the fitted pixels and some room around them. Throws NumericalError for
+// sizes that differ and fewer than 50 pixels.
+cv::Rect fitted_region(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+                       int room_px = gaussian_reach_px);
 
 // CV_32FC1, gray: what the photograph should be. Right on the marker (photo.use not 0).
 cv::Mat predicted_at(const PhotoOfMarker& photo, const PhotometricCamera& camera,

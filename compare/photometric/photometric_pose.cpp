@@ -5,6 +5,7 @@
 #include "compare/photometric/photometric_steps.h"
 #include "core/errors.h"
 #include "core/information.h"
+#include "core/least_squares.h"
 
 namespace etalon {
 namespace {
@@ -41,11 +42,14 @@ struct Solution {
     bool converged = false;
 
     Solution(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-             const PhotometricTerms& terms, const PhotoState& start)
-        : steps(photo, camera, terms, start), place(approached(steps, start)) {}
+             const PhotometricTerms& terms, const PhotoState& start, double noise_scale)
+        : steps(photo, camera, terms, start), place(steps.at(start, noise_scale)) {}
 
-    // Huber's loss at this noise, to a tenth of a standard deviation.
+    void approach() { place = approached(steps, place.state); }
+
+    // Huber's loss at this noise, to a tenth of a standard deviation, with the gradient of here.
     void find_minimum(double noise_scale) {
+        steps.render_gradient(place.state);
         place = steps.at(place.state, noise_scale);
         steps.descend(place, {.first_damping = 1e-3, .enough_gain = 0.005, .slack = 1.0});
     }
@@ -53,22 +57,65 @@ struct Solution {
     // A step of a hundredth of a standard deviation promises half of its square. The renderer's own
     // steps, below its tolerance, move the loss by some hundredths.
     void settle(double noise_scale) {
+        constexpr DescentRule to_the_end{.first_damping = 0.0, .enough_gain = 5e-5, .slack = 0.1};
+        place = steps.at(place.state, noise_scale);
+        converged = steps.descend(place, to_the_end);
+        if (converged)
+            return;
         steps.render_gradient(place.state);
         place = steps.at(place.state, noise_scale);
-        converged = steps.descend(place, {.first_damping = 0.0, .enough_gain = 5e-5, .slack = 0.1});
+        converged = steps.descend(place, to_the_end);
     }
 
     double loss() const { return place.equations.loss; }
-    double mean_square() const {
-        return place.noise_scale * place.noise_scale * place.equations.squares /
-               place.equations.pixels;
-    }
+    // What a step may leave of the loss: the approach's gradient is wrong by some 10 %.
+    double promised_loss() const { return loss() - 1.25 * promised_gain(place.equations); }
 };
 
-// Nothing where the start cannot be rendered or leads nowhere.
-std::optional<Solution> solution_from(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-                                      const PhotometricTerms& terms, const PhotoState& start) {
-    return attempted([&] { return Solution(photo, camera, terms, start); }).value;
+// By how many px nine points of the pattern are seen elsewhere than at the pose that is shown.
+std::optional<Linearised> seen_elsewhere(const Projector& projector, const CellGrid& grid,
+                                         const Rigid& shown, const Rigid& pose) {
+    Linearised at{Eigen::VectorXd(18), Eigen::MatrixXd(18, 6)};
+    for (int i = 0; i < 9; ++i) {
+        const Eigen::Vector3d point =
+            grid.point_mm(0.5 * (i % 3) * grid.columns(), 0.5 * (i / 3) * grid.rows());
+        const auto target = projector.project(shown * point);
+        const auto found = projector.project_with_jacobian(pose * point);
+        if (!target || !found)
+            return std::nullopt;
+        at.residuals.segment<2>(2 * i) = found->pixel - *target;
+        auto rows = at.jacobian.middleRows<2>(2 * i);
+        rows.leftCols<3>() = -found->jacobian * cross_matrix(pose.rotation * point);
+        rows.rightCols<3>() = found->jacobian;
+    }
+    return at;
+}
+
+// The other of the two poses that geometry hardly tells apart: from the mirrored tilt down to where
+// the pattern's points come nearest to their images, if that is not the pose itself again.
+Rigid other_planar_pose(const Projector& projector, const CellGrid& grid, const Rigid& pose) {
+    constexpr double enough_px2 = 1e-4;
+    const Rigid mirrored = tilt_mirrored(pose, grid);
+    const auto found = least_squares(
+        mirrored, {.descent = {.max_tries = 20, .enough_gain = enough_px2}},
+        [&](const Rigid& at) { return seen_elsewhere(projector, grid, pose, at); },
+        [](const Rigid& at, const Vector6d& step) {
+            return std::optional<Rigid>(left_perturbed(at, step));
+        });
+    const auto turned = [&](const Rigid& to) { return pose.rotation.angularDistance(to.rotation); };
+    const bool is_another = found && turned(found->place.unknowns) > 0.5 * turned(mirrored);
+    return is_another ? found->place.unknowns : mirrored;
+}
+
+// At the same noise. Nothing where it cannot be rendered.
+std::optional<Solution> mirrored_solution(const PhotoOfMarker& photo,
+                                          const PhotometricCamera& camera,
+                                          const PhotometricTerms& terms, const PhotoPlace& place) {
+    const PhotoState start{
+        other_planar_pose(camera.projector(), photo.grid, place.state.camera_from_marker),
+        place.state.photometry};
+    return attempted([&] { return Solution(photo, camera, terms, start, place.noise_scale); })
+        .value;
 }
 
 // The noise was found with rough renderings and gradients: once more at the minimum itself.
@@ -81,12 +128,13 @@ void find_minimum_and_noise(Solution& solution, bool knows_noise) {
         solution.settle(scale);
 }
 
-// At the same noise; where its loss is near the other's, down to its minimum.
+// At the same noise; where its loss may come near the other's, down to its minimum.
 void compare_with(const Solution& best, Solution& other) {
     constexpr double far = 1.5, doubt = 50.0;
     other.place = other.steps.at(other.place.state, best.place.noise_scale);
-    if (other.loss() > far * best.loss() + doubt)
+    if (other.promised_loss() > far * best.loss() + doubt)
         return;
+    other.approach();
     other.find_minimum(best.place.noise_scale);
     if (other.loss() < best.loss() + doubt)
         other.settle(best.place.noise_scale);
@@ -139,12 +187,15 @@ Rigid tilt_mirrored(const Rigid& camera_from_marker, const CellGrid& grid) {
 PhotometricPose photometric_pose(const PhotoOfMarker& photo,
                                  std::shared_ptr<const PhotometricCamera> camera,
                                  const PhotoState& start, const PhotometricTerms& terms) {
-    Solution best(photo, *camera, terms, start);
-    PhotoState mirrored = best.place.state;
-    mirrored.camera_from_marker = tilt_mirrored(mirrored.camera_from_marker, photo.grid);
-    std::optional<Solution> other = solution_from(photo, *camera, terms, mirrored);
-    if (other && other->mean_square() < best.mean_square())
-        std::swap(best, *other);
+    Solution best(photo, *camera, terms, start, 1.0);
+    best.approach();
+    std::optional<Solution> other = mirrored_solution(photo, *camera, terms, best.place);
+    if (other && other->promised_loss() < best.loss()) {
+        other->approach();
+        other->place = other->steps.at(other->place.state, best.place.noise_scale);
+        if (other->loss() < best.loss())
+            std::swap(best, *other);
+    }
     find_minimum_and_noise(best, camera->knows_noise());
     if (other) {
         compare_with(best, *other);

@@ -3,12 +3,14 @@
 //
 // Two stages. The approach takes one rendering a step and central differences on it for the
 // gradient: wrong by some 10 %, which costs steps, not accuracy. At its end the gradient is
-// rendered once (compare/photometric/render_derivatives.h) and kept; the last steps bring J^T r to
+// rendered (compare/photometric/render_derivatives.h) and kept; the last steps bring J^T r to
 // zero with that J, and the covariance is made of (J^T J)^-1. Nothing of the approach is left in
 // the result.
 //
-// A planar marker has two poses that look alike: the tilt mirrored about the line of sight. Both
-// are fitted; the one with the lower loss is the result, the other is stated with it.
+// A planar marker has two poses that look alike: the tilt mirrored about the line of sight. The
+// other one is sought by geometry, from the points of the pattern, and rendered once; it is fitted
+// where a step promises to bring its loss near the first one's. The one with the lower loss is the
+// result, the other is stated with it.
 //
 // From a start whose edges are within about a blur width of the photograph's (any detector's is);
 // compare/photometric/photometric_detector.h starts from farther away.
@@ -21,7 +23,8 @@
 
 namespace etalon {
 
-// The other planar solution, on the same pixels at the same noise.
+// The other planar solution, on the same pixels at the same noise; where there is no doubt, as
+// geometry has it.
 struct OtherPose {
     Rigid camera_from_marker;
     double loss = 0.0;

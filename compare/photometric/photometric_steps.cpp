@@ -33,6 +33,11 @@ bool same_pose(const Rigid& a, const Rigid& b) {
     return a.rotation.coeffs() == b.rotation.coeffs() && a.translation == b.translation;
 }
 
+// Without a Gaussian, what central differences reach.
+int room_px(const PhotometricTerms& terms, const PhotometricModel& photometry) {
+    return terms.psf || !photometry.psf_sigmas_px().isZero() ? gaussian_reach_px : 1;
+}
+
 }  // namespace
 
 PhotometricSteps::PhotometricSteps(const PhotoOfMarker& photo, const PhotometricCamera& camera,
@@ -40,16 +45,17 @@ PhotometricSteps::PhotometricSteps(const PhotoOfMarker& photo, const Photometric
     : photo_(&photo),
       camera_(&camera),
       terms_(terms),
-      motion_(camera.projector(), near.camera_from_marker, {}, fitted_region(photo, camera)) {}
+      motion_(camera.projector(), near.camera_from_marker, {},
+              fitted_region(photo, camera, room_px(terms, near.photometry))) {}
 
 void PhotometricSteps::render(const Rigid& camera_from_marker) {
-    constexpr double rough_tolerance_gray = 0.5;
     if (rendered_ && same_pose(*rendered_, camera_from_marker))
         return;
     ++renderings_;
     gradient_.radiance = camera_->at_sensor(
         {{{photo_->grid, camera_from_marker}}, photo_->background}, motion_.region(),
-        gradient_.by_x.empty() ? rough_tolerance_gray : PhotometricCamera::fine_tolerance_gray);
+        gradient_.by_x.empty() ? PhotometricCamera::rough_tolerance_gray
+                               : PhotometricCamera::fine_tolerance_gray);
     rendered_ = camera_from_marker;
 }
 
@@ -61,10 +67,10 @@ PhotoPlace PhotometricSteps::at(const PhotoState& state, double noise_scale) {
 }
 
 void PhotometricSteps::render_gradient(const PhotoState& state) {
-    renderings_ += 5;
+    renderings_ += 3;
     motion_ = ImageMotion(camera_->projector(), state.camera_from_marker, {}, motion_.region());
     gradient_ = camera_->gradient_at_sensor({photo_->grid, state.camera_from_marker},
-                                            photo_->background, motion_);
+                                            photo_->background, motion_, Differences::forward);
     rendered_ = state.camera_from_marker;
 }
 
@@ -82,7 +88,11 @@ bool PhotometricSteps::descend(PhotoPlace& place, DescentRule rule) {
     };
     auto descent = damped_descent(std::move(place), rule, step_at, tried);
     place = std::move(descent.place);
-    return descent.converged || step_of(place.equations, 0.0).predicted_gain < rule.enough_gain;
+    return descent.converged || promised_gain(place.equations) < rule.enough_gain;
+}
+
+double promised_gain(const PhotoEquations& equations) {
+    return step_of(equations, 0.0).predicted_gain;
 }
 
 double noise_scale_of(const PhotoPlace& place, bool knows_noise) {

@@ -3,7 +3,7 @@
 // rendering. The foundation of compare/photometric/photometric_pose.h and photometric_detector.h.
 //
 // The gradient comes from central differences on that rendering (wrong by some 10 %: it costs
-// steps) until render_gradient() makes it exact; then it is kept. With J kept the steps end at the
+// steps) until render_gradient() makes it better; then it is kept. With J kept the steps end at the
 // root of J^T r = 0 for the residuals r of the last rendering.
 #pragma once
 
@@ -32,7 +32,7 @@ public:
 
     PhotoPlace at(const PhotoState& state, double noise_scale);
 
-    // From now on all equations have the gradient of this state: five renderings.
+    // From now on all equations have the gradient of this state: three renderings.
     void render_gradient(const PhotoState& state);
 
     // Moves the place; whether it converged. At most 25 tries, and damping to 1000 where the rule
@@ -52,6 +52,9 @@ private:
     std::optional<Rigid> rendered_;  // where gradient_.radiance is
     int renderings_ = 0;
 };
+
+// By how much a step from there should lower the loss.
+double promised_gain(const PhotoEquations& equations);
 
 // The noise scale that the residuals show: 1.4826 times the median of their size, that of a normal
 // distribution. Where the camera knows its noise, 1 unless it is larger by three of its own

@@ -64,8 +64,7 @@ void ImageMotion::evaluate(const Projector& projector, const Rigid& camera_from_
         return;
     Eigen::Matrix2Xd motion(2, columns_);
     if (columns_ > 6)
-        motion.leftCols(columns_ - 6) =
-            parameter_jacobian(projector.camera(), *ray, parameters);
+        motion.leftCols(columns_ - 6) = parameter_jacobian(projector.camera(), *ray, parameters);
     motion.rightCols<6>() =
         projected->jacobian * moved_by_pose(*point - camera_from_marker.translation);
     if (!motion.allFinite())
@@ -91,7 +90,7 @@ bool ImageMotion::at(int x, int y, Eigen::Ref<Eigen::Matrix2Xd> motion) const {
 
 RenderedGradient rendered_gradient(const Renderer& renderer, const PlacedMarker& marker,
                                    double background, const ImageMotion& motion,
-                                   double tolerance_gray) {
+                                   double tolerance_gray, Differences differences) {
     constexpr double shift_px = 0.1;
     const cv::Rect& region = motion.region();
     RenderOptions options;
@@ -108,13 +107,15 @@ RenderedGradient rendered_gradient(const Renderer& renderer, const PlacedMarker&
     if (!motion.at(region.x + region.width / 2, region.y + region.height / 2, moved))
         throw NumericalError("the middle of the marker's image sees nothing of its plane");
     const Eigen::Array2d shift_mm = shift_px / px_per_mm().colwise().norm().transpose().array();
+    RenderedGradient gradient{rendered(marker), {}, {}};
     const auto slope = [&](const Eigen::Vector3d& shift) -> cv::Mat {
-        return (rendered(displaced(marker, shift)) - rendered(displaced(marker, -shift))) /
-               (2.0 * shift.norm());
+        const cv::Mat ahead = rendered(displaced(marker, shift));
+        if (differences == Differences::forward)
+            return (ahead - gradient.radiance) / shift.norm();
+        return (ahead - rendered(displaced(marker, -shift))) / (2.0 * shift.norm());
     };
-
-    RenderedGradient gradient{rendered(marker), slope({shift_mm.x(), 0, 0}),
-                              slope({0, shift_mm.y(), 0})};
+    gradient.by_x = slope({shift_mm.x(), 0, 0});
+    gradient.by_y = slope({0, shift_mm.y(), 0});
     for (int y = 0; y < region.height; ++y)
         for (int x = 0; x < region.width; ++x) {
             float &along_x = gradient.by_x.at<float>(y, x),

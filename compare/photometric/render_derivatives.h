@@ -67,11 +67,16 @@ struct RenderedGradient {
     cv::Mat by_x, by_y;  // d radiance / d position, per px
 };
 
-// Five renderings of the region of `motion`, which is that of this marker's pose. 0 where there is
-// no motion. Throws NumericalError when the region's middle sees nothing of the marker's plane, and
-// what the renderer throws. Safe from every thread.
+// Renderings with the marker displaced by 0.1 px: to both sides, five in all, or to one side,
+// three: the gradient of a place 0.05 px aside, enough for a search.
+enum class Differences { central, forward };
+
+// Of the region of `motion`, which is that of this marker's pose. 0 where there is no motion.
+// Throws NumericalError when the region's middle sees nothing of the marker's plane, and what the
+// renderer throws. Safe from every thread.
 RenderedGradient rendered_gradient(const Renderer& renderer, const PlacedMarker& marker,
                                    double background, const ImageMotion& motion,
-                                   double tolerance_gray);
+                                   double tolerance_gray,
+                                   Differences differences = Differences::central);
 
 }  // namespace etalon

@@ -90,8 +90,10 @@ struct PixelEquation {
         const double contrast = point.slope * (white - black);
         by_radiance = contrast * (1.0 + model.tone * (1.0 - 2.0 * s)) * curve.slope;
         const int n = terms.level_terms;
-        derivatives.head(n) = point.slope * (1.0 - toned) * level_terms.head(n);
-        derivatives.segment(n, n) = point.slope * toned * level_terms.head(n);
+        for (int i = 0; i < n; ++i) {
+            derivatives[i] = point.slope * (1.0 - toned) * level_terms[i];
+            derivatives[n + i] = point.slope * toned * level_terms[i];
+        }
         int next = 2 * n;
         if (terms.psf)
             derivatives[next++] = by_radiance * by_variances.sum();
@@ -103,7 +105,8 @@ struct PixelEquation {
             derivatives.segment<2>(next) << point.by_level, point.by_knee;
             next += 2;
         }
-        derivatives.head(next) *= code.slope;
+        if (code.slope != 1.0)
+            derivatives.head(next) *= code.slope;
         by_radiance *= code.slope;
         if (terms.noise)
             derivatives[next] = code.by_log_noise;
@@ -133,7 +136,7 @@ public:
         equations_.squares += limited * limited;
         ++equations_.pixels;
         auto row = rows_.col(count_);
-        row /= noise;
+        row *= 1.0 / noise;
         equations_.block_scores.col(image_block).tail(row.size()) += limited * row;
         if (limited != residual) {
             equations_.score.tail(row.size()) += limited * row;
@@ -382,6 +385,7 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
     equations.score = Eigen::VectorXd::Zero(all);
     equations.block_scores = Eigen::MatrixXd::Zero(all, blocks_a_side * blocks_a_side);
     RowBlock edges(all, equations), flats(photometric, equations);
+    const bool by_width = terms.psf || terms.psf_anisotropy;
     Eigen::Matrix2Xd moved(2, geometric);
     std::vector<double> sizes;
     int beside_edges = 0;
@@ -399,7 +403,8 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
             const PixelEquation model(state.photometry, terms, camera.mean_code(),
                                       level_terms(pixel.x, pixel.y, photo.use.size()),
                                       curve.at(seen.radiance.at<float>(y, x)),
-                                      seen.by_variances(x, y), row.tail(photometric));
+                                      by_width ? seen.by_variances(x, y) : Eigen::Vector2d::Zero(),
+                                      row.tail(photometric));
             if (!is_flat) {
                 for (int i = 0; i < further; ++i)
                     row[i] =

@@ -45,26 +45,31 @@ struct Solution {
              const PhotometricTerms& terms, const PhotoState& start, double noise_scale)
         : steps(photo, camera, terms, start), place(steps.at(start, noise_scale)) {}
 
+    Solution(const PhotoOfMarker& photo, const PhotometricCamera& camera,
+             const PhotometricTerms& terms, const PhotoState& start)
+        : steps(photo, camera, terms, start), place(approached(steps, start)) {}
+
     void approach() { place = approached(steps, place.state); }
 
     // Huber's loss at this noise, to a tenth of a standard deviation, with the gradient of here.
     void find_minimum(double noise_scale) {
+        constexpr double enough_gain = 0.005;
         steps.render_gradient(place.state);
         place = steps.at(place.state, noise_scale);
-        steps.descend(place, {.first_damping = 1e-3, .enough_gain = 0.005, .slack = 1.0});
+        if (!steps.settle(place, enough_gain))
+            steps.descend(place, {.enough_gain = enough_gain, .slack = 1.0});
     }
 
-    // A step of a hundredth of a standard deviation promises half of its square. The renderer's own
-    // steps, below its tolerance, move the loss by some hundredths.
+    // To a hundredth of a standard deviation: a step of that promises half of its square.
     void settle(double noise_scale) {
-        constexpr DescentRule to_the_end{.first_damping = 0.0, .enough_gain = 5e-5, .slack = 0.1};
+        constexpr double enough_gain = 5e-5;
         place = steps.at(place.state, noise_scale);
-        converged = steps.descend(place, to_the_end);
+        converged = steps.settle(place, enough_gain);
         if (converged)
             return;
         steps.render_gradient(place.state);
         place = steps.at(place.state, noise_scale);
-        converged = steps.descend(place, to_the_end);
+        converged = steps.settle(place, enough_gain);
     }
 
     double loss() const { return place.equations.loss; }
@@ -187,8 +192,7 @@ Rigid tilt_mirrored(const Rigid& camera_from_marker, const CellGrid& grid) {
 PhotometricPose photometric_pose(const PhotoOfMarker& photo,
                                  std::shared_ptr<const PhotometricCamera> camera,
                                  const PhotoState& start, const PhotometricTerms& terms) {
-    Solution best(photo, *camera, terms, start, 1.0);
-    best.approach();
+    Solution best(photo, *camera, terms, start);
     std::optional<Solution> other = mirrored_solution(photo, *camera, terms, best.place);
     if (other && other->promised_loss() < best.loss()) {
         other->approach();

@@ -60,7 +60,7 @@ struct PhotometricPose {
 // `photo.use` says which pixels: those of pixel_uses() at the start pose, or a part of them. Where
 // only a pose is known, starting_state() makes a start of it.
 // Throws NumericalError when the pixels do not determine pose and photometric model, or nothing can
-// be rendered at the start. For a tag of 2000 to 10 000 px in a VGA image 6 to 25 ms of CPU time
+// be rendered at the start. For a tag of 900 to 22 000 px in a VGA image 3 to 30 ms of CPU time
 // (tests/evidence/photometric_pose.cpp has it beside a detector's).
 PhotometricPose photometric_pose(const PhotoOfMarker& photo,
                                  std::shared_ptr<const PhotometricCamera> camera,

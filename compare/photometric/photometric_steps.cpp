@@ -74,14 +74,18 @@ void PhotometricSteps::render_gradient(const PhotoState& state) {
     rendered_ = state.camera_from_marker;
 }
 
+// Where nothing can be rendered it is no better than where the loss is higher.
+std::optional<PhotoPlace> PhotometricSteps::after(const PhotoPlace& place,
+                                                  const Eigen::VectorXd& step) {
+    return attempted([&] { return at(stepped(place.state, terms_, step), place.noise_scale); })
+        .value;
+}
+
 bool PhotometricSteps::descend(PhotoPlace& place, DescentRule rule) {
     rule.max_tries = std::min(rule.max_tries, 25);
     rule.max_damping = std::min(rule.max_damping, 1e3);
-    // Where nothing can be rendered it is no better than where the loss is higher.
     const auto tried = [&](const PhotoPlace& from, const PhotoStep& step) {
-        return attempted(
-                   [&] { return at(stepped(from.state, terms_, step.delta), from.noise_scale); })
-            .value;
+        return after(from, step.delta);
     };
     const auto step_at = [](const PhotoPlace& from, double damping) {
         return step_of(from.equations, damping);
@@ -89,6 +93,22 @@ bool PhotometricSteps::descend(PhotoPlace& place, DescentRule rule) {
     auto descent = damped_descent(std::move(place), rule, step_at, tried);
     place = std::move(descent.place);
     return descent.converged || promised_gain(place.equations) < rule.enough_gain;
+}
+
+bool PhotometricSteps::settle(PhotoPlace& place, double enough_gain) {
+    constexpr double slow = 0.5;
+    PhotoStep step = step_of(place.equations, 0.0);
+    while (step.predicted_gain > enough_gain) {
+        auto next = after(place, step.delta);
+        if (!next)
+            return false;
+        PhotoStep next_step = step_of(next->equations, 0.0);
+        if (!(next_step.predicted_gain < slow * step.predicted_gain))
+            return false;
+        place = std::move(*next);
+        step = std::move(next_step);
+    }
+    return true;
 }
 
 double promised_gain(const PhotoEquations& equations) {
@@ -106,9 +126,10 @@ double noise_scale_of(const PhotoPlace& place, bool knows_noise) {
 
 PhotoPlace approached(PhotometricSteps& steps, const PhotoState& start) {
     constexpr double above_all = 1e4, least = 0.2;
+    constexpr double largest = 2.0;  // edges, few pixels of all, are off by some ten times the rms
     const PhotoPlace first = steps.at(start, above_all);
     const double rms = above_all * std::sqrt(first.equations.squares / first.equations.pixels);
-    PhotoPlace place = steps.at(start, std::max(rms, least));
+    PhotoPlace place = steps.at(start, std::max(largest * rms, least));
     const double enough = std::max(1.0, 0.02 * place.equations.loss);
     steps.descend(place, {.first_damping = 1e-3, .max_damping = 1.0, .enough_gain = enough});
     return place;

@@ -39,10 +39,16 @@ public:
     // allows more. Throws NumericalError where the pixels do not determine the unknowns.
     bool descend(PhotoPlace& place, DescentRule rule);
 
+    // To the root of J^T r, from where the gradient was rendered: full steps as long as each
+    // promises less than half of the one before. The loss is no guide there: the renderer's own
+    // steps move it by more. Whether the last one promises no more than `enough_gain`.
+    bool settle(PhotoPlace& place, double enough_gain);
+
     int renderings() const { return renderings_; }
 
 private:
     void render(const Rigid& camera_from_marker);
+    std::optional<PhotoPlace> after(const PhotoPlace& place, const Eigen::VectorXd& step);
 
     const PhotoOfMarker* photo_;
     const PhotometricCamera* camera_;

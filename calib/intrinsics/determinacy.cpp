@@ -28,6 +28,10 @@ double noise_of(std::span<const CalibrationView> views, const CameraFit& fit) {
     return std::max(std::sqrt(fit.variance), min_noise_px / typical_sigma(views));
 }
 
+bool frees(const CalibrationModel& model, std::string_view parameter) {
+    return std::ranges::find(model.parameters, parameter) != model.parameters.end();
+}
+
 // A plane tells the magnification along the axis that it is tilted about: of relative changes of fx
 // and fy cos^2 of the one and sin^2 of the other. Where all tell nearly the same, what else they
 // seem to tell is noise in the directions of their axes, however small. A tilt of a few degrees may
@@ -77,7 +81,7 @@ void check_determinacy(std::span<const CalibrationView> views, const CameraFit& 
                        const CalibrationModel& model, std::span<const ViewEquations> equations) {
     const double noise = noise_of(views, fit);
     const bool is_telecentric = model.projection == Projection::telecentric;
-    if (is_telecentric)
+    if (is_telecentric && frees(model, "fx") && frees(model, "fy"))
         check_tilts(fit, equations, noise);
     const Eigen::MatrixXd inverse = inverse_information(equations, model);
     const Eigen::VectorXd values = parameters_of(fit.camera, model);

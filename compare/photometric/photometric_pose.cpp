@@ -49,7 +49,11 @@ struct Solution {
              const PhotometricTerms& terms, const PhotoState& start)
         : steps(photo, camera, terms, start), place(approached(steps, start)) {}
 
-    void approach() { place = approached(steps, place.state); }
+    // Where that leads nowhere, it stays.
+    void approach() {
+        if (auto there = attempted([&] { return approached(steps, place.state); }).value)
+            place = std::move(*there);
+    }
 
     // Huber's loss at this noise, to a tenth of a standard deviation, with the gradient of here.
     void find_minimum(double noise_scale) {
@@ -73,8 +77,12 @@ struct Solution {
     }
 
     double loss() const { return place.equations.loss; }
-    // What a step may leave of the loss: the approach's gradient is wrong by some 10 %.
-    double promised_loss() const { return loss() - 1.25 * promised_gain(place.equations); }
+    // What a step may leave of the loss, all of it where there is none: the approach's gradient is
+    // wrong by some 10 %.
+    double promised_loss() const {
+        const auto gain = attempted([&] { return promised_gain(place.equations); }).value;
+        return loss() - 1.25 * gain.value_or(0.0);
+    }
 };
 
 // By how many px nine points of the pattern are seen elsewhere than at the pose that is shown.

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # Makes the documentation site in build/docs/site: the pages of docs/, README.md, a page with the help
-# of every command, and the references of the libraries in C++ (installed headers, by doxygen) and in
-# Python (where the build has its module). Strict: a broken link or a page that the navigation does
-# not name ends it.
+# of every command, the notebooks with what they print and plot, and the references of the libraries
+# in C++ (installed headers, by doxygen) and in Python (both where the build has Python's module).
+# Strict: a broken link or a page that the navigation does not name ends it.
 #     scripts/docs.sh [BUILD_FOLDER]          default: build/release
 set -euo pipefail
 cd "$(dirname "$0")/.."
-build=${1:-build/release}
+build=$(realpath "${1:-build/release}")
 . scripts/packages.sh
 mkdir -p build
 # shellcheck disable=SC2086
@@ -31,10 +31,16 @@ sed -i 's#](\.\./README\.md#](README.md#g' $pages/*.md
     printf '\n## etalon-twin\n\n```text\n%s\n```\n' "$("$build"/etalon-twin --help)"
 } >$pages/commands.md
 
-printf '# Python reference\n\nNot made: the build has no Python module.\n' >$pages/python-reference.md
+# Python's reference, and the notebooks as they run now.
 if compgen -G "$build/python/etalon/_etalon*.so" >/dev/null; then
-    PYTHONPATH=$build/python /usr/bin/python3 scripts/python_reference.py python/etalon/__init__.pyi \
-        >$pages/python-reference.md
+    export PYTHONPATH=$build/python
+    /usr/bin/python3 scripts/python_reference.py python/etalon/__init__.pyi >$pages/python-reference.md
+    MPLBACKEND=Agg /usr/bin/python3 scripts/notebook_pages.py $pages/notebooks examples/notebooks/*.py
+else
+    mkdir $pages/notebooks
+    for page in python-reference $(basename -s .py -a examples/notebooks/*.py | sed 's#^#notebooks/#'); do
+        printf '# %s\n\nNot made: the build has no Python module.\n' "$page" >"$pages/$page.md"
+    done
 fi
 printf '\nEvery type and function: [C++ reference](cpp/index.html).\n' >>$pages/library.md
 headers=build/docs/headers

@@ -5,7 +5,7 @@ build_packages="g++ cmake ninja-build ccache pkg-config libopencv-dev libopencv-
     libeigen3-dev libapriltag-dev libaravis-dev libusb-1.0-0-dev libcamera-dev \
     libmodbus-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev libfmt-dev libhwy-dev libtbb-dev \
     libboost-math-dev libssl-dev libcpp-httplib-dev libsqlite3-dev"
-docs_packages="mkdocs mkdocs-material doxygen"   # scripts/docs.sh
+docs_packages="mkdocs mkdocs-material doxygen python3-matplotlib"   # scripts/docs.sh
 package_packages="debhelper dh-python lintian help2man pybind11-dev python3-dev"   # scripts/package.sh
 test_packages="libgtest-dev libgmock-dev poppler-utils libxml2-utils"
 # ./test.sh --all: Google Benchmark; a system clock that jumps; a virtual machine for tests with real

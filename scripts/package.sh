@@ -16,11 +16,12 @@ install_packages $build_packages $package_packages
 CCACHE_DIR=${CCACHE_DIR:-$(ccache --get-config cache_dir)}
 export CCACHE_DIR
 
-# make_packages FOLDER: packages of the committed state in FOLDER, by way of FOLDER/etalon.
+commit=$(git rev-parse HEAD)   # of both builds, whatever is committed meanwhile
+# make_packages FOLDER: its packages in FOLDER, by way of FOLDER/etalon.
 make_packages() {
     rm -rf "$1"
     mkdir -p "$1/etalon"
-    git archive HEAD | tar -x -C "$1/etalon"
+    git archive "$commit" | tar -x -C "$1/etalon"
     (cd "$1/etalon" && dpkg-buildpackage --build=binary --no-sign) >"$1/build.log" 2>&1 || {
         tail -n 40 "$1/build.log" >&2
         return 4

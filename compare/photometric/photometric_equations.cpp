@@ -105,8 +105,7 @@ struct PixelEquation {
             derivatives.segment<2>(next) << point.by_level, point.by_knee;
             next += 2;
         }
-        if (code.slope != 1.0)
-            derivatives.head(next) *= code.slope;
+        derivatives.head(next) *= code.slope;
         by_radiance *= code.slope;
         if (terms.noise)
             derivatives[next] = code.by_log_noise;

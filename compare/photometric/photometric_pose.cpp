@@ -2,10 +2,10 @@
 
 #include <Eigen/Cholesky>
 
+#include "compare/detect/detector.h"
 #include "compare/photometric/photometric_steps.h"
 #include "core/errors.h"
 #include "core/information.h"
-#include "core/least_squares.h"
 
 namespace etalon {
 namespace {
@@ -85,39 +85,24 @@ struct Solution {
     }
 };
 
-// By how many px nine points of the pattern are seen elsewhere than at the pose that is shown.
-std::optional<Linearised> seen_elsewhere(const Projector& projector, const CellGrid& grid,
-                                         const Rigid& shown, const Rigid& pose) {
-    Linearised at{Eigen::VectorXd(18), Eigen::MatrixXd(18, 6)};
-    for (int i = 0; i < 9; ++i) {
-        const Eigen::Vector3d point =
-            grid.point_mm(0.5 * (i % 3) * grid.columns(), 0.5 * (i / 3) * grid.rows());
-        const auto target = projector.project(shown * point);
-        const auto found = projector.project_with_jacobian(pose * point);
-        if (!target || !found)
-            return std::nullopt;
-        at.residuals.segment<2>(2 * i) = found->pixel - *target;
-        auto rows = at.jacobian.middleRows<2>(2 * i);
-        rows.leftCols<3>() = -found->jacobian * cross_matrix(pose.rotation * point);
-        rows.rightCols<3>() = found->jacobian;
-    }
-    return at;
-}
-
 // The other of the two poses that geometry hardly tells apart: from the mirrored tilt down to where
-// the pattern's points come nearest to their images, if that is not the pose itself again.
+// nine points of the pattern come nearest to their images, if that is not the pose itself again.
 Rigid other_planar_pose(const Projector& projector, const CellGrid& grid, const Rigid& pose) {
-    constexpr double enough_px2 = 1e-4;
     const Rigid mirrored = tilt_mirrored(pose, grid);
-    const auto found = least_squares(
-        mirrored, {.descent = {.max_tries = 20, .enough_gain = enough_px2}},
-        [&](const Rigid& at) { return seen_elsewhere(projector, grid, pose, at); },
-        [](const Rigid& at, const Vector6d& step) {
-            return std::optional<Rigid>(left_perturbed(at, step));
-        });
+    std::vector<Eigen::Vector3d> points;
+    std::vector<Eigen::Vector2d> pixels;
+    for (int i = 0; i < 9; ++i) {
+        points.push_back(
+            grid.point_mm(0.5 * (i % 3) * grid.columns(), 0.5 * (i / 3) * grid.rows()));
+        const auto pixel = projector.project(pose * points.back());
+        if (!pixel)
+            return mirrored;
+        pixels.push_back(*pixel);
+    }
+    const auto other = estimate_pose_near(projector, points, pixels, mirrored);
     const auto turned = [&](const Rigid& to) { return pose.rotation.angularDistance(to.rotation); };
-    const bool is_another = found && turned(found->place.unknowns) > 0.5 * turned(mirrored);
-    return is_another ? found->place.unknowns : mirrored;
+    const bool is_another = other && turned(other->camera_from_marker) > 0.5 * turned(mirrored);
+    return is_another ? other->camera_from_marker : mirrored;
 }
 
 // At the same noise. Nothing where it cannot be rendered.

@@ -21,9 +21,7 @@ std::optional<Eigen::Vector3d> point_on_marker(const Rigid& camera_from_marker,
 
 Eigen::Matrix<double, 3, 6> moved_by_pose(const Eigen::Vector3d& arm) {
     Eigen::Matrix<double, 3, 6> moved;
-    moved << 0, arm.z(), -arm.y(), 1, 0, 0,  //
-        -arm.z(), 0, arm.x(), 0, 1, 0,       //
-        arm.y(), -arm.x(), 0, 0, 0, 1;
+    moved << -cross_matrix(arm), Eigen::Matrix3d::Identity();
     return moved;
 }
 

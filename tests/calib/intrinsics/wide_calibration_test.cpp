@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 
 #include "calib/intrinsics/calibration_start.h"
-#include "calib/intrinsics/mixed_views.h"
 #include "calib/intrinsics/wide_lens.h"
 #include "core/errors.h"
+#include "tests/calib/mixed_set.h"
 #include "tests/calib/wide_views.h"
 #include "tests/error_text.h"
 
@@ -51,12 +51,9 @@ TEST(WideCalibration, TellsWideLensesFromOthers) {
         lens_angle(test::synthetic_views(test::calibration_truth(), 9, 0.2, 3), test::image_size),
         LensAngle::ordinary);
     // Photos of two zooms follow neither kind.
-    CameraModel zoomed = test::calibration_truth();
-    zoomed.intrinsics.fx *= 1.3;
-    zoomed.intrinsics.fy *= 1.3;
     auto mixed = test::synthetic_views(test::calibration_truth(), 4, 0.2, 3);
     for (int v = 4; v < 8; ++v)
-        mixed.push_back(test::synthetic_view(zoomed, test::synthetic_pose(v), 0.2, v));
+        mixed.push_back(test::synthetic_view(test::zoomed(1.3), test::synthetic_pose(v), 0.2, v));
     EXPECT_EQ(lens_angle(mixed, test::image_size), LensAngle::ordinary);
 }
 

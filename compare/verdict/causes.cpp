@@ -81,13 +81,13 @@ std::map<Set, double> probabilities(const Scores& scores, double log_total) {
     return of_needed;
 }
 
-// Takes sets of as many members that are as good as the best, whatever their members: the best ones
-// first.
+// Takes sets of as many members or more that are as good as the best, whatever their members: the
+// best ones first.
 void claim_instead(const Explanations& comparison, std::size_t members, double least,
                    std::map<Set, double>& left, Cause& cause) {
     std::vector<std::pair<double, Set>> others;
     for (const auto& [set, probability] : left)
-        if (set.size() == members && probability > least)
+        if (set.size() >= members && probability > least)
             others.emplace_back(-probability, set);
     std::ranges::sort(others);
     for (const auto& [negative, set] : others) {
@@ -448,9 +448,20 @@ std::string Cause::text() const {
     for (const CausingError& error : errors)
         together.push_back(error.text());
     std::string all = fmt::format("{}", fmt::join(together, " and "));
-    for (const std::vector<std::string>& names : instead)
-        all += fmt::format(", or {}", fmt::join(names, " and "));
+    for (const std::string& other : alternatives())
+        all += ", or " + other;
     return all;
+}
+
+std::vector<std::string> Cause::alternatives() const {
+    constexpr std::size_t most = 3;
+    std::vector<std::string> texts;
+    for (const std::vector<std::string>& names : instead)
+        if (texts.size() + 1 < most || instead.size() <= most)
+            texts.push_back(fmt::format("{}", fmt::join(names, " and ")));
+    if (texts.size() < instead.size())
+        texts.push_back(fmt::format("one of {} other sets", instead.size() - texts.size()));
+    return texts;
 }
 
 const Cause* Causes::named() const {

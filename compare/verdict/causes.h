@@ -45,10 +45,12 @@ struct CausingError {
 struct Cause {
     std::vector<CausingError> errors;  // that act together
     double probability = 0.0;          // of this explanation and of those its names stand for
-    // Names of as many errors which would together explain as much in place of all of these.
+    // Names of as many errors, or more, which would together explain as much in place of all of
+    // these.
     std::vector<std::vector<std::string>> instead = {};
 
     std::string text() const;  // "k3 and p1 and p2, or k6 and p1 and sensor tilt tau_y"
+    std::vector<std::string> alternatives() const;  // in words; of many the first two
 };
 
 struct Causes {

@@ -134,8 +134,8 @@ std::vector<std::string> cause_sentences(const Causes& causes) {
                 size_text(error).empty()
                     ? error.text() + "."
                     : fmt::format("{}: {} (U, k = 2).", error.text(), size_text(error)));
-        for (const std::vector<std::string>& names : named->instead)
-            sentences.back() += fmt::format(" Or {}.", joined(names, " and "));
+        for (const std::string& other : named->alternatives())
+            sentences.back() += fmt::format(" Or {}.", other);
         sentences.back() += fmt::format(" Probability {}.", percent(named->probability));
         return sentences;
     }

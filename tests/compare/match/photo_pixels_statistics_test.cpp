@@ -77,6 +77,20 @@ TEST(PhotoPixels, TellAToneCurve) {
     EXPECT_THAT(match.findings, testing::Contains(testing::HasSubstr("half tones are brighter")));
 }
 
+// A power of 0.8: t = 0.5, and leaning besides, which looks like another lens.
+TEST(PhotoPixels, TakeNoToneCurveForALens) {
+    PhotographedTruth truth;
+    Transfer& curve = truth.camera.sensor->transfer;
+    curve.kind = Transfer::Kind::table;
+    for (int i = 0; i <= 400; ++i)
+        curve.table.emplace_back(i / 400.0, std::pow(i / 400.0, 0.8));
+    const PixelMatch match = matched(truth);
+    EXPECT_TRUE(match.tone_gray->is_shown());
+    for (const char* error : {"f-number", "focus distance", "blur"})
+        EXPECT_LT(std::abs(evidence(match, error)), expanded(match, error)) << error;
+    EXPECT_LT(expanded(match, "blur"), 0.2);
+}
+
 TEST(PhotoPixels, TellNoiseBackgroundAndBlack) {
     PhotographedTruth truth;
     truth.camera.sensor->gain_e_per_dn = 10.0;

@@ -12,7 +12,9 @@ namespace etalon {
 namespace {
 
 using testing::Contains;
+using testing::EndsWith;
 using testing::HasSubstr;
+using testing::SizeIs;
 using testing::StartsWith;
 
 TEST(Causes, NameNobodyWhereNothingIsWrong) {
@@ -95,6 +97,24 @@ TEST(Causes, NameWholeExplanationsThatNobodyCanTellApart) {
     EXPECT_THAT(text, HasSubstr("half pixel and sensor tilt tau_y"));
     EXPECT_THAT(text, HasSubstr(", or "));
     EXPECT_GT(causes.named()->probability, 0.95);
+}
+
+// A radial term and a decentring: sets of four explain the same, each less probable.
+TEST(Causes, NameLargerSetsBesideTheBest) {
+    SimulatedRun run = demo_run();
+    run.true_camera.distortion.k3 += 0.048;
+    run.true_camera.distortion.p1 += 6e-4;
+    run.true_camera.distortion.p2 -= 4e-4;
+    const Causes causes = causes_of(run, 1000);
+    ASSERT_TRUE(causes.named());
+    const Cause& cause = *causes.named();
+    EXPECT_THAT(cause.text(), StartsWith("p1 and p2 and k6 ~ k3"));
+    EXPECT_EQ(cause.errors.size(), 3u);
+    EXPECT_GT(cause.probability, 0.95);
+    ASSERT_THAT(cause.instead, SizeIs(4));
+    EXPECT_THAT(cause.instead, Contains(SizeIs(4)));
+    EXPECT_THAT(cause.alternatives(), SizeIs(3));
+    EXPECT_THAT(cause.text(), EndsWith(", or one of 2 other sets"));
 }
 
 // One pose's corners lie 0.15 px aside. Where its pixels show the marker at its place the detector

@@ -102,21 +102,6 @@ PhotoPlace fitted_levels(const PhotoOfMarker& photo, const PhotometricCamera& ca
     return place;
 }
 
-// Levels and blur are fitted to enough of many pixels: every third or so in x and y.
-PhotoOfMarker with_few_pixels(const PhotoOfMarker& photo) {
-    constexpr double many_pixels = 100'000, enough_pixels = 50'000;
-    const double fitted = cv::countNonZero(photo.use == photo.fitted);
-    if (fitted <= many_pixels)
-        return photo;
-    const int step = static_cast<int>(std::ceil(std::sqrt(fitted / enough_pixels)));
-    PhotoOfMarker few = photo;
-    few.use = cv::Mat(photo.use.size(), CV_8UC1, cv::Scalar(pixel_outside));
-    for (int y = 0; y < few.use.rows; y += step)
-        for (int x = 0; x < few.use.cols; x += step)
-            few.use.at<uchar>(y, x) = photo.use.at<uchar>(y, x);
-    return few;
-}
-
 // Whether enough pixels are so bright that a camera may have clipped them.
 bool shows_saturation(const PhotoOfMarker& photo) {
     constexpr double bright_gray = 230.0, min_share = 0.05;
@@ -176,7 +161,8 @@ PhotoFit fit_photometry(const PhotoOfMarker& photo, const PhotometricCamera& cam
                         const Rigid& camera_from_marker) {
     PhotometricTerms terms = match_terms(photo, camera.model());
     terms.pose = false;
-    const PhotoOfMarker few = with_few_pixels(photo);
+    constexpr int enough_pixels = 50'000;  // for levels and blur
+    const PhotoOfMarker few = with_few_pixels(photo, enough_pixels);
     const PhotoPlace place =
         fitted_levels(few, camera, terms, starting_state(few, camera, camera_from_marker, terms));
     return fit_of(photo, camera, place.state, terms, place.equations);

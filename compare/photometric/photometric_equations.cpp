@@ -17,7 +17,7 @@ namespace {
 constexpr double huber_threshold = 3.0;
 constexpr int min_pixels = 50, blocks_a_side = 10;
 
-cv::Rect box_around(const cv::Mat& pixels, int room) {
+cv::Rect box_around(cv::InputArray pixels, int room) {
     const cv::Rect box = cv::boundingRect(pixels);
     return {box.x - room, box.y - room, box.width + 2 * room, box.height + 2 * room};
 }
@@ -67,6 +67,17 @@ struct BlurredRendering {
     static cv::Mat behind_gaussian(const cv::Mat& image, const Eigen::Vector2d& sigmas_px) {
         return sigmas_px.isZero() ? image : blurred(image, sigmas_px);
     }
+
+    static std::vector<cv::Mat> behind_gaussian(std::vector<cv::Mat> images,
+                                                const Eigen::Vector2d& sigmas_px) {
+        for (cv::Mat& image : images)
+            image = behind_gaussian(image, sigmas_px);
+        return images;
+    }
+};
+
+struct Levels {
+    double black, white;
 };
 
 // One pixel's prediction with its derivatives by the photometric parameters and by the radiance.
@@ -76,10 +87,10 @@ struct PixelEquation {
     bool clips = false;  // its noise is clipped too, and says little of the noise elsewhere
 
     PixelEquation(const PhotometricModel& model, const PhotometricTerms& terms,
-                  const MeanCode& mean_code, const Vector6d& level_terms,
+                  const MeanCode& mean_code, const Levels& levels, const Vector6d& level_terms,
                   const LightCurve::Point& curve, const Eigen::Vector2d& by_variances,
-                  Eigen::Ref<Eigen::VectorXd> derivatives) {
-        const double black = model.black.dot(level_terms), white = model.white.dot(level_terms);
+                  double* derivatives) {
+        const auto [black, white] = levels;
         const double s = curve.value, toned = s * (1.0 + model.tone * (1.0 - s));
         const double level = black + (white - black) * toned;
         const Saturation::Point point =
@@ -102,15 +113,26 @@ struct PixelEquation {
         if (terms.tone)
             derivatives[next++] = contrast * s * (1.0 - s);
         if (terms.saturation) {
-            derivatives.segment<2>(next) << point.by_level, point.by_knee;
-            next += 2;
+            derivatives[next++] = point.by_level;
+            derivatives[next++] = point.by_knee;
         }
-        derivatives.head(next) *= code.slope;
+        for (int i = 0; i < next; ++i)
+            derivatives[i] *= code.slope;
         by_radiance *= code.slope;
         if (terms.noise)
             derivatives[next] = code.by_log_noise;
     }
 };
+
+// A pixel's derivatives by what changes the rendering and by what moves it.
+void put_moving(const PixelEquation& model, const cv::Point& at,
+                const std::vector<cv::Mat>& changed, const Eigen::RowVector2d& slope,
+                const Eigen::Matrix2Xd& moved, double* row) {
+    for (const cv::Mat& change : changed)
+        *row++ = model.by_radiance * change.at<float>(at);
+    for (Eigen::Index i = 0; i < moved.cols(); ++i)
+        *row++ = -model.by_radiance * (slope.x() * moved(0, i) + slope.y() * moved(1, i));
+}
 
 double huber_loss(double size) {
     return size <= huber_threshold ? 0.5 * size * size
@@ -122,9 +144,9 @@ double huber_loss(double size) {
 class RowBlock {
 public:
     RowBlock(Eigen::Index columns, PhotoEquations& equations)
-        : equations_(equations), rows_(columns, rows_at_a_time), residuals_(rows_at_a_time) {}
+        : equations_(equations), rows_(columns, rows_at_a_time) {}
 
-    Eigen::Ref<Eigen::VectorXd> next() { return rows_.col(count_); }
+    double* next() { return rows_.col(count_).data(); }
 
     // Takes the row that was written to next(), of a pixel in this block of the image. The
     // information is Newton's: Huber's loss is straight beyond its threshold and has no curvature
@@ -134,15 +156,14 @@ public:
         equations_.loss += huber_loss(std::abs(residual));
         equations_.squares += limited * limited;
         ++equations_.pixels;
-        auto row = rows_.col(count_);
-        row *= 1.0 / noise;
-        equations_.block_scores.col(image_block).tail(row.size()) += limited * row;
-        if (limited != residual) {
-            equations_.score.tail(row.size()) += limited * row;
-            return;
+        const double weight = 1.0 / noise, weighted = weight * limited;
+        double* row = rows_.col(count_).data();
+        double* score = equations_.block_scores.col(image_block).tail(rows_.rows()).data();
+        for (Eigen::Index i = 0; i < rows_.rows(); ++i) {
+            score[i] += weighted * row[i];
+            row[i] *= weight;
         }
-        residuals_[count_] = residual;
-        if (++count_ == rows_at_a_time)
+        if (limited == residual && ++count_ == rows_at_a_time)
             flush();
     }
 
@@ -152,7 +173,6 @@ public:
         equations_.information.bottomRightCorner(n, n)
             .template selfadjointView<Eigen::Lower>()
             .rankUpdate(rows);
-        equations_.score.tail(n).noalias() += rows * residuals_.head(count_);
         count_ = 0;
     }
 
@@ -161,7 +181,6 @@ private:
 
     PhotoEquations& equations_;
     Eigen::MatrixXd rows_;  // one column per pixel
-    Eigen::VectorXd residuals_;
     int count_ = 0;
 };
 
@@ -219,10 +238,6 @@ double median(std::vector<double> values) {
     std::nth_element(values.begin(), middle, values.end());
     return *middle;
 }
-
-struct Levels {
-    double black, white;
-};
 
 // The straight line through all pixels used of gray against what the camera's curve makes of the
 // radiance. (Blurred cells may be neither black nor white anywhere.)
@@ -353,6 +368,20 @@ PhotoOfMarker with_few_flats(const PhotoOfMarker& photo, const PhotometricCamera
     return few;
 }
 
+PhotoOfMarker with_few_pixels(const PhotoOfMarker& photo, int enough_pixels) {
+    const int fitted = cv::countNonZero(photo.use == photo.fitted);
+    if (fitted <= 2 * enough_pixels)
+        return photo;
+    const int step =
+        static_cast<int>(std::ceil(std::sqrt(static_cast<double>(fitted) / enough_pixels)));
+    PhotoOfMarker few = photo;
+    few.use = cv::Mat(photo.use.size(), CV_8UC1, cv::Scalar(pixel_outside));
+    for (int y = 0; y < few.use.rows; y += step)
+        for (int x = 0; x < few.use.cols; x += step)
+            few.use.at<uchar>(y, x) = photo.use.at<uchar>(y, x);
+    return few;
+}
+
 PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                                const PhotoState& state, const PhotometricTerms& terms,
                                const CalibrationModel& parameters, double noise_scale) {
@@ -368,58 +397,53 @@ PhotoEquations photo_equations(const PhotoOfMarker& photo, const PhotometricCame
                                const RenderedGradient& rendered, const ImageMotion& motion,
                                double noise_scale, const std::vector<cv::Mat>& changes) {
     const BlurredRendering seen(rendered, state.photometry.psf_sigmas_px());
-    std::vector<cv::Mat> changed;
-    for (const cv::Mat& change : changes)
-        changed.push_back(
-            BlurredRendering::behind_gaussian(change, state.photometry.psf_sigmas_px()));
+    const std::vector<cv::Mat> changed =
+        BlurredRendering::behind_gaussian(changes, state.photometry.psf_sigmas_px());
     const LightCurve curve = camera.curve(state.photometry);
     const cv::Rect& region = motion.region();
     const int further = static_cast<int>(changed.size()), geometric = motion.columns(),
               photometric = terms.count(), all = further + geometric + photometric;
 
-    const cv::Rect box = box_around(photo.use(region) == photo.fitted, gaussian_reach_px);
-
-    PhotoEquations equations;
-    equations.information = Eigen::MatrixXd::Zero(all, all);
-    equations.score = Eigen::VectorXd::Zero(all);
-    equations.block_scores = Eigen::MatrixXd::Zero(all, blocks_a_side * blocks_a_side);
+    std::vector<cv::Point> places;
+    cv::findNonZero(photo.use(region) == photo.fitted, places);
+    const cv::Rect box = box_around(places, gaussian_reach_px);
+    PhotoEquations equations{
+        .information = Eigen::MatrixXd::Zero(all, all),
+        .block_scores = Eigen::MatrixXd::Zero(all, blocks_a_side * blocks_a_side)};
     RowBlock edges(all, equations), flats(photometric, equations);
     const bool by_width = terms.psf || terms.psf_anisotropy;
     Eigen::Matrix2Xd moved(2, geometric);
     std::vector<double> sizes;
     int beside_edges = 0;
+    std::vector<LevelRow> levels;
     for (int y = 0; y < region.height; ++y)
-        for (int x = 0; x < region.width; ++x) {
-            const cv::Point pixel = region.tl() + cv::Point(x, y);
-            if (photo.use.at<uchar>(pixel) != photo.fitted)
-                continue;
-            const Eigen::RowVector2d slope = seen.slope(x, y);
-            const bool is_flat = slope.lpNorm<1>() < flat;
-            if (!is_flat && !motion.at(pixel.x, pixel.y, moved))
-                continue;
-            RowBlock& block = is_flat ? flats : edges;
-            auto row = block.next();
-            const PixelEquation model(state.photometry, terms, camera.mean_code(),
-                                      level_terms(pixel.x, pixel.y, photo.use.size()),
-                                      curve.at(seen.radiance.at<float>(y, x)),
-                                      by_width ? seen.by_variances(x, y) : Eigen::Vector2d::Zero(),
-                                      row.tail(photometric));
-            if (!is_flat) {
-                for (int i = 0; i < further; ++i)
-                    row[i] =
-                        model.by_radiance * changed[static_cast<std::size_t>(i)].at<float>(y, x);
-                for (int i = 0; i < geometric; ++i)
-                    row[further + i] =
-                        -model.by_radiance * (slope.x() * moved(0, i) + slope.y() * moved(1, i));
-            }
-            const double noise = noise_scale * camera.noise_gray(model.gray);
-            const double residual = (photo.gray.at<float>(pixel) - model.gray) / noise;
-            if (!model.clips && (is_flat || ++beside_edges % photo.stands_for == 0))
-                sizes.push_back(std::abs(residual));
-            block.add(noise, residual, image_block({x, y}, box));
-        }
+        levels.emplace_back(state.photometry, region.y + y, photo.use.size());
+    for (const cv::Point& at : places) {
+        const cv::Point pixel = region.tl() + at;
+        const Eigen::RowVector2d slope = seen.slope(at.x, at.y);
+        const bool is_flat = slope.lpNorm<1>() < flat;
+        if (!is_flat && !motion.at(pixel.x, pixel.y, moved))
+            continue;
+        RowBlock& block = is_flat ? flats : edges;
+        double* row = block.next();
+        const LevelRow& level = levels[static_cast<std::size_t>(at.y)];
+        const PixelEquation model(
+            state.photometry, terms, camera.mean_code(),
+            {level.black(pixel.x), level.white(pixel.x)},
+            level_terms(pixel.x, pixel.y, photo.use.size()), curve.at(seen.radiance.at<float>(at)),
+            by_width ? seen.by_variances(at.x, at.y) : Eigen::Vector2d::Zero(),
+            is_flat ? row : row + further + geometric);
+        if (!is_flat)
+            put_moving(model, at, changed, slope, moved, row);
+        const double noise = noise_scale * camera.noise_gray(model.gray);
+        const double residual = (photo.gray.at<float>(pixel) - model.gray) / noise;
+        if (!model.clips && (is_flat || ++beside_edges % photo.stands_for == 0))
+            sizes.push_back(std::abs(residual));
+        block.add(noise, residual, image_block(at, box));
+    }
     edges.flush();
     flats.flush();
+    equations.score = equations.block_scores.rowwise().sum();
     complete(equations, state.photometry, terms);
     if (equations.pixels < min_pixels || sizes.empty() || !std::isfinite(equations.loss))
         throw NumericalError(fmt::format("{} pixels of the marker can be fitted, with a loss of {}",

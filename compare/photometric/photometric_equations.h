@@ -97,6 +97,10 @@ struct PhotoOfMarker {
 PhotoOfMarker with_few_flats(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                              const Rigid& camera_from_marker);
 
+// Where more than twice as many pixels are fitted: every second, third ... of them in x and y, so
+// that about that many or somewhat fewer are left.
+PhotoOfMarker with_few_pixels(const PhotoOfMarker& photo, int enough_pixels);
+
 struct PhotoState {
     Rigid camera_from_marker;
     PhotometricModel photometry;

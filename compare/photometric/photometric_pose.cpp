@@ -35,24 +35,32 @@ Matrix6d pose_covariance(const PhotoEquations& equations, double variance) {
 
 constexpr double settled_step = 0.1;  // standard deviations as stated
 
+// A photograph with all of its pixels, and with as many as show the way.
+struct Pixels {
+    const PhotoOfMarker& all;
+    PhotoOfMarker few;
+
+    explicit Pixels(const PhotoOfMarker& photo)
+        : all(photo), few(with_few_pixels(photo, enough_pixels)) {}
+    static constexpr int enough_pixels = 4000;
+};
+
 // The minimum that a start leads to, found as far as it is needed.
 struct Solution {
     PhotometricSteps steps;
-    PhotoPlace place;
+    PhotoPlace place = {};
     bool converged = false;
 
-    Solution(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-             const PhotometricTerms& terms, const PhotoState& start, double noise_scale)
-        : steps(photo, camera, terms, start), place(steps.at(start, noise_scale)) {}
-
-    Solution(const PhotoOfMarker& photo, const PhotometricCamera& camera,
-             const PhotometricTerms& terms, const PhotoState& start)
-        : steps(photo, camera, terms, start), place(approached(steps, start)) {}
+    // Sees few pixels.
+    Solution(const Pixels& pixels, const PhotometricCamera& camera, const PhotometricTerms& terms,
+             const PhotoState& start)
+        : steps(pixels.all, camera, terms, start) {
+        steps.look_at(pixels.few);
+    }
 
     // Where that leads nowhere, it stays.
     void approach() {
-        if (auto there = attempted([&] { return approached(steps, place.state); }).value)
-            place = std::move(*there);
+        attempted([&] { return place = approached(steps, place.state), true; });
     }
 
     // Huber's loss at this noise, to a tenth of a standard deviation, with the gradient of here.
@@ -106,13 +114,16 @@ Rigid other_planar_pose(const Projector& projector, const CellGrid& grid, const 
 }
 
 // At the same noise. Nothing where it cannot be rendered.
-std::optional<Solution> mirrored_solution(const PhotoOfMarker& photo,
-                                          const PhotometricCamera& camera,
+std::optional<Solution> mirrored_solution(const Pixels& pixels, const PhotometricCamera& camera,
                                           const PhotometricTerms& terms, const PhotoPlace& place) {
     const PhotoState start{
-        other_planar_pose(camera.projector(), photo.grid, place.state.camera_from_marker),
+        other_planar_pose(camera.projector(), pixels.all.grid, place.state.camera_from_marker),
         place.state.photometry};
-    return attempted([&] { return Solution(photo, camera, terms, start, place.noise_scale); })
+    return attempted([&] {
+               Solution solution(pixels, camera, terms, start);
+               solution.place = solution.steps.at(start, place.noise_scale);
+               return solution;
+           })
         .value;
 }
 
@@ -185,16 +196,20 @@ Rigid tilt_mirrored(const Rigid& camera_from_marker, const CellGrid& grid) {
 PhotometricPose photometric_pose(const PhotoOfMarker& photo,
                                  std::shared_ptr<const PhotometricCamera> camera,
                                  const PhotoState& start, const PhotometricTerms& terms) {
-    Solution best(photo, *camera, terms, start);
-    std::optional<Solution> other = mirrored_solution(photo, *camera, terms, best.place);
+    const Pixels pixels(photo);
+    Solution best(pixels, *camera, terms, start);
+    best.place = approached(best.steps, start);
+    std::optional<Solution> other = mirrored_solution(pixels, *camera, terms, best.place);
     if (other && other->promised_loss() < best.loss()) {
         other->approach();
         other->place = other->steps.at(other->place.state, best.place.noise_scale);
         if (other->loss() < best.loss())
             std::swap(best, *other);
     }
+    best.steps.look_at(photo);
     find_minimum_and_noise(best, camera->knows_noise());
     if (other) {
+        other->steps.look_at(photo);
         compare_with(best, *other);
         if (other->loss() < best.loss())
             std::swap(best, *other);

@@ -30,6 +30,10 @@ public:
     PhotometricSteps(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                      const PhotometricTerms& terms, const PhotoState& near);
 
+    // From now on with the pixels of this one: the same photograph with all or a part of them. It
+    // must outlive it.
+    void look_at(const PhotoOfMarker& photo) { photo_ = &photo; }
+
     PhotoPlace at(const PhotoState& state, double noise_scale);
 
     // From now on all equations have the gradient of this state: three renderings.

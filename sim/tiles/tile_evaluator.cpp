@@ -276,18 +276,72 @@ std::vector<bool> TileEvaluator::rays_around(int i, int j) const {
     return rays;
 }
 
+// Lens averages of one pixel whose points are a cubic.
+void TileEvaluator::sample_pixel(const TilePolynomial& cubic, const cv::Rect& samples,
+                                 float* values) {
+    if (!pixel_positions_)
+        pixel_positions_.emplace(sampling_.k);
+    lens_averages_.assign(static_cast<std::size_t>(samples.area()), 0.0f);
+    if (const auto range = view_.footprint(box_around(cubic, 0.5))) {
+        set_tile_geometry(view_, cubic, *range, fx_, geometry_);
+        exact_lens_samples(geometry_, *pixel_positions_, lens_averages_.data());
+    }
+    for (int y = 0; y < samples.height; ++y)
+        std::copy_n(&lens_averages_[static_cast<std::size_t>(y * samples.width)], samples.width,
+                    values + (samples.y + y) * tile_px * sampling_.k + samples.x);
+}
+
+// Finds the points, pixel by pixel. Most pixels are so far from the border that they have a cubic
+// of their own, which gives their lens averages at once: their middle stands for their points then,
+// to start from. Says which samples have values already.
+std::vector<bool> TileEvaluator::find_points_by_pixel(int i, int j, float* values) {
+    constexpr int block = 4;  // of the tile kernel
+    const int k = sampling_.k, n = tile_px * k;
+    const bool has_kernel = sampling_.kind == SampleKind::point && k % block == 0;
+    points_.assign(static_cast<std::size_t>(n * n), std::nullopt);
+    std::vector<bool> done(points_.size(), false);
+    std::optional<MappedPoint> last;
+    for (int pixel = 0; pixel < tile_px * tile_px; ++pixel) {
+        const cv::Point in_tile(pixel % tile_px, pixel / tile_px);
+        const Eigen::Vector2d corner =
+            UndistortionMap::tile_corner_px(i, j) + Eigen::Vector2d(in_tile.x, in_tile.y);
+        const auto cubic =
+            has_kernel && last
+                ? map_.cubic_within(corner, 1.0,
+                                    {last->x, Eigen::Matrix4d::Zero(), Eigen::Matrix4d::Zero()})
+                : std::nullopt;
+        if (cubic) {
+            last = MappedPoint{cubic->centre, Eigen::Matrix2d::Zero()};
+            sample_pixel(*cubic, {k * in_tile, cv::Size(k, k)}, values);
+        }
+        for (int q = 0; q < k * k; ++q) {
+            const auto at =
+                static_cast<std::size_t>((k * in_tile.y + q / k) * n + k * in_tile.x + q % k);
+            points_[at] =
+                cubic ? last
+                      : map_.exact(corner + Eigen::Vector2d(q % k + 0.5, q / k + 0.5) / k, last);
+            done[at] = cubic.has_value();
+            if (points_[at])
+                last = points_[at];
+        }
+    }
+    return done;
+}
+
 // Where some of a tile's points have no ray: those are background.
 TileUse TileEvaluator::sample_one_by_one(int i, int j, float* values) {
     if (const auto use = sample_grid_one_by_one(i, j, values))
         return *use;
     const int n = tile_px * sampling_.k;
-    map_.sample(i, j, n, points_);
+    const std::vector<bool> done = find_points_by_pixel(i, j, values);
     const std::vector<bool> rays = rays_around(i, j);
     for (int p = 0; p < n * n; ++p) {
         const auto& point = points_[static_cast<std::size_t>(p)];
         double radiance = view_.background();
         if (is_at_border(rays, n, p % n, p / n))
             radiance = mean_of_parts(i, j, p % n, p / n);
+        else if (done[static_cast<std::size_t>(p)])
+            continue;
         else if (point)
             radiance = radiance_at(*point, 1.0 / sampling_.k);
         values[p] = static_cast<float>(radiance - view_.background());

@@ -63,6 +63,8 @@ private:
     TileUse sample_boxes(double blur_radius_px, float* values);
     bool find_points(const Grid& grid, int i, int j);
     std::optional<TileUse> sample_grid_one_by_one(int i, int j, float* values);
+    void sample_pixel(const TilePolynomial& cubic, const cv::Rect& samples, float* values);
+    std::vector<bool> find_points_by_pixel(int i, int j, float* values);
     std::vector<bool> rays_around(int i, int j) const;
     TileUse sample_one_by_one(int i, int j, float* values);
     double least_blur_px(const Box& box) const;
@@ -83,8 +85,9 @@ private:
     int lens_points_of_ = -1;  // the rule that they are of, by its number of points
     // For tiles at the border.
     LensAverage lens_average_;
-    std::optional<CellCoverage> coverage_;  // made when first needed
-    int coverage_of_ = 0;                   // its number of lens points
+    std::optional<CellCoverage> coverage_;          // made when first needed
+    int coverage_of_ = 0;                           // its number of lens points
+    std::optional<TilePositions> pixel_positions_;  // of one pixel's samples; when first needed
     std::vector<std::optional<MappedPoint>> points_;
 };
 

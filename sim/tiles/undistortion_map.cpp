@@ -348,7 +348,9 @@ UndistortionMap::Tile UndistortionMap::make_tile(int i, int j, Block& block) con
     if (!error)
         return make_border_tile(i, j);
     const bool is_good = *error * projector_.camera().intrinsics.fx < good_enough_px;
-    if (const auto own = is_good ? std::nullopt : own_cubic(i, j, through_nodes(block, i, j))) {
+    if (const auto own =
+            is_good ? std::nullopt
+                    : cubic_within(tile_corner_px(i, j), tile_px, through_nodes(block, i, j))) {
         tile.bounds = bounds_of(*own);
         tile.own_cubic = static_cast<int>(block.own_cubics.size());
         block.own_cubics.push_back(*own);
@@ -498,13 +500,14 @@ TilePolynomial UndistortionMap::polynomial(int i, int j) const {
     return own >= 0 ? block.own_cubics[static_cast<std::size_t>(own)] : through_nodes(block, i, j);
 }
 
-// Its nodes are a third of a tile apart. It errs most between the outer ones.
-std::optional<TilePolynomial> UndistortionMap::own_cubic(int i, int j,
-                                                         const TilePolynomial& rough) const {
+// Its nodes are a third of its side apart. It errs most between the outer ones.
+std::optional<TilePolynomial> UndistortionMap::cubic_within(const Eigen::Vector2d& corner_px,
+                                                            double side_px,
+                                                            const TilePolynomial& rough) const {
     std::array<Eigen::Vector2d, 16> nodes;
     for (int n = 0; n < 16; ++n) {
         const Eigen::Vector2d within = Eigen::Vector2d(n % 4, n / 4) / 3.0;
-        const auto x = projector_.unproject(tile_corner_px(i, j) + within * tile_px,
+        const auto x = projector_.unproject(corner_px + within * side_px,
                                             at(rough, within.x() - 0.5, within.y() - 0.5).x);
         if (!x)
             return std::nullopt;
@@ -514,7 +517,7 @@ std::optional<TilePolynomial> UndistortionMap::own_cubic(int i, int j,
     for (const double place : {-0.37, 0.0, 0.37}) {
         const Eigen::Vector2d of_cubic = at(cubic, place, place).x;
         const auto exact = projector_.unproject(
-            tile_corner_px(i, j) + Eigen::Vector2d::Constant((0.5 + place) * tile_px), of_cubic);
+            corner_px + Eigen::Vector2d::Constant((0.5 + place) * side_px), of_cubic);
         const double error = exact ? (*exact - of_cubic).norm() : infinity;
         if (!(error * projector_.camera().intrinsics.fx < good_enough_px))
             return std::nullopt;

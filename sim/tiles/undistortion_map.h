@@ -128,6 +128,11 @@ public:
     std::optional<MappedPoint> exact(const Eigen::Vector2d& pixel,
                                      const std::optional<MappedPoint>& near = std::nullopt) const;
 
+    // Of a square that lies anywhere, its points roughly known; nothing where a cubic misses them
+    // by 1e-4 px or some of it has no ray.
+    std::optional<TilePolynomial> cubic_within(const Eigen::Vector2d& corner_px, double side_px,
+                                               const TilePolynomial& rough) const;
+
     const Projector& projector() const { return projector_; }
 
 private:
@@ -199,7 +204,6 @@ private:
     static double bend_of_nodes(const Block& block, int i, int j);
     std::optional<double> error_at(const Eigen::Vector2d& rough,
                                    const Eigen::Vector2d& pixel) const;
-    std::optional<TilePolynomial> own_cubic(int i, int j, const TilePolynomial& rough) const;
     void set_bend(const Nodes& x, const Nodes& y, BentGroup& tile) const;
     Tile make_border_tile(int i, int j) const;
 

@@ -84,11 +84,12 @@ TEST(FoldBorder, IsWithinWhatThePlanStatesUnderALens) {
     EXPECT_LT(image.plan.sampling_gray, 0.1);
     for (int y = 0; y < region.height; ++y)
         for (int x = 0; x < region.width; ++x)
-            if (image.valid.at<uchar>(region.y + y, region.x + x) != 0)
+            if (image.valid.at<uchar>(region.y + y, region.x + x) != 0) {
                 EXPECT_NEAR(255.0 * image.radiance.at<float>(region.y + y, region.x + x),
                             255.0 * reference.mean.at<float>(y, x),
                             0.1 + image.plan.border_gray +
                                 4.0 * 255.0 * reference.standard_error.at<float>(y, x));
+            }
 }
 
 }  // namespace

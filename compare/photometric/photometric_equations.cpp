@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
 
 #include "compare/photometric/compared_area.h"
@@ -369,15 +370,18 @@ PhotoOfMarker with_few_flats(const PhotoOfMarker& photo, const PhotometricCamera
 }
 
 PhotoOfMarker with_few_pixels(const PhotoOfMarker& photo, int enough_pixels) {
+    constexpr double golden = 0.382;
     const int fitted = cv::countNonZero(photo.use == photo.fitted);
     if (fitted <= 2 * enough_pixels)
         return photo;
-    const int step =
-        static_cast<int>(std::ceil(std::sqrt(static_cast<double>(fitted) / enough_pixels)));
+    const int one_in = (fitted + enough_pixels - 1) / enough_pixels;
+    int by_row = std::max(1, static_cast<int>(std::lround(golden * one_in)));
+    while (std::gcd(by_row, one_in) != 1)
+        ++by_row;
     PhotoOfMarker few = photo;
     few.use = cv::Mat(photo.use.size(), CV_8UC1, cv::Scalar(pixel_outside));
-    for (int y = 0; y < few.use.rows; y += step)
-        for (int x = 0; x < few.use.cols; x += step)
+    for (int y = 0; y < few.use.rows; ++y)
+        for (int x = by_row * y % one_in; x < few.use.cols; x += one_in)
             few.use.at<uchar>(y, x) = photo.use.at<uchar>(y, x);
     return few;
 }

@@ -97,8 +97,8 @@ struct PhotoOfMarker {
 PhotoOfMarker with_few_flats(const PhotoOfMarker& photo, const PhotometricCamera& camera,
                              const Rigid& camera_from_marker);
 
-// Where more than twice as many pixels are fitted: every second, third ... of them in x and y, so
-// that about that many or somewhat fewer are left.
+// Where more than twice as many pixels are fitted: one in so many that about that many are left. On
+// a lattice that meets every row and every column, and so each edge in each of its places.
 PhotoOfMarker with_few_pixels(const PhotoOfMarker& photo, int enough_pixels);
 
 struct PhotoState {

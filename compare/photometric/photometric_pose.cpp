@@ -60,7 +60,10 @@ struct Solution {
 
     // Where that leads nowhere, it stays.
     void approach() {
-        attempted([&] { return place = approached(steps, place.state), true; });
+        attempted([&] {
+            place = approached(steps, place.state);
+            return true;
+        });
     }
 
     // Huber's loss at this noise, to a tenth of a standard deviation, with the gradient of here.

@@ -81,13 +81,17 @@ std::map<Set, double> probabilities(const Scores& scores, double log_total) {
     return of_needed;
 }
 
-// Takes sets of as many members or more that are as good as the best, whatever their members: the
-// best ones first.
-void claim_instead(const Explanations& comparison, std::size_t members, double least,
+// Takes sets of as many members as these or more that are as good as the best, whatever their
+// members, but none that holds one of these: the best ones first.
+void claim_instead(const Explanations& comparison, const std::vector<Set>& these, double least,
                    std::map<Set, double>& left, Cause& cause) {
+    const auto has_all_of = [](const Set& set) {
+        return [&set](const Set& one) { return std::ranges::includes(set, one); };
+    };
     std::vector<std::pair<double, Set>> others;
     for (const auto& [set, probability] : left)
-        if (set.size() >= members && probability > least)
+        if (set.size() >= these.front().size() && probability > least &&
+            std::ranges::none_of(these, has_all_of(set)))
             others.emplace_back(-probability, set);
     std::ranges::sort(others);
     for (const auto& [negative, set] : others) {
@@ -107,6 +111,7 @@ Cause claimed(const Explanations& comparison, const Set& best, std::map<Set, dou
     const double probability = left.at(best);
     cause.probability = probability;
     left.erase(best);
+    std::vector<Set> these{best};
     for (const std::size_t member : best) {
         CausingError error = described(comparison, best, member);
         std::vector<std::pair<double, std::size_t>> others;
@@ -120,12 +125,13 @@ Cause claimed(const Explanations& comparison, const Set& best, std::map<Set, dou
             error.names.push_back(comparison.suspect(i).name);
             error.remedies.push_back(comparison.suspect(i).remedy);
             cause.probability -= negative;
-            left.erase(with(without(best, member), i));
+            these.push_back(with(without(best, member), i));
+            left.erase(these.back());
         }
         cause.errors.push_back(std::move(error));
     }
     if (best.size() > 1)
-        claim_instead(comparison, best.size(), as_good * probability, left, cause);
+        claim_instead(comparison, these, as_good * probability, left, cause);
     return cause;
 }
 
@@ -455,12 +461,12 @@ std::string Cause::text() const {
 
 std::vector<std::string> Cause::alternatives() const {
     constexpr std::size_t most = 3;
+    const std::size_t shown = instead.size() <= most ? instead.size() : most - 1;
     std::vector<std::string> texts;
-    for (const std::vector<std::string>& names : instead)
-        if (texts.size() + 1 < most || instead.size() <= most)
-            texts.push_back(fmt::format("{}", fmt::join(names, " and ")));
-    if (texts.size() < instead.size())
-        texts.push_back(fmt::format("one of {} other sets", instead.size() - texts.size()));
+    for (std::size_t i = 0; i < shown; ++i)
+        texts.push_back(fmt::format("{}", fmt::join(instead[i], " and ")));
+    if (shown < instead.size())
+        texts.push_back(fmt::format("one of {} other sets", instead.size() - shown));
     return texts;
 }
 

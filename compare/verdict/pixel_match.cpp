@@ -63,12 +63,13 @@ double of_renders(const std::vector<PhotoPixels>& photos, int i) {
 // wider by 0.70 q sigma^2 (least squares of Phi (1 - Phi) (1 - 2 Phi) by what a variance does).
 // What photographs score that are blurrier by that, at q / t = 0.9.
 PixelDeviation score_of_leaning_curve(const RunPixels& pixels, const CameraModel& camera,
-                                      double tone) {
+                                      const PixelDeviation& deviating) {
     constexpr double leaning = 0.9, variance_by_leaning = 0.70;
     PixelDeviation score = PixelDeviation::Zero();
     for (const PhotoPixels& photo : pixels.photos)
-        score += photo.information.col(deviation::blur) * variance_by_leaning * leaning * tone *
-                 std::pow(blur_sigma_px(camera, photo.depth_mm), 2);
+        score += photo.information.col(deviation::blur) * variance_by_leaning * leaning *
+                 deviating[deviation::tone] *
+                 std::pow(blur_sigma_px(camera, photo.depth_mm, deviating), 2);
     return score;
 }
 
@@ -95,8 +96,7 @@ PixelEstimate estimate_of(const RunPixels& pixels, const CameraModel& camera) {
     estimate.value = pixels.at + step;
     const Eigen::VectorXd of_noise = noise_known * inverse * Eigen::VectorXd(by_log_noise(asked));
     const Eigen::VectorXd of_curve =
-        inverse * Eigen::VectorXd(score_of_leaning_curve(pixels, camera,
-                                                         estimate.value[deviation::tone])(asked));
+        inverse * Eigen::VectorXd(score_of_leaning_curve(pixels, camera, estimate.value)(asked));
     estimate.covariance(asked, asked) = inverse * widening(pixels, step, asked) +
                                         of_noise * of_noise.transpose() +
                                         of_curve * of_curve.transpose();

@@ -1,5 +1,5 @@
-// The samples of one tile that is not uniform: the tile kernels where the whole tile has rays,
-// point by point in double precision at the border of the valid region.
+// The samples of one tile that is not uniform: the tile kernels where the whole tile has rays; at the
+// border of the valid region pixel by pixel where they can, else point by point in double precision.
 #pragma once
 
 #include <array>

@@ -5,9 +5,10 @@
 // it (error below 1e-4 px, mostly below 1e-5 px; a test measures it). Where that bends too much, as
 // far from the axis of a wide-angle lens, a tile has a cubic of its own through 4 x 4 points within
 // it, which errs 46 times less. The Bezier control points bound a tile's part of the scene
-// rigorously. Tiles at the border of the valid region, and those that bend too much even so, are
-// evaluated with Newton's method point by point. Groups of 4 x 4 tiles, of 4 x 4 groups and so on
-// have bounds as well: a search for a marker passes over most of the image in a few steps.
+// rigorously. Tiles at the border of the valid region, and those that bend too much even so, have
+// Newton's method, or cubics of smaller squares (cubic_within()). Groups of 4 x 4 tiles, of 4 x 4
+// groups and so on have bounds as well: a search for a marker passes over most of the image in a
+// few steps.
 //
 // Tiles are made in blocks of 16 x 16 when one of a block is first asked for. A block's own bounds
 // come from one cubic through corners of blocks, with ten times its error around it; a block that

@@ -123,7 +123,8 @@ bool is_right(std::span<const Kind> kinds, const Cause& cause) {
             cause.errors, [&](const CausingError& error) { return is_among(kind, error.names); });
     };
     const auto is_all_of = [&](std::span<const std::string> names) {
-        return std::ranges::all_of(kinds, [&](const Kind& kind) { return is_among(kind, names); });
+        return names.size() == kinds.size() &&
+               std::ranges::all_of(kinds, [&](const Kind& kind) { return is_among(kind, names); });
     };
     return cause.errors.size() == kinds.size() && (std::ranges::all_of(kinds, is_in_errors) ||
                                                    std::ranges::any_of(cause.instead, is_all_of));

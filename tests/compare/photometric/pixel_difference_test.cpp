@@ -87,8 +87,9 @@ TEST(PixelUses, FollowThePlaneThroughDistortionAndTilt) {
             const int block_y = static_cast<int>(std::floor(p_marker.y() / 20.0));
             const int expected = !inside ? 0 : (block_x + block_y) % 2 == 0 ? 1 : 2;
             const double hundredth_px_mm = 0.01 * hit.z() / projector.camera().intrinsics.fx;
-            if (distance_to_border_mm(p_marker) > hundredth_px_mm)
+            if (distance_to_border_mm(p_marker) > hundredth_px_mm) {
                 EXPECT_EQ(uses.at<uchar>(y, x), expected) << x << ", " << y;
+            }
             ++counted[uses.at<uchar>(y, x)];
         }
     EXPECT_GT(counted[pixel_fitted], 3000);

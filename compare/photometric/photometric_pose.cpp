@@ -78,13 +78,20 @@ struct Solution {
     // To a hundredth of a standard deviation: a step of that promises half of its square.
     void settle(double noise_scale) {
         constexpr double enough_gain = 5e-5;
-        place = steps.at(place.state, noise_scale);
+        if (is_another(noise_scale))
+            place = steps.at(place.state, noise_scale);
         converged = steps.settle(place, enough_gain);
         if (converged)
             return;
         steps.render_gradient(place.state);
         place = steps.at(place.state, noise_scale);
         converged = steps.settle(place, enough_gain);
+    }
+
+    // Whether this noise is not that of the equations.
+    bool is_another(double noise_scale) const {
+        constexpr double same_noise = 0.05;
+        return std::abs(noise_scale / place.noise_scale - 1.0) > same_noise;
     }
 
     double loss() const { return place.equations.loss; }
@@ -132,11 +139,10 @@ std::optional<Solution> mirrored_solution(const Pixels& pixels, const Photometri
 
 // The noise was found with rough renderings and gradients: once more at the minimum itself.
 void find_minimum_and_noise(Solution& solution, bool knows_noise) {
-    constexpr double same_noise = 0.05;
     solution.find_minimum(noise_scale_of(solution.place, knows_noise));
     solution.settle(noise_scale_of(solution.place, knows_noise));
     const double scale = noise_scale_of(solution.place, knows_noise);
-    if (std::abs(scale / solution.place.noise_scale - 1.0) > same_noise)
+    if (solution.is_another(scale))
         solution.settle(scale);
 }
 

@@ -38,7 +38,7 @@ p,li{max-width:75ch}p{margin:.5em 0}ul{margin:.5em 0;padding-left:1.2em}li{margi
 border-radius:8px;overflow:hidden;margin:0 0 20px}
 .verdict>div:first-child{display:flex;flex-wrap:wrap;align-items:baseline;gap:2px 24px;padding:14px 22px;
 background:color-mix(in srgb,var(--tone,var(--soft)) 9%,var(--card))}
-.verdict strong{font-size:2.4rem;line-height:1.2;letter-spacing:.02em;color:var(--tone,var(--text))}
+.verdict strong{font-size:clamp(1.5rem,8vw,2.4rem);line-height:1.2;letter-spacing:.02em;color:var(--tone,var(--text))}
 .verdict>div:first-child p{flex:1 1 320px;max-width:none;font-size:1.05rem}
 .answers{display:flex;flex-wrap:wrap}
 .answers>div{flex:1 1 380px;padding:12px 22px;border-top:1px solid var(--line)}

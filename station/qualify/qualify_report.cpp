@@ -134,8 +134,8 @@ std::vector<std::string> cause_sentences(const Causes& causes) {
                 size_text(error).empty()
                     ? error.text() + "."
                     : fmt::format("{}: {} (U, k = 2).", error.text(), size_text(error)));
-        for (const std::string& other : named->alternatives())
-            sentences.back() += fmt::format(" Or {}.", other);
+        if (const auto others = named->alternatives(); !others.empty())
+            sentences.push_back(fmt::format("Or in place of these: {}.", joined(others, "; ")));
         sentences.back() += fmt::format(" Probability {}.", percent(named->probability));
         return sentences;
     }
@@ -149,13 +149,43 @@ std::vector<std::string> cause_sentences(const Causes& causes) {
     return {};
 }
 
-// Each error's first remedy, or all of those that the run cannot tell apart.
+// "calibrate the camera again" of "k3 or k6"; of nothing where an error's remedies differ in more.
+struct Advice {
+    std::string action;
+    std::vector<std::string> of;
+};
+
+Advice advice(const CausingError& error) {
+    constexpr std::string_view colon = ": ";
+    std::vector<std::string> of;
+    const std::string action = error.remedies.front().substr(0, error.remedies.front().find(colon));
+    for (const std::string& remedy : error.remedies)
+        if (remedy.starts_with(action + std::string(colon)))
+            of.push_back(remedy.substr(action.size() + colon.size()));
+    if (of.size() < error.remedies.size())
+        return {joined(error.remedies, ", or "), {}};
+    return {action, {joined(of, " or ")}};
+}
+
+// Each error's remedies, those of the same kind in one sentence.
 std::vector<std::string> what_to_do(const Causes& causes) {
-    std::vector<std::string> all;
+    std::vector<Advice> all;
     if (const Cause* named = causes.named())
-        for (const CausingError& error : named->errors)
-            all.push_back(sentence(joined(error.remedies, ", or ")));
-    return all;
+        for (const CausingError& error : named->errors) {
+            if (error.remedies.empty())
+                continue;
+            const Advice one = advice(error);
+            const auto same = std::ranges::find(all, one.action, &Advice::action);
+            if (same == all.end())
+                all.push_back(one);
+            else
+                same->of.insert(same->of.end(), one.of.begin(), one.of.end());
+        }
+    std::vector<std::string> sentences;
+    for (const Advice& each : all)
+        sentences.push_back(
+            sentence(each.of.empty() ? each.action : each.action + ": " + joined(each.of, ", ")));
+    return sentences;
 }
 
 void add_summary(HtmlPage& page, const QualifyResult& result) {

@@ -77,6 +77,27 @@ TEST_F(QualifyReport, LeadsWithVerdictThenCauseThenWhatToDo) {
     test::expect_readable_page(text);
 }
 
+TEST_F(QualifyReport, SaysOnceWhatToDoForAllErrorsOfAKind) {
+    analysis().causes.emplace();
+    Cause cause{{{{"k3", "k6"},
+                  0.0413,
+                  0.0046,
+                  "",
+                  {"calibrate the camera again: k3", "calibrate the camera again: k6"}},
+                 {{"p1"}, 6e-4, 2e-5, "", {"calibrate the camera again: p1"}},
+                 {{"blur"}, 0.1, 0.02, "px^2", {"look for vibration"}}},
+                0.97};
+    for (const char* name : {"s1", "s2", "s3", "s4"})
+        cause.instead.push_back({name, "half pixel", "blur"});
+    analysis().causes->ranked = {cause};
+    EXPECT_THAT(
+        page(),
+        AllOf(HasSubstr("<li>Or in place of these: s1 and half pixel and blur; s2 and half pixel "
+                        "and blur; one of 2 other sets. Probability 97 %.</li>"),
+              HasSubstr("<li>Calibrate the camera again: k3 or k6, p1.</li>"
+                        "<li>Look for vibration.</li>")));
+}
+
 TEST_F(QualifyReport, SetsTheOutcomeBesideTheNameAndNotesBelowTheTable) {
     analysis().quantities = {
         judged(quantity::position_max, 0.3, 0.2, 0.45, Outcome::inconclusive, "U is too large"),

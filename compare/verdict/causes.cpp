@@ -443,6 +443,25 @@ Start start_of(const CauseEvidence& evidence) {
     return start;
 }
 
+// "calibrate the camera again" of "k3 or k6"; of nothing where an error's remedies differ in more.
+struct Remedy {
+    std::string action, of;
+
+    explicit Remedy(const CausingError& error) {
+        for (const std::string& each : error.remedies) {
+            const std::size_t colon = each.find(": ");
+            if (colon == std::string::npos ||
+                (!action.empty() && action != each.substr(0, colon))) {
+                action = fmt::format("{}", fmt::join(error.remedies, ", or "));
+                of.clear();
+                return;
+            }
+            action = each.substr(0, colon);
+            of += (of.empty() ? "" : " or ") + each.substr(colon + 2);
+        }
+    }
+};
+
 }  // namespace
 
 std::string CausingError::text() const {
@@ -467,6 +486,23 @@ std::vector<std::string> Cause::alternatives() const {
         texts.push_back(fmt::format("{}", fmt::join(instead[i], " and ")));
     if (shown < instead.size())
         texts.push_back(fmt::format("one of {} other sets", instead.size() - shown));
+    return texts;
+}
+
+std::vector<std::string> Cause::remedies() const {
+    std::vector<Remedy> all;
+    for (const CausingError& error : errors) {
+        const Remedy one(error);
+        const auto same = std::ranges::find(all, one.action, &Remedy::action);
+        if (same == all.end())
+            all.push_back(one);
+        else if (!one.of.empty())
+            same->of += ", " + one.of;
+    }
+    std::vector<std::string> texts;
+    for (const Remedy& each : all)
+        if (!each.action.empty())
+            texts.push_back(each.of.empty() ? each.action : each.action + ": " + each.of);
     return texts;
 }
 

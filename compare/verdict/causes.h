@@ -51,6 +51,8 @@ struct Cause {
 
     std::string text() const;  // "k3 and p1 and p2, or k6 and p1 and sensor tilt tau_y"
     std::vector<std::string> alternatives() const;  // in words; of many the first two
+    // Each error's, those of a kind as one: "calibrate the camera again: k3 or k6, p1".
+    std::vector<std::string> remedies() const;
 };
 
 struct Causes {

@@ -297,19 +297,21 @@ void TileEvaluator::sample_pixel(const TilePolynomial& cubic, const cv::Rect& sa
 std::vector<bool> TileEvaluator::find_points_by_pixel(int i, int j, float* values) {
     constexpr int block = 4;  // of the tile kernel
     const int k = sampling_.k, n = tile_px * k;
-    const bool has_kernel = sampling_.kind == SampleKind::point && k % block == 0;
-    points_.assign(static_cast<std::size_t>(n * n), std::nullopt);
-    std::vector<bool> done(points_.size(), false);
+    std::vector<bool> done(static_cast<std::size_t>(n * n), false);
+    if (sampling_.kind != SampleKind::point || k % block != 0) {
+        map_.sample(i, j, n, points_);
+        return done;
+    }
+    points_.assign(done.size(), std::nullopt);
     std::optional<MappedPoint> last;
     for (int pixel = 0; pixel < tile_px * tile_px; ++pixel) {
         const cv::Point in_tile(pixel % tile_px, pixel / tile_px);
         const Eigen::Vector2d corner =
             UndistortionMap::tile_corner_px(i, j) + Eigen::Vector2d(in_tile.x, in_tile.y);
         const auto cubic =
-            has_kernel && last
-                ? map_.cubic_within(corner, 1.0,
-                                    {last->x, Eigen::Matrix4d::Zero(), Eigen::Matrix4d::Zero()})
-                : std::nullopt;
+            last ? map_.cubic_within(corner, 1.0,
+                                     {last->x, Eigen::Matrix4d::Zero(), Eigen::Matrix4d::Zero()})
+                 : std::nullopt;
         if (cubic) {
             last = MappedPoint{cubic->centre, Eigen::Matrix2d::Zero()};
             sample_pixel(*cubic, {k * in_tile, cv::Size(k, k)}, values);

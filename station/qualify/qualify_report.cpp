@@ -149,43 +149,11 @@ std::vector<std::string> cause_sentences(const Causes& causes) {
     return {};
 }
 
-// "calibrate the camera again" of "k3 or k6"; of nothing where an error's remedies differ in more.
-struct Advice {
-    std::string action;
-    std::vector<std::string> of;
-};
-
-Advice advice(const CausingError& error) {
-    constexpr std::string_view colon = ": ";
-    std::vector<std::string> of;
-    const std::string action = error.remedies.front().substr(0, error.remedies.front().find(colon));
-    for (const std::string& remedy : error.remedies)
-        if (remedy.starts_with(action + std::string(colon)))
-            of.push_back(remedy.substr(action.size() + colon.size()));
-    if (of.size() < error.remedies.size())
-        return {joined(error.remedies, ", or "), {}};
-    return {action, {joined(of, " or ")}};
-}
-
-// Each error's remedies, those of the same kind in one sentence.
 std::vector<std::string> what_to_do(const Causes& causes) {
-    std::vector<Advice> all;
+    std::vector<std::string> all;
     if (const Cause* named = causes.named())
-        for (const CausingError& error : named->errors) {
-            if (error.remedies.empty())
-                continue;
-            const Advice one = advice(error);
-            const auto same = std::ranges::find(all, one.action, &Advice::action);
-            if (same == all.end())
-                all.push_back(one);
-            else
-                same->of.insert(same->of.end(), one.of.begin(), one.of.end());
-        }
-    std::vector<std::string> sentences;
-    for (const Advice& each : all)
-        sentences.push_back(
-            sentence(each.of.empty() ? each.action : each.action + ": " + joined(each.of, ", ")));
-    return sentences;
+        std::ranges::transform(named->remedies(), std::back_inserter(all), sentence);
+    return all;
 }
 
 void add_summary(HtmlPage& page, const QualifyResult& result) {

@@ -23,8 +23,10 @@ constexpr double share_of_rounding = 0.02;  // the filter's weights, single prec
 // More samples than these a side cost more than they are worth; a tolerance that needs them is
 // refused.
 constexpr int max_points = 32, max_boxes = 48;
-// Up to these nothing else is worth a thought, if there is a spread.
-constexpr int few_points = 10;
+// Up to these nothing else is worth a thought, if there is a spread. Fewer beside large cells, of
+// which a table of edges and corners has few to look at.
+constexpr int few_points = 10, few_points_of_large_cells = 6;
+constexpr double large_cell_px = 8.0;
 // Below this blur two rims lie within a sample, whatever k.
 constexpr double min_blur_for_points_px = 0.02;
 // Where the plane of focus crosses the marker: from this blur on, 2 x 2 lens averages per box are
@@ -278,13 +280,28 @@ private:
         return static_cast<double>(boxes.k) * boxes.k * points;
     }
 
+    // Edges and corners by a table, which takes them as straight: measured beside edges of up to 0.002
+    // curvature.
+    Choice of_wedges() const {
+        constexpr double steepest_blur = 0.1, gray_by_curvature = 10.0;
+        if (!chosen_.with_spread || options_.samples_per_side > 0 || !image_.bend.is_polynomial ||
+            image_.blur.largest_px > WedgeTable::largest_blur_px ||
+            image_.blur_slope > steepest_blur || filter_.wedges() == nullptr)
+            return {};
+        const double gray =
+            step_of_edges() * (WedgeTable::gray + gray_by_curvature * image_.bend.curvature);
+        return gray <= allowed(share_of_sampling) ? Choice{1, gray} : Choice{};
+    }
+
     void choose_method() {
         const bool automatic = options_.method == RenderMethod::automatic;
         Choice points, boxes;
         if (automatic ? needs_lens() : options_.method == RenderMethod::exact_lens)
-            points = of_points(automatic ? few_points : max_points);
+            points = of_points(automatic ? points_worth_no_thought() : max_points);
         if (options_.method != RenderMethod::exact_lens &&
             (points.k == 0 || !chosen_.with_spread)) {
+            if (const Choice wedges = automatic ? of_wedges() : Choice{}; wedges.k > 0)
+                return take_wedges(wedges);
             const Choice disks = automatic || !needs_lens() ? of_disks() : Choice{};
             if (automatic)
                 points = of_points(disks.k == 0 ? max_points : points_worth(disks));
@@ -305,6 +322,11 @@ private:
             (!by_points && !lens_points_suffice && options_.samples_per_side == 0))
             refuse(by_points);
         by_points ? take_points(points) : take_boxes(boxes);
+    }
+
+    int points_worth_no_thought() const {
+        const bool few_corners = image_.cell_px >= large_cell_px && of_wedges().k > 0;
+        return few_corners ? few_points_of_large_cells : few_points;
     }
 
     // The largest k of points that costs no more than these disks.
@@ -404,6 +426,13 @@ private:
         }
     }
 
+    void take_wedges(const Choice& wedges) {
+        take(wedges, RenderMethod::wedge_table, SampleKind::pixel);
+        chosen_.sampling.wedges = filter_.wedges();
+        chosen_.sampling.wedge_reach_px =
+            chosen_.sampling.wedges->reach_px(image_.blur.largest_px);
+    }
+
     void choose_tail() {
         if (!chosen_.with_spread || !filter_.has_tail())
             return;
@@ -429,8 +458,8 @@ private:
     // Beside a corner two edges add up, among small cells several of them: in stripes and
     // checkerboards of 1 to 8 px three times one edge's change.
     double gray_of_rings(int finest) const {
-        constexpr double large_cell_px = 12.0;
-        const double edges = image_.cell_px < large_cell_px ? 3.0 : 1.5;
+        constexpr double many_edges_px = 12.0;
+        const double edges = image_.cell_px < many_edges_px ? 3.0 : 1.5;
         return edges * image_.step * filter_.gray_of_coarser_ring(finest, image_.blur.smallest_px);
     }
 

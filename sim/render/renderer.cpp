@@ -257,6 +257,7 @@ public:
         const cv::Rect tiles = tiles_around(outline_, blur.largest_px, sensor_.rays);
         const ImageExtremes image{blur,
                                   distorted_blur(blur, view_, sensor_.rays, tiles),
+                                  view_.aperture().radius_mm * view_.defocus_slope({0, 0}).norm(),
                                   largest_step(view_),
                                   view_.contrast(),
                                   area_around(outline_, blur.largest_px),

@@ -3,24 +3,15 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/spread/radial_transfer.h"
+
 namespace etalon {
 namespace {
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
 constexpr double disk_phase_at_cutoff = 2.6;
-constexpr double followed_cutoffs = 1.25;
 constexpr double min_scale_px = 0.04;
 constexpr double steps_per_scale = 40.0;
-
-// Of a Gaussian the part beyond is below 1e-6.
-double cutoff(const PointSpreadFunction& spread) {
-    return spread.is_airy() ? 1.0 / spread.scale_px() : 0.836 / spread.scale_px();
-}
-
-double disk_transfer(double radius_px, double f) {
-    const double q = two_pi * radius_px * f;
-    return q < 1e-6 ? 1.0 : 2.0 * j1(q) / q;
-}
 
 // Cubic, in a table from -1 on; 0 behind its end.
 double interpolated(const std::vector<double>& table, double place) {
@@ -41,27 +32,15 @@ std::optional<SharpenedSpread> SharpenedSpread::of(const PointSpreadFunction& sp
     if (!spread.has_cutoff() || spread.scale_px() < min_scale_px)
         return std::nullopt;
     SharpenedSpread result;
-    result.disk_radius_px_ = disk_phase_at_cutoff / (two_pi * cutoff(spread));
+    result.disk_radius_px_ = disk_phase_at_cutoff / (two_pi * cutoff_per_px(spread));
     result.reach_px_ = reach_px + 4.0 * result.disk_radius_px_;
     result.table_step_px_ = spread.scale_px() / steps_per_scale;
 
     const double step = result.table_step_px_;
-    std::vector<double> rings;  // the core's energy in rings of one step, the middle of one at 0.5
-    for (double r = 0.5 * step; r < reach_px; r += step)
-        rings.push_back(two_pi * r * step * spread.density(r) * window(r));
-    // Sixteen frequencies for each cycle that the last of them makes within the reach.
-    const double end = followed_cutoffs * cutoff(spread);
-    const int count = 2 * std::max(200, static_cast<int>(8.0 * end * result.reach_px_));
-    for (int i = 0; i < count; ++i) {
-        // Gauss' two places in each of count / 2 parts: the middles would leave a constant.
-        const double place = i / 2 + 0.5 + (i % 2 == 0 ? -0.5 : 0.5) / std::sqrt(3.0);
-        const double f = 2.0 * end * place / count;
-        double transfer = 0.0;
-        for (std::size_t n = 0; n < rings.size(); ++n)
-            transfer += rings[n] * j0(two_pi * f * (static_cast<double>(n) + 0.5) * step);
-        const double left = transfer / disk_transfer(result.disk_radius_px_, f);
-        result.waves_.push_back({f, left * end / count});
-    }
+    for (const RadialWave& wave : radial_transfer(spread, window, reach_px, result.reach_px_))
+        result.waves_.push_back(
+            {wave.cycles_per_px, wave.transfer * wave.width /
+                                     disk_transfer(result.disk_radius_px_ * wave.cycles_per_px)});
     const int steps = static_cast<int>(result.reach_px_ / step) + 4;
     for (int n = -1; n < steps; ++n) {
         double density = 0.0,
@@ -100,11 +79,11 @@ double SharpenedSpread::edge_change(const std::function<double(double)>& transfe
 double SharpenedSpread::gray_of_disks(int count, double blur_px) const {
     const auto disks = concentric_disks(count);
     return edge_change([&](double f) {
-        double left = disk_transfer(disk_radius_px_, f) * disk_transfer(blur_px, f);
+        double left = disk_transfer(disk_radius_px_ * f) * disk_transfer(blur_px * f);
         for (const ConcentricDisk& disk : disks)
             left -= disk.weight *
                     disk_transfer(std::sqrt(blur_px * blur_px + disk_radius_px_ * disk_radius_px_ +
-                                            2.0 * disk.cosine * blur_px * disk_radius_px_),
+                                            2.0 * disk.cosine * blur_px * disk_radius_px_) *
                                   f);
         return left;
     });

@@ -225,14 +225,30 @@ const SharpenedSpread* ImageFilter::sharpened() const {
     return sharpened_ ? &*sharpened_ : nullptr;
 }
 
+bool ImageFilter::has_square_pixels() const {
+    constexpr double oblong = 0.005;
+    return std::abs(pitch_y_ - 1.0) < oblong;
+}
+
 const EdgeTable* ImageFilter::edges() const {
-    constexpr double oblong = 0.005, wide_px = 8.0;
+    constexpr double wide_px = 8.0;
     std::call_once(edges_made_, [this] {
-        if (has_tail() && std::abs(pitch_y_ - 1.0) < oblong && core_.fall_to < wide_px)
+        if (has_tail() && has_square_pixels() && core_.fall_to < wide_px)
             edges_.emplace([this](double r) { return core_(r) * psf_->density(r); }, core_.fall_to,
                            windowed_energy(*psf_, core_));
     });
     return edges_ ? &*edges_ : nullptr;
+}
+
+const WedgeTable* ImageFilter::wedges() const {
+    std::call_once(wedges_made_, [this] {
+        const double reach = core_.fall_to;
+        if (psf_ && has_square_pixels() && WedgeTable::suits(*psf_, reach))
+            wedges_.emplace(
+                radial_transfer(*psf_, core_, reach, WedgeTable::end_px(reach)),
+                reach);
+    });
+    return wedges_ ? &*wedges_ : nullptr;
 }
 
 // Renders that need another kernel do not wait while one is made.
@@ -263,6 +279,8 @@ FilterKernel ImageFilter::make_core(int k, SampleKind kind) const {
         const SampleAxis samples{k + 6, 1.0 / k};
         return scaled_kernel(k, unspread_weights(samples, samples, pixel_response(k, kind)), 1.0);
     }
+    if (kind == SampleKind::pixel)
+        return scaled_kernel(1, Eigen::MatrixXd::Ones(1, 1), windowed_energy(*psf_, core_));
     const double radius = kind == SampleKind::disk ? sharpened()->reach_px() : core_.fall_to;
     const int reach_x = static_cast<int>(std::ceil((radius + 0.5) * k)) + 3;
     const int reach_y = static_cast<int>(std::ceil((radius / pitch_y_ + 0.5) * k)) + 3;

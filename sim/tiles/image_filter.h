@@ -17,6 +17,7 @@
 #include "sim/spread/diffraction.h"
 #include "sim/spread/edge_table.h"
 #include "sim/spread/sharpened_spread.h"
+#include "sim/spread/wedge_table.h"
 #include "sim/tiles/core_filter.h"
 #include "sim/tiles/sampling.h"
 
@@ -45,6 +46,10 @@ public:
     // The core beside straight edges; nullptr where pixels are not square or the core is wide. Made
     // when first asked for.
     const EdgeTable* edges() const;
+
+    // The core beside edges and corners of sharp images; nullptr where pixels are not square or the
+    // spread does not suit. Made when first asked for.
+    const WedgeTable* wedges() const;
 
     // On samples at k per pixel; disk samples need sharpened().
     const FilterKernel& core(int k, SampleKind kind) const;
@@ -86,6 +91,7 @@ private:
         std::optional<FilterKernel> kernel_;
     };
 
+    bool has_square_pixels() const;
     Slot& slot(std::map<std::pair<int, int>, Slot>& slots, std::pair<int, int> key) const;
     FilterKernel make_core(int k, SampleKind kind) const;
     FilterKernel make_ring(int shift, bool and_finer) const;
@@ -95,8 +101,9 @@ private:
     double split_px_ = 1.0;  // s: the core ends between 1.5 s and 3 s
     int first_shift_ = 0;
     RadialWindow core_{-1, -1, 0, 0};
-    mutable std::once_flag sharpening_, edges_made_;
+    mutable std::once_flag sharpening_, edges_made_, wedges_made_;
     mutable std::optional<EdgeTable> edges_;
+    mutable std::optional<WedgeTable> wedges_;
     mutable std::optional<SharpenedSpread> sharpened_;
     mutable std::mutex mutex_;
     mutable std::map<std::pair<int, int>, Slot> cores_,

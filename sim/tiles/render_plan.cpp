@@ -13,6 +13,8 @@ const char* name_of(RenderMethod method) {
             return "exact areas";
         case RenderMethod::edge_table:
             return "a table of edges";
+        case RenderMethod::wedge_table:
+            return "a table of edges and corners";
         case RenderMethod::reference:
             return "reference integrator";
         case RenderMethod::wave:
@@ -46,6 +48,8 @@ std::string RenderPlan::describe() const {
     if (method == RenderMethod::exact_lens || method == RenderMethod::exact_area)
         text += fmt::format(", {} x {} samples/px (within {:.2g} gray)", points_per_pixel_side,
                             points_per_pixel_side, sampling_gray);
+    else if (method == RenderMethod::wedge_table)
+        text += fmt::format(" (within {:.2g} gray)", sampling_gray);
     if (border_gray > 0.0)
         text += fmt::format(", {:.2g} gray more at the distortion model's end", border_gray);
     text +=

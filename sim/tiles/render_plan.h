@@ -12,6 +12,7 @@ enum class RenderMethod {
     exact_lens,  // E
     exact_area,  // C
     edge_table,  // of tiles that see one edge, by a table
+    wedge_table,  // of sharp images, by a table of edges and corners
     reference,
     wave,  // of a camera with the wave-optical point spread, and of no other
 };
@@ -36,7 +37,7 @@ struct LeftOut {
 
 // How the tiles that were not uniform were sampled.
 struct TileUse {
-    RenderMethod method;  // exact_lens, exact_area or edge_table
+    RenderMethod method;  // not automatic, reference or wave
     int points_per_pixel_side;
     int lens_points;  // of exact_area
     long tiles;
@@ -46,7 +47,7 @@ struct RenderPlan {
     RenderMethod method = RenderMethod::automatic;  // of most tiles: never automatic
     double tolerance_gray = 0.0;
     int points_per_pixel_side = 1;  // k: samples to the filter
-    double sampling_gray = 0.0;     // bound for a straight edge, from k samples
+    double sampling_gray = 0.0;     // bound for a straight edge, from k samples or a table
     // More than that, where the border of the valid region cuts the marker beside a pixel.
     double border_gray = 0.0;
     double min_blur_radius_px = 0.0;  // over the marker; 0 where it is in focus

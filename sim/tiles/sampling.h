@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/spread/edge_table.h"
+#include "sim/spread/wedge_table.h"
 
 namespace etalon {
 
@@ -12,6 +13,7 @@ enum class SampleKind {
     point,  // values at the centres of a pixel's k x k parts
     box,    // averages over them
     disk,   // averages over disks around the centres, for the sharpened spread
+    pixel,  // what the spread's core makes of the pixels, by a table of edges and corners; k is 1
 };
 
 // Tiles blurred by at least this everywhere are sampled at k places per pixel side, exact lens
@@ -38,6 +40,9 @@ struct Sampling {
     // Disk samples: tiles not blurred by at least this everywhere are sampled at 2 k places per
     // pixel side and thinned out.
     double direct_from_px = 0.0;
+    // Pixels only: the table, and from where on they do not see an edge, px.
+    const WedgeTable* wedges = nullptr;
+    double wedge_reach_px = 0.0;
     // Point samples: groups of tiles that see one edge take its response, where that errs by less
     // than this much; null: none does.
     const EdgeTable* edges = nullptr;

@@ -132,7 +132,7 @@ void TailSources::average_pixels() {
     float* next = pixel_averages_.data();
     for (std::size_t n = 0; n < count; ++n)
         if (tiles.refined(n)) {
-            average_parts(values_[n] + TileSamples::samples_offset, samples_.k() * tile_px, side,
+            average_parts(values_[n] + samples_.unspread_offset(), samples_.k() * tile_px, side,
                           next);
             pixel_values_[n] = next;
             next += pixels;

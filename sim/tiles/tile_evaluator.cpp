@@ -11,11 +11,9 @@ Box parallelogram_box(const Eigen::Vector2d& x, const Eigen::Matrix2d& sides) {
 
 // Of the points of a tile and a margin around it, at most `reach` from its centre in s and t.
 Box box_around(const TilePolynomial& place, double reach) {
-    Eigen::Vector2d half = Eigen::Vector2d::Zero();
-    for (int j = 0; j < 4; ++j)
-        for (int i = 0; i < 4; ++i)
-            half += std::pow(reach, i + j) *
-                    Eigen::Vector2d(std::abs(place.x(j, i)), std::abs(place.y(j, i)));
+    const Eigen::Vector4d powers(1.0, reach, reach * reach, reach * reach * reach);
+    const Eigen::Vector2d half(powers.dot(place.x.cwiseAbs() * powers),
+                               powers.dot(place.y.cwiseAbs() * powers));
     return {place.centre - half, place.centre + half};
 }
 
@@ -33,7 +31,7 @@ LensRule lens_rule(double blur_radius_px, double sharp_up_to_px) {
         return {1, 0};
     if (blur_radius_px < 0.04)
         return {2, 6};
-    return blur_radius_px < 0.2 ? LensRule{3, 12} : min_rule;
+    return blur_radius_px < 0.2 ? LensRule{1, 4} : min_rule;
 }
 
 TilePositionsOf::TilePositionsOf(const Sampling& sampling) : samples(tile_px * sampling.k) {
@@ -71,6 +69,8 @@ TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& ra
         if (least_blur_px(box_of(grid, place)) >= sampling_.coarser[n].from_blur_px)
             return sample_grid(grid, place, values);
     }
+    if (sampling_.kind == SampleKind::pixel)
+        return sample_pixels(place, *range, values);
     const Box& box = map_.bounds(i, j);
     if (positions_.finer && least_blur_px(box) < sampling_.direct_from_px)
         return sample_grid(*positions_.finer, place, values);
@@ -81,7 +81,7 @@ TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& ra
         return sample_points(values);
     if (least_blur_px(box) >= sampling_.exact_lens_from_px)
         return sample_blurred_boxes(values);
-    return sample_boxes(largest_blur_px(box), values);
+    return sample_boxes(lens_rule(largest_blur_px(box), sampling_.sharp_up_to_px), values);
 }
 
 double TileEvaluator::least_blur_px(const Box& box) const {
@@ -162,8 +162,21 @@ TileUse TileEvaluator::sample_blurred_boxes(float* values) {
     return {RenderMethod::exact_lens, 2 * sampling_.k, 1, 1};
 }
 
-TileUse TileEvaluator::sample_boxes(double blur_radius_px, float* values) {
-    const LensRule rule = lens_rule(blur_radius_px, sampling_.sharp_up_to_px);
+// What the tail is summed over needs the blur's second moment only: four points have it.
+TileUse TileEvaluator::sample_pixels(const TilePolynomial& place, const CellRange& range,
+                                     float* values) {
+    const Intrinsics& intrinsics = map_.projector().camera().intrinsics;
+    const Box box =
+        box_around(place, 0.5 + disk_reach * sampling_.wedge_reach_px / tile_px);
+    set_sensor_geometry(view_, place, range, intrinsics.fx / intrinsics.fy, geometry_);
+    wedge_pixels(geometry_, positions_.samples,
+                 sampling_.wedges->rows(least_blur_px(box), largest_blur_px(box)), values);
+    const bool is_sharp = largest_blur_px(box) <= sampling_.sharp_up_to_px;
+    sample_boxes(is_sharp ? LensRule{1, 0} : LensRule{1, 4}, values + tile_px * tile_px);
+    return {RenderMethod::wedge_table, 1, 1, 1};
+}
+
+TileUse TileEvaluator::sample_boxes(const LensRule& rule, float* values) {
     if (lens_points_of_ != rule.points()) {
         lens_points_.clear();
         for (const LensPoint& p : lens_points(1.0, rule.rings, rule.spokes))

@@ -46,7 +46,8 @@ public:
     TileEvaluator(const MarkerView& view, const UndistortionMap& map, const Sampling& sampling,
                   const TilePositionsOf& positions);
 
-    // `values`: (4 k)^2 differences from the background, row by row. `range`: what the tile's rays
+    // `values`: (4 k)^2 differences from the background, row by row; of pixels another 4 x 4 behind
+    // them, the averages before the spread. `range`: what the tile's rays
     // can meet; nothing for a tile at the border of the valid region. Says how it was done (with
     // `tiles` 1).
     TileUse evaluate(int i, int j, const std::optional<CellRange>& range, float* values);
@@ -59,8 +60,9 @@ private:
     TileUse sample_points(float* values);
     TileUse sample_disks(const TilePolynomial& place, const Box& box, const CellRange& range,
                          const TilePositions& positions, float* values);
+    TileUse sample_pixels(const TilePolynomial& place, const CellRange& range, float* values);
     TileUse sample_blurred_boxes(float* values);
-    TileUse sample_boxes(double blur_radius_px, float* values);
+    TileUse sample_boxes(const LensRule& rule, float* values);
     bool find_points(const Grid& grid, int i, int j);
     std::optional<TileUse> sample_grid_one_by_one(int i, int j, float* values);
     void sample_pixel(const TilePolynomial& cubic, const cv::Rect& samples, float* values);

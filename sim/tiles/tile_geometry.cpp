@@ -36,10 +36,11 @@ TileLine tile_line(const TileForm& axis, const TileForm& w, int index) {
     const Eigen::Vector2d gradient = axis.gradient - index * w.gradient;
     const double steepness = gradient.norm();
     if (!(std::abs(distance) < far_away_px * steepness))
-        return {static_cast<float>(std::copysign(far_away_px, distance)), 1.0f, 0.0f};
+        return {static_cast<float>(std::copysign(far_away_px, distance)), 1.0f, 0.0f, 1.0f, 0.0f};
     const double scale = 1.0 / steepness;
-    return {static_cast<float>(distance * scale), static_cast<float>(gradient.x() * scale),
-            static_cast<float>(gradient.y() * scale)};
+    const auto x = static_cast<float>(gradient.x() * scale);
+    const auto y = static_cast<float>(gradient.y() * scale);
+    return {static_cast<float>(distance * scale), x, y, x, y};
 }
 
 // A marker and a tile's points in the frame in which the tile sees them: the view's own, but of a
@@ -70,6 +71,13 @@ struct TileView {
         defocus_slope = turn = e.head<2>() - view.aperture().focus_gradient(place.centre);
     }
 };
+
+// By the derivative at the tile's middle.
+Eigen::Matrix2d to_sensor_px(const TilePolynomial& place, double pitch_y) {
+    Eigen::Matrix2d by_place;  // d x / d (s, t)
+    by_place << place.x(0, 1), place.x(1, 0), place.y(0, 1), place.y(1, 0);
+    return Eigen::Vector2d(tile_px, tile_px * pitch_y).asDiagonal() * by_place.inverse();
+}
 
 // Everything but the polynomials and the lens: lines in coordinates x' = to_px (x - centre).
 void set_lines(const MarkerView& view, const TileView& seen, const CellRange& range,
@@ -143,15 +151,29 @@ void set_tile_geometry(const MarkerView& view, const TilePolynomial& place, cons
     set_lines(view, seen, range, to_px, geometry);
 }
 
+void set_sensor_geometry(const MarkerView& view, const TilePolynomial& place,
+                         const CellRange& range, double pitch_y, TileGeometry& geometry) {
+    const TileView seen(view, place);
+    const Eigen::Matrix2d to_px = to_sensor_px(seen.place, pitch_y);
+    set_lens(view.aperture().radius_mm, seen, to_px, geometry);
+    geometry.disk = geometry.disk_cosine = 0.0f;
+    set_lines(view, seen, range, to_px, geometry);
+    const Eigen::Matrix2d shape =
+        to_px.transpose() / std::sqrt(std::abs(to_px.determinant()));
+    for (std::vector<TileLine>* lines : {&geometry.columns, &geometry.rows})
+        for (TileLine& line : *lines) {
+            const Eigen::Vector2d blur = shape * Eigen::Vector2d(line.gradient_x, line.gradient_y);
+            line.blur_x = static_cast<float>(blur.x());
+            line.blur_y = static_cast<float>(blur.y());
+        }
+}
+
 // The tile's own derivative takes its points to px, so that the disk is round there: across a tile
 // it changes by some 1e-4, and the disk's second moment with it.
 void set_disk_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
                        bool with_lens, double radius_px, double pitch_y, TileGeometry& geometry) {
     const TileView seen(view, place);
-    Eigen::Matrix2d by_place;  // d x / d (s, t)
-    by_place << seen.place.x(0, 1), seen.place.x(1, 0), seen.place.y(0, 1), seen.place.y(1, 0);
-    Eigen::Matrix2d to_px =
-        Eigen::Vector2d(tile_px, tile_px * pitch_y).asDiagonal() * by_place.inverse();
+    Eigen::Matrix2d to_px = to_sensor_px(seen.place, pitch_y);
     if (with_lens)
         to_px = rounding(view.aperture().radius_mm * seen.defocus * to_px, radius_px) * to_px;
     set_lens(view.aperture().radius_mm, seen, to_px, geometry);

@@ -18,4 +18,9 @@ void set_tile_geometry(const MarkerView& view, const TilePolynomial& place, cons
 void set_disk_geometry(const MarkerView& view, const TilePolynomial& place, const CellRange& range,
                        bool with_lens, double radius_px, double pitch_y, TileGeometry& geometry);
 
+// In sensor px (pitches along x), where a spread is round; the lines know by how much the blur is
+// not.
+void set_sensor_geometry(const MarkerView& view, const TilePolynomial& place,
+                         const CellRange& range, double pitch_y, TileGeometry& geometry);
+
 }  // namespace etalon

@@ -15,12 +15,17 @@
 #include <span>
 #include <vector>
 
+#include "sim/spread/wedge_table.h"
+
 namespace etalon {
 
 // A grid line as seen in one tile: D = offset + gradient . (dx, dy), the signed distance from the
 // line of the pinhole ray, positive beyond it. Scaled so that |gradient| = 1.
 struct TileLine {
     float offset, gradient_x, gradient_y;
+    // How the distortion stretches the blur: the gradient where it is round; the length of this
+    // times TileGeometry's is the blur across the line.
+    float blur_x, blur_y;
 };
 
 // What the rays of a tile meet. A ray through the point l of the unit disk sees beyond a line where
@@ -87,6 +92,13 @@ void exact_lens_samples(const TileGeometry& geometry, const TilePositions& posit
 // what some points of the aperture see; their weights' sum must be 1.
 void exact_area_samples(const TileGeometry& geometry, const TilePositions& positions,
                         std::span<const UnitLensPoint> lens_points, float* values);
+
+// The averages over the tile's 4 x 4 pixels of what the table's spread makes of the light: of a
+// geometry in sensor px (set_sensor_geometry()) with all lines within the table's reach.
+// CPU time of a tile with AVX-512 about 0.1 us per line, 0.3 us per crossing and 0.7 us for every
+// pixel less than 1.5 px from one.
+void wedge_pixels(const TileGeometry& geometry, const TilePositions& positions,
+                  const WedgeRows& table, float* values);
 
 // Highway's name of the instruction set in use: "AVX3" (AVX-512), "AVX2", "SSE4", "SSSE3",
 // "SCALAR", ...

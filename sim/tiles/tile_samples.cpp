@@ -43,8 +43,9 @@ public:
         // What reaches beyond a tile or a group, in units of a tile's half side of 2 px, whatever
         // its shape.
         constexpr double of_shape = 1.25 / (0.5 * tile_px);
-        margin_ = of_shape * samples.sampling_.disk_radius_px;
-        if (const EdgeTable* edges = samples.sampling_.edges)
+        const Sampling& sampling = samples.sampling_;
+        margin_ = of_shape * std::max(sampling.disk_radius_px, sampling.wedge_reach_px);
+        if (const EdgeTable* edges = sampling.edges)
             group_margin_ = of_shape * edges->reach_px();
     }
 
@@ -105,7 +106,8 @@ private:
     }
 
     Box grown(const Box& box, int level) const {
-        const double of_half = margin_ + (level > 0 ? std::ldexp(group_margin_, -2 * level) : 0.0);
+        const double of_half =
+            std::ldexp(margin_ + (level > 0 ? group_margin_ : 0.0), -2 * level);
         const Eigen::Vector2d margin = of_half * box.half();
         return {box.low - margin, box.high + margin};
     }
@@ -258,7 +260,8 @@ void TileSamples::add_edges(const cv::Rect& region, const cv::Rect& band, cv::Ma
 
 void TileSamples::sample(const Search& search, const MarkerView& view, const UndistortionMap& map) {
     const TilePositionsOf positions(sampling_);
-    const std::size_t samples = static_cast<std::size_t>(side() * side());
+    const std::size_t stride =
+        static_cast<std::size_t>(unspread_offset() + side() * side());  // of tiles
     struct Tile {
         int i, j;
         std::optional<CellRange> range;
@@ -279,16 +282,16 @@ void TileSamples::sample(const Search& search, const MarkerView& view, const Und
         if (refined.empty())
             return;
         TileEvaluator evaluator(view, map, sampling_, positions);
-        block.store.reset(new float[refined.size() * (samples_offset + samples)]);
+        block.store.reset(new float[refined.size() * stride]);
         float* values = block.store.get();
         for (const auto& [i, j, range] : refined) {
-            float *q = values, *of_tile = values + samples_offset;
-            count(block.used, evaluator.evaluate(i, j, range, of_tile));
-            average_parts(of_tile, side(), 2, q);
+            float* q = values;
+            count(block.used, evaluator.evaluate(i, j, range, values + samples_offset));
+            average_parts(values + unspread_offset(), side(), 2, q);
             map_.set(i, j, 0.25f * ((q[0] + q[1]) + (q[2] + q[3])), TileDetail::samples);
             include({i, j, 1, 1}, block.off_background);
             values_[map_.index(i, j)] = values;
-            values += samples_offset + samples;
+            values += stride;
         }
     });
 }

@@ -42,6 +42,10 @@ public:
     // behind them the samples.
     static constexpr std::ptrdiff_t samples_offset = 4;
     const float* const* all_values() const { return values_.get(); }
+    // From where on the (4 k)^2 averages before any spread begin.
+    std::ptrdiff_t unspread_offset() const {
+        return samples_offset + (sampling_.kind == SampleKind::pixel ? tile_px * tile_px : 0);
+    }
     // All of it for add_filtered().
     SampleField field() const {
         return {map_,

@@ -21,6 +21,8 @@ const char* short_name(RenderMethod method) {
         std::ranges::find(method_words, method, &std::pair<const char*, RenderMethod>::second);
     if (at != method_words.end())
         return at->first;
+    if (method == RenderMethod::wedge_table)
+        return "wedge table";
     return method == RenderMethod::edge_table ? "edge table" : "wave";
 }
 
@@ -71,6 +73,8 @@ std::vector<LeftOut> largest_of_each(const std::vector<LeftOut>& left_out) {
 std::string words(const TileUse& use) {
     if (use.method == RenderMethod::edge_table)
         return fmt::format("{:>8} by the table of edges", use.tiles);
+    if (use.method == RenderMethod::wedge_table)
+        return fmt::format("{:>8} by the table of edges and corners", use.tiles);
     const std::string lens = use.method == RenderMethod::exact_area
                                  ? fmt::format(", lens points {}", use.lens_points)
                                  : "";
@@ -84,8 +88,10 @@ std::string plan_table(const RenderPlan& plan) {
     std::string text = fmt::format("plan, for at most {:.3g} gray\n", plan.tolerance_gray);
     text += row("blur radius", fmt::format("{:.3g} to {:.3g} px", plan.min_blur_radius_px,
                                            plan.max_blur_radius_px));
-    text += row("samples", fmt::format("{0} x {0} a pixel: {1:.2g} gray",
-                                       plan.points_per_pixel_side, plan.sampling_gray));
+    text += row("samples", plan.method == RenderMethod::wedge_table
+                               ? fmt::format("none: a table, {:.2g} gray", plan.sampling_gray)
+                               : fmt::format("{0} x {0} a pixel: {1:.2g} gray",
+                                             plan.points_per_pixel_side, plan.sampling_gray));
     if (plan.border_gray > 0.0)
         text += row(
             "", fmt::format("{:.2g} gray more at the distortion model's end", plan.border_gray));

@@ -1,0 +1,239 @@
+// Pixels by the table of edges and corners against sums over the pixel, the lens and the spread.
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+#include <tbb/global_control.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string>
+
+#include "sim/render/reference_integrator.h"
+#include "sim/render/renderer.h"
+#include "sim/tiles/tile_kernel.h"
+
+namespace etalon {
+namespace {
+
+using std::numbers::pi;
+
+constexpr double sigma = 0.3;
+
+const WedgeTable& gaussian_table() {
+    constexpr double reach = 6.0 * sigma;
+    static const WedgeTable table{radial_transfer(
+                                      PointSpreadFunction::gaussian(sigma),
+                                      [](double) { return 1.0; }, reach, WedgeTable::end_px(reach)),
+                                  reach};
+    return table;
+}
+
+// The corner of a white quadrant, seen in a tile with a lens.
+struct Corner {
+    std::string name;
+    Eigen::Vector2d at;  // from the tile's middle, px
+    double turn, angle;  // of the first line's normal, and from that to the second's
+    double blur = 0.0;   // at the tile's middle
+    Eigen::Vector2d slope = {0.0, 0.0};
+    double stretch = 0.0;    // of the blur in x, and squeezed as much in y
+    double curvature = 0.0;  // of the tile's points: d^2 x / d s^2 in px
+
+    Eigen::Vector2d normal(int line) const {
+        const double direction = turn + line * angle;
+        return {std::cos(direction), std::sin(direction)};
+    }
+    // How the blur lies across a line, in units of the blur.
+    Eigen::Vector2d across(int line) const {
+        return normal(line).cwiseProduct(Eigen::Vector2d(1.0 + stretch, 1.0 / (1.0 + stretch)));
+    }
+};
+
+TileGeometry tile_of(const Corner& corner) {
+    TileGeometry tile{};
+    tile.dx[1] = tile.dy[4] = 4.0f;
+    tile.dx[2] = static_cast<float>(8.0 * corner.curvature);
+    tile.blur = static_cast<float>(corner.blur);
+    tile.blur_slope_x = tile.turn_x = static_cast<float>(corner.slope.x());
+    tile.blur_slope_y = tile.turn_y = static_cast<float>(corner.slope.y());
+    const auto line = [&](int which) {
+        const Eigen::Vector2f n = corner.normal(which).cast<float>();
+        const Eigen::Vector2f m = corner.across(which).cast<float>();
+        return TileLine{-n.dot(corner.at.cast<float>()), n.x(), n.y(), m.x(), m.y()};
+    };
+    tile.columns = {line(0)};
+    tile.rows = {line(1)};
+    tile.column_contrast = tile.row_contrast = {0.0f};
+    tile.mixed = {1.0f};
+    return tile;
+}
+
+// Of the normal distribution the part where x > -a and, with this correlation, y > -b; by Gauss'
+// two nodes in each of many steps.
+double both_beyond(double a, double b, double correlation) {
+    constexpr int steps = 40;
+    constexpr double end = 6.0;
+    const double begin = std::max(-a, -end);
+    double sum = 0.0;
+    for (int i = 0; i < 2 * steps; ++i) {
+        const double place = i / 2 + 0.5 + (i % 2 == 0 ? -0.5 : 0.5) / std::sqrt(3.0);
+        const double z = begin + place / steps * (end - begin);
+        const double rest = (b + correlation * z) / std::sqrt(1.0 - correlation * correlation);
+        sum += std::exp(-0.5 * z * z) * 0.5 * std::erfc(-rest / std::numbers::sqrt2);
+    }
+    return begin < end ? sum * (end - begin) / (2 * steps) / std::sqrt(2.0 * pi) : 0.0;
+}
+
+// Through one point of the lens the quadrant is a wedge on the sensor.
+double through_lens(const Corner& corner, const Eigen::Vector2d& x, const Eigen::Vector2d& l) {
+    double value[2];
+    Eigen::Vector2d gradient[2];
+    for (const int line : {0, 1}) {
+        const double lens = corner.across(line).dot(l);
+        value[line] = corner.normal(line).dot(x - corner.at) * (1.0 - corner.slope.dot(l)) +
+                      (corner.blur + corner.slope.dot(x)) * lens;
+        gradient[line] = corner.normal(line) * (1.0 - corner.slope.dot(l)) + corner.slope * lens;
+    }
+    const double a = gradient[0].norm(), b = gradient[1].norm();
+    return both_beyond(value[0] / (a * sigma), value[1] / (b * sigma),
+                       gradient[0].dot(gradient[1]) / (a * b));
+}
+
+double mean_over_lens(const Corner& corner, const Eigen::Vector2d& x) {
+    constexpr int rings = 8, spokes = 16;
+    if (corner.blur == 0.0 && corner.slope.isZero())
+        return through_lens(corner, x, {0.0, 0.0});
+    double sum = 0.0;
+    for (int q = 0; q < rings * spokes; ++q) {
+        const double radius = std::sqrt((q / spokes + 0.5) / rings);
+        const double turn = 2.0 * pi * (q % spokes + 0.5 * (q / spokes % 2)) / spokes;
+        sum += through_lens(corner, x, {radius * std::cos(turn), radius * std::sin(turn)});
+    }
+    return sum / (rings * spokes);
+}
+
+double truth_at(const Corner& corner, int column, int row) {
+    constexpr int side = 8;  // Gauss' two nodes in each quarter
+    double sum = 0.0;
+    const auto node = [](int n) {
+        return (n / 2 + 0.5 + (n % 2 == 0 ? -0.5 : 0.5) / std::sqrt(3.0)) / (side / 2);
+    };
+    for (int n = 0; n < side * side; ++n) {
+        const double s = (node(n % side) + column) / 4.0 - 0.5;
+        const double t = (node(n / side) + row) / 4.0 - 0.5;
+        sum += mean_over_lens(corner, {4.0 * s + 8.0 * corner.curvature * s * s, 4.0 * t});
+    }
+    return sum / (side * side);
+}
+
+const Corner corners[] = {
+    {"sharp", {0.4, 0.3}, 0.0, pi / 2},
+    {"turned", {-0.3, 0.7}, 0.3, pi / 2},
+    {"acute", {0.2, -0.6}, 0.7, 2.4},
+    {"obtuse, blurred", {0.1, 0.2}, -2.1, 0.9, 0.7},
+    {"through focus", {-0.4, 0.1}, 1.2, 1.5, 0.08, {0.05, -0.04}},
+    {"steep", {0.3, 0.3}, 0.25, pi / 2, 0.5, {0.06, 0.02}},
+    {"stretched", {-0.2, 0.4}, 0.6, 1.7, 0.6, {0.0, 0.0}, 0.05},
+    {"bent", {-1.1, 0.4}, 0.2, 1.7, 0.0, {0.0, 0.0}, 0.0, 0.002},
+};
+
+TEST(WedgePixels, AreSumsOverPixelLensAndSpread) {
+    const TilePositions positions(4);
+    for (const Corner& corner : corners) {
+        const WedgeRows rows = gaussian_table().rows(0.0, 1.0);
+        constexpr int pixels[] = {0, 5, 6, 9, 10, 11, 15};
+        double truth[16] = {};
+        for (const int n : pixels)
+            truth[n] = truth_at(corner, n % 4, n / 4);
+        EXPECT_GT(*std::ranges::max_element(truth), 0.2);
+        for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+            hwy::SetSupportedTargetsForTest(target);
+            float values[16];
+            wedge_pixels(tile_of(corner), positions, rows, values);
+            for (const int n : pixels)
+                EXPECT_NEAR(255.0 * values[n], 255.0 * truth[n], 0.05)
+                    << corner.name << ", pixel " << n << ", " << hwy::TargetName(target);
+        }
+        hwy::SetSupportedTargetsForTest(0);
+    }
+}
+
+TEST(WedgePixels, AreFiniteHoweverFarTheLinesAre) {
+    Corner corner{"far", {0.0, 0.0}, 0.4, 1.3, 0.3, {0.02, 0.01}};
+    for (const double far : {1e4, 1e8}) {
+        corner.at = far * (corner.normal(0) + corner.normal(1));
+        float values[16];
+        for (const double sign : {-1.0, 1.0}) {
+            TileGeometry tile = tile_of(corner);
+            tile.columns[0].offset *= static_cast<float>(sign);
+            tile.rows[0].offset *= static_cast<float>(sign);
+            tile.dx[2] = 0.003f;
+            wedge_pixels(tile, TilePositions(4), gaussian_table().rows(0.0, 1.0), values);
+            for (const float value : values)
+                EXPECT_EQ(value, sign < 0.0 ? 1.0f : 0.0f) << far;
+        }
+    }
+}
+
+// A marker through the plane of focus, with distortion.
+CameraModel near_focus() {
+    CameraModel camera;
+    camera.width = 320;
+    camera.height = 240;
+    camera.intrinsics = {540.0, 540.0, 60.2, 50.7};
+    camera.distortion = {.k1 = -0.28, .p1 = 0.002};
+    camera.sensor = Sensor{.pixel_pitch_um = 8.3};
+    camera.lens = Lens{2.8, 150.0, 650.0, {}};
+    return camera;
+}
+
+Scene tilted_cells() {
+    PlacedMarker marker;
+    marker.grid.cells = (cv::Mat_<float>(3, 4) << 0.05f, 0.9f, 0.1f, 0.8f, 0.8f, 0.1f, 0.7f, 0.2f,
+                         0.3f, 0.0f, 1.0f, 0.1f);
+    marker.grid.cell_mm = {3.5, 3.0};
+    marker.grid.corner_mm = {-7.0, -4.5};
+    marker.camera_from_marker = {rotation_from_vector({0.5, 0.4, 0.3}), {25.0, 17.5, 151.0}};
+    return {{marker}, 0.6};
+}
+
+TEST(WedgePixels, AreAsGoodAsManySamples) {
+    const Renderer renderer(near_focus());
+    const RenderedImage image = renderer.render(tilted_cells());
+    const RenderedImage samples = renderer.render(tilted_cells(), {.samples_per_side = 32});
+    EXPECT_EQ(image.plan.method, RenderMethod::wedge_table);
+    EXPECT_EQ(samples.plan.method, RenderMethod::exact_area);
+    EXPECT_EQ(image.plan.min_blur_radius_px, 0.0);
+    EXPECT_GT(image.plan.max_blur_radius_px, 0.08);
+    EXPECT_LT(255.0 * cv::norm(image.radiance, samples.radiance, cv::NORM_INF), 0.06);
+}
+
+TEST(WedgePixels, AgreeWithTheReference) {
+    const CameraModel camera = near_focus();
+    const RenderedImage image = Renderer(camera).render(tilted_cells());
+    const cv::Rect region(148, 109, 8, 6);
+    const ReferenceImage reference = integrate_reference(
+        camera, tilted_cells(), region, {.scrambles = 16, .samples_per_scramble = 8192});
+    const auto [least, most] =
+        std::minmax_element(reference.mean.begin<float>(), reference.mean.end<float>());
+    EXPECT_GT(*most - *least, 0.3f);
+    for (int y = 0; y < region.height; ++y)
+        for (int x = 0; x < region.width; ++x)
+            EXPECT_NEAR(255.0 * image.radiance.at<float>(region.y + y, region.x + x),
+                        255.0 * reference.mean.at<float>(y, x),
+                        0.06 + 4.0 * 255.0 * reference.standard_error.at<float>(y, x));
+}
+
+TEST(WedgePixels, AreTheSameBytesOnAnyNumberOfThreadsAndInAnyRegion) {
+    const Renderer renderer(near_focus());
+    const RenderedImage image = renderer.render(tilted_cells());
+    const cv::Rect region(131, 92, 50, 41);
+    const RenderedImage part = renderer.render(tilted_cells(), {.region = region});
+    EXPECT_LT(255.0 * cv::norm(image.radiance(region), part.radiance(region), cv::NORM_INF), 0.01);
+    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    EXPECT_EQ(cv::norm(image.radiance, renderer.render(tilted_cells()).radiance, cv::NORM_INF),
+              0.0);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -27,7 +27,11 @@ constexpr double min_cores_used = 1.8;
 constexpr double max_memory_growth = 1.05;
 
 double time_ratio(const std::string& scene) {
-    return scene.starts_with("webcam") ? 15.0 : scene.starts_with("canon") ? 12.0 : 3.0;
+    for (const auto& [kind, ratio] :
+         {std::pair{"webcam", 15.0}, {"canon", 12.0}, {"sharp", 8.0}, {"focus", 4.0}})
+        if (scene.starts_with(kind))
+            return ratio;
+    return 3.0;
 }
 
 // Error as far as the reference can tell.

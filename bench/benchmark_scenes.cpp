@@ -106,6 +106,8 @@ std::vector<BenchmarkScene> benchmark_scenes() {
             scenes.push_back(make_scene(fmt::format("{}-{}", kind, z_mm), camera, 50,
                                         tag_pose(camera, z_mm, pixel)));
         }
+    scenes.push_back(make_scene("focus-152", webcam(150), 50,
+                                tag_pose(webcam(150), 152, Eigen::Vector2d(300, 260))));
     for (const auto& [z_mm, pixel] :
          {std::pair{500, Eigen::Vector2d(1450, 900)}, {900, Eigen::Vector2d(1700, 750)}})
         scenes.push_back(make_scene(fmt::format("canon-{}", z_mm), canon(), 200,

@@ -21,9 +21,9 @@ struct BenchmarkScene {
     Scene scene;
 };
 
-// webcam-500, -1000, -1500, sharp-500, -1000, -1500, canon-500, -900, and by the angle to the axis
-// fisheye-10, -60, -95 (behind the lens), fisheye-near (a tag that spans 100 degrees), omni-50 and
-// sphere-88 (sharp), in this order.
+// webcam-500, -1000, -1500, sharp-500, -1000, -1500, focus-152 (the plane of focus passes through
+// the tag), canon-500, -900, and by the angle to the axis fisheye-10, -60, -95 (behind the lens),
+// fisheye-near (a tag that spans 100 degrees), omni-50 and sphere-88 (sharp), in this order.
 std::vector<BenchmarkScene> benchmark_scenes();
 
 // Throws ConfigError for a name that is not among them.

@@ -283,10 +283,11 @@ private:
     // Edges and corners by a table, which takes them as straight: measured beside edges of up to 0.002
     // curvature.
     Choice of_wedges() const {
-        constexpr double steepest_blur = 0.1, gray_by_curvature = 10.0;
+        constexpr double steepest_blur = 0.1, largest_asymmetry = 0.01, gray_by_curvature = 10.0;
         if (!chosen_.with_spread || options_.samples_per_side > 0 || !image_.bend.is_polynomial ||
             image_.blur.largest_px > WedgeTable::largest_blur_px ||
-            image_.blur_slope > steepest_blur || filter_.wedges() == nullptr)
+            image_.blur_slope > steepest_blur || image_.blur_asymmetry > largest_asymmetry ||
+            filter_.wedges() == nullptr)
             return {};
         const double gray =
             step_of_edges() * (WedgeTable::gray + gray_by_curvature * image_.bend.curvature);

@@ -22,7 +22,8 @@ struct RenderSampling {
 struct ImageExtremes {
     BlurRange undistorted_blur;  // for the record
     BlurRange blur;              // as the sensor sees it
-    double blur_slope;           // its change by px, at most, about
+    double blur_slope;           // its change by px, about
+    double blur_asymmetry;       // the part of that which a tilt of the marker does not explain
     double step;                 // largest difference of two neighbouring cells
     double contrast;             // largest difference of a cell from the background
     double area_px;              // of the marker's image, at least

@@ -255,9 +255,11 @@ public:
                                  Omission::uniform_tiles) != options.keep.end()) {
         const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
         const cv::Rect tiles = tiles_around(outline_, blur.largest_px, sensor_.rays);
+        const Eigen::Vector2d middle(0.0, 0.0), slope = view_.defocus_slope(middle);
         const ImageExtremes image{blur,
                                   distorted_blur(blur, view_, sensor_.rays, tiles),
-                                  view_.aperture().radius_mm * view_.defocus_slope({0, 0}).norm(),
+                                  view_.aperture().radius_mm * slope.norm(),
+                                  view_.aperture().radius_mm * (slope - view_.turn(middle)).norm(),
                                   largest_step(view_),
                                   view_.contrast(),
                                   area_around(outline_, blur.largest_px),

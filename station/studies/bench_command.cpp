@@ -131,7 +131,7 @@ int run_bench(const BenchArguments& arguments) {
 void declare_bench(Command& program) {
     auto [command, asked] =
         program.add(run_bench, "bench", "measure the renderer: error against run time",
-                    "Every method and setting on 14 scenes and a cloud of poses against the\n"
+                    "Every method and setting on 15 scenes and a cloud of poses against the\n"
                     "reference integrator, and frames per second beside the published method.\n"
                     "About six minutes on two cores. Explained in docs/performance.md.\n\n"
                     "Example:\n  etalon bench --scene webcam-500 --poses 0 --out bench\n");

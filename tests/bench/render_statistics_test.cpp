@@ -32,7 +32,7 @@ TEST_P(RenderAccuracy, IsATenthOfAGrayAgainstTheReference) {
 
 INSTANTIATE_TEST_SUITE_P(Scenes, RenderAccuracy,
                          testing::Values("webcam-500", "webcam-1000", "webcam-1500", "sharp-500",
-                                         "sharp-1000", "sharp-1500", "canon-500", "canon-900"));
+                                         "sharp-1000", "sharp-1500", "focus-152", "canon-500", "canon-900"));
 
 // Scenes that leave the common path, as changes of sharp-1000 or webcam-500.
 BenchmarkScene odd_scene(const std::string& name) {

@@ -2,10 +2,13 @@
 // They lie ready before the request is sent, so nothing is waited for but a serial frame that is
 // too short. Input: line, function and count, a byte each, then the answer.
 #include <arpa/inet.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
+#include <cerrno>
 
 #include "mocks/stage/serial_pair.h"
 #include "stage/link/modbus_transport.h"
@@ -74,6 +77,18 @@ void answer_on_tcp(const ModbusRequest& request, std::span<const std::uint8_t> a
     ::close(controller);
 }
 
+// As many writes as it takes: a pseudo-terminal may be full while the machine does other things.
+void write_all(int line, std::span<const std::uint8_t> bytes) {
+    while (!bytes.empty()) {
+        pollfd ready{line, POLLOUT, 0};
+        const int wait = static_cast<int>(std::chrono::milliseconds(patience).count());
+        require(poll(&ready, 1, wait) > 0, "the line takes no bytes");
+        const ssize_t written = write(line, bytes.data(), bytes.size());
+        require(written >= 0 || errno == EAGAIN || errno == EINTR, "not written");
+        bytes = bytes.subspan(static_cast<std::size_t>(std::max<ssize_t>(written, 0)));
+    }
+}
+
 // One line for all inputs; it is read empty before each.
 void answer_on_line(const ModbusRequest& request, std::span<const std::uint8_t> answer) {
     static const SerialPair line;
@@ -89,9 +104,7 @@ void answer_on_line(const ModbusRequest& request, std::span<const std::uint8_t> 
     }
     while (transport->discard(Duration::zero()) == ModbusTransport::Heard::something) {
     }
-    require(write(line.controller_end(), answer.data(), answer.size()) ==
-                static_cast<ssize_t>(answer.size()),
-            "not written");
+    write_all(line.controller_end(), answer);
     check(request, transport->exchange(request, timeout));
 }
 

@@ -39,6 +39,8 @@ struct Corner {
     double stretch = 0.0;    // of the blur in x, and squeezed as much in y
     double curvature = 0.0;  // of the tile's points: d^2 x / d s^2 in px
 
+    double turns = 1.0;  // the lens' turn in units of the slope; 1 where the focus is the sensor's
+
     Eigen::Vector2d normal(int line) const {
         const double direction = turn + line * angle;
         return {std::cos(direction), std::sin(direction)};
@@ -54,8 +56,10 @@ TileGeometry tile_of(const Corner& corner) {
     tile.dx[1] = tile.dy[4] = 4.0f;
     tile.dx[2] = static_cast<float>(8.0 * corner.curvature);
     tile.blur = static_cast<float>(corner.blur);
-    tile.blur_slope_x = tile.turn_x = static_cast<float>(corner.slope.x());
-    tile.blur_slope_y = tile.turn_y = static_cast<float>(corner.slope.y());
+    tile.blur_slope_x = static_cast<float>(corner.slope.x());
+    tile.blur_slope_y = static_cast<float>(corner.slope.y());
+    tile.turn_x = static_cast<float>(corner.turns * corner.slope.x());
+    tile.turn_y = static_cast<float>(corner.turns * corner.slope.y());
     const auto line = [&](int which) {
         const Eigen::Vector2f n = corner.normal(which).cast<float>();
         const Eigen::Vector2f m = corner.across(which).cast<float>();
@@ -88,11 +92,12 @@ double both_beyond(double a, double b, double correlation) {
 double through_lens(const Corner& corner, const Eigen::Vector2d& x, const Eigen::Vector2d& l) {
     double value[2];
     Eigen::Vector2d gradient[2];
+    const double scale = 1.0 - corner.turns * corner.slope.dot(l);
     for (const int line : {0, 1}) {
         const double lens = corner.across(line).dot(l);
-        value[line] = corner.normal(line).dot(x - corner.at) * (1.0 - corner.slope.dot(l)) +
+        value[line] = corner.normal(line).dot(x - corner.at) * scale +
                       (corner.blur + corner.slope.dot(x)) * lens;
-        gradient[line] = corner.normal(line) * (1.0 - corner.slope.dot(l)) + corner.slope * lens;
+        gradient[line] = corner.normal(line) * scale + corner.slope * lens;
     }
     const double a = gradient[0].norm(), b = gradient[1].norm();
     return both_beyond(value[0] / (a * sigma), value[1] / (b * sigma),
@@ -133,6 +138,7 @@ const Corner corners[] = {
     {"obtuse, blurred", {0.1, 0.2}, -2.1, 0.9, 0.7},
     {"through focus", {-0.4, 0.1}, 1.2, 1.5, 0.08, {0.05, -0.04}},
     {"steep", {0.3, 0.3}, 0.25, pi / 2, 0.5, {0.06, 0.02}},
+    {"tilted focus", {0.1, -0.2}, 0.4, 1.4, 0.6, {0.04, -0.03}, 0.0, 0.0, 0.8},
     {"stretched", {-0.2, 0.4}, 0.6, 1.7, 0.6, {0.0, 0.0}, 0.05},
     {"bent", {-1.1, 0.4}, 0.2, 1.7, 0.0, {0.0, 0.0}, 0.0, 0.002},
 };

@@ -280,18 +280,24 @@ private:
         return static_cast<double>(boxes.k) * boxes.k * points;
     }
 
-    // Edges and corners by a table, which takes them as straight: measured beside edges of up to 0.002
-    // curvature.
+    // Edges and corners by a table, which takes them as (almost) straight, a blur disk as (almost)
+    // round and its change as even. Among smaller cells there are too many of them. It knows the
+    // lens: what that might err by is for the table.
     Choice of_wedges() const {
-        constexpr double steepest_blur = 0.1, largest_asymmetry = 0.01, gray_by_curvature = 10.0;
-        if (!chosen_.with_spread || options_.samples_per_side > 0 || !image_.bend.is_polynomial ||
-            image_.blur.largest_px > WedgeTable::largest_blur_px ||
-            image_.blur_slope > steepest_blur || image_.blur_asymmetry > largest_asymmetry ||
-            filter_.wedges() == nullptr)
-            return {};
+        constexpr double smallest_cells_px = 2.0, steepest_blur = 0.05, largest_asymmetry = 0.01;
+        constexpr double most_stretched_px = 0.15, gray_by_curvature = 10.0;
+        const UndistortionMap::Bend& bend = image_.bend;
         const double gray =
-            step_of_edges() * (WedgeTable::gray + gray_by_curvature * image_.bend.curvature);
-        return gray <= allowed(share_of_sampling) ? Choice{1, gray} : Choice{};
+            step_of_edges() * (WedgeTable::gray + gray_by_curvature * bend.curvature);
+        const double stretched =
+            (bend.largest_scale / bend.least_scale - 1.0) * image_.blur.largest_px;
+        if (!chosen_.with_spread || options_.samples_per_side > 0 || !image_.is_far_from_border ||
+            image_.cell_px < smallest_cells_px ||
+            image_.blur.largest_px > WedgeTable::largest_blur_px || stretched > most_stretched_px ||
+            image_.blur_slope > steepest_blur || image_.blur_asymmetry > largest_asymmetry ||
+            gray > allowed(share_of_sampling + share_of_lens) || filter_.wedges() == nullptr)
+            return {};
+        return {1, gray};
     }
 
     void choose_method() {
@@ -429,9 +435,10 @@ private:
 
     void take_wedges(const Choice& wedges) {
         take(wedges, RenderMethod::wedge_table, SampleKind::pixel);
+        std::erase_if(chosen_.plan.left_out,
+                      [](const LeftOut& left) { return left.what == Omission::lens; });
         chosen_.sampling.wedges = filter_.wedges();
-        chosen_.sampling.wedge_reach_px =
-            chosen_.sampling.wedges->reach_px(image_.blur.largest_px);
+        chosen_.sampling.wedge_reach_px = chosen_.sampling.wedges->reach_px(image_.blur.largest_px);
     }
 
     void choose_tail() {

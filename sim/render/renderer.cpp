@@ -216,7 +216,7 @@ Radiance reference_radiance(const CameraModel& camera, const Scene& scene,
 
 // Of a scene of several markers: their extremes and sums.
 void merge(const RenderPlan& one, RenderPlan& all) {
-    if (all.points_per_pixel_side < one.points_per_pixel_side)
+    if (all.sampling_gray < one.sampling_gray)
         all.method = one.method;
     all.points_per_pixel_side = std::max(all.points_per_pixel_side, one.points_per_pixel_side);
     all.sampling_gray = std::max(all.sampling_gray, one.sampling_gray);
@@ -256,6 +256,10 @@ public:
         const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
         const cv::Rect tiles = tiles_around(outline_, blur.largest_px, sensor_.rays);
         const Eigen::Vector2d middle(0.0, 0.0), slope = view_.defocus_slope(middle);
+        // Tiles at the border count as thrice their size.
+        constexpr double farthest_px = 3 * 3 * tile_px;
+        const cv::Rect around =
+            tiles_around(outline_, blur.largest_px + farthest_px, sensor_.rays);
         const ImageExtremes image{blur,
                                   distorted_blur(blur, view_, sensor_.rays, tiles),
                                   view_.aperture().radius_mm * slope.norm(),
@@ -266,6 +270,7 @@ public:
                                   shortest_cell(outline_, view_),
                                   tangents_of(outline_),
                                   sensor_.rays.bend(tiles),
+                                  sensor_.rays.bend(around).is_polynomial,
                                   static_cast<int>(scene.markers.size())};
         chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
         chosen_.plan.instructions = tile_kernel_target();

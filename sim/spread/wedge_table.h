@@ -47,7 +47,7 @@ public:
     static constexpr int directions = 24;  // steps of half a right angle
     static constexpr int angles = 64;      // steps of a right angle
     static constexpr int wedge_values = angles + 2;
-    static constexpr double gray = 0.05;  // of its own error, of an edge of contrast 1
+    static constexpr double gray = 0.06;  // of its own error, of an edge of contrast 1
 
     // Whether the spread is wide enough for nodes within a pixel, and the core narrow enough.
     static bool suits(const PointSpreadFunction& spread, double reach_px);

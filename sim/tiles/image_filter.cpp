@@ -244,9 +244,7 @@ const WedgeTable* ImageFilter::wedges() const {
     std::call_once(wedges_made_, [this] {
         const double reach = core_.fall_to;
         if (psf_ && has_square_pixels() && WedgeTable::suits(*psf_, reach))
-            wedges_.emplace(
-                radial_transfer(*psf_, core_, reach, WedgeTable::end_px(reach)),
-                reach);
+            wedges_.emplace(radial_transfer(*psf_, core_, reach, WedgeTable::end_px(reach)), reach);
     });
     return wedges_ ? &*wedges_ : nullptr;
 }

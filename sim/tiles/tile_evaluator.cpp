@@ -31,7 +31,7 @@ LensRule lens_rule(double blur_radius_px, double sharp_up_to_px) {
         return {1, 0};
     if (blur_radius_px < 0.04)
         return {2, 6};
-    return blur_radius_px < 0.2 ? LensRule{1, 4} : min_rule;
+    return blur_radius_px < 0.2 ? LensRule{3, 12} : min_rule;
 }
 
 TilePositionsOf::TilePositionsOf(const Sampling& sampling) : samples(tile_px * sampling.k) {
@@ -61,8 +61,13 @@ TileEvaluator::TileEvaluator(const MarkerView& view, const UndistortionMap& map,
 
 TileUse TileEvaluator::evaluate(int i, int j, const std::optional<CellRange>& range,
                                 float* values) {
-    if (!range)
-        return sample_one_by_one(i, j, values);
+    if (!range) {
+        const TileUse use = sample_one_by_one(i, j, values);
+        // Of plans by a table no such tile sees the marker; both of its parts are one then.
+        if (sampling_.kind == SampleKind::pixel)
+            std::copy_n(values, tile_px * tile_px, values + tile_px * tile_px);
+        return use;
+    }
     const TilePolynomial place = map_.polynomial(i, j);
     for (std::size_t n = 0; n < positions_.coarser.size(); ++n) {
         const Grid& grid = positions_.coarser[n];
@@ -166,8 +171,7 @@ TileUse TileEvaluator::sample_blurred_boxes(float* values) {
 TileUse TileEvaluator::sample_pixels(const TilePolynomial& place, const CellRange& range,
                                      float* values) {
     const Intrinsics& intrinsics = map_.projector().camera().intrinsics;
-    const Box box =
-        box_around(place, 0.5 + disk_reach * sampling_.wedge_reach_px / tile_px);
+    const Box box = box_around(place, 0.5 + disk_reach * sampling_.wedge_reach_px / tile_px);
     set_sensor_geometry(view_, place, range, intrinsics.fx / intrinsics.fy, geometry_);
     wedge_pixels(geometry_, positions_.samples,
                  sampling_.wedges->rows(least_blur_px(box), largest_blur_px(box)), values);

@@ -158,8 +158,10 @@ void set_sensor_geometry(const MarkerView& view, const TilePolynomial& place,
     set_lens(view.aperture().radius_mm, seen, to_px, geometry);
     geometry.disk = geometry.disk_cosine = 0.0f;
     set_lines(view, seen, range, to_px, geometry);
-    const Eigen::Matrix2d shape =
-        to_px.transpose() / std::sqrt(std::abs(to_px.determinant()));
+    const Eigen::Vector2d turn = view.aperture().radius_mm * seen.turn;
+    geometry.lens_turn_x = static_cast<float>(turn.x());
+    geometry.lens_turn_y = static_cast<float>(turn.y());
+    const Eigen::Matrix2d shape = to_px.transpose() / std::sqrt(std::abs(to_px.determinant()));
     for (std::vector<TileLine>* lines : {&geometry.columns, &geometry.rows})
         for (TileLine& line : *lines) {
             const Eigen::Vector2d blur = shape * Eigen::Vector2d(line.gradient_x, line.gradient_y);

@@ -6,7 +6,8 @@
 // blurred by more than 0.05 px (and for sharper ones within the step that 1e-6 px make), and within
 // 1e-3 gray of every other. docs/rendering.md has the formulas.
 //
-// All lengths are in "px", units of 1/f_x in undistorted normalised coordinates, and are taken from
+// All lengths are in "px", units of 1/f_x in undistorted normalised coordinates (of wedge_pixels()
+// and of averages over disks: px of the sensor), and are taken from
 // the tile's centre: that is what makes single precision enough. Finite values below 1e9 px give
 // finite results. Pure functions, safe from every thread, without allocation.
 #pragma once
@@ -15,15 +16,15 @@
 #include <span>
 #include <vector>
 
-#include "sim/spread/wedge_table.h"
-
 namespace etalon {
+
+struct WedgeRows;
 
 // A grid line as seen in one tile: D = offset + gradient . (dx, dy), the signed distance from the
 // line of the pinhole ray, positive beyond it. Scaled so that |gradient| = 1.
 struct TileLine {
     float offset, gradient_x, gradient_y;
-    // How the distortion stretches the blur: the gradient where it is round; the length of this
+    // The gradient on the lens, the same where the distortion leaves the blur round; its length
     // times TileGeometry's is the blur across the line.
     float blur_x, blur_y;
 };
@@ -48,6 +49,9 @@ struct TileGeometry {
     // the averages over one disk of the radius sqrt(blur^2 + disk^2 + 2 cosine blur disk)
     // (sim/spread/sharpened_spread.h); here, of this cosine.
     float disk = 0.0f, disk_cosine = 0.0f;
+    // Pixels by the table: a times the aperture's radius on the lens, whatever coordinates the tile
+    // has.
+    float lens_turn_x = 0.0f, lens_turn_y = 0.0f;
 };
 
 // A point of the aperture, in units of its radius, and its share of the light.

@@ -106,8 +106,7 @@ private:
     }
 
     Box grown(const Box& box, int level) const {
-        const double of_half =
-            std::ldexp(margin_ + (level > 0 ? group_margin_ : 0.0), -2 * level);
+        const double of_half = std::ldexp(margin_ + (level > 0 ? group_margin_ : 0.0), -2 * level);
         const Eigen::Vector2d margin = of_half * box.half();
         return {box.low - margin, box.high + margin};
     }

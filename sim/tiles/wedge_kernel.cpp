@@ -177,7 +177,8 @@ HWY_INLINE RaySeen ray_seen(const WedgeRows& table, Vector distance, Vector alon
             hn::IfThenElse(hn::Gt(length, distance), all(0.5f * pi) - angle, angle),
         static_cast<float>(angles) - 0.001f);
     const Place at = distance_place(table, distance);
-    const Place of_row(between_rows ? row : row + all(0.5f), table.last - 0.01f);
+    const Place of_row(between_rows ? row : row + all(0.5f),
+                       between_rows ? table.last - 0.01f : table.last + 0.49f);
     const Whole line =
         (of_row.index * hn::Set(whole, table.distances) + at.index) * hn::Set(whole, width);
     const Whole ray = line + of_angle.index;
@@ -240,8 +241,8 @@ struct Across {
     Vector x, y, square;
 
     HWY_INLINE Across(const EdgeCut& cut, Vector to_line, Vector blur)
-        : x(hn::MulSub(blur, all(cut.of.line.blur_x), to_line * all(cut.tile->turn_x))),
-          y(hn::MulSub(blur, all(cut.of.line.blur_y), to_line * all(cut.tile->turn_y))),
+        : x(hn::MulSub(blur, all(cut.of.line.blur_x), to_line * all(cut.tile->lens_turn_x))),
+          y(hn::MulSub(blur, all(cut.of.line.blur_y), to_line * all(cut.tile->lens_turn_y))),
           square(hn::MulAdd(x, x, y * y)) {}
 };
 
@@ -293,8 +294,9 @@ HWY_INLINE float many_points(const EdgeCut& a, const EdgeCut& b, const WedgeAngl
         const float chords = foot * angle.inverse_sine * cut.of.per_chord;
         return HWY_MAX(0.0f, HWY_MIN(1.0f, 0.5f + chords));
     };
-    return sum(both) + (a.area[lane] - sum(mean_a)) * beyond(b, a) +
-           (b.area[lane] - sum(mean_b)) * beyond(a, b);
+    const float part = sum(both) + (a.area[lane] - sum(mean_a)) * beyond(b, a) +
+                       (b.area[lane] - sum(mean_b)) * beyond(a, b);
+    return HWY_MAX(0.0f, HWY_MIN(1.0f, part));
 }
 
 // Where the line may be sharp within the pixel.
@@ -365,16 +367,16 @@ void add_wedge_pixels(const TileGeometry& tile, const TilePatch& patch,
     const PartShapes shapes = part_shapes(tile, positions.n());
     EdgeCut columns[TilePatch::capacity], rows[TilePatch::capacity];
     HWY_ALIGN float blur[block];
-    const auto cut_lines = [&](const TileLine* lines, std::size_t count, const Pixels& pixels,
-                               EdgeCut* cuts) HWY_ATTR {
+    const auto begin = [&](const TileLine* lines, std::size_t count, EdgeCut* cuts) HWY_ATTR {
         for (std::size_t i = 0; i < count; ++i) {
             cuts[i].of = WedgeLine(tile, lines[i]);
             cuts[i].tile = &tile;
             cuts[i].table = &table;
             cuts[i].blur = blur;
-            cut_pixels(pixels, cuts[i]);
         }
     };
+    begin(patch.columns.data(), patch.column_count, columns);
+    begin(patch.rows.data(), patch.row_count, rows);
     HWY_ALIGN float sums[block];
     for (std::size_t lane = 0; lane < block; lane += hn::Lanes(tag)) {
         const Vector s = hn::LoadU(tag, positions.s() + lane);
@@ -384,8 +386,10 @@ void add_wedge_pixels(const TileGeometry& tile, const TilePatch& patch,
         const Pixels pixels{at(tile.dx),       at(tile.dy),       at(shapes.x_by_s),
                             at(shapes.y_by_s), at(shapes.x_by_t), at(shapes.y_by_t)};
         store(blur_at(tile, pixels.dx, pixels.dy), blur);
-        cut_lines(patch.columns.data(), patch.column_count, pixels, columns);
-        cut_lines(patch.rows.data(), patch.row_count, pixels, rows);
+        for (std::size_t i = 0; i < patch.column_count; ++i)
+            cut_pixels(pixels, columns[i]);
+        for (std::size_t j = 0; j < patch.row_count; ++j)
+            cut_pixels(pixels, rows[j]);
         store(sum_of_cells(patch, {0, patch.column_count, 0, patch.row_count}, columns, rows),
               sums + lane);
     }

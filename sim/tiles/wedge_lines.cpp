@@ -29,7 +29,8 @@ WedgeLine::WedgeLine(const TileGeometry& tile, const TileLine& tile_line) : line
                 steep = std::max(std::abs(x), std::abs(y));
     blur_scale = std::hypot(line.blur_x, line.blur_y);
     blur_across = blur_scale * (tile.blur_slope_x * x + tile.blur_slope_y * y);
-    asymmetry = blur_across - (tile.turn_x * x + tile.turn_y * y);
+    asymmetry = blur_across -
+                (tile.lens_turn_x * line.blur_x + tile.lens_turn_y * line.blur_y) / blur_scale;
     rows_along = static_cast<float>(WedgeTable::rows_per_px) * blur_scale *
                  (tile.blur_slope_y * x - tile.blur_slope_x * y) *
                  (is_mirrored(line) ? -1.0f : 1.0f);

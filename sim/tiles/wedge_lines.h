@@ -4,6 +4,7 @@
 
 #include <cstddef>
 
+#include "sim/spread/wedge_table.h"
 #include "sim/tiles/tile_kernel.h"
 
 namespace etalon {

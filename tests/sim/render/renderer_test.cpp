@@ -256,6 +256,18 @@ TEST(Renderer, MixesItsMethodsWhereThePlaneOfFocusCrossesTheMarker) {
               0.2 * gray);
 }
 
+TEST(Renderer, AreasAtLensPointsAreLensAverages) {
+    for (const double sigma_px : {1e-4, 0.7}) {  // the narrow one is left out
+        const Renderer renderer(with_lens({PointSpread::Kind::gaussian, sigma_px}));
+        const Scene scene = half_plane(1.3, 140.0);  // along the pixels
+        const auto areas = renderer.render(scene, {.method = RenderMethod::exact_area});
+        EXPECT_NEAR(areas.plan.max_blur_radius_px, 0.16, 0.01);
+        const auto averages =
+            renderer.render(scene, {.method = RenderMethod::exact_lens, .samples_per_side = 48});
+        EXPECT_LT(largest_difference(areas.radiance, averages.radiance), 0.1 * gray) << sigma_px;
+    }
+}
+
 TEST(Renderer, RefusesWhatItCannotRender) {
     const Renderer renderer(with_lens());
     const auto refused = [&](auto change) {

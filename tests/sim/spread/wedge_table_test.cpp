@@ -111,7 +111,7 @@ TEST(WedgeTable, KnowsTheDensity) {
     EXPECT_NEAR(sharp.wedges[at * WedgeTable::wedge_values + WedgeTable::angles + 1],
                 std::exp(-0.5 * std::pow(distance / sigma, 2)) / (2.0 * pi * sigma * sigma), 1e-4);
     // A paraboloid's variance is R^2 / 6 along an axis; in the middle that is all that counts.
-    const double blur = 0.3;
+    const double blur = 0.15;
     const Place row = row_of(blur);
     const WedgeRows rows = table.rows(blur, blur);
     const auto middle = [&](int index) {
@@ -119,7 +119,7 @@ TEST(WedgeTable, KnowsTheDensity) {
             .wedges[index * rows.distances * WedgeTable::wedge_values + WedgeTable::angles + 1];
     };
     EXPECT_NEAR(row.between(middle(row.index), middle(row.index + 1)),
-                1.0 / (2.0 * pi * (sigma * sigma + blur * blur / 6.0)), 0.01);
+                1.0 / (2.0 * pi * (sigma * sigma + blur * blur / 6.0)), 0.002);
 }
 
 TEST(WedgeTable, SaysWhereAPixelSeesNoEdge) {

@@ -285,7 +285,7 @@ private:
     // lens: what that might err by is for the table.
     Choice of_wedges() const {
         constexpr double smallest_cells_px = 2.0, steepest_blur = 0.05, largest_asymmetry = 0.01;
-        constexpr double most_stretched_px = 0.15, gray_by_curvature = 10.0;
+        constexpr double most_stretched_px = 0.25, gray_by_curvature = 10.0;
         const UndistortionMap::Bend& bend = image_.bend;
         const double gray =
             step_of_edges() * (WedgeTable::gray + gray_by_curvature * bend.curvature);

@@ -30,7 +30,7 @@ struct ImageExtremes {
     double cell_px;              // a cell's side where it is shortest, about
     EdgeTangents tangents;
     UndistortionMap::Bend bend;
-    bool is_far_from_border;  // of the valid region: by more than a table of corners sees
+    bool is_far_from_border;  // of the valid region: for a table of corners, which sees farther
     int markers = 1;  // in the scene: their omitted tails add up
 };
 

@@ -270,7 +270,8 @@ public:
                                   shortest_cell(outline_, view_),
                                   tangents_of(outline_),
                                   sensor_.rays.bend(tiles),
-                                  sensor_.rays.bend(around).is_polynomial,
+                                  blur.largest_px <= WedgeTable::largest_blur_px &&
+                                      sensor_.rays.bend(around).is_polynomial,
                                   static_cast<int>(scene.markers.size())};
         chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
         chosen_.plan.instructions = tile_kernel_target();

@@ -182,6 +182,48 @@ TEST(WedgePixels, AreFiniteHoweverFarTheLinesAre) {
     }
 }
 
+// Its distortion folds 218 px from the middle.
+CameraModel folding() {
+    CameraModel camera;
+    camera.width = 640;
+    camera.height = 480;
+    camera.intrinsics = {400.0, 400.0, 319.5, 239.5};
+    camera.distortion = {.k1 = -0.5};
+    camera.sensor = Sensor{.pixel_pitch_um = 8.3};
+    camera.lens = Lens{2.8, 150.0, 650.0, {}};
+    return camera;
+}
+
+// Far from the marker the image may hold the border of the valid region, whose tiles have samples
+// of their own when none is left out.
+TEST(WedgePixels, AreTheBackgroundAtTheBorderOfTheValidRegion) {
+    const CameraModel camera = folding();
+    PlacedMarker marker;
+    marker.grid.cells = (cv::Mat_<float>(2, 2) << 0.1f, 0.9f, 0.8f, 0.2f);
+    marker.grid.cell_mm = {5.0, 5.0};
+    marker.camera_from_marker.translation = {-5.0, -4.0, 150.5};
+    const Scene scene{{marker}, 0.4};
+    const Renderer renderer(camera);
+    const RenderedImage image = renderer.render(scene);
+    const RenderedImage all = renderer.render(scene, {.keep = {Omission::uniform_tiles}});
+    EXPECT_EQ(image.plan.method, RenderMethod::wedge_table);
+    EXPECT_EQ(all.plan.method, RenderMethod::wedge_table);
+    EXPECT_LT(cv::countNonZero(image.valid), 640 * 480);
+    EXPECT_LT(255.0 * cv::norm(image.radiance, all.radiance, cv::NORM_INF), 4e-3);
+}
+
+TEST(WedgePixels, AreNotTakenBesideTheBorderOfTheValidRegion) {
+    const CameraModel camera = folding();
+    PlacedMarker marker;
+    marker.grid.cells = (cv::Mat_<float>(2, 2) << 0.5f, 0.6f, 0.6f, 0.5f);
+    marker.grid.cell_mm = {5.0, 5.0};
+    for (const double x_mm : {88.0, 93.0, 98.0}) {
+        marker.camera_from_marker.translation = {x_mm, -4.0, 150.5};
+        const RenderedImage image = Renderer(camera).render({{marker}, 0.5});
+        EXPECT_NE(image.plan.method, RenderMethod::wedge_table) << x_mm;
+    }
+}
+
 // A marker through the plane of focus, with distortion.
 CameraModel near_focus() {
     CameraModel camera;

@@ -118,8 +118,10 @@ TEST_F(Clocks, AProgramThatWasFrozenInMidMotionEndsWithTheWatchdogsAlarm) {
     write_text(folder_ / "station.yaml", slow);
     const auto program = begin(record_);
     wait_for(record_, "stage homed", 1);
-    SteadyClock().wait_for(300ms, {});
-    freeze(*program, 2s);
+    for (int time = 0; time < 2; ++time) {  // on a busy machine the first may come before the motion
+        SteadyClock().wait_for(300ms, {});
+        freeze(*program, 2s);
+    }
     const std::string text = program->rest();
     EXPECT_EQ(program->exit_code(), 4) << text;
     EXPECT_EQ(run_of(record_)["outcome"], "ERROR");

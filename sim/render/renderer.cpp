@@ -256,10 +256,6 @@ public:
         const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
         const cv::Rect tiles = tiles_around(outline_, blur.largest_px, sensor_.rays);
         const Eigen::Vector2d middle(0.0, 0.0), slope = view_.defocus_slope(middle);
-        // Tiles at the border count as thrice their size.
-        constexpr double farthest_px = 3 * 3 * tile_px;
-        const cv::Rect around =
-            tiles_around(outline_, blur.largest_px + farthest_px, sensor_.rays);
         const ImageExtremes image{blur,
                                   distorted_blur(blur, view_, sensor_.rays, tiles),
                                   view_.aperture().radius_mm * slope.norm(),
@@ -271,7 +267,7 @@ public:
                                   tangents_of(outline_),
                                   sensor_.rays.bend(tiles),
                                   blur.largest_px <= WedgeTable::largest_blur_px &&
-                                      sensor_.rays.bend(around).is_polynomial,
+                                      is_far_from_border(blur.largest_px),
                                   static_cast<int>(scene.markers.size())};
         chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
         chosen_.plan.instructions = tile_kernel_target();
@@ -314,6 +310,13 @@ public:
     }
 
 private:
+    // So far that a table of corners sees nothing of it: tiles there count as thrice their size.
+    bool is_far_from_border(double blur_px) const {
+        constexpr double farthest_px = 3 * 3 * tile_px;
+        const cv::Rect around = tiles_around(outline_, blur_px + farthest_px, sensor_.rays);
+        return sensor_.rays.bend(around).is_polynomial;
+    }
+
     // With a margin for the filter, in whole squares of the tail's first grids.
     static cv::Rect sampled_tiles(const cv::Rect& region, int reach_px) {
         constexpr int square_px = 2 * tile_px;

@@ -33,4 +33,9 @@ double lagrange6_integral(double a, double b) {
     return sum;
 }
 
+double cubic_through(const double* v, double t) {
+    return -v[0] * t * (t - 1) * (t - 2) / 6 + v[1] * (t + 1) * (t - 1) * (t - 2) / 2 -
+           v[2] * (t + 1) * t * (t - 2) / 2 + v[3] * (t + 1) * t * (t - 1) / 6;
+}
+
 }  // namespace etalon

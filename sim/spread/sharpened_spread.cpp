@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/spread/lagrange.h"
 #include "sim/spread/radial_transfer.h"
 
 namespace etalon {
@@ -18,10 +19,7 @@ double interpolated(const std::vector<double>& table, double place) {
     const auto n = static_cast<std::size_t>(place);
     if (n + 3 >= table.size())
         return 0.0;
-    const double t = place - static_cast<double>(n);
-    const double* v = &table[n];
-    return -v[0] * t * (t - 1) * (t - 2) / 6 + v[1] * (t + 1) * (t - 1) * (t - 2) / 2 -
-           v[2] * (t + 1) * t * (t - 2) / 2 + v[3] * (t + 1) * t * (t - 1) / 6;
+    return cubic_through(&table[n], place - static_cast<double>(n));
 }
 
 }  // namespace

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/spread/lagrange.h"
+
 namespace etalon {
 namespace {
 
@@ -29,10 +31,7 @@ double cubic_at(const Eigen::VectorXd& values, double place) {
     if (n + 2 >= values.size())
         return 0.0;
     const Eigen::Index from = std::max<Eigen::Index>(n - 1, 0);
-    const double t = place - static_cast<double>(from) - 1.0;
-    const auto v = values.segment<4>(from);
-    return -v[0] * t * (t - 1) * (t - 2) / 6 + v[1] * (t + 1) * (t - 1) * (t - 2) / 2 -
-           v[2] * (t + 1) * t * (t - 2) / 2 + v[3] * (t + 1) * t * (t - 1) / 6;
+    return cubic_through(&values[from], place - static_cast<double>(from) - 1.0);
 }
 
 // The first two nodes lie on a parabola.

@@ -65,6 +65,12 @@ HWY_INLINE Vector gather2(const float* values, Whole index, int stride, Vector w
                    hn::GatherIndex(tag, values + stride, index));
 }
 
+// Where the values of a row and a distance begin.
+HWY_INLINE Whole begin_of(const WedgeRows& table, const Place& row, const Place& distance) {
+    return (row.index * hn::Set(whole, table.distances) + distance.index) *
+           hn::Set(whole, WedgeTable::wedge_values);
+}
+
 // The mean over pixels beyond an edge at this distance; `direction`: its place among the table's.
 HWY_INLINE Vector pixel_beyond(const WedgeRows& table, float direction, Vector distance,
                                Vector row) {
@@ -179,8 +185,7 @@ HWY_INLINE RaySeen ray_seen(const WedgeRows& table, Vector distance, Vector alon
     const Place at = distance_place(table, distance);
     const Place of_row(between_rows ? row : row + all(0.5f),
                        between_rows ? table.last - 0.01f : table.last + 0.49f);
-    const Whole line =
-        (of_row.index * hn::Set(whole, table.distances) + at.index) * hn::Set(whole, width);
+    const Whole line = begin_of(table, of_row, at);
     const Whole ray = line + of_angle.index;
     const auto seen = [&](const float* values) HWY_ATTR -> RaySeen {
         return {gather2(values + angles, line, width, at.way),
@@ -229,8 +234,7 @@ HWY_INLINE WedgeSeen wedge_seen(const WedgeRows& table, const WedgeAngle& angle,
 HWY_INLINE Vector density(const WedgeRows& table, Vector distance, Vector row) {
     constexpr int width = WedgeTable::wedge_values;
     const Place at = distance_place(table, distance), of_row(row, table.last - 0.01f);
-    const Whole index =
-        (of_row.index * hn::Set(whole, table.distances) + at.index) * hn::Set(whole, width);
+    const Whole index = begin_of(table, of_row, at);
     const float* densities = table.wedges + WedgeTable::angles + 1;
     return between(of_row.way, gather2(densities, index, width, at.way),
                    gather2(densities + table.distances * width, index, width, at.way));

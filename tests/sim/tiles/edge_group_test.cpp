@@ -2,16 +2,15 @@
 
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
-#include <tbb/global_control.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 #include "sim/spread/diffraction.h"
 #include "tests/gray.h"
+#include "tests/sim/table_images.h"
 
 namespace etalon {
 namespace {
@@ -58,29 +57,12 @@ TEST(EdgeGroup, IsAsGoodAsManySamples) {
 }
 
 TEST(EdgeGroup, AgreesWithTheReference) {
-    const CameraModel camera = camera_of_large_cells();
-    const RenderedImage image = Renderer(camera).render(large_cells());
     const cv::Rect region(184, 58, 16, 3);  // across the edge between the upper cells
-    const ReferenceImage reference = integrate_reference(
-        camera, large_cells(), region, {.scrambles = 16, .samples_per_scramble = 8192});
-    const auto [least, most] =
-        std::minmax_element(reference.mean.begin<float>(), reference.mean.end<float>());
-    EXPECT_GT(*most - *least, 0.3f);
-    for (int y = 0; y < region.height; ++y)
-        for (int x = 0; x < region.width; ++x)
-            EXPECT_NEAR(255.0 * image.radiance.at<float>(region.y + y, region.x + x),
-                        255.0 * reference.mean.at<float>(y, x),
-                        0.1 + 4.0 * 255.0 * reference.standard_error.at<float>(y, x));
+    test::expect_as_the_reference(camera_of_large_cells(), large_cells(), region, 0.1);
 }
 
 TEST(EdgeGroup, GivesTheSameBytesOnAnyNumberOfThreadsAndInAnyRegion) {
-    const Renderer renderer(camera_of_large_cells());
-    const RenderedImage image = renderer.render(large_cells());
-    const cv::Rect region(13, 7, 200, 190);
-    const RenderedImage part = renderer.render(large_cells(), {.region = region});
-    EXPECT_LT(255.0 * cv::norm(image.radiance(region), part.radiance(region), cv::NORM_INF), 0.01);
-    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
-    EXPECT_EQ(cv::norm(image.radiance, renderer.render(large_cells()).radiance, cv::NORM_INF), 0.0);
+    test::expect_the_same_everywhere(camera_of_large_cells(), large_cells(), {13, 7, 200, 190});
 }
 
 // The mean, over the pixel's square and half the ellipse that is the line spread of a disk, of the

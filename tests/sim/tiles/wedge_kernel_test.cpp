@@ -1,7 +1,6 @@
 // Pixels by the table of edges and corners against sums over the pixel, the lens and the spread.
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
-#include <tbb/global_control.h>
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -9,9 +8,10 @@
 #include <numbers>
 #include <string>
 
-#include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
+#include "sim/spread/wedge_table.h"
 #include "sim/tiles/tile_kernel.h"
+#include "tests/sim/table_images.h"
 
 namespace etalon {
 namespace {
@@ -258,30 +258,12 @@ TEST(WedgePixels, AreAsGoodAsManySamples) {
 }
 
 TEST(WedgePixels, AgreeWithTheReference) {
-    const CameraModel camera = near_focus();
-    const RenderedImage image = Renderer(camera).render(tilted_cells());
     const cv::Rect region(148, 109, 8, 6);
-    const ReferenceImage reference = integrate_reference(
-        camera, tilted_cells(), region, {.scrambles = 16, .samples_per_scramble = 8192});
-    const auto [least, most] =
-        std::minmax_element(reference.mean.begin<float>(), reference.mean.end<float>());
-    EXPECT_GT(*most - *least, 0.3f);
-    for (int y = 0; y < region.height; ++y)
-        for (int x = 0; x < region.width; ++x)
-            EXPECT_NEAR(255.0 * image.radiance.at<float>(region.y + y, region.x + x),
-                        255.0 * reference.mean.at<float>(y, x),
-                        0.06 + 4.0 * 255.0 * reference.standard_error.at<float>(y, x));
+    test::expect_as_the_reference(near_focus(), tilted_cells(), region, 0.06);
 }
 
 TEST(WedgePixels, AreTheSameOnAnyNumberOfThreadsAndInAnyRegion) {
-    const Renderer renderer(near_focus());
-    const RenderedImage image = renderer.render(tilted_cells());
-    const cv::Rect region(131, 92, 50, 41);
-    const RenderedImage part = renderer.render(tilted_cells(), {.region = region});
-    EXPECT_LT(255.0 * cv::norm(image.radiance(region), part.radiance(region), cv::NORM_INF), 0.01);
-    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
-    EXPECT_EQ(cv::norm(image.radiance, renderer.render(tilted_cells()).radiance, cv::NORM_INF),
-              0.0);
+    test::expect_the_same_everywhere(near_focus(), tilted_cells(), {131, 92, 50, 41});
 }
 
 }  // namespace

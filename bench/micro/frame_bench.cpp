@@ -1,6 +1,8 @@
 // What surrounds the kernels: the undistortion map, whole frames with their filters, the sensor.
 #include <benchmark/benchmark.h>
 
+#include <array>
+
 #include "bench/benchmark_scenes.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
@@ -57,11 +59,21 @@ BENCHMARK_CAPTURE(render_frame, sharp_1000, "sharp-1000")
     ->Unit(benchmark::kMillisecond)
     ->MeasureProcessCPUTime();
 
-// From radiance to codes: of a rendered frame, most of which is background, or with noise.
-void expose(benchmark::State& state) {
-    BenchmarkScene benchmark = benchmark_scene("webcam-500");
+// A measured curve: straight lines through 41 points.
+Transfer measured_curve() {
+    Transfer transfer{Transfer::Kind::table, {}};
+    for (int i = 0; i <= 40; ++i)
+        transfer.table.emplace_back(i / 40.0, i / 40.0 * (1.6 - 0.6 * i / 40.0));
+    return transfer;
+}
+
+// From radiance to codes: of a rendered frame, most of which is background or (Canon) none; with
+// noise, or not.
+void expose(benchmark::State& state, const std::string& name) {
+    BenchmarkScene benchmark = benchmark_scene(name);
     Sensor& section = *benchmark.camera.sensor;
-    section.transfer.kind = state.range(0) ? Transfer::Kind::rec709 : Transfer::Kind::linear;
+    section.transfer = std::array{Transfer{}, Transfer{Transfer::Kind::rec709, {}},
+                                  measured_curve()}[static_cast<std::size_t>(state.range(0))];
     section.bits = static_cast<int>(state.range(1));
     section.gain_e_per_dn = state.range(2) ? 20.0 : 0.0;
     const SensorModel sensor(benchmark.camera);
@@ -71,9 +83,14 @@ void expose(benchmark::State& state) {
         benchmark::DoNotOptimize(sensor.expose(radiance, key));
     state.SetItemsProcessed(state.iterations() * pixels(benchmark.camera));
 }
-BENCHMARK(expose)
-    ->ArgNames({"rec709", "bits", "noise"})
-    ->ArgsProduct({{0, 1}, {8, 12, 16}, {0, 1}})
+BENCHMARK_CAPTURE(expose, webcam_500, "webcam-500")
+    ->ArgNames({"linear_rec709_table", "bits", "noise"})
+    ->ArgsProduct({{0, 1, 2}, {8, 12, 16}, {0, 1}})
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+BENCHMARK_CAPTURE(expose, canon_500, "canon-500")
+    ->ArgNames({"linear_rec709_table", "bits", "noise"})
+    ->ArgsProduct({{0, 1, 2}, {8, 12, 16}, {0}})
     ->Unit(benchmark::kMillisecond)
     ->MeasureProcessCPUTime();
 

@@ -240,12 +240,11 @@ double SensorModel::code_of(double radiance) const {
 template <class Code>
 bool SensorModel::expose_row(const float* radiance, const cv::Point& first, int count,
                              const NoiseKey* noise, Code* codes) const {
-    if (!all_finite(radiance, count))
-        return false;
     const float* response = response_.empty() ? nullptr : response_.ptr<float>(first.y) + first.x;
     const std::int64_t pixel = std::int64_t{first.y} * size_.width + first.x;
     constexpr int most = SensorSteps::max_at_once;
-    for (int x = 0; x < count; x += most) {
+    bool finite = true;
+    for (int x = 0; x < count && finite; x += most) {
         const int n = std::min(most, count - x);
         // The product of two floats is exact in double.
         const auto exposed = [&](int i) {
@@ -258,19 +257,19 @@ bool SensorModel::expose_row(const float* radiance, const cv::Point& first, int 
                 signals[i] = exposed(i);
             add_noise(noise_of(sensor_, range_), *noise, static_cast<std::uint64_t>(pixel + x), n,
                       signals);
-            for (int i = 0; i < n; ++i)
-                nearest[i] = static_cast<float>(std::clamp(signals[i], -2.0, 2.0));
-            steps_->put_codes(
+            for (int i = 0; i < n; ++i)  // infinite beyond a float's range, and so in doubt
+                nearest[i] = static_cast<float>(signals[i]);
+            finite = steps_->put_codes(
                 nearest, true, n, [&](int i) { return signals[i]; }, codes + x);
         } else if (response) {
             for (int i = 0; i < n; ++i)
                 nearest[i] = radiance[x + i] * response[x + i];
-            steps_->put_codes(nearest, true, n, exposed, codes + x);
+            finite = steps_->put_codes(nearest, true, n, exposed, codes + x);
         } else {
-            steps_->put_codes(radiance + x, false, n, exposed, codes + x);
+            finite = steps_->put_codes(radiance + x, false, n, exposed, codes + x);
         }
     }
-    return true;
+    return finite;
 }
 
 void SensorModel::check_part(const RenderedPart& part) const {

@@ -55,8 +55,8 @@ public:
     explicit SensorModel(const CameraModel& camera);
 
     // Code values of a radiance image of the camera's size. CPU time of a pixel 0.1 ns in
-    // an even background, 0.4 ns elsewhere, 1 with an illumination and 5 more with noise (7 without
-    // AVX-512), whatever the curve and the bits.
+    // an even background, 0.3 ns elsewhere (0.5 without AVX-512 and where the curve has kinks), as
+    // much again with an illumination, 3 with noise (docs/performance.md).
     // Throws NumericalError for another size or type and for a pixel that is not finite.
     CodeImage expose(const Radiance& radiance, std::optional<NoiseKey> noise = {}) const;
 
@@ -87,6 +87,7 @@ private:
     void check_part(const RenderedPart& part) const;
     const NoiseKey* used(const std::optional<NoiseKey>& noise) const;
     CodeImage without_codes(cv::Size size) const;
+    // False where a radiance is not finite.
     // False where a radiance is not finite.
     template <class Code>
     bool expose_row(const float* radiance, const cv::Point& first, int count, const NoiseKey* noise,

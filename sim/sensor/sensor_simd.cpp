@@ -22,16 +22,40 @@ struct Found {
     hn::Mask<Integers> doubtful;
 };
 
-HWY_ATTR HWY_INLINE Found find_codes(const StepCells& cells, const std::uint32_t* entries,
-                                     bool is_rounded, hn::Vec<Floats> values) {
+#if HWY_MAX_BYTES == 64  // a register holds a number of every piece
+HWY_ATTR HWY_INLINE Found follow_curve(const CurvePieces& pieces, hn::Vec<Floats> values) {
+    static_assert(CurvePieces::count == most_lanes);
+    const Floats d;
+    const Integers di;
+    const auto number = hn::ShiftRight<CurvePieces::shift>(hn::BitCast(di, values));
+    const auto piece = hn::IndicesFromVec(
+        d, hn::Min(hn::Max(hn::Sub(number, hn::Set(di, CurvePieces::first)), hn::Zero(di)),
+                   hn::Set(di, CurvePieces::count - 1)));
+    const auto u = hn::Sub(values, hn::TableLookupLanes(hn::LoadU(d, pieces.centre), piece));
+    auto code = hn::TableLookupLanes(hn::LoadU(d, pieces.factor[CurvePieces::degree]), piece);
+    for (int n = CurvePieces::degree - 1; n >= 0; --n)
+        code = hn::MulAdd(code, u, hn::TableLookupLanes(hn::LoadU(d, pieces.factor[n]), piece));
+    // Beside 1.5 * 2^23 floats are whole numbers, whose last bits are the low ones.
+    const auto large = hn::Set(d, 0x1.8p23f);
+    const auto rounded = hn::Add(code, large);
+    const auto rest = hn::Abs(hn::Sub(code, hn::Sub(rounded, large)));
+    const auto half = hn::Set(d, 0.5f);
+    const auto is_sure = hn::And(hn::Lt(rest, hn::Set(d, 0.5f - pieces.doubt)),
+                                 hn::Le(hn::Abs(hn::Sub(values, half)), half));
+    return {hn::BitCast(di, rounded), hn::RebindMask(di, hn::Not(is_sure))};
+}
+#endif
+
+HWY_ATTR HWY_INLINE Found look_up_codes(const StepCells& cells, const std::uint32_t* entries,
+                                        bool is_rounded, hn::Vec<Floats> values) {
     const Integers d;
     const auto all = [&](std::int32_t value) { return hn::Set(d, value); };
     // -0 becomes 0.
     const auto bits = hn::BitCast(d, hn::Add(values, hn::Zero(Floats())));
     const auto is_negative = hn::ShiftRight<31>(bits);  // -1 or 0
-    const auto size =
-        hn::Min(hn::Max(hn::And(bits, all(0x7fffffff)), all(cells.first << cells.shift)),
-                all(cells.last << cells.shift));
+    const auto unlimited = hn::And(bits, all(0x7fffffff));
+    const auto size = hn::Min(hn::Max(unlimited, all(cells.first << cells.shift)),
+                              all(cells.last << cells.shift));
     const auto cell = hn::ShiftRightSame(size, cells.shift);
     const auto side = hn::And(is_negative, all(cells.last - cells.first + 1));
     const auto entry = hn::GatherIndex(d, reinterpret_cast<const std::int32_t*>(entries),
@@ -42,13 +66,29 @@ HWY_ATTR HWY_INLINE Found find_codes(const StepCells& cells, const std::uint32_t
     const auto direction = hn::Or(is_negative, all(1));
     const auto is_across = hn::Not(hn::Lt(place, step));
     const auto codes = hn::Add(hn::ShiftRight<16>(entry), hn::IfThenElseZero(is_across, direction));
-    auto doubtful = hn::TestBit(entry, all(StepCells::doubtful));
-    if (is_rounded) {
-        const auto beside_step = hn::Lt(hn::Abs(hn::Sub(place, step)), all(2));
-        const auto beside_end = hn::Or(hn::Eq(place, hn::Zero(d)), hn::Eq(place, all(last_place)));
+    constexpr std::int32_t largest = 0x7f7fffff;  // what is not finite is larger
+    auto doubtful =
+        hn::Or(hn::TestBit(entry, all(StepCells::doubtful)), hn::Gt(unlimited, all(largest)));
+    if (is_rounded) {  // of what is beyond the cells, its own place is far from any end
+        const auto own = hn::And(unlimited, all(last_place));
+        const auto beside_step = hn::Lt(hn::Abs(hn::Sub(own, step)), all(2));
+        const auto beside_end = hn::Or(hn::Eq(own, hn::Zero(d)), hn::Eq(own, all(last_place)));
         doubtful = hn::Or(doubtful, hn::Or(beside_step, beside_end));
     }
     return {codes, doubtful};
+}
+
+template <bool follow>
+HWY_ATTR HWY_INLINE Found find_codes(const StepCells& cells, const std::uint32_t* entries,
+                                     bool is_rounded, hn::Vec<Floats> values) {
+#if HWY_MAX_BYTES == 64
+    if constexpr (follow) {
+        const Found found = follow_curve(cells.pieces, values);
+        if (HWY_LIKELY(hn::AllFalse(Integers(), found.doubtful)))
+            return found;
+    }
+#endif
+    return look_up_codes(cells, entries, is_rounded, values);
 }
 
 template <class Code>
@@ -85,7 +125,7 @@ HWY_ATTR HWY_INLINE bool is_even(const float* values) {
 }
 
 // Most of a rendered image is an even background: a stretch of it needs one code.
-template <class Code>
+template <bool follow, class Code>
 HWY_ATTR HWY_INLINE int put_codes(const StepCells& cells, const std::uint32_t* entries,
                                   const float* values, bool is_rounded, int count,
                                   Output<Code> output) {
@@ -94,10 +134,10 @@ HWY_ATTR HWY_INLINE int put_codes(const StepCells& cells, const std::uint32_t* e
     int x = 0;
     for (; x + lanes <= count; x += lanes) {
         const int doubts = output.doubts;
-        put_vector(find_codes(cells, entries, is_rounded, hn::LoadU(d, values + x)), x, lanes,
-                   output);
+        put_vector(find_codes<follow>(cells, entries, is_rounded, hn::LoadU(d, values + x)), x,
+                   lanes, output);
         if (x % stretch == 0 && x + stretch <= count && output.doubts == doubts &&
-            is_even(values + x)) {
+            values[x] == values[x + stretch - 1] && is_even(values + x)) {
             std::fill_n(output.codes + x, stretch, output.codes[x]);
             x += stretch - lanes;
         }
@@ -105,20 +145,32 @@ HWY_ATTR HWY_INLINE int put_codes(const StepCells& cells, const std::uint32_t* e
     if (x < count) {
         HWY_ALIGN float rest[most_lanes] = {};
         std::copy(values + x, values + count, rest);
-        put_vector(find_codes(cells, entries, is_rounded, hn::Load(d, rest)), x, count - x, output);
+        put_vector(find_codes<follow>(cells, entries, is_rounded, hn::Load(d, rest)), x, count - x,
+                   output);
     }
     return output.doubts;
 }
 
+template <class Code>
+HWY_ATTR HWY_INLINE int put_codes(const StepCells& cells, const std::uint32_t* entries,
+                                  const float* values, bool is_rounded, int count,
+                                  const Output<Code>& output) {
+    return cells.pieces.follow
+               ? put_codes<true>(cells, entries, values, is_rounded, count, output)
+               : put_codes<false>(cells, entries, values, is_rounded, count, output);
+}
+
 HWY_ATTR int StepCodes8(const StepCells& cells, const std::uint32_t* entries, const float* values,
                         bool is_rounded, int count, std::uint8_t* codes, std::uint16_t* doubtful) {
-    return put_codes<std::uint8_t>(cells, entries, values, is_rounded, count, {codes, doubtful});
+    return put_codes(cells, entries, values, is_rounded, count,
+                     Output<std::uint8_t>{codes, doubtful});
 }
 
 HWY_ATTR int StepCodes16(const StepCells& cells, const std::uint32_t* entries, const float* values,
                          bool is_rounded, int count, std::uint16_t* codes,
                          std::uint16_t* doubtful) {
-    return put_codes<std::uint16_t>(cells, entries, values, is_rounded, count, {codes, doubtful});
+    return put_codes(cells, entries, values, is_rounded, count,
+                     Output<std::uint16_t>{codes, doubtful});
 }
 
 // 0 times a number is 0, and NaN for the others; a NaN stays in the sum.

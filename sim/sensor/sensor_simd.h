@@ -4,6 +4,8 @@
 
 #include <cstdint>
 
+#include "sim/sensor/curve_pieces.h"
+
 namespace etalon {
 
 // Cells of floats, by the bits of their size (without the sign): bits >> shift, limited to
@@ -16,11 +18,12 @@ struct StepCells {
     static constexpr std::uint32_t doubtful = 1u << place_bits;
     int shift;  // place_bits at most
     std::int32_t first, last;
+    CurvePieces pieces;  // sooner than the entries, where they leave no doubt
 };
 
-// The codes of `count` values; those of which single precision cannot tell are left to the caller:
-// their places go to `doubtful` (room for `count`), their number is returned. `is_rounded`: the
-// values are those nearest to what counts. Values may be infinite, but not NaN.
+// The codes of `count` values; those of which single precision cannot tell, and those that are not
+// finite, are left to the caller: their places go to `doubtful` (room for `count`), their number is
+// returned. `is_rounded`: the values are those nearest to what counts.
 int step_codes(const StepCells& cells, const std::uint32_t* entries, const float* values,
                bool is_rounded, int count, std::uint8_t* codes, std::uint16_t* doubtful);
 int step_codes(const StepCells& cells, const std::uint32_t* entries, const float* values,

@@ -72,6 +72,7 @@ SensorSteps::SensorSteps(int bits, const std::function<double(double)>& code_of,
     while (!steps_.empty() && std::isinf(steps_.back()))
         steps_.pop_back();
 
+    cells_.pieces = fit_pieces(steps_, bits);
     // From 1/2 to 1 half as many cells as codes: a step in each of a straight line's, fewer of
     // Rec. 709's, there and below.
     constexpr int mantissa_bits = 23;

@@ -1,0 +1,136 @@
+#include "sim/sensor/curve_pieces.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include "core/random.h"
+#include "sim/sensor/sensor_steps.h"
+
+namespace etalon {
+namespace {
+
+using Inverse = std::function<double(double)>;  // radiance from value, rising
+
+// Code c ends, and the next begins, where the value is (c + 1/2) / F.
+std::vector<double> steps_of(int bits, const Inverse& radiance_of) {
+    std::vector<double> steps;
+    const double full_scale = (1 << bits) - 1;
+    for (double code = 0.5; code < full_scale; ++code)
+        steps.push_back(radiance_of(code / full_scale));
+    return steps;
+}
+
+int followed(const CurvePieces& pieces) {
+    return static_cast<int>(
+        std::ranges::count_if(pieces.factor[0], [](float factor) { return !std::isnan(factor); }));
+}
+
+double straight(double value) {
+    return value;
+}
+double square(double value) {
+    return 0.3 * value + 0.7 * value * value;
+}
+// Above 0.3 twice as steep, or little more.
+double kinked(double value) {
+    return value < 0.3 ? value : 0.3 + 2.0 * (value - 0.3);
+}
+double bent(double value) {
+    return value < 0.3 ? value : 0.3 + 1.03 * (value - 0.3);
+}
+
+TEST(CurvePieces, FollowSmoothCurvesEverywhere) {
+    for (const int bits : {8, 10, 12, 14, 16})
+        for (const auto& curve : {straight, square})
+            EXPECT_EQ(followed(fit_pieces(steps_of(bits, curve), bits)), CurvePieces::count)
+                << bits;
+}
+
+// 16 bits leave too much in doubt, and so does a curve that is not followed in most of its pieces.
+TEST(CurvePieces, AreUsedWhereTheyLeaveLittleDoubt) {
+    const auto many_kinks = [](double value) {
+        return value + 0.004 * std::abs(std::sin(60.0 * value));
+    };
+    EXPECT_TRUE(fit_pieces(steps_of(12, square), 12).follow);
+    EXPECT_TRUE(fit_pieces(steps_of(12, kinked), 12).follow);
+    EXPECT_FALSE(fit_pieces(steps_of(12, many_kinks), 12).follow);
+    EXPECT_FALSE(fit_pieces(steps_of(16, square), 16).follow);
+}
+
+// 0.3 is in the piece from 0.25 to 0.375.
+TEST(CurvePieces, LeaveOutAPieceWithAKink) {
+    for (const auto& curve : {kinked, bent}) {
+        const CurvePieces pieces = fit_pieces(steps_of(12, curve), 12);
+        EXPECT_EQ(followed(pieces), CurvePieces::count - 1);
+        EXPECT_TRUE(std::isnan(pieces.factor[0][CurvePieces::count - 4]));
+    }
+}
+
+// Five steps at least make a quartic. A curve has none where it jumps by 40 codes, nor where it is
+// so steep that a float's rounding is many codes.
+TEST(CurvePieces, LeaveOutWhatNoQuarticFollows) {
+    EXPECT_EQ(followed(fit_pieces({}, 8)), 0);
+    EXPECT_EQ(followed(fit_pieces({0.1, 0.2, 0.3, 0.4}, 8)), 0);
+    const auto jump = [](double value) {
+        return value < 0.6 ? value : std::max(0.6, value - 0.156);
+    };
+    EXPECT_TRUE(std::isnan(fit_pieces(steps_of(8, jump), 8).factor[0][CurvePieces::count - 2]));
+    const auto cliff = [](double value) { return 0.8 + 1e-6 * value; };
+    EXPECT_TRUE(std::isnan(fit_pieces(steps_of(12, cliff), 12).factor[0][CurvePieces::count - 1]));
+}
+
+// Floats in their order, so that a vector of them is on one piece or two: where the arithmetic
+// leaves no doubt it is what gives the codes. Beside every step, at the pieces' ends, and anywhere;
+// the radiances are those that round to these floats, too.
+void expect_codes(int bits, const Inverse& radiance_of) {
+    const std::vector<double> truth = steps_of(bits, radiance_of);
+    const auto code_of = [&](double radiance) {
+        return static_cast<double>(std::upper_bound(truth.begin(), truth.end(), radiance) -
+                                   truth.begin());
+    };
+    const SensorSteps steps(bits, code_of,
+                            [&](int code) { return truth[static_cast<std::size_t>(code)]; });
+    std::vector<double> radiances;
+    RandomStream random(5, 6);
+    for (const double step : truth)
+        for (int n = -3; n <= 3; ++n)
+            radiances.push_back(step + n * 0.45 * 0x1p-24 * step);
+    for (int half_octave = -18; half_octave <= 2; ++half_octave)
+        for (int n = -3; n <= 3; ++n)
+            radiances.push_back((half_octave % 2 == 0 ? 1.0 : 1.5) *
+                                std::ldexp(1.0 + n * 0x1p-24, half_octave / 2));
+    for (int n = 0; n < 100'000; ++n)
+        radiances.push_back(random.uniform());
+    std::ranges::sort(radiances);
+    for (const bool is_rounded : {false, true})
+        for (std::size_t first = 0; first < radiances.size(); first += SensorSteps::max_at_once) {
+            const std::size_t count =
+                std::min<std::size_t>(SensorSteps::max_at_once, radiances.size() - first);
+            std::vector<float> values(
+                radiances.begin() + static_cast<std::ptrdiff_t>(first),
+                radiances.begin() + static_cast<std::ptrdiff_t>(first + count));
+            std::vector<std::uint16_t> codes(count);
+            const auto radiance_at = [&](int i) {
+                const auto place = static_cast<std::size_t>(i);
+                return is_rounded ? radiances[first + place] : double(values[place]);
+            };
+            ASSERT_TRUE(steps.put_codes(values.data(), is_rounded, static_cast<int>(count),
+                                        radiance_at, codes.data()));
+            for (int i = 0; i < static_cast<int>(count); ++i)
+                ASSERT_EQ(codes[static_cast<std::size_t>(i)], code_of(radiance_at(i)))
+                    << radiance_at(i) << " rounded " << is_rounded << " bits " << bits;
+        }
+}
+
+TEST(CurvePieces, GiveTheCodesOfTheSteps) {
+    for (const int bits : {3, 8, 12, 14, 16})
+        for (const auto& curve : {straight, square, kinked, bent})
+            expect_codes(bits, curve);
+}
+
+}  // namespace
+}  // namespace etalon

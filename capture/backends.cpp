@@ -75,11 +75,19 @@ std::string names(const std::vector<Backend>& known) {
 
 }  // namespace
 
-std::vector<CameraBackend> list_cameras() {
-    std::vector<CameraBackend> found;
+std::vector<CameraBackend> camera_backends() {
+    std::vector<CameraBackend> known;
     for (const Backend& backend : backends())
-        found.push_back({backend.name, static_cast<bool>(backend.open), backend.detail,
-                         backend.list ? backend.list() : std::vector<CameraIdentity>{}});
+        known.push_back({backend.name, static_cast<bool>(backend.open), backend.detail, {}});
+    return known;
+}
+
+std::vector<CameraBackend> list_cameras() {
+    std::vector<CameraBackend> found = camera_backends();
+    const std::vector<Backend> known = backends();
+    for (std::size_t i = 0; i < found.size(); ++i)
+        if (known[i].list)
+            found[i].cameras = known[i].list();
     return found;
 }
 

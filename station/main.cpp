@@ -23,7 +23,7 @@ std::string version_text() {
         if (software.name != "etalon")
             text += fmt::format("  {:<14}{}\n", software.name, software.version);
     text += "camera backends:\n";
-    for (const CameraBackend& backend : list_cameras())
+    for (const CameraBackend& backend : camera_backends())
         text += fmt::format("  {:<14}{}\n", backend.name, backend.detail);
     text += "stage backends:\n  modbus-tcp    built in";
     return text;

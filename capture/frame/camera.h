@@ -112,13 +112,18 @@ public:
     virtual std::vector<std::string> remarks() const { return {}; }
 };
 
-// What `etalon devices` prints.
 struct CameraBackend {
     std::string name;                     // "genicam", "files"
     bool built_in = false;                // false: its SDK was missing when this program was built
     std::string detail;                   // the SDK's version, or why it is left out
-    std::vector<CameraIdentity> cameras;  // found now
+    std::vector<CameraIdentity> cameras;  // found
 };
+
+// What this program can open, without a question to any device.
+std::vector<CameraBackend> camera_backends();
+
+// The same with the cameras that answer now (`etalon devices`). Takes a second: it asks the
+// networks.
 std::vector<CameraBackend> list_cameras();
 
 // Options of a connection that are no exposure settings.

@@ -283,6 +283,16 @@ TEST(ListCameras, NamesEveryBackendAndFindsTheCameraOnLoopback) {
     EXPECT_TRUE(found.count("genicam:Aravis-Fake-TWIN"));
 }
 
+TEST(CameraBackends, AreNamedWithoutAskingForCameras) {
+    Rig rig(small());
+    const Instant before = SteadyClock().now();
+    for (const CameraBackend& backend : camera_backends()) {
+        EXPECT_FALSE(backend.detail.empty());
+        EXPECT_TRUE(backend.cameras.empty()) << backend.name;
+    }
+    EXPECT_LT(SteadyClock().now() - before, 500ms);  // the networks are given a second
+}
+
 TEST(GigeCamera, RefusesAPortThatIsTaken) {
     Rig rig(small());
     EXPECT_THROW(Rig second(small()), DeviceError);

@@ -61,6 +61,8 @@ struct Targets {
         constexpr int margin = 3;  // of the interpolation
         if (top >= smooth)
             beside &= grown(marker, 6 << smooth, 6 << smooth);
+        if (beside.empty())  // all that is reached is farther
+            beside = {reached.tl(), cv::Size()};
         squares.push_back(beside);
         for (int shift = 1; shift <= top; ++shift) {
             squares.push_back(grown(cells_of(squares.back(), 2), margin, margin));

@@ -211,6 +211,28 @@ TEST(Renderer, OfARegionIsThatPartOfTheWhole) {
     EXPECT_EQ(part.at<float>(0, 0), 1.0f);
 }
 
+// Far from the marker, where its tail alone is seen, of one marker and of two.
+TEST(Renderer, OfAFarRegionIsThatPartOfTheWhole) {
+    BenchmarkScene webcam = benchmark_scene("webcam-500");
+    const Renderer renderer(webcam.camera);
+    RenderOptions options{.tolerance_gray = 0.01};
+    for (const bool two : {false, true}) {
+        if (two) {
+            webcam.scene.markers.push_back(webcam.scene.markers.front());
+            webcam.scene.markers.back().camera_from_marker.translation.x() -= 60.0;
+        }
+        options.region = {};
+        const auto whole = renderer.render(webcam.scene, options).radiance;
+        for (const cv::Point& corner : {cv::Point(4, 4), cv::Point(596, 7), cv::Point(3, 440),
+                                        cv::Point(600, 445), cv::Point(601, 250)}) {
+            options.region = {corner, cv::Size(37, 31)};
+            const auto part = renderer.render(webcam.scene, options).radiance;
+            EXPECT_LT(largest_difference(part(options.region), whole(options.region)), 1e-6)
+                << options.region << " two " << two;
+        }
+    }
+}
+
 // Where the marker is cut by the image, where all of it is seen, and where nothing is.
 TEST(Renderer, OfAPartIsWhatDiffersFromTheBackground) {
     const Renderer renderer(with_lens());

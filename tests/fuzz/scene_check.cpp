@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <limits>
+
 #include "core/errors.h"
 #include "tests/gray.h"
 
@@ -13,10 +15,12 @@ struct Attempt {
     std::string refusal;
 };
 
-Attempt attempt(const Renderer& renderer, const RandomInput& input, RenderMethod method) {
+Attempt attempt(const Renderer& renderer, const RandomInput& input, RenderMethod method,
+                const cv::Rect& region = {}) {
     RenderOptions options;
     options.method = method;
     options.tolerance_gray = input.tolerance_gray;
+    options.region = region;
     try {
         return {renderer.render(input.scene, options), {}};
     } catch (const Error& refusal) {
@@ -59,6 +63,21 @@ std::optional<Violation> wrong_mask(const RandomInput& input, const RenderedImag
         input.scene.background != static_cast<float>(input.scene.background))
         return std::nullopt;
     return Violation{"mask", "a pixel without a ray is not background"};
+}
+
+// The last third of the columns and of the rows, alone.
+void compare_region(const Renderer& renderer, const RandomInput& input, const RenderedImage& whole,
+                    SceneCheck& check) {
+    const cv::Size size = whole.radiance.size();
+    const cv::Rect region(cv::Point(2 * size.width / 3, 2 * size.height / 3), cv::Point(size));
+    const Attempt part = attempt(renderer, input, RenderMethod::automatic, region);
+    const double difference =
+        part.image ? cv::norm(part.image->radiance(region), whole.radiance(region), cv::NORM_INF)
+                   : std::numeric_limits<double>::infinity();
+    if (difference > input.tolerance_gray * gray)
+        check.violations.push_back(
+            {"region", fmt::format("differs from the whole's part by {:.4g} gray {}",
+                                   difference / gray, part.refusal)});
 }
 
 void compare_methods(const RandomInput& input, const Attempt& lens, const Attempt& area,
@@ -125,6 +144,7 @@ SceneCheck check_scene_of(KeptRenderer& kept, const RandomInput& input, int prob
     if (!input.poison.empty())
         check.violations.push_back(
             {"poison", fmt::format("rendered with {} not finite", input.poison)});
+    compare_region(*renderer, input, *automatic.image, check);
     compare_methods(input, lens, area, check);
     if (probes > 0 && input.poison.empty())
         compare_reference(input, *automatic.image, probes, effort, check);

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
 constexpr double disk_phase_at_cutoff = 2.6;
-constexpr double min_scale_px = 0.04;
+constexpr double min_scale_px = 0.04, max_scale_px = 50.0;
 constexpr double steps_per_scale = 40.0;
 
 // Cubic, in a table from -1 on; 0 behind its end.
@@ -27,7 +27,8 @@ double interpolated(const std::vector<double>& table, double place) {
 std::optional<SharpenedSpread> SharpenedSpread::of(const PointSpreadFunction& spread,
                                                    const std::function<double(double)>& window,
                                                    double reach_px) {
-    if (!spread.has_cutoff() || spread.scale_px() < min_scale_px)
+    const double scale = spread.scale_px();
+    if (!spread.has_cutoff() || scale < min_scale_px || scale > max_scale_px)
         return std::nullopt;
     SharpenedSpread result;
     result.disk_radius_px_ = disk_phase_at_cutoff / (two_pi * cutoff_per_px(spread));

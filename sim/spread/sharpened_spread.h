@@ -32,8 +32,8 @@ std::vector<ConcentricDisk> concentric_disks(int count);
 class SharpenedSpread {
 public:
     // Of spread density times window, a function of the radius that ends at `reach_px`. Nothing for
-    // a measured profile, whose cut-off is not known, and for patterns below 0.04 px, which matter
-    // too little. Takes some 50 ms.
+    // a measured profile, whose cut-off is not known, for patterns below 0.04 px, which matter too
+    // little, and above 50 px, of which any sample tells enough. Takes some 50 ms.
     static std::optional<SharpenedSpread> of(const PointSpreadFunction& spread,
                                              const std::function<double(double)>& window,
                                              double reach_px);

@@ -165,6 +165,20 @@ TEST(SharpenedSpread, OneDiskIsEnoughWhereItSaysSo) {
     EXPECT_GE(sharpened.disks_for_any_blur(1e-4), 3);
 }
 
+// Of a pattern of thousands of pixels its bound alone would take minutes.
+TEST(SharpenedSpread, IsOfPatternsUpTo50Pixels) {
+    const auto is_made = [](double f_number) {
+        CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
+        camera.lens->f_number = f_number;
+        const double reach = 3.0 * PointSpreadFunction::of(camera).scale_px();
+        return SharpenedSpread::of(
+                   PointSpreadFunction::of(camera), [](double) { return 1.0; }, reach)
+            .has_value();
+    };
+    EXPECT_TRUE(is_made(400.0));  // 600 nm, pixels of 6 um: 40 px
+    EXPECT_FALSE(is_made(600.0));
+}
+
 TEST(SamplingBound, FollowsTheLawOfTheDisksRim) {
     // Without a spread the pixel is k whole samples: 255 * 0.0213 k^(-5/2) R^(-3/2) gray, measured
     // with a program of its own over R = 0.8 ... 16 px.

@@ -18,24 +18,30 @@ using Factors = Eigen::Vector<double, nodes>;  // of u^0, u^1, ...
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
+// Radiances from `from` to `to` round to the piece's floats: |u| <= half.
 struct Piece {
-    double from, to, centre, half;  // radiances from `from` to `to`: |u| <= half
+    double from, to, centre, half;
+    double rounding;  // a radiance's, at most
     std::ptrdiff_t code_from, code_to;
 };
 
 Piece piece_of(const std::vector<double>& steps, int i) {
-    const auto begin_of = [](int piece) {
-        return double(std::bit_cast<float>((CurvePieces::first + piece) << CurvePieces::shift));
-    };
+    const auto float_at = [](std::int32_t bits) { return double(std::bit_cast<float>(bits)); };
+    const std::int32_t begin = (CurvePieces::first + i) << CurvePieces::shift;
+    const std::int32_t end = (CurvePieces::first + i + 1) << CurvePieces::shift;
     const auto code_at = [&](double radiance) {
         return std::upper_bound(steps.begin(), steps.end(), radiance) - steps.begin();
     };
-    const double from = i == 0 ? 0.0 : begin_of(i), to = begin_of(i + 1);
+    const double last = float_at(end), rounding = 0.5 * (last - float_at(end - 1));
+    const double from = i == 0 ? -0x1p-150 : 0.5 * (float_at(begin - 1) + float_at(begin));
+    const double to = 0.5 * (last + float_at(end + 1));
     const double centre = static_cast<float>(0.5 * (from + to));
-    return {from, to, centre, to - centre, code_at(from), code_at(to)};
+    return {from,          to,         centre, std::max(to - centre, centre - from), rounding,
+            code_at(from), code_at(to)};
 }
 
-// The steps nearest to Chebyshev's nodes, or, where these are not five, five about the piece.
+// The steps nearest to Chebyshev's nodes or, where these are not five different ones, five about
+// the piece.
 std::array<std::ptrdiff_t, nodes> nodes_of(const std::vector<double>& steps, const Piece& piece) {
     const std::ptrdiff_t last = std::ssize(steps) - nodes;
     std::array<std::ptrdiff_t, nodes> chosen;
@@ -68,15 +74,16 @@ Factors through_steps(const std::vector<double>& steps, const Piece& piece) {
     return powers.partialPivLu().solve(codes).cwiseQuotient(scale);
 }
 
-// `rounding`: what that of L and t may move t by. Half of it is for t, half a float's last bit of
-// 2^bits in its last sum and some of that before.
+// `rounding`: what that of L and t may move t by. Half of it is for t: half a float's last bit of
+// 2^bits in its last sum and some of that before; that what is just at `doubt` is in doubt gives it
+// another such bit.
 bool follows(const std::vector<double>& steps, const Piece& piece, const Factors& factors,
              double doubt, double rounding) {
     double bend = 0.0;  // the slope changes by no more
     for (int n = 2; n < nodes; ++n)
         bend += n * std::abs(factors[n]) * std::pow(piece.half, n - 1);
-    const double rounding_of_radiance = (factors[1] + bend) * piece.to * 0x1p-25;
-    if (!(factors[1] > bend && rounding_of_radiance < 0.5 * rounding))
+    const double by_radiance = (factors[1] + bend) * piece.rounding;
+    if (!(factors[1] > bend && by_radiance < 0.5 * rounding))
         return false;
     const auto misses = [&](double radiance, double low, double high) {
         double code = 0.0;

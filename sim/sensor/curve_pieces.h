@@ -11,8 +11,8 @@ namespace etalon {
 // Two pieces an octave from 2^-8 to 1, by the bits of a float; the first reaches down to 0. At
 // radiance L of piece i, with u = L - centre[i],
 //     t = sum over n of factor[n][i] u^n
-// is the code, and t + 1/2 has its fraction: the code is t rounded, unless t is within `doubt` of
-// the middle between two. A piece that does not follow the curve so well has a NaN, which leaves
+// is the curve's value in codes: the code is t rounded, unless t is within `doubt` of the middle
+// between two. A piece that does not follow the curve so well has a NaN, which leaves
 // all in doubt.
 struct CurvePieces {
     static constexpr int count = 16, degree = 4, shift = 22;

@@ -173,12 +173,13 @@ void check_size(const Radiance& radiance, cv::Size size) {
 }
 
 // Names the first such pixel, whichever thread has found one.
-void refuse_not_finite(const Radiance& radiance) {
+[[noreturn]] void refuse_not_finite(const Radiance& radiance) {
     for (int y = 0; y < radiance.rows; ++y)
         for (int x = 0; x < radiance.cols; ++x)
             if (const float value = radiance.at<float>(y, x); !std::isfinite(value))
                 throw NumericalError(
                     fmt::format("the radiance at pixel ({}, {}) is {}", x, y, value));
+    throw NumericalError("a pixel's signal is not finite: its response or noise is too large");
 }
 
 }  // namespace

@@ -87,8 +87,7 @@ private:
     void check_part(const RenderedPart& part) const;
     const NoiseKey* used(const std::optional<NoiseKey>& noise) const;
     CodeImage without_codes(cv::Size size) const;
-    // False where a radiance is not finite.
-    // False where a radiance is not finite.
+    // False where a pixel's radiance, or what its response and noise make of it, is not finite.
     template <class Code>
     bool expose_row(const float* radiance, const cv::Point& first, int count, const NoiseKey* noise,
                     Code* codes) const;

@@ -69,7 +69,8 @@ HWY_ATTR HWY_INLINE Found look_up_codes(const StepCells& cells, const std::uint3
     constexpr std::int32_t largest = 0x7f7fffff;  // what is not finite is larger
     auto doubtful =
         hn::Or(hn::TestBit(entry, all(StepCells::doubtful)), hn::Gt(unlimited, all(largest)));
-    if (is_rounded) {  // of what is beyond the cells, its own place is far from any end
+    if (is_rounded) {  // beyond the cells there is no step: its own place, not the limited one,
+                       // counts
         const auto own = hn::And(unlimited, all(last_place));
         const auto beside_step = hn::Lt(hn::Abs(hn::Sub(own, step)), all(2));
         const auto beside_end = hn::Or(hn::Eq(own, hn::Zero(d)), hn::Eq(own, all(last_place)));

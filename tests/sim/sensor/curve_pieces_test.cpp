@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <functional>
 #include <vector>
@@ -124,6 +125,77 @@ void expect_codes(int bits, const Inverse& radiance_of) {
                 ASSERT_EQ(codes[static_cast<std::size_t>(i)], code_of(radiance_at(i)))
                     << radiance_at(i) << " rounded " << is_rounded << " bits " << bits;
         }
+}
+
+// Rows anywhere, some at the pieces' ends, lines or powers between them, from and to radiances
+// beyond 0 and 1.
+std::vector<double> random_steps(RandomStream& random, int bits) {
+    const auto one_in = [&](double n) { return random.uniform() < 1.0 / n; };
+    std::vector<double> radiances{one_in(3) ? -0.3 * random.uniform() : 0.0,
+                                  one_in(3) ? 0.6 + random.uniform() : 1.0};
+    std::vector<double> values{0.0, 1.0};
+    for (int row = 0; row < 3; ++row) {
+        const int half_octave = static_cast<int>(14.0 * random.uniform());
+        const double end = (half_octave % 2 ? 1.5 : 1.0) * std::ldexp(1.0, -1 - half_octave / 2);
+        const double off =
+            std::ldexp(random.uniform() - 0.5, -static_cast<int>(30.0 * random.uniform()));
+        radiances.push_back(one_in(2) ? end * (1.0 + off) : std::exp(-7.0 * random.uniform()));
+        values.push_back(random.uniform());
+    }
+    std::ranges::sort(radiances);
+    std::ranges::sort(values);
+    const double power = one_in(2) ? 1.0 : std::exp(2.0 * random.uniform() - 1.0);
+    std::vector<double> steps = steps_of(bits, [&](double value) {
+        std::size_t row = 1;
+        while (row + 1 < values.size() && value > values[row])
+            ++row;
+        const double part = (value - values[row - 1]) / (values[row] - values[row - 1]);
+        return std::lerp(radiances[row - 1], radiances[row], std::pow(part, power));
+    });
+    std::ranges::sort(steps);
+    return steps;
+}
+
+// Floats beside the steps and at the pieces' ends, and any.
+std::vector<float> floats_of_interest(const std::vector<double>& steps, RandomStream& random) {
+    std::vector<float> floats;
+    for (const double step : steps)
+        floats.push_back(static_cast<float>(step));
+    for (int piece = 0; piece <= CurvePieces::count; ++piece)
+        floats.push_back(std::bit_cast<float>((CurvePieces::first + piece) << CurvePieces::shift));
+    for (std::size_t n = floats.size(); n-- > 0;)
+        for (const float to : {-9.0f, 9.0f})
+            floats.push_back(std::nextafter(floats[n], to));
+    for (int n = 0; n < 200; ++n)
+        floats.push_back(static_cast<float>(std::exp(-12.0 * random.uniform())));
+    return floats;
+}
+
+// Sixteen equal floats at once: the quartic decides alone, or not at all. Of rounded ones, both
+// ends of what rounds to it.
+TEST(CurvePieces, AreRightWhereTheyAreInNoDoubt) {
+    RandomStream random(7, 8);
+    for (int n = 0; n < 3000; ++n) {
+        const int bits = 3 + n % 10;
+        const std::vector<double> truth = random_steps(random, bits);
+        const auto code_of = [&](double radiance) {
+            return static_cast<double>(std::ranges::upper_bound(truth, radiance) - truth.begin());
+        };
+        const SensorSteps steps(bits, code_of,
+                                [&](int code) { return truth[static_cast<std::size_t>(code)]; });
+        for (const float value : floats_of_interest(truth, random)) {
+            const std::vector<float> equal(16, value);
+            const double low = 0.5 * (double(value) + std::nextafter(value, -9.0f));
+            const double high = 0.5 * (double(value) + std::nextafter(value, 9.0f));
+            for (const double radiance :
+                 {std::nextafter(low, 9.0), double(value), std::nextafter(high, -9.0)}) {
+                std::uint16_t codes[16];
+                steps.put_codes(
+                    equal.data(), radiance != value, 16, [&](int) { return radiance; }, codes);
+                ASSERT_EQ(codes[7], code_of(radiance)) << radiance << " bits " << bits;
+            }
+        }
+    }
 }
 
 TEST(CurvePieces, GiveTheCodesOfTheSteps) {

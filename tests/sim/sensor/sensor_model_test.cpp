@@ -341,18 +341,57 @@ TEST(SensorModel, GivesAPixelInAnEvenBackgroundItsOwnCode) {
     });
 }
 
+// Alone, with a response and with noise; in the first of the stretches that are done at once, too.
 TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
-    const SensorModel model(camera_of(37, 2));
-    on_every_target([&] {
-        for (const float bad : {NAN, INFINITY, -INFINITY})
-            for (int x = 0; x < 37; ++x) {
-                Radiance radiance = uniform(0.5, 37, 2);
-                radiance.at<float>(1, x) = bad;
-                radiance.at<float>(1, 36) = bad;
-                EXPECT_THAT([&] { model.expose(radiance); },
+    Sensor filtered;
+    filtered.mosaic = Mosaic::rggb;
+    filtered.channel_response = {0.7, 1.0, 0.6};
+    Sensor noisy;
+    noisy.gain_e_per_dn = 30.0;
+    for (const Sensor& sensor : {Sensor{}, filtered, noisy})
+        for (const auto& [width, step] : {std::pair{37, 1}, std::pair{1400, 111}}) {
+            CameraModel camera = camera_of(width, 2);
+            camera.sensor = sensor;
+            const SensorModel model(camera);
+            on_every_target([&] {
+                for (const float bad : {NAN, INFINITY, -INFINITY})
+                    for (int x = 0; x < width; x += step) {
+                        Radiance radiance = uniform(0.5, width, 2);
+                        radiance.at<float>(1, x) = bad;
+                        EXPECT_THAT(
+                            [&] {
+                                model.expose(radiance, NoiseKey{1, 2});
+                            },
                             testing::ThrowsMessage<NumericalError>(
                                 testing::HasSubstr(fmt::format("pixel ({}, 1)", x))));
-            }
+                    }
+            });
+        }
+}
+
+// A response beyond a float's range is no code either.
+TEST(SensorModel, RefusesAResponseThatIsNotFinite) {
+    Sensor sensor;
+    sensor.mosaic = Mosaic::rggb;
+    sensor.channel_response = {1.0, 1e39, 1.0};
+    CameraModel camera = camera_of(600, 2);
+    camera.sensor = sensor;
+    EXPECT_THROW(SensorModel(camera).expose(uniform(0.5, 600, 2)), NumericalError);
+}
+
+// A table's row in the middle between two codes, just where a piece of the curve begins: 0.735... *
+// 0.51 is 1.4e-8 below 0.375, whose nearest float it rounds to.
+TEST(SensorModel, GivesARoundedProductBelowAStepTheCodeBelow) {
+    Sensor sensor;
+    sensor.mosaic = Mosaic::rggb;
+    sensor.channel_response = {0.51, 0.51, 0.51};
+    sensor.transfer = {Transfer::Kind::table,
+                       {{0.0, 0.0}, {0.375, 46.5 / 255.0}, {0.3757, 0.18612}, {1.0, 0.508}}};
+    CameraModel camera = camera_of(64, 2);
+    camera.sensor = sensor;
+    on_every_target([&] {
+        const CodeImage image = SensorModel(camera).expose(uniform(0.735294104f, 64, 2));
+        EXPECT_EQ(image.pixels.at<std::uint8_t>(0, 0), 46);
     });
 }
 

@@ -66,6 +66,10 @@ std::vector<Backend> backends() {
     return {genicam(), files(), v4l2(), libcamera()};
 }
 
+CameraBackend described(const Backend& backend) {
+    return {backend.name, static_cast<bool>(backend.open), backend.detail, {}};
+}
+
 std::string names(const std::vector<Backend>& known) {
     std::string names;
     for (const Backend& backend : known)
@@ -78,16 +82,17 @@ std::string names(const std::vector<Backend>& known) {
 std::vector<CameraBackend> camera_backends() {
     std::vector<CameraBackend> known;
     for (const Backend& backend : backends())
-        known.push_back({backend.name, static_cast<bool>(backend.open), backend.detail, {}});
+        known.push_back(described(backend));
     return known;
 }
 
 std::vector<CameraBackend> list_cameras() {
-    std::vector<CameraBackend> found = camera_backends();
-    const std::vector<Backend> known = backends();
-    for (std::size_t i = 0; i < found.size(); ++i)
-        if (known[i].list)
-            found[i].cameras = known[i].list();
+    std::vector<CameraBackend> found;
+    for (const Backend& backend : backends()) {
+        found.push_back(described(backend));
+        if (backend.list)
+            found.back().cameras = backend.list();
+    }
     return found;
 }
 

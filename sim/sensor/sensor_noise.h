@@ -19,9 +19,9 @@ struct SensorNoise {
 };
 
 // signal + sqrt(max(signal, 0) shot_variance + read_variance) * deviate for the `count` signals of
-// the pixels from `first_pixel` on; finite. A pixel's deviate is the first normal() of
-// RandomStream(seed, frame, pixel), bit for bit. About 4 ns a pixel with AVX-512, 6 with AVX2, 11
-// with SSE4. Safe from every thread.
+// the pixels from `first_pixel` on; what is not finite stays so. A pixel's deviate is the first
+// normal() of RandomStream(seed, frame, pixel), bit for bit. About 4 ns a pixel with AVX-512, 6
+// with AVX2, 11 with SSE4. Safe from every thread.
 void add_noise(SensorNoise noise, const NoiseKey& key, std::uint64_t first_pixel, int count,
                double* signals);
 

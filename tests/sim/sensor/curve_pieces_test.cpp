@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/random.h"
-#include "sim/sensor/sensor_steps.h"
+#include "tests/sim/sensor/expected_codes.h"
 
 namespace etalon {
 namespace {
@@ -107,24 +107,8 @@ void expect_codes(int bits, const Inverse& radiance_of) {
     for (int n = 0; n < 100'000; ++n)
         radiances.push_back(random.uniform());
     std::ranges::sort(radiances);
-    for (const bool is_rounded : {false, true})
-        for (std::size_t first = 0; first < radiances.size(); first += SensorSteps::max_at_once) {
-            const std::size_t count =
-                std::min<std::size_t>(SensorSteps::max_at_once, radiances.size() - first);
-            std::vector<float> values(
-                radiances.begin() + static_cast<std::ptrdiff_t>(first),
-                radiances.begin() + static_cast<std::ptrdiff_t>(first + count));
-            std::vector<std::uint16_t> codes(count);
-            const auto radiance_at = [&](int i) {
-                const auto place = static_cast<std::size_t>(i);
-                return is_rounded ? radiances[first + place] : double(values[place]);
-            };
-            ASSERT_TRUE(steps.put_codes(values.data(), is_rounded, static_cast<int>(count),
-                                        radiance_at, codes.data()));
-            for (int i = 0; i < static_cast<int>(count); ++i)
-                ASSERT_EQ(codes[static_cast<std::size_t>(i)], code_of(radiance_at(i)))
-                    << radiance_at(i) << " rounded " << is_rounded << " bits " << bits;
-        }
+    SCOPED_TRACE(bits);
+    test::expect_codes(steps, code_of, radiances);
 }
 
 // Rows anywhere, some at the pieces' ends, lines or powers between them, from and to radiances

@@ -358,6 +358,7 @@ TEST(SensorModel, FindsWhatIsNotFiniteAtEveryPlaceOfARow) {
                     for (int x = 0; x < width; x += step) {
                         Radiance radiance = uniform(0.5, width, 2);
                         radiance.at<float>(1, x) = bad;
+                        radiance.at<float>(1, width - 1) = bad;
                         EXPECT_THAT(
                             [&] {
                                 model.expose(radiance, NoiseKey{1, 2});

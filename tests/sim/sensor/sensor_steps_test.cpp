@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/random.h"
+#include "tests/sim/sensor/expected_codes.h"
 
 namespace etalon {
 namespace {
@@ -53,28 +54,6 @@ std::vector<double> ends_and_steps(const Curve& curve) {
     return result;
 }
 
-// Each radiance as the nearest float of itself, and those that are floats as floats.
-void expect_codes(const SensorSteps& steps, const Curve& curve,
-                  const std::vector<double>& radiances) {
-    for (const bool is_rounded : {false, true})
-        for (std::size_t first = 0; first < radiances.size(); first += SensorSteps::max_at_once) {
-            std::vector<float> values;
-            for (std::size_t i = first;
-                 i < radiances.size() && std::ssize(values) < SensorSteps::max_at_once; ++i)
-                values.push_back(static_cast<float>(radiances[i]));
-            const auto radiance_at = [&](int i) {
-                const auto place = static_cast<std::size_t>(i);
-                return is_rounded ? radiances[first + place] : double(values[place]);
-            };
-            std::vector<std::uint16_t> codes(values.size());
-            const int count = static_cast<int>(values.size());
-            steps.put_codes(values.data(), is_rounded, count, radiance_at, codes.data());
-            for (int i = 0; i < count; ++i)
-                ASSERT_EQ(codes[static_cast<std::size_t>(i)], curve(radiance_at(i)))
-                    << radiance_at(i) << " rounded " << is_rounded;
-        }
-}
-
 // As doubles and, where a float is that or near it, through the cells.
 void expect_exact(const Curve& curve) {
     const SensorSteps steps(curve.bits, curve, guess_of(curve));
@@ -94,7 +73,7 @@ void expect_exact(const Curve& curve) {
             expect_code(radiance);
     for (const double radiance : {-0.0, 5e-324, -5e-324, 1e30, -1e30})
         expect_code(radiance);
-    expect_codes(steps, curve, radiances);
+    test::expect_codes(steps, curve, radiances);
 }
 
 // Noise goes below 0 and above 1. Steep below 0 all codes end within the first cells there, flat

@@ -10,9 +10,10 @@ namespace etalon {
 inline constexpr float black = 0.0f, white = 1.0f;  // of a printed cell
 
 struct CellGrid {
-    cv::Mat cells;              // CV_32FC1, rows x columns, linear radiance 0..1, row 0 on top
-    Eigen::Vector2d corner_mm;  // marker-frame position of the grid's top-left corner
-    Eigen::Vector2d cell_mm;    // size of a cell along x and y
+    cv::Mat cells;  // CV_32FC1, rows x columns, linear radiance 0..1, row 0 on top
+    // Marker-frame position of the grid's top-left corner.
+    Eigen::Vector2d corner_mm = Eigen::Vector2d::Zero();
+    Eigen::Vector2d cell_mm = Eigen::Vector2d::Zero();  // size along x and y
 
     int rows() const { return cells.rows; }
     int columns() const { return cells.cols; }

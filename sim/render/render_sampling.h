@@ -31,7 +31,7 @@ struct ImageExtremes {
     EdgeTangents tangents;
     UndistortionMap::Bend bend;
     bool is_far_from_border;  // of the valid region: for a table of corners, which sees farther
-    int markers = 1;  // in the scene: their omitted tails add up
+    int markers = 1;          // in the scene: their omitted tails add up
 };
 
 // Throws NumericalError when the method that the options force cannot meet their tolerance.

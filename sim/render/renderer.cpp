@@ -194,12 +194,12 @@ EdgeTangents tangents_of(const std::vector<Eigen::Vector2d>& outline) {
                 least = std::min(least, from_first);
                 most = std::max(most, from_first);
             }
-        constexpr double margin = 0.02;
-        for (double turn = least - margin; turn < most + 2.0 * margin; turn += margin) {
+        constexpr double margin = 0.02, step = 0.005;
+        for (double turn = least - margin; turn < most + margin + step; turn += step) {
             const double across = std::abs(std::sin(first + turn));
             const double along = std::abs(std::cos(first + turn));
             const double tangent = std::min(across, along) / std::max(across, along);
-            tangents.set(static_cast<std::size_t>(std::lround(16.0 * tangent)));
+            tangents.set(static_cast<std::size_t>(std::lround(tangent_steps * tangent)));
         }
     }
     return tangents;
@@ -256,19 +256,19 @@ public:
         const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
         const cv::Rect tiles = tiles_around(outline_, blur.largest_px, sensor_.rays);
         const Eigen::Vector2d middle(0.0, 0.0), slope = view_.defocus_slope(middle);
-        const ImageExtremes image{blur,
-                                  distorted_blur(blur, view_, sensor_.rays, tiles),
-                                  view_.aperture().radius_mm * slope.norm(),
-                                  view_.aperture().radius_mm * (slope - view_.turn(middle)).norm(),
-                                  largest_step(view_),
-                                  view_.contrast(),
-                                  area_around(outline_, blur.largest_px),
-                                  shortest_cell(outline_, view_),
-                                  tangents_of(outline_),
-                                  sensor_.rays.bend(tiles),
-                                  blur.largest_px <= WedgeTable::largest_blur_px &&
-                                      is_far_from_border(blur.largest_px),
-                                  static_cast<int>(scene.markers.size())};
+        const ImageExtremes image{
+            blur,
+            distorted_blur(blur, view_, sensor_.rays, tiles),
+            view_.aperture().radius_mm * slope.norm(),
+            view_.aperture().radius_mm * (slope - view_.turn(middle)).norm(),
+            largest_step(view_),
+            view_.contrast(),
+            area_around(outline_, blur.largest_px),
+            shortest_cell(outline_, view_),
+            tangents_of(outline_),
+            sensor_.rays.bend(tiles),
+            blur.largest_px <= WedgeTable::largest_blur_px && is_far_from_border(blur.largest_px),
+            static_cast<int>(scene.markers.size())};
         chosen_ = choose_sampling(image, cache.filter, cache.bound, options);
         chosen_.plan.instructions = tile_kernel_target();
         if (images_lines_straight(cache.camera))

@@ -350,7 +350,7 @@ double SamplingBound::largest_of(int k, int index, EdgeTangents tangents,
             continue;
         if (known.largest[n] == 0.0)
             known.largest[n] =
-                largest_over_rows(known.errors, k, static_cast<double>(n) / (tangents.size() - 1));
+                largest_over_rows(known.errors, k, static_cast<double>(n) / tangent_steps);
         largest = std::max(largest, known.largest[n]);
     }
     return full_scale_gray * largest;

@@ -19,9 +19,11 @@
 
 namespace etalon {
 
-// Directions of edges in the image: bit n stands for the tangent n / 16 of the angle to the nearest
-// of the pixels' axes.
-using EdgeTangents = std::bitset<17>;
+// Directions of edges in the image: bit n stands for the tangent n / 64 of the angle to the nearest
+// of the pixels' axes. In steps of a 16th, the rows of 15 samples that one edge crosses cancel at
+// 1/16 and not beside it.
+inline constexpr std::size_t tangent_steps = 64;
+using EdgeTangents = std::bitset<tangent_steps + 1>;
 
 // Blur radii, and up to which of them one disk stands for a sample's disk and the lens together;
 // beyond, two or more.
@@ -57,8 +59,8 @@ public:
 private:
     struct Known {
         std::mutex mutex;
-        std::vector<float> errors;         // by the place of an edge along the pixels
-        std::array<double, 17> largest{};  // by tangent; 0: not computed
+        std::vector<float> errors;  // by the place of an edge along the pixels
+        std::array<double, tangent_steps + 1> largest{};  // by tangent; 0: not computed
     };
 
     // The spread seen along one axis: its energy in bins of 1/bins_per_px, symmetric about bin 0.

@@ -178,12 +178,16 @@ PlacedMarker place(const CameraModel& camera, Dice& dice, double side_px, double
     return marker;
 }
 
-bool is_before_lens(const PlacedMarker& marker) {
+// All of it is before the lens, its front to it.
+bool is_seen(const PlacedMarker& marker) {
     constexpr double min_mm = 20.0;  // more than an aperture's radius
     const CellGrid& grid = marker.grid;
+    const Rigid& pose = marker.camera_from_marker;
+    if (!((pose.rotation * Eigen::Vector3d::UnitZ()).dot(pose.translation) > min_mm))
+        return false;
     for (const int u : {0, grid.columns()})
         for (const int v : {0, grid.rows()})
-            if (!((marker.camera_from_marker * grid.point_mm(u, v)).z() > min_mm))
+            if (!((pose * grid.point_mm(u, v)).z() > min_mm))
                 return false;
     return true;
 }
@@ -273,7 +277,7 @@ RandomInput ordinary_input(std::uint64_t seed) {
         return place(input.camera, dice, side_px, depth, dice.between(0.0, 70.0) * degree, 8, 0.0);
     };
     PlacedMarker marker = any_marker();
-    while (!is_before_lens(marker))  // a wide one, tilted, of a short lens
+    while (!is_seen(marker))  // a wide one, tilted, of a short lens
         marker = any_marker();
     input.scene.markers = {marker};
     input.scene.background = random_background(dice);

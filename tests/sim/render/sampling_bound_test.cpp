@@ -70,6 +70,33 @@ TEST(SamplingBound, HoldsForRenderedEdgesAndIsNotFarAbove) {
     }
 }
 
+// In steps of a 16th of a tangent the bound of 15 samples was 3 times too small beside 1/16.
+TEST(SamplingBound, HoldsForEdgesOfAnySlant) {
+    const Renderer renderer(test::small_camera({PointSpread::Kind::gaussian, 0.05}));
+    const double blur = 0.13, z = depth_of_blur(renderer.camera(), blur);
+    for (const auto& [k, tangent] : {std::pair{15, 0.0525}, {15, 0.0565}, {5, 0.2169}}) {
+        RenderOptions coarse{.method = RenderMethod::exact_lens,
+                             .samples_per_side = k,
+                             .region = {40, 32, 16, 4},
+                             .keep = {Omission::lens, Omission::diffraction}};
+        RenderOptions fine = coarse;
+        fine.samples_per_side = 48;
+        Scene scene = test::half_plane(0.0, z);
+        Rigid& pose = scene.markers[0].camera_from_marker;
+        pose.rotation = rotation_from_vector({0.0, 0.0, std::atan(tangent)});
+        double error = 0.0, limit = 0.0;
+        for (int place = 0; place < 10; ++place) {
+            pose.translation.x() = (0.3 + place / 10.0) * z / 400.0;
+            const RenderedImage image = renderer.render(scene, coarse);
+            limit = image.plan.sampling_gray;
+            error = std::max(error, test::largest_difference(
+                                        image.radiance, renderer.render(scene, fine).radiance));
+        }
+        EXPECT_LT(error / gray, 1.1 * limit) << k << " at " << tangent;
+        EXPECT_GT(error / gray, 0.25 * limit) << k << " at " << tangent;
+    }
+}
+
 // One disk that stands for a sample's disk and the lens has ripples of its own: where its transfer
 // at the samples' frequency is larger than the sharp image's disk's, k sees more of an edge.
 TEST(SamplingBound, KnowsTheRipplesOfDisksThatStandForTheLens) {

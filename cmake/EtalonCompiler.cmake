@@ -22,8 +22,9 @@ if(ETALON_SANITIZE)
         -fsanitize=${ETALON_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all
         # Checks of every single access: the address sanitizer sees what the first two would, x86
         # allows what the third forbids, and together they are a third of the build and its run.
-        -fno-sanitize=null,object-size,alignment,vptr)
-    # What the address sanitizer does not see: a vector that nobody has set is not a number.
+        -fno-sanitize=null,object-size,alignment,vptr
+        # Nor do they see a variable or a vector that nobody has set: it is no plausible number.
+        -ftrivial-auto-var-init=pattern)
     target_compile_definitions(etalon_compiler INTERFACE EIGEN_INITIALIZE_MATRICES_BY_NAN)
     target_link_options(etalon_compiler INTERFACE -fsanitize=${ETALON_SANITIZE})
 endif()

@@ -95,8 +95,8 @@ run_target() {
 }
 export -f run_target describe_finding seeds_of words_of
 
-# In memory where that can be: what is written anew and closed, ext4 brings to the disk at once, and
-# four targets that ran side by side got 9 % of a processor for tables instead of 50 %.
+# In memory where there is some (they need 0.1 MB): ext4 brings a file that is written anew to the
+# disk when it is closed, and beside three others `tables` got 9 % of a processor instead of 50 %.
 TMPDIR=$(mktemp -d -p /dev/shm 2>/dev/null || mktemp -d)
 export TMPDIR
 trap 'rm -rf "$TMPDIR"' EXIT

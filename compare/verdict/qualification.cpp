@@ -213,7 +213,7 @@ int find_biases(QualificationInput& input, const Projector& projector,
     for (Pose& pose : input.poses) {
         const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
         std::optional<std::vector<Eigen::Vector2d>> expected;
-        if (pose.hold_out)
+        if (pose.hold_out && pose.is_detected())
             expected = expected_corners(input, projector, pose, predicted);
         pose.bias = pose_bias(projector, input.points_mm, predicted, pose.corners,
                               expected.value_or(std::vector<Eigen::Vector2d>{}));

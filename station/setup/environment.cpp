@@ -12,9 +12,6 @@
 namespace etalon {
 namespace {
 
-constexpr Range room_c{-40.0, 85.0, false, "degrees C"};
-constexpr Range humidity{0.0, 100.0, false, "%"};
-
 SensorRegister read_register(const Value& section, const Range& possible) {
     SensorRegister place;
     place.possible = possible;
@@ -44,9 +41,9 @@ GivenClimate read_given(const Value& value, const Range& possible) {
 RoomSensor read_sensor(const Value& section) {
     RoomSensor sensor;
     sensor.link = read_stage_link(section.at("link"));
-    sensor.temperature_c = read_register(section.at("temperature"), room_c);
+    sensor.temperature_c = read_register(section.at("temperature"), possible_temperature_c);
     if (const auto place = section.find("humidity"))
-        sensor.humidity_percent = read_register(*place, humidity);
+        sensor.humidity_percent = read_register(*place, possible_humidity_percent);
     return sensor;
 }
 
@@ -72,12 +69,12 @@ std::optional<ClimateSummary> summary_of(const std::vector<double>& readings) {
 }
 
 std::string basis_of(const ClimateSummary& room, const DeclaredTemperature& temperature,
-                     const TracedReference& thermometer) {
+                     const std::string& certificate) {
     return fmt::format("{}, mean {:.2f} C ({:.2f} K from {:.4g} C), s = {:.3f} K; thermometer {}",
                        room.readings > 0 ? fmt::format("{} readings", room.readings)
                                          : std::string("given by hand"),
                        room.mean, room.mean - temperature.reference_c, temperature.reference_c,
-                       room.deviation, thermometer.certificate);
+                       room.deviation, certificate);
 }
 
 // Welch and Satterthwaite: only the deviation of readings has a limited number of them.
@@ -95,9 +92,9 @@ StationEnvironment read_environment(const Value& section) {
         environment.sensor = read_sensor(section);
         return environment;
     }
-    environment.temperature_c = read_given(section.at("temperature_c"), room_c);
+    environment.temperature_c = read_given(section.at("temperature_c"), possible_temperature_c);
     if (const auto given = section.find("humidity_percent"))
-        environment.humidity_percent = read_given(*given, humidity);
+        environment.humidity_percent = read_given(*given, possible_humidity_percent);
     return environment;
 }
 
@@ -130,13 +127,19 @@ std::optional<DeclaredTemperature> temperature_of_run(const StationFile& station
                                                       const RunEnvironment& environment) {
     const TracedReference* thermometer = reference_named(station.references, "thermometer");
     const auto room = room_temperature(station, environment);
-    if (!station.temperature || !thermometer || !room || !environment.lost.empty())
+    if (!station.temperature || !room || !environment.lost.empty())
         return station.temperature;
     DeclaredTemperature temperature = *station.temperature;
-    temperature.standard_uncertainty_k = std::hypot(
-        room->mean - temperature.reference_c, room->deviation, thermometer->standard_uncertainty());
+    temperature.standard_uncertainty_k =
+        std::hypot(room->mean - temperature.reference_c, room->deviation,
+                   thermometer ? thermometer->standard_uncertainty() : 0.0);
+    if (!thermometer &&
+        temperature.standard_uncertainty_k <= station.temperature->standard_uncertainty_k)
+        return station.temperature;
     temperature.degrees_of_freedom = degrees_of_freedom(*room, temperature.standard_uncertainty_k);
-    temperature.basis = basis_of(*room, temperature, *thermometer);
+    temperature.basis = basis_of(
+        *room, temperature,
+        thermometer ? thermometer->certificate : "without a certificate, more than was declared");
     return temperature;
 }
 

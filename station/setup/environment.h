@@ -29,6 +29,10 @@ namespace etalon {
 struct StationFile;
 struct DeclaredTemperature;
 
+// What a sensor in a room can say; anything else is a fault.
+inline constexpr Range possible_temperature_c{-40.0, 85.0, false, "degrees C"};
+inline constexpr Range possible_humidity_percent{0.0, 100.0, false, "%"};
+
 // Where a sensor keeps a quantity: scale * number + offset.
 struct SensorRegister {
     RegisterSpace space = RegisterSpace::input_registers;
@@ -36,7 +40,7 @@ struct SensorRegister {
     NumberType type = NumberType::int16;
     WordOrder order = WordOrder::high_first;
     double scale = 1.0, offset = 0.0;
-    Range possible;  // what a sensor in a room can say; anything else is a fault
+    Range possible;
 };
 
 struct RoomSensor {
@@ -89,6 +93,7 @@ std::optional<ClimateSummary> room_humidity(const StationFile& station,
 //
 //     u^2 = (mean - reference)^2 + s^2 + u_thermometer^2
 //
+// One without a certificate (u_thermometer = 0) only counts where u is more than was declared.
 // The deviation from the reference temperature is not corrected for and counts in full; s is that
 // of single readings, since each pose has its own temperature.
 std::optional<DeclaredTemperature> temperature_of_run(const StationFile& station,

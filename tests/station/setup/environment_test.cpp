@@ -108,10 +108,20 @@ TEST(Environment, LeavesTheDeclaredTemperatureWhereItIsNotMeasured) {
     EXPECT_EQ(of(station, lost), declared);
     StationFile untraced = station;
     untraced.references.clear();
-    EXPECT_EQ(of(untraced, readings({20.3, 20.7, 20.5})), declared);
+    EXPECT_EQ(of(untraced, readings({20.1, 20.3, 20.2})), declared);
     StationFile without = station;
     without.environment.reset();
     EXPECT_EQ(of(without, {}), declared);
+}
+
+// It may be wrong itself, but what it says cannot be left out. By hand: mean 64.1, s = 0.3.
+TEST(Environment, ReadingsWithoutACertificateOnlyWidenTheDeclaredTemperature) {
+    StationFile station = station_in(by_sensor);
+    station.references.clear();
+    const DeclaredTemperature temperature =
+        temperature_of_run(station, readings({64.1, 63.8, 64.4})).value();
+    EXPECT_NEAR(temperature.standard_uncertainty_k, std::hypot(44.1, 0.3), 1e-9);
+    EXPECT_THAT(temperature.basis, HasSubstr("without a certificate"));
 }
 
 }  // namespace

@@ -69,15 +69,22 @@ std::string holder(const QualifyArguments& arguments) {
     return stage_holder("a qualification", arguments.operator_name);
 }
 
+// The record has its own; what is given beside it must not be ignored.
+void require_recorded(const QualifyArguments& arguments, const std::vector<InputFile>& inputs) {
+    if (arguments.station.empty() && arguments.calibration.empty())
+        return;
+    const std::filesystem::path station =
+        arguments.station.empty() ? arguments.resume / inputs.front().copy : arguments.station;
+    require_same_inputs(inputs, read_station(station, arguments.calibration).inputs);
+}
+
 QualifyResult resume(const QualifyArguments& arguments, Clock& clock, Progress& progress,
                      const std::stop_token& stop) {
     const FileLock lock(arguments.resume / log_file);
     const RecordedRun recorded = read_record(arguments.resume, progress, stop);
     announce(recorded, progress);
-    if (!arguments.station.empty())
-        require_same_inputs(recorded.result.station.inputs,
-                            read_station(arguments.station, arguments.calibration).inputs);
     const StationFile& station = recorded.result.station;
+    require_recorded(arguments, station.inputs);
     const StationLock stage_lock(station.stage.link, holder(arguments));
     return resume_qualification(recorded, devices(station, arguments, clock, progress, stop), clock,
                                 progress, stop);
@@ -146,8 +153,8 @@ void declare_qualify(Command& program) {
         "Ctrl-C stops the axes and ends the run.\n\n"
         "`etalon qualify --resume DIR` goes on with a run that did not come to its\n"
         "end: the poses that DIR has are kept, the rest of the plan is measured. It\n"
-        "works from DIR's own copies of station.yaml and calibration; where STATION is\n"
-        "given too, it must be the same.\n\n"
+        "works from DIR's own copies of station.yaml and calibration; where STATION or\n"
+        "--calibration is given too, it must be the same.\n\n"
         "An axis whose controller does not tell whether it is homed must be seen to\n"
         "move when it is homed, or you say that it stands at its zero: --homed.\n\n"
         "Everything that the run needs is said in station.yaml: examples/demo has one\n"

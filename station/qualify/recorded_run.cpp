@@ -201,9 +201,10 @@ private:
 
     void take_climate(const JsonEntry& line, double t) {
         line.require_keys({"t", "event", "temperature_c", "humidity_percent"});
-        ClimateReading reading{t, line.at("temperature_c").number(any_number), {}};
+        ClimateReading reading{t, line.at("temperature_c").number(possible_temperature_c), {}};
         if (!line.at("humidity_percent").is_null())
-            reading.humidity_percent = line.at("humidity_percent").number(any_number);
+            reading.humidity_percent =
+                line.at("humidity_percent").number(possible_humidity_percent);
         result_.environment.readings.push_back(reading);
     }
 
@@ -221,11 +222,23 @@ private:
 
     std::vector<std::vector<double>> read_readings(const JsonEntry& list) const {
         std::vector<std::vector<double>> readings;
-        for (const JsonEntry& item : list.items())
+        for (const JsonEntry& item : list.items()) {
             readings.push_back(item.numbers(axes()));
+            require_travelled(readings.back(), item);
+        }
         if (readings.size() != static_cast<std::size_t>(result_.station.plan.frames) + 1)
             list.fail("must be one after settling and one after each frame");
         return readings;
+    }
+
+    // An axis that lies may be read beyond its end, not by as much again as it travels.
+    void require_travelled(const std::vector<double>& reading, const JsonEntry& item) const {
+        for (std::size_t i = 0; i < axes(); ++i) {
+            const Axis& axis = result_.station.stage.axes[i];
+            const double travel = axis.high - axis.low;
+            if (!(reading[i] >= axis.low - travel && reading[i] <= axis.high + travel))
+                item.fail(fmt::format("is far beyond the travel of axis {}", axis.name));
+        }
     }
 
     std::vector<FrameRecord> frames_of(const JsonEntry& line, int pose) const {
@@ -242,6 +255,9 @@ private:
         const std::optional<RunOutcome> outcome = run_outcome_named(event);
         if (!outcome)
             return;  // for people
+        if (is_verdict(*outcome) && !run_.is_measured())
+            line.at("event").fail(fmt::format("is a verdict, and {} of {} poses are there",
+                                              result_.poses.size(), result_.plan.poses.size()));
         result_.outcome = *outcome;
         result_.reason = line.at("detail").text();
     }

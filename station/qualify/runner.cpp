@@ -437,11 +437,10 @@ std::unique_ptr<Stage> guarded(const StationFile& station, const DeviceOpeners& 
 // ---- resuming
 
 void require_unfinished(const RecordedRun& recorded) {
-    const RunOutcome outcome = recorded.result.outcome;
-    if (outcome != RunOutcome::error && outcome != RunOutcome::aborted)
+    if (is_verdict(recorded.result.outcome))
         throw ConfigError({recorded.result.folder.string()},
                           fmt::format("came to its end with {}; `etalon report` analyses it again",
-                                      name(outcome)));
+                                      name(recorded.result.outcome)));
 }
 
 // The plan is the record's. Nothing has moved yet: a target where the axes may not go is refused

@@ -33,6 +33,10 @@ int exit_code(RunOutcome outcome) {
     return outcome_words[static_cast<std::size_t>(outcome)].exit_code;
 }
 
+bool is_verdict(RunOutcome outcome) {
+    return outcome != RunOutcome::error && outcome != RunOutcome::aborted;
+}
+
 std::optional<RunOutcome> run_outcome_named(const std::string& name) {
     const auto found = std::ranges::find(outcome_words, name, &OutcomeWord::name);
     if (found == std::end(outcome_words))

@@ -20,6 +20,8 @@ namespace etalon {
 enum class RunOutcome { pass, fail, inconclusive, error, aborted };
 const char* name(RunOutcome outcome);  // "PASS", "FAIL", "INCONCLUSIVE", "ERROR", "ABORTED"
 
+bool is_verdict(RunOutcome outcome);  // the first three
+
 std::optional<RunOutcome> run_outcome_named(const std::string& name);
 
 // 0, 1, 2, 4 and 130.

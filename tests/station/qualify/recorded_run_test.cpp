@@ -14,6 +14,7 @@
 #include "station/qualify/kept_pixels.h"
 #include "tests/pages.h"
 #include "tests/read_bytes.h"
+#include "tests/station/built_program.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace etalon {
@@ -136,6 +137,10 @@ TEST_F(RecordOfARun, IsRefusedWhenItsLogCannotBeWhatARunWrote) {
     expect_refused(with("\"approach\":[", "\"approach\":[0,"), "is not of all axes");
     expect_refused(with("\"readings\":[[", "\"readings\":[[1e999],["), "is not JSON");
     expect_refused(with("\"readings\":[[", "\"readings\":[[1],["), "must be 4 numbers");
+    const std::size_t first_reading = log.find("\"readings\":[[") + 13;
+    expect_refused(std::string(log).replace(first_reading,
+                                            log.find(',', first_reading) - first_reading, "-1e4"),
+                   "readings[0]: is far beyond the travel of axis x");
     expect_refused(with("{\"t\"", "{\"t"), "is not JSON");
     const std::string twice = log_until("\"event\":\"pose\"", 0);
     const std::string pose =
@@ -143,12 +148,37 @@ TEST_F(RecordOfARun, IsRefusedWhenItsLogCannotBeWhatARunWrote) {
     expect_refused(twice + pose, "was visited before");
     expect_refused(twice + pose.substr(pose.rfind("{\"t\"", pose.size() - 3)),
                    "was visited before");
+    expect_refused(twice +
+                       "{\"t\":9,\"event\":\"climate\",\"temperature_c\":-500,"
+                       "\"humidity_percent\":null}\n",
+                   "temperature_c: -500 is out of range");
+    // Whole lines that are lost, in the middle or all of them.
+    const std::string second = log_until("\"event\":\"pose\"", 1);
+    const std::string end = log.substr(log.rfind("{\"t\"", log.size() - 3));
+    expect_refused(twice + log.substr(second.size()), "is a verdict, and 24 of 25 poses are there");
+    expect_refused(log_until("\"event\":\"session\"", 0) + end,
+                   "events.jsonl:3: event: is a verdict, and 0 of 25 poses are there");
 }
 
 TEST_F(RecordOfARun, IsRefusedWhenItCameToItsEnd) {
     EXPECT_THAT(refusal_of([&] { mocks.resume(); }),
                 HasSubstr("came to its end with INCONCLUSIVE"));
     EXPECT_EQ(read_text(mocks.record() / "events.jsonl"), log);
+}
+
+// The program goes on with the record's own calibration and must not seem to have taken another.
+TEST_F(RecordOfARun, IsNotGoneOnWithByAnotherCalibration) {
+    write_text(mocks.record() / "events.jsonl", log_until("\"event\":\"pose\"", 6));
+    write_text(mocks.folder / "other.yml", read_text(mocks.folder / "camera.yml") + "\n");
+    for (const auto& [file, why] :
+         {std::pair{"other.yml", "other.yml: is not the calibration file that the run was made"},
+          std::pair{"none.yml", "none.yml: no such file"}}) {
+        const Finished finished = etalon_with(
+            mocks.folder,
+            fmt::format("qualify --resume {} --calibration {}", mocks.record().string(), file));
+        EXPECT_EQ(finished.exit_code, 3) << finished.err;
+        EXPECT_THAT(finished.err, HasSubstr(why));
+    }
 }
 
 TEST_F(RecordOfARun, IsRefusedByAnotherCamera) {

@@ -5,9 +5,11 @@
 // is a frame with a status.
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <type_traits>
 #include <utility>
 #include <variant>
@@ -38,6 +40,16 @@ public:
 private:
     SourcePlace place_;
 };
+
+// A file that its disk does not take: full, failing or only for reading. Exit code 4.
+class DiskError : public ConfigError {
+public:
+    using ConfigError::ConfigError;
+};
+
+// DiskError where the disk is the cause, otherwise ConfigError: the path is one that cannot be
+// written.
+[[noreturn]] void fail_writing(const std::filesystem::path& path, std::error_code cause);
 
 // A device that did not do what was asked of it. Exit code 4.
 // what() reads "device: request: cause".

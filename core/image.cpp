@@ -113,7 +113,7 @@ void write_any(const std::filesystem::path& path, const cv::Mat& image) {
     if (error) {
         std::error_code ignored;
         std::filesystem::remove(part, ignored);
-        throw ConfigError({path.string()}, "cannot be written: " + error.message());
+        fail_writing(path, error);
     }
 }
 

@@ -21,6 +21,8 @@ std::string Range::words() const {
         return fmt::format("at least {}{}", low, of_unit);
     if (std::isinf(low))
         return fmt::format("at most {}{}", high, of_unit);
+    if (open_low)
+        return fmt::format("greater than {} and at most {}{}", low, high, of_unit);
     return fmt::format("between {} and {}{}", low, high, of_unit);
 }
 

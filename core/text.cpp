@@ -206,7 +206,7 @@ void write_text(const std::filesystem::path& path, std::string_view text) {
     if (error) {
         std::error_code ignored;
         std::filesystem::remove(part, ignored);
-        throw ConfigError({path.string()}, "cannot be written: " + error.message());
+        fail_writing(path, error);
     }
 }
 

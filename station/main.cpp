@@ -4,6 +4,7 @@
 #include <malloc.h>
 
 #include <csignal>
+#include <cstdio>
 #include <limits>
 
 #include "capture/frame/camera.h"
@@ -36,6 +37,13 @@ void keep_memory() {
     mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
 }
 
+// A result that nobody got is none: the disk may be full, the reader gone.
+int printed(int code) {
+    if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0)
+        return code;
+    return fail(ExitCode::run_error, "stdout: cannot be written");
+}
+
 }  // namespace
 }  // namespace etalon
 
@@ -53,7 +61,9 @@ int main(int argc, char** argv) {
              "`etalon COMMAND --help` explains a command.\n",
              version_text},
             declare_commands);
-        return command();
+        return printed(command());
+    } catch (const DiskError& error) {
+        return fail(ExitCode::run_error, error.what());
     } catch (const ConfigError& error) {
         return fail(ExitCode::usage_error, error.what());
     } catch (const Interrupted& error) {

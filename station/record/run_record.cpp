@@ -34,7 +34,7 @@ std::filesystem::path cut(const std::filesystem::path& log, std::uintmax_t whole
     std::error_code error;
     std::filesystem::resize_file(log, whole_bytes, error);
     if (error)
-        throw ConfigError({log.string()}, "cannot be written: " + error.message());
+        fail_writing(log, error);
     return log;
 }
 
@@ -92,8 +92,7 @@ void RunRecord::log(const std::string& line) {
     errno = 0;
     events_ << line << '\n' << std::flush;
     if (!events_)
-        throw ConfigError({(folder_ / log_file).string()},
-                          "cannot be written: " + std::generic_category().message(errno));
+        fail_writing(folder_ / log_file, {errno, std::generic_category()});
 }
 
 void RunRecord::log_pose(Pose& pose, const CaptureStatistics& counts) {

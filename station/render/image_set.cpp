@@ -6,10 +6,10 @@
 
 #include "core/errors.h"
 #include "core/sha256.h"
-#include "report/shard.h"
 #include "core/text.h"
 #include "report/json_text.h"
 #include "report/result_rows.h"
+#include "report/shard.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {
@@ -183,7 +183,7 @@ void link_or_copy(const std::filesystem::path& from, const std::filesystem::path
         std::filesystem::copy_file(from, to, std::filesystem::copy_options::overwrite_existing,
                                    error);
     if (error)
-        throw ConfigError({to.string()}, "cannot be written: " + error.message());
+        fail_writing(to, error);
 }
 
 class SetMerger {

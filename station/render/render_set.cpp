@@ -10,10 +10,10 @@
 #include "core/errors.h"
 #include "core/pose_numbers.h"
 #include "core/sha256.h"
-#include "report/shard.h"
 #include "core/text.h"
 #include "core/version.h"
 #include "report/json_text.h"
+#include "report/shard.h"
 #include "sim/scene/pose_file.h"
 #include "station/render/image_set.h"
 #include "station/render/render_plan_text.h"
@@ -77,7 +77,7 @@ public:
         if (!error)
             std::filesystem::rename(part, to, error);
         if (error)
-            throw ConfigError({to.string()}, "cannot be written: " + error.message());
+            fail_writing(to, error);
     }
 
 private:

@@ -134,6 +134,22 @@ TEST(CommandLine, ARecordInUseIsNeitherResumedNorReported) {
     EXPECT_THAT(first_line("qualify --resume record"), Not(HasSubstr("in use")));
 }
 
+// /dev/full takes what is written to it as a full disk does.
+TEST(CommandLine, AResultThatCannotBeWrittenIsExitCode4) {
+    const TemporaryFolder folder;
+    write_station(folder);
+    const int status = std::system(fmt::format("cd '{}' && '{}/etalon' camera show camera.yml "
+                                               ">/dev/full 2>err.txt",
+                                               (folder / "").string(), ETALON_BINARY_DIR)
+                                       .c_str());
+    EXPECT_EQ(WEXITSTATUS(status), 4);
+    EXPECT_EQ(read_text(folder / "err.txt"), "etalon: stdout: cannot be written\n");
+    std::filesystem::create_symlink("/dev/full", folder / "x.yml.part");
+    const Finished full = etalon_with(folder, "camera convert camera.yml --to etalon --out x.yml");
+    EXPECT_EQ(full.exit_code, 4);
+    EXPECT_THAT(full.err, HasSubstr("x.yml: cannot be written: No space left on device"));
+}
+
 // Nobody listens on port 9 of the loopback interface.
 TEST(CommandLine, ADeviceThatDoesNotAnswerIsExitCode4) {
     const TemporaryFolder folder;

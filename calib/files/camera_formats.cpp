@@ -1,5 +1,8 @@
 #include "calib/files/camera_formats.h"
 
+#include <fmt/format.h>
+
+#include "calib/camera/parameter_names.h"
 #include "calib/files/boofcv_file.h"
 #include "calib/files/colmap_file.h"
 #include "calib/files/kalibr_file.h"
@@ -8,6 +11,7 @@
 #include "calib/files/opencv_file.h"
 #include "calib/files/ros_file.h"
 #include "core/errors.h"
+#include "core/range.h"
 #include "core/text.h"
 
 namespace etalon {
@@ -96,7 +100,9 @@ CalibrationTool tool_of(const std::filesystem::path& path) {
     return CalibrationTool::ros;
 }
 
-CameraModel read_foreign_camera(const std::filesystem::path& path, const std::string& select) {
+namespace {
+
+CameraModel read_of_tool(const std::filesystem::path& path, const std::string& select) {
     const CalibrationTool tool = tool_of(path);
     if (tool == CalibrationTool::kalibr)
         return read_kalibr_camera(path, select);
@@ -116,6 +122,18 @@ CameraModel read_foreign_camera(const std::filesystem::path& path, const std::st
         default:
             return read_ros_camera(path);
     }
+}
+
+}  // namespace
+
+CameraModel read_foreign_camera(const std::filesystem::path& path, const std::string& select) {
+    const CameraModel camera = read_of_tool(path, select);
+    const auto coefficients = camera.distortion.coefficients();
+    for (std::size_t i = 0; i < coefficients.size(); ++i)
+        if (const Range range = units::one.either_sign(); !range.contains(coefficients[i]))
+            throw ConfigError({path.string(), 0, distortion_names[i]},
+                              fmt::format("must be {}, not {}", range.words(), coefficients[i]));
+    return camera;
 }
 
 void write_foreign_camera(const std::filesystem::path& path, CalibrationTool tool,

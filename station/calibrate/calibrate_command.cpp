@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <cstdio>
+#include <map>
 #include <set>
 
 #include "calib/files/camera_file.h"
@@ -16,6 +17,7 @@
 #include "core/errors.h"
 #include "core/exit_codes.h"
 #include "core/image.h"
+#include "core/sha256.h"
 #include "core/text.h"
 #include "station/calibrate/calibration_report.h"
 #include "station/calibrate/commands.h"
@@ -98,9 +100,16 @@ Observations observe_all(const CalibrationTarget& target, const std::string& spe
                          const std::vector<std::filesystem::path>& photos) {
     std::vector<Observations> groups;
     std::set<std::filesystem::path> seen;
+    std::map<std::string, std::string> by_content;
     for (const auto& photo : photos) {
         if (!seen.insert(photo.lexically_normal()).second)
             throw ConfigError({photo.string()}, "is given twice");
+        const auto [first, is_new] = by_content.emplace(sha256_of_file(photo), photo.string());
+        if (!is_new) {  // of a camera that was frozen: it would count as one more view
+            fmt::print(stderr, "not used: {} is the same picture as {}\n", photo.string(),
+                       first->second);
+            continue;
+        }
         const CodeImage image = read_image(photo);
         auto group = std::ranges::find(groups, image.pixels.size(), &Observations::image_size);
         if (group == groups.end())

@@ -52,7 +52,7 @@ protected:
         write_image(folder_ / name, photo_of(camera, markers));
     }
     void blank(const std::string& name, int width, int height) const {
-        write_image(folder_ / name, {cv::Mat(height, width, CV_8UC1, cv::Scalar(120)), 8});
+        write_image(folder_ / name, {cv::Mat(height, width, CV_8UC1, cv::Scalar(70 + name[1])), 8});
     }
     void chessboard_set(int first, int last, const CameraModel& camera) const {
         for (int i = first; i < last; ++i)
@@ -123,30 +123,47 @@ INSTANTIATE_TEST_SUITE_P(OfEveryKind, StrangersBoards,
                          testing::Values("aprilgrid:36h11:3x2@32mm/9.6mm", "circles:4x3@30mm/18mm",
                                          "charuco:4X4_50:6x5@20mm/15mm"));
 
-// A chessboard with a white margin, so many rays a pixel each way.
-CodeImage wide_photo(const Projector& projector, const Rigid& camera_from_board, int rays) {
-    const CameraModel& camera = projector.camera();
+// What a ray to the pixel sees: a chessboard with a white margin.
+float wide_gray(const Projector& projector, const Rigid& camera_from_board,
+                const Eigen::Vector2d& pixel) {
     const Eigen::Matrix3d board = camera_from_board.rotation.toRotationMatrix();
     const Eigen::Vector3d& origin = camera_from_board.translation;
-    cv::Mat sum(rays * camera.height, rays * camera.width, CV_32F, cv::Scalar(90));
-    for (int row = 0; row < sum.rows; ++row)
-        for (int column = 0; column < sum.cols; ++column) {
-            const auto ray = projector.ray({(column + 0.5) / rays - 0.5, (row + 0.5) / rays - 0.5});
-            const double along = ray ? board.col(2).dot(origin) / board.col(2).dot(*ray) : 0.0;
-            if (!(along > 0.0))
-                continue;
-            const Eigen::Vector3d point = board.transpose() * (along * *ray - origin) / 25.0;
-            const int x = static_cast<int>(std::floor(point.x())),
-                      y = static_cast<int>(std::floor(point.y()));
-            const bool on_sheet = x >= -2 && x <= 9 && y >= -2 && y <= 6;
-            const bool on_board = x >= -1 && x <= 8 && y >= -1 && y <= 5;
-            if (on_sheet)
-                sum.at<float>(row, column) = on_board && (x + y) % 2 == 0 ? 30.0f : 210.0f;
+    const auto ray = projector.ray(pixel);
+    const double along = ray ? board.col(2).dot(origin) / board.col(2).dot(*ray) : 0.0;
+    if (!(along > 0.0))
+        return 90.0f;
+    const Eigen::Vector3d point = board.transpose() * (along * *ray - origin) / 25.0;
+    const int x = static_cast<int>(std::floor(point.x())),
+              y = static_cast<int>(std::floor(point.y()));
+    if (x < -2 || x > 9 || y < -2 || y > 6)
+        return 90.0f;
+    const bool on_board = x >= -1 && x <= 8 && y >= -1 && y <= 5;
+    return on_board && (x + y) % 2 == 0 ? 30.0f : 210.0f;
+}
+
+// So many rays a pixel each way where its corners do not see the same.
+CodeImage wide_photo(const Projector& projector, const Rigid& camera_from_board, int rays) {
+    const CameraModel& camera = projector.camera();
+    const auto gray = [&](double u, double v) {
+        return wide_gray(projector, camera_from_board, {u, v});
+    };
+    cv::Mat corners(camera.height + 1, camera.width + 1, CV_32F);
+    for (int v = 0; v <= camera.height; ++v)
+        for (int u = 0; u <= camera.width; ++u)
+            corners.at<float>(v, u) = gray(u - 0.5, v - 0.5);
+    CodeImage photo{cv::Mat(camera.height, camera.width, CV_8U), 8};
+    for (int v = 0; v < camera.height; ++v)
+        for (int u = 0; u < camera.width; ++u) {
+            float sum = corners.at<float>(v, u);
+            if (cv::countNonZero(corners({u, v, 2, 2}) != sum) > 0) {
+                sum = 0.0f;
+                for (int i = 0; i < rays * rays; ++i)
+                    sum +=
+                        gray(u - 0.5 + (i % rays + 0.5) / rays, v - 0.5 + (i / rays + 0.5) / rays) /
+                        static_cast<float>(rays * rays);
+            }
+            photo.pixels.at<uchar>(v, u) = cv::saturate_cast<uchar>(sum);
         }
-    CodeImage photo;
-    cv::Mat mean;
-    cv::resize(sum, mean, {camera.width, camera.height}, 0, 0, cv::INTER_AREA);
-    mean.convertTo(photo.pixels, CV_8U);
     return photo;
 }
 
@@ -156,7 +173,7 @@ TEST_F(StrangersPhotographs, MayBeOfAFisheye) {
     std::string photos;
     for (int i = 0; i < 9; ++i) {
         const std::string name = fmt::format("a{}.png", i);
-        write_image(folder_ / name, wide_photo(projector, wide_pose(i), i == 0 || i == 5 ? 12 : 3));
+        write_image(folder_ / name, wide_photo(projector, wide_pose(i), 12));
         photos += " " + name;
     }
     const Finished finished =
@@ -226,6 +243,18 @@ TEST_F(StrangersPhotographs, OfATelephoneAreRefusedByName) {
                "ftypheic\0\0\0\0mif1heic"s);
     expect_one_line_error(etalon(fmt::format("detect IMG_1.HEIC --marker {}", tag_name)), 3,
                           "IMG_1.HEIC: is HEIC, which is not read here: convert it to PNG");
+}
+
+// Each would count as a view of its own, and the deviations would be too small.
+TEST_F(StrangersPhotographs, OfAFrozenCameraAreOnePhotograph) {
+    chessboard_set(0, 1, small_camera());
+    for (const char* copy : {"b.png", "c.png", "d.png"})
+        std::filesystem::copy_file(folder_ / "a00.png", folder_ / copy);
+    const Finished finished =
+        etalon("calibrate --target chessboard:6x5@10mm --out c.yml a00.png b.png c.png d.png");
+    EXPECT_EQ(finished.exit_code, 3);
+    EXPECT_THAT(finished.err, HasSubstr("not used: d.png is the same picture as a00.png"));
+    EXPECT_THAT(finished.err, HasSubstr("was found in 1 of 4 photos; three are needed"));
 }
 
 TEST_F(StrangersPhotographs, OfSeveralSizesAreGroupedAndNamed) {

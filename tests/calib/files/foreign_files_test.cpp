@@ -403,6 +403,17 @@ constexpr std::array held{Held{CalibrationTool::opencv, 14}, Held{CalibrationToo
                           Held{CalibrationTool::matlab, 5},  Held{CalibrationTool::boofcv, 5},
                           Held{CalibrationTool::colmap, 8}};
 
+TEST(ForeignFiles, RefuseCoefficientsThatOurOwnFileRefuses) {
+    for (const char* huge : {"1e20", "-1e300"})
+        EXPECT_THAT(
+            foreign_error(fmt::format(
+                "cam0:\n  camera_model: pinhole\n  distortion_model: radtan\n"
+                "  distortion_coeffs: [0.1, {}, 0, 0]\n  resolution: [640, 480]\n"
+                "  intrinsics: [500, 501, 320, 240]\n  rostopic: /c\n",
+                huge)),
+            HasSubstr("case: k2: must be between -1000000000000 and 1000000000000, not"));
+}
+
 TEST(ForeignFiles, WriteWhatReadsBack) {
     for (const auto& [tool, most] : held)
         for (const std::size_t count : {0u, 4u, 5u, 8u, 12u, 14u}) {

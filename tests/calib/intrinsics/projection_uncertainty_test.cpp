@@ -107,26 +107,6 @@ TEST(ProjectionDifference, OfACameraThatWasTurnedIsNone) {
         EXPECT_NEAR(wider.differences_px[i].x(), 0.01 * (wider.pixels[i].x() - 319.5), 5e-3);
 }
 
-// The difference of two halves, squared, over what their formal covariances lead to expect: a sum
-// of squares of about nine parameters' worth, of which few matter, with mean 1. Of 40 runs with a
-// relative deviation of at most sqrt(2): standard error 0.22; 3.5 of it.
-TEST(CrossValidation, HalvesDifferAsMuchAsTheirCovariancesSay) {
-    const CalibrationModel& model = calibration_model("radial");
-    const int runs = 40;
-    double ratio = 0.0, robust = 0.0;
-    for (int run = 0; run < runs; ++run) {
-        const auto views = test::synthetic_views(test::calibration_truth(), 8, 0.2, 500 + run);
-        const auto halves = cross_validate(views, test::image_size, model,
-                                           fit_camera(views, test::image_size, model));
-        EXPECT_EQ(halves.views[0], 4u);
-        EXPECT_EQ(halves.views[1], 4u);
-        ratio += std::pow(halves.rms_px / halves.expected_formal_px, 2) / runs;
-        robust += std::pow(halves.expected_robust_px / halves.expected_formal_px, 2) / runs;
-    }
-    EXPECT_NEAR(ratio, 1.0, 3.5 * 0.22);
-    EXPECT_NEAR(robust, 1.0, 3.5 * 0.22);
-}
-
 TEST(CrossValidation, NeedsSixViews) {
     const auto views = test::synthetic_views(test::calibration_truth(), 5, 0.2, 1);
     const CalibrationModel& model = calibration_model("radial");

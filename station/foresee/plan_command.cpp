@@ -188,14 +188,17 @@ Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
 
 int run_plan(const PlanArguments& arguments) {
     const StudiedPlan studied = study_plan(arguments.station, noisy_frames);
-    const Forecast forecast = forecast_of(*studied.simulator);
+    const auto forecast = attempted([&] { return forecast_of(*studied.simulator); });
+    if (!forecast)
+        throw NumericalError(fmt::format("{}: a run as it declares ends with: {}",
+                                         arguments.station.string(), forecast.cause));
     if (arguments.json) {
-        fmt::print("{}\n", json_of(studied, forecast).dump(1));
+        fmt::print("{}\n", json_of(studied, *forecast.value).dump(1));
         return 0;
     }
     print_plan(studied);
-    print_quantities(forecast);
-    print_errors(forecast.signatures);
+    print_quantities(*forecast.value);
+    print_errors(forecast.value->signatures);
     return 0;
 }
 

@@ -161,8 +161,9 @@ void add_repeats(const PlanRequest& request, std::vector<Pose>& path) {
     std::ranges::copy_if(path, std::back_inserter(judging), &Pose::hold_out);
     const std::size_t count = static_cast<std::size_t>(request.repeats);
     if (count > judging.size())
-        throw ConfigError(request.place,
-                          fmt::format("{} repeats of {} hold-out poses", count, judging.size()));
+        throw ConfigError({request.place.file, 0, "plan.repeats"},
+                          fmt::format("must be at most {}, as many as are judged, not {}",
+                                      judging.size(), count));
     for (std::size_t i = count; i-- > 0;)
         path.push_back(judging[(2 * i + 1) * judging.size() / (2 * count)]);
 }

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/json_entry.h"
-#include "core/text.h"
+#include "core/config/json_entry.h"
+#include "core/file/text.h"
 
 namespace etalon {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "bench/bench_timing.h"
 #include "bench/published_method.h"
-#include "core/cpu_time.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/time/cpu_time.h"
 #include "sim/scene/bench_poses.h"
 #include "sim/tiles/undistortion_map.h"
 

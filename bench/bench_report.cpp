@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/json_text.h"
 #include "report/software_versions.h"
 #include "report/svg_plot.h"
@@ -188,12 +188,13 @@ namespace {
 SvgPlot panel(const BenchScene& scene) {
     SvgPlot plot("CPU time of a frame, ms (one thread)", scene.name + ": RMS error, gray");
     plot.set_log_axes();
-    const std::vector<std::pair<std::string, Ink>> methods{{"default", Ink::red},
-                                                           {"E", Ink::blue},
-                                                           {"C", Ink::green},
-                                                           {"published", Ink::orange},
-                                                           {"published-linearised", Ink::orange},
-                                                           {"qmc", Ink::gray}};
+    const std::vector<std::pair<std::string, Color>> methods{
+        {"default", Color::red},
+        {"E", Color::blue},
+        {"C", Color::green},
+        {"published", Color::orange},
+        {"published-linearised", Color::orange},
+        {"qmc", Color::gray}};
     for (const auto& [method, ink] : methods) {
         Series curve;
         for (const BenchRow& row : scene.rows)
@@ -203,7 +204,7 @@ SvgPlot panel(const BenchScene& scene) {
                                       row.error.rms_gray));
         plot.add_curve(curve, ink, method);
     }
-    plot.add_level(scene.default_row().error.reference_rms_gray, Ink::gray,
+    plot.add_level(scene.default_row().error.reference_rms_gray, Color::gray,
                    "the reference's own standard error");
     return plot;
 }

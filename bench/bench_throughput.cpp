@@ -7,8 +7,8 @@
 #include <atomic>
 
 #include "bench/published_method.h"
-#include "core/cpu_time.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/time/cpu_time.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {

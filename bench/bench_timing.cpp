@@ -5,8 +5,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/cpu_time.h"
-#include "core/median.h"
+#include "core/statistics/median.h"
+#include "core/time/cpu_time.h"
 
 namespace etalon {
 namespace {

@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
-#include "core/text.h"
-#include "core/units.h"
+#include "core/file/text.h"
+#include "core/geometry/units.h"
+#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

@@ -7,10 +7,10 @@
 #include <numbers>
 
 #include "bench/published_kernels.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "sim/psf/diffraction.h"
 #include "sim/scene/marker_view.h"
 #include "sim/scene/sobol.h"
-#include "sim/spread/diffraction.h"
 
 namespace etalon {
 namespace published {

@@ -21,7 +21,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "core/image.h"
+#include "core/image/image.h"
 #include "sim/scene/scene.h"
 
 namespace etalon {

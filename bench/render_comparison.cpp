@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include "calib/camera/projector.h"
-#include "calib/camera/sight.h"
-#include "core/errors.h"
+#include "calib/camera/viewing_geometry.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -5,7 +5,7 @@
 #include "capture/files_camera.h"
 #include "capture/frame/camera.h"
 #include "capture/v4l2/v4l2_camera.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #ifdef ETALON_HAVE_ARAVIS
 #include "capture/genicam/genicam_camera.h"
 #endif

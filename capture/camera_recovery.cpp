@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "capture/frame/camera_busy.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

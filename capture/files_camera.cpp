@@ -9,7 +9,7 @@
 
 #include "capture/frame/frame_checks.h"
 #include "capture/recorded_frames.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

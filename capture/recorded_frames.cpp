@@ -5,7 +5,7 @@
 #include <cctype>
 #include <string_view>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "core/frame_log.h"
+#include "capture/frame/frame_log.h"
 
 namespace etalon {
 

@@ -5,10 +5,10 @@
 #include <algorithm>
 
 #include "compare/detect/detector_adaptors.h"
-#include "compare/stag/stag_detector.h"
-#include "compare/topotag/topotag_detector.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "compare/detect/stag/stag_detector.h"
+#include "compare/detect/topotag/topotag_detector.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

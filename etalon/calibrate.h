@@ -9,5 +9,5 @@
 
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/calibrate.h"
-#include "compare/detect/calibration_target.h"
-#include "core/errors.h"
+#include "compare/detect/board/calibration_target.h"
+#include "core/program/errors.h"

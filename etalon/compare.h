@@ -6,6 +6,6 @@
 // Used in examples/library/compare.cpp. Link etalon::compare.
 #pragma once
 
-#include "compare/match/match_outcome.h"
+#include "compare/match/photo_findings.h"
 #include "compare/photometric/photo_match.h"
 #include "etalon/detect.h"

@@ -8,7 +8,7 @@
 #pragma once
 
 #include "compare/detect/detector.h"
-#include "compare/detect/photo_pose.h"
 #include "compare/make_detector.h"
+#include "compare/photo_pose.h"
 #include "compare/photometric/photometric_detector.h"
 #include "etalon/render.h"

@@ -9,7 +9,7 @@
 #pragma once
 
 #include "capture/frame/camera.h"
-#include "compare/verdict/qualification.h"
+#include "compare/qualification/qualification.h"
 #include "stage/motion/stage.h"
 #include "station/qualify/runner.h"
 #include "station/setup/station_file.h"

@@ -9,8 +9,8 @@
 #pragma once
 
 #include "calib/files/camera_file.h"
-#include "core/errors.h"
-#include "core/image.h"
+#include "core/image/image.h"
+#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"

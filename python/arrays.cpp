@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compare/detect/photo_pose.h"
-#include "core/errors.h"
+#include "compare/photo_pose.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

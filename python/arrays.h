@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "core/image.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

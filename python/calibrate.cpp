@@ -2,8 +2,8 @@
 #include "calib/intrinsics/calibrate.h"
 
 #include "calib/camera/projector.h"
-#include "compare/detect/calibration_target.h"
-#include "core/errors.h"
+#include "compare/detect/board/calibration_target.h"
+#include "core/program/errors.h"
 #include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"

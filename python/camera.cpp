@@ -11,7 +11,7 @@
 #include "calib/files/camera_formats.h"
 #include "calib/intrinsics/calibration_model.h"
 #include "calib/intrinsics/camera_check.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"

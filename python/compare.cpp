@@ -1,10 +1,10 @@
 // etalon.compare: a photograph against its rendering.
 #include "calib/camera/projector.h"
-#include "compare/detect/photo_pose.h"
 #include "compare/make_detector.h"
-#include "compare/match/match_outcome.h"
+#include "compare/match/photo_findings.h"
+#include "compare/photo_pose.h"
 #include "compare/photometric/photo_match.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"
@@ -72,7 +72,7 @@ void bind_findings(py::module_& module) {
         .def_readonly("value", &Finding::value, "Measured, in unit.")
         .def_readonly("limit", &Finding::limit, "That it is beyond.")
         .def_readonly("unit", &Finding::unit, "px, %, gray; empty for a ratio.")
-        .def_readonly("is_refusal", &Finding::is_refusal,
+        .def_readonly("is_refusal", &Finding::is_not_assessable,
                       "The figures of this photograph mean nothing.")
         .def("__repr__", [](const Finding& finding) {
             return "<etalon.Finding " + finding.name + ": " + finding.sentence + ">";

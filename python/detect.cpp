@@ -2,10 +2,10 @@
 #include <mutex>
 
 #include "calib/camera/projector.h"
-#include "compare/detect/photo_pose.h"
 #include "compare/make_detector.h"
+#include "compare/photo_pose.h"
 #include "compare/photometric/photometric_detector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"

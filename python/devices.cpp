@@ -6,7 +6,7 @@
 #include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"
-#include "stage/motion/guarded_stage.h"
+#include "stage/motion/limited_stage.h"
 
 namespace etalon {
 
@@ -30,7 +30,7 @@ Frame SharedCamera::frame(int retries) {
 
 SharedStage::SharedStage(const StationStage& stage, bool homed) : axes_(stage.axes) {
     device_ = without_gil([&]() -> std::unique_ptr<Stage> {
-        auto device = std::make_unique<GuardedStage>(
+        auto device = std::make_unique<LimitedStage>(
             open_stage(stage.link, stage.profile, stage.axes, clock_), stage.rules);
         if (homed)
             device->take_for_homed();

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "capture/frame/camera.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "python/interruptible.h"
 #include "stage/motion/stage.h"
 #include "station/setup/station_file.h"

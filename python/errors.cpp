@@ -1,5 +1,5 @@
-// The errors of core/errors.h as the exceptions of etalon/errors.py.
-#include "core/errors.h"
+// The errors of core/program/errors.h as the exceptions of etalon/errors.py.
+#include "core/program/errors.h"
 
 #include <pybind11/pybind11.h>
 

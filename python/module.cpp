@@ -1,7 +1,7 @@
 // The compiled part of the package `etalon`.
 #include <pybind11/pybind11.h>
 
-#include "core/version.h"
+#include "core/program/version.h"
 #include "python/bindings.h"
 
 PYBIND11_MODULE(_etalon, module) {

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <memory>
 
-#include "core/progress.h"
+#include "core/time/progress.h"
 
 namespace etalon {
 

@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"
 #include "sim/render/renderer.h"

@@ -1,12 +1,12 @@
 // etalon.Station: what a station.yaml says, its devices, and the main job; records analysed again.
 #include "calib/camera/projector.h"
-#include "core/file_lock.h"
-#include "core/pose_numbers.h"
+#include "core/file/file_lock.h"
 #include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/devices.h"
 #include "python/interruptible.h"
 #include "python/progress.h"
+#include "report/pose_numbers.h"
 #include "stage/axes/kinematics.h"
 #include "station/qualify/runner.h"
 #include "station/register/stage_registration.h"
@@ -82,7 +82,7 @@ StageRegistration register_record(const std::filesystem::path& record,
 
 py::list badly_determined(const StageRegistration& result) {
     py::list all;
-    for (const WeakDirection& weak : result.registration.weak)
+    for (const PoorlyConstrainedDirection& weak : result.registration.weak)
         all.append(py::dict("name"_a = weak.name, "deviation"_a = result.scale * weak.deviation,
                             "unit"_a = weak.is_shift() ? "mm" : "rad"));
     return all;

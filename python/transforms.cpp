@@ -1,11 +1,11 @@
 // Poses as six numbers, and images as files.
-#include "core/image.h"
+#include "core/image/image.h"
 
-#include "core/pose_numbers.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 #include "python/arrays.h"
 #include "python/bindings.h"
 #include "python/interruptible.h"
+#include "report/pose_numbers.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {

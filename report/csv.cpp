@@ -1,6 +1,6 @@
 #include "report/csv.h"
 
-#include "core/text.h"
+#include "core/file/text.h"
 
 namespace etalon {
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 
 namespace etalon {
 

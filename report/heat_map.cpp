@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/svg_plot.h"
 
 namespace etalon {

@@ -7,8 +7,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <string_view>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "report/number_text.h"
 
 namespace etalon {

@@ -4,9 +4,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/text.h"
-#include "core/yaml_text.h"
+#include "core/config/yaml_text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

@@ -14,7 +14,7 @@
 namespace etalon {
 
 // A file of ours, read back; discarded when it is no JSON. Throws ConfigError when it cannot be
-// read, or has more lists and objects in each other than max_yaml_depth (core/yaml_text.h):
+// read, or has more lists and objects in each other than max_yaml_depth (core/config/yaml_text.h):
 // comparing or writing what is as deep as a file can be takes more stack than there is.
 nlohmann::ordered_json read_json(const std::filesystem::path& path);
 

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "core/errors.h"
-#include "core/file_lock.h"
+#include "core/file/file_lock.h"
+#include "core/program/errors.h"
 #include "report/shard.h"
 
 namespace etalon {

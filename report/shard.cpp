@@ -1,7 +1,7 @@
 #include "report/shard.h"
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

@@ -1,11 +1,11 @@
 #include "report/software_versions.h"
 
-#include <Eigen/Core>
 #include <fmt/format.h>
+#include <Eigen/Core>
 
 #include <opencv2/core.hpp>
 
-#include "core/version.h"
+#include "core/program/version.h"
 
 namespace etalon {
 

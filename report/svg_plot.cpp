@@ -8,7 +8,7 @@
 #include <limits>
 #include <map>
 
-#include "core/text.h"
+#include "core/file/text.h"
 
 namespace etalon {
 namespace {
@@ -28,7 +28,7 @@ constexpr std::array<InkStyle, 7> ink_styles{{{"blue", "#0072b2"},
                                               {"sky", "#3f9fd8"},
                                               {"gray", "#8a949b"}}};
 
-const char* css_class(Ink ink) {
+const char* css_class(Color ink) {
     return ink_styles.at(static_cast<std::size_t>(ink)).css_class;
 }
 
@@ -224,20 +224,20 @@ void SvgPlot::set_y_range(double low, double high) {
     y_range_ = {low, high};
 }
 
-void SvgPlot::add_points(std::span<const double> xs, std::span<const double> ys, Ink ink,
+void SvgPlot::add_points(std::span<const double> xs, std::span<const double> ys, Color ink,
                          const std::string& name, const std::vector<std::string>& notes) {
     layers_.push_back(
         {Layer::Kind::points, placed(xs, log_x_), placed(ys, log_y_), {}, {}, ink, name, notes});
 }
 
-void SvgPlot::add_line(std::span<const double> xs, std::span<const double> ys, Ink ink,
+void SvgPlot::add_line(std::span<const double> xs, std::span<const double> ys, Color ink,
                        const std::string& name) {
     layers_.push_back(
         {Layer::Kind::line, placed(xs, log_x_), placed(ys, log_y_), {}, {}, ink, name, {}});
 }
 
 void SvgPlot::add_band(std::span<const double> xs, std::span<const double> lows,
-                       std::span<const double> highs, Ink ink, const std::string& name) {
+                       std::span<const double> highs, Color ink, const std::string& name) {
     layers_.push_back({Layer::Kind::band,
                        placed(xs, log_x_),
                        placed(lows, log_y_),
@@ -249,7 +249,7 @@ void SvgPlot::add_band(std::span<const double> xs, std::span<const double> lows,
 }
 
 void SvgPlot::add_bars(const std::vector<std::string>& categories, std::span<const double> values,
-                       Ink ink) {
+                       Color ink) {
     categories_ = categories;
     std::vector<double> places(values.size());
     for (std::size_t i = 0; i < places.size(); ++i)
@@ -258,24 +258,24 @@ void SvgPlot::add_bars(const std::vector<std::string>& categories, std::span<con
         {Layer::Kind::bars, places, {values.begin(), values.end()}, {}, {}, ink, "", categories});
 }
 
-void SvgPlot::add_points(const Series& series, Ink ink, const std::string& name) {
+void SvgPlot::add_points(const Series& series, Color ink, const std::string& name) {
     add_points(series.xs, series.ys, ink, name, series.notes);
 }
 
-void SvgPlot::add_line(const Series& series, Ink ink, const std::string& name) {
+void SvgPlot::add_line(const Series& series, Color ink, const std::string& name) {
     add_line(series.xs, series.ys, ink, name);
 }
 
-void SvgPlot::add_curve(const Series& series, Ink ink, const std::string& name) {
+void SvgPlot::add_curve(const Series& series, Color ink, const std::string& name) {
     add_line(series, ink, "");
     add_points(series, ink, name);
 }
 
-void SvgPlot::add_band(const Series& series, Ink ink, const std::string& name) {
+void SvgPlot::add_band(const Series& series, Color ink, const std::string& name) {
     add_band(series.xs, series.lows, series.highs, ink, name);
 }
 
-void SvgPlot::add_arrows(const Arrows& arrows, double magnification, Ink ink,
+void SvgPlot::add_arrows(const Arrows& arrows, double magnification, Color ink,
                          const std::string& name) {
     Layer layer{Layer::Kind::arrows, arrows.xs, arrows.ys, arrows.dxs,
                 arrows.dys,          ink,       name,      arrows.notes};
@@ -288,10 +288,11 @@ void SvgPlot::add_arrows(const Arrows& arrows, double magnification, Ink ink,
 void SvgPlot::show_image(int width, int height) {
     image_axes_ = true;
     const double x = width - 0.5, y = height - 0.5;
-    add_line(std::array{-0.5, x, x, -0.5, -0.5}, std::array{-0.5, -0.5, y, y, -0.5}, Ink::gray, "");
+    add_line(std::array{-0.5, x, x, -0.5, -0.5}, std::array{-0.5, -0.5, y, y, -0.5}, Color::gray,
+             "");
 }
 
-void SvgPlot::add_level(double y, Ink ink, const std::string& label) {
+void SvgPlot::add_level(double y, Color ink, const std::string& label) {
     layers_.push_back({Layer::Kind::level, {}, placed({&y, 1}, log_y_), {}, {}, ink, label, {}});
 }
 

@@ -15,7 +15,7 @@
 namespace etalon {
 
 // The colours of the style sheet, safe for colour-blind readers (Okabe and Ito 2008).
-enum class Ink { blue, orange, green, red, purple, sky, gray };
+enum class Color { blue, orange, green, red, purple, sky, gray };
 
 // Round numbers within [low, high], low < high: at steps of 1, 2 or 5 times a power of ten, at most
 // `most` + 1 of them.
@@ -61,27 +61,27 @@ public:
     // the point is pointed at. Of more than 400 points (or arrows) of a layer one is drawn in each
     // square of 6 px, the first (of arrows in 16 px, the longest): what stands alone is always
     // drawn. The plot then says so.
-    void add_points(std::span<const double> xs, std::span<const double> ys, Ink ink,
+    void add_points(std::span<const double> xs, std::span<const double> ys, Color ink,
                     const std::string& name, const std::vector<std::string>& notes = {});
-    void add_line(std::span<const double> xs, std::span<const double> ys, Ink ink,
+    void add_line(std::span<const double> xs, std::span<const double> ys, Color ink,
                   const std::string& name);
     // Filled between low and high.
     void add_band(std::span<const double> xs, std::span<const double> lows,
-                  std::span<const double> highs, Ink ink, const std::string& name);
+                  std::span<const double> highs, Color ink, const std::string& name);
     // Bars from 0, one per category, drawn at x = 0, 1, 2...
     void add_bars(const std::vector<std::string>& categories, std::span<const double> values,
-                  Ink ink);
-    void add_points(const Series& series, Ink ink, const std::string& name);
-    void add_line(const Series& series, Ink ink, const std::string& name);
-    void add_band(const Series& series, Ink ink, const std::string& name);
+                  Color ink);
+    void add_points(const Series& series, Color ink, const std::string& name);
+    void add_line(const Series& series, Color ink, const std::string& name);
+    void add_band(const Series& series, Color ink, const std::string& name);
     // A line and its points.
-    void add_curve(const Series& series, Ink ink, const std::string& name);
+    void add_curve(const Series& series, Color ink, const std::string& name);
     // Each as long as `magnification` times its own length.
-    void add_arrows(const Arrows& arrows, double magnification, Ink ink, const std::string& name);
+    void add_arrows(const Arrows& arrows, double magnification, Color ink, const std::string& name);
     // Image axes, and the border of an image of this size, so that the plot shows all of it.
     void show_image(int width, int height);
     // A dashed line across the plot with a label, for limits.
-    void add_level(double y, Ink ink, const std::string& label);
+    void add_level(double y, Color ink, const std::string& label);
 
     // The <svg> element, with its own style when it is to stand alone.
     std::string svg(bool stand_alone = false) const;
@@ -91,7 +91,7 @@ private:
     struct Layer {
         enum class Kind { points, line, band, bars, arrows, level } kind;
         std::vector<double> xs, ys, us, vs;  // us, vs: arrow components, or the band's upper end
-        Ink ink;
+        Color ink;
         std::string name;
         std::vector<std::string> notes;
 

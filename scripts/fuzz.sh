@@ -47,9 +47,9 @@ words_of() {
     local sources
     case $1 in
         own_files) sources="compare/verdict station/certify/certificate_form.cpp mocks/twin stage sim/marker/marker.cpp station/compare \
-            station/setup study calib/files/camera_file.cpp calib/camera/parameter_names.h core/units.h" ;;
+            station/setup study calib/files/camera_file.cpp calib/camera/parameter_names.h core/geometry/units.h" ;;
         foreign_cameras) sources=calib/files ;;
-        event_log) sources="core/frame_log.cpp core/image.cpp station/qualify/recorded_run.cpp station/record" ;;
+        event_log) sources="capture/frame/frame_log.cpp core/image/image.cpp station/qualify/recorded_run.cpp station/record" ;;
         records) sources="station/history station/render/image_set.cpp study/study_description.cpp" ;;
         command_lines) sources="station sim/marker" ;;
         detector_answers) sources=study/external_detector.cpp ;;

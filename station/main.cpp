@@ -8,9 +8,9 @@
 #include <limits>
 
 #include "capture/frame/camera.h"
-#include "core/errors.h"
-#include "core/exit_codes.h"
-#include "core/version.h"
+#include "core/program/errors.h"
+#include "core/program/exit_codes.h"
+#include "core/program/version.h"
 #include "report/software_versions.h"
 #include "station/commands.h"
 

@@ -2,10 +2,10 @@
 #include <fmt/format.h>
 
 #include "calib/files/camera_file.h"
-#include "compare/verdict/limits_file.h"
-#include "core/errors.h"
-#include "core/file_schema.h"
-#include "core/text.h"
+#include "compare/qualification/limits_file.h"
+#include "core/config/file_schema.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "stage/profile/profile.h"
 #include "station/certify/certificate_form.h"
 #include "station/commands.h"

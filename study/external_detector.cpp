@@ -18,7 +18,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 extern char** environ;
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/errors.h"
-#include "core/median.h"
+#include "core/program/errors.h"
+#include "core/statistics/median.h"
 
 namespace etalon {
 namespace {

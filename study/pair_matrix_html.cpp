@@ -1,6 +1,6 @@
 #include <fmt/format.h>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "study/pair_matrix.h"
 #include "study/pair_matrix_svg.h"
 

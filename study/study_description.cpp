@@ -5,11 +5,11 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/camera/camera_hash.h"
-#include "core/errors.h"
-#include "core/sha256.h"
-#include "core/text.h"
-#include "core/units.h"
-#include "core/version.h"
+#include "core/file/sha256.h"
+#include "core/file/text.h"
+#include "core/geometry/units.h"
+#include "core/program/errors.h"
+#include "core/program/version.h"
 #include "report/json_text.h"
 
 namespace etalon {

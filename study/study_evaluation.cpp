@@ -8,8 +8,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "calib/files/camera_file.h"
-#include "core/cpu_time.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/time/cpu_time.h"
 
 namespace etalon {
 namespace {

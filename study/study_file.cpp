@@ -8,9 +8,9 @@
 #include "calib/files/camera_file.h"
 #include "compare/detect/detector_adaptors.h"
 #include "compare/make_detector.h"
-#include "core/strict_reader.h"
-#include "core/text.h"
-#include "core/units.h"
+#include "core/config/strict_reader.h"
+#include "core/file/text.h"
+#include "core/geometry/units.h"
 #include "sim/scene/pose_file.h"
 
 namespace etalon {

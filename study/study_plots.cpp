@@ -9,8 +9,8 @@
 namespace etalon {
 namespace {
 
-constexpr std::array inks{Ink::blue,   Ink::orange, Ink::green, Ink::red,
-                          Ink::purple, Ink::sky,    Ink::gray};
+constexpr std::array inks{Color::blue,   Color::orange, Color::green, Color::red,
+                          Color::purple, Color::sky,    Color::gray};
 
 // Small: on a phone a page shows them at three quarters of this, and letters must stay readable.
 constexpr int plot_width = 440, plot_height = 300;

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/errors.h"
-#include "core/text.h"
-#include "core/version.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
+#include "core/program/version.h"
 #include "report/html.h"
 #include "report/number_text.h"
 #include "study/pair_matrix.h"
@@ -31,7 +31,7 @@ std::string with_interval(const std::optional<Estimate>& estimate) {
     return estimate ? with_interval(*estimate) : "-";
 }
 
-std::string with_interval(const std::optional<Share>& share) {
+std::string with_interval(const std::optional<Proportion>& share) {
     return share ? fmt::format("{:.2f} ({:.2f}\u00a0to\u00a0{:.2f})", 100.0 * share->value,
                                100.0 * share->low, 100.0 * share->high)
                  : "-";

@@ -4,8 +4,8 @@
 
 #include <fstream>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "report/csv.h"
 
 namespace etalon {

@@ -5,8 +5,8 @@
 #include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
 
-#include "core/cpu_time.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/time/cpu_time.h"
 
 namespace etalon {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <stop_token>
 
-#include "core/progress.h"
+#include "core/time/progress.h"
 #include "study/study_record.h"
 
 namespace etalon {

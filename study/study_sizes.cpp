@@ -6,7 +6,7 @@
 #include <array>
 
 #include "compare/expect/error_intervals.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

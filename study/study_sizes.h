@@ -17,7 +17,7 @@ struct SizeClass {
     double from_px = 0.0;
     std::optional<double> to_px;  // nothing: no upper end
     std::size_t poses = 0;
-    std::optional<Share> detected;  // nothing without poses
+    std::optional<Proportion> detected;  // nothing without poses
     // Of the RMS corner errors of the detected poses. Nothing where no pose has corners; the
     // quantile (the smallest error that 95 % of them do not exceed) not of too few.
     std::optional<Estimate> median_corner_px;

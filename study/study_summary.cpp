@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/version.h"
+#include "core/program/version.h"
 #include "report/csv.h"
 #include "report/json_text.h"
 
@@ -25,7 +25,7 @@ constexpr std::array<NamedEstimate, 4> estimates = {
      {"median", &ErrorStatistics::median},
      {"median |error|", &ErrorStatistics::median_absolute}}};
 
-double percent(const std::optional<Share>& share) {
+double percent(const std::optional<Proportion>& share) {
     return share ? 100.0 * share->value : 0.0;
 }
 
@@ -97,7 +97,7 @@ std::string variant_lines(const StudyDescription& description, const StudySummar
 
 // ------------------------------------------------------------------------------------------- JSON
 
-ordered_json json_of(const std::optional<Share>& share) {
+ordered_json json_of(const std::optional<Proportion>& share) {
     if (!share)
         return nullptr;
     return {{"count", share->count},

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

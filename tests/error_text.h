@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

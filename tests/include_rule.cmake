@@ -7,7 +7,7 @@ cmake_policy(VERSION 3.25)
 set(sdk_headers "arv\\.h|libcamera/|linux/videodev2\\.h|modbus|apriltag|tag[0-9A-Za-z]+h[0-9]+\\.h|opencv2/aruco|opencv2/objdetect|yaml-cpp|nlohmann/json\\.hpp|CLI/|boost/|openssl/|httplib\\.h|sqlite3\\.h")
 # The headers with an SDK's types: what the .cpp files that write a record's JSON share, and what the
 # precompiled header holds of them.
-set(json_headers station/record/record_json.h core/json_instances.h)
+set(json_headers station/record/record_json.h core/precompiled/json_instances.h)
 set(offences "")
 
 # Lines of the table: | `sim/tiles` | core, sim/scene | what it is |

@@ -1,7 +1,7 @@
 #include "bench/stability/reference_check.h"
 
 #include "calib/camera/projector.h"
-#include "core/random.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

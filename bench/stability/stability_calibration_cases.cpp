@@ -9,8 +9,8 @@
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/bundle_adjustment.h"
 #include "calib/intrinsics/camera_fit.h"
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "bench/stability/reference_check.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

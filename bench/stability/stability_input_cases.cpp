@@ -3,7 +3,7 @@
 
 #include "bench/stability/stability_case.h"
 #include "bench/stability/stability_scenes.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {

@@ -33,7 +33,7 @@ StabilityCase keeps_energy(double side_px) {
                 scene.background = 0.0;
                 scene.markers[0].grid.cells.setTo(0.75f);
                 RenderOptions options;
-                options.keep = {Omission::tail};
+                options.keep = {NeglectedEffect::tail};
                 const double area = 0.75 * side_px * side_px;
                 const double light = cv::sum(render(camera, scene, options).radiance)[0];
                 const double error = light / area - 1.0;

@@ -9,10 +9,10 @@
 #include "bench/stability/stability_case.h"
 #include "calib/registration/registration.h"
 #include "calib/registration/stage_motion.h"
-#include "compare/verdict/error_signatures.h"
-#include "core/errors.h"
-#include "core/random.h"
-#include "core/units.h"
+#include "compare/diagnosis/error_signatures.h"
+#include "core/geometry/units.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {
@@ -154,7 +154,7 @@ StabilityOutcome labels_small_turns(const Reach& reach, const Names& expected) {
     const Registration result = registered(Projector(wide_camera()), reach, true_y);
     StabilityOutcome outcome{.bound = 1.0};
     Names found;
-    for (const WeakDirection& weak : result.weak) {
+    for (const PoorlyConstrainedDirection& weak : result.weak) {
         found.push_back(weak.name);
         outcome.figure = std::max(outcome.figure, weak.worth_poses);
         outcome.words += fmt::format("{}: {:.2g} {} at 1 px; ", weak.name, weak.deviation,

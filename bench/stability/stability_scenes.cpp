@@ -1,7 +1,7 @@
 #include "bench/stability/stability_scenes.h"
 
-#include "core/random.h"
-#include "core/units.h"
+#include "core/geometry/units.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 

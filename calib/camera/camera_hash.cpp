@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "core/sha256.h"
-#include "core/text.h"
+#include "core/file/sha256.h"
+#include "core/file/text.h"
 
 namespace etalon {
 

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "calib/camera/lens_projection.h"
-#include "core/mosaic.h"
+#include "core/image/mosaic.h"
 
 namespace etalon {
 

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "calib/camera/lens_table.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

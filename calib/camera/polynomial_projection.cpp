@@ -1,8 +1,8 @@
 #include <Eigen/Eigenvalues>
 
 #include "calib/camera/lens_table.h"
-#include "calib/camera/root_search.h"
-#include "core/errors.h"
+#include "core/optimize/root_search.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -5,8 +5,8 @@
 #include <Eigen/Geometry>  // homogeneous()
 #include <Eigen/LU>
 
-#include "calib/camera/damped_newton.h"
-#include "core/errors.h"
+#include "core/optimize/damped_newton.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

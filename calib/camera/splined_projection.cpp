@@ -1,7 +1,7 @@
-#include "calib/camera/damped_newton.h"
 #include "calib/camera/lens_table.h"
 #include "calib/camera/valid_region.h"
-#include "core/errors.h"
+#include "core/optimize/damped_newton.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

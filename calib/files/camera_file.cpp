@@ -10,8 +10,8 @@
 #include "calib/camera/parameter_names.h"
 #include "calib/files/camera_formats.h"
 #include "calib/files/foreign_camera.h"
-#include "core/csv_file.h"
-#include "core/strict_reader.h"
+#include "core/config/csv_file.h"
+#include "core/config/strict_reader.h"
 
 namespace etalon {
 namespace {

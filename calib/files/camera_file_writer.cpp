@@ -5,8 +5,8 @@
 #include "calib/camera/lens_table.h"
 #include "calib/camera/parameter_names.h"
 #include "calib/files/camera_file.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

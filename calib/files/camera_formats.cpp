@@ -10,9 +10,9 @@
 #include "calib/files/mrcal_file.h"
 #include "calib/files/opencv_file.h"
 #include "calib/files/ros_file.h"
-#include "core/errors.h"
-#include "core/range.h"
-#include "core/text.h"
+#include "core/config/range.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -7,8 +7,8 @@
 #include <optional>
 
 #include "calib/camera/parameter_names.h"
-#include "core/range.h"
-#include "core/text.h"
+#include "core/config/range.h"
+#include "core/file/text.h"
 
 namespace etalon {
 namespace {

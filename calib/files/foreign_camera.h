@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
-#include "core/text.h"
-#include "core/yaml_text.h"
+#include "core/config/yaml_text.h"
+#include "core/file/text.h"
 
 namespace etalon {
 

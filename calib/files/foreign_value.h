@@ -2,7 +2,7 @@
 // ignored: such files hold more than a camera. Doubled keys (yaml-cpp lets the first win), missing
 // ones, wrong types and numbers that are not finite are ConfigErrors with file, line and key.
 //
-// For files of ours there is core/strict_reader.h. Cheap to copy.
+// For files of ours there is core/config/strict_reader.h. Cheap to copy.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "calib/files/foreign_camera.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace YAML {
 class Node;

@@ -8,7 +8,7 @@
 #include "calib/files/foreign_camera.h"
 #include "calib/files/foreign_value.h"
 #include "calib/files/pixel_origin.h"
-#include "core/text.h"
+#include "core/file/text.h"
 
 namespace etalon {
 namespace {

@@ -10,7 +10,7 @@
 #include "calib/camera/parameter_names.h"
 #include "calib/files/foreign_camera.h"
 #include "calib/files/pixel_origin.h"
-#include "core/text.h"
+#include "core/file/text.h"
 
 namespace etalon {
 namespace {

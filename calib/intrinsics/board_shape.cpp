@@ -9,8 +9,8 @@
 #include <map>
 
 #include "calib/camera/pixel_model.h"
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

@@ -17,7 +17,7 @@
 
 #include "calib/camera/pixel_model.h"
 #include "calib/intrinsics/calibration_view.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 
 namespace etalon {
 

@@ -10,7 +10,7 @@
 #include "calib/intrinsics/calibration_outliers.h"
 #include "calib/intrinsics/camera_fit.h"
 #include "calib/intrinsics/wide_lens.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

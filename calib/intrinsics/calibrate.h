@@ -4,7 +4,7 @@
 // views agree. The fit itself is calib/intrinsics/camera_fit.h.
 //
 // Takes observations, never photos; corners come from
-// compare/detect/calibration_target.h. The method, to be repeated by hand:
+// compare/detect/board/calibration_target.h. The method, to be repeated by hand:
 // docs/calibration.md.
 #pragma once
 
@@ -23,7 +23,7 @@
 #include "calib/intrinsics/model_advice.h"
 #include "calib/intrinsics/profile_interval.h"
 #include "calib/intrinsics/projection_uncertainty.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 
 namespace etalon {
 

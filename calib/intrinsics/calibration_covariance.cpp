@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/errors.h"
-#include "core/information.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/covariance.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

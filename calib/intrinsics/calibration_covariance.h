@@ -16,7 +16,7 @@
 // therefore a fourth:
 //
 //  stated          in the units in which the formal covariance is the identity, the cluster-robust
-//                  one drawn towards a multiple of the identity (core/information.h:
+//                  one drawn towards a multiple of the identity (core/statistics/covariance.h:
 //                  excess_scatter). So photos that share errors widen it, and in the directions in
 //                  which they do as far as they tell, but correlations that keep a projection
 //                  certain stay: deviations and correlations are never from two sources.

@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "calib/camera/parameter_names.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

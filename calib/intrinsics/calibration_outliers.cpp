@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "calib/intrinsics/calibration_start.h"
-#include "core/errors.h"
-#include "core/median.h"
+#include "core/program/errors.h"
+#include "core/statistics/median.h"
 
 namespace etalon {
 namespace {

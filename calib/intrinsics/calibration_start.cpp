@@ -8,9 +8,9 @@
 #include <array>
 #include <limits>
 
-#include "calib/camera/sight.h"
+#include "calib/camera/viewing_geometry.h"
 #include "calib/intrinsics/bundle_adjustment.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -89,8 +89,7 @@ struct PlanePose {
 // value, 1 / depth; what lies along the line of sight is known but for a sign.
 std::array<PlanePose, 2> poses_of(const Eigen::Vector2d& v, const Eigen::Matrix2d& derivatives) {
     const Eigen::Matrix3d to_sight =
-        rotation_between(Eigen::Vector3d::UnitZ(), v.homogeneous())
-            .toRotationMatrix();
+        rotation_between(Eigen::Vector3d::UnitZ(), v.homogeneous()).toRotationMatrix();
     Eigen::Matrix<double, 2, 3> projected;
     projected << 1, 0, -v.x(), 0, 1, -v.y();
     const Eigen::Matrix2d across = (projected * to_sight).leftCols<2>();
@@ -302,8 +301,8 @@ std::optional<Rigid> pose_from_plane(const std::vector<Eigen::Vector3d>& points_
             return std::nullopt;
         rays.push_back(*ray);
     }
-    const Eigen::Quaterniond turn = turn_to_mean(rays);
-    const SeenAcross seen = seen_across(turn, rays);
+    const Eigen::Quaterniond turn = rotation_to_mean_direction(rays);
+    const VisibleProjection seen = seen_across(turn, rays);
     if (seen.kept.size() < etalon::min_view_points)
         return std::nullopt;
     std::vector<Eigen::Vector3d> points;

@@ -8,7 +8,7 @@
 #include <numeric>
 #include <set>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

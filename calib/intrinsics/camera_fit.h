@@ -22,7 +22,7 @@
 #include "calib/camera/camera_model.h"
 #include "calib/intrinsics/calibration_model.h"
 #include "calib/intrinsics/calibration_view.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 
 namespace etalon {
 

@@ -7,7 +7,7 @@
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_covariance.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

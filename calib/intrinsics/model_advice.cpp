@@ -9,7 +9,7 @@
 #include "calib/intrinsics/calibration_covariance.h"
 #include "calib/intrinsics/cross_validation.h"
 #include "calib/intrinsics/projection_uncertainty.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -66,7 +66,7 @@ std::vector<Element> without(std::span<const Element> all, std::size_t left_out)
 }
 
 // The sum of squares of a view's residuals.
-using ViewLeftOut = Attempted<double>;
+using ViewLeftOut = Result<double>;
 
 // The search starts from the fit to all views, which is near.
 ViewLeftOut leave_out(std::span<const CalibrationView> views, cv::Size image_size,

@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "calib/intrinsics/calibration_model.h"
-#include "core/distributions.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {

@@ -8,7 +8,7 @@
 #include "calib/camera/pixel_model.h"
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/camera_fit.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

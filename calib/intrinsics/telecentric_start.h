@@ -19,7 +19,7 @@
 
 #include "calib/intrinsics/calibration_view.h"
 #include "calib/intrinsics/camera_fit.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 
 namespace etalon {
 

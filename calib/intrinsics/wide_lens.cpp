@@ -8,7 +8,7 @@
 
 #include "calib/intrinsics/calibration_model.h"
 #include "calib/intrinsics/camera_fit.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "calib/registration/registration_solver.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -85,10 +85,10 @@ std::optional<PointDerivatives> point_derivatives(const Projector& projector,
 // ---------------------------------------------------------------------------------------- solver
 
 // Two rows a point, in standard deviations; nothing where a point has no projection.
-std::optional<Linearised> linearised(const Projector& projector, const Points& points, Poses poses,
-                                     const XY& xy) {
+std::optional<ResidualsAndJacobian> linearised(const Projector& projector, const Points& points,
+                                               Poses poses, const XY& xy) {
     const Eigen::Index rows = 2 * std::ssize(points) * std::ssize(poses);
-    Linearised all{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 12)};
+    ResidualsAndJacobian all{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 12)};
     Eigen::Index row = 0;
     for (const RegistrationPose& pose : poses)
         for (std::size_t i = 0; i < points.size(); ++i, row += 2) {

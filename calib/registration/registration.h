@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "calib/camera/projector.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 
 namespace etalon {
 
@@ -42,7 +42,7 @@ struct GaugeFreedom {
 // A direction that is determined, but badly: all poses together say less about it than a single
 // photograph would if Y were known. A rotary axis of +-2 degrees leaves some. The predicted poses
 // do not suffer from it; X and Y do.
-struct WeakDirection {
+struct PoorlyConstrainedDirection {
     std::string name;        // like that of a freedom
     Vector12d direction;     // by 1 mm of a shift or 1 rad of a rotation
     double deviation = 0.0;  // standard, mm or rad, for the stated sigma_px
@@ -68,8 +68,8 @@ struct Registration {
     int rank = 0;                   // 12 - freedoms.size()
     double condition_number = 0.0;  // of the column-scaled Jacobian, determined directions only
     std::vector<GaugeFreedom> freedoms;
-    std::vector<WeakDirection> weak;  // worst first
-    std::string motion;               // of the poses, in words (calib/registration/stage_motion.h)
+    std::vector<PoorlyConstrainedDirection> weak;  // worst first
+    std::string motion;  // of the poses, in words (calib/registration/stage_motion.h)
 
     Rigid camera_from_marker(const Rigid& base_from_carriage) const {
         return camera_from_base * base_from_carriage * carriage_from_marker;

@@ -4,7 +4,7 @@
 
 #include <Eigen/Dense>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -143,8 +143,8 @@ Twist seen_from(const Eigen::Vector3d& middle_mm, Twist twist, const std::vector
     return twist;
 }
 
-WeakDirection weak_direction(const Vector12d& direction, const Twist& twist_at_middle,
-                             double deviation, double worth_poses) {
+PoorlyConstrainedDirection weak_direction(const Vector12d& direction, const Twist& twist_at_middle,
+                                          double deviation, double worth_poses) {
     constexpr double within_5_deg = 0.9962;
     const Eigen::Vector3d turn = twist_at_middle.head<3>(), shift = twist_at_middle.tail<3>();
     const bool shifts = shift.norm() > prior_length_mm * turn.norm();
@@ -190,9 +190,11 @@ GaugeFreedom gauge_freedom(const Twist& twist, const XY& xy, const Rigid& base_f
     return freedom;
 }
 
-std::vector<WeakDirection> weak_directions(const RegistrationJacobian& jacobian, const XY& xy,
-                                           const std::vector<Twist>& freedoms,
-                                           const Eigen::Vector3d& middle_mm, std::size_t poses) {
+std::vector<PoorlyConstrainedDirection> weak_directions(const RegistrationJacobian& jacobian,
+                                                        const XY& xy,
+                                                        const std::vector<Twist>& freedoms,
+                                                        const Eigen::Vector3d& middle_mm,
+                                                        std::size_t poses) {
     const Blocks blocks = triangular_blocks(jacobian);
     Eigen::MatrixXd of_x(12, 6);
     of_x << blocks.yx, blocks.xx;
@@ -201,7 +203,7 @@ std::vector<WeakDirection> weak_directions(const RegistrationJacobian& jacobian,
         qr.matrixQR().topRows<6>().triangularView<Eigen::Upper>().solve<Eigen::OnTheRight>(
             blocks.xx);
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(whitened, Eigen::ComputeFullV);
-    std::vector<WeakDirection> weak;
+    std::vector<PoorlyConstrainedDirection> weak;
     for (Eigen::Index k = 5 - std::ssize(freedoms); k >= 0; --k) {
         const double sine = svd.singularValues()[k];
         const double worth = sine * sine * static_cast<double>(poses);

@@ -39,9 +39,11 @@ GaugeFreedom gauge_freedom(const Twist& twist, const XY& xy, const Rigid& base_f
 // correlation; Bjorck and Golub, Math. Comp. 27, 1973), times the number of poses: it depends on no
 // unit and on no choice of origin. `middle_mm` is the middle of the marker's positions, base frame.
 // A motion counts as a shift when it moves this point by more than the arc of its turn at 100 mm.
-std::vector<WeakDirection> weak_directions(const RegistrationJacobian& jacobian, const XY& xy,
-                                           const std::vector<Twist>& freedoms,
-                                           const Eigen::Vector3d& middle_mm, std::size_t poses);
+std::vector<PoorlyConstrainedDirection> weak_directions(const RegistrationJacobian& jacobian,
+                                                        const XY& xy,
+                                                        const std::vector<Twist>& freedoms,
+                                                        const Eigen::Vector3d& middle_mm,
+                                                        std::size_t poses);
 
 // Moves along the freedoms to the carriage_from_marker nearest to the nominal one (rotations count
 // as arcs of 100 mm radius). Exact: the predicted pixels do not change. `base_from_carriage` is any

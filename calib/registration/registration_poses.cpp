@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "calib/registration/registration_solver.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -97,9 +97,9 @@ double pose_huber_threshold(std::vector<double> lengths) {
 }
 
 // In standard deviations.
-Linearised linearised(const std::vector<WeightedPose>& poses, const XY& xy) {
+ResidualsAndJacobian linearised(const std::vector<WeightedPose>& poses, const XY& xy) {
     const Eigen::Index rows = 6 * std::ssize(poses);
-    Linearised all{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 12)};
+    ResidualsAndJacobian all{Eigen::VectorXd(rows), Eigen::MatrixXd(rows, 12)};
     for (std::size_t i = 0; i < poses.size(); ++i) {
         const Difference one = difference(poses[i].pose, xy);
         const auto row = 6 * static_cast<Eigen::Index>(i);

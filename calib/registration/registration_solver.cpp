@@ -4,7 +4,7 @@
 
 #include <Eigen/Dense>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -134,7 +134,7 @@ StageMotion required_motion(std::span<const PosePair> poses) {
 }
 
 XY minimised(const XY& start, const LeastSquaresRule& rule,
-             const std::function<std::optional<Linearised>(const XY&)>& linearised) {
+             const std::function<std::optional<ResidualsAndJacobian>(const XY&)>& linearised) {
     const auto moved = [](const XY& xy, const Eigen::VectorXd& step) {
         return std::optional(XY{left_perturbed(xy.camera_from_base, step.head<6>()),
                                 left_perturbed(xy.carriage_from_marker, step.tail<6>())});

@@ -9,7 +9,7 @@
 
 #include "calib/registration/registration_gauge.h"
 #include "calib/registration/stage_motion.h"
-#include "core/least_squares.h"
+#include "core/optimize/least_squares.h"
 
 namespace etalon {
 
@@ -33,7 +33,7 @@ StageMotion required_motion(std::span<const PosePair> poses);
 // `linearised` gives twelve derivatives, by the left perturbations of X and Y. Throws
 // NumericalError when the steps do not converge.
 XY minimised(const XY& start, const LeastSquaresRule& rule,
-             const std::function<std::optional<Linearised>(const XY&)>& linearised);
+             const std::function<std::optional<ResidualsAndJacobian>(const XY&)>& linearised);
 
 // X and Y moved along the freedoms to the prior, with covariance, rank and names. `jacobian_at`
 // gives the derivatives at `motion.without_noise`, in standard deviations. Throws what

@@ -5,7 +5,7 @@
 #include <Eigen/Dense>
 #include <array>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -25,7 +25,7 @@
 #include <string>
 #include <vector>
 
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

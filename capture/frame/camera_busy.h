@@ -4,7 +4,7 @@
 #include <chrono>
 #include <string>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

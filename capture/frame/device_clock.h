@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 

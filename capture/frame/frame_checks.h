@@ -10,7 +10,7 @@
 
 #include "capture/frame/camera.h"
 #include "capture/frame/pixel_formats.h"
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

@@ -9,8 +9,8 @@
 #include <stop_token>
 #include <utility>
 
-#include "core/clock.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 

@@ -12,7 +12,7 @@
 #include <string>
 #include <string_view>
 
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

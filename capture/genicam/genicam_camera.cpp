@@ -12,7 +12,7 @@
 #include "capture/genicam/genicam_device.h"
 #include "capture/genicam/genicam_settings.h"
 #include "capture/genicam/genicam_stream.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -14,7 +14,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

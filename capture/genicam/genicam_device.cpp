@@ -10,7 +10,7 @@
 #include "capture/frame/camera_busy.h"
 #include "capture/genicam/genicam_description.h"
 #include "capture/genicam/genicam_support.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

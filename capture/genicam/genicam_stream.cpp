@@ -7,7 +7,7 @@
 
 #include "capture/frame/frame_checks.h"
 #include "capture/genicam/genicam_support.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

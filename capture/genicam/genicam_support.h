@@ -2,7 +2,7 @@
 // and the library's buffer status in this project's words.
 #pragma once
 
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

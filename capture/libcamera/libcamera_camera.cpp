@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "capture/libcamera/libcamera_support.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

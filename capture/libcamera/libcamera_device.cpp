@@ -25,7 +25,7 @@
 #include <utility>
 
 #include "capture/frame/handover_queue.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -12,7 +12,7 @@
 #include <deque>
 #include <optional>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 

@@ -10,7 +10,7 @@
 #include "capture/v4l2/v4l2_controls.h"
 #include "capture/v4l2/v4l2_stream.h"
 #include "capture/v4l2/v4l2_timing.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -11,7 +11,7 @@
 #include <system_error>
 #include <thread>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

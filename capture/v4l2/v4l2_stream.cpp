@@ -10,7 +10,7 @@
 #include <cerrno>
 #include <memory>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "compare/characterise/code_statistics.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

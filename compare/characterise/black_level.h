@@ -9,7 +9,7 @@
 
 #include <span>
 
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

@@ -10,7 +10,7 @@
 #include "compare/characterise/characterise_blur.h"
 #include "compare/detect/detector.h"
 #include "compare/photometric/compared_area.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 
@@ -105,8 +105,8 @@ Transfer displaced(Transfer transfer, const std::vector<double>& uncertainties) 
     return transfer;
 }
 
-// Linearised signals inherit what is not known of the curve: its share of gain and read noise is
-// what displacing the curve changes.
+// ResidualsAndJacobian signals inherit what is not known of the curve: its share of gain and read
+// noise is what displacing the curve changes.
 void add_transfer_uncertainty(const std::vector<RepeatedView>& views,
                               const Characterisation& result, PhotonTransfer& photon) {
     if (!result.transfer || result.transfer->code_standard_uncertainty.empty())

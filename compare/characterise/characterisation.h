@@ -16,7 +16,7 @@
 #include "compare/characterise/point_spread_estimate.h"
 #include "compare/characterise/slanted_edge.h"
 #include "compare/characterise/transfer_estimate.h"
-#include "compare/detect/calibration_target.h"
+#include "compare/detect/board/calibration_target.h"
 
 namespace etalon {
 

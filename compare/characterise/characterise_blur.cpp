@@ -7,7 +7,7 @@
 #include <filesystem>
 
 #include "compare/photometric/compared_area.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "compare/characterise/characterisation.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 
 namespace etalon {
 

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <vector>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

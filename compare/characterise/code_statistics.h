@@ -8,7 +8,7 @@
 #include <span>
 #include <string>
 
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 
@@ -27,7 +27,7 @@ double rounding_uncertainty_of_variance(double sigma);
 // many as the code below, and one pixel in a thousand). Throws NumericalError for no images.
 int saturation_code(std::span<const CodeImage> images);
 
-// Share of pixels at code 0, and of those at `saturation` or above.
+// Proportion of pixels at code 0, and of those at `saturation` or above.
 double share_at_floor(const CodeImage& image);
 double share_at_saturation(const CodeImage& image, int saturation);
 

@@ -11,7 +11,7 @@
 
 #include "compare/characterise/code_statistics.h"
 #include "compare/characterise/uniform_patches.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {

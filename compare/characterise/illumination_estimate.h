@@ -19,8 +19,8 @@
 
 #include "calib/camera/camera_model.h"
 #include "calib/camera/projector.h"
-#include "core/image.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
+#include "core/image/image.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <optional>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

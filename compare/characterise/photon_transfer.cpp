@@ -8,9 +8,9 @@
 
 #include "compare/characterise/code_statistics.h"
 #include "compare/characterise/repeated_view.h"
-#include "core/distributions.h"
-#include "core/errors.h"
-#include "core/median.h"
+#include "core/program/errors.h"
+#include "core/statistics/distributions.h"
+#include "core/statistics/median.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {

@@ -19,7 +19,7 @@
 
 #include "calib/camera/camera_model.h"
 #include "compare/characterise/black_level.h"
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

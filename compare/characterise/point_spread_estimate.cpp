@@ -9,9 +9,9 @@
 #include "compare/edges/edge_blur_models.h"
 #include "compare/edges/edge_fit.h"
 #include "compare/edges/edge_response.h"
-#include "core/distributions.h"
-#include "core/errors.h"
-#include "sim/spread/diffraction.h"
+#include "core/program/errors.h"
+#include "core/statistics/distributions.h"
+#include "sim/psf/diffraction.h"
 
 namespace etalon {
 namespace {

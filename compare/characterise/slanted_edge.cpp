@@ -11,7 +11,7 @@
 
 #include "compare/edges/edge_blur_models.h"
 #include "compare/edges/edge_fit.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -22,7 +22,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

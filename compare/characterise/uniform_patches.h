@@ -4,8 +4,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "core/image.h"
-#include "core/mosaic.h"
+#include "core/image/image.h"
+#include "core/image/mosaic.h"
 
 namespace etalon {
 

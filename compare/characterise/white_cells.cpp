@@ -5,7 +5,7 @@
 
 #include "compare/characterise/illumination_estimate.h"
 #include "compare/photometric/compared_area.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "calib/camera/projector.h"
-#include "core/image.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
+#include "core/image/image.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {
@@ -80,9 +80,9 @@ struct PoseEstimate {
     Matrix6d covariance_per_px2 = Matrix6d::Zero();
 };
 
-// Least squares on the pixels, distortion included, from the planar closed-form solutions; of a wide
-// lens those of the plane across the points' mean ray. Throws NumericalError for a telecentric one.
-// Needs at least 4 coplanar points and as many pixels. Nothing when the points are degenerate
+// Least squares on the pixels, distortion included, from the planar closed-form solutions; of a
+// wide lens those of the plane across the points' mean ray. Throws NumericalError for a telecentric
+// one. Needs at least 4 coplanar points and as many pixels. Nothing when the points are degenerate
 // (collinear, not coplanar, not finite), a pixel has no ray, the pixels do not fix all six
 // components, or no solution has the marker in front of the camera. Safe from every thread; about
 // 0.1 ms for four points.

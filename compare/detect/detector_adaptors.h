@@ -37,9 +37,9 @@ std::unique_ptr<Detector> make_apriltag_detector(const Marker& marker, const std
                                                  const ApriltagOptions& options = {});
 
 // How OpenCV's ArUco places the corners. Mean offset towards the tag's centre on exact renderings
-// of 120 px tags, OpenCV 4.6 (tests/compare/detect/aruco_detector_test.cpp measures and prints it
-// again). It is left in: it belongs to the detector, and a comparison meets it in photograph and
-// rendering.
+// of 120 px tags, OpenCV 4.6 (tests/compare/detect/aruco/aruco_detector_test.cpp measures and
+// prints it again). It is left in: it belongs to the detector, and a comparison meets it in
+// photograph and rendering.
 enum class ArucoRefinement {
     none,      // the contour's own pixels: 0.55 px
     subpixel,  // cv::cornerSubPix in a 7x7 px window, the default: 0.14 px
@@ -68,13 +68,14 @@ struct ArucoOptions {
 std::unique_ptr<Detector> make_aruco_detector(const Marker& marker, const std::string& place,
                                               const ArucoOptions& options = {});
 
-// The corner finder of compare/detect/chessboard_corners.h for a marker of kind chessboard.
+// The corner finder of compare/detect/board/chessboard_corners.h for a marker of kind chessboard.
 std::unique_ptr<Detector> make_chessboard_detector(const Marker& marker, const std::string& place);
 
-// The points of a board that a calibration finds (compare/detect/calibration_target.h), which may
-// be seen in part: ChArUco, AprilTag grids, circles and squares. Tags whose id is seen twice count
-// as not seen, so that of two boards alike nothing is found. Of circles these are the centroids of
-// their images. ConfigError for every other marker, and for a board too small to calibrate with.
+// The points of a board that a calibration finds (compare/detect/board/calibration_target.h), which
+// may be seen in part: ChArUco, AprilTag grids, circles and squares. Tags whose id is seen twice
+// count as not seen, so that of two boards alike nothing is found. Of circles these are the
+// centroids of their images. ConfigError for every other marker, and for a board too small to
+// calibrate with.
 std::unique_ptr<Detector> make_board_detector(const Marker& marker, const std::string& place);
 
 // For detect(): the only candidate; no corners when there is none, or more than one.

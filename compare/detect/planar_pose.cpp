@@ -8,11 +8,11 @@
 #include <Eigen/Eigenvalues>
 #include <opencv2/calib3d.hpp>
 
-#include "calib/camera/sight.h"
+#include "calib/camera/viewing_geometry.h"
 #include "compare/detect/detector.h"
-#include "core/errors.h"
-#include "core/information.h"
-#include "core/least_squares.h"
+#include "core/optimize/least_squares.h"
+#include "core/program/errors.h"
+#include "core/statistics/covariance.h"
 
 namespace etalon {
 namespace {
@@ -56,8 +56,9 @@ std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& p
         rays.push_back(*ray);
     }
     const bool is_flat = projector.camera().projection.is_flat();
-    const Eigen::Quaterniond turn = is_flat ? Eigen::Quaterniond::Identity() : turn_to_mean(rays);
-    const SeenAcross seen = seen_across(turn, rays);
+    const Eigen::Quaterniond turn =
+        is_flat ? Eigen::Quaterniond::Identity() : rotation_to_mean_direction(rays);
+    const VisibleProjection seen = seen_across(turn, rays);
     std::vector<cv::Point3d> object;
     std::vector<cv::Point2d> image;
     for (std::size_t i = 0; i < seen.kept.size(); ++i) {
@@ -86,10 +87,11 @@ std::vector<Rigid> closed_form_poses(const Projector& projector, const Points& p
 }
 
 // The pixels' residuals, px, for a left perturbation of the pose; nothing when one is unseen.
-std::optional<Linearised> linearised(const Projector& projector, const Points& points,
-                                     const Pixels& pixels, const Rigid& camera_from_marker) {
-    Linearised all{Eigen::VectorXd(2 * std::ssize(points)),
-                   Eigen::MatrixXd(2 * std::ssize(points), 6)};
+std::optional<ResidualsAndJacobian> linearised(const Projector& projector, const Points& points,
+                                               const Pixels& pixels,
+                                               const Rigid& camera_from_marker) {
+    ResidualsAndJacobian all{Eigen::VectorXd(2 * std::ssize(points)),
+                             Eigen::MatrixXd(2 * std::ssize(points), 6)};
     for (std::size_t i = 0; i < points.size(); ++i) {
         const Eigen::Vector3d arm = camera_from_marker.rotation * points[i];
         const auto seen = projector.project_with_jacobian(arm + camera_from_marker.translation);
@@ -139,7 +141,8 @@ double rms_px(const Refined& pose, const Points& points) {
 
 // Without the other solution.
 std::optional<PoseEstimate> estimate_of(const Refined& pose, const Points& points) {
-    const auto covariance = inverse_of_information(pose.at.jacobian.transpose() * pose.at.jacobian);
+    const auto covariance =
+        covariance_from_information(pose.at.jacobian.transpose() * pose.at.jacobian);
     if (!covariance)
         return std::nullopt;
     return PoseEstimate{pose.unknowns, rms_px(pose, points), {}, 0.0, *covariance};

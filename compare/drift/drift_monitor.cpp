@@ -5,9 +5,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/distributions.h"
-#include "core/errors.h"
-#include "core/median.h"
+#include "core/program/errors.h"
+#include "core/statistics/distributions.h"
+#include "core/statistics/median.h"
 
 namespace etalon {
 namespace {

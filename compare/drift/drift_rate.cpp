@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/distributions.h"
+#include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {

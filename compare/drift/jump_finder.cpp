@@ -3,8 +3,8 @@
 #include <cmath>
 #include <span>
 
-#include "core/distributions.h"
-#include "core/median.h"
+#include "core/statistics/distributions.h"
+#include "core/statistics/median.h"
 
 namespace etalon {
 namespace {

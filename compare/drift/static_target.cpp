@@ -1,6 +1,6 @@
 #include "compare/drift/static_target.h"
 
-#include "compare/detect/calibration_target.h"
+#include "compare/detect/board/calibration_target.h"
 #include "compare/make_detector.h"
 
 namespace etalon {

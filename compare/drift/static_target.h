@@ -5,7 +5,7 @@
 #include <string>
 
 #include "compare/drift/target_movement.h"
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 
@@ -13,7 +13,7 @@ namespace etalon {
 using TargetFinder = std::function<TargetPoints(const CodeImage&)>;
 
 // For every marker and board that has a detector (sim/marker/marker.h,
-// compare/detect/calibration_target.h). Throws ConfigError at `place` for any other.
+// compare/detect/board/calibration_target.h). Throws ConfigError at `place` for any other.
 TargetFinder make_target_finder(const std::string& spec, const std::string& place);
 
 }  // namespace etalon

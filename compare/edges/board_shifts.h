@@ -10,7 +10,7 @@
 #include "calib/camera/projector.h"
 #include "compare/edges/edge_shifts.h"
 #include "compare/photometric/compared_area.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 
 namespace etalon {
 

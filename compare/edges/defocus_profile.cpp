@@ -7,8 +7,8 @@
 #include <cmath>
 
 #include "compare/edges/edge_blur_models.h"
-#include "core/errors.h"
-#include "core/information.h"
+#include "core/program/errors.h"
+#include "core/statistics/covariance.h"
 
 namespace etalon {
 namespace {
@@ -85,7 +85,7 @@ WidthMinimum minimum_of(std::span<const Width> widths, double Width::*width) {
         design.row(i) /= one.deviation_px2;
         right[i] = one.*width / one.deviation_px2;
     }
-    const auto inverse = inverse_of_information(design.transpose() * design);
+    const auto inverse = covariance_from_information(design.transpose() * design);
     const std::string depths =
         fmt::format("between {:.1f} and {:.1f} mm", 1.0 / range.nearest, 1.0 / range.farthest);
     if (!(scale > 0.0) || !inverse) {

@@ -7,8 +7,8 @@
 #include <cmath>
 
 #include "compare/edges/edge_response.h"
-#include "core/errors.h"
-#include "core/information.h"
+#include "core/program/errors.h"
+#include "core/statistics/covariance.h"
 
 namespace etalon {
 namespace {
@@ -354,7 +354,7 @@ bool mark_outliers(std::span<const StraightEdge> edges, const Sums& sums, EdgeFi
 }
 
 MatrixXd inverse_of(const MatrixXd& information) {
-    const auto inverse = inverse_of_information(information, 0.0);
+    const auto inverse = covariance_from_information(information, 0.0);
     if (!inverse || !inverse->allFinite())
         throw NumericalError("edge fit: the edges do not determine the blur");
     return *inverse;

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -10,10 +10,10 @@
 #include <optional>
 #include <utility>
 
-#include "calib/camera/sight.h"
+#include "calib/camera/viewing_geometry.h"
 #include "compare/edges/grid_edges.h"
-#include "core/errors.h"
-#include "core/information.h"
+#include "core/program/errors.h"
+#include "core/statistics/covariance.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {
@@ -334,7 +334,7 @@ public:
         constexpr double rounding = 1e-8;
         for (int step = 0; step < max_steps; ++step) {
             evaluate();
-            const auto inverse = inverse_of_information(rows_.transpose() * rows_, rounding);
+            const auto inverse = covariance_from_information(rows_.transpose() * rows_, rounding);
             if (!inverse)
                 return false;
             covariance_ = *inverse;

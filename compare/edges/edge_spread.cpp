@@ -7,9 +7,9 @@
 #include <cmath>
 #include <optional>
 
-#include "calib/camera/sight.h"
+#include "calib/camera/viewing_geometry.h"
 #include "compare/edges/grid_edges.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {

@@ -13,8 +13,8 @@
 
 #include "calib/camera/projector.h"
 #include "compare/photometric/compared_area.h"
-#include "core/image.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
+#include "core/image/image.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

@@ -8,8 +8,8 @@
 #include <map>
 #include <optional>
 
-#include "core/errors.h"
-#include "core/median.h"
+#include "core/program/errors.h"
+#include "core/statistics/median.h"
 
 namespace etalon {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "compare/expect/expected_view.h"
 #include "compare/make_detector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/distributions.h"
-#include "core/random.h"
+#include "core/statistics/distributions.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

@@ -5,11 +5,11 @@
 
 #include <cmath>
 
-#include "calib/camera/sight.h"
+#include "calib/camera/viewing_geometry.h"
 #include "compare/expect/expected_view.h"
 #include "compare/expect/pose_statistics.h"
 #include "compare/make_detector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -1,5 +1,5 @@
 // What pose errors a camera and a marker are to be expected to give with a detector: bias B1
-// (compare/verdict/pose_bias.h) and noise, from renders at poses all over the volume that the
+// (compare/pose/pose_bias.h) and noise, from renders at poses all over the volume that the
 // camera sees. The routine test after a calibration: no stage and no photograph is needed.
 //
 // Each pose is rendered once, exposed without noise for the bias and several times with the noise
@@ -14,7 +14,7 @@
 
 #include "compare/expect/expectation_map.h"
 #include "compare/expect/expected_view.h"
-#include "compare/verdict/pose_bias.h"
+#include "compare/pose/pose_bias.h"
 #include "sim/scene/bench_poses.h"
 
 namespace etalon {

@@ -1,6 +1,6 @@
 #include "compare/expect/expected_view.h"
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/scene/marker_outline.h"
 #include "sim/scene/scene.h"
 

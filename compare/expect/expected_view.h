@@ -8,8 +8,8 @@
 
 #include "calib/camera/projector.h"
 #include "compare/detect/detector.h"
-#include "core/image.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
+#include "core/image/image.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 

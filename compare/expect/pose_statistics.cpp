@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "compare/expect/error_intervals.h"
-#include "core/errors.h"
-#include "core/roll_pitch_yaw.h"
-#include "core/units.h"
+#include "core/geometry/roll_pitch_yaw.h"
+#include "core/geometry/units.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -4,12 +4,12 @@
 //
 // The six components are those of the published comparison of markers (FMAC): X, Y, Z, estimated
 // minus true translation in the camera frame, mm; roll, pitch and yaw, differences of the angles of
-// core/roll_pitch_yaw.h, deg, in [-180, 180]. Its "accuracy" is the mean of their absolute values.
-// Two measures that belong to no frame stand beside them: the distance between the estimated and
-// the true origin, and the angle of the rotation between them.
+// core/geometry/roll_pitch_yaw.h, deg, in [-180, 180]. Its "accuracy" is the mean of their absolute
+// values. Two measures that belong to no frame stand beside them: the distance between the
+// estimated and the true origin, and the angle of the rotation between them.
 //
 // Nothing here renders or detects. For relative biases of photographs see
-// compare/verdict/pose_bias.h.
+// compare/pose/pose_bias.h.
 #pragma once
 
 #include <array>
@@ -20,8 +20,8 @@
 #include <vector>
 
 #include "compare/detect/detector.h"
-#include "core/rigid.h"
-#include "core/share.h"
+#include "core/geometry/rigid.h"
+#include "core/statistics/proportion.h"
 
 namespace etalon {
 
@@ -93,8 +93,8 @@ inline constexpr std::size_t min_bootstrap_values = 20;
 
 struct PoseStatistics {
     std::size_t poses = 0;                 // that were asked about
-    std::optional<Share> detected;         // of the poses; nothing without poses
-    std::optional<Share> flips;            // of the detected ones; nothing if none was
+    std::optional<Proportion> detected;    // of the poses; nothing without poses
+    std::optional<Proportion> flips;       // of the detected ones; nothing if none was
     std::optional<MeasureStatistics> all;  // nothing if none was detected
     std::optional<MeasureStatistics> without_flips;
 };
@@ -131,7 +131,7 @@ struct AxisBin {
     double low = 0.0, high = 0.0;  // of the axis; a value at an inner edge belongs to the upper bin
     double place = 0.0;            // mean value of its poses; the middle when it has none
     std::size_t poses = 0;
-    std::optional<Share> detected;
+    std::optional<Proportion> detected;
     std::optional<std::array<BinnedError, error_measure_count>> errors;
 };
 

@@ -1,4 +1,4 @@
-// Why a detector found nothing: by trying. The rest of compare/match/match_outcome.h is in
+// Why a detector found nothing: by trying. The rest of compare/match/photo_findings.h is in
 // match_outcome.cpp.
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "compare/characterise/code_statistics.h"
-#include "compare/match/match_outcome.h"
+#include "compare/match/photo_findings.h"
 
 namespace etalon {
 namespace {

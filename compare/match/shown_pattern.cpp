@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "compare/photometric/photometric_model.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/marker/tag_pattern.h"
 
 namespace etalon {

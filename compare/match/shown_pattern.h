@@ -13,7 +13,7 @@
 
 #include "calib/camera/projector.h"
 #include "compare/photometric/compared_area.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

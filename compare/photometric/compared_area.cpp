@@ -5,7 +5,7 @@
 #include <Eigen/LU>
 #include <limits>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/marker/topotag_pattern.h"
 
 namespace etalon {

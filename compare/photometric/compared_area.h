@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "calib/camera/projector.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

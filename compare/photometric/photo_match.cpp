@@ -7,7 +7,7 @@
 
 #include "calib/camera/parameter_names.h"
 #include "compare/photometric/photometric_steps.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

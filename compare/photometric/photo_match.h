@@ -14,7 +14,7 @@
 #include "compare/photometric/compared_area.h"
 #include "compare/photometric/photometric_pose.h"
 #include "compare/photometric/pixel_difference.h"
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

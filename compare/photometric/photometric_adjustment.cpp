@@ -9,8 +9,8 @@
 #include <cmath>
 #include <optional>
 
-#include "core/errors.h"
-#include "core/least_squares.h"
+#include "core/optimize/least_squares.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -166,7 +166,7 @@ private:
         const auto tried = [&](const Place& from, const AdjustmentStep& step) {
             return attempted([&] { return moved(from, step); }).value;
         };
-        auto descent = damped_descent(std::move(place), rule, determined_step, tried);
+        auto descent = levenberg_marquardt(std::move(place), rule, determined_step, tried);
         place = std::move(descent.place);
         iterations_ += descent.steps;
         converged_ = descent.converged || step_at(place, 0.0).predicted_gain < rounding * count;

@@ -5,7 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/photometric/photometric_steps.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "compare/photometric/compared_area.h"
 #include "compare/photometric/photometric_pose.h"
-#include "core/image.h"
+#include "core/image/image.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

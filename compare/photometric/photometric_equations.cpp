@@ -9,7 +9,7 @@
 
 #include "compare/photometric/compared_area.h"
 #include "compare/photometric/pixel_difference.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {

@@ -4,7 +4,7 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
-#include "core/distributions.h"
+#include "core/statistics/distributions.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {

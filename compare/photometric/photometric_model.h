@@ -18,8 +18,8 @@
 #include <optional>
 
 #include "calib/camera/camera_model.h"
-#include "core/image.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

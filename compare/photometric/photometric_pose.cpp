@@ -4,8 +4,8 @@
 
 #include "compare/detect/detector.h"
 #include "compare/photometric/photometric_steps.h"
-#include "core/errors.h"
-#include "core/information.h"
+#include "core/program/errors.h"
+#include "core/statistics/covariance.h"
 
 namespace etalon {
 namespace {
@@ -16,8 +16,8 @@ namespace {
 Matrix6d pose_covariance(const PhotoEquations& equations, double variance) {
     constexpr double rounding = 1e-13;  // of the largest eigenvalue, which is at most their number
     const Eigen::MatrixXd& information = equations.information;
-    const auto inverse =
-        inverse_of_information(information, rounding * static_cast<double>(information.rows()));
+    const auto inverse = covariance_from_information(
+        information, rounding * static_cast<double>(information.rows()));
     if (!inverse)
         throw NumericalError("the photograph does not determine pose and photometric model");
     const Matrix6d root = inverse->topLeftCorner<6, 6>().llt().matrixL();

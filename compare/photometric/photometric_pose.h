@@ -38,9 +38,10 @@ struct PhotometricPose {
     // Left perturbation, rot, trans; the photometric parameters marginalised: from the full Fisher
     // matrix at the stated noise, or at that of the residuals where the camera knows none or they
     // are larger; widened where the residuals of parts of the picture (10 x 10 of the marker's box)
-    // pull at the pose more than independent pixels would (core/information.h). Neighbouring parts
-    // of a bent print pull alike: deviations may then still be too small by half. It does not hold
-    // what pulls all parts alike: a wrong calibration, or the size of the print.
+    // pull at the pose more than independent pixels would (core/statistics/covariance.h).
+    // Neighbouring parts of a bent print pull alike: deviations may then still be too small by
+    // half. It does not hold what pulls all parts alike: a wrong calibration, or the size of the
+    // print.
     Matrix6d covariance;
     PhotometricModel photometry;
     // In units of the known noise, or gray. 1.4826 times the median size of the residuals; 1 where

@@ -7,8 +7,8 @@
 #include <opencv2/core.hpp>
 
 #include "compare/photometric/photometric_pose.h"
-#include "core/distributions.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {

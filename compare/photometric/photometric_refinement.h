@@ -24,7 +24,7 @@
 #include "calib/intrinsics/camera_fit.h"
 #include "compare/photometric/compared_area.h"
 #include "compare/photometric/photometric_adjustment.h"
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

@@ -3,7 +3,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -90,7 +90,7 @@ bool PhotometricSteps::descend(PhotoPlace& place, DescentRule rule) {
     const auto step_at = [](const PhotoPlace& from, double damping) {
         return step_of(from.equations, damping);
     };
-    auto descent = damped_descent(std::move(place), rule, step_at, tried);
+    auto descent = levenberg_marquardt(std::move(place), rule, step_at, tried);
     place = std::move(descent.place);
     return descent.converged || promised_gain(place.equations) < rule.enough_gain;
 }

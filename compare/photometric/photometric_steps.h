@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "compare/photometric/photometric_equations.h"
-#include "core/least_squares.h"
+#include "core/optimize/least_squares.h"
 
 namespace etalon {
 

@@ -3,7 +3,7 @@
 #include <functional>
 #include <limits>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon {

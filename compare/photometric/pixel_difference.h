@@ -10,7 +10,7 @@
 #include "compare/photometric/compared_area.h"
 #include "compare/photometric/photometric_equations.h"
 #include "compare/photometric/photometric_model.h"
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 
@@ -20,7 +20,7 @@ struct ResidualStatistics {
     double rms_gray = 0.0;    // about zero
     double p99_gray = 0.0;    // 99 % of the absolute residuals are at most this
     double worst_gray = 0.0;  // the largest absolute residual
-    // Share of pixels over three standard deviations of the noise: 0.0027 would be pure noise.
+    // Proportion of pixels over three standard deviations of the noise: 0.0027 would be pure noise.
     // Where the noise comes from the residuals themselves it says how far they are from normal.
     std::optional<double> significant;
 };

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "calib/intrinsics/camera_fit.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

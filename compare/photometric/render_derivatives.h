@@ -23,7 +23,7 @@
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibration_model.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 #include "sim/render/renderer.h"
 
 namespace etalon {

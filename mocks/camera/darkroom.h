@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

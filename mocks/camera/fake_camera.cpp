@@ -1,7 +1,7 @@
 #include "mocks/camera/fake_camera.h"
 
 #include "capture/frame/frame_checks.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

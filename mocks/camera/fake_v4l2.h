@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "capture/v4l2/v4l2_system.h"
-#include "core/clock.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 

@@ -20,7 +20,7 @@
 #include <thread>
 
 #include "capture/frame/pixel_formats.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "mocks/camera/gige_chunks.h"
 #include "mocks/camera/gige_description.h"
 

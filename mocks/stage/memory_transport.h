@@ -8,7 +8,7 @@
 
 #include <vector>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 #include "mocks/stage/modbus_controller.h"
 #include "stage/link/modbus_transport.h"
 

@@ -17,7 +17,7 @@
 #include <thread>
 #include <utility>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "mocks/stage/modbus_framing.h"
 
 namespace etalon {

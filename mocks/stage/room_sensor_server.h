@@ -7,7 +7,7 @@
 #include <memory>
 #include <optional>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 #include "mocks/stage/modbus_server.h"
 
 namespace etalon {

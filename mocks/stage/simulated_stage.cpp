@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 #include "mocks/stage/simulated_axis.h"
 #include "mocks/stage/simulated_stage_options.h"
 #include "stage/motion/stage.h"

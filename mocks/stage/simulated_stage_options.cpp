@@ -4,8 +4,8 @@
 
 #include <cmath>
 
-#include "core/clock.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "calib/files/camera_file.h"
-#include "core/strict_reader.h"
-#include "core/units.h"
+#include "core/config/strict_reader.h"
+#include "core/geometry/units.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

@@ -9,10 +9,10 @@
 #include <filesystem>
 #include <optional>
 
-#include "core/errors.h"
-#include "core/exit_codes.h"
-#include "core/file_schema.h"
-#include "core/text.h"
+#include "core/config/file_schema.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
+#include "core/program/exit_codes.h"
 #include "mocks/ending_signals.h"
 #include "mocks/twin/twin.h"
 

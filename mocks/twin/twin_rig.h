@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 #include "mocks/camera/darkroom.h"
 #include "mocks/stage/modbus_stage_server.h"
 #include "mocks/stage/serial_link.h"

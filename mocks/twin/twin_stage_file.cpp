@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "core/units.h"
+#include "core/geometry/units.h"
 #include "stage/profile/profile.h"
 
 namespace etalon {

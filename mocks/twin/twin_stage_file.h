@@ -36,7 +36,7 @@
 #include <string>
 #include <vector>
 
-#include "core/strict_reader.h"
+#include "core/config/strict_reader.h"
 #include "mocks/stage/modbus_fault.h"
 #include "mocks/stage/simulated_stage_options.h"
 #include "stage/axes/axes.h"

@@ -1,4 +1,4 @@
-"""What etalon raises: what a caller cannot go on from. The same hierarchy as in C++ (core/errors.h).
+"""What etalon raises: what a caller cannot go on from. The same hierarchy as in C++ (core/program/errors.h).
 
 A marker that is not found, or a camera out of its limits, is a result and no exception.
 """

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <span>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/marker/disc_cells.h"
 #include "sim/marker/tag_pattern.h"
 

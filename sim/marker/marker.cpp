@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <string_view>
 
-#include "core/errors.h"
-#include "core/image.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/image/image.h"
+#include "core/program/errors.h"
 #include "sim/marker/board_pattern.h"
 #include "sim/marker/stag_pattern.h"
 #include "sim/marker/tag_pattern.h"

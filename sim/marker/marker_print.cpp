@@ -7,8 +7,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

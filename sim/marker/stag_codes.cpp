@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <bit>
 
-#include "core/errors.h"
-#include "core/random.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 #include "sim/marker/stag_tables.h"
 
 namespace etalon {

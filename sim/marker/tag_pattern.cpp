@@ -22,7 +22,7 @@
 #include <algorithm>
 #include <memory>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

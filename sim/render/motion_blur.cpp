@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 
 namespace etalon {

@@ -13,7 +13,7 @@
 // pixel within one exposure may add up to m times that.
 #pragma once
 
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 #include "sim/render/renderer.h"
 
 namespace etalon {

@@ -10,14 +10,14 @@
 #include <optional>
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "sim/psf/diffraction.h"
+#include "sim/psf/point_spread_sampler.h"
+#include "sim/psf/wave_point_spread.h"
 #include "sim/render/wave_render.h"
 #include "sim/scene/marker_view.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/sobol.h"
-#include "sim/spread/diffraction.h"
-#include "sim/spread/point_spread_sampler.h"
-#include "sim/spread/wave_point_spread.h"
 
 namespace etalon {
 namespace {

@@ -17,7 +17,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/image.h"
+#include "core/image/image.h"
 #include "sim/render/renderer.h"
 
 namespace etalon {

@@ -7,7 +7,7 @@
 #include <limits>
 #include <numbers>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/tiles/tile_evaluator.h"
 
 namespace etalon {
@@ -64,7 +64,7 @@ Choice least_k(int least, int most, double allowed_gray, const Bound& bound) {
     return {};
 }
 
-bool kept(const RenderOptions& options, Omission what) {
+bool kept(const RenderOptions& options, NeglectedEffect what) {
     return std::find(options.keep.begin(), options.keep.end(), what) != options.keep.end();
 }
 
@@ -96,19 +96,19 @@ public:
 private:
     double allowed(double share) const { return share * options_.tolerance_gray; }
 
-    void leave_out(Omission what, std::string why, double gray) {
+    void leave_out(NeglectedEffect what, std::string why, double gray) {
         chosen_.plan.left_out.push_back({what, std::move(why), gray});
     }
 
     void leave_out_diffraction() {
         chosen_.with_spread = filter_.has_point_spread();
         if (!chosen_.with_spread)
-            return leave_out(Omission::diffraction, "the camera states no lens", 0.0);
+            return leave_out(NeglectedEffect::diffraction, "the camera states no lens", 0.0);
         const double gray = image_.step * bound_.of_no_spread();
-        if (gray > allowed(share_of_diffraction) || kept(options_, Omission::diffraction))
+        if (gray > allowed(share_of_diffraction) || kept(options_, NeglectedEffect::diffraction))
             return;
         chosen_.with_spread = false;
-        leave_out(Omission::diffraction,
+        leave_out(NeglectedEffect::diffraction,
                   fmt::format("a step of {:.3g} keeps its shape to {:.2g} gray", image_.step, gray),
                   gray);
     }
@@ -125,7 +125,7 @@ private:
 
     void leave_out_lens() {
         double& sharp_up_to = chosen_.sampling.sharp_up_to_px;
-        if (kept(options_, Omission::lens))
+        if (kept(options_, NeglectedEffect::lens))
             return;
         const double gray = allowed(share_of_lens);
         sharp_up_to = gray / (255.0 * image_.step * 2.0 / (3.0 * std::numbers::pi));
@@ -134,7 +134,7 @@ private:
                 std::max(sharp_up_to,
                          std::sqrt(8.0 * gray / (255.0 * image_.step * bound_.line_spread_peak())));
         if (image_.blur.largest_px <= sharp_up_to)
-            leave_out(Omission::lens,
+            leave_out(NeglectedEffect::lens,
                       fmt::format("blur radius at most {:.2g} px", image_.blur.largest_px),
                       gray_without_lens(image_.blur.largest_px));
     }
@@ -202,7 +202,7 @@ private:
     // Direct samples or, of a coarser grid, thinned ones. A tile's disks have the shape of its
     // centre: they need an undistortion that hardly bends, and no border of the valid region.
     Choice of_disks() const {
-        const SharpenedSpread* sharpened = chosen_.with_spread ? filter_.sharpened() : nullptr;
+        const DeconvolvedPsf* sharpened = chosen_.with_spread ? filter_.sharpened() : nullptr;
         constexpr double max_curvature = 0.004;
         if (sharpened == nullptr || (needs_lens() && disks_of_lens() == 0) ||
             !image_.bend.is_polynomial || image_.bend.curvature > max_curvature)
@@ -436,7 +436,7 @@ private:
     void take_wedges(const Choice& wedges) {
         take(wedges, RenderMethod::wedge_table, SampleKind::pixel);
         std::erase_if(chosen_.plan.left_out,
-                      [](const LeftOut& left) { return left.what == Omission::lens; });
+                      [](const LeftOut& left) { return left.what == NeglectedEffect::lens; });
         chosen_.sampling.wedges = filter_.wedges();
         chosen_.sampling.wedge_reach_px = chosen_.sampling.wedges->reach_px(image_.blur.largest_px);
     }
@@ -447,12 +447,12 @@ private:
         const double gray = allowed(share_of_tail) / image_.markers;
         RenderPlan& plan = chosen_.plan;
         chosen_.finest_ring = filter_.first_ring();
-        if (kept(options_, Omission::tail)) {
+        if (kept(options_, NeglectedEffect::tail)) {
             plan.tail_reach_px = std::numeric_limits<double>::infinity();
             return;
         }
         plan.tail_reach_px = filter_.tail_reach_px(image_.contrast, image_.area_px, gray);
-        leave_out(Omission::tail,
+        leave_out(NeglectedEffect::tail,
                   fmt::format(
                       "beyond {:.0f} px, a marker {} at contrast {:.2g}", plan.tail_reach_px,
                       std::isfinite(image_.area_px) ? fmt::format("of {:.0f} px^2", image_.area_px)
@@ -481,7 +481,7 @@ private:
         while (chosen_.finest_ring < first + 2 && gray_of_rings(chosen_.finest_ring + 1) <= left)
             ++chosen_.finest_ring;
         if (chosen_.finest_ring > first)
-            leave_out(Omission::tail,
+            leave_out(NeglectedEffect::tail,
                       fmt::format("its detail below {} px", 1 << chosen_.finest_ring),
                       gray_of_rings(chosen_.finest_ring));
     }
@@ -494,7 +494,7 @@ private:
             chosen_.sampling.kind != SampleKind::point || !chosen_.with_spread ||
             chosen_.finest_ring < 1 || chosen_.plan.tail_reach_px == 0.0 ||
             image_.cell_px < smallest_cells_px || left <= 0.0 ||
-            kept(options_, Omission::uniform_tiles))
+            kept(options_, NeglectedEffect::uniform_tiles))
             return;
         chosen_.sampling.edges = filter_.edges();
         chosen_.sampling.edge_gray = left;

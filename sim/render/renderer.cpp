@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <numbers>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/render_sampling.h"
 #include "sim/render/sensor_map.h"
@@ -252,7 +252,7 @@ public:
           sensor_(cache.along_axis ? *cache.along_axis : *own_sensor_),
           outline_(marker_outline(view_, sensor_.rays.projector(), 31)),
           all_refined_(std::find(options.keep.begin(), options.keep.end(),
-                                 Omission::uniform_tiles) != options.keep.end()) {
+                                 NeglectedEffect::uniform_tiles) != options.keep.end()) {
         const BlurRange blur = blur_over_marker(view_, cache.camera.intrinsics);
         const cv::Rect tiles = tiles_around(outline_, blur.largest_px, sensor_.rays);
         const Eigen::Vector2d middle(0.0, 0.0), slope = view_.defocus_slope(middle);
@@ -273,7 +273,7 @@ public:
         chosen_.plan.instructions = tile_kernel_target();
         if (images_lines_straight(cache.camera))
             chosen_.plan.left_out.push_back(
-                {Omission::distortion, "the calibration has no distortion", 0.0});
+                {NeglectedEffect::distortion, "the calibration has no distortion", 0.0});
     }
 
     const RenderPlan& plan() const { return chosen_.plan; }
@@ -331,7 +331,7 @@ private:
         for (const TileUse& use : plan.used)
             plan.uniform_tiles -= use.tiles;
         if (!all_refined_)
-            plan.left_out.push_back({Omission::uniform_tiles,
+            plan.left_out.push_back({NeglectedEffect::uniform_tiles,
                                      fmt::format("{} of {} tiles see one radiance",
                                                  plan.uniform_tiles, samples.tiles().area()),
                                      0.0});

@@ -28,7 +28,7 @@ struct RenderOptions {
     // Part of the image to render; empty: all of it. The rest of the result is background.
     cv::Rect region;
     // What must not be left out even where the scene does not need it: to check the bounds.
-    std::vector<Omission> keep;
+    std::vector<NeglectedEffect> keep;
     // Of RenderMethod::reference: at most this many samples a pixel, a power of two of at least 8;
     // a pixel stops early when its standard error is below tolerance_gray. Statistical error of a
     // whole image and time: docs/rendering.md.

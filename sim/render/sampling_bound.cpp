@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/spread/lagrange.h"
+#include "sim/psf/lagrange.h"
 #include "sim/tiles/tile_interpolation.h"
 
 namespace etalon {
@@ -133,7 +133,7 @@ std::vector<float> point_errors(int k, const std::vector<BlurDisk>& disks, bool 
 }
 
 // The sharpened spread seen along one axis, in bins of a step.
-std::vector<double> line(const SharpenedSpread& sharpened, int k) {
+std::vector<double> line(const DeconvolvedPsf& sharpened, int k) {
     const int bins_per_px = steps_per_sample * k;
     std::vector<double> bins(static_cast<std::size_t>(sharpened.reach_px() * bins_per_px) + 2);
     for (std::size_t b = 0; b < bins.size(); ++b)
@@ -299,8 +299,8 @@ double SamplingBound::of_points(int k, double blur_radius_px, EdgeTangents tange
 
 // The disks that stand for a sample's disk and the lens do so at the frequencies that the spread
 // leaves, not at those that the samples take for them: there they have ripples of their own, whose
-// largest counts. Two disks for more of them tell enough (sim/spread/sharpened_spread.h).
-double SamplingBound::of_disks(int k, const SharpenedSpread& sharpened, const DiskBlur& blur,
+// largest counts. Two disks for more of them tell enough (sim/psf/deconvolved_psf.h).
+double SamplingBound::of_disks(int k, const DeconvolvedPsf& sharpened, const DiskBlur& blur,
                                EdgeTangents tangents, bool is_thinned) const {
     constexpr double bin_of_one = 1.03, bin_of_two = 1.15, no_ripples_from_samples = 3.0;
     const double disk = sharpened.disk_radius_px();

@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "sim/spread/sharpened_spread.h"
+#include "sim/psf/deconvolved_psf.h"
 
 namespace etalon {
 
@@ -46,7 +46,7 @@ public:
 
     // Of exact averages over the sharpened spread's disk, for an edge of contrast 1 under any of
     // these blurs; gray. Thinned out: from 2 k places a side.
-    double of_disks(int k, const SharpenedSpread& sharpened, const DiskBlur& blur,
+    double of_disks(int k, const DeconvolvedPsf& sharpened, const DiskBlur& blur,
                     EdgeTangents tangents, bool is_thinned = false) const;
 
     // Of box averages in place of the spread, for a sharp edge of contrast 1; gray.

@@ -2,7 +2,7 @@
 // are put over a whole picture.
 #pragma once
 
-#include "core/image.h"
+#include "core/image/image.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 

@@ -5,7 +5,7 @@
 
 #include <numbers>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/scene/marker_outline.h"
 #include "sim/tiles/cell_coverage.h"
 #include "sim/tiles/tile_map.h"

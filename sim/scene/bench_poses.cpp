@@ -1,8 +1,8 @@
 #include "sim/scene/bench_poses.h"
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
-#include "core/units.h"
+#include "core/geometry/units.h"
+#include "core/program/errors.h"
 #include "sim/scene/marker_in_view.h"
 #include "sim/scene/pose_sampling.h"
 #include "sim/scene/pose_volume.h"

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 #include "sim/marker/cell_grid.h"
 
 namespace etalon {

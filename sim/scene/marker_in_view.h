@@ -2,7 +2,7 @@
 #pragma once
 
 #include "calib/camera/projector.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 #include "sim/marker/cell_grid.h"
 
 namespace etalon {

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "calib/camera/distortion.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

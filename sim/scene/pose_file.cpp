@@ -4,10 +4,10 @@
 
 #include <numbers>
 
-#include "core/csv_file.h"
-#include "core/errors.h"
-#include "core/strict_reader.h"
-#include "core/text.h"
+#include "core/config/csv_file.h"
+#include "core/config/strict_reader.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -70,7 +70,8 @@ PoseReader::PoseReader(const std::filesystem::path& path) : path_(path) {
     if (is_json(path))
         json_ = read_json_poses(path);
     else
-        csv_ = std::make_unique<CsvReader>(path, std::initializer_list<std::string_view>{csv_header});
+        csv_ =
+            std::make_unique<CsvReader>(path, std::initializer_list<std::string_view>{csv_header});
 }
 
 PoseReader::~PoseReader() = default;

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 
 namespace etalon {
 

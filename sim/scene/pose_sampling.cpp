@@ -7,8 +7,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/errors.h"
-#include "core/roll_pitch_yaw.h"
+#include "core/geometry/roll_pitch_yaw.h"
+#include "core/program/errors.h"
 #include "sim/scene/marker_in_view.h"
 
 namespace etalon {

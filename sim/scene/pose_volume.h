@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "calib/camera/projector.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 #include "sim/marker/cell_grid.h"
 #include "sim/scene/pose_sampling.h"
 
@@ -31,10 +31,11 @@ struct Interval {
 };
 
 // Position of the marker's origin in the camera frame, mm, and R = Rz(yaw) Ry(pitch) Rx(roll), rad
-// (core/roll_pitch_yaw.h). Every axis is uniform in its interval. x or y that is not given ranges
-// over all that the camera sees at that depth, uniformly in the image: without both, the origin's
-// pixel is uniform in the image area; with x alone, x is uniform in mm and the origin's image row
-// uniform in the image, wherever the distortion puts it along the row; with y alone its column.
+// (core/geometry/roll_pitch_yaw.h). Every axis is uniform in its interval. x or y that is not given
+// ranges over all that the camera sees at that depth, uniformly in the image: without both, the
+// origin's pixel is uniform in the image area; with x alone, x is uniform in mm and the origin's
+// image row uniform in the image, wherever the distortion puts it along the row; with y alone its
+// column.
 struct PoseVolume {
     std::optional<Interval> x_mm = {}, y_mm = {};
     Interval z_mm;

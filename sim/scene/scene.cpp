@@ -9,8 +9,8 @@
 #include <numbers>
 
 #include "calib/camera/projector.h"
-#include "calib/camera/sight.h"
-#include "core/errors.h"
+#include "calib/camera/viewing_geometry.h"
+#include "core/program/errors.h"
 #include "sim/scene/marker_view.h"
 
 namespace etalon {
@@ -136,7 +136,8 @@ struct ViewCone {
     double half_angle = 0.0;
 
     ViewCone(const PlacedMarker& marker, const Aperture& aperture)
-        : axis(turn_to_mean(corner_rays(marker)).conjugate() * Eigen::Vector3d::UnitZ()) {
+        : axis(rotation_to_mean_direction(corner_rays(marker)).conjugate() *
+               Eigen::Vector3d::UnitZ()) {
         double nearness = aperture.focus_on_axis;
         for (const Eigen::Vector3d& corner : corners_in_camera(marker)) {
             half_angle =
@@ -158,7 +159,7 @@ bool wide_lens_sees_both_by_no_ray(const PlacedMarker& a, const PlacedMarker& b,
     std::vector<Eigen::Vector3d> rays = corner_rays(a);
     for (const Eigen::Vector3d& ray : corner_rays(b))
         rays.push_back(ray);
-    const Eigen::Quaterniond turn = turn_to_mean(rays);
+    const Eigen::Quaterniond turn = rotation_to_mean_direction(rays);
     const PlacedMarker seen_a = turned(a, turn), seen_b = turned(b, turn);
     if (!is_within_reach(seen_a) || !is_within_reach(seen_b))
         return false;
@@ -198,7 +199,7 @@ bool side_by_side(const PlacedMarker& a, const PlacedMarker& b, double seam) {
 
 Eigen::Quaterniond turn_towards(const PlacedMarker& marker, const CameraModel& camera) {
     return camera.projection.is_flat() ? Eigen::Quaterniond::Identity()
-                                       : turn_to_mean(corner_rays(marker));
+                                       : rotation_to_mean_direction(corner_rays(marker));
 }
 
 PlacedMarker turned(const PlacedMarker& marker, const Eigen::Quaterniond& turn) {

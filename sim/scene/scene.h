@@ -4,8 +4,8 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "core/image.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
+#include "core/image/image.h"
 #include "sim/marker/cell_grid.h"
 
 namespace etalon {
@@ -22,8 +22,8 @@ struct Scene {
     double background = 1.0;  // radiance everywhere outside the grids
 };
 
-// The turn about the camera's centre after which a wide lens looks at the marker: the mean direction
-// of its corners becomes the axis. None of a flat projection.
+// The turn about the camera's centre after which a wide lens looks at the marker: the mean
+// direction of its corners becomes the axis. None of a flat projection.
 Eigen::Quaterniond turn_towards(const PlacedMarker& marker, const CameraModel& camera);
 PlacedMarker turned(const PlacedMarker& marker, const Eigen::Quaterniond& turn);
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

@@ -13,7 +13,7 @@
 namespace etalon {
 namespace {
 
-constexpr int nodes = CurvePieces::degree + 1;
+constexpr int nodes = PiecewisePolynomial::degree + 1;
 using Factors = Eigen::Vector<double, nodes>;  // of u^0, u^1, ...
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
@@ -27,8 +27,8 @@ struct Piece {
 
 Piece piece_of(const std::vector<double>& steps, int i) {
     const auto float_at = [](std::int32_t bits) { return double(std::bit_cast<float>(bits)); };
-    const std::int32_t begin = (CurvePieces::first + i) << CurvePieces::shift;
-    const std::int32_t end = (CurvePieces::first + i + 1) << CurvePieces::shift;
+    const std::int32_t begin = (PiecewisePolynomial::first + i) << PiecewisePolynomial::shift;
+    const std::int32_t end = (PiecewisePolynomial::first + i + 1) << PiecewisePolynomial::shift;
     const auto code_at = [&](double radiance) {
         return std::upper_bound(steps.begin(), steps.end(), radiance) - steps.begin();
     };
@@ -87,7 +87,7 @@ bool follows(const std::vector<double>& steps, const Piece& piece, const Factors
         return false;
     const auto misses = [&](double radiance, double low, double high) {
         double code = 0.0;
-        for (int n = CurvePieces::degree; n >= 0; --n)
+        for (int n = PiecewisePolynomial::degree; n >= 0; --n)
             code = code * (radiance - piece.centre) + factors[n];
         return code < low - (doubt - rounding) || code > high + (doubt - rounding);
     };
@@ -100,10 +100,10 @@ bool follows(const std::vector<double>& steps, const Piece& piece, const Factors
     return !misses(piece.from, from - 0.5, from + 0.5) && !misses(piece.to, to - 0.5, to + 0.5);
 }
 
-CurvePieces fitted(const std::vector<double>& steps, int bits, double doubt) {
-    CurvePieces pieces;
+PiecewisePolynomial fitted(const std::vector<double>& steps, int bits, double doubt) {
+    PiecewisePolynomial pieces;
     pieces.doubt = static_cast<float>(doubt);
-    for (int i = 0; i < CurvePieces::count; ++i) {
+    for (int i = 0; i < PiecewisePolynomial::count; ++i) {
         const Piece piece = piece_of(steps, i);
         Factors factors = Factors::Constant(nan);
         if (std::ssize(steps) >= nodes)
@@ -117,21 +117,21 @@ CurvePieces fitted(const std::vector<double>& steps, int bits, double doubt) {
     return pieces;
 }
 
-auto left_out(const CurvePieces& pieces) {
+auto left_out(const PiecewisePolynomial& pieces) {
     return std::ranges::count_if(pieces.factor[0], [](float factor) { return std::isnan(factor); });
 }
 
 }  // namespace
 
 // Doubt costs where it is, a piece that is left out in all of itself.
-CurvePieces fit_pieces(const std::vector<double>& steps, int bits) {
+PiecewisePolynomial fit_pieces(const std::vector<double>& steps, int bits) {
     const double least = std::ldexp(1.0, std::max(-9, bits - 21));
-    CurvePieces pieces = fitted(steps, bits, least);
-    const CurvePieces wider = fitted(steps, bits, 2.0 * least);
+    PiecewisePolynomial pieces = fitted(steps, bits, least);
+    const PiecewisePolynomial wider = fitted(steps, bits, 2.0 * least);
     if (left_out(wider) < left_out(pieces))
         pieces = wider;
     // 16 pixels are done at once: at 2^-6 four in ten times one of them is in doubt.
-    pieces.follow = pieces.doubt < 0x1p-6f && left_out(pieces) < CurvePieces::count / 2;
+    pieces.follow = pieces.doubt < 0x1p-6f && left_out(pieces) < PiecewisePolynomial::count / 2;
     return pieces;
 }
 

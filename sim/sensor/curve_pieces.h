@@ -14,7 +14,7 @@ namespace etalon {
 // is the curve's value in codes: the code is t rounded, unless t is within `doubt` of the middle
 // between two. A piece that does not follow the curve so well has a NaN, which leaves
 // all in doubt.
-struct CurvePieces {
+struct PiecewisePolynomial {
     static constexpr int count = 16, degree = 4, shift = 22;
     static constexpr std::int32_t first = (std::bit_cast<std::int32_t>(1.0f) >> shift) - count;
     float centre[count];
@@ -28,6 +28,6 @@ struct CurvePieces {
 // no step, and none of the codes at its ends, by as much as `doubt` without the rounding of L and
 // t: then it is right at every float that is not in doubt, and at every radiance that rounds to
 // one.
-CurvePieces fit_pieces(const std::vector<double>& steps, int bits);
+PiecewisePolynomial fit_pieces(const std::vector<double>& steps, int bits);
 
 }  // namespace etalon

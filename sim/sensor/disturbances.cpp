@@ -8,8 +8,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
 
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 #include "sim/sensor/line_blur.h"
 #include "sim/sensor/sensor_simd.h"
 #include "sim/tiles/square_area.h"

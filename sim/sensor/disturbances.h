@@ -18,16 +18,16 @@
 //   6. JPEG          compressed().
 // Defocus is no disturbance: it is another focus distance of the camera.
 //
-// Directions and noise are a pure function of the key, counter-based (core/random.h): the same for
-// every thread, order and subset of poses, and with the sensor's own noise under the same key
-// independent of it. A disturbance's random numbers do not depend on the others. They are those of
-// RandomStream(seed, frame, index) with 1 or 2 in the index's upper half.
+// Directions and noise are a pure function of the key, counter-based (core/statistics/random.h):
+// the same for every thread, order and subset of poses, and with the sensor's own noise under the
+// same key independent of it. A disturbance's random numbers do not depend on the others. They are
+// those of RandomStream(seed, frame, index) with 1 or 2 in the index's upper half.
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
 
-#include "core/image.h"
+#include "core/image/image.h"
 #include "sim/sensor/sensor_model.h"
 #include "sim/tiles/undistortion_map.h"
 

@@ -16,7 +16,7 @@
 
 #include <Eigen/Core>
 
-#include "core/image.h"
+#include "core/image/image.h"
 
 namespace etalon {
 

@@ -9,7 +9,7 @@
 #include <cmath>
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -243,7 +243,7 @@ bool SensorModel::expose_row(const float* radiance, const cv::Point& first, int 
                              const NoiseKey* noise, Code* codes) const {
     const float* response = response_.empty() ? nullptr : response_.ptr<float>(first.y) + first.x;
     const std::int64_t pixel = std::int64_t{first.y} * size_.width + first.x;
-    constexpr int most = SensorSteps::max_at_once;
+    constexpr int most = QuantizationThresholds::max_at_once;
     bool finite = true;
     for (int x = 0; x < count && finite; x += most) {
         const int n = std::min(most, count - x);

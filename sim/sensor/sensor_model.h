@@ -22,7 +22,7 @@
 #include <optional>
 
 #include "calib/camera/camera_model.h"
-#include "core/image.h"
+#include "core/image/image.h"
 #include "sim/sensor/sensor_noise.h"
 #include "sim/sensor/sensor_steps.h"
 #include "sim/tiles/rendered_image.h"
@@ -98,7 +98,7 @@ private:
     cv::Size size_;
     double full_scale_, range_;  // F and F - black, DN
     cv::Mat response_;
-    std::optional<SensorSteps> steps_;  // set once the section is checked
+    std::optional<QuantizationThresholds> steps_;  // set once the section is checked
 };
 
 }  // namespace etalon

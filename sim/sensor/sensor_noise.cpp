@@ -6,8 +6,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#include "core/box_muller.h"
-#include "core/random.h"
+#include "core/statistics/box_muller.h"
+#include "core/statistics/random.h"
 #include "sim/sensor/sensor_noise.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -54,7 +54,7 @@ struct Words {
     std::uint64_t radius[stretch], angle[stretch];
 };
 
-// The first two words of philox() of core/random.h for the counters (0, frame, pixel).
+// The first two words of philox() of core/statistics/random.h for the counters (0, frame, pixel).
 HWY_ATTR HWY_INLINE void draw_words(const PhiloxKeys& keys, std::uint32_t frame,
                                     std::uint64_t first_pixel, int count, Words& words) {
     const Integers d;

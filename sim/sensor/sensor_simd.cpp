@@ -23,17 +23,18 @@ struct Found {
 };
 
 #if HWY_MAX_BYTES == 64  // a register holds a number of every piece
-HWY_ATTR HWY_INLINE Found follow_curve(const CurvePieces& pieces, hn::Vec<Floats> values) {
-    static_assert(CurvePieces::count == most_lanes);
+HWY_ATTR HWY_INLINE Found follow_curve(const PiecewisePolynomial& pieces, hn::Vec<Floats> values) {
+    static_assert(PiecewisePolynomial::count == most_lanes);
     const Floats d;
     const Integers di;
-    const auto number = hn::ShiftRight<CurvePieces::shift>(hn::BitCast(di, values));
+    const auto number = hn::ShiftRight<PiecewisePolynomial::shift>(hn::BitCast(di, values));
     const auto piece = hn::IndicesFromVec(
-        d, hn::Min(hn::Max(hn::Sub(number, hn::Set(di, CurvePieces::first)), hn::Zero(di)),
-                   hn::Set(di, CurvePieces::count - 1)));
+        d, hn::Min(hn::Max(hn::Sub(number, hn::Set(di, PiecewisePolynomial::first)), hn::Zero(di)),
+                   hn::Set(di, PiecewisePolynomial::count - 1)));
     const auto u = hn::Sub(values, hn::TableLookupLanes(hn::LoadU(d, pieces.centre), piece));
-    auto code = hn::TableLookupLanes(hn::LoadU(d, pieces.factor[CurvePieces::degree]), piece);
-    for (int n = CurvePieces::degree - 1; n >= 0; --n)
+    auto code =
+        hn::TableLookupLanes(hn::LoadU(d, pieces.factor[PiecewisePolynomial::degree]), piece);
+    for (int n = PiecewisePolynomial::degree - 1; n >= 0; --n)
         code = hn::MulAdd(code, u, hn::TableLookupLanes(hn::LoadU(d, pieces.factor[n]), piece));
     // Beside 1.5 * 2^23 floats are whole numbers, whose last bits are the low ones.
     const auto large = hn::Set(d, 0x1.8p23f);

@@ -18,7 +18,7 @@ struct StepCells {
     static constexpr std::uint32_t doubtful = 1u << place_bits;
     int shift;  // place_bits at most
     std::int32_t first, last;
-    CurvePieces pieces;  // sooner than the entries, where they leave no doubt
+    PiecewisePolynomial pieces;  // sooner than the entries, where they leave no doubt
 };
 
 // The codes of `count` values; those of which single precision cannot tell, and those that are not

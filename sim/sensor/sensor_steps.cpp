@@ -63,8 +63,9 @@ std::int32_t first_across(double step) {
 
 }  // namespace
 
-SensorSteps::SensorSteps(int bits, const std::function<double(double)>& code_of,
-                         const std::function<double(int)>& step_near) {
+QuantizationThresholds::QuantizationThresholds(int bits,
+                                               const std::function<double(double)>& code_of,
+                                               const std::function<double(int)>& step_near) {
     const int codes = 1 << bits;
     for (int code = 0; code + 1 < codes; ++code)
         steps_.push_back(least_above(
@@ -96,8 +97,8 @@ SensorSteps::SensorSteps(int bits, const std::function<double(double)>& code_of,
 }
 
 // Of one side of 0: `across`, first_across() of its steps from 0 on.
-void SensorSteps::add_cells(const std::vector<std::int32_t>& across, std::ptrdiff_t code,
-                            int direction) {
+void QuantizationThresholds::add_cells(const std::vector<std::int32_t>& across, std::ptrdiff_t code,
+                                       int direction) {
     auto next = across.begin();
     const auto steps_up_to = [&](std::int32_t bits) {
         return std::upper_bound(next, across.end(), bits) - next;
@@ -119,12 +120,12 @@ void SensorSteps::add_cells(const std::vector<std::int32_t>& across, std::ptrdif
     }
 }
 
-std::uint16_t SensorSteps::code_at(double radiance) const {
+std::uint16_t QuantizationThresholds::code_at(double radiance) const {
     return static_cast<std::uint16_t>(std::upper_bound(steps_.begin(), steps_.end(), radiance) -
                                       steps_.begin());
 }
 
-std::uint16_t SensorSteps::code_near(int guess, double radiance) const {
+std::uint16_t QuantizationThresholds::code_near(int guess, double radiance) const {
     const int last = static_cast<int>(steps_.size());
     for (const int code : {guess, guess + 1, guess - 1})
         if (code >= 0 && code <= last &&

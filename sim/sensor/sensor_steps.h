@@ -16,14 +16,14 @@
 namespace etalon {
 
 // Safe from every thread once built.
-class SensorSteps {
+class QuantizationThresholds {
 public:
     // `code_of` gives whole codes 0..2^bits - 1 for every finite radiance and never falls;
     // `step_near` about where the code above `code` begins: the nearer, the sooner it is found.
     // Bits 1..16. From a neighbouring double about five calls a code: 16 bits of Rec. 709 take
     // 15 ms and 5 MB, 12 bits 1 ms and 0.3 MB.
-    SensorSteps(int bits, const std::function<double(double radiance)>& code_of,
-                const std::function<double(int code)>& step_near);
+    QuantizationThresholds(int bits, const std::function<double(double radiance)>& code_of,
+                           const std::function<double(int code)>& step_near);
 
     // code_of(radiance), exactly; finite.
     std::uint16_t code_at(double radiance) const;

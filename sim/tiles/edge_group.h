@@ -1,5 +1,5 @@
 // Groups of 4 x 4 tiles that see one edge, far from any corner: a pixel there is a function of its
-// distance from the edge (sim/spread/edge_table.h), so that nothing is sampled nor filtered.
+// distance from the edge (sim/psf/edge_table.h), so that nothing is sampled nor filtered.
 #pragma once
 
 #include <array>
@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
+#include "sim/psf/edge_table.h"
 #include "sim/scene/marker_view.h"
-#include "sim/spread/edge_table.h"
 #include "sim/tiles/undistortion_map.h"
 
 namespace etalon {

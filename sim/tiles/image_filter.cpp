@@ -9,8 +9,8 @@
 #include <numbers>
 #include <opencv2/core.hpp>
 
-#include "core/errors.h"
-#include "sim/spread/lagrange.h"
+#include "core/program/errors.h"
+#include "sim/psf/lagrange.h"
 
 namespace etalon {
 namespace {
@@ -217,10 +217,10 @@ int ImageFilter::reach_px() const {
     return static_cast<int>(std::ceil(radius / std::min(1.0, pitch_y_))) + 5;
 }
 
-const SharpenedSpread* ImageFilter::sharpened() const {
+const DeconvolvedPsf* ImageFilter::sharpened() const {
     std::call_once(sharpening_, [this] {
         if (psf_)
-            sharpened_ = SharpenedSpread::of(*psf_, core_, core_.fall_to);
+            sharpened_ = DeconvolvedPsf::of(*psf_, core_, core_.fall_to);
     });
     return sharpened_ ? &*sharpened_ : nullptr;
 }

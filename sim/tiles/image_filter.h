@@ -14,10 +14,10 @@
 #include <utility>
 
 #include "calib/camera/camera_model.h"
-#include "sim/spread/diffraction.h"
-#include "sim/spread/edge_table.h"
-#include "sim/spread/sharpened_spread.h"
-#include "sim/spread/wedge_table.h"
+#include "sim/psf/deconvolved_psf.h"
+#include "sim/psf/diffraction.h"
+#include "sim/psf/edge_table.h"
+#include "sim/psf/wedge_table.h"
 #include "sim/tiles/core_filter.h"
 #include "sim/tiles/sampling.h"
 
@@ -41,7 +41,7 @@ public:
     bool has_tail() const { return psf_ && psf_->is_airy(); }
 
     // What sharp images can be sampled for; nullptr where there is none. Made when first asked for.
-    const SharpenedSpread* sharpened() const;
+    const DeconvolvedPsf* sharpened() const;
 
     // The core beside straight edges; nullptr where pixels are not square or the core is wide. Made
     // when first asked for.
@@ -104,7 +104,7 @@ private:
     mutable std::once_flag sharpening_, edges_made_, wedges_made_;
     mutable std::optional<EdgeTable> edges_;
     mutable std::optional<WedgeTable> wedges_;
-    mutable std::optional<SharpenedSpread> sharpened_;
+    mutable std::optional<DeconvolvedPsf> sharpened_;
     mutable std::mutex mutex_;
     mutable std::map<std::pair<int, int>, Slot> cores_,
         rings_;  // by k and kind, by shift and whether alone

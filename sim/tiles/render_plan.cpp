@@ -27,17 +27,17 @@ const char* name_of(RenderMethod method) {
 
 }  // namespace
 
-const char* name_of(Omission omission) {
+const char* name_of(NeglectedEffect omission) {
     switch (omission) {
-        case Omission::lens:
+        case NeglectedEffect::lens:
             return "lens";
-        case Omission::diffraction:
+        case NeglectedEffect::diffraction:
             return "diffraction";
-        case Omission::tail:
+        case NeglectedEffect::tail:
             return "tail";
-        case Omission::distortion:
+        case NeglectedEffect::distortion:
             return "distortion";
-        case Omission::uniform_tiles:
+        case NeglectedEffect::uniform_tiles:
             break;
     }
     return "uniform tiles";
@@ -57,7 +57,7 @@ std::string RenderPlan::describe() const {
     if (tail_reach_px > 0.0)
         text += fmt::format(", diffraction to {:.0f} px", tail_reach_px);
     for (const LeftOut& left : left_out)
-        if (left.what != Omission::uniform_tiles && left.what != Omission::tail)
+        if (left.what != NeglectedEffect::uniform_tiles && left.what != NeglectedEffect::tail)
             text += fmt::format(", no {}", name_of(left.what));
     return text;
 }

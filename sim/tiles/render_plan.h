@@ -9,9 +9,9 @@ namespace etalon {
 
 enum class RenderMethod {
     automatic,
-    exact_lens,  // E
-    exact_area,  // C
-    edge_table,  // of tiles that see one edge, by a table
+    exact_lens,   // E
+    exact_area,   // C
+    edge_table,   // of tiles that see one edge, by a table
     wedge_table,  // of sharp images, by a table of edges and corners
     reference,
     wave,  // of a camera with the wave-optical point spread, and of no other
@@ -19,7 +19,7 @@ enum class RenderMethod {
 
 // What a scene may not need. Turning one off (RenderOptions::keep) changes the image by less than
 // the tolerance.
-enum class Omission {
+enum class NeglectedEffect {
     lens,           // the blur is too small to matter: the lens centre stands for the aperture
     diffraction,    // the point spread is too narrow to matter: pixels are box averages
     tail,           // diffraction beyond some radius
@@ -27,10 +27,10 @@ enum class Omission {
     uniform_tiles,  // a tile all of whose rays meet one radiance is one number
 };
 
-const char* name_of(Omission omission);
+const char* name_of(NeglectedEffect omission);
 
 struct LeftOut {
-    Omission what;
+    NeglectedEffect what;
     std::string why;  // the bound in words, with its number
     double gray;      // no pixel is off by more for it
 };

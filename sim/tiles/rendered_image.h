@@ -1,7 +1,7 @@
 // What a renderer (sim/render/renderer.h) makes and a sensor (sim/sensor/sensor_model.h) sees.
 #pragma once
 
-#include "core/image.h"
+#include "core/image/image.h"
 #include "sim/tiles/render_plan.h"
 
 namespace etalon {

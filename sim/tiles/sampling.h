@@ -4,8 +4,8 @@
 #include <limits>
 #include <vector>
 
-#include "sim/spread/edge_table.h"
-#include "sim/spread/wedge_table.h"
+#include "sim/psf/edge_table.h"
+#include "sim/psf/wedge_table.h"
 
 namespace etalon {
 

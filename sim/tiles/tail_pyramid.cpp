@@ -5,7 +5,7 @@
 
 #include <array>
 
-#include "sim/spread/lagrange.h"
+#include "sim/psf/lagrange.h"
 
 namespace etalon {
 namespace {

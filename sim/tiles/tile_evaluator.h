@@ -1,12 +1,13 @@
-// The samples of one tile that is not uniform: the tile kernels where the whole tile has rays; at the
-// border of the valid region pixel by pixel where they can, else point by point in double precision.
+// The samples of one tile that is not uniform: the tile kernels where the whole tile has rays; at
+// the border of the valid region pixel by pixel where they can, else point by point in double
+// precision.
 #pragma once
 
 #include <array>
 #include <optional>
 #include <vector>
 
-#include "sim/spread/sharpened_spread.h"
+#include "sim/psf/deconvolved_psf.h"
 #include "sim/tiles/cell_coverage.h"
 #include "sim/tiles/lens_average.h"
 #include "sim/tiles/render_plan.h"

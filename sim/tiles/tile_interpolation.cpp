@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/spread/lagrange.h"
+#include "sim/psf/lagrange.h"
 #include "sim/tiles/filter_simd.h"
 #include "sim/tiles/undistortion_map.h"
 

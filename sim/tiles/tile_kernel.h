@@ -47,7 +47,7 @@ struct TileGeometry {
     std::vector<float> mixed;
     // E: the average over a disk of this radius too, px (0: none), is a mean over some cosines of
     // the averages over one disk of the radius sqrt(blur^2 + disk^2 + 2 cosine blur disk)
-    // (sim/spread/sharpened_spread.h); here, of this cosine.
+    // (sim/psf/deconvolved_psf.h); here, of this cosine.
     float disk = 0.0f, disk_cosine = 0.0f;
     // Pixels by the table: a times the aperture's radius on the lens, whatever coordinates the tile
     // has.

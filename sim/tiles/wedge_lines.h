@@ -4,7 +4,7 @@
 
 #include <cstddef>
 
-#include "sim/spread/wedge_table.h"
+#include "sim/psf/wedge_table.h"
 #include "sim/tiles/tile_kernel.h"
 
 namespace etalon {

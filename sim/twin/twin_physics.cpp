@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

@@ -7,8 +7,8 @@
 #include <cstdint>
 
 #include "calib/camera/camera_model.h"
-#include "core/image.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
+#include "core/image/image.h"
 #include "sim/marker/cell_grid.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"

@@ -16,8 +16,8 @@
 #include <string>
 #include <vector>
 
-#include "core/rigid.h"
-#include "core/strict_reader.h"
+#include "core/config/strict_reader.h"
+#include "core/geometry/rigid.h"
 #include "stage/axes/error_map.h"
 
 namespace etalon {

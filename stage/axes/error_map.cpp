@@ -6,8 +6,8 @@
 #include <cmath>
 #include <filesystem>
 
-#include "core/csv_file.h"
-#include "core/units.h"
+#include "core/config/csv_file.h"
+#include "core/geometry/units.h"
 
 namespace etalon {
 namespace {

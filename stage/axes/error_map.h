@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/strict_reader.h"
+#include "core/config/strict_reader.h"
 
 namespace etalon {
 

@@ -8,7 +8,7 @@
 #include <optional>
 #include <span>
 
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 #include "stage/axes/axes.h"
 
 namespace etalon {

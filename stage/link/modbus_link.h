@@ -23,8 +23,8 @@
 #include <string>
 #include <vector>
 
-#include "core/clock.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/time/clock.h"
 #include "stage/link/modbus_transport.h"
 #include "stage/link/registers.h"
 

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "core/strict_reader.h"
+#include "core/config/strict_reader.h"
 
 namespace etalon {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <variant>
 
-#include "core/strict_reader.h"
+#include "core/config/strict_reader.h"
 
 namespace etalon {
 

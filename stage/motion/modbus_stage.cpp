@@ -8,7 +8,7 @@
 #include <set>
 #include <utility>
 
-#include "core/units.h"
+#include "core/geometry/units.h"
 #include "stage/motion/axis_signals.h"
 
 namespace etalon {

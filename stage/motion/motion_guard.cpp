@@ -7,7 +7,7 @@
 #include <numbers>
 #include <optional>
 
-#include "core/units.h"
+#include "core/geometry/units.h"
 
 namespace etalon {
 namespace {

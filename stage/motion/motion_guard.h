@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 #include "stage/axes/axes.h"
 
 namespace etalon {

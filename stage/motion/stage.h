@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 #include "stage/axes/axes.h"
 #include "stage/link/stage_link.h"
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "core/units.h"
+#include "core/geometry/units.h"
 
 namespace etalon {
 namespace {

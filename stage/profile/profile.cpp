@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/units.h"
+#include "core/geometry/units.h"
 #include "stage/profile/profile_parts.h"
 
 namespace etalon {

@@ -1,6 +1,6 @@
 #include <fmt/format.h>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "stage/profile/builtin_profiles.h"
 #include "stage/profile/profile_parts.h"
 

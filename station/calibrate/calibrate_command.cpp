@@ -11,14 +11,14 @@
 #include "calib/files/opencv_file.h"
 #include "calib/intrinsics/calibrate.h"
 #include "calib/intrinsics/calibration_outliers.h"
-#include "calib/intrinsics/mixed_views.h"
-#include "compare/detect/calibration_target.h"
+#include "calib/intrinsics/camera_consistency.h"
+#include "compare/detect/board/calibration_target.h"
 #include "compare/photometric/compared_area.h"
-#include "core/errors.h"
-#include "core/exit_codes.h"
-#include "core/image.h"
-#include "core/sha256.h"
-#include "core/text.h"
+#include "core/file/sha256.h"
+#include "core/file/text.h"
+#include "core/image/image.h"
+#include "core/program/errors.h"
+#include "core/program/exit_codes.h"
 #include "station/calibrate/calibration_report.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
@@ -126,13 +126,13 @@ Observations observe_all(const CalibrationTarget& target, const std::string& spe
     return observations;
 }
 
-std::string in_words(const ViewGroup& group, const ViewGroup& most,
+std::string in_words(const CameraGroup& group, const CameraGroup& most,
                      const std::vector<std::string>& photos, bool is_telecentric) {
     constexpr double deviations = 3.0;
     std::vector<std::string> names;
     for (const std::size_t view : group.views)
         names.push_back(short_name(photos[view]));
-    const auto focal = [&](const ViewGroup& of) {
+    const auto focal = [&](const CameraGroup& of) {
         return fmt::format("{} +- {} px{}", with_uncertainty(of.focal_px, of.deviation_px),
                            with_uncertainty(of.deviation_px, of.deviation_px),
                            is_telecentric ? "/mm" : "");

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
 #include "station/calibrate/calibration_plots.h"

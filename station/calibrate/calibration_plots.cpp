@@ -76,10 +76,10 @@ HtmlPage::Figure model_figure(const CameraCalibration& calibration) {
                      fmt::format("{}: {:.4f} px left out", score.model, *error));
     }
     SvgPlot plot("free parameters of the camera", "error / px");
-    plot.add_curve(fitted, Ink::gray, "in the fit");
-    plot.add_curve(left_out, Ink::blue, "on photos left out");
+    plot.add_curve(fitted, Color::gray, "in the fit");
+    plot.add_curve(left_out, Color::blue, "on photos left out");
     if (!wide.empty())
-        plot.add_points(wide, Ink::orange, "the same, models of wide lenses");
+        plot.add_points(wide, Color::orange, "the same, models of wide lenses");
     return {plot.svg(),
             "Error of each model, those left out of the picture that are far worse. More "
             "parameters always fit better; where the blue line turns up, they follow the photos "
@@ -99,10 +99,10 @@ HtmlPage::Figure deviation_figure(const CameraCalibration& calibration) {
             bootstrap.add(i + 0.12, *each.bootstrap / each.formal);
     }
     SvgPlot plot("", "standard deviation / formal one");
-    plot.add_bars(names, std::vector<double>(names.size(), 1.0), Ink::gray);
-    plot.add_points(robust, Ink::blue, "cluster-robust");
-    plot.add_points(bootstrap, Ink::orange, "bootstrap");
-    plot.add_level(suspicious_deviation_ratio, Ink::red, "suspicious above");
+    plot.add_bars(names, std::vector<double>(names.size(), 1.0), Color::gray);
+    plot.add_points(robust, Color::blue, "cluster-robust");
+    plot.add_points(bootstrap, Color::orange, "bootstrap");
+    plot.add_level(suspicious_deviation_ratio, Color::red, "suspicious above");
     return {plot.svg(),
             "Standard deviations over photos against the formal one (gray), which takes all "
             "corners for independent. Points above the line: the corners of a photo err together."};
@@ -116,8 +116,8 @@ HtmlPage::Figure photo_figure(const CalibrationRun& run) {
     }
     const std::vector<std::string> labels = short_labels(run.photos);
     SvgPlot plot("photo", "error / px");
-    plot.add_bars(labels, left_out, Ink::orange);
-    plot.add_bars(labels, fitted, Ink::blue);
+    plot.add_bars(labels, left_out, Color::orange);
+    plot.add_bars(labels, fitted, Color::blue);
     return {plot.svg(),
             "RMS of each photo's corners: blue in the fit, orange what is added when the camera "
             "is calibrated without the photo. A tall orange part: this photo decides something "
@@ -133,9 +133,9 @@ HtmlPage::Figure coverage_figure(const CalibrationRun& run) {
                 .add(q.x(), q.y(), point_note(run, v, i));
         }
     SvgPlot plot = image_plot(run.calibration.camera);
-    plot.add_points(used, Ink::blue, "used");
+    plot.add_points(used, Color::blue, "used");
     if (!left_out.empty())
-        plot.add_points(left_out, Ink::red, "left out");
+        plot.add_points(left_out, Color::red, "left out");
     return {plot.svg(),
             fmt::format("Corners of all photos. Their convex hull is {:.0f} % of the image; beyond "
                         "it the model extrapolates.",
@@ -151,7 +151,7 @@ HtmlPage::Figure residual_figure(const CalibrationRun& run) {
                            point_note(run, v, i));
     const double factor = arrow_scale(arrows, run.calibration.camera);
     SvgPlot plot = image_plot(run.calibration.camera);
-    plot.add_arrows(arrows, factor, Ink::blue, "photo minus model");
+    plot.add_arrows(arrows, factor, Color::blue, "photo minus model");
     return {plot.svg(),
             fmt::format("Residuals, enlarged {:g} times. Neighbouring arrows of different photos "
                         "that agree are a distortion that the model does not have.",
@@ -184,8 +184,8 @@ HtmlPage::Figure radial_figure(const CalibrationRun& run) {
             ring_means.add((static_cast<double>(ring) + 0.5) / rings * corner,
                            sums[ring] / counts[ring]);
     SvgPlot plot("distance from the principal point / px", "outward residual / px");
-    plot.add_points(radial, Ink::blue, "corner");
-    plot.add_line(ring_means, Ink::orange, "mean of a ring");
+    plot.add_points(radial, Color::blue, "corner");
+    plot.add_line(ring_means, Color::orange, "mean of a ring");
     return {plot.svg(),
             "Residuals along the radius. A mean that bends away from zero is radial distortion "
             "that the model does not have."};
@@ -268,7 +268,7 @@ std::vector<HtmlPage::Figure> board_figures(const BoardShape& board) {
     const double factor = round_scale(box.sizes().x() / 20.0 / std::max(arrows.longest(), 1e-9));
     SvgPlot plot("x / mm", "y / mm");
     plot.set_image_axes();
-    plot.add_arrows(arrows, factor, Ink::blue, "in the plane");
+    plot.add_arrows(arrows, factor, Color::blue, "in the plane");
     return {height_figure(board),
             {plot.svg(), fmt::format("How far the points lie from the drawing in its plane, "
                                      "enlarged {:g} times. Arrows that grow outwards "
@@ -287,7 +287,7 @@ HtmlPage::Figure halves_figure(const CameraCalibration& calibration) {
     }
     const double factor = arrow_scale(arrows, calibration.camera);
     SvgPlot plot = image_plot(calibration.camera);
-    plot.add_arrows(arrows, factor, Ink::green, "second half minus first");
+    plot.add_arrows(arrows, factor, Color::green, "second half minus first");
     return {plot.svg(),
             fmt::format(
                 "How differently the two halves project, after the best {}; "

@@ -7,11 +7,11 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "core/pose_numbers.h"
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/csv.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
+#include "report/pose_numbers.h"
 
 namespace etalon {
 namespace {

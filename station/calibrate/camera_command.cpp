@@ -9,9 +9,9 @@
 #include "calib/files/camera_file.h"
 #include "calib/files/camera_formats.h"
 #include "calib/intrinsics/camera_check.h"
-#include "core/errors.h"
-#include "core/exit_codes.h"
-#include "core/strict_reader.h"
+#include "core/config/strict_reader.h"
+#include "core/program/errors.h"
+#include "core/program/exit_codes.h"
 #include "station/calibrate/commands.h"
 #include "station/shell/command.h"
 

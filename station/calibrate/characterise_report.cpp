@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "report/html.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
@@ -55,10 +55,10 @@ HtmlPage::Figure photon_transfer_plot(const PhotonTransfer& photon) {
             left_out.add(level.signal_dn, level.variance_dn2);
     }
     SvgPlot plot("linear signal above black, DN", "temporal variance, DN²");
-    plot.add_line(model, Ink::gray, "read and photon noise");
-    plot.add_points(measured, Ink::blue, "measured");
+    plot.add_line(model, Color::gray, "read and photon noise");
+    plot.add_points(measured, Color::blue, "measured");
     if (!left_out.empty())
-        plot.add_points(left_out, Ink::orange, "left out (clipped, rounding)");
+        plot.add_points(left_out, Color::orange, "left out (clipped, rounding)");
     return {plot.svg(),
             fmt::format(
                 "Photon transfer: variance between repeats against signal. Slope 1/gain, "
@@ -77,9 +77,9 @@ HtmlPage::Figure transfer_plot(const TransferEstimate& estimate) {
     for (int i = 0; i <= 100; ++i)
         curve.add(i / 100.0, encode(estimate.transfer, i / 100.0));
     const std::vector<double> ends{0.0, 1.0};
-    plot.add_line(ends, ends, Ink::gray, "straight line");
-    plot.add_points(patches, Ink::blue, "patches");
-    plot.add_line(curve, Ink::red, "transfer curve");
+    plot.add_line(ends, ends, Color::gray, "straight line");
+    plot.add_points(patches, Color::blue, "patches");
+    plot.add_line(curve, Color::red, "transfer curve");
     return {
         plot.svg(),
         fmt::format(
@@ -99,8 +99,8 @@ HtmlPage::Figure nonlinearity_plot(const TransferEstimate& estimate) {
     for (const TransferPoint& point : estimate.points)
         patches.add(100.0 * point.code, 100.0 * (point.code - point.radiance * product / square));
     SvgPlot plot("code above black, % of range", "off the straight line, % of range");
-    plot.add_points(patches, Ink::blue, "patches");
-    plot.add_level(0.0, Ink::gray, "");
+    plot.add_points(patches, Color::blue, "patches");
+    plot.add_level(0.0, Color::gray, "");
     return {plot.svg(),
             fmt::format(
                 "The patches' departure from the straight line through black that fits them "
@@ -130,9 +130,10 @@ HtmlPage::Figure illumination_plot(const CameraModel& camera,
         curve.add(radius, value, value - expanded, value + expanded);
     }
     SvgPlot plot("distance from the principal point, half diagonals", "relative illumination");
-    plot.add_points(white_parts, Ink::gray, every == 1 ? "white parts" : "some of the white parts");
-    plot.add_band(curve, Ink::red, "U (k = 2)");
-    plot.add_line(curve, Ink::red, "polynomial");
+    plot.add_points(white_parts, Color::gray,
+                    every == 1 ? "white parts" : "some of the white parts");
+    plot.add_band(curve, Color::red, "U (k = 2)");
+    plot.add_line(curve, Color::red, "polynomial");
     return {
         plot.svg(),
         fmt::format(
@@ -163,7 +164,7 @@ HtmlPage::Figure illumination_map(const CameraModel& camera, const IlluminationE
 }
 
 HtmlPage::Figure modulation_plot(const Characterisation& result) {
-    constexpr std::array inks{Ink::blue, Ink::orange, Ink::green, Ink::red, Ink::gray};
+    constexpr std::array inks{Color::blue, Color::orange, Color::green, Color::red, Color::gray};
     SvgPlot plot("spatial frequency, cycles per px", "modulation");
     plot.set_y_range(0.0, 1.1);
     for (std::size_t i = 0; i < result.modulation.size(); ++i) {
@@ -187,8 +188,8 @@ HtmlPage::Figure edge_spread_plot(const PointSpreadEstimate& spread) {
         mean.add(row.distance_px, row.value, row.value - 2.0 * row.standard_uncertainty,
                  row.value + 2.0 * row.standard_uncertainty);
     SvgPlot plot("distance from the edge, px", "part of the contrast");
-    plot.add_band(mean, Ink::blue, "U (k = 2)");
-    plot.add_line(mean, Ink::blue, "mean of all edges");
+    plot.add_band(mean, Color::blue, "U (k = 2)");
+    plot.add_line(mean, Color::blue, "mean of all edges");
     return {plot.svg(),
             fmt::format("Edge spread; look for bumps before and behind the edge. Overshoot {:.2f} "
                         "%, undershoot {:.2f} % of the contrast: {}.",
@@ -232,8 +233,8 @@ std::optional<HtmlPage::Figure> defocus_plot(const Characterisation& result) {
         curve.add(depth, std::hypot(defocus.sigma_px, 0.5 * blur_radius_px(focused, depth)));
     }
     SvgPlot plot("depth, mm", "standard deviation of the blur, px");
-    plot.add_line(curve, Ink::red, "thin lens fitted");
-    plot.add_points(groups, Ink::blue, "groups of edges");
+    plot.add_line(curve, Color::red, "thin lens fitted");
+    plot.add_points(groups, Color::blue, "groups of edges");
     return HtmlPage::Figure{
         plot.svg(),
         fmt::format("Blur against depth: {} edges nearer than focus, {} farther. The groups "

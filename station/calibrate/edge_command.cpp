@@ -6,9 +6,9 @@
 
 #include "calib/files/camera_file.h"
 #include "compare/characterise/edge_search.h"
-#include "compare/detect/photo_pose.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "compare/photo_pose.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "report/csv.h"
 #include "report/html.h"
 #include "report/json_text.h"
@@ -135,8 +135,8 @@ HtmlPage::Figure curve_of(const std::filesystem::path& photo, const FoundSlanted
         curve.add(row.cycles_per_px, row.modulation,
                   row.modulation - 2.0 * row.standard_uncertainty,
                   row.modulation + 2.0 * row.standard_uncertainty);
-    plot.add_band(curve, Ink::blue, "U (k = 2)");
-    plot.add_line(curve, Ink::blue, "modulation");
+    plot.add_band(curve, Color::blue, "U (k = 2)");
+    plot.add_line(curve, Color::blue, "modulation");
     return {plot.svg(),
             fmt::format("{}, {}: {:.1f} degrees from the pixels' axis. A curve above 1 tells of "
                         "sharpening.",

@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "core/strict_reader.h"
-#include "core/text.h"
+#include "core/config/strict_reader.h"
+#include "core/file/text.h"
 
 namespace etalon {
 namespace {

@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "compare/verdict/judged_quantities.h"
-#include "core/text.h"
-#include "core/units.h"
+#include "compare/qualification/judged_quantities.h"
+#include "core/file/text.h"
+#include "core/geometry/units.h"
 #include "report/number_text.h"
 #include "station/certify/certificate.h"
 #include "station/certify/traceability.h"
@@ -155,8 +155,8 @@ std::string decision_html(const Certificate& certificate) {
                "{}. A camera with any judged quantity at its limit gets PASS in at most {}, one "
                "with "
                "all {} at their limits FAIL in at most {} of runs (ILAC-G8, JCGM 106).",
-               analysis.rule.sentence(), probability_text(analysis.risk.wrong_pass),
-               analysis.risk.judged, probability_text(analysis.risk.wrong_fail))}) +
+               analysis.rule.sentence(), probability_text(analysis.risk.false_acceptance),
+               analysis.risk.judged, probability_text(analysis.risk.false_rejection))}) +
            figures({"Quantity", "Within its limit", "Consumer's risk", "Producer's risk"}, rows, 1,
                    4);
 }

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compare/verdict/uncertainty_budget.h"
-#include "core/distributions.h"
+#include "compare/uncertainty/uncertainty_budget.h"
+#include "core/statistics/distributions.h"
 #include "station/certify/certificate.h"
 
 namespace etalon {

@@ -3,10 +3,10 @@
 
 #include <cstdio>
 
-#include "core/errors.h"
-#include "core/file_lock.h"
-#include "core/sha256.h"
-#include "core/text.h"
+#include "core/file/file_lock.h"
+#include "core/file/sha256.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "station/certify/certificate.h"
 #include "station/certify/commands.h"
 #include "station/certify/pdf_file.h"

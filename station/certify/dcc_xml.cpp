@@ -2,9 +2,9 @@
 // D-SI 2.1 (https://ptb.de/si/v2.1.0/SI_Format.xsd).
 #include <fmt/format.h>
 
-#include "compare/verdict/judged_quantities.h"
-#include "core/text.h"
-#include "core/version.h"
+#include "compare/qualification/judged_quantities.h"
+#include "core/file/text.h"
+#include "core/program/version.h"
 #include "station/certify/certificate.h"
 #include "station/certify/traceability.h"
 #include "station/certify/xml_text.h"
@@ -225,8 +225,8 @@ private:
         return fmt::format(
             "Decision rule {}: {}. Risk of a PASS with a quantity at its limit: {:.4g}; of a FAIL "
             "with all {} at their limits: {:.4g}.",
-            analysis.rule.name(), analysis.rule.sentence(), analysis.risk.wrong_pass,
-            analysis.risk.judged, analysis.risk.wrong_fail);
+            analysis.rule.name(), analysis.rule.sentence(), analysis.risk.false_acceptance,
+            analysis.risk.judged, analysis.risk.false_rejection);
     }
 
     // ---- results

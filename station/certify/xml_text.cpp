@@ -1,6 +1,6 @@
 #include "station/certify/xml_text.h"
 
-#include "core/text.h"
+#include "core/file/text.h"
 
 namespace etalon {
 namespace {

@@ -8,10 +8,10 @@
 #include <map>
 #include <numeric>
 
-#include "compare/verdict/pose_bias.h"
-#include "core/distributions.h"
-#include "core/strict_reader.h"
-#include "core/text.h"
+#include "compare/pose/pose_bias.h"
+#include "core/config/strict_reader.h"
+#include "core/file/text.h"
+#include "core/statistics/distributions.h"
 #include "report/csv.h"
 
 namespace etalon {

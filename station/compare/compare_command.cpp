@@ -6,8 +6,8 @@
 #include <ranges>
 
 #include "compare/make_detector.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "report/svg_plot.h"
 #include "station/compare/commands.h"
 #include "station/compare/comparison_pictures.h"

@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "compare/detect/photo_pose.h"
 #include "compare/edges/board_shifts.h"
 #include "compare/edges/defocus_profile.h"
 #include "compare/edges/edge_summary.h"
-#include "compare/match/match_outcome.h"
+#include "compare/match/photo_findings.h"
+#include "compare/photo_pose.h"
 #include "compare/photometric/photo_match.h"
 #include "station/compare/compare_baseline.h"
 

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
 #include "station/compare/comparison_pictures.h"

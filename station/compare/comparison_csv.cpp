@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/csv.h"
 #include "station/compare/comparison_report.h"
 

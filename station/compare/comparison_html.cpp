@@ -5,7 +5,7 @@
 #include <cmath>
 #include <map>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
 #include "station/compare/comparison_cards.h"

@@ -4,8 +4,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/pose_numbers.h"
 #include "report/json_text.h"
+#include "report/pose_numbers.h"
 #include "station/compare/comparison_report.h"
 
 namespace etalon {
@@ -78,9 +78,12 @@ ordered_json fit_json(const ComparedFit& fit) {
 }
 
 ordered_json finding_json(const Finding& finding) {
-    return {{"name", finding.name},          {"value", finding.value},
-            {"limit", finding.limit},        {"unit", finding.unit},
-            {"refusal", finding.is_refusal}, {"sentence", finding.sentence}};
+    return {{"name", finding.name},
+            {"value", finding.value},
+            {"limit", finding.limit},
+            {"unit", finding.unit},
+            {"refusal", finding.is_not_assessable},
+            {"sentence", finding.sentence}};
 }
 
 void add_detection(const PoseEstimate& estimate, ordered_json& json) {

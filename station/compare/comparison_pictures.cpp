@@ -5,7 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/match/overlay.h"
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/html.h"
 
 namespace etalon {

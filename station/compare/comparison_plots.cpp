@@ -36,10 +36,10 @@ ComparisonPlot residual_by_photo(const Comparison& comparison) {
                                     photo.refined->scored.rms_gray));
     }
     SvgPlot plot("photograph", "residual RMS / gray");
-    plot.add_bars(bar_names(names), under_test, Ink::blue);
+    plot.add_bars(bar_names(names), under_test, Color::blue);
     if (!refined.empty())
-        plot.add_points(refined, Ink::orange, "at the refined pose");
-    plot.add_level(comparison.mean_rms_gray(), Ink::blue,
+        plot.add_points(refined, Color::orange, "at the refined pose");
+    plot.add_level(comparison.mean_rms_gray(), Color::blue,
                    fmt::format("mean {:.1f}", comparison.mean_rms_gray()));
     return {"residual-by-photo.svg", plot.svg(),
             "Residual of each photograph, scored half: bars at the pose under test, points at the "
@@ -47,7 +47,7 @@ ComparisonPlot residual_by_photo(const Comparison& comparison) {
             "that was wrong."};
 }
 
-void draw_profile(SvgPlot& plot, const ResidualProfile& profile, Ink ink, const std::string& name,
+void draw_profile(SvgPlot& plot, const ResidualProfile& profile, Color ink, const std::string& name,
                   const char* unit) {
     Series series;
     for (std::size_t i = 0; i < profile.pixels.size(); ++i)
@@ -73,8 +73,8 @@ void add_profile(const ResidualProfile& calibrated, const ResidualProfile& refin
     if (!(highest > 0.0))
         return;
     SvgPlot plot(label, "residual RMS / gray");
-    draw_profile(plot, calibrated, Ink::blue, "pose under test", unit);
-    draw_profile(plot, refined, Ink::orange, "refined pose", unit);
+    draw_profile(plot, calibrated, Color::blue, "pose under test", unit);
+    draw_profile(plot, refined, Color::orange, "refined pose", unit);
     plot.set_y_range(0.0, 1.15 * highest);
     plots.push_back({file, plot.svg(), caption});
 }
@@ -88,7 +88,7 @@ ComparisonPlot baseline_plot(const BaselineChange& change) {
             differences.push_back(*now.residual_gray - *earlier.residual_gray);
         }
     SvgPlot plot("photograph", "change of the residual / gray");
-    plot.add_bars(bar_names(names), differences, Ink::blue);
+    plot.add_bars(bar_names(names), differences, Color::blue);
     return {"baseline-residual.svg", plot.svg(),
             "Residual now minus residual then, photograph by photograph, at the poses under test. "
             "Bars of one sign are a change of the camera, a single one of its photograph."};

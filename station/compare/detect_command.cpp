@@ -7,14 +7,14 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "compare/detect/photo_pose.h"
 #include "compare/make_detector.h"
-#include "compare/match/match_outcome.h"
+#include "compare/match/photo_findings.h"
+#include "compare/photo_pose.h"
 #include "compare/photometric/photometric_detector.h"
-#include "core/cpu_time.h"
-#include "core/errors.h"
-#include "core/pose_numbers.h"
+#include "core/program/errors.h"
+#include "core/time/cpu_time.h"
 #include "report/json_text.h"
+#include "report/pose_numbers.h"
 #include "station/compare/commands.h"
 #include "station/shell/command.h"
 #include "station/shell/photo_files.h"
@@ -134,7 +134,7 @@ std::string doubt_about(const PhotometricPose& pose, const CodeImage& image, con
     const Findings findings = examine_marker(image, marker, compared_area(marker, {}, "--marker"),
                                              projector, pose.camera_from_marker);
     for (const Finding& finding : findings)
-        if (finding.is_refusal || finding.name == "saturated")
+        if (finding.is_not_assessable || finding.name == "saturated")
             return "not found: " + finding.sentence;
     return "";
 }

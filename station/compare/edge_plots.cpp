@@ -91,7 +91,7 @@ ComparisonPlot field_plot(const std::vector<ShiftVector>& field, const CameraMod
                                std::sqrt(vector.covariance_px2(1, 1)), vector.edges));
     SvgPlot plot("x / px", "y / px");
     plot.show_image(camera.width, camera.height);
-    plot.add_arrows(arrows, magnification, Ink::blue,
+    plot.add_arrows(arrows, magnification, Color::blue,
                     fmt::format("photograph minus rendering × {:.0f}", magnification));
     return {file, plot.svg(),
             fmt::format("Where edges lie in the photographs against the renderings, {}, mean over "
@@ -115,7 +115,7 @@ Series shifts_of(const std::vector<EdgeBin>& binned) {
 }
 
 // Adds the series; returns where its band ends.
-double draw(SvgPlot& plot, const Series& series, Ink ink, const std::string& name) {
+double draw(SvgPlot& plot, const Series& series, Color ink, const std::string& name) {
     plot.add_band(series, ink, "");
     plot.add_curve(series, ink, name);
     return series.empty() ? 0.0 : *std::max_element(series.highs.begin(), series.highs.end());
@@ -124,8 +124,8 @@ double draw(SvgPlot& plot, const Series& series, Ink ink, const std::string& nam
 ComparisonPlot shift_plot(const std::vector<EdgeBin>& before, const std::vector<EdgeBin>& after,
                           const char* label, const std::string& file, const std::string& caption) {
     SvgPlot plot(label, "edge shift RMS / px");
-    const double under_test = draw(plot, shifts_of(before), Ink::blue, "pose under test");
-    const double refined = draw(plot, shifts_of(after), Ink::orange, "refined pose");
+    const double under_test = draw(plot, shifts_of(before), Color::blue, "pose under test");
+    const double refined = draw(plot, shifts_of(after), Color::orange, "refined pose");
     plot.set_y_range(0.0, 1.05 * std::max({under_test, refined, 1e-3}));
     return {file, plot.svg(), caption};
 }
@@ -148,8 +148,8 @@ ComparisonPlot width_plot(const Comparison& comparison) {
                             photo.photo.filename().string(), bin.depth_mm, bin.measured_px2,
                             bin.measured_deviation_px2, bin.rendered_px2));
         }
-        plot.add_line(rendered, Ink::gray, is_named ? "" : "rendering");
-        plot.add_points(photographed, Ink::blue, is_named ? "" : "photograph");
+        plot.add_line(rendered, Color::gray, is_named ? "" : "rendering");
+        plot.add_points(photographed, Color::blue, is_named ? "" : "photograph");
         is_named = true;
     }
     return {"edge-width-by-depth.svg", plot.svg(),

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "station/compare/comparison_pictures.h"
 
 namespace etalon {

@@ -4,8 +4,8 @@
 
 #include <cstdio>
 
-#include "core/errors.h"
-#include "core/exit_codes.h"
+#include "core/program/errors.h"
+#include "core/program/exit_codes.h"
 #include "station/devices/capture_run.h"
 #include "station/devices/capture_settings.h"
 #include "station/devices/commands.h"

@@ -1,7 +1,7 @@
 #include "station/devices/capture_drift.h"
 
 #include "capture/camera_recovery.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "station/record/run_record.h"
 
 namespace etalon {

@@ -4,8 +4,8 @@
 
 #include "capture/camera_recovery.h"
 #include "capture/frame/frame_average.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "station/record/record_json.h"
 #include "station/record/run_events.h"
 #include "station/record/run_record.h"

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "capture/camera_recovery.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

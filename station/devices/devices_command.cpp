@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "stage/profile/profile.h"
 #include "station/devices/commands.h"

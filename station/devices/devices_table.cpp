@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/text.h"
+#include "core/file/text.h"
 
 namespace etalon {
 namespace {

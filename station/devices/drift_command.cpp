@@ -5,9 +5,9 @@
 #include <cmath>
 #include <cstdio>
 
-#include "core/errors.h"
-#include "core/exit_codes.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
+#include "core/program/exit_codes.h"
 #include "station/devices/capture_settings.h"
 #include "station/devices/commands.h"
 #include "station/devices/drift_report.h"

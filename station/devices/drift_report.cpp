@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/html.h"
 #include "report/json_text.h"
 #include "report/number_text.h"
@@ -136,7 +136,7 @@ void add_summary(HtmlPage& page, const DriftResult& result, const std::string& t
 
 std::string movement_plot(const DriftMonitor& monitor) {
     constexpr const char* names[] = {"shift x", "shift y", "growth", "turn"};
-    constexpr Ink inks[] = {Ink::blue, Ink::orange, Ink::green, Ink::red};
+    constexpr Color inks[] = {Color::blue, Color::orange, Color::green, Color::red};
     SvgPlot plot("minutes", "movement, px");
     // A point per block's worth of frames is enough for the eye, and keeps the page small.
     const std::size_t step = std::max<std::size_t>(1, monitor.frames().size() / 600);
@@ -157,9 +157,9 @@ std::string rate_plot(const DriftMonitor& monitor) {
                   std::max(0.0, rate.worst_px_per_min - rate.expanded_uncertainty_px_per_min),
                   rate.bound_px_per_min);
     SvgPlot plot("minutes", "worst drift over the image, px/min");
-    plot.add_band(worst, Ink::blue, "with U");
-    plot.add_line(worst, Ink::blue, "drift");
-    plot.add_level(monitor.plan().limit_px_per_min, Ink::red, "limit");
+    plot.add_band(worst, Color::blue, "with U");
+    plot.add_line(worst, Color::blue, "drift");
+    plot.add_level(monitor.plan().limit_px_per_min, Color::red, "limit");
     return plot.svg();
 }
 

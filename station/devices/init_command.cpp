@@ -5,8 +5,8 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "station/devices/commands.h"
 #include "station/devices/station_draft.h"
@@ -51,8 +51,8 @@ std::string asked(const std::optional<std::string>& given, const char* question,
     return answer.empty() ? otherwise : answer;
 }
 
-StationDraft draft_of(const InitArguments& arguments) {
-    StationDraft draft;
+StationTemplate draft_of(const InitArguments& arguments) {
+    StationTemplate draft;
     const std::string found = arguments.camera ? "" : found_camera();
     if (!found.empty())
         draft.camera = found;
@@ -73,7 +73,7 @@ void write_new(const std::filesystem::path& path, const std::string& text) {
 }
 
 int run_init(const InitArguments& arguments) {
-    const StationDraft draft = draft_of(arguments);
+    const StationTemplate draft = draft_of(arguments);
     const std::string text = drafted_station(draft);
     const std::filesystem::path station = arguments.folder / "station.yaml";
     make_out_folder(arguments.folder);

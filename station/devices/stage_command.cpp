@@ -6,9 +6,9 @@
 #include <cstdio>
 #include <iostream>
 
-#include "core/errors.h"
-#include "core/exit_codes.h"
-#include "stage/motion/guarded_stage.h"
+#include "core/program/errors.h"
+#include "core/program/exit_codes.h"
+#include "stage/motion/limited_stage.h"
 #include "station/devices/commands.h"
 #include "station/devices/stage_text.h"
 #include "station/setup/station_lock.h"
@@ -39,7 +39,7 @@ public:
 private:
     SteadyClock clock_;
     StageProfile profile_;
-    GuardedStage stage_;
+    LimitedStage stage_;
 };
 
 std::string names_of(const std::vector<Axis>& axes) {

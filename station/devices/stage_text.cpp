@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "core/progress.h"
-#include "core/text.h"
-#include "core/units.h"
+#include "core/file/text.h"
+#include "core/geometry/units.h"
+#include "core/time/progress.h"
 #include "report/json_text.h"
 
 namespace etalon {

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "compare/verdict/judged_quantities.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "compare/qualification/judged_quantities.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -74,7 +74,7 @@ std::string volume_text(const std::vector<std::string>& axes) {
 
 }  // namespace
 
-std::string drafted_station(const StationDraft& draft) {
+std::string drafted_station(const StationTemplate& draft) {
     require_axes(draft.axes);
     std::string axes;
     for (const std::string& axis : draft.axes)

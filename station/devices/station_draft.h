@@ -7,7 +7,7 @@
 
 namespace etalon {
 
-struct StationDraft {
+struct StationTemplate {
     std::string camera = "genicam:127.0.0.1";  // URI
     std::string calibration = "camera.yml";    // as it shall stand in the file
     std::string stage = "127.0.0.1:502";       // HOST:PORT, or a serial line: "/dev/ttyUSB0"
@@ -18,7 +18,7 @@ struct StationDraft {
 
 // station.yaml. Throws ConfigError, naming the option, for a stage that is neither, for an axis
 // that is none of x, y, z, rx, ry, rz or is doubled, and for text that YAML would take apart.
-std::string drafted_station(const StationDraft& draft);
+std::string drafted_station(const StationTemplate& draft);
 
 // limits.yaml: the quantities that every station must judge.
 std::string drafted_limits();

@@ -4,8 +4,8 @@
 
 #include <cmath>
 
-#include "core/distributions.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/statistics/distributions.h"
 
 namespace etalon {
 namespace {

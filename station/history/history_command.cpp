@@ -1,6 +1,6 @@
 #include <fmt/format.h>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "station/history/commands.h"
 #include "station/history/fleet.h"
 #include "station/history/run_history.h"

@@ -1,6 +1,6 @@
 #include <fmt/format.h>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/html.h"
 #include "report/number_text.h"
 #include "report/svg_plot.h"
@@ -143,20 +143,20 @@ Columns columns_of(std::span<const HistoricRun> runs, const QuantityHistory& his
 
 SvgPlot value_plot(const Columns& columns, const QuantityHistory& history) {
     SvgPlot plot("run", title_of(history));
-    plot.add_band(columns.values, Ink::gray, "U");
-    plot.add_curve(columns.values, Ink::blue, "value");
+    plot.add_band(columns.values, Color::gray, "U");
+    plot.add_curve(columns.values, Color::blue, "value");
     if (!columns.new_calibrations.empty())
-        plot.add_points(columns.new_calibrations, Ink::orange, "new calibration");
+        plot.add_points(columns.new_calibrations, Color::orange, "new calibration");
     if (const auto limit = history.runs.back().quantity.limit)
-        plot.add_level(*limit, Ink::red, "limit");
+        plot.add_level(*limit, Color::red, "limit");
     return plot;
 }
 
 SvgPlot drift_plot(const Columns& columns) {
     SvgPlot plot("run", "EWMA of Q");
-    plot.add_curve(columns.ewma, Ink::orange, "EWMA");
-    plot.add_level(drift_limit, Ink::red, "alarm");
-    plot.add_level(-drift_limit, Ink::red, "alarm");
+    plot.add_curve(columns.ewma, Color::orange, "EWMA");
+    plot.add_level(drift_limit, Color::red, "alarm");
+    plot.add_level(-drift_limit, Color::red, "alarm");
     return plot;
 }
 

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "core/errors.h"
-#include "core/json_entry.h"
-#include "core/text.h"
+#include "core/config/json_entry.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "station/record/run_record.h"
 
 namespace etalon {

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <set>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -1,5 +1,6 @@
 // `etalon qualify`, `report` and `demo`. What `qualify` is asked, and the function that carries it
-// out: it returns the verdict's exit code or throws (core/errors.h), prints its stable words and
+// out: it returns the verdict's exit code or throws (core/program/errors.h), prints its stable
+// words and
 // --json on stdout and everything else on stderr.
 #pragma once
 

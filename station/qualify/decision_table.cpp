@@ -1,6 +1,6 @@
 #include "station/qualify/decision_table.h"
 
-#include "compare/verdict/judged_quantities.h"
+#include "compare/qualification/judged_quantities.h"
 #include "report/number_text.h"
 
 namespace etalon {

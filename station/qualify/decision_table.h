@@ -1,7 +1,7 @@
 // The decision rule of a run and what each of its judgements risks, in the report.
 #pragma once
 
-#include "compare/verdict/qualification.h"
+#include "compare/qualification/qualification.h"
 #include "report/html.h"
 
 namespace etalon {

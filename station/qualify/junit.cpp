@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "core/text.h"
+#include "core/file/text.h"
 
 namespace etalon {
 namespace {

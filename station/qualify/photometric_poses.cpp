@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -70,7 +70,7 @@ PhotometricPoses::~PhotometricPoses() {
 void PhotometricPoses::add(const Pose& pose) {
     if (!pose.is_detected() || found_.contains(pose.index))
         return;
-    PosePixels& found = found_[pose.index];
+    ImageResultCache& found = found_[pose.index];
     if (const KeptPose* kept = kept_.of(pose); kept && kept->pixels) {
         found = *kept->pixels;
         return;
@@ -90,9 +90,9 @@ PhotometricPose PhotometricPoses::seen_in(const FrameRecord& frame, const Rigid&
     return detector_.find(recorded_photo(run_, frame), start, detector_error_px);
 }
 
-void PhotometricPoses::find(const Pose& pose, PosePixels& found) const {
-    const auto start = estimate_pose(detector_.camera()->projector(), run_.station.marker.points_mm,
-                                     pose.corners);
+void PhotometricPoses::find(const Pose& pose, ImageResultCache& found) const {
+    const auto start =
+        estimate_pose(detector_.camera()->projector(), run_.station.marker.points_mm, pose.corners);
     if (!start)
         throw NumericalError("its corners determine no pose to start from");
     if (pose.hold_out)
@@ -102,7 +102,7 @@ void PhotometricPoses::find(const Pose& pose, PosePixels& found) const {
     find_bias(found, seen.camera_from_marker);
 }
 
-void PhotometricPoses::read(const Pose& pose, PosePixels& found, const Rigid& start) const {
+void PhotometricPoses::read(const Pose& pose, ImageResultCache& found, const Rigid& start) const {
     const CodeImage first = recorded_photo(run_, *first_whole(pose));
     found.findings = in_words(
         examine_marker(first, run_.station.marker, area_, detector_.camera()->projector(), start));
@@ -118,7 +118,7 @@ void PhotometricPoses::read(const Pose& pose, PosePixels& found, const Rigid& st
     found.refusal = compared.cause;  // its pose holds all the same
 }
 
-void PhotometricPoses::find_bias(PosePixels& found, const Rigid& camera_from_marker) const {
+void PhotometricPoses::find_bias(ImageResultCache& found, const Rigid& camera_from_marker) const {
     const auto corners = rendered_.at(camera_from_marker);
     if (!corners)
         return;
@@ -130,7 +130,7 @@ void PhotometricPoses::find_bias(PosePixels& found, const Rigid& camera_from_mar
 
 // At a pose that need not have settled: with a wrong tone curve it may never, and it is solved
 // beside the deviations.
-void PhotometricPoses::compare(PosePixels& found, const CodeImage& image,
+void PhotometricPoses::compare(ImageResultCache& found, const CodeImage& image,
                                const PhotometricPose& seen) const {
     const PhotometricCamera& camera = *detector_.camera();
     const Rigid& camera_from_marker = seen.camera_from_marker;
@@ -146,23 +146,23 @@ void PhotometricPoses::compare(PosePixels& found, const CodeImage& image,
     found.pixels = measured(image, camera_from_marker, calibration_, std::nullopt);
 }
 
-PhotoPixels PhotometricPoses::measured(const CodeImage& image, const Rigid& camera_from_marker,
-                                       const DeviatingCamera& camera,
-                                       std::optional<double> noise_scale) const {
+PhotoEvidence PhotometricPoses::measured(const CodeImage& image, const Rigid& camera_from_marker,
+                                         const DeviatingCamera& camera,
+                                         std::optional<double> noise_scale) const {
     return camera.measure(detector_.photo_at(gray_of(image), camera_from_marker),
                           camera_from_marker, whole_, noise_scale);
 }
 
-RunPixels PhotometricPoses::pixels() const {
+RunEvidence PhotometricPoses::pixels() const {
     std::map<int, const Pose*> hold_out;
     for (const Pose& pose : run_.poses)
         if (pose.hold_out && found_.contains(pose.index))
             hold_out[pose.index] = &pose;
     std::vector<const Pose*> compared;
-    std::vector<PhotoPixels> at_zero;
+    std::vector<PhotoEvidence> at_zero;
     std::vector<std::vector<PhotoFinding>> findings;
     for (const auto& [index, pose] : hold_out) {
-        const PosePixels& found = found_.at(index);
+        const ImageResultCache& found = found_.at(index);
         findings.push_back(found.findings);
         if (!found.pixels)
             continue;
@@ -172,22 +172,21 @@ RunPixels PhotometricPoses::pixels() const {
     if (is_overexposed(findings))
         return {.findings = std::move(findings)};
     const CameraModel& model = run_.station.camera.model;
-    RunPixels run =
-        settled_pixels(model, std::move(at_zero),
-                       [&](const PixelDeviation& deviating, std::span<const std::size_t> which,
-                           std::optional<double> noise_scale) {
-                           const DeviatingCamera camera(model, deviating);
-                           std::vector<PhotoPixels> all(which.size());
-                           tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
-                               if (stop_.stop_requested())
-                                   throw Interrupted();
-                               const Pose& pose = *compared[which[i]];
-                               all[i] = measured(recorded_photo(run_, *first_whole(pose)),
-                                                 found_.at(pose.index).compared_at, camera,
-                                                 noise_scale);
-                           });
-                           return all;
-                       });
+    RunEvidence run = settled_pixels(
+        model, std::move(at_zero),
+        [&](const PixelDeviation& deviating, std::span<const std::size_t> which,
+            std::optional<double> noise_scale) {
+            const DeviatingCamera camera(model, deviating);
+            std::vector<PhotoEvidence> all(which.size());
+            tbb::parallel_for(std::size_t{0}, which.size(), [&](std::size_t i) {
+                if (stop_.stop_requested())
+                    throw Interrupted();
+                const Pose& pose = *compared[which[i]];
+                all[i] = measured(recorded_photo(run_, *first_whole(pose)),
+                                  found_.at(pose.index).compared_at, camera, noise_scale);
+            });
+            return all;
+        });
     run.findings = std::move(findings);
     return run;
 }

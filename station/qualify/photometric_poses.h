@@ -1,6 +1,7 @@
 // The photometric poses of a run's photographs, from all pixels of the marker
 // (compare/photometric/photometric_pose.h), what the pixels show beside the pose
-// (compare/match/photo_pixels.h), and how the detector is off there (compare/verdict/pose_bias.h).
+// (compare/match/pixel_measurement.h), and how the detector is off there
+// (compare/pose/pose_bias.h).
 #pragma once
 
 #include <tbb/task_group.h>
@@ -11,9 +12,9 @@
 #include <string>
 
 #include "compare/expect/rendered_corners.h"
-#include "compare/match/photo_pixels.h"
+#include "compare/match/pixel_measurement.h"
 #include "compare/photometric/photometric_detector.h"
-#include "station/qualify/kept_pixels.h"
+#include "station/qualify/image_result_cache.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {
@@ -38,26 +39,27 @@ public:
 
     // Sets them in all poses of the result, also in those that were not added; a hold-out pose that
     // gets none is named in the remarks. The same for any number of threads and whatever was added
-    // before. Keeps what was found in the record (station/qualify/kept_pixels.h). Throws ConfigError
-    // when a frame cannot be read and Interrupted when a stop was requested.
+    // before. Keeps what was found in the record (station/qualify/image_result_cache.h). Throws
+    // ConfigError when a frame cannot be read and Interrupted when a stop was requested.
     void set_in(QualifyResult& result);
 
     // The first whole photographs of the hold-out poses that were set, against their renders; of
     // overexposed ones only what they show. Costs
     // nothing more where they match, some 10 s of CPU time where a tone curve or a focus has to be
     // found.
-    RunPixels pixels() const;
+    RunEvidence pixels() const;
 
     const RenderedCorners& rendered() const { return rendered_; }
 
 private:
     PhotometricPose seen_in(const FrameRecord& frame, const Rigid& start) const;
-    void find(const Pose& pose, PosePixels& found) const;
-    void read(const Pose& pose, PosePixels& found, const Rigid& start) const;
-    void find_bias(PosePixels& found, const Rigid& camera_from_marker) const;
-    void compare(PosePixels& found, const CodeImage& image, const PhotometricPose& seen) const;
-    PhotoPixels measured(const CodeImage& image, const Rigid& camera_from_marker,
-                         const DeviatingCamera& camera, std::optional<double> noise_scale) const;
+    void find(const Pose& pose, ImageResultCache& found) const;
+    void read(const Pose& pose, ImageResultCache& found, const Rigid& start) const;
+    void find_bias(ImageResultCache& found, const Rigid& camera_from_marker) const;
+    void compare(ImageResultCache& found, const CodeImage& image,
+                 const PhotometricPose& seen) const;
+    PhotoEvidence measured(const CodeImage& image, const Rigid& camera_from_marker,
+                           const DeviatingCamera& camera, std::optional<double> noise_scale) const;
 
     const QualifyResult& run_;
     std::stop_token stop_;
@@ -67,7 +69,7 @@ private:
     std::optional<ComparedArea> whole_;  // of what is printed, where it has a background beside it
     DeviatingCamera calibration_;
     KeptPixels kept_;
-    std::map<int, PosePixels> found_;  // by the pose's index; its nodes stay where they are
+    std::map<int, ImageResultCache> found_;  // by the pose's index; its nodes stay where they are
     tbb::task_group tasks_;
 };
 

@@ -3,8 +3,8 @@
 
 #include <cstdio>
 
-#include "core/errors.h"
-#include "core/file_lock.h"
+#include "core/file/file_lock.h"
+#include "core/program/errors.h"
 #include "station/qualify/commands.h"
 #include "station/qualify/runner.h"
 #include "station/qualify/twin_process.h"

@@ -9,13 +9,13 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/camera/sight.h"
+#include "calib/camera/viewing_geometry.h"
 #include "compare/match/overlay.h"
 #include "compare/photometric/photometric_model.h"
-#include "compare/verdict/judged_quantities.h"
-#include "compare/verdict/pose_bias.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "compare/pose/pose_bias.h"
+#include "compare/qualification/judged_quantities.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "report/html.h"
 #include "report/number_text.h"
 #include "station/qualify/decision_table.h"
@@ -232,8 +232,8 @@ void add_judged(HtmlPage& page, const Qualification& analysis) {
          "the mean vanish whatever the camera.",
          fmt::format("A camera with any judged quantity at its limit gets PASS in at most {:.1f} % "
                      "of runs; one with all {} at their limits gets FAIL in at most {:.1f} %.",
-                     100.0 * analysis.risk.wrong_pass, analysis.risk.judged,
-                     100.0 * analysis.risk.wrong_fail)});
+                     100.0 * analysis.risk.false_acceptance, analysis.risk.judged,
+                     100.0 * analysis.risk.false_rejection)});
     page.add_notes(notes);
     page.add_facts(
         {{"B1, reported",
@@ -395,7 +395,7 @@ void add_registration(HtmlPage& page, const BiasCorrectedRegistration& corrected
     for (const GaugeFreedom& freedom : registration.freedoms)
         notes.push_back("Not determined by this stage's motion, fixed by the nominal mount: " +
                         freedom.name + ".");
-    for (const WeakDirection& weak : registration.weak)
+    for (const PoorlyConstrainedDirection& weak : registration.weak)
         notes.push_back(fmt::format(
             "Badly determined: {}, standard deviation {} {}. All poses say less about it than one "
             "would if the mounting were known.",

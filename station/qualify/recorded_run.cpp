@@ -9,8 +9,8 @@
 #include <limits>
 
 #include "compare/make_detector.h"
-#include "core/errors.h"
-#include "station/qualify/kept_pixels.h"
+#include "core/program/errors.h"
+#include "station/qualify/image_result_cache.h"
 #include "station/qualify/run_analysis.h"
 #include "station/qualify/run_results.h"
 #include "station/qualify/visited_pose.h"

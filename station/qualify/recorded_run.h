@@ -1,6 +1,6 @@
 // A run read back from its record: from the log, the frames and the copies of its inputs. All else
 // follows from these; what the frames' pixels gave is looked at only where it is this program's
-// (station/qualify/kept_pixels.h).
+// (station/qualify/image_result_cache.h).
 //
 // A record is hostile until checked: every file by its SHA-256, every line of the log by its keys,
 // types and ranges, each pose against the plan. What a killed program leaves behind is no error: a
@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "core/progress.h"
+#include "core/time/progress.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {

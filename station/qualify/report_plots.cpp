@@ -6,9 +6,9 @@
 #include <array>
 #include <cmath>
 
-#include "calib/camera/sight.h"
-#include "compare/verdict/pose_bias.h"
-#include "core/units.h"
+#include "calib/camera/viewing_geometry.h"
+#include "compare/pose/pose_bias.h"
+#include "core/geometry/units.h"
 #include "report/svg_plot.h"
 
 namespace etalon {
@@ -56,8 +56,8 @@ HtmlPage::Figure arrow_figure(const HoldOut& poses) {
     SvgPlot plot("x / mm", "y / mm");
     plot.set_size(plot_width, plot_height);
     plot.set_image_axes();
-    plot.add_arrows(poses.field, factor, Ink::gray, "fitted field");
-    plot.add_arrows(poses.biases, factor, Ink::blue, "B3");
+    plot.add_arrows(poses.field, factor, Color::gray, "fitted field");
+    plot.add_arrows(poses.biases, factor, Color::blue, "B3");
     return {
         plot.svg(),
         fmt::format("B3 across the field of view, seen by the camera, enlarged {:g} times. Look "
@@ -70,11 +70,11 @@ HtmlPage::Figure component_figure(const std::array<Series, 3>& biases, const std
                                   const std::string& caption, double limit) {
     SvgPlot plot(label, "B3 / mm");
     plot.set_size(plot_width, plot_height);
-    plot.add_points(biases[0], Ink::blue, "x");
-    plot.add_points(biases[1], Ink::green, "y");
-    plot.add_points(biases[2], Ink::orange, "z");
-    plot.add_level(limit, Ink::red, fmt::format("limit of the maximum, {:g} mm", limit));
-    plot.add_level(-limit, Ink::red, "");
+    plot.add_points(biases[0], Color::blue, "x");
+    plot.add_points(biases[1], Color::green, "y");
+    plot.add_points(biases[2], Color::orange, "z");
+    plot.add_level(limit, Color::red, fmt::format("limit of the maximum, {:g} mm", limit));
+    plot.add_level(-limit, Color::red, "");
     return {plot.svg(), caption};
 }
 
@@ -120,7 +120,7 @@ void add_residual_summary(HtmlPage& page, const QualifyResult& result) {
         *mean_residual_gray(result), residuals.xs.size()));
     SvgPlot plot("pose", "residual RMS / gray");
     plot.set_size(640, 260);
-    plot.add_points(residuals, Ink::blue, "");
+    plot.add_points(residuals, Color::blue, "");
     plot.set_y_range(0.0,
                      1.15 * *std::max_element(residuals.ys.begin(), residuals.ys.end()) + 1e-9);
     page.add_figures(

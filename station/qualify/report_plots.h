@@ -1,7 +1,7 @@
 // The plots of a qualification's report: bias over the volume and pixel residuals.
 #pragma once
 
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 #include "report/html.h"
 #include "station/record/qualify_result.h"
 

@@ -3,7 +3,7 @@
 
 #include <functional>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 #include "station/setup/environment.h"
 
 namespace etalon {

@@ -7,8 +7,8 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "compare/photometric/photo_match.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "station/register/qualification_input.h"
 
 namespace etalon {

@@ -6,7 +6,7 @@
 
 #include <stop_token>
 
-#include "core/progress.h"
+#include "core/time/progress.h"
 #include "station/qualify/photometric_poses.h"
 #include "station/record/qualify_result.h"
 

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "station/foresee/expectation_report.h"
+#include "station/planning/expectation_report.h"
 
 namespace etalon {
 namespace {

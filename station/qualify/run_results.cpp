@@ -2,8 +2,8 @@
 
 #include <system_error>
 
-#include "core/sha256.h"
-#include "core/text.h"
+#include "core/file/sha256.h"
+#include "core/file/text.h"
 #include "station/qualify/junit.h"
 #include "station/qualify/qualify_report.h"
 #include "station/record/run_json.h"

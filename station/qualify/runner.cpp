@@ -6,13 +6,13 @@
 #include <functional>
 
 #include "capture/camera_recovery.h"
-#include "compare/detect/tags_in_view.h"
 #include "compare/make_detector.h"
-#include "compare/match/match_outcome.h"
-#include "core/errors.h"
-#include "core/file_lock.h"
-#include "core/version.h"
-#include "stage/motion/guarded_stage.h"
+#include "compare/match/photo_findings.h"
+#include "compare/tags_in_view.h"
+#include "core/file/file_lock.h"
+#include "core/program/errors.h"
+#include "core/program/version.h"
+#include "stage/motion/limited_stage.h"
 #include "station/qualify/room_sensor.h"
 #include "station/qualify/run_analysis.h"
 #include "station/qualify/run_results.h"
@@ -413,7 +413,7 @@ RunSession new_session(const DeviceOpeners& open) {
     RunSession session;
     session.operator_name = open.operator_name;
     session.started_utc = utc_now();
-    session.started = boot_moment();
+    session.started = boot_time();
     session.version = version;
     return session;
 }
@@ -431,7 +431,7 @@ std::unique_ptr<Stage> guarded(const StationFile& station, const DeviceOpeners& 
     std::unique_ptr<Stage> stage = open.stage();
     if (open.homed)
         stage->take_for_homed();
-    return std::make_unique<GuardedStage>(std::move(stage), station.stage.rules);
+    return std::make_unique<LimitedStage>(std::move(stage), station.stage.rules);
 }
 
 // ---- resuming

@@ -1,5 +1,5 @@
 // A qualification run from the plan to the written record: move, settle, photograph, detect; then
-// the analysis (compare/verdict/qualification.h) and the report.
+// the analysis (compare/qualification/qualification.h) and the report.
 //
 // The first three poses must show the marker in one of them at least: a run that would measure in
 // vain ends there and says what is seen instead.
@@ -15,7 +15,7 @@
 #include <memory>
 #include <stop_token>
 
-#include "core/progress.h"
+#include "core/time/progress.h"
 #include "station/qualify/recorded_run.h"
 #include "station/record/qualify_result.h"
 

@@ -6,8 +6,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "core/errors.h"
-#include "core/exit_codes.h"
+#include "core/program/errors.h"
+#include "core/program/exit_codes.h"
 #include "station/shell/installed_files.h"
 
 namespace etalon {

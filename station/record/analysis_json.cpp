@@ -3,7 +3,7 @@
 #include <cmath>
 #include <span>
 
-#include "core/pose_numbers.h"
+#include "report/pose_numbers.h"
 
 namespace etalon {
 namespace {
@@ -49,14 +49,14 @@ Json measurements_json(std::span<const JudgedQuantity> quantities, bool judged) 
 Json risk_json(const FamilyRisk& risk) {
     return {{"judged", risk.judged},
             {"each", risk.each},
-            {"wrong_pass", risk.wrong_pass},
-            {"wrong_fail", risk.wrong_fail}};
+            {"wrong_pass", risk.false_acceptance},
+            {"wrong_fail", risk.false_rejection}};
 }
 
 // Deviations as `etalon register` gives them: the corners' noise is that of the residuals.
 Json weak_json(const Registration& registration) {
     Json list = Json::array();
-    for (const WeakDirection& weak : registration.weak)
+    for (const PoorlyConstrainedDirection& weak : registration.weak)
         list.push_back({{"name", weak.name},
                         {"direction", numbers_json(weak.direction)},
                         {"deviation", std::sqrt(registration.reduced_squares) * weak.deviation},
@@ -85,7 +85,7 @@ Json registration_json(const BiasCorrectedRegistration& corrected) {
             {"badly_determined", weak_json(registration)}};
 }
 
-Json field_json(const SmoothField& field, const FieldSummary& summary) {
+Json field_json(const BiasField& field, const FieldSummary& summary) {
     return {{"coefficients", numbers_json(field.coefficients)},
             {"samples", field.samples},
             {"degrees_of_freedom", field.degrees_of_freedom},
@@ -115,7 +115,7 @@ Json conditions_json(const Qualification& analysis) {
     return list;
 }
 
-Json rest_json(const FieldRest& rest) {
+Json rest_json(const LackOfFit& rest) {
     return {{"rms", rest.rms},
             {"rms_uncertainty", rest.rms_uncertainty},
             {"noise_rms", rest.noise_rms},
@@ -184,7 +184,7 @@ Json figure_json(const std::optional<PixelFigure>& figure, const char* unit) {
 }
 
 // Signed: photographs less renders.
-Json pixels_json(const PixelMatch& match) {
+Json pixels_json(const ImageAgreement& match) {
     return {{"photographs", match.photos},
             {"residual", figure_json(match.residual_gray, "gray")},
             {"blur", figure_json(match.blur_px, "px")},
@@ -245,8 +245,8 @@ void add_analysis(Json& run, const Qualification& analysis) {
         run["position_field_mm"] = field_json(*analysis.position_field, analysis.position_summary);
     if (analysis.rotation_field)
         run["rotation_field_rad"] = field_json(*analysis.rotation_field, analysis.rotation_summary);
-    if (analysis.position_rest)
-        run["position_rest_mm"] = rest_json(*analysis.position_rest);
+    if (analysis.position_lack_of_fit)
+        run["position_rest_mm"] = rest_json(*analysis.position_lack_of_fit);
     if (analysis.lengths)
         run["lengths"] = lengths_json(*analysis.lengths);
     if (analysis.photometric)

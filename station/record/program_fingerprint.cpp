@@ -6,7 +6,7 @@
 
 #include <opencv2/core/utility.hpp>
 
-#include "core/sha256.h"
+#include "core/file/sha256.h"
 
 namespace etalon {
 namespace {

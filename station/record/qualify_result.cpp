@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "core/errors.h"
-#include "core/exit_codes.h"
-#include "core/sha256.h"
+#include "core/file/sha256.h"
+#include "core/program/errors.h"
+#include "core/program/exit_codes.h"
 
 namespace etalon {
 

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "capture/frame/camera.h"
-#include "compare/verdict/qualification.h"
-#include "core/boot_moment.h"
+#include "compare/qualification/qualification.h"
 #include "report/software_versions.h"
+#include "station/record/boot_time.h"
 #include "station/setup/plan.h"
 #include "station/setup/station_file.h"
 
@@ -30,7 +30,7 @@ int exit_code(RunOutcome outcome);
 // From one start of the program to its end. A run that was resumed has several.
 struct RunSession {
     std::string started_utc;    // "2026-03-07T14:05:09Z", as the system's clock was set
-    BootMoment started;         // what the time from one session to the next is taken from
+    BootTime started;           // what the time from one session to the next is taken from
     double start_s = 0.0;       // on the run's time: the first one's is 0
     std::string version;        // of the program that measured
     std::string operator_name;  // who began it; empty: not told

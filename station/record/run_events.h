@@ -1,6 +1,6 @@
 // The lines of a record's log, events.jsonl: one JSON object each, written here and read back by
-// core/frame_log.h and station/qualify/recorded_run.h. The log, the frames and the copies of the
-// inputs are the record; every other file follows from them.
+// capture/frame/frame_log.h and station/qualify/recorded_run.h. The log, the frames and the copies
+// of the inputs are the record; every other file follows from them.
 //
 //     run                first line: the inputs and the plan
 //     session            the program was started: a run that was resumed has several

@@ -4,9 +4,9 @@
 
 #include <cmath>
 
-#include "core/pose_numbers.h"
-#include "core/text.h"
-#include "core/units.h"
+#include "core/file/text.h"
+#include "core/geometry/units.h"
+#include "report/pose_numbers.h"
 #include "station/record/analysis_json.h"
 #include "station/record/record_json.h"
 

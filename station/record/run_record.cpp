@@ -6,10 +6,10 @@
 #include <ctime>
 #include <system_error>
 
-#include "core/durable.h"
-#include "core/errors.h"
-#include "core/sha256.h"
-#include "core/text.h"
+#include "core/file/file_sync.h"
+#include "core/file/sha256.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "station/record/run_events.h"
 #include "station/record/run_json.h"
 
@@ -100,14 +100,14 @@ void RunRecord::log_pose(Pose& pose, const CaptureStatistics& counts) {
     for (FrameRecord& frame : pose.frames) {
         if (frame.file.empty())
             continue;
-        bring_to_disk(folder_ / frame.file);
+        sync_to_disk(folder_ / frame.file);
         frame.sha256 = sha256_of_file(folder_ / frame.file);
     }
-    bring_to_disk(folder_ / "frames");
+    sync_to_disk(folder_ / "frames");
     for (const FrameRecord& frame : pose.frames)
         log(frame_event(pose.index, frame));
     log(pose_event(pose, counts));
-    bring_to_disk(folder_ / log_file);
+    sync_to_disk(folder_ / log_file);
 }
 
 void RunRecord::write(const QualifyResult& result) {

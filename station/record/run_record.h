@@ -26,7 +26,7 @@
 #include <optional>
 #include <string>
 
-#include "core/image_writer.h"
+#include "station/record/image_writer.h"
 #include "station/record/qualify_result.h"
 
 namespace etalon {

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "compare/verdict/qualification.h"
+#include "compare/qualification/qualification.h"
 #include "station/setup/stage_terms.h"
 #include "station/setup/station_file.h"
 

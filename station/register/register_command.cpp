@@ -5,10 +5,10 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/pose_numbers.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "report/json_text.h"
+#include "report/pose_numbers.h"
 #include "station/register/commands.h"
 #include "station/register/stage_registration.h"
 #include "station/shell/command.h"
@@ -35,7 +35,7 @@ void print_freedoms(const StageRegistration& result) {
     const Registration& registration = result.registration;
     for (const GaugeFreedom& freedom : registration.freedoms)
         fmt::print("free: {};\n  held nearest to the nominal mounting\n", freedom.name);
-    for (const WeakDirection& weak : registration.weak)
+    for (const PoorlyConstrainedDirection& weak : registration.weak)
         fmt::print("badly determined: {},\n  +- {:.3g} {}\n", weak.name,
                    result.scale * weak.deviation, weak.is_shift() ? "mm" : "rad");
 }
@@ -82,7 +82,7 @@ ordered_json json_of(const GaugeFreedom& freedom) {
     return {{"name", freedom.name}, {"direction", numbers_of(freedom.direction)}};
 }
 
-ordered_json json_of(const WeakDirection& weak, double scale) {
+ordered_json json_of(const PoorlyConstrainedDirection& weak, double scale) {
     return {{"name", weak.name},
             {"direction", numbers_of(weak.direction)},
             {"deviation", scale * weak.deviation},

@@ -1,5 +1,5 @@
 // X and Y of a stage from photographs of its marker at known positions: what `etalon register`
-// does. On a detector's corners, corrected for the detector's bias (compare/verdict/pose_bias.h),
+// does. On a detector's corners, corrected for the detector's bias (compare/pose/pose_bias.h),
 // or on photometric poses, each with its own covariance.
 //
 // Not for a verdict: all poses take part, nothing is held out.
@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "calib/registration/registration.h"
-#include "compare/verdict/pose_bias.h"
+#include "compare/pose/pose_bias.h"
 #include "stage/axes/axes.h"
 #include "station/setup/station_file.h"
 

@@ -4,9 +4,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/sha256.h"
-#include "core/text.h"
+#include "core/file/sha256.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "report/result_rows.h"
 #include "report/shard.h"

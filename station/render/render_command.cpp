@@ -5,9 +5,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/pose_numbers.h"
+#include "core/program/errors.h"
 #include "report/json_text.h"
+#include "report/pose_numbers.h"
 #include "station/render/commands.h"
 #include "station/render/render_plan_text.h"
 #include "station/render/render_view.h"
@@ -179,11 +179,11 @@ void declare_render(Command& program) {
                 "add the sensor's shot and read noise, from this seed", "N")
         .whole();
     command.flag("--explain", asked->explain, "print what was left out, and by which bound");
-    auto [merge, merged] =
-        command.add(run_render_merge, "merge", "put the shards of an image set together",
-                    "All shards, in any order. The set is that of one piece, byte for byte; images\n"
-                    "are linked where the disk allows it.\n\n"
-                    "Example:\n  etalon render merge part-1 part-2 part-3 --out images\n");
+    auto [merge, merged] = command.add(
+        run_render_merge, "merge", "put the shards of an image set together",
+        "All shards, in any order. The set is that of one piece, byte for byte; images\n"
+        "are linked where the disk allows it.\n\n"
+        "Example:\n  etalon render merge part-1 part-2 part-3 --out images\n");
     merge.required("SHARDS", merged->shards, "folders of `etalon render --shard`");
     merge.required("--out", merged->out, "folder of the whole set", "DIR");
 }

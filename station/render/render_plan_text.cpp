@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/json_text.h"
 #include "station/render/render_view.h"
 
@@ -104,7 +104,7 @@ std::string plan_table(const RenderPlan& plan) {
     text += row(name, fmt::format("{:>8} uniform: one number each", plan.uniform_tiles));
     name = "left out";
     for (const LeftOut& left : largest_of_each(plan.left_out))
-        if (left.what != Omission::uniform_tiles)  // told above
+        if (left.what != NeglectedEffect::uniform_tiles)  // told above
             text +=
                 row(std::exchange(name, ""),
                     fmt::format("{}: {} ({:.2g} gray)", name_of(left.what), left.why, left.gray));

@@ -7,12 +7,12 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/camera/camera_hash.h"
-#include "core/errors.h"
-#include "core/pose_numbers.h"
-#include "core/sha256.h"
-#include "core/text.h"
-#include "core/version.h"
+#include "core/file/sha256.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
+#include "core/program/version.h"
 #include "report/json_text.h"
+#include "report/pose_numbers.h"
 #include "report/shard.h"
 #include "sim/scene/pose_file.h"
 #include "station/render/image_set.h"

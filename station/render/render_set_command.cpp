@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "station/render/image_set.h"
 #include "station/render/render_set.h"

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "calib/files/camera_file.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/scene_render.h"
 #include "sim/scene/pose_file.h"

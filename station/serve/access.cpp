@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "report/json_text.h"
 
 namespace etalon {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "calib/files/camera_file.h"
-#include "core/errors.h"
-#include "core/strict_reader.h"
+#include "core/config/strict_reader.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -15,7 +15,7 @@
 #include <future>
 #include <system_error>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 namespace {

@@ -13,8 +13,8 @@
 #include <mutex>
 #include <thread>
 
-#include "core/clock.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/time/clock.h"
 #include "station/serve/access.h"
 
 namespace etalon {

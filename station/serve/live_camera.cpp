@@ -3,7 +3,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/make_detector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "station/serve/pose_pictures.h"
 
 namespace etalon {

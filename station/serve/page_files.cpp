@@ -1,6 +1,6 @@
 #include "station/serve/page_files.h"
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "station/shell/installed_files.h"
 
 namespace etalon {

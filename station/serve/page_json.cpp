@@ -2,10 +2,10 @@
 
 #include <nlohmann/json.hpp>
 
-#include "compare/verdict/judged_quantities.h"
-#include "core/errors.h"
-#include "core/units.h"
-#include "core/version.h"
+#include "compare/qualification/judged_quantities.h"
+#include "core/geometry/units.h"
+#include "core/program/errors.h"
+#include "core/program/version.h"
 #include "report/json_text.h"
 #include "station/setup/plan.h"
 
@@ -25,7 +25,7 @@ Json axis_of(const Axis& axis) {
             {"high", axis.high * unit_factor(axis)}};
 }
 
-Json station_of(const ServedStation& served) {
+Json station_of(const StationSession& served) {
     const StationFile& station = served.station;
     return {{"id", station.id},
             {"file", served.file.filename().string()},
@@ -45,7 +45,7 @@ const char* word_of(Work work) {
 }
 
 // One letter a pose: planned, seen, not seen.
-std::string marks_of(const RunWatch& watch) {
+std::string marks_of(const RunMonitor& watch) {
     std::string marks;
     for (const WatchedPose& pose : watch.poses())
         marks += !pose.visited ? '.' : pose.seen ? 'o' : 'x';
@@ -103,7 +103,7 @@ Json work_json(const StationControl& control) {
             {"failure", control.last_failure()}};
 }
 
-Json shown_run_json(const ShownRun& run, const RunWatch* watch) {
+Json shown_run_json(const ShownRun& run, const RunMonitor* watch) {
     Json json = {{"name", run.name},      {"station", run.station},
                  {"serial", run.serial},  {"operator", run.operator_name},
                  {"going", run.is_going}, {"pausing", run.is_pausing},
@@ -167,7 +167,7 @@ Json runs_json(const std::vector<HistoricRun>& runs) {
     return list;
 }
 
-Json plan_positions_json(const RunWatch& watch, const std::vector<Axis>& axes) {
+Json plan_positions_json(const RunMonitor& watch, const std::vector<Axis>& axes) {
     Json poses = Json::array();
     for (const WatchedPose& pose : watch.poses()) {
         Json target = Json::array();

@@ -16,10 +16,10 @@ nlohmann::ordered_json session_json(const Workplace& workplace, const std::strin
 
 nlohmann::ordered_json work_json(const StationControl& control);
 // `watch`: of the shown run; null before its log is there.
-nlohmann::ordered_json shown_run_json(const ShownRun& run, const RunWatch* watch);
+nlohmann::ordered_json shown_run_json(const ShownRun& run, const RunMonitor* watch);
 nlohmann::ordered_json live_json(const LivePicture& picture, long dropped);
 nlohmann::ordered_json runs_json(const std::vector<HistoricRun>& runs);
-nlohmann::ordered_json plan_positions_json(const RunWatch& watch, const std::vector<Axis>& axes);
+nlohmann::ordered_json plan_positions_json(const RunMonitor& watch, const std::vector<Axis>& axes);
 
 // Of a run that has ended: verdict, quantities, findings, the most probable cause and what to do,
 // from its run.json. Null without one.

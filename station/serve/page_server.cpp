@@ -4,9 +4,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/frame_log.h"
-#include "core/text.h"
+#include "capture/frame/frame_log.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "station/history/fleet.h"
 #include "station/record/run_record.h"
@@ -412,7 +412,7 @@ void PageServer::look_at_run() {
         return;
     const std::filesystem::path record = control_.workplace().records / shown->name;
     if (!run_ || run_->record() != record) {
-        run_ = std::make_unique<RunWatch>(record);
+        run_ = std::make_unique<RunMonitor>(record);
         picture_maker_.reset();
         result_.clear();
     }

@@ -76,7 +76,7 @@ private:
     std::atomic<long> dropped_ = 0;  // pictures and states that a slow reader missed
 
     std::mutex run_mutex_;  // of these three
-    std::unique_ptr<RunWatch> run_;
+    std::unique_ptr<RunMonitor> run_;
     std::shared_ptr<PosePictureMaker> picture_maker_;
     std::string result_;  // JSON, of a run that has ended; empty: not read yet
 

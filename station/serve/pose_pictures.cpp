@@ -4,7 +4,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/detect/detector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "station/setup/station_inputs.h"
 
 namespace etalon {

@@ -8,7 +8,7 @@
 
 #include "calib/camera/projector.h"
 #include "compare/expect/expected_view.h"
-#include "station/serve/run_watch.h"
+#include "station/serve/run_monitor.h"
 
 namespace etalon {
 

@@ -6,8 +6,8 @@
 #include <array>
 #include <cstdio>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "station/serve/commands.h"
 #include "station/serve/http_door.h"
 #include "station/serve/page_server.h"

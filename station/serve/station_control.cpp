@@ -6,8 +6,8 @@
 #include <future>
 #include <set>
 
-#include "core/frame_log.h"
-#include "core/text.h"
+#include "capture/frame/frame_log.h"
+#include "core/file/text.h"
 #include "station/record/run_record.h"
 #include "station/serve/calibration_folder.h"
 
@@ -92,7 +92,7 @@ StationControl::~StationControl() {
         run_program({"stage", "stop", station_at(last.station).file.string()});
 }
 
-const ServedStation& StationControl::station_at(std::size_t index) const {
+const StationSession& StationControl::station_at(std::size_t index) const {
     if (index >= workplace_.stations.size())
         throw ConfigError({"station"}, "there is no such one");
     return workplace_.stations[index];
@@ -154,7 +154,7 @@ void StationControl::begin_run(ShownRun run, const std::vector<std::string>& arg
 
 void StationControl::start_run(std::size_t station, const std::string& serial,
                                const std::string& who) {
-    const ServedStation& served = station_at(station);
+    const StationSession& served = station_at(station);
     require_name(who);
     if (trimmed(serial).empty())
         throw ConfigError({"serial"}, "type or scan the camera's serial number");
@@ -174,7 +174,7 @@ void StationControl::start_run(std::size_t station, const std::string& serial,
 void StationControl::resume_run(const std::string& record, const std::string& who) {
     require_name(who);
     const Path folder = record_named(record);
-    RunWatch watch(folder);
+    RunMonitor watch(folder);
     watch.look();
     if (watch.inputs().empty())
         throw ConfigError({record}, "has no log that could be gone on with");
@@ -200,7 +200,7 @@ void StationControl::home(std::size_t station, const std::string& who) {
 void StationControl::jog(std::size_t station, const std::string& who, const std::string& axis,
                          double step) {
     require_name(who);
-    const ServedStation& served = station_at(station);
+    const StationSession& served = station_at(station);
     const auto& axes = served.station.stage.axes;
     if (std::ranges::find(axes, axis, &Axis::name) == axes.end())
         throw ConfigError({"axis"}, "there is no such one");
@@ -242,7 +242,7 @@ void StationControl::close() {
 std::string StationControl::stop_stages() const {
     std::set<std::string> stages;
     std::vector<std::pair<std::string, std::future<EndedProgram>>> stops;
-    for (const ServedStation& served : workplace_.stations)
+    for (const StationSession& served : workplace_.stations)
         if (stages.insert(describe(served.station.stage.link)).second)
             stops.emplace_back(
                 served.station.id,
@@ -280,7 +280,7 @@ void StationControl::stop_all(const std::stop_token& closing) {
 // ---- looking
 
 std::string StationControl::stage_status(std::size_t station) {
-    const ServedStation& served = station_at(station);
+    const StationSession& served = station_at(station);
     const std::lock_guard lock(status_mutex_);
     Status& status = statuses_[station];
     const Instant now = SteadyClock().now();
@@ -297,7 +297,7 @@ std::string StationControl::stage_status(std::size_t station) {
 }
 
 void StationControl::start_live(std::size_t station) {
-    const ServedStation& served = station_at(station);
+    const StationSession& served = station_at(station);
     const std::lock_guard lock(mutex_);
     if (holder_.work == Work::run)
         throw NotNow(fmt::format("a run by {} has the camera", holder_.who));

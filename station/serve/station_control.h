@@ -18,10 +18,10 @@
 #include <thread>
 #include <vector>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "station/serve/child_program.h"
 #include "station/serve/live_camera.h"
-#include "station/serve/run_watch.h"
+#include "station/serve/run_monitor.h"
 
 namespace etalon {
 
@@ -31,13 +31,13 @@ public:
     using Error::Error;
 };
 
-struct ServedStation {
+struct StationSession {
     std::filesystem::path file;
     StationFile station;
 };
 
 struct Workplace {
-    std::vector<ServedStation> stations;
+    std::vector<StationSession> stations;
     std::filesystem::path records;       // where runs are kept
     std::filesystem::path calibrations;  // empty: each station's own
 };
@@ -102,7 +102,7 @@ private:
         Instant at{};
         std::string json;
     };
-    const ServedStation& station_at(std::size_t index) const;
+    const StationSession& station_at(std::size_t index) const;
     std::size_t station_of(const std::filesystem::path& copy) const;
     void begin(Work work, std::size_t station, const std::string& who,
                const std::vector<std::string>& arguments, std::optional<ShownRun> run = {});

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compare/verdict/qualification.h"
+#include "compare/qualification/qualification.h"
 #include "station/setup/references.h"
 #include "station/setup/station_file.h"
 

@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-#include "core/strict_reader.h"
+#include "core/config/strict_reader.h"
 #include "stage/link/register_numbers.h"
 #include "stage/link/registers.h"
 #include "stage/link/stage_link.h"

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "compare/expect/expected_view.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/scene/marker_in_view.h"
 #include "sim/scene/pose_sampling.h"
 #include "stage/axes/kinematics.h"

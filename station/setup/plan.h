@@ -15,8 +15,8 @@
 #include <span>
 #include <vector>
 
-#include "compare/verdict/pose.h"
-#include "core/clock.h"
+#include "compare/pose/pose.h"
+#include "core/time/clock.h"
 #include "stage/axes/axes.h"
 #include "stage/motion/motion_guard.h"
 #include "station/setup/station_file.h"

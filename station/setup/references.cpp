@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/calendar_date.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/time/calendar_date.h"
 #include "station/setup/station_file.h"
 
 namespace etalon {

@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "core/strict_reader.h"
+#include "core/config/strict_reader.h"
 
 namespace etalon {
 

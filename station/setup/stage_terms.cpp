@@ -5,7 +5,7 @@
 #include <cmath>
 #include <functional>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "stage/axes/kinematics.h"
 
 namespace etalon {

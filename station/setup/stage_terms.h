@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "compare/verdict/qualification.h"
+#include "compare/qualification/qualification.h"
 #include "stage/axes/axes.h"
 #include "station/setup/plan.h"
 

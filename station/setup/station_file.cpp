@@ -5,9 +5,9 @@
 #include "calib/files/camera_file.h"
 #include "compare/expect/expected_view.h"
 #include "compare/make_detector.h"
-#include "compare/verdict/limits_file.h"
-#include "core/strict_reader.h"
-#include "core/units.h"
+#include "compare/qualification/limits_file.h"
+#include "core/config/strict_reader.h"
+#include "core/geometry/units.h"
 #include "stage/profile/profile.h"
 #include "station/setup/station_inputs.h"
 

@@ -43,9 +43,9 @@
 
 #include "calib/camera/camera_model.h"
 #include "capture/frame/camera.h"
-#include "compare/verdict/limits_file.h"
-#include "compare/verdict/qualification.h"
-#include "core/rigid.h"
+#include "compare/qualification/limits_file.h"
+#include "compare/qualification/qualification.h"
+#include "core/geometry/rigid.h"
 #include "sim/marker/marker.h"
 #include "stage/axes/axes.h"
 #include "stage/motion/motion_guard.h"

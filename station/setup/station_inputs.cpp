@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 
-#include "core/durable.h"
-#include "core/errors.h"
-#include "core/sha256.h"
-#include "core/strict_reader.h"
+#include "core/config/strict_reader.h"
+#include "core/file/file_sync.h"
+#include "core/file/sha256.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -110,9 +110,9 @@ void copy_inputs(std::vector<InputFile>& inputs, const Path& record) {
         require_recorded_bytes(record, input);
         for (Path kept = full_path(record / copy); kept != full_path(record).parent_path();
              kept = kept.parent_path())
-            bring_to_disk(kept);
+            sync_to_disk(kept);
     }
-    bring_to_disk(full_path(record).parent_path());
+    sync_to_disk(full_path(record).parent_path());
 }
 
 StationFile read_recorded_station(const Path& record, const std::vector<InputFile>& inputs) {

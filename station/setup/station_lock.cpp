@@ -13,8 +13,8 @@
 #include <ctime>
 #include <filesystem>
 
-#include "core/errors.h"
-#include "core/sha256.h"
+#include "core/file/sha256.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

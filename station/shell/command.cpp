@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <optional>
 
-#include "core/exit_codes.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/exit_codes.h"
 
 namespace etalon {
 namespace {

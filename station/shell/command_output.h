@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <mutex>
 
-#include "core/progress.h"
+#include "core/time/progress.h"
 
 namespace etalon {
 

@@ -1,6 +1,6 @@
 #include "station/shell/installed_files.h"
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

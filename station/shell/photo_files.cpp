@@ -6,9 +6,9 @@
 #include <opencv2/videoio.hpp>
 #include <system_error>
 
-#include "core/errors.h"
-#include "core/image.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/image/image.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -6,8 +6,8 @@
 #include "bench/bench_against.h"
 #include "bench/bench_report.h"
 #include "bench/bench_timing.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "sim/scene/bench_poses.h"
 #include "station/shell/command.h"
 #include "station/shell/command_output.h"
@@ -148,9 +148,10 @@ void declare_bench(Command& program) {
                 "in each of 16 scrambles (default 16384)", "N")
         .whole();
     command.flag("--quick", asked->quick, "few settings and samples, to try the command");
-    command.option("--against", asked->against,
-                   "bench.json of another run: exit code 1 when a\nratio to the published method fell",
-                   "FILE");
+    command.option(
+        "--against", asked->against,
+        "bench.json of another run: exit code 1 when a\nratio to the published method fell",
+        "FILE");
     command.option("--margin", asked->margin, "by which a ratio may fall (default 0.1)", "PART")
         .in_range(0.0, 0.9);
     command.flag("--check", asked->check, "exit code 1 when a promised figure is missed");

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "bench/stability/stability_case.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "report/json_text.h"
 #include "station/shell/command.h"
 #include "station/studies/commands.h"

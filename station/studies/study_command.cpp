@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "core/cpu_time.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
+#include "core/time/cpu_time.h"
 #include "report/json_text.h"
 #include "station/shell/command.h"
 #include "station/shell/command_output.h"

@@ -7,10 +7,10 @@
 #include <set>
 
 #include "bench/published_kernels.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "sim/psf/diffraction.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/scene/sobol.h"
-#include "sim/spread/diffraction.h"
 
 namespace etalon {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "calib/camera/projector.h"
 #include "calib/intrinsics/calibrate.h"
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "tests/calib/cameras.h"
 
 namespace etalon::test {

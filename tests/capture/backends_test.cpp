@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "capture/frame/camera.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/paths.h"
 
 namespace etalon {

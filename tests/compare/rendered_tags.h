@@ -7,7 +7,7 @@
 
 #include "calib/camera/projector.h"
 #include "compare/detect/detector.h"
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 

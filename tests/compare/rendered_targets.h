@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "compare/detect/calibration_target.h"
+#include "compare/detect/board/calibration_target.h"
 #include "tests/compare/rendered_tags.h"
 
 namespace etalon::test {

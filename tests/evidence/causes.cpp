@@ -18,7 +18,7 @@
 #include <thread>
 
 #include "tests/compare/match/photographed_run.h"
-#include "tests/compare/verdict/injected_errors.h"
+#include "tests/compare/qualification/injected_errors.h"
 
 namespace etalon {
 namespace {

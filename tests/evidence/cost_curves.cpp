@@ -13,7 +13,7 @@
 #include "bench/bench_timing.h"
 #include "bench/benchmark_scenes.h"
 #include "calib/camera/projector.h"
-#include "core/units.h"
+#include "core/geometry/units.h"
 #include "report/svg_plot.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
@@ -169,7 +169,7 @@ void write_picture(const std::vector<Curve>& curves, const char* path) {
         SvgPlot& plot =
             plots.emplace_back(curve.name + (curve.unit.empty() ? "" : ", " + curve.unit), "ms");
         plot.set_log_axes();
-        plot.add_curve(curve.times, Ink::blue, "measured");
+        plot.add_curve(curve.times, Color::blue, "measured");
     }
     std::ofstream(path) << svg_panels(plots, 3, 480, 320);
 }

@@ -12,10 +12,10 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "calib/intrinsics/camera_fit.h"
-#include "compare/detect/chessboard_corners.h"
+#include "compare/detect/board/chessboard_corners.h"
 #include "compare/edges/edge_summary.h"
 #include "compare/photometric/photo_match.h"
-#include "core/median.h"
+#include "core/statistics/median.h"
 
 namespace {
 

@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "compare/match/match_outcome.h"
-#include "core/errors.h"
+#include "compare/match/photo_findings.h"
+#include "core/program/errors.h"
 #include "tests/compare/match/adversarial_photos.h"
 
 namespace {

@@ -8,7 +8,7 @@
 
 #include <cstdlib>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/evidence/photometric_study.h"
 
 namespace etalon::test {

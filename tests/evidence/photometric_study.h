@@ -14,7 +14,7 @@
 #include "calib/camera/projector.h"
 #include "compare/make_detector.h"
 #include "compare/photometric/photometric_detector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/pose_sampling.h"

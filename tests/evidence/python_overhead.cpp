@@ -9,7 +9,7 @@
 
 #include "calib/camera/projector.h"
 #include "calib/files/camera_file.h"
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 

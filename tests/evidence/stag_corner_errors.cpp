@@ -5,7 +5,7 @@
 
 #include <cstdlib>
 
-#include "tests/compare/stag/stag_study.h"
+#include "tests/compare/detect/stag/stag_study.h"
 
 namespace etalon::test {
 namespace {

@@ -1,15 +1,16 @@
 // Counts what the STag finder takes for a marker in images with and without markers: noise,
 // textures, shapes, other tags, boards, STag markers of other families, and markers whole and in
-// part (tests/compare/stag/stag_images.h). All 128 words of R16 are looked for in every image.
-// Argument: IMAGES, default 100 000, about 25 minutes of CPU time. docs/stag.md has the table.
+// part (tests/compare/detect/stag/stag_images.h). All 128 words of R16 are looked for in every
+// image. Argument: IMAGES, default 100 000, about 25 minutes of CPU time. docs/stag.md has the
+// table.
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include <cstdlib>
 #include <mutex>
 
-#include "tests/compare/stag/stag_images.h"
-#include "tests/compare/stag/stag_judgement.h"
+#include "tests/compare/detect/stag/stag_images.h"
+#include "tests/compare/detect/stag/stag_judgement.h"
 
 namespace etalon::test {
 namespace {

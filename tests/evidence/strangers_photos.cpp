@@ -21,9 +21,9 @@
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/calibrate.h"
 #include "calib/intrinsics/calibration_outliers.h"
-#include "compare/detect/calibration_target.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "compare/detect/board/calibration_target.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 
 namespace {
 

@@ -9,8 +9,8 @@
 #include <optional>
 
 #include "calib/camera/projector.h"
-#include "compare/topotag/topotag_finder.h"
-#include "core/random.h"
+#include "compare/detect/topotag/topotag_finder.h"
+#include "core/statistics/random.h"
 #include "sim/marker/marker.h"
 #include "sim/marker/topotag_pattern.h"
 #include "sim/render/renderer.h"

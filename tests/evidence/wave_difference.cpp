@@ -5,8 +5,8 @@
 #include <math.h>  // j0, j1: POSIX, not in namespace std
 
 #include "bench/benchmark_scenes.h"
-#include "sim/spread/diffraction.h"
-#include "sim/spread/wave_point_spread.h"
+#include "sim/psf/diffraction.h"
+#include "sim/psf/wave_point_spread.h"
 #include "tests/evidence/edge_spread.h"
 
 namespace etalon {

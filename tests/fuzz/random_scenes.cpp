@@ -3,8 +3,8 @@
 #include <numbers>
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 
 namespace etalon::test {
 namespace {

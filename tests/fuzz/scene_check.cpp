@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/gray.h"
 
 namespace etalon::test {

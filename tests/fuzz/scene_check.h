@@ -35,8 +35,8 @@ private:
 
 // Renders with the automatic plan, E and C, and compares (C only of images blurred by less
 // than half a pixel: it samples the lens at a few points); a region alone with the whole's;
-// `probes` pixels with the reference (0: none). An exception that is not an Error (core/errors.h)
-// is let through.
+// `probes` pixels with the reference (0: none). An exception that is not an Error
+// (core/program/errors.h) is let through.
 SceneCheck check_scene_of(KeptRenderer& kept, const RandomInput& input, int probes,
                           const ReferenceEffort& effort);
 

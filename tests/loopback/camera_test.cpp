@@ -9,7 +9,7 @@
 #include <future>
 #include <set>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/loopback/gige_rig.h"
 
 namespace etalon {

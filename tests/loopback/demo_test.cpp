@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <sys/socket.h>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "tests/loopback/program.h"
 #include "tests/temporary_folder.h"
 

@@ -14,8 +14,8 @@
 #include <map>
 #include <thread>
 
-#include "core/clock.h"
-#include "core/exit_codes.h"
+#include "core/program/exit_codes.h"
+#include "core/time/clock.h"
 #include "mocks/twin/twin.h"
 #include "tests/loopback/program.h"
 #include "tests/loopback/quick_station.h"

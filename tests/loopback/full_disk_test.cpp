@@ -4,8 +4,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "tests/loopback/gige_rig.h"
 #include "tests/loopback/program.h"
 #include "tests/paths.h"

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "mocks/camera/gige_chunks.h"
 #include "mocks/camera/gige_description.h"
 #include "tests/loopback/gige_rig.h"

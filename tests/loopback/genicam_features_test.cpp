@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "capture/camera_recovery.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/loopback/gige_rig.h"
 #include "tests/loopback/program.h"
 

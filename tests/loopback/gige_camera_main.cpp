@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <mutex>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "mocks/ending_signals.h"
 #include "tests/loopback/gige_rig.h"
 

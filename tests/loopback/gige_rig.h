@@ -5,7 +5,7 @@
 #include <mutex>
 
 #include "capture/frame/camera.h"
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "mocks/camera/gige_camera.h"
 
 namespace etalon {

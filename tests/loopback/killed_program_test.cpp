@@ -8,7 +8,7 @@
 #include <fstream>
 #include <future>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "tests/loopback/program.h"
 #include "tests/loopback/stage_rig.h"
 #include "tests/paths.h"

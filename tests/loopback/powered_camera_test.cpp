@@ -8,7 +8,7 @@
 #include <future>
 
 #include "capture/frame/frame_checks.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

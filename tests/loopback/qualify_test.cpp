@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <string>
 
-#include "core/clock.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/time/clock.h"
 #include "tests/loopback/program.h"
 #include "tests/paths.h"
 #include "tests/temporary_folder.h"

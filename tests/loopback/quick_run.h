@@ -10,7 +10,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 #include "tests/loopback/program.h"
 #include "tests/loopback/quick_station.h"
 

@@ -5,8 +5,8 @@
 
 #include <csignal>
 
-#include "core/random.h"
-#include "core/sha256.h"
+#include "core/file/sha256.h"
+#include "core/statistics/random.h"
 #include "tests/loopback/quick_run.h"
 
 namespace etalon {

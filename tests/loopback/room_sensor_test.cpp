@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "mocks/stage/room_sensor_server.h"
 
 namespace etalon {

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <time.h>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "tests/loopback/stage_rig.h"
 
 namespace etalon {

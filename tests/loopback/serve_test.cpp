@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <regex>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "tests/loopback/quick_run.h"
 #include "tests/loopback/web_client.h"
 

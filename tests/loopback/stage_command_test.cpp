@@ -3,8 +3,8 @@
 
 #include <fstream>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "station/devices/commands.h"
 #include "tests/loopback/stage_rig.h"
 #include "tests/temporary_folder.h"

@@ -4,8 +4,8 @@
 #include <csignal>
 #include <string>
 
-#include "core/clock.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/time/clock.h"
 #include "mocks/camera/gige_camera.h"
 #include "tests/loopback/program.h"
 #include "tests/mocks/twin/twin_folder.h"

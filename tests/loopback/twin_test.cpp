@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "capture/frame/camera.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "stage/axes/kinematics.h"
 #include "stage/motion/stage.h"
 #include "stage/profile/profile.h"

@@ -5,7 +5,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

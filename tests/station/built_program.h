@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "tests/paths.h"
 #include "tests/temporary_folder.h"
 

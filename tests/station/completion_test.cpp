@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "compare/make_detector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 #include "station/commands.h"
 

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "compare/expect/expected_view.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "mocks/camera/fake_camera.h"
 #include "mocks/stage/fake_stage.h"
 #include "stage/axes/kinematics.h"

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

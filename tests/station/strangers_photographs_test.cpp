@@ -10,7 +10,7 @@
 
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/cross_validation.h"
-#include "core/image.h"
+#include "core/image/image.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 #include "tests/calib/wide_views.h"

@@ -6,8 +6,8 @@
 #include <fstream>
 #include <thread>
 
-#include "core/clock.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "core/time/clock.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

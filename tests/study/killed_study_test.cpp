@@ -9,8 +9,8 @@
 #include <set>
 #include <thread>
 
-#include "core/random.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/statistics/random.h"
 #include "tests/loopback/program.h"
 #include "tests/temporary_folder.h"
 

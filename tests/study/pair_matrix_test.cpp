@@ -4,7 +4,7 @@
 
 #include <numeric>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "study/study_plots.h"
 #include "tests/study/synthetic_study.h"
 

@@ -8,8 +8,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "sim/marker/stag_codes.h"
 #include "study/study_report.h"
 #include "study/study_run.h"

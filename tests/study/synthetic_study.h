@@ -6,8 +6,8 @@
 #include <numbers>
 
 #include "compare/expect/pose_statistics.h"
-#include "core/random.h"
-#include "core/roll_pitch_yaw.h"
+#include "core/geometry/roll_pitch_yaw.h"
+#include "core/statistics/random.h"
 
 namespace etalon::test {
 

@@ -13,8 +13,8 @@
 #include <fstream>
 #include <utility>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 
 namespace etalon {
 

@@ -11,7 +11,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -8,7 +8,7 @@
 #include <array>
 #include <span>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/vm/device_events.h"
 
 namespace etalon {

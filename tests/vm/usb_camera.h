@@ -17,7 +17,7 @@
 #include <thread>
 #include <vector>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 #include "tests/vm/usb_ip.h"
 #include "tests/vm/usb_video_descriptors.h"
 #include "tests/vm/usb_video_device.h"

@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "mocks/ending_signals.h"
 #include "tests/vm/device_events.h"
 #include "tests/vm/test_pattern.h"

@@ -13,7 +13,7 @@
 #include <sstream>
 #include <string>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

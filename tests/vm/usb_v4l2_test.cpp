@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/vm/device_events.h"
 #include "tests/vm/raw_video_reader.h"
 #include "tests/vm/test_pattern.h"

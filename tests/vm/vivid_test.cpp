@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #include "capture/v4l2/v4l2_camera.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/capture/frame/camera_contract.h"
 
 namespace etalon {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 
 namespace etalon {

@@ -8,7 +8,7 @@
 #include <opencv2/ccalib/omnidir.hpp>
 #include <vector>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/ray_at.h"
 
 namespace etalon {

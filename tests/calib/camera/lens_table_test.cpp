@@ -7,7 +7,7 @@
 #include <Eigen/Geometry>  // cross()
 #include <complex>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/lens_tables.h"
 #include "tests/calib/ray_at.h"
 

@@ -6,7 +6,7 @@
 #include <complex>
 #include <opencv2/calib3d.hpp>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 
 namespace etalon {

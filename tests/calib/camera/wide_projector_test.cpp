@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/lens_tables.h"
 #include "tests/calib/ray_at.h"

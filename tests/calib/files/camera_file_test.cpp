@@ -7,8 +7,8 @@
 #include <fstream>
 
 #include "calib/files/opencv_file.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/temporary_folder.h"
 

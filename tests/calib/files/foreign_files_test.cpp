@@ -17,7 +17,7 @@
 #include "calib/files/mrcal_file.h"
 #include "calib/files/opencv_file.h"
 #include "calib/files/ros_file.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/temporary_folder.h"
 
@@ -61,7 +61,8 @@ const std::string kalibr =
     "  intrinsics: [461.5, 460.25, 362.75, 246.125]\n"
     "  resolution: [752, 480]\n"
     "  rostopic: /cam0/image_raw\n";
-const std::string second_kalibr = with_other(with_other(kalibr, "cam0:", "cam1:"), "461.5", "463.5");
+const std::string second_kalibr =
+    with_other(with_other(kalibr, "cam0:", "cam1:"), "461.5", "463.5");
 
 const std::string mrcal =
     "# generated on 2024-01-02 with   mrcal-calibrate-cameras --lensmodel ...\n"
@@ -131,9 +132,10 @@ TEST(KalibrFile, ReadsRadtanAndNone) {
     EXPECT_EQ(camera.intrinsics.fy, 460.25);
     EXPECT_EQ(camera.intrinsics.cx, 362.75);
     EXPECT_EQ(camera.distortion.in_opencv_order(), (All{-0.27, 0.067, 0.00087, 0.00011}));
-    const std::string none = with_other(kalibr, "distortion_model: radtan", "distortion_model: none");
-    EXPECT_TRUE(
-        read_foreign(with_other(none, "[-0.27, 0.067, 0.00087, 0.00011]", "[]")).distortion.is_zero());
+    const std::string none =
+        with_other(kalibr, "distortion_model: radtan", "distortion_model: none");
+    EXPECT_TRUE(read_foreign(with_other(none, "[-0.27, 0.067, 0.00087, 0.00011]", "[]"))
+                    .distortion.is_zero());
 }
 
 TEST(KalibrFile, OneOfSeveralCamerasMustBeNamed) {
@@ -175,8 +177,8 @@ std::string kalibr_of(const std::string& model, const std::string& intrinsics,
 
 // Intrinsics and coefficients in the order that Kalibr gives them (its wiki, "supported models").
 TEST(KalibrFile, ReadsEveryModelOfKalibr) {
-    const CameraModel omni = read_foreign(kalibr_of("omni", "[0.8, 833.0, 830.3, 373.8, 253.7]", "radtan",
-                                            "[-0.3, 0.1, 0.02, 0.01]"));
+    const CameraModel omni = read_foreign(kalibr_of("omni", "[0.8, 833.0, 830.3, 373.8, 253.7]",
+                                                    "radtan", "[-0.3, 0.1, 0.02, 0.01]"));
     EXPECT_EQ(omni.projection, (LensProjection{Projection::unified, 0.8}));
     EXPECT_EQ(omni.intrinsics.fy, 830.3);
     EXPECT_EQ(omni.distortion, (Distortion{.k1 = -0.3, .k2 = 0.1, .p1 = 0.02, .p2 = 0.01}));
@@ -187,8 +189,9 @@ TEST(KalibrFile, ReadsEveryModelOfKalibr) {
     const CameraModel eucm =
         read_foreign(kalibr_of("eucm", "[0.6, 1.1, 190.0, 190.1, 254.9, 256.8]", "none", "[]"));
     EXPECT_EQ(eucm.projection, (LensProjection{Projection::extended_unified, 1.1, 0.6}));
-    const CameraModel equi = read_foreign(kalibr_of("pinhole", "[190.9, 190.8, 254.9, 256.8]",
-                                            "equidistant", "[0.003, 0.0007, -0.002, 0.0002]"));
+    const CameraModel equi =
+        read_foreign(kalibr_of("pinhole", "[190.9, 190.8, 254.9, 256.8]", "equidistant",
+                               "[0.003, 0.0007, -0.002, 0.0002]"));
     EXPECT_EQ(equi.projection, LensProjection{Projection::equidistant});
     EXPECT_EQ(equi.distortion, (Distortion{.k1 = 0.003, .k2 = 0.0007, .k3 = -0.002, .k7 = 0.0002}));
     const CameraModel fov =
@@ -235,8 +238,8 @@ TEST(MrcalFile, NamesFileLineAndKeyOfWhatItRefuses) {
 
 TEST(MatlabFile, ReadsEveryWayToSayTheMatrix) {
     const auto with_matrix = [](const std::string& text) {
-        return with_other(matlab, "\"IntrinsicMatrix\":[[715.25,0,0],[0,711.5,0],[565.75,355.375,1]]",
-                        text);
+        return with_other(
+            matlab, "\"IntrinsicMatrix\":[[715.25,0,0],[0,711.5,0],[565.75,355.375,1]]", text);
     };
     for (const std::string& text :
          {matlab, with_matrix("\"K\":[[715.25,0,565.75],[0,711.5,355.375],[0,0,1]]"),
@@ -280,8 +283,9 @@ TEST(BoofCvFile, ReadsBrown) {
     EXPECT_EQ(camera.intrinsics.cy, 234.125);
     EXPECT_EQ(camera.distortion.in_opencv_order(), (All{-0.24, 0.125, 0.0013, -0.0021}));
     const std::string without = boofcv.substr(0, boofcv.find("radial_tangential:\n"));
-    EXPECT_TRUE(read_foreign(with_other(without, "model: pinhole_radial_tangential", "model: pinhole"))
-                    .distortion.is_zero());
+    EXPECT_TRUE(
+        read_foreign(with_other(without, "model: pinhole_radial_tangential", "model: pinhole"))
+            .distortion.is_zero());
 }
 
 TEST(BoofCvFile, NamesFileLineAndKeyOfWhatItRefuses) {
@@ -306,7 +310,8 @@ TEST(ColmapFile, ReadsEveryModelThatWeHave) {
     EXPECT_EQ(camera.intrinsics.cy, 1152.25);
     EXPECT_EQ(camera.distortion.in_opencv_order(),
               (All{-0.2, 0.1, 0.001, -0.002, 0.03, 0.4, -0.05, 0.06}));
-    const CameraModel radial = read_foreign("# list\n1 RADIAL 640 480 500.5 320.5 241.5 0.25 -0.125\n");
+    const CameraModel radial =
+        read_foreign("# list\n1 RADIAL 640 480 500.5 320.5 241.5 0.25 -0.125\n");
     EXPECT_EQ(radial.intrinsics.fx, 500.5);
     EXPECT_EQ(radial.intrinsics.fy, 500.5);
     EXPECT_EQ(radial.intrinsics.cy, 241.0);
@@ -324,9 +329,9 @@ TEST(ColmapFile, ReadsTheWideModels) {
               Distortion{.k1 = 0.1});
     EXPECT_EQ(read_foreign("1 RADIAL_FISHEYE 640 480 200.5 320.5 241.5 0.1 0.2\n").distortion,
               (Distortion{.k1 = 0.1, .k2 = 0.2}));
-    EXPECT_EQ(
-        read_foreign("1 THIN_PRISM_FISHEYE 640 480 200.5 202 320.5 241.5 1 2 3 4 5 6 7 8\n").distortion,
-        (Distortion{.k1 = 1, .k2 = 2, .p1 = 3, .p2 = 4, .k3 = 5, .s1 = 7, .s3 = 8, .k7 = 6}));
+    EXPECT_EQ(read_foreign("1 THIN_PRISM_FISHEYE 640 480 200.5 202 320.5 241.5 1 2 3 4 5 6 7 8\n")
+                  .distortion,
+              (Distortion{.k1 = 1, .k2 = 2, .p1 = 3, .p2 = 4, .k3 = 5, .s1 = 7, .s3 = 8, .k7 = 6}));
     const CameraModel fov = read_foreign("1 FOV 640 480 200.5 202 320.5 241.5 0.9\n");
     EXPECT_EQ(fov.projection, (LensProjection{Projection::field_of_view, 0.9}));
     EXPECT_THAT(foreign_error("1 FOV 640 480 200.5 202 320.5 241.5 4\n"),
@@ -345,8 +350,10 @@ TEST(OpenCvFile, ReadsFisheyeAndOmnidir) {
     const CameraModel omnidir = read_foreign(with_other(text, "EXTRA", "\"xi\": 1.25"));
     EXPECT_EQ(omnidir.projection, (LensProjection{Projection::unified, 1.25}));
     EXPECT_EQ(omnidir.distortion.p2, -0.0625);
-    EXPECT_TRUE(read_foreign(with_other(text, "EXTRA", "\"fisheye_model\": 0")).projection.is_flat());
-    EXPECT_THAT(foreign_error(with_other(text, "EXTRA", "\"xi\": -1")), HasSubstr("xi: no unified"));
+    EXPECT_TRUE(
+        read_foreign(with_other(text, "EXTRA", "\"fisheye_model\": 0")).projection.is_flat());
+    EXPECT_THAT(foreign_error(with_other(text, "EXTRA", "\"xi\": -1")),
+                HasSubstr("xi: no unified"));
     EXPECT_THAT(foreign_error(with_other(text, "EXTRA", "\"xi\": 1, \"fisheye_model\": 1")),
                 HasSubstr("of one of the two"));
 }
@@ -355,11 +362,11 @@ TEST(OpenCvFile, ReadsFisheyeAndOmnidir) {
 TEST(BoofCvFile, ReadsTheUniversalOmnidirectionalModel) {
     const CameraModel camera =
         read_foreign(with_other(boofcv, "model: pinhole_radial_tangential",
-                      "model: omnidirectional_universal\nmirror_offset: 2.945"));
+                                "model: omnidirectional_universal\nmirror_offset: 2.945"));
     EXPECT_EQ(camera.projection, (LensProjection{Projection::unified, 2.945}));
     EXPECT_EQ(camera.distortion.k2, 0.125);
     EXPECT_THAT(foreign_error(with_other(boofcv, "model: pinhole_radial_tangential",
-                                  "model: omnidirectional_universal\nmirror_offset: -1")),
+                                         "model: omnidirectional_universal\nmirror_offset: -1")),
                 HasSubstr("mirror_offset: no unified projection"));
 }
 
@@ -368,7 +375,8 @@ TEST(ColmapFile, OneOfSeveralCamerasMustBeNamed) {
     EXPECT_THAT(foreign_error(two), HasSubstr("has 2 cameras"));
     EXPECT_EQ(read_foreign(two, "7").intrinsics.fx, 500);
     EXPECT_THAT(foreign_error(two, "8"), HasSubstr("has no camera 8"));
-    EXPECT_THAT(foreign_error(two + "7 PINHOLE 640 480 1 2 3 4\n", "7"), HasSubstr("case:6: camera 7"));
+    EXPECT_THAT(foreign_error(two + "7 PINHOLE 640 480 1 2 3 4\n", "7"),
+                HasSubstr("case:6: camera 7"));
 }
 
 TEST(ColmapFile, NamesFileLineAndFieldOfWhatItRefuses) {
@@ -380,7 +388,8 @@ TEST(ColmapFile, NamesFileLineAndFieldOfWhatItRefuses) {
                 HasSubstr("case:4: PARAMS: FULL_OPENCV has 12 parameters, not 11"));
     EXPECT_THAT(foreign_error(with_other(colmap_text, "2559.75", "nan")),
                 HasSubstr("case:4: PARAMS: must be a finite number, not 'nan'"));
-    EXPECT_THAT(foreign_error(with_other(colmap_text, "3072", "-5")), HasSubstr("case:4: must be a whole"));
+    EXPECT_THAT(foreign_error(with_other(colmap_text, "3072", "-5")),
+                HasSubstr("case:4: must be a whole"));
     EXPECT_THAT(foreign_error("1 PINHOLE\n"), HasSubstr("PARAMS: PINHOLE has 4 parameters, not 0"));
 }
 
@@ -405,13 +414,12 @@ constexpr std::array held{Held{CalibrationTool::opencv, 14}, Held{CalibrationToo
 
 TEST(ForeignFiles, RefuseCoefficientsThatOurOwnFileRefuses) {
     for (const char* huge : {"1e20", "-1e300"})
-        EXPECT_THAT(
-            foreign_error(fmt::format(
-                "cam0:\n  camera_model: pinhole\n  distortion_model: radtan\n"
-                "  distortion_coeffs: [0.1, {}, 0, 0]\n  resolution: [640, 480]\n"
-                "  intrinsics: [500, 501, 320, 240]\n  rostopic: /c\n",
-                huge)),
-            HasSubstr("case: k2: must be between -1000000000000 and 1000000000000, not"));
+        EXPECT_THAT(foreign_error(fmt::format(
+                        "cam0:\n  camera_model: pinhole\n  distortion_model: radtan\n"
+                        "  distortion_coeffs: [0.1, {}, 0, 0]\n  resolution: [640, 480]\n"
+                        "  intrinsics: [500, 501, 320, 240]\n  rostopic: /c\n",
+                        huge)),
+                    HasSubstr("case: k2: must be between -1000000000000 and 1000000000000, not"));
 }
 
 TEST(ForeignFiles, WriteWhatReadsBack) {
@@ -499,11 +507,12 @@ TEST(OpenCvFile, ReadsWhatTheInteractiveCalibrationWrites) {
     EXPECT_THAT(camera.covariance->order, testing::ElementsAre("fy", "cx", "cy", "k1", "k2", "k3"));
     EXPECT_EQ(camera.covariance->matrix(5, 5), 0.1875 * 0.1875);
     EXPECT_THAT(foreign_error(with_other(text, "1280 720", "1280")), HasSubstr("cameraResolution"));
-    EXPECT_THAT(foreign_error(with_other(text, "1280 720", "1280 -720")), HasSubstr("cameraResolution"));
-    EXPECT_THAT(
-        foreign_error(with_other(text, "<framesCount>21</framesCount>",
-                          "<image_width>1280</image_width><image_height>720</image_height>")),
-        HasSubstr("is given as 'image_width' too"));
+    EXPECT_THAT(foreign_error(with_other(text, "1280 720", "1280 -720")),
+                HasSubstr("cameraResolution"));
+    EXPECT_THAT(foreign_error(
+                    with_other(text, "<framesCount>21</framesCount>",
+                               "<image_width>1280</image_width><image_height>720</image_height>")),
+                HasSubstr("is given as 'image_width' too"));
 }
 
 TEST(OpenCvFile, WritesStandardDeviationsThatReadBack) {
@@ -558,8 +567,9 @@ TEST(ForeignFiles, PointsProjectOntoTheSamePixelOfTheSensor) {
         with_other(kalibr, "[-0.27, 0.067, 0.00087, 0.00011]", "[0, 0, 0, 0]");
     const std::string plain_matlab =
         with_other(with_other(matlab, "-0.33,0.092,0.011", "0,0"), "0.0012,-0.0034", "0,0");
-    const std::string plain_boofcv = with_other(boofcv.substr(0, boofcv.find("radial_tangential:\n")),
-                                              "model: pinhole_radial_tangential", "model: pinhole");
+    const std::string plain_boofcv =
+        with_other(boofcv.substr(0, boofcv.find("radial_tangential:\n")),
+                   "model: pinhole_radial_tangential", "model: pinhole");
     const std::string plain_colmap = "1 PINHOLE 640 480 500.5 502.25 320.5 241.75\n";
     const Eigen::Vector3d point(0.21, -0.13, 1.4);
     for (const Case& c : {Case{plain_mrcal, 500.5, 502.25, 320.5, 241.75, 0.0},

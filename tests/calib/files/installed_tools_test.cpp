@@ -9,7 +9,7 @@
 #include "calib/camera/projector.h"
 #include "calib/files/colmap_file.h"
 #include "calib/files/mrcal_file.h"
-#include "core/text.h"
+#include "core/file/text.h"
 #include "tests/calib/lens_tables.h"
 #include "tests/calib/wide_views.h"
 #include "tests/temporary_folder.h"

@@ -6,8 +6,8 @@
 
 #include "calib/files/camera_file.h"
 #include "calib/files/camera_formats.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "tests/calib/cameras.h"
 #include "tests/error_text.h"
 #include "tests/temporary_folder.h"

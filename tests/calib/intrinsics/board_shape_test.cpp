@@ -8,7 +8,7 @@
 #include <Eigen/QR>
 
 #include "calib/camera/pixel_model.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/intrinsics/bent_boards.h"
 
 namespace etalon {

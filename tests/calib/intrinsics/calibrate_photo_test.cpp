@@ -7,8 +7,8 @@
 
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/calibrate.h"
-#include "calib/intrinsics/mixed_views.h"
-#include "compare/detect/chessboard_corners.h"
+#include "calib/intrinsics/camera_consistency.h"
+#include "compare/detect/board/chessboard_corners.h"
 #include "sim/marker/marker.h"
 #include "tests/paths.h"
 
@@ -67,7 +67,7 @@ TEST(CalibrationPhotos, OfTheTwoCamerasAreToldApart) {
     both.insert(both.end(), right.begin(), right.end());
     const auto groups = camera_groups(both, {640, 480});
     ASSERT_EQ(groups.size(), 2u);
-    for (const ViewGroup& group : groups) {
+    for (const CameraGroup& group : groups) {
         EXPECT_EQ(group.views.size(), 13u);
         EXPECT_EQ(group.views.back() - group.views.front(), 12u);
     }

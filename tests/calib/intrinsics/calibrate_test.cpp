@@ -6,7 +6,7 @@
 #include <opencv2/calib3d.hpp>
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 
 namespace etalon {

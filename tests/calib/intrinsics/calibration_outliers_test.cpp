@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "calib/intrinsics/calibrate.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 
 namespace etalon {

@@ -12,7 +12,7 @@
 #include "calib/intrinsics/camera_fit.h"
 #include "calib/intrinsics/profile_interval.h"
 #include "calib/intrinsics/projection_uncertainty.h"
-#include "core/distributions.h"
+#include "core/statistics/distributions.h"
 #include "tests/calib/telecentric_views.h"
 #include "tests/calib/wide_views.h"
 

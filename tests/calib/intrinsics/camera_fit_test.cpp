@@ -7,7 +7,7 @@
 
 #include "calib/camera/pixel_model.h"
 #include "calib/intrinsics/calibration_start.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 
 namespace etalon {

@@ -5,7 +5,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "calib/intrinsics/cross_validation.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/synthetic_views.h"
 
 namespace etalon {

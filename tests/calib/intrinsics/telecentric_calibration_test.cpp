@@ -4,9 +4,9 @@
 #include <gtest/gtest.h>
 
 #include "calib/intrinsics/calibration_outliers.h"
-#include "calib/intrinsics/mixed_views.h"
+#include "calib/intrinsics/camera_consistency.h"
 #include "calib/intrinsics/telecentric_start.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/calib/telecentric_views.h"
 #include "tests/error_text.h"
 

@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "calib/intrinsics/mixed_views.h"
+#include "calib/intrinsics/camera_consistency.h"
 #include "tests/calib/synthetic_views.h"
 #include "tests/calib/wide_views.h"
 

@@ -12,7 +12,7 @@
 #include <numbers>
 
 #include "calib/registration/registration.h"
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/registration/true_stage.h"
 

@@ -8,8 +8,8 @@
 #include <limits>
 #include <numbers>
 
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 #include "tests/calib/cameras.h"
 #include "tests/calib/registration/true_stage.h"
 #include "tests/calib/wide_views.h"
@@ -215,7 +215,7 @@ TEST(Registration, LabelsWhatARotaryAxisOfTwoDegreesHardlyShows) {
     const Registration little = result_for(2.0 * std::numbers::pi / 180.0);
     EXPECT_EQ(little.rank, 11);
     ASSERT_EQ(little.weak.size(), 2u);
-    for (const WeakDirection& weak : little.weak) {
+    for (const PoorlyConstrainedDirection& weak : little.weak) {
         EXPECT_THAT(weak.name, HasSubstr("shift along base"));
         EXPECT_NEAR(weak.worth_poses, 0.01, 0.01);
         EXPECT_GT(weak.deviation, 1.0);  // mm, at 1 px: 10 times that of a shift of the whole
@@ -232,7 +232,7 @@ TEST(Registration, HasWeakDirectionsThatMovePixelsAsLittleAsTheySay) {
     const Registration result =
         register_stage(projector, tag, observations(projector, stage), true_y);
     ASSERT_FALSE(result.weak.empty());
-    for (const WeakDirection& weak : result.weak) {
+    for (const PoorlyConstrainedDirection& weak : result.weak) {
         double squares = 0.0;
         for (const Rigid& base_from_carriage : stage)
             squares += (registration_jacobian(projector, tag, result.camera_from_base,

@@ -6,8 +6,8 @@
 #include <limits>
 #include <numbers>
 
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
 
 namespace etalon {
 

@@ -3,7 +3,7 @@
 #include <thread>
 
 #include "capture/frame/frame_checks.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/error_text.h"
 
 namespace etalon {

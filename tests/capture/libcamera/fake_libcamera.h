@@ -14,7 +14,7 @@
 
 #include "capture/frame/pixel_formats.h"
 #include "capture/libcamera/libcamera_device.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 

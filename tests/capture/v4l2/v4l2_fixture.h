@@ -8,7 +8,7 @@
 #include <string>
 
 #include "capture/v4l2/v4l2_camera.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "mocks/camera/fake_v4l2.h"
 
 namespace etalon {

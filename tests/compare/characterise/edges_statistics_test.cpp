@@ -13,7 +13,7 @@
 #include "compare/characterise/defocus_estimate.h"
 #include "compare/characterise/point_spread_estimate.h"
 #include "compare/characterise/slanted_edge.h"
-#include "sim/spread/diffraction.h"
+#include "sim/psf/diffraction.h"
 #include "tests/compare/edges/edge_scenes.h"
 
 namespace etalon {

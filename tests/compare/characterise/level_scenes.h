@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "sim/sensor/sensor_model.h"
 
 namespace etalon::test {

@@ -11,7 +11,7 @@
 #include "compare/characterise/illumination_estimate.h"
 #include "compare/characterise/photon_transfer.h"
 #include "compare/characterise/transfer_estimate.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 #include "tests/compare/characterise/level_scenes.h"

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "compare/make_detector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/compare/rendered_targets.h"
 
 namespace etalon {

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "compare/detect/detector_adaptors.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/compare/rendered_tags.h"
 
 namespace etalon {

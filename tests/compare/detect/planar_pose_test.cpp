@@ -4,8 +4,8 @@
 #include <numbers>
 
 #include "compare/detect/detector.h"
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 #include "tests/calib/wide_views.h"
 
 namespace etalon {
@@ -221,9 +221,8 @@ TEST(EstimatePose, WorksBesideAWideLens) {
         for (const double angle : {0.0, 0.8, 1.55}) {
             const Eigen::Vector3d sight(0.6 * std::sin(angle), -0.8 * std::sin(angle),
                                         std::cos(angle));
-            const Eigen::Quaterniond facing =
-                rotation_between(Eigen::Vector3d::UnitZ(), sight) *
-                rotation_from_vector({0.5, -0.3, 0.2});
+            const Eigen::Quaterniond facing = rotation_between(Eigen::Vector3d::UnitZ(), sight) *
+                                              rotation_from_vector({0.5, -0.3, 0.2});
             const Rigid truth{facing, 170.0 * sight};
             const Pixels pixels = projected(projector, corners, truth);
             const auto found = estimate_pose(projector, corners, pixels);

@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "core/distributions.h"
-#include "core/errors.h"
-#include "core/median.h"
+#include "core/program/errors.h"
+#include "core/statistics/distributions.h"
+#include "core/statistics/median.h"
 #include "tests/compare/drift/simulated_drift.h"
 
 namespace etalon {

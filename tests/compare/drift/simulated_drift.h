@@ -5,7 +5,7 @@
 #include <functional>
 
 #include "compare/drift/drift_monitor.h"
-#include "core/random.h"
+#include "core/statistics/random.h"
 
 namespace etalon::test {
 

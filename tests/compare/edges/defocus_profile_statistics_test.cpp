@@ -7,7 +7,7 @@
 #include <cstdio>
 
 #include "compare/edges/edge_summary.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/compare/edges/edge_scenes.h"
 
 namespace etalon {

@@ -9,7 +9,7 @@
 #include "compare/characterise/defocus_estimate.h"
 #include "compare/characterise/point_spread_estimate.h"
 #include "compare/edges/edge_response.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/compare/edges/edge_scenes.h"
 
 namespace etalon {

@@ -10,7 +10,7 @@
 #include <ctime>
 
 #include "compare/edges/edge_summary.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/compare/edges/edge_scenes.h"
 
 namespace etalon {

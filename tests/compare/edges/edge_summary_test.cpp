@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

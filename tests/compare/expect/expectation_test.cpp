@@ -7,9 +7,9 @@
 #include <limits>
 #include <numbers>
 
-#include "core/errors.h"
-#include "core/random.h"
-#include "station/foresee/expectation_report.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
+#include "station/planning/expectation_report.h"
 #include "station/qualify/run_expectation.h"
 
 namespace etalon {

@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "compare/expect/pose_statistics.h"
-#include "core/random.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

@@ -6,9 +6,9 @@
 #include <limits>
 #include <numbers>
 
-#include "core/errors.h"
-#include "core/random.h"
-#include "core/roll_pitch_yaw.h"
+#include "core/geometry/roll_pitch_yaw.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {
@@ -208,7 +208,7 @@ TEST(BinnedStatistics, HaveABinForEachLevelOfADisturbance) {
     EXPECT_EQ(bins[1].high, 5.0);
     EXPECT_EQ(bins[0].poses, 3u);
     EXPECT_EQ(bins[0].detected->count, 2u);
-    const Share share = wilson_share(2, 3);
+    const Proportion share = wilson_share(2, 3);
     EXPECT_EQ(bins[0].detected->low, share.low);
     ASSERT_TRUE(bins[0].errors && bins[1].errors);
     EXPECT_DOUBLE_EQ((*bins[0].errors)[0].mean, 2.5);

@@ -6,7 +6,7 @@
 #include "calib/camera/projector.h"
 #include "compare/detect/detector.h"
 #include "compare/photometric/photometric_model.h"
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "sim/render/motion_blur.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/sensor/sensor_model.h"

@@ -1,14 +1,14 @@
 // Photographs with something wrong about them, made from the true scene: each fault as nature or a
 // camera would make it, never as the test that looks for it thinks of it. For the tests of
-// compare/match/match_outcome.h.
+// compare/match/photo_findings.h.
 #pragma once
 
 #include <functional>
 #include <string>
 
 #include "compare/photometric/compared_area.h"
-#include "core/image.h"
-#include "core/rigid.h"
+#include "core/geometry/rigid.h"
+#include "core/image/image.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"
 

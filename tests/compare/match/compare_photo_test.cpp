@@ -8,7 +8,7 @@
 
 #include "compare/make_detector.h"
 #include "compare/photometric/photo_match.h"
-#include "core/image.h"
+#include "core/image/image.h"
 #include "tests/paths.h"
 #include "tests/photos.h"
 

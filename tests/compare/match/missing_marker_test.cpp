@@ -4,7 +4,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "compare/make_detector.h"
-#include "compare/match/match_outcome.h"
+#include "compare/match/photo_findings.h"
 #include "tests/compare/match/adversarial_photos.h"
 
 namespace etalon {
@@ -24,7 +24,7 @@ TEST(MissingMarker, IsFoundInTheNegativeOfANegative) {
     const Findings findings = missing(test::negative(tag_photo()));
     ASSERT_EQ(findings.size(), 1u);
     EXPECT_EQ(findings.front().name, "negative");
-    EXPECT_TRUE(findings.front().is_refusal);
+    EXPECT_TRUE(findings.front().is_not_assessable);
 }
 
 TEST(MissingMarker, IsFoundInTheMirroredPhotograph) {

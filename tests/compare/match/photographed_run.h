@@ -5,9 +5,9 @@
 #include <cmath>
 #include <numeric>
 
-#include "compare/match/photo_pixels.h"
+#include "compare/diagnosis/image_agreement.h"
+#include "compare/match/pixel_measurement.h"
 #include "compare/photometric/photometric_model.h"
-#include "compare/verdict/pixel_match.h"
 #include "sim/render/renderer.h"
 #include "sim/sensor/sensor_model.h"
 
@@ -58,8 +58,8 @@ struct PhotographedTruth {
 };
 
 // Of 14 photographs. Some 0.5 s of CPU, 2 s where a tone curve or a focus has to be found.
-inline PixelMatch photographed(const PhotographedTruth& truth, std::uint64_t seed,
-                               RenderMethod method = RenderMethod::automatic) {
+inline ImageAgreement photographed(const PhotographedTruth& truth, std::uint64_t seed,
+                                   RenderMethod method = RenderMethod::automatic) {
     constexpr double white_level = 0.8;
     constexpr std::size_t photos = 14;
     constexpr int reference_samples = 256;
@@ -71,11 +71,9 @@ inline PixelMatch photographed(const PhotographedTruth& truth, std::uint64_t see
     for (std::size_t i = 0; i < photos; ++i) {
         CellGrid grid = photographed_tag().grid;
         grid.cells = cv::Mat(grid.cells * white_level);
-        RenderedImage image =
-            renderer.render({{{grid, photographed_pose(i)}}, truth.background * white_level},
-                            {.method = method,
-                             .tolerance_gray = 0.05,
-                             .reference_samples = reference_samples});
+        RenderedImage image = renderer.render(
+            {{{grid, photographed_pose(i)}}, truth.background * white_level},
+            {.method = method, .tolerance_gray = 0.05, .reference_samples = reference_samples});
         image.radiance = blurred(image.radiance, std::sqrt(truth.blur_px2));
         const CodeImage photo =
             sensor.expose(image.radiance, NoiseKey{seed, static_cast<std::uint32_t>(i)});
@@ -85,14 +83,14 @@ inline PixelMatch photographed(const PhotographedTruth& truth, std::uint64_t see
     const auto measure = [&](const PixelDeviation& deviating, std::span<const std::size_t> which,
                              std::optional<double> noise_scale) {
         const DeviatingCamera there(camera, deviating);
-        std::vector<PhotoPixels> all;
+        std::vector<PhotoEvidence> all;
         for (const std::size_t i : which)
             all.push_back(there.measure(seen[i], photographed_pose(i), whole, noise_scale));
         return all;
     };
     std::vector<std::size_t> every(photos);
     std::iota(every.begin(), every.end(), std::size_t{0});
-    RunPixels pixels =
+    RunEvidence pixels =
         settled_pixels(camera, measure(PixelDeviation::Zero(), every, std::nullopt), measure);
     pixels.findings.resize(photos);
     return match_pixels(pixels, camera);

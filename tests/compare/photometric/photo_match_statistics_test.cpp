@@ -7,8 +7,8 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 #include "sim/marker/marker.h"
 #include "sim/render/reference_integrator.h"
 

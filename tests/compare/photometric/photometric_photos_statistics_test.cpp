@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "compare/detect/chessboard_corners.h"
+#include "compare/detect/board/chessboard_corners.h"
 #include "compare/photometric/photometric_refinement.h"
 #include "sim/marker/marker.h"
 #include "tests/paths.h"

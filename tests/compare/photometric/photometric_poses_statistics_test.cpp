@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/evidence/photometric_study.h"
 
 namespace etalon::test {

@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 #include "sim/marker/marker.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/sensor/sensor_model.h"
@@ -133,9 +133,9 @@ TEST(PhotometricRefinement, NeedsSixPhotographsThatMatchTheirViews) {
     const ComparedArea area = compared_area(refined_board(), {}, "test");
     const CameraFit corners = fit_camera(photos.views, {160, 120}, model);
     const auto images = std::span(photos.images);
-    EXPECT_THROW(
-        refine_photometrically(images.first(5), photos.views, refined_board().grid, area, corners, model),
-        NumericalError);
+    EXPECT_THROW(refine_photometrically(images.first(5), photos.views, refined_board().grid, area,
+                                        corners, model),
+                 NumericalError);
     CameraFit few = corners;
     few.camera_from_target.resize(5);
     EXPECT_THROW(refine_photometrically(images.first(5), std::span(photos.views).first(5),

@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "compare/photometric/photo_match.h"
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

@@ -18,7 +18,7 @@
 #include <string>
 #include <string_view>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon::test {
@@ -44,7 +44,8 @@ void require_all_finite(const Numbers& numbers) {
 }
 
 // A read may take 20 s of the processor, instrumented as it is. Its time by the clock says nothing:
-// other programs may have the processor. A read that waits for ever is found by libFuzzer's -timeout.
+// other programs may have the processor. A read that waits for ever is found by libFuzzer's
+// -timeout.
 class ProcessorLimit {
 public:
     ProcessorLimit() {

@@ -2,7 +2,7 @@
 #include <array>
 
 #include "calib/files/camera_file.h"
-#include "compare/verdict/limits_file.h"
+#include "compare/qualification/limits_file.h"
 #include "mocks/twin/twin_file.h"
 #include "stage/profile/profile.h"
 #include "station/certify/certificate_form.h"

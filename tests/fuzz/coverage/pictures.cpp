@@ -1,5 +1,5 @@
 // Pictures, whose format OpenCV finds by their content.
-#include "core/image.h"
+#include "core/image/image.h"
 #include "tests/fuzz/coverage/fuzz_input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

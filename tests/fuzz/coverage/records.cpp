@@ -2,8 +2,8 @@
 // set.json, images.jsonl and oc.json, each by the kind that the text names.
 #include <array>
 
-#include "station/foresee/oc_record.h"
 #include "station/history/run_history.h"
+#include "station/planning/oc_record.h"
 #include "station/render/image_set.h"
 #include "study/study_description.h"
 #include "tests/fuzz/coverage/fuzz_input.h"

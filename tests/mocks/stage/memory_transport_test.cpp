@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "stage/link/modbus_link.h"
 
 namespace etalon {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/clock.h"
+#include "core/time/clock.h"
 #include "mocks/stage/simulated_stage.h"
 
 namespace etalon {

@@ -2,7 +2,7 @@
 // memory and on virtual time.
 #include <gtest/gtest.h>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "mocks/stage/memory_transport.h"
 #include "mocks/stage/simulated_stage.h"
 #include "stage/motion/modbus_stage.h"

@@ -4,8 +4,8 @@
 
 #include <numbers>
 
-#include "core/errors.h"
-#include "core/units.h"
+#include "core/geometry/units.h"
+#include "core/program/errors.h"
 #include "tests/mocks/twin/twin_folder.h"
 
 namespace etalon {

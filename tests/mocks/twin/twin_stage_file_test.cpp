@@ -4,9 +4,9 @@
 
 #include <numbers>
 
-#include "core/errors.h"
-#include "core/text.h"
-#include "core/units.h"
+#include "core/file/text.h"
+#include "core/geometry/units.h"
+#include "core/program/errors.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

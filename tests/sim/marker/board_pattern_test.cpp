@@ -12,7 +12,7 @@
 #endif
 #include <opencv2/imgproc.hpp>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

@@ -12,8 +12,8 @@
 #include <regex>
 #include <sstream>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

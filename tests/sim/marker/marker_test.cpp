@@ -23,8 +23,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "core/errors.h"
-#include "core/image.h"
+#include "core/image/image.h"
+#include "core/program/errors.h"
 #include "sim/marker/tag_pattern.h"
 #include "tests/temporary_folder.h"
 

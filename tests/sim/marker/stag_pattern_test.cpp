@@ -6,7 +6,7 @@
 
 #include <fstream>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 #include "tests/temporary_folder.h"
 

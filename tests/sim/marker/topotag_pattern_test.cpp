@@ -8,7 +8,7 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 
 namespace etalon {

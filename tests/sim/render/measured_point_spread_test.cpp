@@ -3,11 +3,11 @@
 
 #include <numbers>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "sim/psf/diffraction.h"
+#include "sim/psf/point_spread_sampler.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/marker_view.h"
-#include "sim/spread/diffraction.h"
-#include "sim/spread/point_spread_sampler.h"
 #include "tests/evidence/edge_spread.h"
 
 namespace etalon {

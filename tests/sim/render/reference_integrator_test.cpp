@@ -4,10 +4,10 @@
 #include <tbb/global_control.h>
 
 #include "bench/benchmark_scenes.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "sim/psf/diffraction.h"
+#include "sim/psf/point_spread_sampler.h"
 #include "sim/scene/sobol.h"
-#include "sim/spread/diffraction.h"
-#include "sim/spread/point_spread_sampler.h"
 
 namespace etalon {
 namespace {

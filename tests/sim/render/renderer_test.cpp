@@ -7,7 +7,7 @@
 
 #include "bench/benchmark_scenes.h"
 #include "calib/camera/projector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/sim/edge_scenes.h"
 
 namespace etalon {
@@ -172,7 +172,7 @@ TEST(Renderer, IsLinearInTheRadiances) {
     const Renderer renderer(with_lens({PointSpread::Kind::ideal, 0.0}));
     Scene scene = small_marker();
     // A fainter scene would need fewer samples and less of the tail.
-    const RenderOptions options{.samples_per_side = 6, .keep = {Omission::tail}};
+    const RenderOptions options{.samples_per_side = 6, .keep = {NeglectedEffect::tail}};
     const auto full = renderer.render(scene, options).radiance;
     scene.markers[0].grid.cells = 0.3 + 0.2 * scene.markers[0].grid.cells;
     scene.background = 0.5;
@@ -193,11 +193,11 @@ TEST(Renderer, OfSeveralMarkersIsTheSumOfTheirDifferences) {
         PlacedMarker marker = small_marker().markers[0];
         marker.camera_from_marker.translation = {x_mm, y_mm, 500.0};
         scene.markers.push_back(marker);
-        const RenderOptions keep{.samples_per_side = 6, .keep = {Omission::tail}};
+        const RenderOptions keep{.samples_per_side = 6, .keep = {NeglectedEffect::tail}};
         sum += renderer.render({{marker}, 0.9}, keep).radiance - 0.9;
     }
     const auto all =
-        renderer.render(scene, {.samples_per_side = 6, .keep = {Omission::tail}}).radiance;
+        renderer.render(scene, {.samples_per_side = 6, .keep = {NeglectedEffect::tail}}).radiance;
     EXPECT_LT(largest_difference(all, sum), 1e-6);
 }
 

@@ -45,7 +45,7 @@ double worst_edge(RenderMethod method, int k, int many, double blur_px) {
                          .tolerance_gray = 1e3,
                          .samples_per_side = k,
                          .region = {40, 32, 16, 4},
-                         .keep = {Omission::lens, Omission::diffraction}};
+                         .keep = {NeglectedEffect::lens, NeglectedEffect::diffraction}};
     RenderOptions fine = coarse;
     fine.samples_per_side = many;
     const double z = blur_px > 0.0 ? depth_of_blur(camera, blur_px) : 150.0;
@@ -72,7 +72,7 @@ TEST(SamplingBound, HoldsForRenderedEdgesAndIsNotFarAbove) {
         const double t = std::clamp((r - 1.65) / 1.65, 0.0, 1.0);
         return 1.0 - t * t * (3.0 - 2.0 * t);
     };
-    const SharpenedSpread sharpened = SharpenedSpread::of(spread, window, 3.3).value();
+    const DeconvolvedPsf sharpened = DeconvolvedPsf::of(spread, window, 3.3).value();
     for (const int k : {5, 8}) {
         const double limit = bound.of_disks(k, sharpened, {}, along_the_pixels);
         const double error = worst_edge(RenderMethod::exact_area, k, 24, 0.0);
@@ -89,7 +89,7 @@ TEST(SamplingBound, HoldsForEdgesOfAnySlant) {
         RenderOptions coarse{.method = RenderMethod::exact_lens,
                              .samples_per_side = k,
                              .region = {40, 32, 16, 4},
-                             .keep = {Omission::lens, Omission::diffraction}};
+                             .keep = {NeglectedEffect::lens, NeglectedEffect::diffraction}};
         RenderOptions fine = coarse;
         fine.samples_per_side = 48;
         const double angle = std::atan(tangent);
@@ -106,7 +106,7 @@ TEST(SamplingBound, KnowsTheRipplesOfDisksThatStandForTheLens) {
     CameraModel camera = test::small_camera({PointSpread::Kind::gaussian, 0.409});
     const PointSpreadFunction spread = PointSpreadFunction::of(camera);
     const ImageFilter filter(camera);
-    const SharpenedSpread& sharpened = *filter.sharpened();
+    const DeconvolvedPsf& sharpened = *filter.sharpened();
     const SamplingBound bound(&spread);
     const double one_disk = sharpened.blur_of_one_disk_px(0.01);
     const Renderer renderer(camera);
@@ -117,7 +117,7 @@ TEST(SamplingBound, KnowsTheRipplesOfDisksThatStandForTheLens) {
             RenderOptions coarse{.tolerance_gray = 0.1,
                                  .samples_per_side = k,
                                  .region = {40, 32, 16, 4},
-                                 .keep = {Omission::lens, Omission::diffraction}};
+                                 .keep = {NeglectedEffect::lens, NeglectedEffect::diffraction}};
             RenderOptions fine = coarse;
             fine.method = RenderMethod::exact_area;
             fine.samples_per_side = 24;
@@ -136,7 +136,7 @@ TEST(SamplingBound, ThinnedSamplesAreAlmostAsGoodAsAllOfThem) {
         PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0}));
     const SamplingBound bound = small_camera_bound(spread);
     const auto window = [](double r) { return r < 1.65 ? 1.0 : 0.0; };
-    const SharpenedSpread sharpened = SharpenedSpread::of(spread, window, 1.65).value();
+    const DeconvolvedPsf sharpened = DeconvolvedPsf::of(spread, window, 1.65).value();
     const EdgeTangents all = ~EdgeTangents{};
     for (const double px : {0.0, 0.1}) {
         const DiskBlur blur{px, px, 0.0};
@@ -174,9 +174,9 @@ TEST(ConcentricDisks, AreTwoDisksConvolved) {
     }
 }
 
-TEST(SharpenedSpread, OneDiskIsEnoughWhereItSaysSo) {
-    const SharpenedSpread sharpened =
-        SharpenedSpread::of(
+TEST(DeconvolvedPsf, OneDiskIsEnoughWhereItSaysSo) {
+    const DeconvolvedPsf sharpened =
+        DeconvolvedPsf::of(
             PointSpreadFunction::of(test::small_camera({PointSpread::Kind::ideal, 0.0})),
             [](double r) { return r < 2.0 ? 1.0 : 0.0; }, 2.0)
             .value();
@@ -190,12 +190,12 @@ TEST(SharpenedSpread, OneDiskIsEnoughWhereItSaysSo) {
 }
 
 // Of a pattern of thousands of pixels its bound alone would take minutes.
-TEST(SharpenedSpread, IsOfPatternsUpTo50Pixels) {
+TEST(DeconvolvedPsf, IsOfPatternsUpTo50Pixels) {
     const auto is_made = [](double f_number) {
         CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
         camera.lens->f_number = f_number;
         const double reach = 3.0 * PointSpreadFunction::of(camera).scale_px();
-        return SharpenedSpread::of(
+        return DeconvolvedPsf::of(
                    PointSpreadFunction::of(camera), [](double) { return 1.0; }, reach)
             .has_value();
     };

@@ -2,7 +2,7 @@
 // integrator, whose point spread leans in pixels as the columns do.
 #include <gtest/gtest.h>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 #include "tests/calib/cameras.h"

@@ -1,7 +1,7 @@
 // Cells smaller than a pixel: several edges add their errors up, and the plan has to know.
 #include <gtest/gtest.h>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "tests/sim/edge_scenes.h"
 
 namespace etalon {
@@ -32,7 +32,8 @@ Scene small_cells(const CameraModel& camera, double cell_px, double angle, int k
 
 // Error of the automatic plan, which aims at 0.1 gray, against 24 exact lens averages a side.
 double error_gray(const Renderer& renderer, const Scene& scene) {
-    const std::vector<Omission> keep{Omission::lens, Omission::diffraction, Omission::tail};
+    const std::vector<NeglectedEffect> keep{NeglectedEffect::lens, NeglectedEffect::diffraction,
+                                            NeglectedEffect::tail};
     const cv::Rect middle(36, 24, 24, 24);
     const RenderedImage planned = renderer.render(scene, {.region = middle, .keep = keep});
     const RenderedImage exact = renderer.render(scene, {.method = RenderMethod::exact_lens,

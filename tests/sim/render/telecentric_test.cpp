@@ -7,11 +7,11 @@
 #include <random>
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "sim/psf/diffraction.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 #include "sim/scene/marker_view.h"
-#include "sim/spread/diffraction.h"
 #include "tests/gray.h"
 
 namespace etalon {

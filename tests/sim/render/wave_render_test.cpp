@@ -3,9 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
+#include "sim/psf/diffraction.h"
 #include "sim/render/reference_integrator.h"
-#include "sim/spread/diffraction.h"
 #include "tests/evidence/edge_spread.h"
 #include "tests/gray.h"
 

@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"
 #include "tests/calib/wide_views.h"

@@ -7,8 +7,8 @@
 
 #include "bench/benchmark_scenes.h"
 #include "calib/camera/projector.h"
-#include "core/errors.h"
-#include "core/units.h"
+#include "core/geometry/units.h"
+#include "core/program/errors.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/tiles/lens_average.h"
 #include "tests/sim/edge_scenes.h"

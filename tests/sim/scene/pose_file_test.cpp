@@ -2,8 +2,8 @@
 
 #include <gmock/gmock.h>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

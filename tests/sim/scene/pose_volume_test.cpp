@@ -7,9 +7,9 @@
 #include <numbers>
 #include <opencv2/calib3d.hpp>
 
-#include "core/errors.h"
-#include "core/roll_pitch_yaw.h"
-#include "core/units.h"
+#include "core/geometry/roll_pitch_yaw.h"
+#include "core/geometry/units.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -4,8 +4,8 @@
 
 #include <numbers>
 
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 #include "sim/render/renderer.h"
 #include "sim/render/scene_render.h"
 #include "sim/scene/marker_view.h"

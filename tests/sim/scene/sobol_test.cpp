@@ -5,7 +5,7 @@
 #include <cmath>
 #include <set>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {

@@ -8,7 +8,7 @@
 #include <functional>
 #include <vector>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "tests/sim/sensor/expected_codes.h"
 
 namespace etalon {
@@ -25,7 +25,7 @@ std::vector<double> steps_of(int bits, const Inverse& radiance_of) {
     return steps;
 }
 
-int followed(const CurvePieces& pieces) {
+int followed(const PiecewisePolynomial& pieces) {
     return static_cast<int>(
         std::ranges::count_if(pieces.factor[0], [](float factor) { return !std::isnan(factor); }));
 }
@@ -44,15 +44,15 @@ double bent(double value) {
     return value < 0.3 ? value : 0.3 + 1.03 * (value - 0.3);
 }
 
-TEST(CurvePieces, FollowSmoothCurvesEverywhere) {
+TEST(PiecewisePolynomial, FollowSmoothCurvesEverywhere) {
     for (const int bits : {8, 10, 12, 14, 16})
         for (const auto& curve : {straight, square})
-            EXPECT_EQ(followed(fit_pieces(steps_of(bits, curve), bits)), CurvePieces::count)
+            EXPECT_EQ(followed(fit_pieces(steps_of(bits, curve), bits)), PiecewisePolynomial::count)
                 << bits;
 }
 
 // 16 bits leave too much in doubt, and so does a curve that is not followed in most of its pieces.
-TEST(CurvePieces, AreUsedWhereTheyLeaveLittleDoubt) {
+TEST(PiecewisePolynomial, AreUsedWhereTheyLeaveLittleDoubt) {
     const auto many_kinks = [](double value) {
         return value + 0.004 * std::abs(std::sin(60.0 * value));
     };
@@ -63,25 +63,27 @@ TEST(CurvePieces, AreUsedWhereTheyLeaveLittleDoubt) {
 }
 
 // 0.3 is in the piece from 0.25 to 0.375.
-TEST(CurvePieces, LeaveOutAPieceWithAKink) {
+TEST(PiecewisePolynomial, LeaveOutAPieceWithAKink) {
     for (const auto& curve : {kinked, bent}) {
-        const CurvePieces pieces = fit_pieces(steps_of(12, curve), 12);
-        EXPECT_EQ(followed(pieces), CurvePieces::count - 1);
-        EXPECT_TRUE(std::isnan(pieces.factor[0][CurvePieces::count - 4]));
+        const PiecewisePolynomial pieces = fit_pieces(steps_of(12, curve), 12);
+        EXPECT_EQ(followed(pieces), PiecewisePolynomial::count - 1);
+        EXPECT_TRUE(std::isnan(pieces.factor[0][PiecewisePolynomial::count - 4]));
     }
 }
 
 // Five steps at least make a quartic. A curve has none where it jumps by 40 codes, nor where it is
 // so steep that a float's rounding is many codes.
-TEST(CurvePieces, LeaveOutWhatNoQuarticFollows) {
+TEST(PiecewisePolynomial, LeaveOutWhatNoQuarticFollows) {
     EXPECT_EQ(followed(fit_pieces({}, 8)), 0);
     EXPECT_EQ(followed(fit_pieces({0.1, 0.2, 0.3, 0.4}, 8)), 0);
     const auto jump = [](double value) {
         return value < 0.6 ? value : std::max(0.6, value - 0.156);
     };
-    EXPECT_TRUE(std::isnan(fit_pieces(steps_of(8, jump), 8).factor[0][CurvePieces::count - 2]));
+    EXPECT_TRUE(
+        std::isnan(fit_pieces(steps_of(8, jump), 8).factor[0][PiecewisePolynomial::count - 2]));
     const auto cliff = [](double value) { return 0.8 + 1e-6 * value; };
-    EXPECT_TRUE(std::isnan(fit_pieces(steps_of(12, cliff), 12).factor[0][CurvePieces::count - 1]));
+    EXPECT_TRUE(
+        std::isnan(fit_pieces(steps_of(12, cliff), 12).factor[0][PiecewisePolynomial::count - 1]));
 }
 
 // Floats in their order, so that a vector of them is on one piece or two: where the arithmetic
@@ -93,8 +95,8 @@ void expect_codes(int bits, const Inverse& radiance_of) {
         return static_cast<double>(std::upper_bound(truth.begin(), truth.end(), radiance) -
                                    truth.begin());
     };
-    const SensorSteps steps(bits, code_of,
-                            [&](int code) { return truth[static_cast<std::size_t>(code)]; });
+    const QuantizationThresholds steps(
+        bits, code_of, [&](int code) { return truth[static_cast<std::size_t>(code)]; });
     std::vector<double> radiances;
     RandomStream random(5, 6);
     for (const double step : truth)
@@ -145,8 +147,9 @@ std::vector<float> floats_of_interest(const std::vector<double>& steps, RandomSt
     std::vector<float> floats;
     for (const double step : steps)
         floats.push_back(static_cast<float>(step));
-    for (int piece = 0; piece <= CurvePieces::count; ++piece)
-        floats.push_back(std::bit_cast<float>((CurvePieces::first + piece) << CurvePieces::shift));
+    for (int piece = 0; piece <= PiecewisePolynomial::count; ++piece)
+        floats.push_back(std::bit_cast<float>((PiecewisePolynomial::first + piece)
+                                              << PiecewisePolynomial::shift));
     for (std::size_t n = floats.size(); n-- > 0;)
         for (const float to : {-9.0f, 9.0f})
             floats.push_back(std::nextafter(floats[n], to));
@@ -157,7 +160,7 @@ std::vector<float> floats_of_interest(const std::vector<double>& steps, RandomSt
 
 // Sixteen equal floats at once: the quartic decides alone, or not at all. Of rounded ones, both
 // ends of what rounds to it.
-TEST(CurvePieces, AreRightWhereTheyAreInNoDoubt) {
+TEST(PiecewisePolynomial, AreRightWhereTheyAreInNoDoubt) {
     RandomStream random(7, 8);
     for (int n = 0; n < 3000; ++n) {
         const int bits = 3 + n % 10;
@@ -165,8 +168,8 @@ TEST(CurvePieces, AreRightWhereTheyAreInNoDoubt) {
         const auto code_of = [&](double radiance) {
             return static_cast<double>(std::ranges::upper_bound(truth, radiance) - truth.begin());
         };
-        const SensorSteps steps(bits, code_of,
-                                [&](int code) { return truth[static_cast<std::size_t>(code)]; });
+        const QuantizationThresholds steps(
+            bits, code_of, [&](int code) { return truth[static_cast<std::size_t>(code)]; });
         for (const float value : floats_of_interest(truth, random)) {
             const std::vector<float> equal(16, value);
             const double low = 0.5 * (double(value) + std::nextafter(value, -9.0f));
@@ -182,7 +185,7 @@ TEST(CurvePieces, AreRightWhereTheyAreInNoDoubt) {
     }
 }
 
-TEST(CurvePieces, GiveTheCodesOfTheSteps) {
+TEST(PiecewisePolynomial, GiveTheCodesOfTheSteps) {
     for (const int bits : {3, 8, 12, 14, 16})
         for (const auto& curve : {straight, square, kinked, bent})
             expect_codes(bits, curve);

@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <thread>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 
 namespace etalon {
 namespace {
@@ -183,7 +183,7 @@ double edge_by_counting(const PlacedMarker& marker, const Eigen::Vector2d& direc
     return *at;
 }
 
-// Share of n x n points of a pixel that see the card; all or none where its corners agree.
+// Proportion of n x n points of a pixel that see the card; all or none where its corners agree.
 double counted_cover(const Projector& projector, const PlacedMarker& marker,
                      const Eigen::Vector2d& direction, double edge_mm, int x, int y) {
     const auto is_hidden = [&](double right, double down) {

@@ -11,13 +11,16 @@
 namespace etalon::test {
 
 // Each radiance as the nearest float of itself, and those that are floats as floats.
-inline void expect_codes(const SensorSteps& steps, const std::function<double(double)>& code_of,
+inline void expect_codes(const QuantizationThresholds& steps,
+                         const std::function<double(double)>& code_of,
                          const std::vector<double>& radiances) {
     for (const bool is_rounded : {false, true})
-        for (std::size_t first = 0; first < radiances.size(); first += SensorSteps::max_at_once) {
+        for (std::size_t first = 0; first < radiances.size();
+             first += QuantizationThresholds::max_at_once) {
             std::vector<float> values;
             for (std::size_t i = first;
-                 i < radiances.size() && std::ssize(values) < SensorSteps::max_at_once; ++i)
+                 i < radiances.size() && std::ssize(values) < QuantizationThresholds::max_at_once;
+                 ++i)
                 values.push_back(static_cast<float>(radiances[i]));
             const auto radiance_at = [&](int i) {
                 const auto place = static_cast<std::size_t>(i);

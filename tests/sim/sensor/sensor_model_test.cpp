@@ -6,8 +6,8 @@
 #include <cmath>
 #include <random>
 
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 #include "tests/sim/every_target.h"
 
 namespace etalon {

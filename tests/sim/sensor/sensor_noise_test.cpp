@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "tests/sim/every_target.h"
 
 namespace etalon {

@@ -7,7 +7,7 @@
 #include <functional>
 #include <vector>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "tests/sim/sensor/expected_codes.h"
 
 namespace etalon {
@@ -56,7 +56,7 @@ std::vector<double> ends_and_steps(const Curve& curve) {
 
 // As doubles and, where a float is that or near it, through the cells.
 void expect_exact(const Curve& curve) {
-    const SensorSteps steps(curve.bits, curve, guess_of(curve));
+    const QuantizationThresholds steps(curve.bits, curve, guess_of(curve));
     std::vector<double> radiances;
     const auto expect_code = [&](double radiance) {
         ASSERT_EQ(steps.code_at(radiance), curve(radiance)) << radiance;
@@ -78,7 +78,7 @@ void expect_exact(const Curve& curve) {
 
 // Noise goes below 0 and above 1. Steep below 0 all codes end within the first cells there, flat
 // they reach beyond radiance -1.
-TEST(SensorSteps, GiveTheCurvesCodeOfEveryDoubleBelowZeroAndAboveOne) {
+TEST(QuantizationThresholds, GiveTheCurvesCodeOfEveryDoubleBelowZeroAndAboveOne) {
     for (const int bits : {1, 5, 8, 13})
         for (const double black : {0.0, 0.13, 0.4})
             for (const double slope : {37.0, 1.7, 0.11})
@@ -86,11 +86,11 @@ TEST(SensorSteps, GiveTheCurvesCodeOfEveryDoubleBelowZeroAndAboveOne) {
 }
 
 // A step at radiance 0 itself: code 8 begins where 7.5 + 0.5 is reached.
-TEST(SensorSteps, KeepAStepAtZeroAtZero) {
+TEST(QuantizationThresholds, KeepAStepAtZeroAtZero) {
     const auto code_of = [](double radiance) {
         return std::clamp(std::floor(7.5 + 32.0 * radiance + 0.5), 0.0, 31.0);
     };
-    const SensorSteps steps(5, code_of, [](int code) { return (code - 7.0) / 32.0; });
+    const QuantizationThresholds steps(5, code_of, [](int code) { return (code - 7.0) / 32.0; });
     EXPECT_EQ(steps.code_at(0.0), 8);
     EXPECT_EQ(steps.code_at(-0.0), 8);
     EXPECT_EQ(steps.code_at(-1e-9), 7);
@@ -98,9 +98,9 @@ TEST(SensorSteps, KeepAStepAtZeroAtZero) {
 }
 
 // A cell begins at 0.5; the float before is 3e-8 less. What lies above the step rounds to below it.
-TEST(SensorSteps, KeepAStepThatLiesBetweenTheFloatsAtACellsEnd) {
+TEST(QuantizationThresholds, KeepAStepThatLiesBetweenTheFloatsAtACellsEnd) {
     const double step = 0.5 - 2.5e-8;
-    const SensorSteps steps(
+    const QuantizationThresholds steps(
         1, [&](double radiance) { return radiance >= step ? 1.0 : 0.0; }, [](int) { return 0.4; });
     const double radiance = 0.5 - 2.4e-8;
     const float nearest = static_cast<float>(radiance);

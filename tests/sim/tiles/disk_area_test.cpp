@@ -4,7 +4,7 @@
 
 #include <numbers>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {

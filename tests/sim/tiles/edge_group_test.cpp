@@ -7,8 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/psf/diffraction.h"
 #include "sim/render/renderer.h"
-#include "sim/spread/diffraction.h"
 #include "tests/gray.h"
 #include "tests/sim/table_images.h"
 

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "bench/benchmark_scenes.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/sim/edge_scenes.h"
 
 namespace etalon {
@@ -13,12 +13,12 @@ namespace {
 
 using test::gray;
 
-bool leaves_out(const RenderPlan& plan, Omission what) {
+bool leaves_out(const RenderPlan& plan, NeglectedEffect what) {
     return std::any_of(plan.left_out.begin(), plan.left_out.end(),
                        [&](const LeftOut& left) { return left.what == what; });
 }
 
-double bound_of(const RenderPlan& plan, Omission what) {
+double bound_of(const RenderPlan& plan, NeglectedEffect what) {
     double sum = 0.0;
     for (const LeftOut& left : plan.left_out)
         sum += left.what == what ? left.gray : 0.0;
@@ -26,7 +26,7 @@ double bound_of(const RenderPlan& plan, Omission what) {
 }
 
 // Renders with and without the omission; the change in gray.
-double change_without(const CameraModel& camera, const Scene& scene, Omission what) {
+double change_without(const CameraModel& camera, const Scene& scene, NeglectedEffect what) {
     const Renderer renderer(camera);
     const RenderedImage lean = renderer.render(scene);
     EXPECT_TRUE(leaves_out(lean.plan, what)) << name_of(what);
@@ -38,13 +38,14 @@ double change_without(const CameraModel& camera, const Scene& scene, Omission wh
 TEST(Omissions, LensThatHardlyBlurs) {
     const CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
     const Scene scene = test::half_plane(0.13, 150.0 + 0.4);  // blur radius 0.0061 px
-    const double change = change_without(camera, scene, Omission::lens);
+    const double change = change_without(camera, scene, NeglectedEffect::lens);
     // With the lens another method samples it, with an error of its own.
     const Renderer renderer(camera);
     const RenderPlan lean = renderer.render(scene).plan;
-    const RenderPlan full = renderer.render(scene, {.keep = {Omission::lens}}).plan;
+    const RenderPlan full = renderer.render(scene, {.keep = {NeglectedEffect::lens}}).plan;
     EXPECT_GT(change, 0.0);
-    EXPECT_LT(change, bound_of(lean, Omission::lens) + lean.sampling_gray + full.sampling_gray);
+    EXPECT_LT(change,
+              bound_of(lean, NeglectedEffect::lens) + lean.sampling_gray + full.sampling_gray);
     EXPECT_LT(change, 0.1);
 }
 
@@ -52,22 +53,23 @@ TEST(Omissions, DiffractionOfAVeryShortWavelength) {
     CameraModel camera = test::small_camera({PointSpread::Kind::ideal, 0.0});
     camera.lens->wavelength_nm = 0.05;
     const double change =
-        change_without(camera, test::half_plane(0.13, 190.0), Omission::diffraction);
+        change_without(camera, test::half_plane(0.13, 190.0), NeglectedEffect::diffraction);
     EXPECT_LT(change, 0.1);
 }
 
 TEST(Omissions, TailBeyondItsReach) {
     const BenchmarkScene webcam = benchmark_scene("webcam-1000");
-    const double change = change_without(webcam.camera, webcam.scene, Omission::tail);
+    const double change = change_without(webcam.camera, webcam.scene, NeglectedEffect::tail);
     EXPECT_GT(change, 0.0);
-    EXPECT_LT(change, bound_of(Renderer(webcam.camera).render(webcam.scene).plan, Omission::tail));
+    EXPECT_LT(change,
+              bound_of(Renderer(webcam.camera).render(webcam.scene).plan, NeglectedEffect::tail));
 }
 
 TEST(Omissions, UniformTilesAreWhatTheirSamplesWouldBe) {
     for (const char* name : {"webcam-500", "sharp-1000"}) {
         const BenchmarkScene scene = benchmark_scene(name);
         // But for single precision's rounding.
-        EXPECT_LT(change_without(scene.camera, scene.scene, Omission::uniform_tiles), 4e-3);
+        EXPECT_LT(change_without(scene.camera, scene.scene, NeglectedEffect::uniform_tiles), 4e-3);
     }
 }
 
@@ -75,10 +77,10 @@ TEST(Omissions, DistortionThatIsNotThere) {
     BenchmarkScene scene = benchmark_scene("webcam-500");
     scene.camera.distortion = {};
     const RenderedImage without = Renderer(scene.camera).render(scene.scene);
-    EXPECT_TRUE(leaves_out(without.plan, Omission::distortion));
+    EXPECT_TRUE(leaves_out(without.plan, NeglectedEffect::distortion));
     scene.camera.distortion.k1 = 1e-13;  // too small to see, but all of the machinery runs
     const RenderedImage with = Renderer(scene.camera).render(scene.scene);
-    EXPECT_FALSE(leaves_out(with.plan, Omission::distortion));
+    EXPECT_FALSE(leaves_out(with.plan, NeglectedEffect::distortion));
     EXPECT_LT(test::largest_difference(without.radiance, with.radiance), 0.01 * gray);
 }
 

@@ -11,7 +11,7 @@
 #include <numeric>
 #include <random>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "sim/tiles/disk_area.h"
 #include "sim/tiles/square_area.h"
 #include "tests/gray.h"

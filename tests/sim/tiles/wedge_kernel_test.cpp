@@ -8,8 +8,8 @@
 #include <numbers>
 #include <string>
 
+#include "sim/psf/wedge_table.h"
 #include "sim/render/renderer.h"
-#include "sim/spread/wedge_table.h"
 #include "sim/tiles/tile_kernel.h"
 #include "tests/sim/table_images.h"
 
@@ -205,7 +205,7 @@ TEST(WedgePixels, AreTheBackgroundAtTheBorderOfTheValidRegion) {
     const Scene scene{{marker}, 0.4};
     const Renderer renderer(camera);
     const RenderedImage image = renderer.render(scene);
-    const RenderedImage all = renderer.render(scene, {.keep = {Omission::uniform_tiles}});
+    const RenderedImage all = renderer.render(scene, {.keep = {NeglectedEffect::uniform_tiles}});
     EXPECT_EQ(image.plan.method, RenderMethod::wedge_table);
     EXPECT_EQ(all.plan.method, RenderMethod::wedge_table);
     EXPECT_LT(cv::countNonZero(image.valid), 640 * 480);

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/text.h"
-#include "core/units.h"
+#include "core/file/text.h"
+#include "core/geometry/units.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "tests/stage/motion/two_axes.h"
 
 namespace etalon {

@@ -13,9 +13,9 @@
 #include <optional>
 #include <string>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "mocks/stage/memory_transport.h"
-#include "stage/motion/guarded_stage.h"
+#include "stage/motion/limited_stage.h"
 #include "stage/motion/modbus_stage.h"
 
 namespace etalon {
@@ -195,7 +195,7 @@ private:
 
     void connect() {
         ++figures.clients;
-        client_ = std::make_unique<GuardedStage>(
+        client_ = std::make_unique<LimitedStage>(
             std::make_unique<ModbusStage>(
                 link_for(serial_), profile, axes, clock_,
                 std::make_unique<MemoryTransport>(controller_, clock_, serial_)),
@@ -305,7 +305,7 @@ private:
     SimulatedStage stage_{axes, {.homing = 30ms}, clock_};
     const std::vector<StageController> controllers_ = stage_.controllers();
     ModbusController controller_{stage_, profile, 1};
-    std::unique_ptr<GuardedStage> client_;
+    std::unique_ptr<LimitedStage> client_;
     RandomStream random_{20'261'121, 5};
 };
 

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <numbers>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/paths.h"
 #include "tests/temporary_folder.h"
 

@@ -7,8 +7,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "station/calibrate/commands.h"
 #include "tests/calib/intrinsics/bent_boards.h"
 #include "tests/pages.h"

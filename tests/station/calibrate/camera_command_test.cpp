@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/files/camera_file.h"
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "station/calibrate/commands.h"
 #include "tests/temporary_folder.h"
 

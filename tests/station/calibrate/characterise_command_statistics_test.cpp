@@ -10,8 +10,8 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "calib/files/camera_file.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "sim/marker/marker.h"
 #include "sim/render/reference_integrator.h"
 #include "sim/render/renderer.h"

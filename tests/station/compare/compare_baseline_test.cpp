@@ -7,8 +7,8 @@
 
 #include <cmath>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/camera/projector.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "mocks/camera/fake_camera.h"
 #include "sim/marker/marker.h"
 #include "sim/render/renderer.h"

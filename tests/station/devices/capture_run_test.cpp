@@ -7,8 +7,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "mocks/camera/fake_camera.h"
 #include "station/devices/commands.h"
 #include "tests/temporary_folder.h"

@@ -1,7 +1,7 @@
 // `etalon init`: what it writes is read by every command, and nothing is written over.
 #include <gmock/gmock.h>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "stage/link/stage_link.h"
 #include "station/devices/station_draft.h"
 #include "station/setup/station_file.h"
@@ -13,11 +13,11 @@ namespace {
 
 using testing::HasSubstr;
 
-TEST(StationDraft, IsAStationThatIsRead) {
+TEST(StationTemplate, IsAStationThatIsRead) {
     const TemporaryFolder folder;
     write_text(folder / "camera.yml", camera_text);
     write_text(folder / "limits.yaml", drafted_limits());
-    StationDraft draft;
+    StationTemplate draft;
     draft.stage = "192.0.2.7:1502";
     draft.axes = {"z", "rx"};
     write_text(folder / "station.yaml", drafted_station(draft));
@@ -29,8 +29,8 @@ TEST(StationDraft, IsAStationThatIsRead) {
     EXPECT_EQ(station.limits.id, "limits-1");
 }
 
-TEST(StationDraft, RefusesWhatCannotBeSaidInAFile) {
-    const auto refused = [](StationDraft draft, const char* option) {
+TEST(StationTemplate, RefusesWhatCannotBeSaidInAFile) {
+    const auto refused = [](StationTemplate draft, const char* option) {
         try {
             drafted_station(draft);
             FAIL() << option;

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <sstream>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "tests/error_text.h"
 
 namespace etalon {

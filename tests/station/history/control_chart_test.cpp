@@ -6,8 +6,8 @@
 #include <numbers>
 #include <vector>
 
-#include "core/errors.h"
-#include "core/random.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
 
 namespace etalon {
 namespace {
@@ -64,7 +64,7 @@ public:
                 from_[i][k] = phi(q(low + width)) - phi(q(low));
             }
     }
-    // Share of charts without an alarm after each of `runs` values, from z = 0.
+    // Proportion of charts without an alarm after each of `runs` values, from z = 0.
     std::vector<double> silent(int runs) const {
         std::vector<double> state(m_), shares;
         state[m_ / 2] = 1.0;

@@ -5,8 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/calendar_date.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/time/calendar_date.h"
 
 namespace etalon {
 namespace {

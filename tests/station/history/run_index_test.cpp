@@ -5,8 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "tests/error_text.h"
 #include "tests/station/built_program.h"
 #include "tests/temporary_folder.h"

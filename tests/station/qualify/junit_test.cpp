@@ -2,7 +2,7 @@
 
 #include <gmock/gmock.h>
 
-#include "core/text.h"
+#include "core/file/text.h"
 
 namespace etalon {
 namespace {

@@ -1,7 +1,7 @@
 // A board that is seen in part: what takes it, and what needs all of its points.
 #include <gtest/gtest.h>
 
-#include "compare/detect/photo_pose.h"
+#include "compare/photo_pose.h"
 #include "station/qualify/visited_pose.h"
 
 namespace etalon {

@@ -13,7 +13,7 @@
 #include <functional>
 #include <map>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "tests/read_bytes.h"
 #include "tests/station/station_of_mocks.h"
 

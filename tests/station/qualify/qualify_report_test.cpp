@@ -4,8 +4,8 @@
 
 #include <regex>
 
-#include "compare/verdict/judged_quantities.h"
-#include "core/text.h"
+#include "compare/qualification/judged_quantities.h"
+#include "core/file/text.h"
 #include "tests/pages.h"
 #include "tests/station/stations.h"
 
@@ -101,7 +101,7 @@ TEST_F(QualifyReport, SaysOnceWhatToDoForAllErrorsOfAKind) {
 TEST_F(QualifyReport, SetsTheOutcomeBesideTheNameAndNotesBelowTheTable) {
     analysis().quantities = {
         judged(quantity::position_max, 0.3, 0.2, 0.45, Outcome::inconclusive, "U is too large"),
-        judged(quantity::rest_rms, 0.0, 0.0, 0.1, Outcome::skipped, "no repeats")};
+        judged(quantity::lack_of_fit_rms, 0.0, 0.0, 0.1, Outcome::skipped, "no repeats")};
     const std::string section = judged_section();
     EXPECT_THAT(
         section,

@@ -9,9 +9,9 @@
 #include <fstream>
 #include <map>
 
-#include "core/random.h"
-#include "core/sha256.h"
-#include "station/qualify/kept_pixels.h"
+#include "core/file/sha256.h"
+#include "core/statistics/random.h"
+#include "station/qualify/image_result_cache.h"
 #include "tests/pages.h"
 #include "tests/read_bytes.h"
 #include "tests/station/built_program.h"

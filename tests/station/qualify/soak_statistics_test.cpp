@@ -7,7 +7,7 @@
 
 #include <fstream>
 
-#include "core/random.h"
+#include "core/statistics/random.h"
 #include "tests/station/station_of_mocks.h"
 
 namespace etalon {

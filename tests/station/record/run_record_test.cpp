@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "core/image_writer.h"
+#include "station/record/image_writer.h"
 #include "station/record/run_events.h"
 #include "station/record/run_json.h"
 #include "tests/station/stations.h"
@@ -173,7 +173,7 @@ TEST(RunJson, SaysWhatTheRegistrationCouldHardlySee) {
     BiasCorrectedRegistration corrected;
     corrected.registration.motion = "turns about one axis, base z";
     corrected.registration.reduced_squares = 0.04;
-    WeakDirection weak;
+    PoorlyConstrainedDirection weak;
     weak.name = "rotation about base x between X and Y";
     weak.direction = Vector12d::Unit(3);
     weak.deviation = 0.35;

@@ -5,7 +5,7 @@
 
 #include <numbers>
 
-#include "core/errors.h"
+#include "core/program/errors.h"
 #include "stage/axes/kinematics.h"
 #include "station/register/qualification_input.h"
 #include "tests/station/photographed_station.h"

@@ -3,8 +3,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/image.h"
+#include "core/image/image.h"
+#include "core/program/errors.h"
 #include "station/render/commands.h"
 #include "tests/read_bytes.h"
 #include "tests/temporary_folder.h"

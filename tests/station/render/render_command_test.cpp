@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "core/errors.h"
-#include "core/image.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/image/image.h"
+#include "core/program/errors.h"
 #include "station/render/commands.h"
 #include "tests/temporary_folder.h"
 

@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <regex>
 
-#include "core/errors.h"
-#include "core/image.h"
-#include "core/sha256.h"
-#include "core/text.h"
+#include "core/file/sha256.h"
+#include "core/file/text.h"
+#include "core/image/image.h"
+#include "core/program/errors.h"
 #include "station/render/image_set.h"
 #include "tests/read_bytes.h"
 #include "tests/temporary_folder.h"

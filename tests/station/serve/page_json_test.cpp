@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "tests/temporary_folder.h"
 
 namespace etalon {

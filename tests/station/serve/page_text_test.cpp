@@ -5,7 +5,7 @@
 #include <regex>
 #include <set>
 
-#include "core/text.h"
+#include "core/file/text.h"
 #include "tests/paths.h"
 
 namespace etalon {

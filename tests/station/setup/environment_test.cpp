@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "compare/verdict/qualification.h"
+#include "compare/qualification/qualification.h"
 #include "station/setup/station_file.h"
 #include "tests/station/stations.h"
 

@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "compare/expect/expected_view.h"
-#include "core/sha256.h"
+#include "core/file/sha256.h"
 #include "station/setup/plan.h"
 #include "tests/station/stations.h"
 

@@ -1,8 +1,8 @@
 // The built program as a user meets it: exit codes, one-line errors, nothing half-written.
 #include <gmock/gmock.h>
 
-#include "core/file_lock.h"
-#include "core/image.h"
+#include "core/file/file_lock.h"
+#include "core/image/image.h"
 #include "tests/station/built_program.h"
 #include "tests/station/stations.h"
 

@@ -10,8 +10,8 @@
 #include "bench/bench_report.h"
 #include "bench/benchmark_scenes.h"
 #include "calib/camera/projector.h"
-#include "core/errors.h"
-#include "core/text.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
 #include "sim/scene/bench_poses.h"
 #include "station/studies/commands.h"
 #include "tests/temporary_folder.h"
@@ -145,7 +145,7 @@ TEST(BenchAgainst, NamesWhatFellBeyondMarginAndNoise) {
     EXPECT_EQ(slower(2.0, 4.0 / 0.94, 0.05), "sharp-500;");
     EXPECT_EQ(slower(2.0 / 0.94, 4.0 / 0.96, 0.1), "");
     EXPECT_EQ(slower(2.0 / 0.97, 4.0, 0.01), "");  // three errors of both are 4.2 %
-    result.scenes[1].rows.pop_back();               // not measured: nothing to judge
+    result.scenes[1].rows.pop_back();              // not measured: nothing to judge
     const auto changes = speed_changes(before, result, 0.1);
     EXPECT_FALSE(changes[1].is_slower || changes[1].ratio_now);
     EXPECT_THAT(against_text(before, changes), HasSubstr("sharp-500"));

@@ -1,0 +1,115 @@
+// libapriltag 3. Its C handles never leave this file.
+#include <apriltag/apriltag.h>
+#include <apriltag/tag16h5.h>
+#include <apriltag/tag25h9.h>
+#include <apriltag/tag36h10.h>
+#include <apriltag/tag36h11.h>
+#include <apriltag/tagCircle21h7.h>
+#include <apriltag/tagCircle49h12.h>
+#include <apriltag/tagCustom48h12.h>
+#include <apriltag/tagStandard41h12.h>
+#include <apriltag/tagStandard52h13.h>
+
+#include "compare/detect/apriltag/apriltag_finder.h"
+#include "core/program/errors.h"
+
+namespace etalon {
+namespace {
+
+struct FamilyMaker {
+    const char* name;
+    apriltag_family_t* (*create)();
+    void (*destroy)(apriltag_family_t*);
+};
+
+constexpr FamilyMaker family_makers[] = {
+    {"36h11", tag36h11_create, tag36h11_destroy},
+    {"36h10", tag36h10_create, tag36h10_destroy},
+    {"25h9", tag25h9_create, tag25h9_destroy},
+    {"16h5", tag16h5_create, tag16h5_destroy},
+    {"Circle21h7", tagCircle21h7_create, tagCircle21h7_destroy},
+    {"Circle49h12", tagCircle49h12_create, tagCircle49h12_destroy},
+    {"Custom48h12", tagCustom48h12_create, tagCustom48h12_destroy},
+    {"Standard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
+    {"Standard52h13", tagStandard52h13_create, tagStandard52h13_destroy},
+};
+
+using Family = std::unique_ptr<apriltag_family_t, void (*)(apriltag_family_t*)>;
+using Finder = std::unique_ptr<apriltag_detector_t, void (*)(apriltag_detector_t*)>;
+using Detections = std::unique_ptr<zarray_t, void (*)(zarray_t*)>;
+
+Family make_family(const std::string& name) {
+    for (const FamilyMaker& maker : family_makers)
+        if (name == maker.name)
+            return {maker.create(), maker.destroy};
+    throw ConfigError({}, "libapriltag has no family '" + name + "'");
+}
+
+// The library's table of correctable codes grows with codes * bits^errors: two wrong bits in a
+// family of 42 211 codes would take gigabytes.
+int correctable_bits(const apriltag_family_t& family) {
+    return family.ncodes > 5000 ? 1 : 2;
+}
+
+// The library lists the corners from the bottom left counter-clockwise; ours from the top left
+// clockwise.
+std::array<Eigen::Vector2d, 4> corners_in_our_convention(const apriltag_detection_t& detection) {
+    constexpr double offset = ApriltagFinder::library_offset_px;
+    std::array<Eigen::Vector2d, 4> corners;
+    for (std::size_t i = 0; i < corners.size(); ++i)
+        corners[i] = {detection.p[3 - i][0] - offset, detection.p[3 - i][1] - offset};
+    return corners;
+}
+
+// The library's families have a border of one cell; wider ones move the data inwards.
+void widen_border(apriltag_family_t& family, int border_cells) {
+    const int more = border_cells - 1;
+    family.width_at_border += 2 * more;
+    family.total_width += 2 * more;
+    for (std::uint32_t i = 0; i < family.nbits; ++i) {
+        family.bit_x[i] += static_cast<std::uint32_t>(more);
+        family.bit_y[i] += static_cast<std::uint32_t>(more);
+    }
+}
+
+}  // namespace
+
+struct ApriltagFinder::Handles {
+    Family family;  // outlives the finder, which refers to it
+    Finder finder;
+};
+
+ApriltagFinder::ApriltagFinder(const std::string& family, int border_cells,
+                               const ApriltagOptions& options)
+    : handles_(new Handles{make_family(family),
+                           {apriltag_detector_create(), apriltag_detector_destroy}}) {
+    if (border_cells > 1)
+        widen_border(*handles_->family, border_cells);
+    apriltag_detector_t& finder = *handles_->finder;
+    finder.nthreads = 1;  // the same image gives the same result
+    finder.quad_decimate = static_cast<float>(options.quad_decimate);
+    finder.refine_edges = options.refine_edges;
+    apriltag_detector_add_family_bits(&finder, handles_->family.get(),
+                                      correctable_bits(*handles_->family));
+}
+
+ApriltagFinder::~ApriltagFinder() = default;
+
+std::vector<FoundTag> ApriltagFinder::find(cv::Mat image) {
+    constexpr int min_tag = 8;  // px; the library's tiles need this much, too
+    const double smallest_side = min_tag * handles_->finder->quad_decimate;
+    if (image.cols < smallest_side || image.rows < smallest_side)
+        return {};
+    image_u8_t view{image.cols, image.rows, static_cast<int32_t>(image.step), image.data};
+    const Detections detections(apriltag_detector_detect(handles_->finder.get(), &view),
+                                apriltag_detections_destroy);
+    std::vector<FoundTag> tags;
+    for (int i = 0; i < zarray_size(detections.get()); ++i) {
+        apriltag_detection_t* detection = nullptr;
+        zarray_get(detections.get(), i, &detection);
+        tags.push_back({detection->id, corners_in_our_convention(*detection)});
+    }
+    return tags;
+}
+
+}  // namespace etalon

@@ -1,0 +1,80 @@
+// Targets that a camera is calibrated with, and what a photograph shows of them.
+//
+//   chessboard:9x6@25mm               charuco:4X4_50:9x6@30mm/22mm
+//   circles:7x6@20mm/12mm             aprilgrid:36h11:6x5@40mm/12mm (Kalibr's)
+//   acircles:4x11@20mm/12mm           squares:4x3@30mm/20mm
+//   hexcircles:28x24@12mm/10mm
+//
+// A target is a board of sim/marker/marker.h, which can be printed, placed in a scene and rendered;
+// here is what finds its points in photographs: in our pixel convention (docs/conventions.md), to
+// sub-pixel, each with its index on the target. Not for single tags and their poses:
+// compare/detect/detector.h. How far off the points are, by kind: docs/calibration.md, "Targets".
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+#include "calib/intrinsics/calibration_view.h"
+#include "core/geometry/rigid.h"
+#include "core/image/image.h"
+#include "sim/marker/marker.h"
+
+namespace etalon {
+
+struct CalibrationTarget {
+    Marker board;
+};
+
+// Throws ConfigError at `place` for what sim/marker/marker.h cannot parse and for a marker that is
+// no board with points enough to calibrate with: single tags, bitmaps, boards with less than 3x3
+// inner corners or circles, less than 2x2 tags, or less than 3x3 squares of a ChArUco board.
+CalibrationTarget parse_calibration_target(const std::string& spec, const std::string& place);
+// The same of a marker that is at hand.
+CalibrationTarget calibration_target(const Marker& board, const std::string& place);
+
+// What a photograph shows of a target.
+struct ObservedTarget {
+    std::optional<CalibrationView> view;
+    std::string reason;  // why there is none, in words
+    // The board's name where it is drawn in the other of ChArUco's two layouts, which has its
+    // points in the same places.
+    std::string shown_as = {};
+};
+
+// The target's points in a photograph, each with its index into Marker::points_mm in `ids`; nothing
+// when less than six are seen (four of a board of 3x3 squares), or only some in one line.
+// Chessboards and circles must be whole in the picture, but single points that dirt or glare hides
+// are left out; ChArUco boards and AprilTag grids may be seen in part. Points of other things in
+// the picture are not taken for the target's. Never throws for what an image holds. The same image
+// gives the same result; safe from every thread. 50 to 250 ms for 640x480 px, up to a second where
+// there is no target.
+//
+// Of circles these are the centroids of their images, which are not the images of their centres:
+// with_circle_centres().
+ObservedTarget observe(const CalibrationTarget& target, const CodeImage& image);
+
+// Where the centres of the circles are seen, for a camera and pose that are known about: each
+// centroid less the distance from the projected centre to the centroid of the projected disk,
+// perspective and distortion included (Mallon and Whelan, "Which pattern? Biasing aspects of planar
+// calibration patterns and detection methods", Pattern Recognition Letters 28, 2007). `observed` is
+// always what observe() gave: calibrate, correct, calibrate again; the second camera is so near to
+// the first that a third round changes nothing (the bias is a pixel at most, and its error that of
+// its camera, some 1e-3 of it). Points without a projection stay as they are, and so do the views
+// of all other kinds, which have no such bias.
+CalibrationView with_circle_centres(const CalibrationTarget& target,
+                                    const CalibrationView& observed, const CameraModel& camera,
+                                    const Rigid& camera_from_target);
+
+// Views of one camera, all that observe() gave, corrected by a first calibration of them with this
+// model (nothing: the advised one). Throws as calibrate_camera() does; free for other targets.
+std::vector<CalibrationView> with_circle_centres(const CalibrationTarget& target,
+                                                 std::vector<CalibrationView> views,
+                                                 cv::Size image_size,
+                                                 const std::optional<std::string>& model = {});
+
+// Whether with_circle_centres() has anything to correct.
+bool has_circles(const CalibrationTarget& target);
+
+}  // namespace etalon

@@ -1,0 +1,179 @@
+#include "compare/detect/board/chessboard_corners.h"
+
+#include <fmt/format.h>
+
+#include <limits>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "compare/detect/board/saddle_point.h"
+#include "compare/detect/detector_adaptors.h"
+#include "core/program/errors.h"
+
+namespace etalon {
+namespace {
+
+// Of the corners of a board, row by row.
+struct Board {
+    std::vector<cv::Point2f> corners;
+    int columns, rows;
+
+    const cv::Point2f& at(int row, int column) const { return corners[row * columns + column]; }
+};
+
+Eigen::Vector2d to_eigen(const cv::Point2f& p) {
+    return {p.x, p.y};
+}
+
+// Pixels to the next corner along a row (1, 0) or a column (0, 1): the mean of both sides.
+Eigen::Vector2d step_at(const Board& board, int row, int column, int along, int down) {
+    const int last_column = board.columns - 1, last_row = board.rows - 1;
+    const int before_column = std::max(column - along, 0), before_row = std::max(row - down, 0);
+    const int after_column = std::min(column + along, last_column),
+              after_row = std::min(row + down, last_row);
+    const int steps = after_column - before_column + after_row - before_row;
+    return to_eigen(board.at(after_row, after_column) - board.at(before_row, before_column)) /
+           steps;
+}
+
+double smallest_spacing(const Board& board) {
+    double smallest = std::numeric_limits<double>::infinity();
+    for (int row = 0; row < board.rows; ++row)
+        for (int column = 0; column < board.columns; ++column) {
+            const cv::Point2f here = board.at(row, column);
+            if (column + 1 < board.columns)
+                smallest = std::min(smallest, cv::norm(board.at(row, column + 1) - here));
+            if (row + 1 < board.rows)
+                smallest = std::min(smallest, cv::norm(board.at(row + 1, column) - here));
+        }
+    return smallest;
+}
+
+// Room is what is left to the sides of the four squares that do not meet in the corner.
+SaddleGuess guess_of(const Board& board, int row, int column, bool lower_right_is_black) {
+    const Eigen::Vector2d along = step_at(board, row, column, 1, 0),
+                          down = step_at(board, row, column, 0, 1);
+    const double area = std::abs(along.x() * down.y() - along.y() * down.x());
+    return {to_eigen(board.at(row, column)),
+            {along, lower_right_is_black ? down : Eigen::Vector2d(-down)},
+            area / std::max(along.norm(), down.norm())};
+}
+
+// Mirrored orders do not occur on a board seen from the front: rows are then counted from the
+// wrong side.
+void make_right_handed(Board& board) {
+    const cv::Point2f origin = board.at(0, 0);
+    const cv::Point2f along_row = board.at(0, board.columns - 1) - origin;
+    const cv::Point2f down = board.at(board.rows - 1, 0) - origin;
+    if (along_row.cross(down) >= 0.0)
+        return;
+    for (int row = 0; row < board.rows / 2; ++row)
+        std::swap_ranges(board.corners.begin() + row * board.columns,
+                         board.corners.begin() + (row + 1) * board.columns,
+                         board.corners.begin() + (board.rows - 1 - row) * board.columns);
+}
+
+// How much brighter the squares between inner corners are whose row and column add to an even
+// number, at their centres. They are the black ones in sim/marker/marker.h.
+double even_minus_odd(const Board& board, const cv::Mat& pixels) {
+    double sum[2] = {0, 0};
+    int count[2] = {0, 0};
+    for (int row = 0; row + 1 < board.rows; ++row)
+        for (int column = 0; column + 1 < board.columns; ++column) {
+            const cv::Point2f centre =
+                0.25f * (board.at(row, column) + board.at(row, column + 1) +
+                         board.at(row + 1, column) + board.at(row + 1, column + 1));
+            const cv::Point pixel(cvRound(centre.x), cvRound(centre.y));
+            if (!cv::Rect(0, 0, pixels.cols, pixels.rows).contains(pixel))
+                continue;
+            sum[(row + column) % 2] += pixels.at<float>(pixel);
+            ++count[(row + column) % 2];
+        }
+    return sum[0] / std::max(count[0], 1) - sum[1] / std::max(count[1], 1);
+}
+
+// As seen after the board was turned by 90 degrees clockwise.
+void turn_by_a_quarter(Board& board) {
+    std::vector<cv::Point2f> turned;
+    for (int column = 0; column < board.columns; ++column)
+        for (int row = board.rows - 1; row >= 0; --row)
+            turned.push_back(board.at(row, column));
+    board.corners = std::move(turned);
+    std::swap(board.columns, board.rows);
+}
+
+// With the histogram spread over all levels, which dark photos need, and without, which serves
+// bright ones better; then from saddles instead of squares, which sees boards whose outer squares
+// the image cuts.
+bool find_board_at_scale(const cv::Mat& image, Board& board) {
+    const cv::Size size(board.columns, board.rows);
+    for (const int flags : {cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE,
+                            static_cast<int>(cv::CALIB_CB_ADAPTIVE_THRESH)})
+        if (cv::findChessboardCorners(image, size, board.corners, flags))
+            return true;
+    return cv::findChessboardCornersSB(image, size, board.corners,
+                                       cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE);
+}
+
+// Large images are halved first, where the finder is quick and squares are large enough; what it
+// gives is refined on the whole image.
+bool find_whole_board(const cv::Mat& image, Board& board) {
+    constexpr double enough_pixels = 1.5e6;
+    cv::Mat halved = image;
+    float factor = 1.0f;
+    for (; static_cast<double>(halved.total()) > enough_pixels; factor *= 2.0f)
+        cv::resize(halved, halved, {}, 0.5, 0.5, cv::INTER_AREA);
+    if (factor > 1.0f && find_board_at_scale(halved, board)) {
+        for (cv::Point2f& corner : board.corners)
+            corner = factor * (corner + cv::Point2f(0.5f, 0.5f)) - cv::Point2f(0.5f, 0.5f);
+        return true;
+    }
+    return find_board_at_scale(image, board);
+}
+
+ChessboardCorners refined(const Board& board, const cv::Mat& pixels) {
+    ChessboardCorners found;
+    found.smallest_spacing_px = smallest_spacing(board);
+    double smallest_room = std::numeric_limits<double>::infinity();
+    const bool even_is_black = even_minus_odd(board, pixels) <= 0.0;
+    for (int row = 0; row < board.rows; ++row)
+        for (int column = 0; column < board.columns; ++column) {
+            const SaddleGuess guess =
+                guess_of(board, row, column, ((row + column) % 2 == 0) == even_is_black);
+            smallest_room = std::min(smallest_room, guess.room_px);
+            const auto corner = refine_saddle(pixels, guess);
+            found.pixels.push_back(corner.value_or(guess.pixel));
+            found.refined.push_back(corner.has_value());
+        }
+    found.refinement_half_window_px = static_cast<int>(saddle_window_px(smallest_room));
+    return found;
+}
+
+}  // namespace
+
+std::optional<ChessboardCorners> find_chessboard_corners(const CodeImage& image, int columns,
+                                                         int rows) {
+    if (columns < 3 || rows < 3)
+        throw ConfigError({}, fmt::format("a board of {}x{} inner corners cannot be found: 3x3 at "
+                                          "least",
+                                          columns, rows));
+    // Below two pixels a square nothing is seen, and OpenCV would throw.
+    if (std::min(image.pixels.cols, image.pixels.rows) < 2 * (std::min(columns, rows) + 1))
+        return std::nullopt;
+    Board board{{}, columns, rows};
+    if (!find_whole_board(as_8_bit(image), board))
+        return std::nullopt;
+    make_right_handed(board);
+    cv::Mat pixels;
+    image.pixels.convertTo(pixels, CV_32F, 1.0 / image.full_scale());
+    const bool exchanged = even_minus_odd(board, pixels) > 0.0;
+    if (exchanged && (columns + rows) % 2 == 1)
+        std::reverse(board.corners.begin(), board.corners.end());
+    else if (exchanged && columns == rows)
+        turn_by_a_quarter(board);
+    ChessboardCorners found = refined(board, pixels);
+    found.lies_on_its_side = exchanged && (columns + rows) % 2 == 0 && columns != rows;
+    return found;
+}
+
+}  // namespace etalon

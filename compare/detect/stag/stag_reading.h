@@ -1,0 +1,45 @@
+// Reads a STag codeword out of a quadrilateral, and tells whether it is a marker's own.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <opencv2/core.hpp>
+#include <optional>
+
+#include "compare/detect/stag/stag_quads.h"
+#include "sim/marker/stag_codes.h"
+
+namespace etalon {
+
+// From the marker's plane, sides of its black square, origin at its centre, x right, y down, to
+// homogeneous pixels.
+using Homography = Eigen::Matrix3d;
+
+// That takes the square's corners, from its top left clockwise, to these pixels. Nothing when three
+// of them are on a line.
+std::optional<Homography> homography_to(const Quad& corners);
+
+// Largest over smallest depth of the square's corners, as far as the image shows it: 1 for a marker
+// seen squarely. Not above 0 when a corner would be behind the camera.
+double depth_ratio(const Homography& image_from_marker);
+
+struct StagReading {
+    StagCode code = 0;      // as seen: upright only if the first corner is the marker's top left
+    double contrast = 0.0;  // mean white reference - mean black reference, in the image's values
+};
+
+// Samples the 48 code points and 12 black and 12 white references outside the circle, bilinearly,
+// in a CV_32FC1 image, and cuts between black and white by Otsu's method. Nothing when a point is
+// outside the image.
+std::optional<StagReading> read_stag_code(const cv::Mat& image,
+                                          const Homography& image_from_marker);
+
+// How a reading differs from a marker's word: by so many discs, with the marker turned by so many
+// quarters counter-clockwise. The least of the four.
+struct StagMatch {
+    int wrong_bits = 0;
+    int quarters = 0;
+};
+StagMatch match_stag_code(StagCode seen, StagCode word);
+
+}  // namespace etalon

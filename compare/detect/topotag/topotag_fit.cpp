@@ -1,0 +1,282 @@
+#include "compare/detect/topotag/topotag_fit.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <span>
+
+#include "compare/detect/topotag/topotag_image.h"
+#include "core/statistics/median.h"
+
+namespace etalon {
+namespace {
+
+// The tag as it is seen around one node. The baseline's two vertices have one window: the tone
+// curve moves its outer edges towards its middle, not its vertices.
+struct Window {
+    std::size_t first_vertex = 0;
+    std::vector<TopotagShape> dots;  // at the vertices, whether they are there or not
+    Eigen::Vector2d centre_cell, low_cell, high_cell;
+    Eigen::Vector2d offset_px = Eigen::Vector2d::Zero();  // from where the homography puts it
+};
+
+struct WindowFit {
+    double step = 0.0;  // white - black
+    Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();
+    double blur_growth = 0.0;  // of the logarithm
+    double white_growth_px = 0.0;
+    double dot = 0.0;  // how much more of its dots is there than the pattern says
+    double dot_deviation = 0.0;
+    double residual_square = 0.0, variance = 0.0;
+};
+
+Eigen::Vector2d seen_at(const Eigen::Matrix3d& h, const Eigen::Vector2d& place) {
+    return (h * place.homogeneous()).hnormalized();
+}
+
+// Of the homography around a place.
+Eigen::Matrix2d jacobian(const Eigen::Matrix3d& h, const Eigen::Vector2d& place) {
+    const Eigen::Vector3d there = h * place.homogeneous();
+    return (h.topLeftCorner<2, 2>() - there.hnormalized() * h.bottomLeftCorner<1, 2>()) / there.z();
+}
+
+// What all windows of an iteration share.
+struct TagView {
+    Eigen::Matrix3d pixel_from_cell, cell_from_pixel;
+    std::vector<TopotagShape> shapes;
+    double blur_px, white_growth_px;
+};
+
+// The pixels that may be in a window; nothing when the image does not hold all of them.
+std::optional<cv::Rect> pixels_of(const Window& window, const TagView& view, const cv::Size& size) {
+    Eigen::Array2d low = Eigen::Array2d::Constant(1e9), high = -low;
+    for (const double x : {window.low_cell.x(), window.high_cell.x()})
+        for (const double y : {window.low_cell.y(), window.high_cell.y()}) {
+            const Eigen::Vector2d corner = seen_at(view.pixel_from_cell, {x, y}) + window.offset_px;
+            low = low.min(corner.array());
+            high = high.max(corner.array());
+        }
+    if (!(low.minCoeff() >= 0.0 && high.x() <= size.width - 1.0 && high.y() <= size.height - 1.0))
+        return std::nullopt;
+    const Eigen::Array2i first = low.ceil().cast<int>(), last = high.floor().cast<int>();
+    return cv::Rect(first.x(), first.y(), last.x() - first.x() + 1, last.y() - first.y() + 1);
+}
+
+// Linear least squares in the order of the terms: dark, step, its change along x and y, the shift
+// times the step (x, y), and times it the growths of blur and white and the dots.
+class WindowEquations {
+public:
+    static constexpr int terms = 9;
+    using Terms = Eigen::Matrix<double, terms, 1>;
+
+    void add(const Terms& row, double value) {
+        normal_.selfadjointView<Eigen::Lower>().rankUpdate(row);
+        right_ += row * value;
+        sum_ += value;
+        square_ += value * value;
+        ++count_;
+    }
+
+    std::optional<WindowFit> solve() const {
+        if (count_ < 2 * terms)
+            return std::nullopt;
+        const Eigen::LDLT<Eigen::MatrixXd> solver{Eigen::MatrixXd(normal_)};
+        const Eigen::VectorXd found = solver.solve(Eigen::VectorXd(right_)),
+                              dot = solver.solve(Eigen::VectorXd(Terms::Unit(terms - 1)));
+        if (!found.allFinite() || !dot.allFinite() || !(found[1] > 0.0))
+            return std::nullopt;
+        WindowFit fit;
+        fit.step = found[1];
+        fit.shift_px = found.segment<2>(4) / fit.step;
+        fit.blur_growth = found[6] / fit.step;
+        fit.white_growth_px = found[7] / fit.step;
+        fit.dot = found[8] / fit.step;
+        fit.residual_square = std::max(0.0, square_ - found.dot(right_));
+        const double noise_square = fit.residual_square / (count_ - terms);
+        fit.dot_deviation = std::sqrt(noise_square * std::max(0.0, dot[8])) / fit.step;
+        fit.variance = square_ - sum_ * sum_ / count_;
+        return fit;
+    }
+
+private:
+    Eigen::Matrix<double, terms, terms> normal_ = Eigen::Matrix<double, terms, terms>::Zero();
+    Terms right_ = Terms::Zero();
+    double sum_ = 0.0, square_ = 0.0;
+    int count_ = 0;
+};
+
+std::optional<WindowFit> fit_window(const cv::Mat& pixels, const Window& window,
+                                    const TagView& view) {
+    constexpr double max_a_side = 32.0;  // pixels; of larger windows only every n-th
+    const auto area = pixels_of(window, view, pixels.size());
+    const Eigen::Matrix2d cell_per_px =
+        jacobian(view.cell_from_pixel, seen_at(view.pixel_from_cell, window.centre_cell));
+    const SeenEdges edges(view.blur_px, view.white_growth_px, cell_per_px);
+    if (!area || !(edges.sigma.allFinite() && edges.sigma.minCoeff() > 0.0))
+        return std::nullopt;
+    const std::vector<TopotagShape> shapes =
+        shapes_between(window.low_cell, window.high_cell, view.shapes, edges);
+    const int stride =
+        static_cast<int>(std::ceil(std::max(area->width, area->height) / max_a_side));
+    WindowEquations equations;
+    for (int y = area->y; y < area->br().y; y += stride)
+        for (int x = area->x; x < area->br().x; x += stride) {
+            const Eigen::Vector2d cell =
+                seen_at(view.cell_from_pixel, Eigen::Vector2d(x, y) - window.offset_px);
+            if (!((cell.array() >= window.low_cell.array()).all() &&
+                  (cell.array() <= window.high_cell.array()).all()))
+                continue;
+            const Shade m = shade(shapes, cell, edges);
+            const Eigen::Vector2d slope = cell_per_px.transpose() * m.slope.head<2>();
+            const Eigen::Vector2d away = cell - window.centre_cell;
+            double dots = 0.0;
+            for (const TopotagShape& shape : window.dots)
+                dots += cover(shape, cell, edges).value;
+            WindowEquations::Terms row;
+            row << 1.0, m.value, m.value * away.x(), m.value * away.y(), -slope.x(), -slope.y(),
+                m.slope[2], m.slope[3], dots;
+            equations.add(row, pixels.at<float>(y, x));
+        }
+    return equations.solve();
+}
+
+// Windows reach to the middle of the gap to the next node.
+std::vector<Window> windows_of(int order, bool is_round) {
+    const Eigen::Vector2d reach = Eigen::Vector2d::Constant(topotag_spacing / 2.0);
+    const std::vector<Eigen::Vector2d> cells = topotag_vertices(order);
+    std::vector<Window> windows;
+    for (std::size_t i = 0; i < cells.size(); i += windows.back().dots.size()) {
+        const std::size_t count = i == 0 ? 2 : 1;
+        const Eigen::Vector2d& last = cells[i + count - 1];
+        Window window{i, {}, (cells[i] + last) / 2.0, cells[i] - reach, last + reach};
+        for (std::size_t j = i; j < i + count; ++j)
+            window.dots.push_back({cells[j], topotag_dot_half_side, is_round, true});
+        windows.push_back(std::move(window));
+    }
+    return windows;
+}
+
+// The id with which the dots agree; nothing for one that no int holds.
+std::optional<int> read_id(const std::vector<WindowFit>& fits, int id, int count) {
+    long long result = 0;
+    for (std::size_t i = 1; i < fits.size(); ++i) {  // the first is the baseline's
+        const std::size_t weight = fits.size() - 1 - i;
+        const double dot = static_cast<double>((static_cast<long long>(id) >> weight) & 1);
+        if (dot + fits[i].dot > 0.5)
+            result |= 1LL << weight;
+    }
+    if (result >= count)
+        return std::nullopt;
+    return static_cast<int>(result);
+}
+
+// All windows are within the frame, the first shape: without it they start black, as they should.
+std::optional<TagView> view_of(const std::string& family, const TopotagFit& tag) {
+    const auto h = pixel_from_cell(topotag_order(family), tag.vertices);
+    if (!h)
+        return std::nullopt;
+    std::vector<TopotagShape> shapes = topotag_shapes(family, tag.id);
+    shapes.erase(shapes.begin());
+    return TagView{*h, h->inverse(), std::move(shapes), tag.blur_px, tag.white_growth_px};
+}
+
+// How far the window's vertices are from where the homography puts them, on average.
+Eigen::Vector2d offset_of(const Window& window, const TagView& view,
+                          const std::vector<Eigen::Vector2d>& vertices) {
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+    for (std::size_t i = 0; i < window.dots.size(); ++i)
+        sum += vertices[window.first_vertex + i] -
+               seen_at(view.pixel_from_cell, window.dots[i].centre);
+    return sum / static_cast<double>(window.dots.size());
+}
+
+void place_vertices(const Window& window, const TagView& view, const Eigen::Vector2d& shift_px,
+                    std::vector<Eigen::Vector2d>& vertices) {
+    for (std::size_t i = 0; i < window.dots.size(); ++i)
+        vertices[window.first_vertex + i] =
+            seen_at(view.pixel_from_cell, window.dots[i].centre) + window.offset_px + shift_px;
+}
+
+// Blur, step and how much is explained, of all windows together.
+void summarise(const std::vector<WindowFit>& fits, TopotagFit& result) {
+    constexpr double min_blur_px = 0.28;  // that of a pixel's box alone
+    constexpr double max_growth = 0.5;
+    std::vector<double> steps, growths, whites;
+    double residual = 0.0, variance = 0.0;
+    for (const WindowFit& fit : fits) {
+        steps.push_back(fit.step);
+        growths.push_back(fit.blur_growth);
+        whites.push_back(fit.white_growth_px);
+        residual += fit.residual_square;
+        variance += fit.variance;
+    }
+    const double growth = std::clamp(median(growths), -max_growth, max_growth);
+    result.blur_px = std::max(min_blur_px, result.blur_px * std::exp(growth));
+    result.white_growth_px = std::clamp(result.white_growth_px + median(whites), -1.0, 1.0);
+    result.step = median(steps);
+    result.explained = 1.0 - residual / variance;
+}
+
+// Black nodes on white as strong as the others', and dots that are there or are not. A wrong bit
+// would need a dot that is wrong by 0.65, six and a half of the deviations that are let pass.
+bool looks_like_a_tag(const std::vector<WindowFit>& fits, const TopotagFit& tag) {
+    constexpr double min_explained = 0.8, min_step = 0.4;  // of the median
+    constexpr double max_doubt = 0.35, max_dot_deviation = 0.1;
+    return tag.explained > min_explained &&
+           std::all_of(fits.begin(), fits.end(), [&](const WindowFit& fit) {
+               return fit.step > min_step * tag.step && std::abs(fit.dot) < max_doubt &&
+                      fit.dot_deviation < max_dot_deviation;
+           });
+}
+
+}  // namespace
+
+std::optional<Eigen::Matrix3d> pixel_from_cell(int order,
+                                               const std::vector<Eigen::Vector2d>& vertices) {
+    std::vector<cv::Point2d> cells, pixels;
+    for (const Eigen::Vector2d& cell : topotag_vertices(order))
+        cells.emplace_back(cell.x(), cell.y());
+    for (const Eigen::Vector2d& pixel : vertices)
+        pixels.emplace_back(pixel.x(), pixel.y());
+    const cv::Mat h = cv::findHomography(cells, pixels, 0);
+    if (h.empty())
+        return std::nullopt;
+    Eigen::Matrix3d result;
+    for (int i = 0; i < 9; ++i)
+        result(i / 3, i % 3) = h.at<double>(i / 3, i % 3);
+    return result;
+}
+
+std::optional<TopotagFit> fit_topotag(const cv::Mat& pixels, const std::string& family,
+                                      const std::vector<Eigen::Vector2d>& vertices) {
+    constexpr int iterations = 3;
+    constexpr double start_blur_px = 0.6;
+    const int order = topotag_order(family), count = topotag_count(family);
+    TopotagFit result{0, vertices};
+    result.blur_px = start_blur_px;
+    std::vector<Window> windows = windows_of(order, topotag_shapes(family, 0).back().is_round);
+    std::vector<WindowFit> fits;
+    for (int iteration = 0; iteration < iterations; ++iteration) {
+        const auto view = view_of(family, result);
+        if (!view)
+            return std::nullopt;
+        fits.clear();
+        for (Window& window : windows) {
+            window.offset_px = offset_of(window, *view, result.vertices);
+            const auto fit = fit_window(pixels, window, *view);
+            if (!fit)
+                return std::nullopt;
+            fits.push_back(*fit);
+            place_vertices(window, *view, fit->shift_px, result.vertices);
+        }
+        summarise(fits, result);
+        const auto id = read_id(fits, result.id, count);
+        if (!id)
+            return std::nullopt;
+        result.id = *id;
+    }
+    return looks_like_a_tag(fits, result) ? std::optional(result) : std::nullopt;
+}
+
+}  // namespace etalon

@@ -1,0 +1,560 @@
+#include "compare/diagnosis/causes.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <numbers>
+#include <numeric>
+#include <optional>
+
+#include "compare/diagnosis/axis_spectrum.h"
+#include "compare/diagnosis/hypothesis_set.h"
+#include "core/program/errors.h"
+
+namespace etalon {
+namespace {
+
+using Set = SuspectSet;
+using Scores = SuspectScores;
+
+// -------------------------------------------------------------------------------- the ranking
+
+double log_sum(const Scores& scores, double one_more) {
+    double largest = one_more;
+    for (const auto& [set, score] : scores)
+        largest = std::max(largest, score);
+    double sum = std::exp(one_more - largest);
+    for (const auto& [set, score] : scores)
+        sum += std::exp(score - largest);
+    return largest + std::log(sum);
+}
+
+CausingError described(const HypothesisSet& comparison, const Set& set, std::size_t member) {
+    const auto fit = comparison.fit(set);
+    Eigen::Index first = 0;
+    for (const std::size_t i : set) {
+        if (i == member)
+            break;
+        first += comparison.suspect(i).corners_px.cols();
+    }
+    const ErrorCandidate& suspect = comparison.suspect(member);
+    const Eigen::Index length = suspect.corners_px.cols();
+    const Eigen::VectorXd numbers = fit->numbers.segment(first, length);
+    const Eigen::MatrixXd covariance =
+        comparison.covariance(set).block(first, first, length, length);
+    const double size = length == 1 ? numbers[0] : numbers.norm();
+    const Eigen::VectorXd along =
+        length == 1 ? Eigen::VectorXd::Ones(1) : Eigen::VectorXd(numbers.normalized());
+    CausingError error;
+    error.names = {suspect.name};
+    error.size = size * suspect.size;
+    error.expanded_uncertainty =
+        2.0 * std::sqrt(along.dot(covariance * along)) * suspect.size * comparison.scatter(*fit);
+    error.unit = suspect.unit;
+    error.remedies = {suspect.remedy};
+    return error;
+}
+
+// Where a set explains no more than one of its subsets is worth, it is that subset with a member
+// too many: its probability is the subset's.
+std::map<Set, double> probabilities(const Scores& scores, double log_total) {
+    std::map<Set, double> of_needed;
+    for (const auto& [set, score] : scores) {
+        Set needed = set;
+        for (bool is_smaller = true; is_smaller;) {
+            is_smaller = false;
+            for (const std::size_t member : Set(needed)) {
+                const auto subset = scores.find(without(needed, member));
+                if (subset != scores.end() && subset->second >= scores.at(needed)) {
+                    needed = subset->first;
+                    is_smaller = true;
+                    break;
+                }
+            }
+        }
+        of_needed[needed] += std::exp(score - log_total);
+    }
+    return of_needed;
+}
+
+// Takes sets of as many members as these or more that are as good as the best, whatever their
+// members, but none that holds one of these: the best ones first.
+void claim_instead(const HypothesisSet& comparison, const std::vector<Set>& these, double least,
+                   std::map<Set, double>& left, Cause& cause) {
+    const auto has_all_of = [](const Set& set) {
+        return [&set](const Set& one) { return std::ranges::includes(set, one); };
+    };
+    std::vector<std::pair<double, Set>> others;
+    for (const auto& [set, probability] : left)
+        if (set.size() >= these.front().size() && probability > least &&
+            std::ranges::none_of(these, has_all_of(set)))
+            others.emplace_back(-probability, set);
+    std::ranges::sort(others);
+    for (const auto& [negative, set] : others) {
+        std::vector<std::string>& names = cause.instead.emplace_back();
+        for (const std::size_t i : set)
+            names.push_back(comparison.suspect(i).name);
+        cause.probability -= negative;
+        left.erase(set);
+    }
+}
+
+// The best unclaimed set with every one that differs from it in a member that could be another, and
+// with those that differ in more.
+Cause claimed(const HypothesisSet& comparison, const Set& best, std::map<Set, double>& left) {
+    constexpr double as_good = 0.01;
+    Cause cause;
+    const double probability = left.at(best);
+    cause.probability = probability;
+    left.erase(best);
+    std::vector<Set> these{best};
+    for (const std::size_t member : best) {
+        CausingError error = described(comparison, best, member);
+        std::vector<std::pair<double, std::size_t>> others;
+        for (std::size_t i = 0; i < comparison.size(); ++i) {
+            const auto swapped = left.find(with(without(best, member), i));
+            if (swapped != left.end() && swapped->second > as_good * probability)
+                others.emplace_back(-swapped->second, i);
+        }
+        std::ranges::sort(others);
+        for (const auto& [negative, i] : others) {
+            error.names.push_back(comparison.suspect(i).name);
+            error.remedies.push_back(comparison.suspect(i).remedy);
+            cause.probability -= negative;
+            these.push_back(with(without(best, member), i));
+            left.erase(these.back());
+        }
+        cause.errors.push_back(std::move(error));
+    }
+    if (best.size() > 1)
+        claim_instead(comparison, these, as_good * probability, left, cause);
+    return cause;
+}
+
+// What position and rotation of the marker could do smoothly over the volume, whoever does it:
+// constants are X's and Y's; linear and quadratic terms of the position, linear ones of the
+// rotation.
+ErrorCandidate smooth_change(const SignatureChain& chain) {
+    std::vector<Eigen::Vector3d> positions;
+    Eigen::Vector3d low, high;
+    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
+        positions.push_back(chain.camera_from_marker(i).translation);
+        low = i == 0 ? positions[i] : Eigen::Vector3d(low.cwiseMin(positions[i]));
+        high = i == 0 ? positions[i] : Eigen::Vector3d(high.cwiseMax(positions[i]));
+    }
+    const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
+    ErrorCandidate smooth{"none of these", "", "", 1.0, {}};
+    smooth.corners_px.resize(rows * std::ssize(positions), 36);
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+        const Eigen::Vector3d p =
+            (2.0 * positions[i] - low - high).cwiseQuotient((high - low).cwiseMax(1e-9));
+        Eigen::VectorXd terms(9);
+        terms << p, p.cwiseProduct(p), p.x() * p.y(), p.y() * p.z(), p.z() * p.x();
+        const Eigen::MatrixXd jacobian = chain.pose_jacobian(i);
+        for (Eigen::Index k = 0; k < 9; ++k)
+            smooth.corners_px.block(static_cast<Eigen::Index>(i) * rows, 3 * k, rows, 3) =
+                terms[k] * jacobian.rightCols<3>();
+        for (Eigen::Index k = 0; k < 3; ++k)
+            smooth.corners_px.block(static_cast<Eigen::Index>(i) * rows, 27 + 3 * k, rows, 3) =
+                terms[k] * jacobian.leftCols<3>();
+    }
+    return smooth;
+}
+
+// As many directions of its columns as X and Y leave.
+Eigen::MatrixXd spanned(const Eigen::MatrixXd& columns) {
+    const Eigen::VectorXd unscale =
+        columns.colwise().norm().cwiseMax(std::numeric_limits<double>::min()).cwiseInverse();
+    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> solver;
+    solver.setThreshold(1e-4);
+    solver.compute(columns * unscale.asDiagonal());
+    return solver.householderQ() * Eigen::MatrixXd::Identity(columns.rows(), solver.rank());
+}
+
+void require_usable(const DiagnosisInput& evidence) {
+    const std::size_t poses = evidence.request.chain.poses.size();
+    const auto rows = static_cast<Eigen::Index>(2 * evidence.request.chain.points_mm.size());
+    const bool is_usable =
+        poses > 2 && evidence.difference_px.size() == poses &&
+        evidence.covariance_px2.size() == poses &&
+        std::ranges::all_of(evidence.difference_px,
+                            [&](const Eigen::VectorXd& difference) {
+                                return difference.size() == rows && difference.allFinite();
+                            }) &&
+        std::ranges::all_of(evidence.covariance_px2, [&](const Eigen::MatrixXd& covariance) {
+            return covariance.rows() == rows && covariance.cols() == rows;
+        });
+    const Eigen::Index pixels = evidence.pixels.size();
+    const bool has_pixels =
+        pixels == std::ssize(evidence.request.pixel_errors) && evidence.pixels.allFinite() &&
+        evidence.pixel_covariance.rows() == pixels && evidence.pixel_covariance.cols() == pixels &&
+        (pixels == 0 ||
+         Eigen::LLT<Eigen::MatrixXd>(evidence.pixel_covariance).info() == Eigen::Success);
+    if (!is_usable || !has_pixels)
+        throw NumericalError("causes: poses, corners, pixels and covariances do not agree");
+}
+
+// The best member beside what is blamed already.
+const ErrorCandidate* best_member(const std::vector<ErrorCandidate>& family,
+                                  const NuisanceProjection& rows, const HypothesisSet& comparison,
+                                  const Set& beside) {
+    const ErrorCandidate* best = nullptr;
+    double best_score = -std::numeric_limits<double>::infinity();
+    const HypothesisSet blamed = comparison.only(beside);
+    Set all(beside.size() + 1);
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    for (const ErrorCandidate& member : family) {
+        HypothesisSet extended = blamed;
+        extended.add(member, rows.freed(member));
+        const double score = extended.score(all);
+        if (score > best_score) {
+            best_score = score;
+            best = &member;
+        }
+    }
+    return best;
+}
+
+// The best period of each axis that moves, beside what is blamed already.
+std::vector<ErrorCandidate> best_periods(const DiagnosisInput& evidence,
+                                         const NuisanceProjection& rows,
+                                         const HypothesisSet& comparison, const Set& beside) {
+    std::vector<ErrorCandidate> best;
+    const Eigen::VectorXd residual = comparison.residual(beside);
+    for (const StageAxisMotion& axis : evidence.request.axes) {
+        const Eigen::VectorXd advance = sensitivity_px(evidence.request, axis);
+        const AxisSpectrum spectrum(axis, rows.whitened_corners(advance), residual,
+                                    rows.absorbed());
+        int tried = 0;
+        const double shortest = axis.is_linear ? 1.0 : 5.0 * std::numbers::pi / 180.0;
+        const std::vector<double> periods = spectrum.periods(shortest, tried);
+        if (!periods.empty())
+            best.push_back(repeating_error(axis, advance, periods, tried));
+    }
+    return best;
+}
+
+// The search under one covariance: all error_candidates, and of periods and misplaced poses the
+// best alone and the best beside the best explanation.
+class Search {
+public:
+    Search(const DiagnosisInput& evidence, const std::vector<ErrorCandidate>& known)
+        : rows_(evidence),
+          metric_(declared_columns(evidence, rows_, known)),
+          comparison_(Observation(evidence, rows_, metric_,
+                                  known.size() + evidence.request.axes.size() + 1)) {
+        for (const ErrorCandidate& suspect : known)
+            add(suspect);
+        const std::vector<ErrorCandidate> poses = misplaced_poses(evidence.request);
+        for (const bool alone : {true, false}) {
+            const Set beside = alone ? Set{} : best(all_scores(comparison_));
+            std::vector<ErrorCandidate> more = best_periods(evidence, rows_, comparison_, beside);
+            more.push_back(*best_member(poses, rows_, comparison_, beside));
+            for (const ErrorCandidate& suspect : more)
+                if (std::ranges::find(chosen_, suspect.name, &ErrorCandidate::name) ==
+                    chosen_.end())
+                    add(chosen_.emplace_back(suspect));
+        }
+        scores_ = all_scores(comparison_);
+    }
+
+    Search(const Search&) = delete;  // its parts point to each other
+    Search& operator=(const Search&) = delete;
+
+    static Set best(const Scores& scores) {
+        return std::ranges::max_element(scores, {}, &Scores::value_type::second)->first;
+    }
+
+    const HypothesisSet& comparison() const { return comparison_; }
+    const Scores& scores() const { return scores_; }
+    double best_score() const { return scores_.at(best(scores_)); }
+    std::vector<ErrorCandidate> best_suspects() const {
+        std::vector<ErrorCandidate> all;
+        for (const std::size_t i : best(scores_))
+            all.push_back(comparison_.suspect(i));
+        return all;
+    }
+
+    // Of a smooth change that nobody needs to make.
+    double score_of_none(const ErrorCandidate& smooth) const {
+        HypothesisSet other = comparison_.only({});
+        other.add(smooth, spanned(rows_.freed(smooth)));
+        return other.score({0});
+    }
+
+private:
+    void add(const ErrorCandidate& suspect) {
+        const Eigen::MatrixXd freed = rows_.freed(suspect);
+        if (rows_.leaves_a_trace(suspect, freed))
+            comparison_.add(suspect, freed);
+    }
+
+    NuisanceProjection rows_;
+    Metric metric_;
+    HypothesisSet comparison_;
+    std::deque<ErrorCandidate> chosen_;
+    Scores scores_;
+};
+
+Causes ranked(const Search& search, const ErrorCandidate& smooth) {
+    const Scores& scores = search.scores();
+    const double none = search.score_of_none(smooth);
+    const double total = log_sum(scores, none);
+    Causes causes;
+    causes.none_of_these = std::exp(none - total);
+    causes.scatter = search.comparison().scatter(*search.comparison().fit(Search::best(scores)));
+    std::map<Set, double> left = probabilities(scores, total);
+    causes.no_error = left[{}];
+    left.erase(Set{});
+    constexpr std::size_t most_ranked = 6;
+    constexpr double least_probability = 0.01;
+    while (causes.ranked.size() < most_ranked && !left.empty()) {
+        const Set best =
+            std::ranges::max_element(left, {}, &std::map<Set, double>::value_type::second)->first;
+        const Cause cause = claimed(search.comparison(), best, left);
+        if (cause.probability < least_probability)
+            break;
+        causes.ranked.push_back(cause);
+    }
+    std::ranges::stable_sort(causes.ranked, std::greater(), &Cause::probability);
+    return causes;
+}
+
+// -------------------------------------------------------------------------------- random errors
+
+// Of a random error as of every number that is fitted, and its prior odds.
+double price(const DiagnosisInput& evidence, std::size_t known) {
+    return 0.5 * std::log(static_cast<double>(observed(evidence).size())) +
+           std::log(static_cast<double>(known));
+}
+
+// A random error, the evidence with it in the covariance, and the log of the odds that it gains.
+struct Scattered {
+    CausingError error;
+    DiagnosisInput evidence;
+    double gained = 0.0;
+};
+
+// The score of a few error_candidates under a covariance.
+double score_with(const DiagnosisInput& evidence, const NuisanceProjection& rows,
+                  const std::vector<ErrorCandidate>& error_candidates, std::size_t known) {
+    const Metric metric(Eigen::MatrixXd(observed(evidence).size(), 0));
+    HypothesisSet comparison(Observation(evidence, rows, metric, known));
+    Set set;
+    for (const ErrorCandidate& suspect : error_candidates) {
+        comparison.add(suspect, rows.freed(suspect));
+        set.push_back(set.size());
+    }
+    return comparison.score(set);
+}
+
+DiagnosisInput with_scatter(DiagnosisInput evidence, const RandomErrorCandidate& suspect,
+                            double size) {
+    for (std::size_t i = 0; i < evidence.covariance_px2.size(); ++i)
+        evidence.covariance_px2[i] +=
+            size * size * suspect.corners_px[i] * suspect.corners_px[i].transpose();
+    return evidence;
+}
+
+std::vector<double> sizes_up_to(double largest) {
+    std::vector<double> sizes;
+    for (double size = 1e-3; size < largest; size *= std::numbers::sqrt2)
+        sizes.push_back(size);
+    return sizes;
+}
+
+// The random error that makes the observed most probable beside what is explained already; nothing
+// where none is worth its price.
+std::optional<Scattered> best_scatter(const DiagnosisInput& evidence,
+                                      const std::vector<RandomErrorCandidate>& error_candidates,
+                                      const std::vector<double>& sizes,
+                                      const std::vector<ErrorCandidate>& beside,
+                                      std::size_t known) {
+    constexpr double rad_per_mm = 1e-2;
+    std::optional<Scattered> best;
+    const Eigen::MatrixXd xy = registration_columns(evidence);
+    const double without = score_with(evidence, NuisanceProjection(evidence, xy), beside, known);
+    for (const RandomErrorCandidate& suspect : error_candidates)
+        for (const double each : sizes) {
+            const double size = each * (suspect.unit == "rad" ? rad_per_mm : 1.0);
+            DiagnosisInput changed = with_scatter(evidence, suspect, size);
+            const double gained =
+                score_with(changed, NuisanceProjection(changed, xy), beside, known) - without -
+                price(evidence, known);
+            if (!(gained > (best ? best->gained : 0.0)))
+                continue;
+            const auto motions = static_cast<double>(suspect.corners_px.size()) *
+                                 static_cast<double>(suspect.corners_px.front().cols());
+            best.emplace(Scattered{{{suspect.name},
+                                    size,
+                                    2.0 * size / std::sqrt(2.0 * motions),
+                                    suspect.unit,
+                                    {suspect.remedy}},
+                                   std::move(changed),
+                                   gained});
+        }
+    return best;
+}
+
+// Where photograph and render lie apart by much of a pixel, the detector's biases in them differ:
+// corners scatter. Nothing where a random error of the stage explains it as well.
+std::optional<Scattered> corner_scatter(const DiagnosisInput& evidence,
+                                        const std::vector<ErrorCandidate>& beside,
+                                        std::size_t known) {
+    if (evidence.corner_modes.size() != evidence.difference_px.size())
+        return std::nullopt;
+    std::vector<RandomErrorCandidate> random = scatter_suspects(evidence.request);
+    random.push_back({"scatter of corners", "px", "", evidence.corner_modes});
+    auto best = best_scatter(evidence, random, sizes_up_to(1.0), beside, known);
+    return best && best->error.unit == "px" ? std::move(best) : std::nullopt;
+}
+
+// The sizes of the best explanation's errors that are not small.
+std::map<std::string, double> large_sizes(const Search& search) {
+    std::map<std::string, double> sizes;
+    const Set best = Search::best(search.scores());
+    for (const std::size_t member : best) {
+        const CausingError error = described(search.comparison(), best, member);
+        if (std::abs(error.size) > search.comparison().suspect(member).size)
+            sizes[error.names.front()] = error.size;
+    }
+    return sizes;
+}
+
+// Where the search begins in earnest: with the corners' scatter beside the best explanation in
+// their covariance, and its large errors at their size.
+struct Start {
+    DiagnosisInput evidence;
+    std::vector<ErrorCandidate> known;
+    double corner_scatter_px = 0.0;
+};
+
+Start start_of(const DiagnosisInput& evidence) {
+    constexpr int rounds = 2;
+    Start start{evidence, error_candidates(evidence.request)};
+    for (int i = 0; i < rounds; ++i) {
+        const Search search(start.evidence, start.known);
+        const auto sizes = large_sizes(search);
+        const auto bias = corner_scatter(evidence, search.best_suspects(), start.known.size());
+        if (sizes.empty() && !bias)
+            break;
+        start.known = error_candidates(evidence.request, sizes);
+        start.corner_scatter_px = bias ? bias->error.size : 0.0;
+        start.evidence.covariance_px2 =
+            bias ? bias->evidence.covariance_px2 : evidence.covariance_px2;
+    }
+    return start;
+}
+
+// "calibrate the camera again" of "k3 or k6"; of nothing where an error's remedies differ in more.
+struct Remedy {
+    std::string action, of;
+
+    explicit Remedy(const CausingError& error) {
+        for (const std::string& each : error.remedies) {
+            const std::size_t colon = each.find(": ");
+            if (colon == std::string::npos ||
+                (!action.empty() && action != each.substr(0, colon))) {
+                action = fmt::format("{}", fmt::join(error.remedies, ", or "));
+                of.clear();
+                return;
+            }
+            action = each.substr(0, colon);
+            of += (of.empty() ? "" : " or ") + each.substr(colon + 2);
+        }
+    }
+};
+
+}  // namespace
+
+std::string CausingError::text() const {
+    return fmt::format("{}", fmt::join(names, " ~ "));
+}
+
+std::string Cause::text() const {
+    std::vector<std::string> together;
+    for (const CausingError& error : errors)
+        together.push_back(error.text());
+    std::string all = fmt::format("{}", fmt::join(together, " and "));
+    for (const std::string& other : alternatives())
+        all += ", or " + other;
+    return all;
+}
+
+std::vector<std::string> Cause::alternatives() const {
+    constexpr std::size_t most = 3;
+    const std::size_t shown = instead.size() <= most ? instead.size() : most - 1;
+    std::vector<std::string> texts;
+    for (std::size_t i = 0; i < shown; ++i)
+        texts.push_back(fmt::format("{}", fmt::join(instead[i], " and ")));
+    if (shown < instead.size())
+        texts.push_back(fmt::format("one of {} other sets", instead.size() - shown));
+    return texts;
+}
+
+std::vector<std::string> Cause::remedies() const {
+    std::vector<Remedy> all;
+    for (const CausingError& error : errors) {
+        const Remedy one(error);
+        const auto same = std::ranges::find(all, one.action, &Remedy::action);
+        if (same == all.end())
+            all.push_back(one);
+        else if (!one.of.empty())
+            same->of += ", " + one.of;
+    }
+    std::vector<std::string> texts;
+    for (const Remedy& each : all)
+        if (!each.action.empty())
+            texts.push_back(each.of.empty() ? each.action : each.action + ": " + each.of);
+    return texts;
+}
+
+const Cause* Causes::named() const {
+    return !ranked.empty() && ranked.front().probability > 0.5 ? &ranked.front() : nullptr;
+}
+
+Causes blaming(const CausingError& error, double probability, Causes causes) {
+    for (Cause& cause : causes.ranked) {
+        cause.probability *= probability;
+        cause.errors.insert(cause.errors.begin(), error);
+        for (std::vector<std::string>& names : cause.instead)
+            names.insert(names.begin(), error.names.front());
+    }
+    causes.ranked.push_back({{error}, probability * causes.no_error});
+    causes.none_of_these *= probability;
+    causes.no_error = 0.0;
+    std::ranges::stable_sort(causes.ranked, std::greater(), &Cause::probability);
+    return causes;
+}
+
+Causes find_causes(const DiagnosisInput& evidence) {
+    require_usable(evidence);
+    const Start start = start_of(evidence);
+    const ErrorCandidate smooth = smooth_change(evidence.request.chain);
+    const Search plain(start.evidence, start.known);
+    Causes causes = ranked(plain, smooth);
+    const auto random = scatter_suspects(evidence.request);
+    const std::vector<double> sizes = sizes_up_to(1.5);  // mm, or 0.01 mrad
+    double best_odds = 0.0;
+    for (const auto& beside : {std::vector<ErrorCandidate>{}, plain.best_suspects()}) {
+        const auto scattered =
+            best_scatter(start.evidence, random, sizes, beside, start.known.size());
+        if (!scattered)
+            continue;
+        const Search search(scattered->evidence, start.known);
+        const double odds =
+            search.best_score() - plain.best_score() - price(evidence, start.known.size());
+        if (!(odds > best_odds))
+            continue;
+        best_odds = odds;
+        causes = blaming(scattered->error, 1.0 / (1.0 + std::exp(-odds)), ranked(search, smooth));
+    }
+    causes.corner_scatter_px = start.corner_scatter_px;
+    return causes;
+}
+
+}  // namespace etalon

@@ -1,0 +1,84 @@
+// Everything that a run may blame: each suspect with what it does to the corners of every used
+// pose, to first order. An error with several numbers (a sine and a cosine, the three components of
+// a drift) is one suspect with several columns.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "compare/diagnosis/error_catalogue.h"
+
+namespace etalon {
+
+// One axis as it was at the poses of a chain, and where the carriage would be had it gone `step`
+// further than it read, or stood `step` aside.
+struct StageAxisMotion {
+    std::string name;
+    bool is_linear = true;
+    double step = 0.0;             // mm, or rad of a rotary axis
+    std::vector<double> position;  // as read back, mm or rad
+    std::vector<int> approach;     // side that the axis came from, as in Pose; empty: not known
+    std::vector<Rigid> advanced;   // base_from_carriage
+    // Two ways across a linear axis, at `step`; empty for a rotary one.
+    std::array<std::vector<Rigid>, 2> aside;
+};
+
+struct ErrorCandidate {
+    std::string name, unit;
+    std::string remedy;  // what to do first: "look at the stage's axis z: backlash"
+    double size = 0.0;   // that one unit of a column stands for
+    // 2 rows per point and pose, px at `size`; of that of `only_pose` alone where there is one.
+    Eigen::MatrixXd corners_px;
+    // What it does to the pixel errors of the request, in their units, at `size`, by column; empty:
+    // nothing.
+    Eigen::MatrixXd pixels = {};
+    // Of how many like it that were tried this is the best: periods, poses.
+    int tried = 1;
+    std::optional<int> only_pose = {};  // of the chain's: it does nothing to the others
+};
+
+struct SuspectRequest {
+    const SignatureChain& chain;  // the used poses
+    std::vector<StageError> stage_errors;
+    std::vector<StageAxisMotion> axes;  // of the chain's poses; may be empty
+    std::vector<double> times_s;        // of the chain's poses; may be empty
+    // What photographs tell beside the corners (PixelEvidence in
+    // compare/diagnosis/image_agreement.h): each name is a suspect's.
+    std::vector<std::string> pixel_errors = {};
+};
+
+// Camera, marker, detector, stage, drift; of those named in `sizes` what they do when they are so
+// large, as theirs to first order would leave traces. Throws NumericalError when a corner has no
+// projection or sizes do not agree. Milliseconds.
+std::vector<ErrorCandidate> error_candidates(const SuspectRequest& request,
+                                             const std::map<std::string, double>& sizes = {});
+
+// Of which only the best is worth a word: that the marker was elsewhere at one of the poses.
+std::vector<ErrorCandidate> misplaced_poses(const SuspectRequest& request);
+std::string misplaced_pose_name(int index);
+std::string misplaced_pose_remedy(const std::string& pose);  // "pose 7 along x by 96.1 mm"
+
+// Random errors: every pose moves on its own. What a motion of 1 mm (rad) does to a pose's corners,
+// one column for each way in which it can.
+struct RandomErrorCandidate {
+    std::string name, unit, remedy;
+    std::vector<Eigen::MatrixXd> corners_px;  // per pose
+};
+
+// Of each axis along itself, and of the marker in all directions.
+std::vector<RandomErrorCandidate> scatter_suspects(const SuspectRequest& request);
+
+// What an axis does to the corners when it goes one step further than it reads, 2 rows per point
+// and pose.
+Eigen::VectorXd sensitivity_px(const SuspectRequest& request, const StageAxisMotion& axis);
+
+// An axis whose error repeats with the first of these periods, or as well with the others: where
+// positions lie on a grid, frequencies that differ by that of the grid look alike. mm or rad.
+ErrorCandidate repeating_error(const StageAxisMotion& axis, const Eigen::VectorXd& sensitivity_px,
+                               const std::vector<double>& periods, int tried);
+
+}  // namespace etalon

@@ -1,0 +1,83 @@
+// One pose of a run, which grows from the plan to the verdict: planned, visited, seen, judged. A
+// part that a run has not come to is as it begins; a simulated run leaves out what has no meaning
+// for it. Times are seconds since the run began.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/frame/frame_log.h"
+#include "compare/pose/pose_bias.h"
+#include "core/geometry/rigid.h"
+
+namespace etalon {
+
+// How far repeated frames leave a corner apart: of one coordinate of the mean over the frames.
+struct CornerNoise {
+    double variance_px2 = 0.0;
+    double degrees_of_freedom = 0.0;  // (frames - 1) x coordinates
+};
+
+// A pose that was read from the photographs' pixels (compare/photometric/photometric_pose.h).
+struct PhotometricReading {
+    Rigid camera_from_marker;
+    Matrix6d covariance;  // left perturbation, rot, trans
+};
+
+// Photograph (its first whole frame) minus render, after a photometric model is fitted, scored on
+// the cells that were not fitted (compare/photometric/pixel_difference.h).
+struct PhotoResidual {
+    double rms_gray = 0.0, p99_gray = 0.0;
+    double psf_sigma_px = 0.0;  // of the model
+};
+
+struct Pose {
+    // ---- planned (station/setup/plan.h)
+    std::vector<double> target = {};          // per axis, mm or rad
+    bool hold_out = false;                    // decided before anything is solved
+    int index = 0;                            // in the plan, from 0; names the frames
+    std::optional<std::size_t> repeats = {};  // the earlier pose that has the same target
+
+    // ---- visited (station/qualify/runner.h)
+    // Side from which each axis came: +1 upwards, -1 downwards, 0 did not move.
+    std::vector<int> approach = {};
+    double move_start_s = 0.0, done_s = 0.0;
+    std::optional<double> settled_s = {};
+    // One after settling and one after each frame; of each axis, mm or rad.
+    std::vector<std::vector<double>> readings = {};
+    // Per axis, mm or rad: mean of the n readings, their standard deviation s, and the standard
+    // uncertainty of the mean: s, but no less than the axis' declared noise, over sqrt(n).
+    std::vector<double> read_back = {}, read_back_deviation = {}, read_back_uncertainty = {};
+    // Of the mean; its covariance as in stage/axes/kinematics.h.
+    Rigid base_from_carriage = {};
+    Matrix6d stage_covariance = Matrix6d::Zero();
+
+    // ---- seen (station/qualify/visited_pose.h)
+    std::vector<FrameRecord> frames = {};
+    std::vector<Eigen::Vector2d> corners = {};  // mean over the frames that saw it; empty: none did
+    int detections = 0;                         // number of such frames
+    // Nothing with a single such frame, and when all are alike: then rounding hides the noise, and
+    // repeats do not show rounding.
+    std::optional<CornerNoise> corner_noise = {};
+    std::optional<PhotometricReading> photometric = {};  // of hold-out poses
+    // Where the photograph's pixels show the marker (its photometric pose), and of a render there
+    // the corners less the truth, px; nothing and empty: not known.
+    std::optional<Rigid> seen_at = {};
+    std::vector<Eigen::Vector2d> detector_bias_px = {};
+
+    bool is_detected() const { return !corners.empty(); }
+
+    // ---- judged (compare/qualification/qualification.h)
+    bool used = false;      // in the registration (training) or in the field (hold-out)
+    bool outlying = false;  // left out of both (compare/diagnosis/outlier_poses.h)
+    PoseBias bias = {};     // of training poses B2 alone, for the record; never judged
+    bool is_judged() const { return hold_out && used; }
+    // Of hold-out poses: the render at the registered pose, with the camera's bit depth and
+    // transfer and without noise ("renders/0007.png"), and the photograph against it.
+    std::string render_file = {};
+    std::optional<PhotoResidual> residual = {};
+};
+
+}  // namespace etalon

@@ -1,0 +1,177 @@
+#include "compare/pose/pose_bias.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "core/program/errors.h"
+
+namespace etalon {
+namespace {
+
+using Pixels = std::vector<Eigen::Vector2d>;
+using Points = std::vector<Eigen::Vector3d>;
+
+constexpr double settled_px = 0.002;
+
+void require_corners(const Pixels& corners, std::size_t count) {
+    if (corners.size() != count)
+        throw NumericalError(fmt::format("pose bias: the detector gave {} corners for {} points",
+                                         corners.size(), count));
+}
+
+RegistrationPose freed_of(const Pixels& bias, RegistrationPose pose) {
+    pose.pixels = differences(pose.pixels, bias);
+    return pose;
+}
+
+// Registered poses with the detector's bias subtracted, and their indices among those given.
+struct CorrectedPoses {
+    std::vector<RegistrationPose> poses;
+    std::vector<std::size_t> used;
+
+    void add(std::size_t index, RegistrationPose pose) {
+        poses.push_back(std::move(pose));
+        used.push_back(index);
+    }
+};
+
+// Poses whose bias is not known stay as they are.
+CorrectedPoses freed_of_known(std::span<const RegistrationPose> poses,
+                              std::span<const Pixels> known_bias) {
+    CorrectedPoses corrected;
+    for (std::size_t i = 0; i < poses.size(); ++i)
+        corrected.add(i, known_bias.empty() || known_bias[i].empty()
+                             ? poses[i]
+                             : freed_of(known_bias[i], poses[i]));
+    return corrected;
+}
+
+// Renders those whose bias is not known where `registration` has them; one whose render is not
+// detected is left out.
+CorrectedPoses bias_corrected(const Projector& projector, const Points& points,
+                              std::span<const RegistrationPose> poses,
+                              std::span<const Pixels> known_bias, const Registration& registration,
+                              const RenderAndDetect& render_and_detect) {
+    CorrectedPoses corrected;
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+        if (!known_bias.empty() && !known_bias[i].empty()) {
+            corrected.add(i, freed_of(known_bias[i], poses[i]));
+            continue;
+        }
+        const Rigid predicted = registration.camera_from_marker(poses[i].base_from_carriage);
+        if (const std::optional<Pixels> rendered = render_and_detect(predicted))
+            corrected.add(i,
+                          freed_of(differences(*rendered, projected(projector, points, predicted)),
+                                   poses[i]));
+    }
+    return corrected;
+}
+
+void keep(const CorrectedPoses& corrected, BiasCorrectedRegistration& result) {
+    result.used = corrected.used;
+    result.corrected_px.clear();
+    for (const RegistrationPose& pose : corrected.poses)
+        result.corrected_px.push_back(pose.pixels);
+}
+
+double largest_move_px(const Projector& projector, const Points& points,
+                       std::span<const RegistrationPose> poses, const Registration& before,
+                       const Registration& after) {
+    double largest = 0.0;
+    for (const RegistrationPose& pose : poses) {
+        const Pixels from =
+            projected(projector, points, before.camera_from_marker(pose.base_from_carriage));
+        const Pixels to =
+            projected(projector, points, after.camera_from_marker(pose.base_from_carriage));
+        for (std::size_t k = 0; k < from.size(); ++k)
+            largest = std::max(largest, (to[k] - from[k]).norm());
+    }
+    return largest;
+}
+
+std::optional<PoseEstimate> estimate_near(const Projector& projector, const Points& points,
+                                          const Pixels& corners, const Rigid& predicted) {
+    if (corners.empty())
+        return std::nullopt;
+    require_corners(corners, points.size());
+    return estimate_pose_near(projector, points, corners, predicted);
+}
+
+}  // namespace
+
+std::vector<Eigen::Vector2d> projected(const Projector& projector,
+                                       const std::vector<Eigen::Vector3d>& points_mm,
+                                       const Rigid& camera_from_marker) {
+    Pixels pixels;
+    for (const Eigen::Vector3d& point : points_mm) {
+        const auto pixel = projector.project(camera_from_marker * point);
+        if (!pixel)
+            throw NumericalError("pose bias: the marker lies outside the camera's valid region");
+        pixels.push_back(*pixel);
+    }
+    return pixels;
+}
+
+std::vector<Eigen::Vector2d> differences(const std::vector<Eigen::Vector2d>& corners,
+                                         const std::vector<Eigen::Vector2d>& others) {
+    require_corners(others, corners.size());
+    std::vector<Eigen::Vector2d> result;
+    for (std::size_t k = 0; k < corners.size(); ++k)
+        result.push_back(corners[k] - others[k]);
+    return result;
+}
+
+PoseError pose_error(const Rigid& estimated, const Rigid& truth) {
+    return {estimated.translation - truth.translation,
+            rotation_vector(truth.rotation.conjugate() * estimated.rotation)};
+}
+
+BiasCorrectedRegistration register_bias_corrected(
+    const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
+    std::span<const RegistrationPose> poses, const Rigid& nominal_carriage_from_marker,
+    const RenderAndDetect& render_and_detect, std::span<const Pixels> known_bias, int max_rounds) {
+    if (!known_bias.empty() && known_bias.size() != poses.size())
+        throw NumericalError("pose bias: the known biases are not of these poses");
+    const auto registered = [&](const CorrectedPoses& corrected) {
+        return register_stage(projector, points_mm, corrected.poses, nominal_carriage_from_marker);
+    };
+    const CorrectedPoses known = freed_of_known(poses, known_bias);
+    BiasCorrectedRegistration result;
+    result.registration = registered(known);
+    keep(known, result);
+    if (!known_bias.empty() && std::ranges::none_of(known_bias, &Pixels::empty))
+        return result;
+    do {
+        const CorrectedPoses corrected = bias_corrected(projector, points_mm, poses, known_bias,
+                                                        result.registration, render_and_detect);
+        const Registration next = registered(corrected);
+        result.last_change_px =
+            largest_move_px(projector, points_mm, poses, result.registration, next);
+        result.changes_px.push_back(result.last_change_px);
+        result.registration = next;
+        keep(corrected, result);
+        ++result.rounds;
+    } while (result.rounds < max_rounds && result.last_change_px > settled_px);
+    return result;
+}
+
+PoseBias pose_bias(const Projector& projector, const std::vector<Eigen::Vector3d>& points_mm,
+                   const Rigid& predicted, const std::vector<Eigen::Vector2d>& photo_corners,
+                   const std::vector<Eigen::Vector2d>& render_corners) {
+    PoseBias bias;
+    bias.predicted = predicted;
+    bias.photo = estimate_near(projector, points_mm, photo_corners, predicted);
+    bias.render = estimate_near(projector, points_mm, render_corners, predicted);
+    if (bias.render)
+        bias.b1 = pose_error(bias.render->camera_from_marker, predicted);
+    if (bias.photo)
+        bias.b2 = pose_error(bias.photo->camera_from_marker, predicted);
+    if (bias.photo && bias.render) {
+        bias.difference_px = differences(photo_corners, render_corners);
+        bias.b3 = pose_error(bias.photo->camera_from_marker, bias.render->camera_from_marker);
+    }
+    return bias;
+}
+
+}  // namespace etalon

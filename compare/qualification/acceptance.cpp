@@ -1,0 +1,232 @@
+#include "compare/qualification/acceptance.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <Eigen/Dense>
+#include <array>
+#include <cmath>
+
+#include "compare/qualification/declared.h"
+#include "compare/qualification/qualification.h"
+#include "compare/uncertainty/uncertainty_budget.h"
+#include "core/program/errors.h"
+
+namespace etalon {
+namespace {
+
+using State = AcceptanceCondition::State;
+
+constexpr double min_share = 0.5;
+constexpr int min_planned = 2;
+
+AcceptanceCondition not_checked(std::string name, std::string why) {
+    AcceptanceCondition condition;
+    condition.name = std::move(name);
+    condition.text = std::move(why);
+    return condition;
+}
+
+AcceptanceCondition checked(std::string name, bool is_met, double value, double limit,
+                            std::string unit, std::string text) {
+    return {std::move(name), is_met ? State::met : State::not_met, value, limit, std::move(unit),
+            std::move(text)};
+}
+
+// ---------------------------------------------------------------------------------- coverage
+
+AcceptanceCondition volume_coverage(const std::vector<Pose>& poses) {
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+    for (const Pose& pose : poses)
+        centre += pose.bias.predicted.translation / static_cast<double>(poses.size());
+    std::array<int, 8> planned{}, used{};
+    for (const Pose& pose : poses) {
+        if (!pose.hold_out)
+            continue;
+        const Eigen::Vector3d from_centre = pose.bias.predicted.translation - centre;
+        const auto octant =
+            static_cast<std::size_t>((from_centre.x() > 0 ? 1 : 0) + (from_centre.y() > 0 ? 2 : 0) +
+                                     (from_centre.z() > 0 ? 4 : 0));
+        ++planned[octant];
+        used[octant] += pose.used ? 1 : 0;
+    }
+    double smallest = 1.0;
+    for (std::size_t i = 0; i < planned.size(); ++i)
+        if (planned[i] >= min_planned)
+            smallest = std::min(smallest, static_cast<double>(used[i]) / planned[i]);
+    return checked("volume coverage", smallest >= min_share, smallest, min_share, "1",
+                   fmt::format("in the emptiest octant of the volume {:.0f} % of the hold-out "
+                               "poses were used, {:.0f} % are needed",
+                               100.0 * smallest, 100.0 * min_share));
+}
+
+// ------------------------------------------------------------------------------------ outliers
+
+AcceptanceCondition poses_that_fit(const Qualification& result) {
+    std::vector<std::string> outlying;
+    for (const RejectedPose& pose : result.outlying)
+        outlying.push_back(pose.text);
+    return checked(
+        "poses that fit", outlying.empty(), static_cast<double>(outlying.size()), 0.0, "1",
+        outlying.empty() ? "no pose lies where no field puts it"
+                         : fmt::format("the stage was not where it said, the camera showed an old "
+                                       "frame, or the detector took something else for the "
+                                       "marker: {}; left out",
+                                       fmt::join(outlying, ", ")));
+}
+
+// --------------------------------------------------------------------------------- residuals
+
+AcceptanceCondition residuals(const Qualification& result) {
+    const char* title = "residuals against noise";
+    if (!result.position_lack_of_fit)
+        return not_checked(title,
+                           "the noise is not known: it takes two frames per pose that differ");
+    const LackOfFit& rest = *result.position_lack_of_fit;
+    const double limit = rest.chi_square_limit;
+    return checked(title, rest.chi_square_ratio <= limit, rest.chi_square_ratio, limit, "1",
+                   fmt::format("chi-square per degree of freedom is {:.2f} with {:.0f} degrees of "
+                               "freedom; {:.2f} is the most",
+                               rest.chi_square_ratio, rest.degrees_of_freedom, limit));
+}
+
+// ------------------------------------------------------------------------------------- drift
+
+// When each used hold-out pose was taken; empty when a time is missing.
+std::vector<double> hold_out_times(const std::vector<Pose>& poses) {
+    std::vector<double> times;
+    for (const Pose& pose : poses) {
+        if (!pose.is_judged())
+            continue;
+        if (!pose.settled_s)
+            return {};
+        times.push_back(*pose.settled_s);
+    }
+    return times;
+}
+
+struct Drift {
+    Eigen::Vector3d first_to_last_mm;
+    double uncertainty_mm = 0.0;  // U, k = 2, in its worst direction
+};
+
+// A shift that grows with time, fitted beside the field: its three columns are freed of what the
+// field can take, then weighted least squares on the field's residuals.
+Drift fitted_drift(const BiasField& field, std::span<const FieldSample> samples,
+                   std::span<const double> times) {
+    const auto [first, last] = std::minmax_element(times.begin(), times.end());
+    const double middle = 0.5 * (*first + *last), duration = *last - *first;
+    const auto rows = 3 * std::ssize(samples);
+    Eigen::MatrixXd shift(rows, 3);
+    Eigen::VectorXd error(rows);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+        const auto k = static_cast<Eigen::Index>(3 * i);
+        shift.middleRows<3>(k) = (times[i] - middle) / duration * Eigen::Matrix3d::Identity();
+        error.segment<3>(k) = samples[i].error;
+    }
+    const Eigen::MatrixXd design = stacked_design(field, samples);
+    const Eigen::MatrixXd from_samples = estimator(field, samples);
+    const Eigen::MatrixXd freed = shift - design * (from_samples * shift);
+    const Eigen::VectorXd residual = error - design * (from_samples * error);
+    const Eigen::MatrixXd weighted =
+        times_blocks(freed.transpose(), sample_weights(field, samples));
+    const Eigen::Matrix3d covariance = Eigen::Matrix3d(weighted * freed).inverse();
+    return {covariance * (weighted * residual),
+            field_coverage_factor * std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(
+                                                  Eigen::MatrixXd(covariance))
+                                                  .eigenvalues()
+                                                  .maxCoeff())};
+}
+
+AcceptanceCondition drift(const QualificationInput& input, const Qualification& result,
+                          std::span<const FieldSample> samples) {
+    const char* title = "drift over the run";
+    const std::vector<double> times = hold_out_times(input.poses);
+    if (times.empty())
+        return not_checked(title, "the poses carry no times");
+    if (times.size() != samples.size())
+        throw NumericalError("acceptance: times and samples do not agree");
+    const Drift found = fitted_drift(*result.position_field, samples, times);
+    const double size = found.first_to_last_mm.norm(),
+                 limit = input.limits.b3_position_field_rms_mm.value();
+    if (!std::isfinite(size) || !std::isfinite(found.uncertainty_mm))
+        return not_checked(title, "the poses' order does not let drift be told from the field");
+    return checked(title, size - found.uncertainty_mm <= limit, size, limit, "mm",
+                   fmt::format("{:.3f} mm from the first to the last pose, U = {:.3f} mm; it must "
+                               "not be shown to exceed {:.3f} mm",
+                               size, found.uncertainty_mm, limit));
+}
+
+// ----------------------------------------------------------------------------- repeatability
+
+struct RepeatedPair {
+    Eigen::Vector3d difference_mm;
+    Eigen::Matrix3d covariance;
+};
+
+// Both at the same target: camera model, detector and stage errors other than random ones are alike
+// and drop out.
+std::vector<RepeatedPair> repeated_pairs(const QualificationInput& input) {
+    const auto usable = [](const Pose& pose) {
+        return pose.bias.b2 && pose.corner_noise && !pose.outlying;
+    };
+    std::vector<RepeatedPair> pairs;
+    for (std::size_t i = 0; i < input.poses.size(); ++i) {
+        const Pose& pose = input.poses[i];
+        if (!pose.repeats)
+            continue;
+        if (*pose.repeats >= i)
+            throw NumericalError(fmt::format(
+                "acceptance: pose {} repeats pose {}, which is not before it", i, *pose.repeats));
+        const Pose& before = input.poses[*pose.repeats];
+        if (usable(pose) && usable(before))
+            pairs.push_back(
+                {pose.bias.b2->translation_mm - before.bias.b2->translation_mm,
+                 position_covariance(input, pose) + position_covariance(input, before)});
+    }
+    return pairs;
+}
+
+AcceptanceCondition repeatability(const QualificationInput& input) {
+    const char* title = "repeatability";
+    const std::vector<RepeatedPair> pairs = repeated_pairs(input);
+    if (pairs.empty())
+        return not_checked(title, "no pose was visited twice with frames that tell the noise");
+    double sum = 0.0;
+    for (const RepeatedPair& pair : pairs) {
+        const Eigen::LDLT<Eigen::MatrixXd> solver{Eigen::MatrixXd(pair.covariance)};
+        if (!solver.isPositive() || !(pair.covariance.determinant() > 0.0))
+            return not_checked(title, "frames that are alike to the last bit tell no noise");
+        sum += pair.difference_mm.dot(solver.solve(Eigen::VectorXd(pair.difference_mm)));
+    }
+    const double freedom = 3.0 * static_cast<double>(pairs.size());
+    const double ratio = sum / freedom, limit = chi_square_limit(freedom);
+    return checked(
+        title, ratio <= limit, ratio, limit, "1",
+        fmt::format("{} poses visited again: chi-square per degree of freedom is {:.2f}; "
+                    "{:.2f} is the most",
+                    pairs.size(), ratio, limit));
+}
+
+}  // namespace
+
+const char* name(State state) {
+    constexpr const char* names[] = {"met", "NOT MET", "not checked"};
+    return names[static_cast<std::size_t>(state)];
+}
+
+std::vector<AcceptanceCondition> acceptance_conditions(const QualificationInput& input,
+                                                       const Qualification& result,
+                                                       std::span<const FieldSample> samples) {
+    return {volume_coverage(input.poses), poses_that_fit(result), residuals(result),
+            drift(input, result, samples), repeatability(input)};
+}
+
+Eigen::Matrix3d position_covariance(const QualificationInput& input, const Pose& pose,
+                                    double times) {
+    return times * pose.corner_noise->variance_px2 *
+               pose.bias.photo->covariance_per_px2.bottomRightCorner<3, 3>() +
+           repeatability_mm2(input) * Eigen::Matrix3d::Identity();
+}
+
+}  // namespace etalon

@@ -1,0 +1,35 @@
+// What a station declares, in the form that a run's figures are held against it: stage errors of
+// the used poses, standard uncertainties by name, variances of positions.
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "compare/diagnosis/error_candidates.h"
+#include "compare/diagnosis/error_signatures.h"
+
+namespace etalon {
+
+struct QualificationInput;
+
+// Of the used poses. Throws NumericalError when one has not a transform for each pose of the input.
+std::vector<StageError> stage_errors_of(const QualificationInput& input);
+std::vector<StageAxisMotion> axis_motions_of(const QualificationInput& input);
+
+// Variance of the marker's centre in each direction, mm^2: by random errors of the stage, and by
+// what the uncertainty of its error maps leaves.
+double repeatability_mm2(const QualificationInput& input);
+double error_maps_mm2(const QualificationInput& input);
+
+// Standard uncertainties by the names that signatures and error_candidates have, in their units.
+// Temperature changes the sizes of marker and stage.
+std::map<std::string, double> declared_uncertainties(const QualificationInput& input);
+
+// What each of them does to the position errors of the used hold-out poses (3 rows per pose, camera
+// frame, mm); a column each.
+Eigen::MatrixXd declared_fields(const QualificationInput& input,
+                                const std::vector<ErrorSignature>& signatures);
+
+}  // namespace etalon

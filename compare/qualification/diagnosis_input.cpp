@@ -1,0 +1,169 @@
+#include "compare/qualification/diagnosis_input.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "compare/qualification/declared.h"
+#include "compare/qualification/qualification.h"
+#include "core/statistics/distributions.h"
+#include "core/statistics/median.h"
+
+namespace etalon {
+namespace {
+
+// Of a corner's coordinate in the mean over the frames, and as much more as the render has; where
+// repeats tell none, what registration has left.
+double corner_variance_px2(const QualificationInput& input, const Pose& pose,
+                           const Qualification& result) {
+    const double left = result.registration->registration.residual_rms_px;
+    const double seen = pose.corner_noise ? pose.corner_noise->variance_px2 : left * left;
+    return std::max(seen, 1e-12) * (1.0 + input.render_noise_ratio);
+}
+
+Eigen::VectorXd stacked_pixels(const std::vector<Eigen::Vector2d>& pixels) {
+    return Eigen::Map<const Eigen::VectorXd>(pixels.front().data(), 2 * std::ssize(pixels));
+}
+
+// Turns the x axis of every point's pixels to where the marker's x axis points in the image.
+Eigen::MatrixXd marker_axes_from_image(const SignatureChain& chain, std::size_t pose) {
+    const Eigen::MatrixXd by_shift = chain.pose_jacobian(pose).rightCols<3>();
+    const Eigen::Vector3d x_axis =
+        chain.camera_from_marker(pose).rotation * Eigen::Vector3d::UnitX();
+    Eigen::Vector2d along = Eigen::Vector2d::Zero();
+    for (Eigen::Index k = 0; k < by_shift.rows(); k += 2)
+        along += by_shift.middleRows<2>(k) * x_axis;
+    along.normalize();
+    Eigen::Matrix2d turn;
+    turn << along.x(), along.y(), -along.y(), along.x();
+    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(by_shift.rows(), by_shift.rows());
+    for (Eigen::Index k = 0; k < by_shift.rows(); k += 2)
+        all.block<2, 2>(k, k) = turn;
+    return all;
+}
+
+// How the noise of a marker's corners hangs together, with the mean variance 1: corners that two
+// fitted edges make do not move on their own. Pooled over the frames of all poses in the marker's
+// axes, drawn towards independence by one frame's weight a coordinate. Independent where frames
+// keep no corners.
+Eigen::MatrixXd corner_correlation(const SignatureChain& chain) {
+    const auto rows = static_cast<Eigen::Index>(2 * chain.points_mm.size());
+    Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(rows, rows);
+    double freedom = 0.0;
+    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
+        const Pose& pose = chain.poses[i];
+        if (!pose.corner_noise || pose.frames.empty())
+            continue;
+        const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
+        const double frame_variance = pose.corner_noise->variance_px2 * pose.detections;
+        for (const FrameRecord& frame : pose.frames) {
+            if (frame.corners.size() != pose.corners.size())
+                continue;
+            const Eigen::VectorXd off =
+                turned * stacked_pixels(differences(frame.corners, pose.corners));
+            sum += off * off.transpose() / frame_variance;
+        }
+        freedom += pose.detections - 1;
+    }
+    const auto prior = static_cast<double>(rows);
+    sum.diagonal().array() += prior;
+    return sum / (freedom + prior);
+}
+
+// How far the detector's corners lie from where the pixels of the same photograph put them, as a
+// square over the corners' noise; nothing where that is not known.
+std::optional<double> slip_square(const SignatureChain& chain, std::size_t i,
+                                  const Eigen::MatrixXd& noise_px2) {
+    const Pose& pose = chain.poses[i];
+    if (!pose.seen_at)
+        return std::nullopt;
+    const auto expected = projected(chain.projector, chain.points_mm, *pose.seen_at);
+    const Eigen::VectorXd slip =
+        stacked_pixels(differences(differences(pose.corners, expected), pose.detector_bias_px));
+    return slip.dot(noise_px2.llt().solve(slip));
+}
+
+// A detector slips now and then: its corners in one photograph are off by several times their
+// noise, though the stage and the camera did nothing. In such poses, those beyond 99.9 % of what
+// most poses show, the corners' noise is as large as the slip. A marker that was elsewhere slips by
+// nothing.
+void widen_where_slipped(const SignatureChain& chain, std::vector<Eigen::MatrixXd>& noise_px2) {
+    const auto freedom = static_cast<double>(2 * chain.points_mm.size());
+    constexpr double normal_999 = 3.0902;
+    std::vector<double> squares;
+    for (std::size_t i = 0; i < noise_px2.size(); ++i)
+        squares.push_back(slip_square(chain, i, noise_px2[i]).value_or(0.0));
+    const double usual = std::max(1.0, median(squares) / freedom);
+    for (std::size_t i = 0; i < noise_px2.size(); ++i) {
+        const double times = squares[i] / (usual * freedom);
+        if (times > reduced_chi_square(normal_999, freedom))
+            noise_px2[i] *= times;
+    }
+}
+
+// Whether an explanation of all poses covers those that were left out as well as the others.
+bool covers_left_out(const Causes& of_all, const Causes& of_used, const Qualification& result) {
+    constexpr double as_well = 1.1;
+    const Cause* named = of_all.named();
+    return named && of_all.scatter <= as_well * of_used.scatter &&
+           std::ranges::none_of(result.outlying, [&](const RejectedPose& pose) {
+               return std::ranges::any_of(named->errors, [&](const CausingError& error) {
+                   return error.names.front() == misplaced_pose_name(pose.index);
+               });
+           });
+}
+
+}  // namespace
+
+DiagnosisInput diagnosis_input(const QualificationInput& input, const SignatureChain& chain,
+                               const Qualification& result) {
+    DiagnosisInput evidence{{chain, stage_errors_of(input), axis_motions_of(input), {}, {}},
+                            {},
+                            {},
+                            declared_uncertainties(input)};
+    if (input.pixels) {
+        evidence.request.pixel_errors = input.pixels->evidence.errors;
+        evidence.pixels = input.pixels->evidence.observed;
+        evidence.pixel_covariance = input.pixels->evidence.covariance;
+    }
+    const Eigen::MatrixXd correlation = corner_correlation(chain);
+    const Eigen::MatrixXd modes = Eigen::LLT<Eigen::MatrixXd>(correlation).matrixL();
+    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
+        const Pose& pose = chain.poses[i];
+        if (pose.settled_s)
+            evidence.request.times_s.push_back(*pose.settled_s);
+        const Eigen::MatrixXd turned = marker_axes_from_image(chain, i);
+        evidence.difference_px.push_back(stacked_pixels(pose.bias.difference_px));
+        evidence.corner_modes.push_back(turned.transpose() * modes);
+        evidence.covariance_px2.push_back(corner_variance_px2(input, pose, result) *
+                                          turned.transpose() * correlation * turned);
+    }
+    widen_where_slipped(chain, evidence.covariance_px2);
+    const double stage_mm2 = repeatability_mm2(input) + error_maps_mm2(input);
+    for (std::size_t i = 0; i < chain.poses.size(); ++i) {
+        const Eigen::MatrixXd by_shift = chain.pose_jacobian(i).rightCols<3>();
+        evidence.covariance_px2[i] += stage_mm2 * by_shift * by_shift.transpose();
+    }
+    return evidence;
+}
+
+Causes causes_of_run(QualificationInput input, SignatureChain chain, const Qualification& result) {
+    Causes causes = find_causes(diagnosis_input(input, chain, result));
+    if (result.outlying.empty())
+        return causes;
+    for (Pose& pose : input.poses)
+        pose.used = pose.used || (pose.outlying && !pose.bias.difference_px.empty());
+    chain.poses.clear();
+    std::ranges::copy_if(input.poses, std::back_inserter(chain.poses), &Pose::used);
+    const Causes of_all = find_causes(diagnosis_input(input, chain, result));
+    if (covers_left_out(of_all, causes, result))
+        return of_all;
+    for (const RejectedPose& pose : result.outlying) {
+        const CausingError error{
+            {misplaced_pose_name(pose.index)}, 0.0, 0.0, "", {misplaced_pose_remedy(pose.text)}};
+        causes = blaming(error, 1.0, std::move(causes));
+    }
+    return causes;
+}
+
+}  // namespace etalon

@@ -1,0 +1,51 @@
+#include "compare/qualification/limits_file.h"
+
+#include "compare/qualification/judged_quantities.h"
+#include "core/config/strict_reader.h"
+
+namespace etalon {
+
+namespace {
+
+DecisionRule read_rule(const Value& value) {
+    if (value.is_mapping())
+        return {value.at("guard_band").number({0.0, 3.0})};
+    return {value.one_of({"guarded", "simple"}) == "simple" ? 0.0 : 1.0};
+}
+
+ValuePrior read_prior(const Value& value, const Unit& unit) {
+    return {value.at("mean").number(unit.non_negative()),
+            value.at("deviation").number(unit.positive())};
+}
+
+}  // namespace
+
+Limits read_limits(const std::filesystem::path& path) {
+    const StrictFile file(path, "limits/1");
+    const Value root = file.root();
+    Limits limits;
+    limits.id = root.at("id").text();
+    if (limits.id.empty())
+        root.at("id").fail("is empty");
+    for (const QuantityKind& kind : quantity_kinds()) {
+        const auto given = kind.is_required ? root.at(kind.name) : root.find(kind.name);
+        if (!given)
+            continue;
+        limits.*kind.limit = given->at("limit").number(unit_named(kind.unit).positive());
+        given->at("unit").one_of({kind.unit});
+        if (const auto prior = given->find("prior"))
+            limits.priors[kind.name] = read_prior(*prior, unit_named(kind.unit));
+    }
+    if (const auto pixels = root.find("pixels")) {
+        pixels->one_of({"must_match"});
+        limits.pixels_must_match = true;
+    }
+    if (const auto rule = root.find("decision_rule"))
+        limits.rule = read_rule(*rule);
+    if (const auto days = root.find("due_after_days"))
+        limits.due_after_days = days->integer(1, 36500);
+    file.finish();
+    return limits;
+}
+
+}  // namespace etalon

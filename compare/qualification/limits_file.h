@@ -1,0 +1,65 @@
+// The limits that a camera is judged by: a versioned file with an id.
+//
+//     etalon: limits/1
+//     id: demo-1
+//     b3_position_field_rms_mm: {limit: 0.06, unit: mm}
+//     b3_position_field_max_mm: {limit: 0.20, unit: mm}
+//
+// and, optional, each judged where it is there and otherwise only reported:
+//
+//     b3_rotation_field_rms_mrad: {limit: 1.0, unit: mrad}
+//     b3_rotation_field_max_mrad: {limit: 3.0, unit: mrad}
+//     b3_position_rest_rms_mm: {limit: 0.05, unit: mm}     # what the smooth field leaves
+//     b3_length_error_max_mm: {limit: 0.25, unit: mm}      # between any two hold-out poses
+//     b4_position_field_rms_mm, b4_position_field_max_mm   # of photometric poses
+//     pixel_residual_gray, pixel_blur_px, pixel_tone_gray, pixel_shading_percent (unit: "%"),
+//     pixel_noise_ratio (unit: "1"), pixel_edge_px, pixel_background_gray, pixel_black_gray
+//     pixels: must_match     # any difference of photographs and renders that is shown is a FAIL
+//     decision_rule: guarded         # or simple, or {guard_band: 0.5}, a factor of U
+//     due_after_days: 365            # when a camera that has passed is to be qualified again
+//
+// Of each quantity, optional, how its values scatter among the cameras that are judged:
+//
+//     b3_position_field_rms_mm: {limit: 0.06, unit: mm, prior: {mean: 0.03, deviation: 0.01}}
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "compare/decision/decision_rule.h"
+
+namespace etalon {
+
+// All > 0. The first two are there in every limits file.
+struct Limits {
+    std::string id;
+    std::optional<double> b3_position_field_rms_mm = {};
+    std::optional<double> b3_position_field_max_mm = {};
+    std::optional<double> b3_rotation_field_rms_mrad = {};
+    std::optional<double> b3_rotation_field_max_mrad = {};
+    std::optional<double> b3_position_rest_rms_mm = {};
+    std::optional<double> b3_length_error_max_mm = {};
+    std::optional<double> b4_position_field_rms_mm = {};
+    std::optional<double> b4_position_field_max_mm = {};
+    // Of photographs less renders (compare/diagnosis/image_agreement.h).
+    std::optional<double> pixel_residual_gray = {};
+    std::optional<double> pixel_blur_px = {};
+    std::optional<double> pixel_tone_gray = {};
+    std::optional<double> pixel_shading_percent = {};
+    std::optional<double> pixel_noise_ratio = {};
+    std::optional<double> pixel_edge_px = {};
+    std::optional<double> pixel_background_gray = {};
+    std::optional<double> pixel_black_gray = {};
+    bool pixels_must_match = false;
+    DecisionRule rule = {};
+    std::map<std::string, ValuePrior> priors = {};  // by the quantity's name
+    std::optional<int> due_after_days = {};
+};
+
+// Throws ConfigError with file, line and key: unknown, missing or doubled keys, a limit that is not
+// a positive number, a unit other than the one in the quantity's name.
+Limits read_limits(const std::filesystem::path& path);
+
+}  // namespace etalon

@@ -1,0 +1,600 @@
+#include "compare/qualification/qualification.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "calib/registration/stage_motion.h"
+#include "compare/diagnosis/outlier_poses.h"
+#include "compare/qualification/declared.h"
+#include "compare/qualification/diagnosis_input.h"
+#include "compare/qualification/judged_quantities.h"
+#include "compare/qualification/qualification_budget.h"
+#include "compare/qualification/quantity_decision.h"
+#include "core/program/errors.h"
+
+namespace etalon {
+namespace {
+
+void require_usable(const QualificationInput& input) {
+    if (!input.camera)
+        throw NumericalError("qualification: a camera is needed");
+    if (!input.expected_poses.empty() && input.expected_poses.size() != input.poses.size())
+        throw NumericalError("qualification: the expected poses are not of these poses");
+    for (const Pose& pose : input.poses) {
+        if (!vector_from_rigid(pose.base_from_carriage).allFinite())
+            throw NumericalError("qualification: a stage position is not finite");
+        if (!pose.is_detected())
+            continue;
+        if (pose.corners.size() != input.points_mm.size())
+            throw NumericalError(fmt::format("qualification: {} corners for a marker of {} points",
+                                             pose.corners.size(), input.points_mm.size()));
+        for (const Eigen::Vector2d& corner : pose.corners)
+            if (!corner.allFinite())
+                throw NumericalError("qualification: a corner is not finite");
+        if (!pose.detector_bias_px.empty() && pose.detector_bias_px.size() != pose.corners.size())
+            throw NumericalError("qualification: a detector's bias is not of the marker's points");
+        if (pose.detector_bias_px.empty() && !input.render_and_detect)
+            throw NumericalError("qualification: a way to render is needed");
+        if (pose.photometric &&
+            !(vector_from_rigid(pose.photometric->camera_from_marker).allFinite() &&
+              pose.photometric->covariance.allFinite()))
+            throw NumericalError("qualification: a photometric pose is not finite");
+    }
+}
+
+void count_detections(const QualificationInput& input, Qualification& result) {
+    DetectionCounts& counts = result.detection;
+    for (const Pose& pose : input.poses) {
+        (pose.hold_out ? counts.hold_out : counts.training) += 1;
+        if (pose.is_detected())
+            (pose.hold_out ? counts.hold_out_detected : counts.training_detected) += 1;
+    }
+    if (result.detection.rate() < 1.0)
+        result.reasons.push_back(fmt::format("the marker was detected in {:.1f} % of the poses",
+                                             100.0 * result.detection.rate()));
+}
+
+// All quantities in the documented order: those with a limit are judged, the others reported.
+void list_quantities(const QualificationInput& input, Qualification& result) {
+    for (const QuantityKind& kind : quantity_kinds()) {
+        const std::optional<double>& limit = input.limits.*kind.limit;
+        if (!limit && !input.measure_reported)
+            continue;
+        JudgedQuantity quantity;
+        quantity.name = kind.name;
+        quantity.unit = kind.unit;
+        quantity.limit = limit.value_or(0.0);
+        quantity.reason = limit ? "" : "the limits have none for it";
+        (limit ? result.quantities : result.reported).push_back(quantity);
+    }
+    result.risk = family_risk(result.quantities, input.limits.rule);
+}
+
+Qualification skipped(Qualification result, const std::string& reason) {
+    for (JudgedQuantity& quantity : result.quantities) {
+        quantity.outcome = Outcome::skipped;
+        quantity.reason = reason;
+    }
+    result.reasons.push_back(reason);
+    result.verdict = combine(result.quantities);
+    return result;
+}
+
+// Where white clips, edges lie elsewhere than in the renders, and nothing else can be told.
+Qualification overexposed(Qualification result) {
+    Causes causes;
+    causes.ranked.push_back(
+        {{{{"overexposed"}, 0.0, 0.0, "", {"expose less and measure again"}}}, 1.0});
+    result.causes = causes;
+    return skipped(std::move(result),
+                   "overexposed: white is at the end of the scale, so nothing was measured");
+}
+
+// --------------------------------------------------------------------------- poses and biases
+
+// What the detected poses show must be what the plan was made for: poses that were lost may leave
+// the others in a plane or on a line.
+void require_motion_of(const std::vector<RegistrationPose>& training,
+                       const std::vector<Rigid>& stage_reach) {
+    if (stage_reach.empty())
+        return;
+    std::vector<Rigid> plan;
+    for (const RegistrationPose& pose : training)
+        plan.push_back(pose.base_from_carriage);
+    require_full_motion(plan, stage_reach);
+}
+
+// With the marker at `predicted`: where the detector's bias is known, that is what it adds there.
+std::optional<std::vector<Eigen::Vector2d>> expected_corners(const QualificationInput& input,
+                                                             const Projector& projector,
+                                                             const Pose& pose,
+                                                             const Rigid& predicted) {
+    if (pose.detector_bias_px.empty())
+        return input.render_and_detect(predicted);
+    std::vector<Eigen::Vector2d> corners = projected(projector, input.points_mm, predicted);
+    for (std::size_t k = 0; k < corners.size(); ++k)
+        corners[k] += pose.detector_bias_px[k];
+    return corners;
+}
+
+// A first estimate of a pose, for the registration to begin with.
+std::optional<Rigid> first_estimate(const QualificationInput& input, const Projector& projector,
+                                    std::size_t pose) {
+    if (!input.expected_poses.empty())
+        return input.expected_poses[pose];
+    const auto estimate = estimate_pose(projector, input.points_mm, input.poses[pose].corners);
+    return estimate ? std::optional(estimate->camera_from_marker) : std::nullopt;
+}
+
+// Those to register on, and their indices among the input's.
+struct TrainingPoses {
+    std::vector<RegistrationPose> poses;
+    std::vector<std::vector<Eigen::Vector2d>> known_bias;
+    std::vector<std::size_t> indices;
+};
+
+TrainingPoses training_poses(const QualificationInput& input, const Projector& projector) {
+    TrainingPoses training;
+    for (std::size_t i = 0; i < input.poses.size(); ++i) {
+        const Pose& pose = input.poses[i];
+        if (pose.hold_out || pose.outlying || !pose.is_detected())
+            continue;
+        const auto estimate = first_estimate(input, projector, i);
+        if (!estimate)
+            continue;
+        training.poses.push_back({pose.base_from_carriage, *estimate, pose.corners});
+        training.known_bias.push_back(pose.detector_bias_px);
+        training.indices.push_back(i);
+    }
+    return training;
+}
+
+// Whether the photograph's pixels show the marker elsewhere, too: where only its corners lie off,
+// the detector slipped, and that the field's robust fit can bear.
+bool was_elsewhere(const Pose& pose, const Registration& registration,
+                   const Eigen::Vector3d& off_mm) {
+    const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
+    return !pose.seen_at ||
+           (pose.seen_at->translation - predicted.translation).norm() > 0.5 * off_mm.norm();
+}
+
+void leave_out(QualificationInput& input, std::size_t pose, const Eigen::Vector3d& off_mm,
+               Qualification& result) {
+    const Registration& registration = result.registration->registration;
+    input.poses[pose].outlying = true;
+    input.poses[pose].used = false;
+    const int index = input.poses[pose].index;
+    const std::string off =
+        off_text(registration.camera_from_base.rotation.conjugate() * off_mm, input.axis_motions,
+                 input.poses[pose].base_from_carriage, registration.carriage_from_marker, pose);
+    result.outlying.push_back({index, fmt::format("pose {}{}", index, off)});
+}
+
+// Registers on the training poses with a pose estimate, but for those that are outlying; false when
+// there are too few of them.
+bool registered(QualificationInput& input, const Projector& projector, Qualification& result) {
+    TrainingPoses training = training_poses(input, projector);
+    if (std::ssize(training.poses) < min_training_poses)
+        return false;
+    require_motion_of(training.poses, input.stage_reach);
+    const auto register_all = [&] {
+        result.registration = register_bias_corrected(projector, input.points_mm, training.poses,
+                                                      input.nominal_carriage_from_marker,
+                                                      input.render_and_detect, training.known_bias);
+    };
+    register_all();
+    auto outlying =
+        outlying_registered(projector, input.points_mm, *result.registration, training.poses,
+                            input.limits.b3_position_field_rms_mm.value());
+    std::erase_if(outlying, [&](const OutlierPose& each) {
+        return !was_elsewhere(input.poses[training.indices[each.index]],
+                              result.registration->registration, each.off_mm);
+    });
+    for (const OutlierPose& each : outlying)
+        leave_out(input, training.indices[each.index], each.off_mm, result);
+    if (!outlying.empty()) {
+        training = training_poses(input, projector);
+        register_all();
+    }
+    for (std::size_t& used : result.registration->used) {
+        used = training.indices[used];
+        input.poses[used].used = true;
+    }
+    return std::ssize(result.registration->used) >= min_training_poses;
+}
+
+// Biases of all poses; B3 only of hold-out poses. Returns how many hold-out poses have B3.
+int find_biases(QualificationInput& input, const Projector& projector,
+                const Registration& registration) {
+    int usable = 0;
+    for (Pose& pose : input.poses) {
+        const Rigid predicted = registration.camera_from_marker(pose.base_from_carriage);
+        std::optional<std::vector<Eigen::Vector2d>> expected;
+        if (pose.hold_out && pose.is_detected())
+            expected = expected_corners(input, projector, pose, predicted);
+        pose.bias = pose_bias(projector, input.points_mm, predicted, pose.corners,
+                              expected.value_or(std::vector<Eigen::Vector2d>{}));
+        if (pose.photometric)
+            pose.bias.b4 = pose_error(pose.photometric->camera_from_marker, predicted);
+        if (pose.hold_out) {
+            pose.used = pose.bias.b3.has_value();
+            usable += pose.used ? 1 : 0;
+        }
+    }
+    return usable;
+}
+
+// Of the training poses, from the registration's last round.
+void find_training_differences(QualificationInput& input, const Projector& projector,
+                               const BiasCorrectedRegistration& registration) {
+    for (std::size_t i = 0; i < registration.used.size(); ++i) {
+        PoseBias& bias = input.poses[registration.used[i]].bias;
+        bias.difference_px = differences(registration.corrected_px[i],
+                                         projected(projector, input.points_mm, bias.predicted));
+    }
+}
+
+// ------------------------------------------------------------------------------------ fields
+
+double deviation_along(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& axis) {
+    return std::sqrt(axis.dot(covariance * axis));
+}
+
+double deviation_across(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& axis) {
+    return std::sqrt(0.5 * std::max(0.0, covariance.trace() - axis.dot(covariance * axis)));
+}
+
+// Levels of noise along the sample's axis and across it.
+void set_levels(FieldSample& sample, const Eigen::Matrix3d& covariance) {
+    sample.sigma_along = deviation_along(covariance, sample.axis);
+    sample.sigma_across = deviation_across(covariance, sample.axis);
+}
+
+FieldSample position_sample(const PoseBias& bias, const Eigen::Vector3d& error,
+                            const Matrix6d& covariance) {
+    FieldSample sample;
+    sample.position_mm = bias.predicted.translation;
+    sample.error = error;
+    sample.axis = bias.predicted.translation.normalized();
+    set_levels(sample, covariance.bottomRightCorner<3, 3>());
+    return sample;
+}
+
+FieldSample rotation_sample(const PoseBias& bias) {
+    FieldSample sample;
+    sample.position_mm = bias.predicted.translation;
+    sample.error = bias.predicted.rotation * bias.b3->rotation_rad;
+    sample.axis = bias.predicted.rotation * Eigen::Vector3d::UnitZ();
+    set_levels(sample, bias.photo->covariance_per_px2.topLeftCorner<3, 3>());
+    return sample;
+}
+
+template <class Sample>
+std::vector<FieldSample> samples_of(const std::vector<Pose>& poses, Sample sample) {
+    std::vector<FieldSample> samples;
+    for (const Pose& pose : poses)
+        if (pose.is_judged())
+            samples.push_back(sample(pose.bias));
+    return samples;
+}
+
+std::vector<FieldSample> position_samples(const std::vector<Pose>& poses) {
+    return samples_of(poses, [](const PoseBias& bias) {
+        return position_sample(bias, bias.b3->translation_mm, bias.photo->covariance_per_px2);
+    });
+}
+
+std::vector<FieldSample> photometric_samples(const std::vector<Pose>& poses) {
+    std::vector<FieldSample> samples;
+    for (const Pose& pose : poses)
+        if (pose.hold_out && !pose.outlying && pose.bias.b4)
+            samples.push_back(position_sample(pose.bias, pose.bias.b4->translation_mm,
+                                              pose.photometric->covariance));
+    return samples;
+}
+
+std::vector<Eigen::Vector3d> volume_of(const std::vector<Pose>& poses) {
+    std::vector<Eigen::Vector3d> volume;
+    for (const Pose& pose : poses)
+        volume.push_back(pose.bias.predicted.translation);
+    return volume;
+}
+
+// The field of the hold-out poses' positions, but for those that are outlying.
+void fit_position_field(QualificationInput& input, Qualification& result) {
+    const FieldBasis basis = position_basis(input.camera->projection);
+    const std::vector<FieldSample> positions = position_samples(input.poses);
+    result.position_field = fit_smooth_field(positions, basis);
+    std::vector<std::size_t> judged;
+    for (std::size_t i = 0; i < input.poses.size(); ++i)
+        if (input.poses[i].is_judged())
+            judged.push_back(i);
+    auto outlying = outlying_samples(positions, *result.position_field,
+                                     input.limits.b3_position_field_rms_mm.value());
+    std::erase_if(outlying, [&](const OutlierPose& each) {
+        return !was_elsewhere(input.poses[judged[each.index]], result.registration->registration,
+                              each.off_mm);
+    });
+    if (outlying.empty())
+        return;
+    for (const OutlierPose& each : outlying)
+        leave_out(input, judged[each.index], each.off_mm, result);
+    result.position_field = fit_smooth_field(position_samples(input.poses), basis);
+}
+
+bool is_listed(const Qualification& result, const char* quantity) {
+    const auto holds = [&](const std::vector<JudgedQuantity>& list) {
+        return std::ranges::find(list, quantity, &JudgedQuantity::name) != list.end();
+    };
+    return holds(result.quantities) || holds(result.reported);
+}
+
+void fit_fields(QualificationInput& input, const NoiseDraws& draws, Qualification& result) {
+    const std::vector<Eigen::Vector3d> volume = volume_of(input.poses);
+    fit_position_field(input, result);
+    result.position_summary = summarize(*result.position_field, volume, draws);
+    if (is_listed(result, quantity::rotation_rms) || is_listed(result, quantity::rotation_max)) {
+        result.rotation_field =
+            fit_smooth_field(samples_of(input.poses, rotation_sample), FieldBasis::linear);
+        result.rotation_summary = summarize(*result.rotation_field, volume, draws);
+    }
+    if (is_listed(result, quantity::length_max))
+        result.lengths =
+            length_errors(*result.position_field, position_samples(input.poses), draws);
+    const std::vector<FieldSample> photometric = photometric_samples(input.poses);
+    if (std::ssize(photometric) < min_hold_out_poses)
+        return;
+    PhotometricField field;
+    field.poses = static_cast<int>(photometric.size());
+    field.position_field = fit_smooth_field(photometric, position_basis(input.camera->projection));
+    field.position_summary = summarize(field.position_field, volume, draws);
+    result.photometric = field;
+}
+
+// -------------------------------------------------------------------------------- signatures
+
+SignatureChain chain_of(const QualificationInput& input, const Projector& projector,
+                        const Qualification& result) {
+    const Registration& registration = result.registration->registration;
+    SignatureChain chain{projector,
+                         input.points_mm,
+                         registration.camera_from_base,
+                         registration.carriage_from_marker,
+                         {}};
+    std::ranges::copy_if(input.poses, std::back_inserter(chain.poses), &Pose::used);
+    return chain;
+}
+
+// Those that are known already, where they are of as many hold-out poses.
+bool take_known_signatures(const QualificationInput& input, Qualification& result) {
+    if (!input.known_signatures || input.known_signatures->empty())
+        return false;
+    const auto used = std::ranges::count_if(input.poses, &Pose::is_judged);
+    if (input.known_signatures->front().after.size() != 3 * used)
+        return false;
+    result.signatures = *input.known_signatures;
+    return true;
+}
+
+void find_signatures(const QualificationInput& input, const SignatureChain& chain,
+                     Qualification& result) {
+    if (take_known_signatures(input, result))
+        return;
+    const std::vector<StageError> errors = stage_errors_of(input);
+    std::vector<std::size_t> linear_scale;
+    for (std::size_t i = 0; i < input.stage_terms.size(); ++i)
+        if (input.stage_terms[i].is_linear_scale)
+            linear_scale.push_back(i);
+    HoldOutNoise noise;
+    for (const FieldSample& sample : position_samples(input.poses)) {
+        noise.along_mm.push_back(result.position_field->scale_along * sample.sigma_along);
+        noise.across_mm.push_back(result.position_field->scale_across * sample.sigma_across);
+    }
+    result.signatures = error_signatures(chain, errors, linear_scale, noise,
+                                         input.limits.b3_position_field_rms_mm.value());
+}
+
+// ---------------------------------------------------------------------------------- the rest
+
+// What the frames of each used hold-out pose say about its position, with the declared stage noise
+// and the error maps' uncertainty on top. Nothing when a pose has no repeated frames or they show
+// no noise.
+std::optional<std::vector<SampleNoise>> position_noise(const QualificationInput& input) {
+    std::vector<SampleNoise> noise;
+    for (const Pose& pose : input.poses) {
+        if (!pose.is_judged())
+            continue;
+        if (!pose.corner_noise)
+            return std::nullopt;
+        SampleNoise one;
+        one.covariance = position_covariance(input, pose, 1.0 + input.render_noise_ratio) +
+                         error_maps_mm2(input) * Eigen::Matrix3d::Identity();
+        one.degrees_of_freedom = pose.corner_noise->degrees_of_freedom;
+        if (!(one.covariance.trace() > 0.0))
+            return std::nullopt;  // frames alike to the last bit say nothing about noise
+        noise.push_back(one);
+    }
+    return noise;
+}
+
+// Needs the signatures: what is declared as uncertain may be in the residuals, too.
+void find_position_rest(const QualificationInput& input, Qualification& result) {
+    if (const auto noise = position_noise(input))
+        result.position_lack_of_fit =
+            lack_of_fit(*result.position_field, position_samples(input.poses), *noise,
+                        declared_fields(input, result.signatures));
+}
+
+// ----------------------------------------------------------------------------------- verdict
+
+// Value and U; false, with the reason, when the run has no value.
+bool measure(JudgedQuantity& quantity, const Qualification& result) {
+    const QuantityKind& kind = quantity_kind(quantity.name);
+    const auto found = kind.measured(result);
+    if (!found) {
+        quantity.reason = kind.missing;
+        return false;
+    }
+    quantity.measured = true;
+    quantity.value = found->value;
+    if (kind.is_of_pixels) {
+        quantity.expanded_uncertainty = found->noise_uncertainty;
+        quantity.coverage_factor = pixel_coverage_factor;
+        return true;
+    }
+    const CombinedUncertainty uncertainty = combined(result.budget, quantity.name);
+    quantity.expanded_uncertainty = uncertainty.expanded;
+    quantity.coverage_factor = uncertainty.coverage_factor;
+    quantity.degrees_of_freedom = uncertainty.degrees_of_freedom;
+    return true;
+}
+
+// A PASS must hold whatever an unknown input may be. Nothing when it does.
+std::string unknown_in_the_way(const JudgedQuantity& quantity, const DecisionRule& rule,
+                               const Qualification& result) {
+    auto sources = unknown_sources(result.budget, quantity.name, true);
+    const double widest = combined_at_widest(result.budget, quantity.name).expanded;
+    if (sources.empty() && decide(quantity.value, widest, quantity.limit, rule) != Outcome::pass)
+        sources = unknown_sources(result.budget, quantity.name, false);
+    if (sources.empty())
+        return "";
+    return fmt::format("the uncertainty of '{}' is unknown", fmt::join(sources, "', '"));
+}
+
+void judge(JudgedQuantity& quantity, const Limits& limits, Qualification& result) {
+    if (!measure(quantity, result))
+        return;
+    decide(quantity, limits);
+    if (quantity.outcome != Outcome::pass)
+        return;
+    quantity.reason = unknown_in_the_way(quantity, limits.rule, result);
+    if (!quantity.reason.empty()) {
+        quantity.outcome = Outcome::inconclusive;
+        result.budget_complete = false;
+    }
+}
+
+void judge_all(const Limits& limits, Qualification& result) {
+    result.budget_complete = true;
+    for (JudgedQuantity& quantity : result.quantities)
+        judge(quantity, limits, result);
+    for (JudgedQuantity& quantity : result.reported)
+        measure(quantity, result);
+    result.rule = limits.rule;
+    result.risk = family_risk(result.quantities, limits.rule);
+    result.verdict = combine(result.quantities);
+}
+
+// A PASS is accepted only from a run that is what its uncertainty takes it for.
+void require_conditions(const QualificationInput& input, Qualification& result) {
+    result.conditions = acceptance_conditions(input, result, position_samples(input.poses));
+    for (const AcceptanceCondition& condition : result.conditions) {
+        if (condition.state != AcceptanceCondition::State::not_met)
+            continue;
+        result.reasons.push_back(condition.name + " is not as it must be: " + condition.text);
+        if (result.verdict == Outcome::pass)
+            result.verdict = Outcome::inconclusive;
+    }
+}
+
+void add_monte_carlo(const QualificationInput& input, std::span<const FieldInput> inputs,
+                     Qualification& result) {
+    const std::vector<Eigen::Vector3d> volume = volume_of(input.poses);
+    const auto samples = position_samples(input.poses);
+    const MonteCarloUncertainty b3 =
+        monte_carlo_uncertainty(*result.position_field, samples, volume, inputs, input.seed);
+    for (std::vector<JudgedQuantity>* list : {&result.quantities, &result.reported})
+        for (JudgedQuantity& quantity : *list)
+            if (const auto figure = quantity_kind(quantity.name).monte_carlo)
+                quantity.monte_carlo_uncertainty = b3.*figure;
+}
+
+std::string why_not_pass(const JudgedQuantity& quantity) {
+    if (quantity.outcome == Outcome::skipped)
+        return fmt::format("{} is SKIPPED: {}", quantity.name, quantity.reason);
+    const std::string why = quantity.outcome == Outcome::inconclusive ? quantity.reason : "";
+    return fmt::format("{} is {:.4f} {} with U = {:.4f} {}, limit {:.4f} {}: {}{}{}", quantity.name,
+                       quantity.value, quantity.unit, quantity.expanded_uncertainty, quantity.unit,
+                       quantity.limit, quantity.unit, name(quantity.outcome),
+                       why.empty() ? "" : ", ", why);
+}
+
+// A finding fails a camera only where its limits say so; none makes a FAIL a PASS.
+void judge_pixels(const QualificationInput& input, Qualification& result) {
+    if (!input.limits.pixels_must_match)
+        return;
+    if (!result.pixels || result.pixels->photos == 0) {
+        result.reasons.emplace_back(
+            "the limits ask for pixels that match, and no photograph could be compared");
+        if (result.verdict == Outcome::pass)
+            result.verdict = Outcome::inconclusive;
+    } else if (!result.pixels->findings.empty()) {
+        result.reasons.emplace_back("the pixels do not match, as the limits ask for");
+        result.verdict = Outcome::fail;
+    }
+}
+
+void explain_verdict(Qualification& result) {
+    if (result.verdict == Outcome::pass)
+        return;
+    for (const JudgedQuantity& quantity : result.quantities)
+        if (quantity.outcome != Outcome::pass)
+            result.reasons.push_back(why_not_pass(quantity));
+}
+
+}  // namespace
+
+double DetectionCounts::rate() const {
+    const int all = training + hold_out;
+    return all > 0 ? static_cast<double>(training_detected + hold_out_detected) / all : 0.0;
+}
+
+Qualification qualify(QualificationInput& input) {
+    require_usable(input);
+    for (Pose& pose : input.poses) {
+        pose.used = pose.outlying = false;
+        pose.bias = {};
+    }
+    const Projector projector(*input.camera);
+    Qualification result;
+    list_quantities(input, result);
+    count_detections(input, result);
+    result.pixels = input.pixels;
+    if (result.pixels && result.pixels->is_overexposed)
+        return overexposed(std::move(result));
+    const std::string too_few = fmt::format(
+        "too few poses with a detected marker: {} training (at least {}), {} hold-out (at least "
+        "{})",
+        result.detection.training_detected, min_training_poses, result.detection.hold_out_detected,
+        min_hold_out_poses);
+    if (result.detection.training_detected < min_training_poses ||
+        result.detection.hold_out_detected < min_hold_out_poses ||
+        !registered(input, projector, result))
+        return skipped(std::move(result), too_few);
+    const int usable = find_biases(input, projector, result.registration->registration);
+    find_training_differences(input, projector, *result.registration);
+    if (usable < min_hold_out_poses)
+        return skipped(std::move(result),
+                       "too few hold-out poses whose render is detected as well");
+    fit_fields(input, input.known_draws ? *input.known_draws : NoiseDraws(input.seed), result);
+    const SignatureChain chain = chain_of(input, projector, result);
+    find_signatures(input, chain, result);
+    find_position_rest(input, result);
+    QualificationBudget budget = qualification_budget(input, result, position_samples(input.poses),
+                                                      calibration_signatures(chain));
+    result.budget = std::move(budget.rows);
+    judge_all(input.limits, result);
+    require_conditions(input, result);
+    judge_pixels(input, result);
+    if (input.monte_carlo)
+        add_monte_carlo(input, budget.inputs, result);
+    explain_verdict(result);
+    if (input.look_for_causes)
+        result.causes = causes_of_run(input, chain, result);
+    return result;
+}
+
+}  // namespace etalon

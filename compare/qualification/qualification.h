@@ -1,0 +1,183 @@
+// Everything between "the run has measured" and "the report is written": registration, biases,
+// the fields that are judged, their uncertainty budget, error signatures and the verdict.
+//
+//     QualificationInput  what a run measured and what its station declares
+//     qualify()           one function; renders through a callback, touches no device or file
+//     Qualification       everything that the report and the record show beside the poses
+//
+// Method: docs/metrology.md.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/registration/registration.h"
+#include "compare/decision/verdict.h"
+#include "compare/diagnosis/causes.h"
+#include "compare/diagnosis/error_signatures.h"
+#include "compare/diagnosis/image_agreement.h"
+#include "compare/pose/pose.h"
+#include "compare/qualification/acceptance.h"
+#include "compare/qualification/limits_file.h"
+#include "compare/uncertainty/bias_field.h"
+#include "compare/uncertainty/lack_of_fit.h"
+#include "compare/uncertainty/length_error.h"
+#include "compare/uncertainty/uncertainty_budget.h"
+
+namespace etalon {
+
+// A standard uncertainty that the station declares, with the stage error it belongs to.
+struct DeclaredStageTerm {
+    StageError error;              // any small size; the field is scaled to the uncertainty
+    bool is_linear_scale = false;  // the scale of a linear axis
+    // True: a term of the budget; without a value it is `unknown` and the verdict cannot be PASS.
+    // False: only a signature (squareness that nobody has measured, say).
+    bool in_budget = false;
+    std::optional<double> standard_uncertainty;  // in error.unit
+};
+
+// Random errors of the stage: how far repeated approaches leave the marker's centre apart.
+struct DeclaredRepeatability {
+    std::string axis;
+    // Standard deviation at the marker's centre, mm; of a rotary axis the angle times the distance
+    // of the marker's centre from the axis. Nothing: unknown.
+    std::optional<double> marker_mm;
+};
+
+// What the uncertainty of an axis' error map leaves at the marker's centre, standard, mm.
+// Neighbouring points of a map may be wrong together, in whatever way hurts most: it counts in
+// full.
+struct DeclaredErrorMap {
+    std::string axis;
+    double marker_rms_mm = 0.0, marker_max_mm = 0.0;  // over the poses
+};
+
+// How far the temperature may be from the one at which marker and stage have their declared sizes.
+struct DeclaredTemperature {
+    double standard_uncertainty_k = 0.0;
+    double marker_expansion_per_k = 0.0, stage_expansion_per_k = 0.0;  // relative
+    double reference_c = 20.0;  // the one at which the sizes are declared (ISO 1)
+    // Of a measured one, and how it was measured; empty: declared.
+    double degrees_of_freedom = std::numeric_limits<double>::infinity();
+    std::string basis = {};
+};
+
+struct QualificationInput {
+    const CameraModel* camera = nullptr;     // the calibration under test
+    std::vector<Eigen::Vector3d> points_mm;  // of the marker, as its detector reports them
+    // What was measured of each; qualify() adds what it finds. Corner noise, photometric poses,
+    // times and repeats may be left out: what cannot be said without one is then SKIPPED or not
+    // checked.
+    std::vector<Pose> poses;
+    Rigid nominal_carriage_from_marker;  // as mounted by design: fixes the gauge freedoms only
+    // Transforms that show what the plan's volume lets the stage do
+    // (calib/registration/stage_motion.h); training poses that move less are degenerate. Empty: not
+    // checked.
+    std::vector<Rigid> stage_reach;
+    // For poses without a detector's bias of their own, else not needed: called once per training
+    // pose and round, then once per hold-out pose; may throw Interrupted.
+    RenderAndDetect render_and_detect;
+    // Variance by noise of the corners that it finds, in units of that of a pose's mean corners in
+    // the photographs.
+    double render_noise_ratio = 0.0;
+    std::vector<DeclaredStageTerm> stage_terms;
+    std::vector<DeclaredRepeatability> repeatability;
+    std::vector<DeclaredErrorMap> error_maps;
+    // Of all poses, to look for backlash, bent guides and errors that repeat; empty: not looked
+    // for.
+    std::vector<StageAxisMotion> axis_motions = {};
+    // Relative standard uncertainty of the marker's printed size. Nothing: unknown.
+    std::optional<double> marker_size_uncertainty;
+    // Standard uncertainty of how far the marker's edge stands out of its plane. Nothing: unknown.
+    std::optional<double> marker_flatness_mm = {};
+    std::optional<DeclaredTemperature> temperature = {};  // nothing: unknown
+    // How far the edges of a render may lie from where they belong; 0 for exact ones, as of a
+    // simulation of corners.
+    double render_edge_bound_px = 0.0;
+    Limits limits;
+    std::uint64_t seed = 1;  // of the simultaneous band's draws
+    // Of each pose about where the marker is before the camera: first estimates for the
+    // registration. Empty: from the corners.
+    std::vector<Rigid> expected_poses = {};
+    // Signatures from another run of the same plan, for studies of thousands of runs: they follow
+    // from the geometry, and making them takes most of qualify()'s time. Taken when they are of as
+    // many hold-out poses; nothing: made from this run.
+    const std::vector<ErrorSignature>* known_signatures = nullptr;
+    const NoiseDraws* known_draws = nullptr;  // for the same; nothing: drawn by `seed`
+    // Also measure what has no limit. Studies of thousands of runs that read verdicts do without.
+    bool measure_reported = true;
+    // Also propagate the budget by Monte Carlo: beside U, for comparison. Some 0.3 s.
+    bool monte_carlo = false;
+    // Also look for what causes the differences. Some 0.5 s.
+    bool look_for_causes = false;
+    // Of the hold-out photographs against their renders; nothing: not compared.
+    std::optional<ImageAgreement> pixels = {};
+};
+
+struct DetectionCounts {
+    int training = 0, training_detected = 0, hold_out = 0, hold_out_detected = 0;
+    double rate() const;  // of all poses; 0 when there are none
+};
+
+// A pose that no registration and no field explains.
+struct RejectedPose {
+    int index = 0;
+    std::string text;  // "pose 7 along x by 96.1 mm"
+};
+
+// The field of B4 on hold-out poses.
+struct PhotometricField {
+    BiasField position_field;
+    FieldSummary position_summary;
+    int poses = 0;  // hold-out poses that have B4
+};
+
+struct Qualification {
+    Outcome verdict = Outcome::inconclusive;
+    // Those that have a limit, in the order of compare/qualification/judged_quantities.h, and those
+    // that have none: they are SKIPPED with a limit of 0, and their value and U are there where
+    // they were measured.
+    std::vector<JudgedQuantity> quantities, reported;
+    DecisionRule rule;                 // that they are judged by
+    FamilyRisk risk;                   // of the judged ones together
+    std::vector<std::string> reasons;  // why the verdict is not PASS, one sentence each
+
+    DetectionCounts detection;
+
+    // Nothing where the run did not get as far: too few detected poses.
+    std::optional<BiasCorrectedRegistration> registration;
+    std::optional<BiasField> position_field, rotation_field;  // of hold-out B3, camera frame
+    FieldSummary position_summary, rotation_summary;          // over all poses and midpoints
+    std::optional<LackOfFit> position_lack_of_fit;            // nothing without repeated frames
+    std::optional<LengthErrors> lengths;
+    std::optional<PhotometricField> photometric;  // nothing with too few photometric poses
+    std::optional<ImageAgreement> pixels;         // nothing where not compared
+
+    std::vector<RejectedPose> outlying;           // left out of registration and fields
+    std::vector<AcceptanceCondition> conditions;  // one that is NOT MET withholds PASS
+
+    std::vector<BudgetRow> budget;
+    bool budget_complete = false;  // nothing that is unknown could change the verdict
+
+    std::vector<ErrorSignature> signatures;
+    std::optional<Causes> causes;  // nothing where not looked for
+};
+
+// Smallest numbers of detected poses that are judged at all; fewer give SKIPPED quantities and the
+// verdict INCONCLUSIVE.
+inline constexpr int min_training_poses = 8;
+inline constexpr int min_hold_out_poses = 15;
+
+// Judges input.poses: sets `used` and `bias` of each, and reads the rest alone. Throws
+// NumericalError for inconsistent or non-finite input, a stage that did not move, and a
+// registration that does not converge; whatever render_and_detect throws passes through.
+// Single-threaded; its cost is that of the renders.
+Qualification qualify(QualificationInput& input);
+inline Qualification qualify(QualificationInput&& input) {
+    return qualify(input);  // the judgement alone
+}
+
+}  // namespace etalon

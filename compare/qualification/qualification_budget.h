@@ -1,0 +1,29 @@
+// The uncertainty budget of a qualification: every input that moves the judged fields, with its
+// sensitivity from this run's own geometry (error signatures) and residuals.
+//
+// docs/metrology.md has the list of inputs and what each one assumes.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "compare/qualification/qualification.h"
+#include "compare/uncertainty/budget_monte_carlo.h"
+
+namespace etalon {
+
+struct QualificationBudget {
+    std::vector<BudgetRow> rows;
+    // The systematic inputs of the position field among them, for the Monte Carlo propagation. The
+    // image noise is the field's own; random stage errors are in it.
+    std::vector<FieldInput> inputs;
+};
+
+// `result` holds registration, fields, rest, lengths and signatures. Throws NumericalError for a
+// declared uncertainty that is negative or not finite, or one of an error without a signature.
+QualificationBudget qualification_budget(const QualificationInput& input,
+                                         const Qualification& result,
+                                         std::span<const FieldSample> position_samples,
+                                         std::span<const ErrorSignature> calibration);
+
+}  // namespace etalon

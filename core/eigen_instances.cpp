@@ -1,2 +1,0 @@
-#define ETALON_INSTANTIATE
-#include "core/eigen_instances.h"

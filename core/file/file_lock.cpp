@@ -1,0 +1,36 @@
+#include "core/file/file_lock.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <system_error>
+
+#include "core/program/errors.h"
+
+namespace etalon {
+
+// For writing, though nothing is written: NFS grants exclusive locks only then.
+FileLock::FileLock(const std::filesystem::path& file)
+    : descriptor_(open(file.c_str(), O_RDWR | O_CLOEXEC)) {
+    if (descriptor_ < 0)
+        throw ConfigError({file.string()}, errno == ENOENT
+                                               ? "no such file"
+                                               : std::generic_category().message(errno));
+    if (flock(descriptor_, LOCK_EX | LOCK_NB) == 0)
+        return;
+    const int error = errno;
+    close(descriptor_);
+    if (error == EWOULDBLOCK)
+        throw ConfigError({file.parent_path().string()},
+                          "is in use: another etalon is writing to this folder");
+    throw ConfigError({file.string()},
+                      "cannot be locked: " + std::generic_category().message(error));
+}
+
+FileLock::~FileLock() {
+    close(descriptor_);
+}
+
+}  // namespace etalon

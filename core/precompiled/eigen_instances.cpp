@@ -1,0 +1,2 @@
+#define ETALON_INSTANTIATE
+#include "core/precompiled/eigen_instances.h"

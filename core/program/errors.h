@@ -1,0 +1,111 @@
+// The errors that a caller cannot simply go on from. Each says where it happened and what was
+// expected, in one line that can be shown to a user as it is.
+//
+// Not for measurements: a camera out of limits is a value with a verdict, and an incomplete frame
+// is a frame with a status.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <type_traits>
+#include <utility>
+#include <variant>
+
+namespace etalon {
+
+// Base of all errors thrown on purpose by this project.
+class Error : public std::runtime_error {
+public:
+    using std::runtime_error::runtime_error;
+};
+
+// The place of a value in a file, or an argument on the command line.
+struct SourcePlace {
+    std::string file;  // path as the user gave it, or the option's name ("--pose")
+    int line = 0;      // 1-based; 0 where the format has no lines
+    std::string key;   // dotted path of the value ("plan.volume.x"); empty for the whole file
+};
+
+// An input that cannot be used: a file, a key in it, or an argument. Exit code 3.
+// what() reads "file:line: key: message", leaving out the parts that the place does not have.
+class ConfigError : public Error {
+public:
+    ConfigError(SourcePlace place, const std::string& message);
+
+    const SourcePlace& place() const { return place_; }
+
+private:
+    SourcePlace place_;
+};
+
+// A file that its disk does not take: full, failing or only for reading. Exit code 4.
+class DiskError : public ConfigError {
+public:
+    using ConfigError::ConfigError;
+};
+
+// DiskError where the disk is the cause, otherwise ConfigError: the path is one that cannot be
+// written.
+[[noreturn]] void fail_writing(const std::filesystem::path& path, std::error_code cause);
+
+// A device that did not do what was asked of it. Exit code 4.
+// what() reads "device: request: cause".
+class DeviceError : public Error {
+public:
+    DeviceError(std::string device, std::string request, std::string cause);
+
+    const std::string& device() const { return device_; }    // "stage 127.0.0.1:1502"
+    const std::string& request() const { return request_; }  // "read registers 0..13"
+    const std::string& cause() const { return cause_; }      // "timed out after 300 ms"
+
+private:
+    std::string device_, request_, cause_;
+};
+
+// A computation without a trustworthy result (rank lost, no convergence, not finite); the message
+// holds the values that tell why. Exit code 4.
+class NumericalError : public Error {
+public:
+    using Error::Error;
+};
+
+// A value, or the cause why there is none.
+template <class T>
+struct Result {
+    std::optional<T> value;
+    std::string cause;
+
+    explicit operator bool() const { return value.has_value(); }
+    T& operator*() { return *value; }
+    T* operator->() { return &*value; }
+};
+
+// What a computation returns, or why it has no trustworthy result, where its caller can go on
+// without: one photograph of many, one model of several. Of a computation that returns nothing,
+// whether it went well.
+template <class Computation>
+auto attempted(Computation&& computation) {
+    using Value = std::invoke_result_t<Computation>;
+    using Kept = std::conditional_t<std::is_void_v<Value>, std::monostate, Value>;
+    try {
+        if constexpr (std::is_void_v<Value>) {
+            std::forward<Computation>(computation)();
+            return Result<Kept>{std::monostate{}, {}};
+        } else {
+            return Result<Kept>{std::forward<Computation>(computation)(), {}};
+        }
+    } catch (const NumericalError& error) {
+        return Result<Kept>{std::nullopt, error.what()};
+    }
+}
+
+// The run was stopped on request (a signal). Exit code 130.
+class Interrupted : public Error {
+public:
+    Interrupted() : Error("interrupted") {}
+};
+
+}  // namespace etalon

@@ -1,0 +1,92 @@
+// The wave-optical image of a point out of focus: diffraction and defocus together, where disk and
+// Airy pattern convolved are only an approximation.
+//
+// A circular pupil with the defocus W20 (path difference at its rim) gives the amplitude
+//     U = 2 integral over rho = 0..1 of exp(i u/2 rho^2) J0(v rho) rho d rho,
+//     v = pi r / (lambda N_w),   u = 4 pi W20 / lambda,   W20 = c / (8 N_w),
+// c the diameter of the geometrical blur disk: with its radius R, u = pi R / (lambda N_w), so that
+// v/u = r/R. Energy per area: |U|^2 pi / (4 (lambda N_w)^2). In Lommel's functions (Born and Wolf,
+// Principles of Optics, 8.8.1)
+//     outside the disk  |U|^2 = (2/u)^2 (U1^2 + U2^2)
+//     inside            |U|^2 = (2/u)^2 (1 + V0^2 + V1^2 - 2 V0 cos s - 2 V1 sin s),
+//                       s = (u + v^2/u) / 2
+// whose series of Bessel functions are summed to rounding. Beyond the disk, averaged over the
+// rings:
+//     density (lambda N_w / (pi^3 r^3)) (1 + q^2) / (1 - q^2)^2,   q = R/r,
+// and 2 lambda N_w r / (pi^2 (r^2 - R^2)) of the energy lies outside r: Airy's tail from q -> 0.
+//
+// Lengths in units of the pixel pitch along x, as in sim/psf/diffraction.h.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <vector>
+
+namespace etalon {
+
+// The renderers go no farther; beyond some ten px of blur geometrical optics is right anyhow.
+inline constexpr double max_wave_blur_px = 20.0;
+
+// |U|^2 for u, v >= 0, relative to the centre of the Airy pattern (u = v = 0: 1). Some us; absolute
+// error below 1e-12 for u and v up to 1000.
+double wave_intensity(double u, double v);
+
+// At one blur radius. Tabulated in v to where the mean over the rings takes over; 1 to 30 ms to
+// build. Immutable.
+class WavePointSpread {
+public:
+    // lambda N_w > 0 and the blur radius R >= 0, px. Throws NumericalError for other numbers and
+    // for R above 600 lambda N_w, where geometrical optics is right.
+    WavePointSpread(double lambda_n_px, double blur_radius_px);
+
+    double blur_radius_px() const { return blur_radius_px_; }
+
+    // Energy per px^2 at r >= 0: exact within the table, beyond it the mean over the rings. The
+    // whole plane holds 1.
+    double density(double r) const;
+
+    // Energy within r >= 0; to 1e-6, cubic between the table's rows.
+    double energy_within(double r) const;
+
+    // The radius that holds this energy, 0 <= energy < 1; inverts energy_within().
+    double radius_of(double energy) const;
+
+    // Beyond this radius all is the mean over the rings; px.
+    double table_end_px() const;
+
+private:
+    double scale_;  // pi / (lambda N_w): v = scale r
+    double blur_radius_px_;
+    double u_;
+    std::vector<double> intensity_;  // |U|^2 at v = i step
+    std::vector<double> energy_;     // within it
+    double closing_;                 // energy not in the table, relative to the asymptote's
+};
+
+// The patterns of one lens over blur radii, tabulated at equal steps of u small enough for straight
+// lines between them: 0.1 (the phases of the integral turn by 0.05). Each is built when first asked
+// for. Safe from every thread.
+class WaveTable {
+public:
+    // Radii from 0 to `largest_blur_px`. Throws NumericalError as WavePointSpread.
+    WaveTable(double lambda_n_px, double largest_blur_px);
+
+    // The radius that holds this energy at a blur radius (beyond the largest: at the largest).
+    double radius_of(double energy, double blur_radius_px) const;
+
+private:
+    struct Entry {
+        std::once_flag once;
+        std::unique_ptr<const WavePointSpread> psf;
+    };
+
+    const WavePointSpread& entry(std::size_t i) const;
+
+    double lambda_n_px_, step_px_;
+    mutable std::vector<Entry> entries_;
+};
+
+// The mean over the rings, well outside the disk (r > R).
+double wave_ring_average_density(double lambda_n_px, double blur_radius_px, double r);
+
+}  // namespace etalon

@@ -1,0 +1,87 @@
+// What of a spread that the lens has blurred falls beyond a straight edge, and beyond both edges of
+// a corner, tabulated once per camera: sharp images of few edges need no samples then.
+//
+// With B(r) the part of the blurred spread outside the radius r, a ray that passes the middle at
+// the distance d, from the foot of the perpendicular on, has
+//     T(d, phi) = 1/(2 pi) integral of B(d / cos) over the angles 0 to phi
+// below it: Owen's T function, which is that of a Gaussian, for any round spread. T(d, pi/2) is
+// half of what falls beyond the whole line; the sum over a wedge's two rays is what falls beyond
+// both lines (sim/tiles/wedge_kernel.cpp).
+//
+// The density is for blur disks that the distortion has made ellipses: to first order they change
+// the disk's transfer 2 J1(q) / q by a second derivative of 8 J2(q) / q^2, a paraboloid.
+//
+// Beyond an edge the mean over a pixel is known too, by the edge's direction a: with the spread's
+// transfer G(f), 1/2 - integral of G sinc(f cos a) sinc(f sin a) sin(2 pi f d) / (pi f).
+// Where the blur changes along the edge, the mean of what is beyond times the place along it counts
+// too: with the derivative across the direction in place of sinc sinc, over 2 pi, a cosine in place
+// of the sine. docs/rendering.md has the bounds.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "sim/psf/radial_transfer.h"
+
+namespace etalon {
+
+// The tables as the kernel reads them. The distance d px stands at the place per_unit d / (1 + d),
+// the blur radius R at the row rows_per_px (sqrt(R^2 + even^2) - even): with R^2 first.
+struct WedgeRows {
+    const float* edges;   // [row][direction][distance]
+    const float* turns;   // the same, of what lies beyond the edge times its place along it
+    const float* wedges;  // [row][distance][angle, behind the last the density]
+    int distances;
+    float per_unit, first, last;  // the rows that there are
+};
+
+// Safe from every thread.
+class WedgeTable {
+public:
+    static constexpr double largest_blur_px = 1.0;
+    static constexpr int rows_per_px = 32;
+    static constexpr double even_px = 0.1;
+    static constexpr int directions = 24;  // steps of half a right angle
+    static constexpr int angles = 64;      // steps of a right angle
+    static constexpr int wedge_values = angles + 2;
+    static constexpr double gray = 0.06;  // of its own error, of an edge of contrast 1
+
+    // Whether the spread is wide enough for nodes within a pixel, and the core narrow enough.
+    static bool suits(const PointSpreadFunction& spread, double reach_px);
+
+    // Of the core of a spread, which ends at `core_px`: its transfer for functions that reach as
+    // far as end_px(). Scaled to an energy of 1.
+    WedgeTable(const std::vector<RadialWave>& core, double core_px);
+
+    // Where the tables end: a pixel does not see an edge with the largest blur beyond.
+    static double end_px(double core_px);
+    // From where on it sees less than `negligible` of an edge with this blur.
+    static constexpr double negligible = 3e-5;
+    double reach_px(double blur_px) const { return sharp_reach_px_ + blur_px; }
+
+    // The rows for blur radii between these, 0.3 ms each when they are made.
+    WedgeRows rows(double least_blur_px, double largest_blur_px) const;
+
+private:
+    static constexpr int row_count = static_cast<int>(largest_blur_px * rows_per_px) + 2;
+
+    void make(int row) const;
+    void make_edges(const Eigen::VectorXd& lines, float* to) const;
+    void make_turns(const Eigen::VectorXd& lines, float* to) const;
+    void make_wedges(const Eigen::ArrayXd& amplitudes, const Eigen::VectorXd& lines,
+                     float* to) const;
+    void make_densities(double blur_px, float* to) const;
+
+    double sharp_reach_px_ = 0.0;
+    Eigen::ArrayXd frequencies_, amplitudes_;  // the latter of an energy of 1
+    Eigen::ArrayXd distances_;
+    Eigen::MatrixXd sines_, cosines_, bessels_, waves_;  // by distance and frequency
+    Eigen::MatrixXd pixels_, turned_pixels_;             // by frequency and direction
+    mutable std::array<std::once_flag, static_cast<std::size_t>(row_count)> made_;
+    std::unique_ptr<float[]> edges_, turns_, wedges_;
+};
+
+}  // namespace etalon

@@ -1,0 +1,313 @@
+#include "station/planning/expectation_report.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/file/text.h"
+#include "core/geometry/units.h"
+#include "report/csv.h"
+#include "report/json_text.h"
+#include "report/number_text.h"
+#include "report/pose_numbers.h"
+#include "report/svg_plot.h"
+#include "station/shell/command_output.h"
+
+namespace etalon {
+namespace {
+
+using nlohmann::ordered_json;
+using Variable = ExpectationMap::Variable;
+
+double rms(const std::vector<double>& values) {
+    double sum = 0.0;
+    for (const double value : values)
+        sum += value * value / static_cast<double>(values.size());
+    return std::sqrt(sum);
+}
+
+std::string place_text(const MarkerPlace& place) {
+    return fmt::format("{:.0f} mm, {:.0f} px, {:.0f} deg", place.depth_mm, place.radius_px,
+                       place.tilt_rad * deg_per_rad);
+}
+
+const MarkerPlace& worst_place(const Expectation& expectation, std::size_t component) {
+    std::vector<const MarkerPlace*> mapped;
+    for (const ExpectedPose& pose : expectation.poses)
+        if (pose.bias)
+            mapped.push_back(&pose.place);
+    return *mapped[(*expectation.bias_maps)[component].worst()];
+}
+
+// ---- Plots
+
+constexpr int plot_width = 420, plot_height = 320;  // three beside each other stay readable
+
+struct Abscissa {
+    Variable variable;
+    const char* label;
+    double (*of)(const MarkerPlace&);  // in the plot's unit
+    double unit;                       // of the map per unit of the plot
+};
+const std::array<Abscissa, 3> abscissae = {{
+    {Variable::depth, "depth, mm", [](const MarkerPlace& p) { return p.depth_mm; }, 1.0},
+    {Variable::radius, "distance from the principal point, px",
+     [](const MarkerPlace& p) { return p.radius_px; }, 1.0},
+    {Variable::tilt, "tilt, deg", [](const MarkerPlace& p) { return p.tilt_rad * deg_per_rad; },
+     1.0 / deg_per_rad},
+}};
+
+// The map's average over the other two variables, as a line with its 95 % band.
+void add_average(SvgPlot& plot, const ExpectationMap& map, const Abscissa& along,
+                 const std::vector<double>& xs, double (*shown)(double), Color ink) {
+    constexpr int steps = 30;
+    const auto [low, high] = std::minmax_element(xs.begin(), xs.end());
+    Series series;
+    for (int i = 0; i <= steps; ++i) {
+        const double at = *low + (*high - *low) * i / steps;
+        const MapValue average = map.average_at(along.variable, at * along.unit);
+        series.add(at, shown(average.value), shown(average.low), shown(average.high));
+    }
+    plot.add_band(series, ink, "95 %");
+    plot.add_line(series, ink, "average");
+}
+
+double itself(double value) {
+    return value;
+}
+double exponential(double value) {
+    return std::exp(value);
+}
+
+// Where the poses that have `value` are along the abscissa.
+std::vector<double> places_of(const Expectation& expectation, const Abscissa& along,
+                              std::optional<SixErrors> ExpectedPose::*value) {
+    std::vector<double> xs;
+    for (const ExpectedPose& pose : expectation.poses)
+        if (pose.*value)
+            xs.push_back(along.of(pose.place));
+    return xs;
+}
+
+std::string bias_plot(const Expectation& expectation, std::size_t component,
+                      const Abscissa& along) {
+    const ErrorComponent& named = error_components[component];
+    SvgPlot plot(along.label, fmt::format("B1 {}, {}", named.name, named.unit), plot_width,
+                 plot_height);
+    const std::vector<double> xs = places_of(expectation, along, &ExpectedPose::bias);
+    plot.add_points(xs, expectation.biases(static_cast<int>(component)), Color::gray, "pose");
+    add_average(plot, (*expectation.bias_maps)[component], along, xs, itself, Color::blue);
+    return plot.svg();
+}
+
+std::string noise_plot(const Expectation& expectation, std::size_t component,
+                       const Abscissa& along) {
+    const ErrorComponent& named = error_components[component];
+    SvgPlot plot(along.label, fmt::format("noise {}, {}", named.name, named.unit), plot_width,
+                 plot_height);
+    const std::vector<double> xs = places_of(expectation, along, &ExpectedPose::noise);
+    plot.add_points(xs, expectation.noises(static_cast<int>(component)), Color::gray, "pose");
+    add_average(plot, (*expectation.noise_maps)[component], along, xs, exponential, Color::orange);
+    return plot.svg();
+}
+
+void add_bias_plots_of(HtmlPage& page, const Expectation& expectation, std::size_t component) {
+    HtmlPage::Figures figures;
+    for (const Abscissa& along : abscissae)
+        figures.push_back({bias_plot(expectation, component, along),
+                           fmt::format("Bias {}: each pose, and the smooth map averaged over the "
+                                       "other two variables. A line that leaves zero can be "
+                                       "corrected, the scatter about it cannot.",
+                                       error_components[component].name)});
+    page.add_figures(figures);
+}
+
+void add_plots(HtmlPage& page, const Expectation& expectation) {
+    for (const std::size_t component : {std::size_t{0}, std::size_t{1}, std::size_t{4}})
+        add_bias_plots_of(page, expectation, component);
+    if (!expectation.noise_maps)
+        return;
+    HtmlPage::Figures figures;
+    for (const std::size_t component : {std::size_t{0}, std::size_t{4}})
+        for (const Abscissa& along : abscissae)
+            figures.push_back(
+                {noise_plot(expectation, component, along),
+                 fmt::format("Noise {}: standard deviation of a single frame. Where the "
+                             "line rises, average frames or stay nearer.",
+                             error_components[component].name)});
+    page.add_figures(figures);
+}
+
+// ---- JSON
+
+ordered_json value_json(const MapValue& value) {
+    return {{"value", value.value}, {"low_95", value.low}, {"high_95", value.high}};
+}
+
+ordered_json place_json(const MarkerPlace& place) {
+    return {{"depth_mm", place.depth_mm},
+            {"radius_px", place.radius_px},
+            {"tilt_deg", place.tilt_rad * deg_per_rad}};
+}
+
+ordered_json component_json(const Expectation& expectation, std::size_t k) {
+    const std::vector<double> biases = expectation.biases(static_cast<int>(k));
+    const std::vector<double> noises = expectation.noises(static_cast<int>(k));
+    ordered_json json = {{"name", error_components[k].name}, {"unit", error_components[k].unit}};
+    if (!biases.empty())
+        json["bias_rms"] = rms(biases);
+    if (expectation.bias_maps) {
+        const ExpectationMap& map = (*expectation.bias_maps)[k];
+        const MarkerPlace& worst = worst_place(expectation, k);
+        json["bias_mean"] = value_json(map.mean());
+        json["bias_scatter_about_map"] = map.scatter();
+        json["worst"] = place_json(worst);
+        json["worst"]["bias"] = value_json(map.at(worst));
+    }
+    json["noise_rms"] = noises.empty() ? ordered_json() : ordered_json(rms(noises));
+    return json;
+}
+
+ordered_json pose_json(const ExpectedPose& pose) {
+    return {{"camera_from_marker", pose_numbers(pose.camera_from_marker)},
+            {"place", place_json(pose.place)},
+            {"bias", pose.bias ? ordered_json(*pose.bias) : ordered_json()},
+            {"noise", pose.noise ? ordered_json(*pose.noise) : ordered_json()},
+            {"detections", pose.detections},
+            {"flips", pose.flips}};
+}
+
+void add_six(CsvTable& table, const std::string& group, const std::optional<SixErrors>& six) {
+    constexpr const char* columns[] = {"sight_mm",  "outwards_mm", "around_mm",
+                                       "turn_mrad", "tilt_mrad",   "across_mrad"};
+    for (std::size_t k = 0; k < 6; ++k)
+        table.number(group + columns[k], six ? std::optional((*six)[k]) : std::nullopt);
+}
+
+}  // namespace
+
+std::vector<std::string> summary_header() {
+    return {"component", "unit", "mean", "95 %", "RMS", "scatter", "worst", "at", "noise"};
+}
+
+std::vector<std::vector<std::string>> summary_rows(const Expectation& expectation) {
+    std::vector<std::vector<std::string>> rows;
+    for (std::size_t k = 0; k < 6; ++k) {
+        const std::vector<double> noises = expectation.noises(static_cast<int>(k));
+        std::vector<std::string> row = {error_components[k].name, error_components[k].unit};
+        if (expectation.bias_maps) {
+            const ExpectationMap& map = (*expectation.bias_maps)[k];
+            const MapValue mean = map.mean();
+            const MarkerPlace& worst = worst_place(expectation, k);
+            row.push_back(fixed(mean.value, 4));
+            row.push_back(fmt::format("{:.4f} .. {:.4f}", mean.low, mean.high));
+            row.push_back(fixed(rms(expectation.biases(static_cast<int>(k))), 4));
+            row.push_back(fixed(map.scatter(), 4));
+            row.push_back(fixed(map.at(worst).value, 4));
+            row.push_back(place_text(worst));
+        } else {
+            row.resize(8);
+        }
+        row.push_back(noises.empty() ? "unknown" : fixed(rms(noises), 4));
+        rows.push_back(row);
+    }
+    return rows;
+}
+
+void add_expectation(HtmlPage& page, const Expectation& expectation) {
+    page.add_verdict(
+        expectation.bias_maps
+            ? fmt::format("{} mm", significant(rms(expectation.biases(0)), 2))
+            : fmt::format("{} of {}", expectation.detected(), expectation.poses.size()),
+        expectation.bias_maps
+            ? fmt::format(
+                  "is the bias along the line of sight, RMS over the volume; across it {} "
+                  "mm.",
+                  significant(std::hypot(rms(expectation.biases(1)), rms(expectation.biases(2))),
+                              2))
+            : fmt::format("poses were detected, too few for a map: {} are needed.",
+                          ExpectationMap::min_poses));
+    page.add_paragraph(fmt::format(
+        "Marker detected at {} of {} poses without noise, and in {:.1f} % of all frames; the other "
+        "planar solution fitted better in {:.1f} % of the frames with noise.{}",
+        expectation.detected(), expectation.poses.size(), 100.0 * expectation.detection_rate(),
+        100.0 * expectation.flip_rate(),
+        expectation.no_noise.empty() ? "" : " No noise: " + expectation.no_noise + "."));
+    if (!expectation.bias_maps)
+        return;
+    page.add_table(summary_header(), summary_rows(expectation));
+    page.add_notes(
+        {"Bias is B1: the pose that the detector finds in a render, less the pose that was "
+         "rendered. Scatter is that of the poses about the smooth map; worst is where the "
+         "map is largest, at this depth, distance from the principal point and tilt."});
+    add_plots(page, expectation);
+}
+
+void add_short_expectation(HtmlPage& page, const Expectation& expectation) {
+    if (!expectation.bias_maps)
+        return;
+    page.add_table(summary_header(), summary_rows(expectation));
+    add_bias_plots_of(page, expectation, 0);
+}
+
+std::string expectation_json(const ExpectationRequest& request, const Expectation& expectation) {
+    ordered_json json = {{"etalon", "expectation/1"},
+                         {"marker", request.scene.marker.spec},
+                         {"detector", request.scene.detector},
+                         {"volume",
+                          {{"nearest_mm", request.volume.nearest_mm},
+                           {"farthest_mm", request.volume.farthest_mm},
+                           {"max_tilt_deg", request.volume.max_tilt * deg_per_rad}}},
+                         {"background", request.scene.background},
+                         {"white_level", request.scene.white_level},
+                         {"seed", request.seed},
+                         {"poses", expectation.poses.size()},
+                         {"frames_per_pose", expectation.frames},
+                         {"no_noise", expectation.no_noise},
+                         {"detected", expectation.detected()},
+                         {"detection_rate", expectation.detection_rate()},
+                         {"flip_rate", expectation.flip_rate()}};
+    for (std::size_t k = 0; k < 6; ++k)
+        json["components"].push_back(component_json(expectation, k));
+    json["pose_list"] = json_list(expectation.poses, pose_json);
+    return text_of(json) + "\n";
+}
+
+std::string expectation_csv(const Expectation& expectation) {
+    CsvTable table;
+    for (const ExpectedPose& pose : expectation.poses) {
+        table.pose("", pose.camera_from_marker);
+        table.number("depth_mm", pose.place.depth_mm);
+        table.number("radius_px", pose.place.radius_px);
+        table.number("tilt_deg", pose.place.tilt_rad * deg_per_rad);
+        table.number("detections", pose.detections);
+        table.number("flips", pose.flips);
+        add_six(table, "bias_", pose.bias);
+        add_six(table, "noise_", pose.noise);
+        table.end_row();
+    }
+    return table.finish();
+}
+
+void write_expectation(const ExpectationRequest& request, const Expectation& expectation,
+                       const std::filesystem::path& folder) {
+    make_out_folder(folder);
+    HtmlPage page("Expected pose errors", request.scene.marker.spec);
+    add_expectation(page, expectation);
+    page.add_facts(
+        {{"marker", request.scene.marker.spec},
+         {"detector", request.scene.detector},
+         {"image",
+          fmt::format("{} x {} px", request.scene.camera.width, request.scene.camera.height)},
+         {"depth",
+          fmt::format("{:g} to {:g} mm", request.volume.nearest_mm, request.volume.farthest_mm)},
+         {"tilt", fmt::format("up to {:.0f} deg", request.volume.max_tilt * deg_per_rad)},
+         {"poses", std::to_string(expectation.poses.size())},
+         {"frames with noise, each", std::to_string(expectation.frames)}});
+    write_text(folder / "report.html", page.finish());
+    write_text(folder / "expectation.json", expectation_json(request, expectation));
+    write_text(folder / "poses.csv", expectation_csv(expectation));
+}
+
+}  // namespace etalon

@@ -1,0 +1,323 @@
+#include "station/planning/operating_characteristic.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/program/errors.h"
+
+namespace etalon {
+
+// What all runs have in common.
+struct SharedByRuns {
+    std::vector<ErrorSignature> signatures;
+    NoiseDraws draws;
+};
+
+namespace {
+
+// ------------------------------------------------------------------------------ the size of 1x
+
+// The judged quantities of an analysis that got as far as judging them.
+std::vector<JudgedQuantity> judged(const Qualification& result) {
+    std::vector<JudgedQuantity> quantities;
+    for (const JudgedQuantity& quantity : result.quantities)
+        if (quantity.outcome != Outcome::skipped)
+            quantities.push_back(quantity);
+    return quantities;
+}
+
+// What has a limit, and nothing else: that is what takes no longer than it must.
+Qualification judgement(QualificationInput input, const SharedByRuns& known) {
+    input.known_signatures = &known.signatures;
+    input.known_draws = &known.draws;
+    input.measure_reported = false;
+    return qualify(input);
+}
+
+class LimitSearch {
+public:
+    LimitSearch(const RunSimulator& simulator, const SharedByRuns& known,
+                const InjectedError& error)
+        : simulator_(simulator), known_(known), error_(error) {}
+
+    // The size whose exact field has the value `limit`; values grow nearly in proportion to the
+    // size. Nothing when that does not settle, or the field cannot be had at such a size.
+    std::optional<double> size_at(const std::string& quantity, double limit, double start) const {
+        constexpr int max_steps = 20;
+        constexpr double close = 1e-3, max_step = 4.0;
+        double size = start;
+        for (int step = 0; step < max_steps; ++step) {
+            const std::optional<double> value = value_at(quantity, size);
+            if (!value || !(*value > 0.0))
+                return std::nullopt;
+            const double ratio = limit / *value;
+            if (std::abs(ratio - 1.0) < close)
+                return size;
+            size *= std::clamp(ratio, 1.0 / max_step, max_step);
+        }
+        return std::nullopt;
+    }
+
+private:
+    std::optional<double> value_at(const std::string& name, double size) const {
+        RunTruth truth = simulator_.as_told();
+        error_.apply(truth, size);
+        // Nothing where the error is so large that the marker leaves the image, say.
+        auto qualified =
+            attempted([&] { return judged(judgement(simulator_.exact(truth), known_)); });
+        if (qualified)
+            for (const JudgedQuantity& quantity : *qualified)
+                if (quantity.name == name)
+                    return quantity.value;
+        return std::nullopt;
+    }
+
+    const RunSimulator& simulator_;
+    const SharedByRuns& known_;
+    const InjectedError& error_;
+};
+
+// ------------------------------------------------------------------------------------ one point
+
+PointRun run_of(const Qualification& analysis, const std::vector<JudgedQuantity>& quantities) {
+    PointRun run;
+    run.verdict = analysis.verdict;
+    for (const JudgedQuantity& wanted : quantities) {
+        const auto found =
+            std::ranges::find(analysis.quantities, wanted.name, &JudgedQuantity::name);
+        const JudgedQuantity one = found == analysis.quantities.end() ? JudgedQuantity{} : *found;
+        run.quantities.push_back({one.outcome, one.value, one.expanded_uncertainty});
+    }
+    return run;
+}
+
+void count(Outcome outcome, OutcomeCounts& counts) {
+    if (outcome == Outcome::pass)
+        ++counts.pass;
+    else if (outcome == Outcome::fail)
+        ++counts.fail;
+    else
+        ++counts.other;
+}
+
+void add_to(CharacteristicPoint& point, const PointRun& run, int runs) {
+    point.refused += run.refused;
+    count(run.verdict, point.verdict);
+    for (std::size_t k = 0; k < point.quantities.size(); ++k) {
+        QuantityOutcomes& sum = point.quantities[k];
+        const QuantityRun one = run.refused ? QuantityRun{} : run.quantities.at(k);
+        count(one.outcome, sum.counts);
+        sum.mean_value += one.value / static_cast<double>(runs);
+        sum.mean_uncertainty += one.expanded_uncertainty / static_cast<double>(runs);
+    }
+}
+
+class PlannedStudy {
+public:
+    PlannedStudy(const RunSimulator& simulator, const CharacteristicRequest& request,
+                 const SharedByRuns& known, const std::vector<JudgedQuantity>& quantities)
+        : simulator_(simulator), request_(request), known_(known), quantities_(quantities) {}
+
+    OperatingCharacteristic planned() const {
+        OperatingCharacteristic result;
+        result.quantities = quantities_;
+        result.without_error = point(0.0);
+        result.runs = request_.runs;
+        result.seed = request_.seed;
+        result.errors = errors();
+        return result;
+    }
+
+private:
+    CharacteristicPoint point(double size) const {
+        CharacteristicPoint empty;
+        empty.size = size;
+        empty.quantities.resize(quantities_.size());
+        return empty;
+    }
+
+    const ErrorSignature* signature_of(const std::string& name) const {
+        const auto found = std::ranges::find(known_.signatures, name, &ErrorSignature::name);
+        return found == known_.signatures.end() ? nullptr : &*found;
+    }
+
+    bool is_wanted(const std::string& name) const {
+        return request_.errors.empty() ||
+               std::ranges::find(request_.errors, name) != request_.errors.end();
+    }
+
+    // Those to be studied, with the sizes of their points.
+    std::vector<ErrorCharacteristic> errors() const {
+        std::vector<ErrorCharacteristic> chosen;
+        for (const InjectedError& error : simulator_.errors()) {
+            const ErrorSignature* signature = signature_of(error.name);
+            if (!signature || !is_wanted(error.name))
+                continue;
+            const auto like = std::ranges::find_if(chosen, [&](const ErrorCharacteristic& other) {
+                return std::ranges::find(signature->confounded_with, other.name) !=
+                       signature->confounded_with.end();
+            });
+            if (like != chosen.end() && request_.errors.empty())
+                like->alike.push_back(error.name);
+            else
+                chosen.push_back(planned(error, *signature));
+        }
+        require_all_found(chosen);
+        return chosen;
+    }
+
+    void require_all_found(const std::vector<ErrorCharacteristic>& chosen) const {
+        for (const std::string& name : request_.errors)
+            if (std::ranges::find(chosen, name, &ErrorCharacteristic::name) == chosen.end())
+                throw ConfigError({"--error"}, fmt::format("there is no '{}'; `etalon plan` lists "
+                                                           "the errors of this station",
+                                                           name));
+    }
+
+    ErrorCharacteristic planned(const InjectedError& error, const ErrorSignature& signature) const {
+        ErrorCharacteristic result{error.name,       error.unit, {}, signature.observable,
+                                   signature.reason, {},         {}};
+        if (!signature.observable)
+            return result;
+        const LimitSearch search(simulator_, known_, error);
+        std::vector<double> sizes;
+        for (const JudgedQuantity& quantity : quantities_) {
+            const double start = signature.size *
+                                 *simulator_.station().limits.b3_position_field_rms_mm /
+                                 signature.after_rms_mm;
+            result.limit_size.push_back(search.size_at(quantity.name, quantity.limit, start));
+            for (const double multiple : characteristic_multiples)
+                if (result.limit_size.back())
+                    sizes.push_back(multiple * *result.limit_size.back());
+        }
+        std::ranges::sort(sizes);
+        for (const double size : sizes)
+            result.points.push_back(point(size));
+        return result;
+    }
+
+    const RunSimulator& simulator_;
+    const CharacteristicRequest& request_;
+    const SharedByRuns& known_;
+    const std::vector<JudgedQuantity>& quantities_;
+};
+
+// What is there at every point, in the order of point_sizes().
+std::vector<RunTruth> truths_of(const RunSimulator& simulator,
+                                const OperatingCharacteristic& planned) {
+    const std::vector<InjectedError> errors = simulator.errors();
+    std::vector<RunTruth> truths{simulator.as_told()};
+    for (const ErrorCharacteristic& error : planned.errors) {
+        const auto injected = std::ranges::find(errors, error.name, &InjectedError::name);
+        for (const CharacteristicPoint& point : error.points) {
+            truths.push_back(simulator.as_told());
+            injected->apply(truths.back(), point.size);
+        }
+    }
+    return truths;
+}
+
+}  // namespace
+
+Proportion run_share(int count, int runs) {
+    if (runs <= 0 || count < 0)
+        throw NumericalError(fmt::format("share of runs: {} of {}", count, runs));
+    return wilson_share(static_cast<std::size_t>(count), static_cast<std::size_t>(runs));
+}
+
+struct CharacteristicRuns::Parts {
+    const RunSimulator& simulator;
+    std::uint64_t seed;
+    SharedByRuns known;
+    OperatingCharacteristic planned;
+    std::vector<RunTruth> truths;  // by point
+
+    PointRun run(std::size_t run, std::size_t point) const {
+        PointRun result;
+        const auto qualified = attempted([&] {
+            result = run_of(judgement(simulator.draw(truths[point], seed, run), known),
+                            planned.quantities);
+        });
+        result.refused = !qualified;
+        return result;
+    }
+};
+
+CharacteristicRuns::CharacteristicRuns(const RunSimulator& simulator,
+                                       const CharacteristicRequest& request)
+    : parts_(new Parts{simulator, request.seed, {{}, NoiseDraws(request.seed)}, {}, {}}) {
+    QualificationInput input = simulator.draw(simulator.as_told(), request.seed, 0);
+    const Qualification told = qualify(input);
+    parts_->known.signatures = told.signatures;
+    const std::vector<JudgedQuantity> quantities = judged(told);
+    if (quantities.empty())
+        throw NumericalError(
+            fmt::format("operating characteristic: a run without any error is not judged: {}",
+                        fmt::join(told.reasons, "; ")));
+    parts_->planned = PlannedStudy(simulator, request, parts_->known, quantities).planned();
+    parts_->truths = truths_of(simulator, parts_->planned);
+}
+
+CharacteristicRuns::~CharacteristicRuns() = default;
+
+const OperatingCharacteristic& CharacteristicRuns::planned() const {
+    return parts_->planned;
+}
+
+void CharacteristicRuns::simulate(std::span<const std::size_t> runs, const KeepRun& keep) const {
+    constexpr std::size_t at_a_time = 32;
+    const std::size_t points = parts_->truths.size();
+    for (std::size_t first = 0; first < runs.size(); first += at_a_time) {
+        const auto some = runs.subspan(first, std::min(at_a_time, runs.size() - first));
+        std::vector<PointRun> results(some.size() * points);
+        tbb::parallel_for(std::size_t{0}, results.size(), [&](std::size_t i) {
+            results[i] = parts_->run(some[i / points], i % points);
+        });
+        for (std::size_t i = 0; i < some.size(); ++i)
+            keep(some[i], std::span(results).subspan(i * points, points));
+    }
+}
+
+std::size_t point_count(const OperatingCharacteristic& result) {
+    std::size_t points = 1;
+    for (const ErrorCharacteristic& error : result.errors)
+        points += error.points.size();
+    return points;
+}
+
+void add_run(OperatingCharacteristic& result, std::span<const PointRun> points) {
+    std::size_t next = 0;
+    add_to(result.without_error, points[next++], result.runs);
+    for (ErrorCharacteristic& error : result.errors)
+        for (CharacteristicPoint& point : error.points)
+            add_to(point, points[next++], result.runs);
+}
+
+OperatingCharacteristic operating_characteristic(const RunSimulator& simulator,
+                                                 const CharacteristicRequest& request) {
+    const CharacteristicRuns runs(simulator, request);
+    OperatingCharacteristic result = runs.planned();
+    std::vector<std::size_t> all(static_cast<std::size_t>(request.runs));
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    runs.simulate(all,
+                  [&](std::size_t, std::span<const PointRun> points) { add_run(result, points); });
+    return result;
+}
+
+const CharacteristicPoint* point_at(const ErrorCharacteristic& error, std::size_t quantity,
+                                    double multiple) {
+    if (quantity >= error.limit_size.size() || !error.limit_size[quantity])
+        return nullptr;
+    const double size = multiple * *error.limit_size[quantity];
+    const auto found = std::ranges::find_if(error.points, [&](const CharacteristicPoint& point) {
+        return std::abs(point.size - size) <= 1e-12 * std::abs(size);
+    });
+    return found == error.points.end() ? nullptr : &*found;
+}
+
+}  // namespace etalon

@@ -1,0 +1,125 @@
+// What a PASS of a station's plan means: how often a run comes out as PASS, FAIL or neither when
+// the camera (or marker, or stage) is wrong by a known size.
+//
+// Monte Carlo of whole runs at corner level (station/planning/simulated_run.h), each analysed by
+// the same function as a real one (compare/qualification/qualification.h). Sizes are multiples of
+// "1x": the size at which the field that registration leaves, without any noise, just reaches the
+// limit of a judged quantity. 1x is found by running the analysis on exact corners, not from the
+// first-order signatures.
+//
+// Errors whose signatures nobody can tell apart leave the same field: one of each group is studied
+// and names the others. An error that cannot be seen has no 1x and no curve.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/statistics/proportion.h"
+#include "station/planning/simulated_run.h"
+
+namespace etalon {
+
+// A share of runs with its two-sided 95 % interval. 0 <= count <= runs, runs > 0.
+Proportion run_share(int count, int runs);
+
+struct OutcomeCounts {
+    int pass = 0, fail = 0, other = 0;
+    int runs() const { return pass + fail + other; }
+};
+
+// One judged quantity at one size of an error.
+struct QuantityOutcomes {
+    OutcomeCounts counts;
+    double mean_value = 0.0, mean_uncertainty = 0.0;  // over the runs; in the quantity's unit
+};
+
+struct CharacteristicPoint {
+    double size = 0.0;  // of the error, in its unit
+    std::vector<QuantityOutcomes>
+        quantities;         // in the order of OperatingCharacteristic::quantities
+    OutcomeCounts verdict;  // of the run
+    int refused = 0;        // runs that ended in a NumericalError: "other" everywhere, never a PASS
+};
+
+struct ErrorCharacteristic {
+    std::string name, unit;
+    std::vector<std::string> alike;  // cannot be told apart from it
+    bool observable = true;
+    std::string reason;  // why it is not
+    // 1x per quantity; nothing where no size was found that reaches the limit.
+    std::vector<std::optional<double>> limit_size;
+    // Ascending sizes: 0.5x, 1x and 2x of each quantity. Of an error that cannot be seen none.
+    std::vector<CharacteristicPoint> points;
+};
+
+struct OperatingCharacteristic {
+    std::vector<JudgedQuantity> quantities;  // as a run of this station without any error has them
+    CharacteristicPoint without_error;
+    std::vector<ErrorCharacteristic> errors;
+    int runs = 0;  // per point
+    std::uint64_t seed = 0;
+};
+
+inline constexpr double characteristic_multiples[] = {0.5, 1.0, 2.0};
+
+struct CharacteristicRequest {
+    int runs = 2000;  // per point
+    std::uint64_t seed = 1;
+    std::vector<std::string> errors;  // only these; empty: all
+};
+
+// What one run makes of one point.
+struct QuantityRun {
+    Outcome outcome = Outcome::skipped;
+    double value = 0.0, expanded_uncertainty = 0.0;
+};
+struct PointRun {
+    bool refused = false;  // then its quantities say nothing
+    Outcome verdict = Outcome::inconclusive;
+    std::vector<QuantityRun> quantities;  // in the order of OperatingCharacteristic::quantities
+};
+
+// The runs of an operating characteristic, to be simulated a part at a time: a run is all points,
+// first the one without an error, then each error's. Safe from every thread once built.
+class CharacteristicRuns {
+public:
+    // Finds each error's 1x: some seconds of CPU time on one thread. `simulator` must outlive it.
+    // Throws ConfigError for an error that has no such name, NumericalError when not even the exact
+    // run without any error can be analysed, or none of its quantities is judged.
+    CharacteristicRuns(const RunSimulator& simulator, const CharacteristicRequest& request);
+    ~CharacteristicRuns();
+    CharacteristicRuns(const CharacteristicRuns&) = delete;
+    CharacteristicRuns& operator=(const CharacteristicRuns&) = delete;
+
+    // All points with their sizes, nothing counted yet.
+    const OperatingCharacteristic& planned() const;
+
+    // Simulates these runs, some of them in parallel, and hands each on, in their order and from
+    // this thread: the same results for any number of threads. Some 10 ms of CPU a point.
+    using KeepRun = std::function<void(std::size_t run, std::span<const PointRun> points)>;
+    void simulate(std::span<const std::size_t> runs, const KeepRun& keep) const;
+
+private:
+    struct Parts;
+    std::unique_ptr<Parts> parts_;
+};
+
+std::size_t point_count(const OperatingCharacteristic& result);
+
+// Counts one run more. Sums depend on the order: runs are added as they are numbered.
+void add_run(OperatingCharacteristic& result, std::span<const PointRun> points);
+
+// All runs in this process. Throws as CharacteristicRuns does.
+OperatingCharacteristic operating_characteristic(const RunSimulator& simulator,
+                                                 const CharacteristicRequest& request);
+
+// The point of an error at this multiple of a quantity's 1x; nothing without a 1x.
+const CharacteristicPoint* point_at(const ErrorCharacteristic& error, std::size_t quantity,
+                                    double multiple);
+
+}  // namespace etalon

@@ -1,0 +1,218 @@
+// `etalon plan`: what this plan will see, before anything moves.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "core/program/errors.h"
+#include "core/time/progress.h"
+#include "report/json_text.h"
+#include "station/planning/commands.h"
+#include "station/planning/studied_plan.h"
+#include "station/shell/command.h"
+
+namespace etalon {
+namespace {
+
+struct PlanArguments {
+    std::filesystem::path station;
+    bool json = false;
+};
+
+using Json = nlohmann::ordered_json;
+
+constexpr int noisy_frames = 8;
+constexpr int simulated_runs = 20;
+
+struct ExpectedQuantity {
+    std::string name, unit;
+    double limit = 0.0, uncertainty = 0.0;  // U, mean over the simulated runs
+    // What each input of the budget gives to u, mean over the runs; the order is the budget's.
+    std::vector<std::pair<std::string, double>> contributions;
+};
+
+struct Forecast {
+    std::vector<ExpectedQuantity> quantities;
+    std::vector<ErrorSignature> signatures;
+    int runs = 0;
+};
+
+void add(const std::vector<BudgetRow>& budget, ExpectedQuantity& quantity) {
+    if (quantity.contributions.empty())
+        for (const BudgetRow& row : budget)
+            quantity.contributions.emplace_back(row.source, 0.0);
+    for (std::size_t i = 0; i < budget.size(); ++i)
+        if (budget[i].counted)
+            quantity.contributions[i].second +=
+                budget[i].contribution(quantity.name) / simulated_runs;
+}
+
+void add(const Qualification& run, Forecast& forecast) {
+    ++forecast.runs;
+    for (std::size_t k = 0; k < run.quantities.size(); ++k) {
+        const JudgedQuantity& quantity = run.quantities[k];
+        if (forecast.quantities.size() <= k)
+            forecast.quantities.push_back({quantity.name, quantity.unit, quantity.limit, 0.0, {}});
+        forecast.quantities[k].uncertainty += quantity.expanded_uncertainty / simulated_runs;
+        add(run.budget, forecast.quantities[k]);
+    }
+}
+
+// Runs of the station as it is told: nothing is wrong in them but what it declares.
+Forecast forecast_of(const RunSimulator& simulator) {
+    Forecast forecast;
+    for (int i = 0; i < simulated_runs; ++i) {
+        QualificationInput input =
+            simulator.draw(simulator.as_told(), 1, static_cast<std::uint64_t>(i));
+        if (!forecast.signatures.empty())
+            input.known_signatures = &forecast.signatures;
+        const Qualification run = qualify(input);
+        if (!run.position_field)
+            throw NumericalError(
+                fmt::format("this plan cannot be judged: {}", fmt::join(run.reasons, "; ")));
+        if (forecast.signatures.empty())
+            forecast.signatures = run.signatures;
+        add(run, forecast);
+    }
+    return forecast;
+}
+
+// What the smallest size that is detected leaves, mm RMS.
+double least_field_mm(const ErrorSignature& signature) {
+    return signature.after_rms_mm * signature.detectable_size / std::abs(signature.size);
+}
+
+void print_plan(const StudiedPlan& studied) {
+    const auto hold_out = std::ranges::count(studied.plan.poses, true, &Pose::hold_out);
+    fmt::print("plan of {}: {} poses, {} to register and {} to judge, {} frames each\n",
+               studied.station.id, studied.plan.poses.size(),
+               std::ssize(studied.plan.poses) - hold_out, hold_out, studied.station.plan.frames);
+    fmt::print("about {} of motion and photographs, then the analysis\n{}",
+               duration_text(studied.plan.expected_duration),
+               detector_text(figures_of(studied.simulator->study())));
+}
+
+// "b3_position_field_rms_mm: image noise 0.051, registration 0.022": the largest first.
+std::string composition(const ExpectedQuantity& quantity) {
+    constexpr std::size_t most = 5;
+    constexpr double worth_a_word = 0.1;  // of U
+    auto rows = quantity.contributions;
+    std::ranges::stable_sort(rows, std::ranges::greater{}, &std::pair<std::string, double>::second);
+    std::string text = "  " + quantity.name;
+    for (std::size_t i = 0; i < std::min(most, rows.size()); ++i)
+        if (2.0 * rows[i].second > worth_a_word * quantity.uncertainty)
+            text += fmt::format("\n    {:<28} {:.4f} {}", rows[i].first, 2.0 * rows[i].second,
+                                quantity.unit);
+    return text;
+}
+
+void print_quantities(const Forecast& forecast) {
+    fmt::print("\n{:<30} {:>10} {:>12} {:>10}\n", "judged quantity", "limit", "expected U",
+               "U / limit");
+    for (const ExpectedQuantity& one : forecast.quantities)
+        fmt::print("{:<30} {:>10} {:>12} {:>10.3f}\n", one.name,
+                   fmt::format("{:.4g} {}", one.limit, one.unit),
+                   fmt::format("{:.4f} {}", one.uncertainty, one.unit),
+                   one.uncertainty / one.limit);
+    fmt::print("\nwhat these U are made of (2 u):\n");
+    for (const ExpectedQuantity& one : forecast.quantities)
+        fmt::print("{}\n", composition(one));
+}
+
+void print_errors(const std::vector<ErrorSignature>& signatures) {
+    fmt::print("\n{:<28} {:>12} {:>14}   alike\n", "error", "detectable", "leaves mm RMS");
+    for (const ErrorSignature& one : signatures)
+        if (one.observable) {
+            const std::size_t others = one.confounded_with.size();
+            const std::string alike =
+                others == 0   ? ""
+                : others == 1 ? one.confounded_with[0]
+                              : fmt::format("{} and {} more", one.confounded_with[0], others - 1);
+            fmt::print("{:<28} {:>12} {:>14.4f}   {:.19}\n", one.name,
+                       size_text(one.detectable_size, one.unit), least_field_mm(one), alike);
+        }
+    fmt::print("\nNOT_OBSERVABLE: no run of this plan says anything of\n");
+    for (const ErrorSignature& one : signatures)
+        if (!one.observable)
+            fmt::print("  {}: {}\n", one.name, one.reason);
+    fmt::print("detectable: found in 95 % of runs; alike: cannot be told apart (all: --json)\n");
+}
+
+Json json_of(const ErrorSignature& one) {
+    return {{"name", one.name},
+            {"unit", one.unit},
+            {"outcome", one.observable ? "OBSERVABLE" : "NOT_OBSERVABLE"},
+            {"reason", one.reason},
+            {"size", one.size},
+            {"before_rms_mm", one.before_rms_mm},
+            {"before_max_mm", one.before_max_mm},
+            {"after_rms_mm", one.after_rms_mm},
+            {"after_max_mm", one.after_max_mm},
+            {"detectable_size",
+             std::isfinite(one.detectable_size) ? Json(one.detectable_size) : Json(nullptr)},
+            {"alike", one.confounded_with}};
+}
+
+Json json_of(const StudiedPlan& studied, const Forecast& forecast) {
+    const DetectorStudy& study = studied.simulator->study();
+    const auto hold_out = std::ranges::count(studied.plan.poses, true, &Pose::hold_out);
+    Json quantities = Json::array();
+    for (const ExpectedQuantity& one : forecast.quantities) {
+        Json budget = Json::object();
+        for (const auto& [source, contribution] : one.contributions)
+            budget[source] = contribution;
+        quantities.push_back({{"name", one.name},
+                              {"unit", one.unit},
+                              {"limit", one.limit},
+                              {"expected_uncertainty", one.uncertainty},
+                              {"uncertainty_over_limit", one.uncertainty / one.limit},
+                              {"standard_uncertainty_of_inputs", budget}});
+    }
+    return {{"etalon", "plan-forecast/1"},
+            {"station", studied.station.id},
+            {"poses", studied.plan.poses.size()},
+            {"hold_out", hold_out},
+            {"duration_s", std::chrono::duration<double>(studied.plan.expected_duration).count()},
+            {"detected_poses", std::count_if(study.poses.begin(), study.poses.end(),
+                                             [](const auto& pose) { return pose.has_value(); })},
+            {"noise_px", study.noise_px},
+            {"bias_px", study.bias_px},
+            {"simulated_runs", forecast.runs},
+            {"quantities", quantities},
+            {"errors", json_list(forecast.signatures,
+                                 [](const ErrorSignature& one) { return json_of(one); })}};
+}
+
+int run_plan(const PlanArguments& arguments) {
+    const StudiedPlan studied = study_plan(arguments.station, noisy_frames);
+    const auto forecast = attempted([&] { return forecast_of(*studied.simulator); });
+    if (!forecast)
+        throw NumericalError(fmt::format("{}: a run as it declares ends with: {}",
+                                         arguments.station.string(), forecast.cause));
+    if (arguments.json) {
+        fmt::print("{}\n", json_of(studied, *forecast.value).dump(1));
+        return 0;
+    }
+    print_plan(studied);
+    print_quantities(*forecast.value);
+    print_errors(forecast.value->signatures);
+    return 0;
+}
+
+}  // namespace
+
+void declare_plan(Command& program) {
+    auto [command, asked] = program.add(
+        run_plan, "plan", "what a station's plan will see, before anything moves",
+        "Renders and detects every pose of the plan, with noise, and simulates 20 runs:\n"
+        "run time, the expected U of each judged quantity, the smallest size of each\n"
+        "error that is detected, which errors cannot be told apart and which cannot be\n"
+        "seen at all. The station file needs camera_mount, the calibration a sensor.\n"
+        "Some ten seconds. Explained in docs/operating-characteristic.md.\n");
+    command.required("STATION", asked->station, "station.yaml");
+}
+
+}  // namespace etalon

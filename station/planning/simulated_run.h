@@ -1,0 +1,96 @@
+// A qualification run at corner level, in process: the physics between the stage's encoders and the
+// detector's corners without a pixel in between, for studies of thousands of runs.
+//
+// The truth is simulated forwards: true axes carry the true marker before the true camera; the
+// detector adds its bias and noise as real renders of the same poses showed them
+// (compare/expect/detector_study.h). What the analysis is given is what a run would give it, and it
+// is the same function that analyses both (compare/qualification/qualification.h).
+//
+// Drawn anew for every run, from what the station declares: each stage term of the budget, the
+// marker's print size and flatness, the temperature, repeatability and read-back noise of each axis
+// at each pose, image noise of every frame. Backlash follows from the path. Not simulated: error
+// maps' own uncertainties, the calibration's covariance (it is the camera under test), and drift.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/camera/projector.h"
+#include "compare/expect/detector_study.h"
+#include "compare/qualification/qualification.h"
+#include "core/statistics/random.h"
+#include "station/setup/plan.h"
+#include "station/setup/station_file.h"
+
+namespace etalon {
+
+// What is truly there; the station is told something else.
+struct RunTruth {
+    Projector camera;
+    Rigid camera_from_base, carriage_from_marker;
+    std::vector<Rigid> base_from_carriage;   // per pose, before what each run draws
+    std::vector<Eigen::Vector3d> points_mm;  // of the marker as it is printed and bent
+    // What moves the corners in photographs and not in renders.
+    Eigen::Vector2d corner_shift_px = Eigen::Vector2d::Zero();
+    double edges_inwards_px = 0.0;  // of a single tag: compare/diagnosis/error_signatures.h
+};
+
+// An error that can be put into the truth, by the name that its signature has.
+struct InjectedError {
+    std::string name, unit;
+    double size = 0.0;  // small enough for first order
+    std::function<void(RunTruth&, double size)> apply;
+};
+
+// camera_from_marker of every pose of the plan as drawn. Throws ConfigError without camera_mount.
+std::vector<Rigid> expected_poses(const StationFile& station, const Plan& plan);
+
+// Immutable once built; safe from every thread.
+class RunSimulator {
+public:
+    // `study`: of expected_poses(). Throws ConfigError without camera_mount, NumericalError when
+    // the study is of another number of poses.
+    RunSimulator(const StationFile& station, const Plan& plan, DetectorStudy study);
+    // The analysis' input points into the simulator.
+    RunSimulator(const RunSimulator&) = delete;
+    RunSimulator& operator=(const RunSimulator&) = delete;
+
+    const StationFile& station() const { return station_; }
+    const DetectorStudy& study() const { return study_; }
+
+    // Everything as the station is told and as drawn.
+    RunTruth as_told() const;
+
+    // All errors that have a signature, in its order: camera, marker, stage.
+    std::vector<InjectedError> errors() const;
+
+    // The input of a run in which nothing is drawn: no noise, no repeatability. The detector's bias
+    // is in.
+    QualificationInput exact(const RunTruth& truth) const;
+
+    // The input of run number `run` of the series `seed`. Throws NumericalError when the truth puts
+    // a corner where the true camera sees nothing.
+    QualificationInput draw(const RunTruth& truth, std::uint64_t seed, std::uint64_t run) const;
+
+private:
+    using Corners = std::vector<Eigen::Vector2d>;
+    struct Draws;
+
+    std::vector<std::vector<double>> backlash() const;
+    Corners detector_bias(const Draws* draws, std::size_t pose) const;
+    Vector6d drawn_shift(const Draws& draws, std::size_t pose, RandomStream& random) const;
+    void photograph(const RunTruth& truth, const Draws* draws, std::size_t index, Pose& pose) const;
+    QualificationInput input(const RunTruth& truth, const Draws* draws) const;
+
+    StationFile station_;
+    Plan plan_;
+    DetectorStudy study_;
+    Projector told_;
+    std::vector<Rigid> expected_;           // camera_from_marker per pose, as drawn
+    std::vector<std::vector<double>> gap_;  // backlash per pose and axis, mm or rad
+    QualificationInput declared_;           // without corners
+};
+
+}  // namespace etalon

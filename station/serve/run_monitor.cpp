@@ -1,0 +1,137 @@
+#include "station/serve/run_monitor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+
+#include "capture/frame/frame_log.h"
+#include "core/program/errors.h"
+#include "station/record/qualify_result.h"
+
+namespace etalon {
+namespace {
+
+constexpr int trusted_poses = 3;  // after so many, measured time replaces the expected one
+
+std::vector<Eigen::Vector2d> corners_of(const JsonEntry& list) {
+    std::vector<Eigen::Vector2d> corners;
+    for (const JsonEntry& item : list.items()) {
+        const std::vector<double> xy = item.numbers(2);
+        corners.emplace_back(xy[0], xy[1]);
+    }
+    return corners;
+}
+
+}  // namespace
+
+const char* name(RunPhase phase) {
+    constexpr const char* names[] = {"preparing", "measuring", "analysing", "ended"};
+    return names[static_cast<int>(phase)];
+}
+
+bool RunMonitor::look() {
+    std::ifstream log(record_ / log_file, std::ios::binary);
+    if (!log.seekg(static_cast<std::streamoff>(read_bytes_)))
+        return false;
+    bool any = false;
+    for (std::string line; std::getline(log, line) && !log.eof();) {  // whole lines only
+        read_bytes_ += line.size() + 1;
+        take(JsonEntry(line, {(record_ / log_file).string(), ++line_, ""}));
+        any = true;
+    }
+    return any;
+}
+
+void RunMonitor::take(const JsonEntry& line) {
+    const std::string event = line.at("event").text();
+    const double time_s = line.at("t").number();
+    latest_s_ = time_s;
+    if (event == "run") {
+        take_plan(line);
+    } else if (event == "session") {
+        phase_ = RunPhase::preparing;
+        outcome_.clear();
+        reason_.clear();
+        visited_in_session_ = 0;
+        frame_corners_.clear();  // of a pose that the one before did not finish
+        first_photo_.clear();
+        camera_serial_ = line.at("camera").at("serial").text();
+    } else if (event == "stage homed") {
+        phase_ = RunPhase::measuring;
+        measuring_since_s_ = time_s;
+    } else if (event == "frame") {
+        take_frame(line);
+    } else if (event == "pose") {
+        take_pose(line, time_s);
+    } else if (event == "analysis") {
+        phase_ = RunPhase::analysing;
+    } else if (event == "remark") {
+        remarks_.push_back(line.at("detail").text());
+    } else if (run_outcome_named(event)) {
+        phase_ = RunPhase::ended;
+        outcome_ = event;
+        reason_ = line.at("detail").text();
+    }
+}
+
+void RunMonitor::take_plan(const JsonEntry& line) {
+    for (const JsonEntry& item : line.at("inputs").items())
+        inputs_.push_back({item.at("role").text(), item.at("path").text(), item.at("sha256").text(),
+                           item.at("copy").text()});
+    expected_s_ = line.at("plan").at("expected_duration_s").number();
+    for (const JsonEntry& item : line.at("plan").at("poses").items()) {
+        WatchedPose pose;
+        for (const JsonEntry& position : item.at("target").items())
+            pose.target.push_back(position.number());
+        pose.hold_out = item.at("hold_out").flag();
+        poses_.push_back(std::move(pose));
+    }
+}
+
+void RunMonitor::take_frame(const JsonEntry& line) {
+    const std::string file = line.at("file").text();
+    if (first_photo_.empty())
+        first_photo_ = file;
+    if (auto corners = corners_of(line.at("corners")); !corners.empty())
+        frame_corners_.push_back(std::move(corners));
+}
+
+void RunMonitor::take_pose(const JsonEntry& line, double time_s) {
+    const auto last = static_cast<long long>(poses_.size()) - 1;
+    latest_pose_ = static_cast<int>(line.at("pose").integer(0, last));
+    WatchedPose& pose = poses_[static_cast<std::size_t>(latest_pose_)];
+    pose.visited = true;
+    pose.corners = corners_of(line.at("corners"));
+    pose.seen = !pose.corners.empty();
+    pose.photo = std::exchange(first_photo_, {});
+    pool_corner_noise(pose.corners);
+    ++figures_.visited;
+    figures_.seen += pose.seen ? 1 : 0;
+    ++visited_in_session_;
+    figures_.rejected_frames =
+        static_cast<long>(line.at("camera").at("frames_rejected").integer(0, 1LL << 62));
+    latest_s_ = time_s;
+}
+
+void RunMonitor::pool_corner_noise(const std::vector<Eigen::Vector2d>& means) {
+    for (const auto& corners : frame_corners_)
+        if (corners.size() == means.size() && frame_corners_.size() > 1)
+            for (std::size_t i = 0; i < means.size(); ++i)
+                square_sum_px2_ += (corners[i] - means[i]).squaredNorm();
+    if (frame_corners_.size() > 1)
+        freedoms_ += 2 * static_cast<long>((frame_corners_.size() - 1) * means.size());
+    if (freedoms_ > 0)
+        figures_.corner_noise_px = std::sqrt(square_sum_px2_ / static_cast<double>(freedoms_));
+    frame_corners_.clear();
+}
+
+std::optional<double> RunMonitor::seconds_left() const {
+    if (poses_.empty())
+        return std::nullopt;
+    const double left = static_cast<double>(poses_.size()) - figures_.visited;
+    if (visited_in_session_ < trusted_poses)
+        return expected_s_ * left / static_cast<double>(poses_.size());
+    return (latest_s_ - measuring_since_s_) * left / visited_in_session_;
+}
+
+}  // namespace etalon

@@ -1,0 +1,85 @@
+// How far a run is, from its record alone: what the log (station/record/run_events.h) has told
+// since it was looked at last. So whoever looks on costs the run nothing, and a server that was
+// started anew sees what the one before saw.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "core/config/json_entry.h"
+#include "station/setup/station_file.h"
+
+namespace etalon {
+
+enum class RunPhase { preparing, measuring, analysing, ended };
+const char* name(RunPhase phase);
+
+struct WatchedPose {
+    std::vector<double> target;  // mm or rad
+    bool hold_out = false;
+    bool visited = false, seen = false;
+    std::string photo;                     // "frames/0007_0.png", the first whole one
+    std::vector<Eigen::Vector2d> corners;  // means of its frames; empty: not seen
+};
+
+// What is known before the analysis.
+struct FirstFigures {
+    int visited = 0, seen = 0;
+    // Of one frame, pooled over the poses; nothing before a pose with two frames of the marker.
+    std::optional<double> corner_noise_px;
+    long rejected_frames = 0;  // that arrived broken and were taken again
+};
+
+class RunMonitor {
+public:
+    explicit RunMonitor(std::filesystem::path record) : record_(std::move(record)) {}
+
+    // Reads what was appended; true when there was something. A log that is not there yet has
+    // nothing. Throws ConfigError for one that no run wrote.
+    bool look();
+
+    const std::filesystem::path& record() const { return record_; }
+    RunPhase phase() const { return phase_; }
+    const std::string& outcome() const { return outcome_; }  // with RunPhase::ended
+    const std::string& reason() const { return reason_; }
+    const std::vector<WatchedPose>& poses() const { return poses_; }  // of the plan
+    int latest_pose() const { return latest_pose_; }                  // -1: none yet
+    const FirstFigures& figures() const { return figures_; }
+    const std::vector<std::string>& remarks() const { return remarks_; }
+    const std::string& camera_serial() const { return camera_serial_; }
+    // Of motion and photographs; nothing before the plan is known.
+    std::optional<double> seconds_left() const;
+    // What the run was made from; empty before the first line.
+    const std::vector<InputFile>& inputs() const { return inputs_; }
+
+private:
+    void take(const JsonEntry& line);
+    void take_plan(const JsonEntry& line);
+    void take_frame(const JsonEntry& line);
+    void take_pose(const JsonEntry& line, double time_s);
+    void pool_corner_noise(const std::vector<Eigen::Vector2d>& means);
+
+    std::filesystem::path record_;
+    std::uintmax_t read_bytes_ = 0;
+    int line_ = 0;
+    RunPhase phase_ = RunPhase::preparing;
+    std::string outcome_, reason_, camera_serial_;
+    std::vector<InputFile> inputs_;
+    std::vector<WatchedPose> poses_;
+    double expected_s_ = 0.0;
+    int latest_pose_ = -1, visited_in_session_ = 0;
+    double measuring_since_s_ = 0.0, latest_s_ = 0.0;
+    FirstFigures figures_;
+    std::vector<std::vector<Eigen::Vector2d>> frame_corners_;  // of the pose in flight
+    std::string first_photo_;
+    double square_sum_px2_ = 0.0;
+    long freedoms_ = 0;
+    std::vector<std::string> remarks_;
+};
+
+}  // namespace etalon

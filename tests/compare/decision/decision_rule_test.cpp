@@ -1,0 +1,157 @@
+// JCGM 106:2012, computed here a second way: by drawing true values and measurements.
+#include "compare/decision/decision_rule.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "compare/decision/verdict.h"
+#include "compare/uncertainty/uncertainty_budget.h"
+#include "core/program/errors.h"
+#include "core/statistics/random.h"
+
+namespace etalon {
+namespace {
+
+constexpr DecisionRule guarded, simple{0.0}, half{0.5};
+
+// The measured value is 2 standard uncertainties below its limit: P(Z < 2), tables.
+TEST(DecisionRule, GivesTheProbabilityThatAValueConforms) {
+    const MeasuredAgainstLimit measured{.value = 0.13, .standard_uncertainty = 0.01, .limit = 0.15};
+    EXPECT_NEAR(decision_risk(measured, guarded).conformance, 0.97725, 1e-5);
+    EXPECT_NEAR(decision_risk(measured, simple).conformance, 0.97725, 1e-5);
+    // Student's t of 4 degrees of freedom: P(T < 2.132) = 0.95, tables.
+    const MeasuredAgainstLimit few{.value = 1.0 - 0.2132,
+                                   .standard_uncertainty = 0.1,
+                                   .coverage_factor = 2.87,
+                                   .degrees_of_freedom = 4.0,
+                                   .limit = 1.0};
+    EXPECT_NEAR(decision_risk(few, guarded).conformance, 0.95, 1e-4);
+}
+
+// At the limit: P(Z > 2), P(Z > 0), P(Z > 1), tables.
+TEST(DecisionRule, RisksAtTheLimitWhatItsGuardBandLeaves) {
+    const double infinity = std::numeric_limits<double>::infinity();
+    EXPECT_NEAR(risk_at_limit(guarded, 2.0, infinity), 0.02275, 1e-5);
+    EXPECT_NEAR(risk_at_limit(simple, 2.0, infinity), 0.5, 1e-12);
+    EXPECT_NEAR(risk_at_limit(half, 2.0, infinity), 0.15866, 1e-5);
+    EXPECT_NEAR(risk_at_limit(guarded, coverage_factor(5.0), 5.0), 0.02275, 1e-5);
+    EXPECT_NEAR(risk_at_limit(simple, coverage_factor(5.0), 5.0), 0.5, 1e-12);
+    EXPECT_NEAR(risk_at_limit({2.0}, 2.0, infinity), 3.167e-5, 1e-8);
+}
+
+TEST(DecisionRule, DecidesWithItsGuardBand) {
+    EXPECT_EQ(decide(0.7, 0.1, 0.75, half), Outcome::pass);
+    EXPECT_EQ(decide(0.71, 0.1, 0.75, half), Outcome::inconclusive);
+    EXPECT_EQ(decide(0.81, 0.1, 0.75, half), Outcome::fail);
+    EXPECT_EQ(decide(0.75, 0.1, 0.75, simple), Outcome::pass);
+    EXPECT_EQ(decide(std::nextafter(0.75, 1.0), 0.1, 0.75, simple), Outcome::fail);
+}
+
+TEST(DecisionRule, IsNamedAndSaid) {
+    EXPECT_EQ(guarded.name(), "guarded");
+    EXPECT_EQ(simple.name(), "simple");
+    EXPECT_EQ(half.name(), "guard band 0.5 U");
+    EXPECT_EQ(guarded.sentence(),
+              "value + U <= limit is PASS, value - U > limit is FAIL, anything between is "
+              "INCONCLUSIVE");
+}
+
+struct DrawnRisks {
+    double consumer = 0.0, producer = 0.0;
+};
+
+// Cameras as the prior says, each measured once and decided.
+DrawnRisks drawn(const MeasuredAgainstLimit& m, const DecisionRule& rule, const ValuePrior& prior,
+                 int cameras) {
+    RandomStream random(7, 3);
+    DrawnRisks risks;
+    for (int i = 0; i < cameras; ++i) {
+        double truth = -1.0;
+        while (truth < 0.0)
+            truth = prior.mean + prior.deviation * random.normal();
+        const double value = truth + m.standard_uncertainty * random.normal();
+        const Outcome outcome =
+            decide(value, m.coverage_factor * m.standard_uncertainty, m.limit, rule);
+        if (truth > m.limit && outcome == Outcome::pass)
+            risks.consumer += 1.0 / cameras;
+        if (truth <= m.limit && outcome == Outcome::fail)
+            risks.producer += 1.0 / cameras;
+    }
+    return risks;
+}
+
+// 3.5 standard errors of a share p of n draws.
+double tolerance(double share, int draws) {
+    return 3.5 * std::sqrt(share * (1.0 - share) / draws);
+}
+
+TEST(DecisionRule, HasTheGlobalRisksThatDrawnCamerasHave) {
+    constexpr int cameras = 400'000;
+    const MeasuredAgainstLimit m{.value = 0.1, .standard_uncertainty = 0.013, .limit = 0.16};
+    const ValuePrior broad{0.11, 0.05}, cut{0.02, 0.15};
+    for (const ValuePrior& prior : {broad, cut})
+        for (const DecisionRule& rule : {guarded, simple, half}) {
+            const DrawnRisks expected = drawn(m, rule, prior, cameras);
+            const DecisionRisk risk = decision_risk(m, rule, prior);
+            EXPECT_TRUE(risk.has_prior);
+            EXPECT_GT(risk.consumer, 1e-5);
+            EXPECT_NEAR(risk.consumer, expected.consumer, tolerance(risk.consumer, cameras));
+            EXPECT_NEAR(risk.producer, expected.producer, tolerance(risk.producer, cameras));
+        }
+}
+
+// A prior that is much narrower than the measurement: the risk is the prior's share above the
+// limit, times the chance of a PASS there.
+TEST(DecisionRule, IntegratesANarrowPriorToo) {
+    const MeasuredAgainstLimit m{.value = 0.1, .standard_uncertainty = 1.0, .limit = 10.0};
+    const DecisionRisk risk = decision_risk(m, simple, ValuePrior{10.0, 1e-4});
+    EXPECT_NEAR(risk.consumer, 0.25, 1e-4);
+    EXPECT_NEAR(risk.producer, 0.25, 1e-4);
+}
+
+TEST(DecisionRule, WithoutAPriorStatesTheMostThatAnyGives) {
+    const MeasuredAgainstLimit m{.value = 0.1, .standard_uncertainty = 0.013, .limit = 0.16};
+    for (const DecisionRule& rule : {guarded, simple, half}) {
+        const DecisionRisk worst = decision_risk(m, rule);
+        EXPECT_FALSE(worst.has_prior);
+        EXPECT_EQ(worst.consumer, risk_at_limit(rule, 2.0, m.degrees_of_freedom));
+        for (const double mean : {0.0, 0.1, 0.15, 0.16, 0.17, 0.3})
+            for (const double deviation : {0.001, 0.01, 0.1}) {
+                const DecisionRisk risk = decision_risk(m, rule, ValuePrior{mean, deviation});
+                EXPECT_LE(risk.consumer, worst.consumer);
+                EXPECT_LE(risk.producer, worst.producer);
+            }
+    }
+}
+
+// By hand: 0.16 - w -+ 1.645 u.
+TEST(DecisionRule, HasAnOperatingCharacteristic) {
+    const MeasuredAgainstLimit m{.value = 0.1, .standard_uncertainty = 0.01, .limit = 0.16};
+    const DecisionRisk risk = decision_risk(m, half);
+    EXPECT_NEAR(risk.passes_95.value(), 0.15 - 0.01645, 1e-5);
+    EXPECT_NEAR(risk.passes_50.value(), 0.15, 1e-12);
+    EXPECT_NEAR(risk.passes_5.value(), 0.15 + 0.01645, 1e-5);
+    const MeasuredAgainstLimit blind{.value = 0.1, .standard_uncertainty = 0.1, .limit = 0.16};
+    EXPECT_FALSE(decision_risk(blind, guarded).passes_50);  // 0.16 - 0.2: no camera is that good
+}
+
+TEST(DecisionRule, HasNoRisksWithoutAnUncertainty) {
+    EXPECT_THROW(decision_risk({.value = 0.1, .limit = 0.16}, guarded), NumericalError);
+    EXPECT_THROW(decision_risk({.value = NAN, .standard_uncertainty = 0.1, .limit = 0.16}, guarded),
+                 NumericalError);
+}
+
+TEST(DecisionRule, OfAFamilyRisksWhatItsWorstMemberDoes) {
+    std::vector<JudgedQuantity> quantities(3);
+    quantities[1].coverage_factor = coverage_factor(5.0);
+    quantities[1].degrees_of_freedom = 5.0;
+    const FamilyRisk risk = family_risk(quantities, {2.0});
+    EXPECT_EQ(risk.each, risk_at_limit({2.0}, coverage_factor(5.0), 5.0));
+    EXPECT_GT(risk.each, risk_at_limit({2.0}, 2.0, std::numeric_limits<double>::infinity()));
+    EXPECT_EQ(risk.false_acceptance, risk.each);
+    EXPECT_EQ(family_risk(quantities, simple).false_rejection, 1.0);
+}
+
+}  // namespace
+}  // namespace etalon

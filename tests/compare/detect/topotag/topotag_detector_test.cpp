@@ -1,0 +1,149 @@
+// Truth: tags rendered exactly at known poses; vertices where the projector puts them. The same at
+// full size: tests/evidence/topotag.cpp.
+#include <gtest/gtest.h>
+
+#include "compare/detect/detector_adaptors.h"
+#include "compare/make_detector.h"
+#include "core/statistics/median.h"
+#include "tests/compare/rendered_tags.h"
+#include "tests/evidence/topotag_study.h"
+
+namespace etalon {
+namespace {
+
+using test::sharp_camera;
+
+double largest_error(const DetectedCorners& found, const std::vector<Eigen::Vector2d>& truth) {
+    double largest = 0.0;
+    for (std::size_t i = 0; i < truth.size(); ++i)
+        largest = std::max(largest, (found.pixels[i] - truth[i]).norm());
+    return largest;
+}
+
+TEST(TopotagDetector, FindsTheVerticesRowByRowInEveryFamily) {
+    for (const char* name : {"3x3:70", "4x4:9283", "5x5:7654321", "6x6:1122334455", "3x3-circle:93",
+                             "4x4-circle:16383", "5x5-circle:0", "6x6-circle:7"}) {
+        const Marker tag = parse_marker(fmt::format("topotag:{}@70mm", name), "test");
+        const auto detector = make_detector("auto", tag, "test");
+        EXPECT_EQ(detector->name(), "topotag");
+        const auto photo = test::render_tag(sharp_camera(), tag, {0.3, -0.2, 2.1, 10, -7, 350});
+        const auto found = detector->detect(photo.image).corners;
+        ASSERT_TRUE(found) << name;
+        EXPECT_EQ(found->id, tag.id);
+        ASSERT_EQ(found->pixels.size(), tag.points_mm.size());
+        EXPECT_LT(largest_error(*found, photo.corners), 0.05) << name;
+    }
+}
+
+struct Tally {
+    int shown = 0, found = 0;
+    std::vector<double> errors;
+};
+
+Tally study(const CameraModel& camera, const std::string& family, int count, double near_mm,
+            double far_mm, double tilt_deg) {
+    const Renderer renderer(camera);
+    const SensorModel sensor(camera);
+    const Projector projector(camera);
+    Tally tally;
+    for (int i = 0; i < count; ++i) {
+        test::Draw draw(1, static_cast<std::uint64_t>(i));
+        const Marker tag = test::Distraction::random_tag(draw, family, 50.0);
+        const test::SeenTag seen =
+            test::study_pose(projector, tag, draw, near_mm, far_mm, tilt_deg);
+        const Scene scene{{{tag.grid, seen.camera_from_marker}}, 1.0};
+        const CodeImage image = sensor.expose(renderer.render(scene).radiance,
+                                              NoiseKey{1, static_cast<std::uint32_t>(i)});
+        ++tally.shown;
+        const auto found = make_detector("auto", tag, "test")->detect(image).corners;
+        if (!found)
+            continue;
+        ++tally.found;
+        for (std::size_t v = 0; v < found->pixels.size(); ++v)
+            tally.errors.push_back((found->pixels[v] - seen.vertices[v]).norm());
+    }
+    return tally;
+}
+
+// The original finds 57.65 % of the published comparison's poses (FMAC, arXiv 2601.07723). Of 50
+// poses that would be 29; 40 are asked for, 45 and more are found (93 % of thousands).
+TEST(TopotagDetector, FindsMoreOfThePublishedPosesThanTheOriginal) {
+    const Tally tally = study(test::study_camera(), "4x4", 50, 500, 1500, 45);
+    EXPECT_GE(tally.found, 40);
+    EXPECT_LT(median(tally.errors), 0.05);
+    std::printf("TopoTag: %d of %d published poses, median error %.4f px\n", tally.found,
+                tally.shown, median(tally.errors));
+}
+
+// 60 px are 50 mm at 685 mm. Defocus, noise and distortion are the camera's; with a tone curve,
+// too.
+TEST(TopotagDetector, PlacesVerticesToAHundredthOfAPixel) {
+    for (const CameraModel& camera :
+         {test::study_camera(), test::with_tone_curve(test::study_camera())}) {
+        const Tally tally = study(camera, "4x4", 16, 300, 600, 50);
+        EXPECT_GE(tally.found, 13);
+        EXPECT_LT(median(tally.errors), 0.02);
+    }
+}
+
+// The tone curve makes white grow. The baseline has an edge on its left and two dots: each must
+// stay where it is.
+TEST(TopotagDetector, IsNotMovedByAToneCurve) {
+    CameraModel camera = test::with_tone_curve(test::study_camera());
+    camera.sensor->gain_e_per_dn = camera.sensor->read_noise_e = 0.0;
+    camera.distortion = {};
+    const Marker tag = parse_marker("topotag:4x4:9283@50mm", "test");
+    const auto photo = test::render_tag(camera, tag, {0.2, -0.1, 0.05, 3, 5, 500});
+    const auto found = make_detector("auto", tag, "test")->detect(photo.image).corners;
+    ASSERT_TRUE(found);
+    EXPECT_LT(largest_error(*found, photo.corners), 0.03) << "0.1 px if white did not grow";
+}
+
+// Twice as much light on one side of the tag as on the other.
+TEST(TopotagDetector, IsNotMovedByUnevenLight) {
+    const Marker tag = parse_marker("topotag:4x4:9283@50mm", "test");
+    const auto photo = test::render_tag(sharp_camera(), tag, {0.2, -0.3, 0.4, 3, 5, 400});
+    const auto [left, right] =
+        std::minmax_element(photo.corners.begin(), photo.corners.end(),
+                            [](const auto& a, const auto& b) { return a.x() < b.x(); });
+    CodeImage lit{photo.image.pixels.clone(), 8};
+    for (int y = 0; y < lit.pixels.rows; ++y)
+        for (int x = 0; x < lit.pixels.cols; ++x) {
+            const double share = std::clamp((x - left->x()) / (right->x() - left->x()), -0.3, 1.3);
+            lit.pixels.at<uchar>(y, x) =
+                cv::saturate_cast<uchar>(lit.pixels.at<uchar>(y, x) * (0.4 + 0.4 * share));
+        }
+    const auto found = make_detector("auto", tag, "test")->detect(lit).corners;
+    ASSERT_TRUE(found);
+    EXPECT_LT(largest_error(*found, photo.corners), 0.05);
+}
+
+TEST(TopotagDetector, SeesTwelveBitImagesAsItSeesEightBitOnes) {
+    const Marker tag = parse_marker("topotag:4x4:9283@50mm", "test");
+    const auto photo = test::render_tag(sharp_camera(), tag, {0.2, 0.1, 0, 3, 5, 300});
+    CodeImage deep{{}, 12};
+    photo.image.pixels.convertTo(deep.pixels, CV_16U, 4095.0 / 255.0);
+    const auto detector = make_detector("auto", tag, "test");
+    const auto eight = detector->detect(photo.image).corners,
+               twelve = detector->detect(deep).corners;
+    ASSERT_TRUE(eight && twelve);
+    // Codes are rounded to 1/4095: 1e-4 of the step, and less of a pixel.
+    EXPECT_LT(largest_error(*twelve, eight->pixels), 1e-3);
+}
+
+// A small share of the 100 000 images of the evidence program.
+TEST(TopotagDetector, FindsNothingThatIsNotThere) {
+    const CameraModel camera = test::cropped(test::study_camera(), 320, 240);
+    const Renderer renderer(camera);
+    const SensorModel sensor(camera);
+    const test::Distraction distraction(renderer, sensor);
+    for (int kind = 0; kind < test::Distraction::kinds; ++kind)
+        for (std::uint64_t n = 0; n < 8; ++n) {
+            const std::string& family = topotag_families()[n];
+            EXPECT_TRUE(test::find_in(distraction.picture(kind, n, family), family).empty())
+                << test::Distraction::names[kind] << ", " << n << ", " << family;
+        }
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,255 @@
+// Truth: corners simulated forwards from a wrong camera, marker or stage (tests/compare/verdict/
+// simulated_run.h); the search never sees how they were made.
+#include "compare/diagnosis/causes.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/program/errors.h"
+#include "tests/compare/qualification/injected_errors.h"
+
+namespace etalon {
+namespace {
+
+using testing::Contains;
+using testing::EndsWith;
+using testing::HasSubstr;
+using testing::SizeIs;
+using testing::StartsWith;
+
+TEST(Causes, NameNobodyWhereNothingIsWrong) {
+    const Causes causes = causes_of(demo_run(), 3);
+    EXPECT_EQ(causes.named(), nullptr);
+    EXPECT_GT(causes.no_error, 0.95);
+    EXPECT_NEAR(causes.scatter, 1.0, 0.1);
+}
+
+TEST(Causes, NameAnAspectWithItsSize) {
+    SimulatedRun run = demo_run();
+    run.true_camera.intrinsics.fy *= 1.003;
+    const Causes causes = causes_of(run, 4);
+    ASSERT_TRUE(causes.named());
+    const CausingError& error = causes.named()->errors.front();
+    EXPECT_EQ(causes.named()->text(), "aspect of fx, fy");
+    EXPECT_LT(error.expanded_uncertainty, 1e-4);
+    EXPECT_NEAR(error.size, 0.003, 1.5 * error.expanded_uncertainty);
+    EXPECT_THAT(error.remedies.front(), HasSubstr("calibrate the camera again"));
+    EXPECT_LT(causes.no_error + causes.none_of_these, 1e-6);
+}
+
+TEST(Causes, NameThreeThatActTogether) {
+    SimulatedRun run = demo_run();
+    run.true_camera.distortion.k3 += 0.05;
+    run.true_camera.distortion.p1 = 6e-4;
+    run.true_camera.distortion.p2 = -4e-4;
+    const Causes causes = causes_of(run, 5);
+    ASSERT_TRUE(causes.named());
+    ASSERT_EQ(causes.named()->errors.size(), 3u);
+    EXPECT_EQ(causes.named()->errors[0].names, std::vector<std::string>{"p1"});
+    EXPECT_EQ(causes.named()->errors[1].names, std::vector<std::string>{"p2"});
+    EXPECT_THAT(causes.named()->errors[2].names, Contains("k3"));
+}
+
+TEST(Causes, NameWhatNobodyCanTellApartTogether) {
+    SimulatedRun run = demo_run();
+    run.marker_scale = 1.001;
+    const Causes causes = causes_of(run, 6);
+    ASSERT_TRUE(causes.named());
+    EXPECT_THAT(causes.named()->errors.front().names,
+                testing::UnorderedElementsAre("marker print size", "stage scale, all linear axes"));
+}
+
+// The plan's positions lie on a grid of 240 / 128 mm: frequencies that differ by that of the grid
+// look alike, and the longest period is named first.
+TEST(Causes, NameTheLongestPeriodThatExplainsAnAxis) {
+    SimulatedRun run = demo_run();
+    run.misread = [](std::vector<double>& q, std::size_t) {
+        q[0] += 0.03 * std::sin(2.0 * std::numbers::pi * q[0] / 5.0);
+    };
+    const Causes causes = causes_of(run, 7);
+    ASSERT_TRUE(causes.named());
+    EXPECT_THAT(causes.named()->text(), StartsWith("x repeats with a period of 5 mm or "));
+    EXPECT_NEAR(causes.named()->errors.front().size, 0.03, 0.006);
+}
+
+// So far off that a pose in the image's corner lies where the field of the others does not put it:
+// the same error explains it, and nobody is sent to look at the stage.
+TEST(Causes, BlameNoLeftOutPoseThatTheErrorExplains) {
+    SimulatedRun run = demo_run();
+    run.true_camera.distortion.s2 += 0.01;
+    run.look_for_causes = true;
+    const Qualification result = qualify(input_of(run, 999));
+    EXPECT_EQ(result.outlying.size(), 1u);
+    ASSERT_TRUE(result.causes->named());
+    EXPECT_EQ(result.causes->named()->text(), "thin prism s2");
+}
+
+// A shift along y with a turn about it is, with these corners, as well half a pixel both ways with
+// a tilt: two errors for two others.
+TEST(Causes, NameWholeExplanationsThatNobodyCanTellApart) {
+    SimulatedRun run = demo_run();
+    run.true_camera.intrinsics.cy += 0.84;
+    run.true_camera.distortion.s1 += 6e-4;
+    const Causes causes = causes_of(run, 1004);
+    ASSERT_TRUE(causes.named());
+    const std::string text = causes.named()->text();
+    EXPECT_THAT(text, HasSubstr("c_y and thin prism s1"));
+    EXPECT_THAT(text, HasSubstr("half pixel and sensor tilt tau_y"));
+    EXPECT_THAT(text, HasSubstr(", or "));
+    EXPECT_GT(causes.named()->probability, 0.95);
+}
+
+// A radial term and a decentring: sets of four explain the same, each less probable.
+TEST(Causes, NameLargerSetsBesideTheBest) {
+    SimulatedRun run = demo_run();
+    run.true_camera.distortion.k3 += 0.048;
+    run.true_camera.distortion.p1 += 6e-4;
+    run.true_camera.distortion.p2 -= 4e-4;
+    const Causes causes = causes_of(run, 1000);
+    ASSERT_TRUE(causes.named());
+    const Cause& cause = *causes.named();
+    EXPECT_THAT(cause.text(), StartsWith("p1 and p2 and k6 ~ k3"));
+    EXPECT_EQ(cause.errors.size(), 3u);
+    EXPECT_GT(cause.probability, 0.95);
+    ASSERT_THAT(cause.instead, SizeIs(4));
+    EXPECT_THAT(cause.instead, Contains(SizeIs(4)));
+    EXPECT_THAT(cause.alternatives(), SizeIs(3));
+    EXPECT_THAT(cause.text(), EndsWith(", or one of 2 other sets"));
+}
+
+// One pose's corners lie 0.15 px aside. Where its pixels show the marker at its place the detector
+// slipped, and nothing is wrong; where they show it aside, too, or nobody asked them, it was there.
+TEST(Causes, BlameNoPoseWhereOnlyTheDetectorSlipped) {
+    const auto named = [](bool is_asked, double moved_mm) {
+        SimulatedRun run = demo_run();
+        run.look_for_causes = true;
+        QualificationInput input = input_of(run, 3);
+        for (Pose& pose : input.poses) {
+            Rigid shown = run.camera_from_base * pose.base_from_carriage * run.carriage_from_marker;
+            if (pose.index == 43) {
+                for (Eigen::Vector2d& corner : pose.corners)
+                    corner += Eigen::Vector2d(0.12, -0.09);
+                shown.translation += moved_mm * Eigen::Vector3d(0.8, -0.6, 0.0);
+            }
+            if (is_asked) {
+                pose.seen_at = shown;
+                pose.detector_bias_px.assign(4, Eigen::Vector2d::Zero());
+            }
+        }
+        const Causes causes = qualify(input).causes.value();
+        return causes.named() ? causes.named()->text() : "";
+    };
+    const Rigid at = demo_run().camera_from_base *
+                     input_of(demo_run(), 3).poses[43].base_from_carriage *
+                     demo_run().carriage_from_marker;
+    EXPECT_EQ(named(false, 0.0), "pose 43 does not fit");
+    EXPECT_EQ(named(true, 0.0), "");
+    EXPECT_EQ(named(true, 0.15 / 431.0 * at.translation.z()), "pose 43 does not fit");
+}
+
+TEST(Causes, NameRandomErrorsBesideThoseThatFollowARule) {
+    SimulatedRun run = demo_run();
+    run.true_camera.distortion.k1 *= 1.03;
+    run.misread = [](std::vector<double>& q, std::size_t i) {
+        q[0] += 0.02 * RandomStream(5, 6, i).normal();
+    };
+    const Causes causes = causes_of(run, 8);
+    ASSERT_TRUE(causes.named());
+    ASSERT_EQ(causes.named()->errors.size(), 2u);
+    EXPECT_EQ(causes.named()->errors[0].names.front(), "scatter of x");
+    EXPECT_THAT(causes.named()->errors[1].names, Contains("k1"));
+}
+
+TEST(Causes, SayNoneOfTheseWhereItIsNone) {
+    SimulatedRun run = demo_run();
+    run.moved = [](Rigid at, std::size_t) {
+        at.translation.z() += 3.0 * at.translation.x() * at.translation.y() / 9600.0;
+        return at;
+    };
+    const Causes causes = causes_of(run, 9);
+    EXPECT_EQ(causes.named(), nullptr);
+    EXPECT_GT(causes.none_of_these, 0.9);
+}
+
+// Half a per mille is declared: 0.6 blames nobody, though it is seen where 20 ppm are declared.
+TEST(Causes, BlameNobodyForWhatIsDeclared) {
+    SimulatedRun run = demo_run();
+    for (Axis& axis : run.axes)
+        axis.scale_uncertainty = 5e-4;
+    run.true_scale[1] = 1.0006;
+    EXPECT_EQ(causes_of(run, 10).named(), nullptr);
+    for (Axis& axis : run.axes)
+        axis.scale_uncertainty = 2e-5;
+    const Causes causes = causes_of(run, 10);
+    ASSERT_TRUE(causes.named());
+    EXPECT_EQ(causes.named()->text(), "stage scale y");
+}
+
+TEST(Causes, RefuseWhatDoesNotAgree) {
+    const SimulatedRun run = demo_run();
+    const Projector projector(run.camera);
+    SignatureChain chain{
+        projector, run.points_mm, run.camera_from_base, run.carriage_from_marker, {}};
+    EXPECT_THROW(find_causes({{chain, {}, {}, {}}, {}, {}, {}}), NumericalError);
+    for (int i = 0; i < 5; ++i)
+        chain.poses.push_back({});
+    const std::vector<Eigen::VectorXd> corners(5, Eigen::VectorXd::Zero(8));
+    EXPECT_THROW(find_causes({{chain, {}, {}, {}},
+                              corners,
+                              std::vector<Eigen::MatrixXd>(5, Eigen::MatrixXd::Zero(8, 8)),
+                              {}}),
+                 NumericalError);
+    EXPECT_THROW(find_causes({{chain, {}, {}, {}},
+                              std::vector<Eigen::VectorXd>(5, Eigen::VectorXd::Constant(8, NAN)),
+                              std::vector<Eigen::MatrixXd>(5, Eigen::MatrixXd::Identity(8, 8)),
+                              {}}),
+                 NumericalError);
+}
+
+// ------------------------------------------------------------------------------------- pixels
+
+// What the photographs tell of focus and tone; corners that tell nothing.
+ImageAgreement told(double inverse_focus, double tone, double shrink) {
+    ImageAgreement match;
+    match.photos = 40;
+    match.evidence.errors = {"focus distance", "tone curve", "edge shrink"};
+    match.evidence.observed = Eigen::Vector3d(inverse_focus, tone, shrink);
+    match.evidence.covariance = Eigen::Vector3d(1e-10, 1e-6, 1e-5).asDiagonal();
+    return match;
+}
+
+Causes causes_with(SimulatedRun run, std::uint64_t seed, const ImageAgreement& pixels) {
+    run.look_for_causes = true;
+    QualificationInput input = input_of(run, seed);
+    input.pixels = pixels;
+    return *qualify(input).causes;
+}
+
+TEST(Causes, NameAFocusThatOnlyPixelsShow) {
+    const Causes causes = causes_with(demo_run(), 21, told(3e-4, 0.0005, -0.002));
+    ASSERT_TRUE(causes.named());
+    EXPECT_EQ(causes.named()->text(), "focus distance");
+    EXPECT_NEAR(causes.named()->errors.front().size, 3e-4, 2e-5);
+    EXPECT_EQ(causes.named()->errors.front().unit, "1/mm");
+    EXPECT_EQ(causes_with(demo_run(), 21, told(1e-5, 0.0005, -0.002)).named(), nullptr);
+}
+
+// Edges that are seen narrower by 0.05 px in the corners: the pixels say whether the tone or the
+// print is to blame.
+TEST(Causes, TellAToneFromEdgesThatAreNarrower) {
+    constexpr double shrunk_px = 0.05;
+    SimulatedRun run = demo_run();
+    run.seen = [](const Corners& corners) { return edges_moved_inwards(corners, shrunk_px); };
+    const Causes print = causes_with(run, 22, told(0.0, 0.0, shrunk_px));
+    ASSERT_TRUE(print.named());
+    EXPECT_EQ(print.named()->text(), "edge shrink");
+    // The camera of this run has no lens section: a blur of 0.5 px is taken.
+    const double tone = shrunk_px * std::sqrt(std::numbers::pi) / 0.5;
+    const Causes light = causes_with(run, 22, told(0.0, tone, 0.0));
+    ASSERT_TRUE(light.named());
+    EXPECT_EQ(light.named()->text(), "tone curve");
+    EXPECT_NEAR(light.named()->errors.front().size, tone, 0.01);
+}
+
+}  // namespace
+}  // namespace etalon

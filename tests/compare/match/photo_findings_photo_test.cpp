@@ -1,0 +1,89 @@
+// 26 real photographs of a board (OpenCV's samples, JPEG at quality 50) with their own calibration
+// are matches; with the other camera's, or one that is wrong, they are not.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "calib/intrinsics/camera_fit.h"
+#include "compare/detect/board/chessboard_corners.h"
+#include "compare/match/photo_findings.h"
+#include "tests/paths.h"
+#include "tests/photos.h"
+
+namespace etalon {
+namespace {
+
+struct Photos {
+    Marker board = parse_marker("chessboard:9x6@25mm", "test");
+    std::vector<std::string> names;
+    std::vector<CodeImage> images;
+    std::vector<CalibrationView> views;
+    CameraFit fit;
+
+    explicit Photos(const std::string& side) {
+        for (int n = 1; n <= 14; ++n) {
+            if (n == 10)
+                continue;  // the sets have none
+            names.push_back(fmt::format("{}{:02}.jpg", side, n));
+            images.push_back(read_image(std::filesystem::path(ETALON_PHOTO_DIR) / names.back()));
+            const auto corners = find_chessboard_corners(images.back(), board.columns, board.rows);
+            views.push_back({board.points_mm, corners.value().pixels});
+        }
+        fit = fit_camera(views, {640, 480}, calibration_model("standard"));
+    }
+
+    // Each at the pose of its corners with this camera.
+    std::vector<Findings> examined(const CameraModel& model) const {
+        const auto camera = std::make_shared<const PhotometricCamera>(model);
+        const ComparedArea area = compared_area(board, {}, "test");
+        std::vector<Findings> findings;
+        for (std::size_t i = 0; i < images.size(); ++i) {
+            const Rigid pose = estimate_pose(camera->projector(), board.points_mm, views[i].pixels)
+                                   .value()
+                                   .camera_from_marker;
+            const PhotoMatch match = match_photo(images[i], board.grid, area, camera, pose);
+            findings.push_back(examine_match(images[i], board, area, *camera, match));
+        }
+        return findings;
+    }
+};
+
+// left05.jpg is clipped in 9 % of its light squares, and says so.
+TEST(MatchOutcomeOfRealPhotographs, IsAMatchWithTheirOwnCalibration) {
+    if (!test::photos_are_there())
+        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+    for (const char* side : {"left", "right"}) {
+        const Photos photos(side);
+        const std::vector<Findings> all = photos.examined(photos.fit.camera);
+        for (std::size_t i = 0; i < all.size(); ++i) {
+            const bool clipped = photos.names[i] == "left05.jpg";
+            ASSERT_EQ(all[i].size(), clipped ? 1u : 0u)
+                << photos.names[i] << ": " << all[i].front().sentence;
+            if (clipped) {
+                EXPECT_EQ(all[i].front().name, "saturated");
+            }
+        }
+    }
+}
+
+// k1 0.05 off displaces the image's corners by several px and the boards' by one or two: most
+// photographs show it, though each has a pose of its own to make up for it.
+TEST(MatchOutcomeOfRealPhotographs, IsNoMatchWithAWrongDistortion) {
+    if (!test::photos_are_there())
+        GTEST_SKIP() << "no photographs in " << ETALON_PHOTO_DIR;
+    const Photos photos("left");
+    CameraModel wrong = photos.fit.camera;
+    wrong.distortion.k1 += 0.05;
+    int named = 0;
+    for (const Findings& findings : photos.examined(wrong))
+        named += std::any_of(findings.begin(), findings.end(), [](const Finding& finding) {
+            return finding.name == "calibration_mismatch" || finding.name == "skewed";
+        });
+    std::printf("k1 + 0.05: named in %d of 13 photographs\n", named);
+    EXPECT_GE(named, 7);
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,139 @@
+#include "compare/qualification/limits_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "compare/qualification/judged_quantities.h"
+#include "core/config/range.h"
+#include "core/file/text.h"
+#include "core/program/errors.h"
+#include "tests/temporary_folder.h"
+
+namespace etalon {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr const char* good =
+    "etalon: limits/1\n"
+    "id: demo-7\n"
+    "b3_position_field_rms_mm: {limit: 0.07, unit: mm}\n"
+    "b3_position_field_max_mm: {limit: 0.25, unit: mm}\n";
+
+std::filesystem::path file_with(const std::string& text) {
+    static const TemporaryFolder folder;
+    const std::filesystem::path path = folder / "limits.yaml";
+    write_text(path, text);
+    return path;
+}
+
+std::string refusal(const std::string& text) {
+    try {
+        read_limits(file_with(text));
+    } catch (const ConfigError& error) {
+        return error.what();
+    }
+    return "accepted";
+}
+
+TEST(LimitsFile, ReadsWhatIsRequired) {
+    const Limits limits = read_limits(file_with(good));
+    EXPECT_EQ(limits.id, "demo-7");
+    EXPECT_EQ(limits.b3_position_field_rms_mm, 0.07);
+    EXPECT_EQ(limits.b3_position_field_max_mm, 0.25);
+    EXPECT_FALSE(limits.b3_rotation_field_rms_mrad);
+    EXPECT_FALSE(limits.b3_rotation_field_max_mrad);
+}
+
+TEST(LimitsFile, ReadsTheRotationLimitsWhenTheyAreThere) {
+    const Limits limits = read_limits(
+        file_with(std::string(good) + "b3_rotation_field_rms_mrad: {limit: 1.5, unit: mrad}\n"
+                                      "b3_rotation_field_max_mrad: {limit: 4, unit: mrad}\n"));
+    EXPECT_EQ(limits.b3_rotation_field_rms_mrad, 1.5);
+    EXPECT_EQ(limits.b3_rotation_field_max_mrad, 4.0);
+}
+
+TEST(LimitsFile, ReadsTheOtherLimitsWhenTheyAreThere) {
+    const Limits none = read_limits(file_with(good));
+    EXPECT_FALSE(none.b3_position_rest_rms_mm || none.b3_length_error_max_mm ||
+                 none.b4_position_field_rms_mm || none.b4_position_field_max_mm);
+    const Limits limits = read_limits(
+        file_with(std::string(good) + "b3_position_rest_rms_mm: {limit: 0.05, unit: mm}\n"
+                                      "b3_length_error_max_mm: {limit: 0.3, unit: mm}\n"
+                                      "b4_position_field_rms_mm: {limit: 0.04, unit: mm}\n"
+                                      "b4_position_field_max_mm: {limit: 0.11, unit: mm}\n"));
+    EXPECT_EQ(limits.b3_position_rest_rms_mm, 0.05);
+    EXPECT_EQ(limits.b3_length_error_max_mm, 0.3);
+    EXPECT_EQ(limits.b4_position_field_rms_mm, 0.04);
+    EXPECT_EQ(limits.b4_position_field_max_mm, 0.11);
+}
+
+TEST(LimitsFile, SaysWhereAndWhatIsWrong) {
+    const std::string head = "etalon: limits/1\nid: a\n";
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0.07, unit: mm}\n"),
+                HasSubstr("b3_position_field_max_mm"));
+    EXPECT_THAT(refusal(std::string(good) + "b3_positoin: {limit: 1, unit: mm}\n"),
+                AllOf(HasSubstr(":5:"), HasSubstr("b3_positoin")));
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0.07, unit: um}\n"),
+                AllOf(HasSubstr(":3:"), HasSubstr("unit")));
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: 0, unit: mm}\n"),
+                AllOf(HasSubstr(":3:"), HasSubstr("limit")));
+    EXPECT_THAT(refusal(head + "b3_position_field_rms_mm: {limit: .nan, unit: mm}\n"),
+                HasSubstr(":3:"));
+}
+
+TEST(LimitsFile, ReadsLimitsOfPixels) {
+    const Limits none = read_limits(file_with(good));
+    EXPECT_FALSE(none.pixel_blur_px || none.pixel_noise_ratio || none.pixels_must_match);
+    const Limits limits =
+        read_limits(file_with(std::string(good) + "pixel_blur_px: {limit: 0.1, unit: px}\n"
+                                                  "pixel_noise_ratio: {limit: 0.2, unit: \"1\"}\n"
+                                                  "pixel_shading_percent: {limit: 3, unit: \"%\"}\n"
+                                                  "pixels: must_match\n"));
+    EXPECT_EQ(limits.pixel_blur_px, 0.1);
+    EXPECT_EQ(limits.pixel_noise_ratio, 0.2);
+    EXPECT_EQ(limits.pixel_shading_percent, 3.0);
+    EXPECT_TRUE(limits.pixels_must_match);
+    EXPECT_THAT(refusal(std::string(good) + "pixels: maybe\n"), HasSubstr("limits.yaml:5"));
+}
+
+TEST(LimitsFile, KnowsTheRangeOfEveryQuantity) {
+    for (const QuantityKind& kind : quantity_kinds())
+        EXPECT_TRUE(std::ranges::any_of(units::all, [&](const Unit& unit) {
+            return std::string(unit.name) == kind.unit;
+        })) << kind.name;
+}
+
+TEST(LimitsFile, ReadsTheDecisionRule) {
+    const auto factor = [](const std::string& rule) {
+        return read_limits(file_with(good + rule)).rule.guard_factor;
+    };
+    EXPECT_EQ(factor(""), 1.0);
+    EXPECT_EQ(factor("decision_rule: guarded\n"), 1.0);
+    EXPECT_EQ(factor("decision_rule: simple\n"), 0.0);
+    EXPECT_EQ(factor("decision_rule: {guard_band: 0.83}\n"), 0.83);
+    EXPECT_THAT(refusal(std::string(good) + "decision_rule: lenient\n"),
+                HasSubstr("decision_rule"));
+    EXPECT_THAT(refusal(std::string(good) + "decision_rule: {guard_band: 3.1}\n"),
+                HasSubstr("decision_rule.guard_band"));
+    EXPECT_THAT(refusal(std::string(good) + "decision_rule: {guard_band: 1, factor: 2}\n"),
+                HasSubstr("decision_rule.factor"));
+}
+
+TEST(LimitsFile, ReadsWhenACameraIsDueAndHowItsFleetScatters) {
+    const std::string prior = "unit: mm, prior: {mean: 0.03, deviation: 0.01}}";
+    std::string text = std::string(good) + "due_after_days: 180\n";
+    text.replace(text.find("unit: mm}"), 9, prior);
+    const Limits limits = read_limits(file_with(text));
+    EXPECT_EQ(limits.due_after_days, 180);
+    ASSERT_EQ(limits.priors.size(), 1u);
+    EXPECT_EQ(limits.priors.at("b3_position_field_rms_mm").mean, 0.03);
+    EXPECT_EQ(limits.priors.at("b3_position_field_rms_mm").deviation, 0.01);
+    EXPECT_FALSE(read_limits(file_with(good)).due_after_days);
+    EXPECT_THAT(refusal(std::string(good) + "due_after_days: 0\n"), HasSubstr("due_after_days"));
+}
+
+}  // namespace
+}  // namespace etalon

@@ -1,0 +1,144 @@
+#include "compare/uncertainty/bias_field.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/program/errors.h"
+#include "tests/compare/uncertainty/field_samples.h"
+
+namespace etalon {
+namespace {
+
+using namespace field_samples;
+
+TEST(BiasField, ReproducesAFieldOfItsOwnTermsEverywhere) {
+    const BiasField field = fit_smooth_field(samples(40, 1.0, 0.0, 1), FieldBasis::position);
+    for (std::size_t i = 100; i < 120; ++i)
+        EXPECT_LT((field.at(position(i)) - truth(position(i))).norm(), 1e-9);
+    EXPECT_EQ(field.degrees_of_freedom, 3 * 40 - 15);
+}
+
+// A third-order term of an equidistant lens that is off turns every line of sight outwards by
+// size theta^3. Some positions are behind the camera's plane.
+TEST(BiasField, OfAWideLensFollowsAWrongDistortionAllAround) {
+    const auto place = [](std::size_t i) {
+        const double theta = 0.06 + 1.85 * std::fmod(0.618 * static_cast<double>(i), 1.0);
+        const double phi = 2.4 * static_cast<double>(i);
+        const double distance = 300.0 + 120.0 * std::sin(1.7 * static_cast<double>(i));
+        return Eigen::Vector3d(distance * std::sin(theta) * std::cos(phi),
+                               distance * std::sin(theta) * std::sin(phi),
+                               distance * std::cos(theta));
+    };
+    const auto error = [](const Eigen::Vector3d& p) {
+        const double theta = std::acos(p.z() / p.norm());
+        const Eigen::Vector3d axis = Eigen::Vector3d::UnitZ().cross(p).normalized();
+        return Eigen::Vector3d(Eigen::AngleAxisd(1e-6 * std::pow(theta, 3), axis) * p - p);
+    };
+    std::vector<FieldSample> all;
+    for (std::size_t i = 1; i <= 60; ++i)
+        all.push_back({.position_mm = place(i), .error = error(place(i))});
+    const BiasField field = fit_smooth_field(all, FieldBasis::position_by_angle);
+    for (std::size_t i = 100; i < 120; ++i)
+        EXPECT_LT((field.at(place(i)) - error(place(i))).norm(), 1e-8);
+    EXPECT_THROW(fit_smooth_field(all, FieldBasis::position), NumericalError);
+}
+
+TEST(BiasField, ByAngleIsTheOneByTangentNearTheAxis) {
+    for (const Eigen::Vector3d& p : {Eigen::Vector3d(1.1, -0.7, 400.0), Eigen::Vector3d(0, 0, 250)})
+        for (Eigen::Index column = 12; column < 15; ++column) {
+            const Eigen::Vector3d centre(0.0, 0.0, 330.0);
+            const BiasField tangent{.basis = FieldBasis::position, .centre_mm = centre},
+                angle{.basis = FieldBasis::position_by_angle, .centre_mm = centre};
+            const Eigen::Vector3d expected = tangent.design(p).col(column);
+            EXPECT_LT((angle.design(p).col(column) - expected).norm(),
+                      0.004 * expected.norm() + 1e-15);
+        }
+}
+
+TEST(BiasField, SummarisesAFieldAsItsTrueRmsAndMaximum) {
+    const BiasField field = fit_smooth_field(samples(40, 1.0, 0.0, 1), FieldBasis::position);
+    double sum = 0.0, largest = 0.0;
+    for (std::size_t i = 0; i < 60; ++i)
+        sum += truth(position(i)).squaredNorm() / 60;
+    for (const Eigen::Vector3d& p : hull_positions(positions(60)))
+        largest = std::max(largest, truth(p).norm());
+    const FieldSummary summary = summarize(field, positions(60), NoiseDraws(1));
+    EXPECT_NEAR(summary.rms, std::sqrt(sum), 1e-8);
+    EXPECT_NEAR(summary.max, largest, 1e-8);
+    EXPECT_LT(summary.rms_uncertainty + summary.max_uncertainty, 1e-6);
+}
+
+TEST(BiasField, TakesThePowerOfNoiseOutOfTheRmsAndNeverGoesBelowZero) {
+    for (const double size : {1.0, 0.0}) {
+        const BiasField field = fit_smooth_field(samples(40, size, 0.05, 3), FieldBasis::position);
+        double power = 0.0;
+        for (const Eigen::Vector3d& p : positions(40))
+            power += field.at(p).squaredNorm() / 40;
+        const FieldSummary summary = summarize(field, positions(40), NoiseDraws(1));
+        EXPECT_GT(summary.noise_rms, 0.0);
+        EXPECT_NEAR(summary.rms * summary.rms,
+                    std::max(0.0, power - summary.noise_rms * summary.noise_rms), 1e-12);
+    }
+}
+
+TEST(BiasField, IsHardlyMovedByOneWildSample) {
+    std::vector<FieldSample> all = samples(40, 1.0, 0.01, 5);
+    all[17].error += Eigen::Vector3d(3.0, -2.0, 8.0);
+    const BiasField field = fit_smooth_field(all, FieldBasis::position);
+    EXPECT_GE(field.down_weighted, 1);
+    double sum = 0.0;
+    for (const Eigen::Vector3d& p : positions(40))
+        sum += (field.at(p) - truth(p)).squaredNorm() / 40;
+    EXPECT_LT(std::sqrt(sum), 0.1);  // plain least squares: 8 mm sqrt(15 / 120) / sqrt(40) and more
+}
+
+TEST(BiasField, RefusesSamplesThatCannotCarryIt) {
+    EXPECT_THROW(fit_smooth_field(samples(9, 1.0, 0.01, 1), FieldBasis::linear), NumericalError);
+    std::vector<FieldSample> flat = samples(40, 1.0, 0.01, 1);
+    for (FieldSample& sample : flat)
+        sample.position_mm.z() = 500.0;
+    EXPECT_THROW(fit_smooth_field(flat, FieldBasis::linear), NumericalError);
+    std::vector<FieldSample> bad = samples(40, 1.0, 0.01, 1);
+    bad[3].error.y() = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_THROW(fit_smooth_field(bad, FieldBasis::position), NumericalError);
+    bad = samples(40, 1.0, 0.01, 1);
+    bad[3].sigma_along = 0.0;
+    EXPECT_THROW(fit_smooth_field(bad, FieldBasis::position), NumericalError);
+}
+
+// By all vectors in all draws: the rank is that of 0.977 of 2000.
+TEST(NoiseQuantile, LeavesOutOnlyWhatCannotMatter) {
+    const BiasField field = fit_smooth_field(samples(40, 1.0, 0.05, 5), FieldBasis::position);
+    const NoiseDraws draws(9);
+    Eigen::MatrixXd rows(3 * 200, 15);
+    for (std::size_t i = 0; i < 200; ++i)
+        rows.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = field.design(position(i));
+    const Eigen::MatrixXd all = rows * covariance_factor(field) * draws.deviates;
+    for (const int components : {1, 3}) {
+        std::vector<double> largest;
+        for (const auto& draw : all.colwise())
+            largest.push_back(
+                draw.reshaped(components, all.rows() / components).colwise().norm().maxCoeff());
+        std::ranges::sort(largest);
+        const auto some = [&](Eigen::Index first, Eigen::Index count) -> Eigen::MatrixXd {
+            return rows.middleRows(first * components, count * components);
+        };
+        EXPECT_NEAR(noise_quantile(field, draws, {all.rows() / components, components, some}),
+                    largest[1954], 1e-12);
+    }
+}
+
+TEST(HullPositions, AreTheGivenOnesAndTheMidpointsOfAllPairs) {
+    const std::vector<Eigen::Vector3d> corners = {{0, 0, 1}, {4, 0, 1}, {0, 6, 3}};
+    const std::vector<Eigen::Vector3d> all = hull_positions(corners);
+    ASSERT_EQ(all.size(), 6u);
+    EXPECT_EQ(all[3], Eigen::Vector3d(2, 0, 1));
+    EXPECT_EQ(all[5], Eigen::Vector3d(2, 3, 2));
+}
+
+}  // namespace
+}  // namespace etalon
